@@ -1,0 +1,38 @@
+"""rpaug multiplies robot demonstrations: recorded episodes in, edited and consistent episodes out."""
+
+from rpaug.errors import BadInput, BadRecipe, MissingExtra, RpaugError, TargetError, Unsupported
+from rpaug.interfaces import Adapter, Edit, Operator
+from rpaug.types import (
+    Appearance,
+    Body,
+    Camera,
+    CameraView,
+    Effect,
+    Episode,
+    Gaussians,
+    Robot,
+    Scene,
+)
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Adapter",
+    "Appearance",
+    "BadInput",
+    "BadRecipe",
+    "Body",
+    "Camera",
+    "CameraView",
+    "Edit",
+    "Effect",
+    "Episode",
+    "Gaussians",
+    "MissingExtra",
+    "Operator",
+    "Robot",
+    "RpaugError",
+    "Scene",
+    "TargetError",
+    "Unsupported",
+]

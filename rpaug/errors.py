@@ -1,0 +1,44 @@
+"""What can go wrong, said in one line: where, what was found, and what would have been right."""
+
+from pathlib import Path
+
+
+class RpaugError(Exception):
+    """Base of every error that is meant to be read by a user, never as a traceback."""
+
+
+class BadInput(RpaugError):
+    """A file or a field does not hold what it should.
+
+    Reads as `FILE: FIELD: found FOUND; expected EXPECTED`.
+    """
+
+    def __init__(self, where: Path | str, field: str, *, found: object, expected: str) -> None:
+        self.where, self.field, self.found, self.expected = str(where), field, found, expected
+        super().__init__(f"{where}: {field}: found {found}; expected {expected}")
+
+    def __reduce__(self):  # type: ignore[no-untyped-def]  # errors cross process borders
+        return (_rebuild, (self.where, self.field, str(self.found), self.expected))
+
+
+def _rebuild(where: str, field: str, found: str, expected: str) -> BadInput:
+    return BadInput(where, field, found=found, expected=expected)
+
+
+class BadRecipe(RpaugError):
+    """A recipe cannot be used; the message names file, line and key."""
+
+
+class TargetError(RpaugError):
+    """A target names nothing, or several things where one was meant; the message lists them."""
+
+
+class Unsupported(RpaugError):
+    """What was asked for cannot be done on this input, with the reason."""
+
+
+class MissingExtra(RpaugError):
+    """An optional package is not installed; the message says which extra brings it."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(f"{package} is not installed: pip install 'rpaug[{extra}]' brings it")

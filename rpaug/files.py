@@ -1,0 +1,119 @@
+"""Files that are either whole or absent, and images that are checked before they are decoded."""
+
+import os
+import shutil
+import struct
+import tempfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from rpaug.errors import BadInput
+
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+MAX_SIDE = 16384  # pixels: a larger header is taken for damage, before anything is allocated
+
+
+def read_bytes(path: Path) -> bytes:
+    """The whole file. Raises BadInput if it cannot be read."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise BadInput(path, "file", found="nothing", expected="a file") from None
+    except OSError as error:
+        raise BadInput(path, "file", found=error.strerror or "an I/O error", expected="a readable file") from None
+
+
+def check_png(path: Path, data: bytes) -> tuple[int, int]:
+    """Width and height of a PNG whose chunks are all there and whole (PNG spec, section 5).
+
+    OpenCV decodes a cut-off file into a half-grey picture without a word, so lengths and CRCs are checked here.
+    Raises BadInput.
+    """
+    if data[:8] != PNG_SIGNATURE:
+        raise BadInput(path, "signature", found=repr(data[:8]), expected="a PNG file")
+    at, size, kind = 8, (0, 0), b""
+    while kind != b"IEND":
+        if at + 12 > len(data):
+            raise BadInput(path, "length", found=f"{len(data)} bytes, cut off", expected="a whole PNG, up to its IEND chunk")
+        (length,) = struct.unpack_from(">I", data, at)
+        kind = data[at + 4 : at + 8]
+        end = at + 12 + length
+        if end > len(data):
+            raise BadInput(path, f"chunk {kind!r}", found=f"{len(data)} bytes, cut off", expected=f"{end} bytes or more")
+        (crc,) = struct.unpack_from(">I", data, end - 4)
+        if zlib.crc32(data[at + 4 : end - 4]) != crc:
+            raise BadInput(path, f"chunk {kind!r}", found="a wrong checksum", expected="an undamaged PNG")
+        if at == 8:
+            if kind != b"IHDR" or length != 13:
+                raise BadInput(path, "first chunk", found=repr(kind), expected="IHDR")
+            size = struct.unpack_from(">II", data, at + 8)
+            if not all(0 < side <= MAX_SIDE for side in size):
+                raise BadInput(path, "size", found=f"{size[0]}x{size[1]}", expected=f"1 to {MAX_SIDE} pixels a side")
+        at = end
+    return size
+
+
+def decode_png(path: Path) -> UInt8[np.ndarray, "h w ..."]:
+    """The checked image as stored: (h, w, 3) RGB or (h, w) single-channel, uint8. Raises BadInput."""
+    data = read_bytes(path)
+    check_png(path, data)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise BadInput(path, "image data", found="undecodable data", expected="a PNG image")
+    if image.dtype != np.uint8:
+        raise BadInput(path, "bit depth", found=f"{image.dtype.itemsize * 8} bits", expected="8 bits a channel")
+    if image.ndim == 3:
+        if image.shape[2] not in (3, 4):
+            raise BadInput(path, "channels", found=str(image.shape[2]), expected="1, 3 or 4")
+        return np.ascontiguousarray(image[..., 2::-1])
+    return image
+
+
+def encode_png(image: UInt8[np.ndarray, "h w ..."]) -> bytes:
+    """PNG bytes of an RGB or single-channel uint8 image; the same pixels give the same bytes."""
+    if image.ndim == 3:
+        image = image[..., ::-1]
+    done, data = cv2.imencode(".png", np.ascontiguousarray(image), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    if not done:
+        raise ValueError(f"cannot encode an image of shape {image.shape}, {image.dtype}")
+    return data.tobytes()
+
+
+@contextmanager
+def atomic_folder(target: Path) -> Iterator[Path]:
+    """A temporary folder beside `target` that becomes `target` in one rename if the block succeeds.
+
+    On any failure (a full disk among them) the temporary folder is removed and `target` never appears. Raises
+    BadInput if `target` exists already.
+    """
+    if target.exists():
+        raise BadInput(target, "output", found="something there already", expected="a path that does not exist")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    work = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+    try:
+        work.chmod(0o755)
+        yield work
+        os.replace(work, target)
+    except BaseException:
+        shutil.rmtree(work, ignore_errors=True)
+        raise
+
+
+def write_atomic(target: Path, data: bytes) -> None:
+    """Write a file so that it is either the old one or the whole new one."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    handle, work = tempfile.mkstemp(prefix=f".{target.name}-", dir=target.parent)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        os.chmod(work, 0o644)
+        os.replace(work, target)
+    except BaseException:
+        Path(work).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,68 @@
+"""The three contracts a third party implements or meets: Operator, Adapter, Edit."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import ConfigDict
+
+from rpaug.types import Effect, Episode, Scene
+
+Edit = dict[str, Any]
+"""One drawn change as plain JSON values: enough, with the operator's fields, to replay it exactly."""
+
+
+class Operator(ABC):
+    """One kind of edit. Subclasses are frozen keyword-only dataclasses; their fields are the recipe's keys.
+
+    A subclass declares `effect`. Registering it under the entry-point group `rpaug.operators` makes its
+    entry-point name an `op:` in recipes. `rpaug.testing.OperatorContract` holds it to the promises below.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+
+    effect: ClassVar[Effect]
+
+    @abstractmethod
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        """Draw once for the whole episode. Raises TargetError if the scene lacks what the edit needs."""
+
+    @abstractmethod
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        """The edited scene; the one passed in is left as it was."""
+
+
+class Adapter(ABC):
+    """One dataset layout: where its episodes are, how to read one, how to write one.
+
+    Registered under the entry-point group `rpaug.adapters`. Episodes are named by keys, paths relative to the
+    dataset's root with forward slashes. `rpaug.testing.AdapterContract` holds an adapter to its promises.
+    """
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def episodes(self, root: Path) -> Sequence[str]:
+        """Keys of all episodes in natural order; empty if this is not our layout. Reads no episode."""
+
+    @abstractmethod
+    def read(self, root: Path, key: str) -> Episode:
+        """One episode, images lazy. Raises BadInput for whatever is wrong in its files, before any edit."""
+
+    @abstractmethod
+    def write(self, episode: Episode, root: Path, key: str, side: dict[str, bytes]) -> None:
+        """Write the episode as `key`, with `side` files beside its own, by one atomic rename.
+
+        Begins with what was recorded (`episode.source`), so that unknown fields survive; an image whose
+        accessor is the recorded one, or whose pixels are unchanged, keeps its bytes. Raises BadInput if `key`
+        exists.
+        """
+
+    @abstractmethod
+    def key_at(self, like: str, index: int) -> str:
+        """The key of episode number `index` in the group that `like` belongs to; keys of a group count from 0."""
+
+    def finish(self, source: Path, target: Path) -> None:  # noqa: B027  # nothing to do for most layouts
+        """Bring along what belongs to the dataset and to no single episode."""

@@ -1,0 +1,46 @@
+"""Adapters and operators by name, found through entry points: ours and anyone's alike."""
+
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+from rpaug.errors import BadInput, RpaugError
+from rpaug.interfaces import Adapter, Operator
+
+
+@cache
+def _found(group: str) -> dict[str, EntryPoint]:
+    return {point.name: point for point in sorted(entry_points(group=group), key=lambda p: p.name)}
+
+
+def operator_names() -> list[str]:
+    """Names usable as `op:` in a recipe."""
+    return list(_found("rpaug.operators"))
+
+
+def operator(name: str) -> type[Operator]:
+    """The operator class called `name`. Raises RpaugError listing the known ones."""
+    found = _found("rpaug.operators")
+    if name not in found:
+        raise RpaugError(f"no operator is called {name!r}; there are: {', '.join(found)}")
+    return found[name].load()
+
+
+def adapter(name: str) -> Adapter:
+    """The adapter called `name`. Raises RpaugError listing the known ones."""
+    found = _found("rpaug.adapters")
+    if name not in found:
+        raise RpaugError(f"no adapter is called {name!r}; there are: {', '.join(found)}")
+    return found[name].load()()
+
+
+def adapter_for(root: Path) -> Adapter:
+    """The adapter that finds episodes under `root`. Raises BadInput if none does."""
+    if not root.is_dir():
+        raise BadInput(root, "dataset", found="no such folder", expected="the folder of a dataset")
+    for name in _found("rpaug.adapters"):
+        candidate = adapter(name)
+        if candidate.episodes(root):
+            return candidate
+    known = ", ".join(_found("rpaug.adapters"))
+    raise BadInput(root, "layout", found="no episodes", expected=f"a dataset in one of: {known}")

@@ -1,0 +1,170 @@
+"""The values that flow through rpaug: episodes as recorded, and scenes as rebuilt.
+
+Conventions, everywhere: metres, radians, seconds; right-handed world; cameras look along +z with x to
+the right and y down (OpenCV); **pixel centres lie at integer coordinates**, so pixel (0, 0) covers
+[-0.5, 0.5] x [-0.5, 0.5] and a point projects by `K @ p / p_z` without any half-pixel shift. Depth is
+the z coordinate in the camera's frame, not the ray's length. Colours are display sRGB: uint8 in images,
+float in 0..1 elsewhere. Arrays are never written to after they were handed over.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Flag, auto
+from typing import Any, Protocol
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt8
+
+
+class Effect(Flag):
+    """What an operator may change; everything else must come back bit for bit."""
+
+    NONE = 0
+    RGB = auto()
+    DEPTH = auto()
+    MASK = auto()
+    CAMERA = auto()
+    BODIES = auto()
+    WORDS = auto()
+    PIXELS = RGB | DEPTH | MASK
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics and pose track of one camera (OpenCV axes, integer pixel centres)."""
+
+    K: Float64[np.ndarray, "3 3"]
+    cam_to_world: Float64[np.ndarray, "t 4 4"]
+    width: int
+    height: int
+
+    @property
+    def fixed(self) -> bool:
+        """True if the camera never moves during the episode."""
+        return bool((self.cam_to_world == self.cam_to_world[:1]).all())
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """A camera and its images, each loaded when asked for.
+
+    `rgb(t)` is (h, w, 3) uint8; `depth(t)` (h, w) float32 metres, 0 where the sensor saw nothing;
+    `ids(t)` (h, w) int32 instance handles, 0 for nothing. `depth` and `ids` are None where a source has none.
+    Views that share an accessor share its images: a writer may then copy the recorded file.
+    """
+
+    camera: Camera
+    rgb: Callable[[int], UInt8[np.ndarray, "h w 3"]]
+    depth: Callable[[int], Float32[np.ndarray, "h w"]] | None = None
+    ids: Callable[[int], Int32[np.ndarray, "h w"]] | None = None
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What the robot recorded. Never edited, written back as it came."""
+
+    joint_positions: Float64[np.ndarray, "t j"]
+    joint_velocities: Float64[np.ndarray, "t j"]
+    gripper_to_world: Float64[np.ndarray, "t 4 4"]
+    gripper_open: Float64[np.ndarray, "t"]
+    extra: Mapping[str, Float64[np.ndarray, "t ..."]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One recorded demonstration.
+
+    `key` is its path inside the dataset, with forward slashes. `source` is the adapter's own: what it
+    needs to write the episode back with every field it does not know about.
+    """
+
+    key: str
+    views: Mapping[str, CameraView]
+    robot: Robot
+    descriptions: tuple[str, ...]
+    length: int
+    source: Any = None
+
+    @property
+    def instruction(self) -> str:
+        """The first description, or an empty string."""
+        return self.descriptions[0] if self.descriptions else ""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid set of instances and where it is over time.
+
+    `to_world[t]` carries a point from the body's own frame (world coordinates at the frame `reference`, so
+    that `to_world[reference]` is the identity) to world at t. `motion` says which hypothesis explains the
+    track; `residual` is its median point-to-plane distance in metres, and `ambiguous` is set where another
+    hypothesis explains the pixels as well.
+    """
+
+    handles: frozenset[int]
+    to_world: Float64[np.ndarray, "t 4 4"]
+    motion: str  # "static" | "gripper" | "aligned" | "unknown"
+    reference: int = 0
+    residual: float = 0.0
+    ambiguous: bool = False
+
+
+class Appearance(Protocol):
+    """A function on surfaces: recorded colour in, edited colour out.
+
+    `handles` are the instances it applies to, None for all. It is called with colours in display sRGB
+    0..1 and must treat every row alone, so that any carrier (pixels, surfels, Gaussians) can use it.
+    """
+
+    handles: frozenset[int] | None
+
+    def __call__(self, colour: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]: ...
+
+
+@dataclass(frozen=True)
+class Gaussians:
+    """3D Gaussians in their bodies' frames (Kerbl et al. 2023, arXiv 2308.04079).
+
+    `quats` are (w, x, y, z), of any length but zero. `scales` are standard deviations in metres along the
+    Gaussian's own axes. `opacities` are in 0..1. `sh` holds real spherical-harmonics coefficients in 3DGS
+    order: colour = 0.5 + 0.28209479 * sh[:, 0] for degree 0. `ids` are instance handles (0: none).
+    """
+
+    means: Float32[np.ndarray, "n 3"]
+    quats: Float32[np.ndarray, "n 4"]
+    scales: Float32[np.ndarray, "n 3"]
+    opacities: Float32[np.ndarray, "n"]
+    sh: Float32[np.ndarray, "n k 3"]
+    ids: Int32[np.ndarray, "n"]
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An episode rebuilt: bodies with pose tracks, cameras, and how their surfaces look.
+
+    Operators change a scene and nothing else. `episode` holds the recorded pixels, which are the scene's
+    surfels; `gaussians` is there when the plan fitted some. `cameras` and `descriptions` start as recorded.
+    """
+
+    episode: Episode
+    cameras: Mapping[str, Camera]
+    bodies: tuple[Body, ...]
+    roles: Mapping[str, frozenset[int]]
+    antialiased: bool
+    descriptions: tuple[str, ...]
+    appearance: tuple[Appearance, ...] = ()
+    gaussians: Gaussians | None = None
+
+    @property
+    def handles(self) -> frozenset[int]:
+        """All instance handles the scene knows."""
+        return frozenset().union(*(body.handles for body in self.bodies))
+
+
+Points = Float[np.ndarray, "... 3"]
+Pose = Float[np.ndarray, "*batch 4 4"]
+Mask = Bool[np.ndarray, "h w"]
+Ids = Int[np.ndarray, "h w"]
