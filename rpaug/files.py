@@ -26,7 +26,9 @@ def read_bytes(path: Path) -> bytes:
     except FileNotFoundError:
         raise BadInput(path, "file", found="nothing", expected="a file") from None
     except OSError as error:
-        raise BadInput(path, "file", found=error.strerror or "an I/O error", expected="a readable file") from None
+        raise BadInput(
+            path, "file", found=error.strerror or "an I/O error", expected="a readable file"
+        ) from None
 
 
 def check_png(path: Path, data: bytes) -> tuple[int, int]:
@@ -40,21 +42,38 @@ def check_png(path: Path, data: bytes) -> tuple[int, int]:
     at, size, kind = 8, (0, 0), b""
     while kind != b"IEND":
         if at + 12 > len(data):
-            raise BadInput(path, "length", found=f"{len(data)} bytes, cut off", expected="a whole PNG, up to its IEND chunk")
+            raise BadInput(
+                path,
+                "length",
+                found=f"{len(data)} bytes, cut off",
+                expected="a whole PNG, up to its IEND chunk",
+            )
         (length,) = struct.unpack_from(">I", data, at)
         kind = data[at + 4 : at + 8]
         end = at + 12 + length
         if end > len(data):
-            raise BadInput(path, f"chunk {kind!r}", found=f"{len(data)} bytes, cut off", expected=f"{end} bytes or more")
+            raise BadInput(
+                path,
+                f"chunk {kind!r}",
+                found=f"{len(data)} bytes, cut off",
+                expected=f"{end} bytes or more",
+            )
         (crc,) = struct.unpack_from(">I", data, end - 4)
         if zlib.crc32(data[at + 4 : end - 4]) != crc:
-            raise BadInput(path, f"chunk {kind!r}", found="a wrong checksum", expected="an undamaged PNG")
+            raise BadInput(
+                path, f"chunk {kind!r}", found="a wrong checksum", expected="an undamaged PNG"
+            )
         if at == 8:
             if kind != b"IHDR" or length != 13:
                 raise BadInput(path, "first chunk", found=repr(kind), expected="IHDR")
             size = struct.unpack_from(">II", data, at + 8)
             if not all(0 < side <= MAX_SIDE for side in size):
-                raise BadInput(path, "size", found=f"{size[0]}x{size[1]}", expected=f"1 to {MAX_SIDE} pixels a side")
+                raise BadInput(
+                    path,
+                    "size",
+                    found=f"{size[0]}x{size[1]}",
+                    expected=f"1 to {MAX_SIDE} pixels a side",
+                )
         at = end
     return size
 
@@ -67,7 +86,9 @@ def decode_png(path: Path) -> UInt8[np.ndarray, "h w ..."]:
     if image is None:
         raise BadInput(path, "image data", found="undecodable data", expected="a PNG image")
     if image.dtype != np.uint8:
-        raise BadInput(path, "bit depth", found=f"{image.dtype.itemsize * 8} bits", expected="8 bits a channel")
+        raise BadInput(
+            path, "bit depth", found=f"{image.dtype.itemsize * 8} bits", expected="8 bits a channel"
+        )
     if image.ndim == 3:
         if image.shape[2] not in (3, 4):
             raise BadInput(path, "channels", found=str(image.shape[2]), expected="1, 3 or 4")
@@ -93,7 +114,9 @@ def atomic_folder(target: Path) -> Iterator[Path]:
     BadInput if `target` exists already.
     """
     if target.exists():
-        raise BadInput(target, "output", found="something there already", expected="a path that does not exist")
+        raise BadInput(
+            target, "output", found="something there already", expected="a path that does not exist"
+        )
     target.parent.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
     try:

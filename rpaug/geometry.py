@@ -20,14 +20,49 @@ def rotation(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     )
 
 
-def rigid(
-    turn: Float[np.ndarray, "3"], shift: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "4 4"]:
+def rigid(turn: Float[np.ndarray, "3"], shift: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"]:
     """The motion p -> R p + shift, R from a rotation vector in radians, shift in metres."""
     motion = np.eye(4)
     motion[:3, :3] = rotation(turn)
     motion[:3, 3] = shift
     return motion
+
+
+def pose_of(
+    position: Float[np.ndarray, "*n 3"], xyzw: Float[np.ndarray, "*n 4"]
+) -> Float[np.ndarray, "*n 4 4"]:
+    """Rigid motions from positions in metres and quaternions (x, y, z, w) of any length but zero."""
+    x, y, z, w = np.moveaxis(xyzw / np.linalg.norm(xyzw, axis=-1, keepdims=True), -1, 0)
+    pose = np.zeros((*x.shape, 4, 4))
+    pose[..., 0, :3] = np.stack(
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1
+    )
+    pose[..., 1, :3] = np.stack(
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1
+    )
+    pose[..., 2, :3] = np.stack(
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1
+    )
+    pose[..., :3, 3] = position
+    pose[..., 3, 3] = 1.0
+    return pose
+
+
+def quaternion_of(pose: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4"]:
+    """Unit quaternion (x, y, z, w), w >= 0, of a rigid motion's rotation.
+
+    The largest eigenvector of a symmetric matrix, stable for every rotation (Bar-Itzhack 2000).
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(pose[..., :3, :3], (-2, -1), (0, 1))
+    rows = [
+        [xx - yy - zz, yx + xy, zx + xz, zy - yz],
+        [yx + xy, yy - xx - zz, zy + yz, xz - zx],
+        [zx + xz, zy + yz, zz - xx - yy, yx - xy],
+        [zy - yz, xz - zx, yx - xy, xx + yy + zz],
+    ]
+    likeness = np.moveaxis(np.array(rows), (0, 1), (-2, -1)) / 3.0
+    xyzw = np.linalg.eigh(likeness)[1][..., -1]
+    return xyzw * np.where(xyzw[..., 3:] < 0, -1.0, 1.0)
 
 
 def inverse(pose: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
@@ -40,7 +75,9 @@ def inverse(pose: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
     return out
 
 
-def transform(pose: Float[np.ndarray, "4 4"], points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+def transform(
+    pose: Float[np.ndarray, "4 4"], points: Float[np.ndarray, "*n 3"]
+) -> Float[np.ndarray, "*n 3"]:
     """Points carried by one rigid motion."""
     return points @ pose[:3, :3].T + pose[:3, 3]
 
