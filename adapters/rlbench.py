@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int32, UInt8
 from rpaug_adapters._pickles import Demo, Observation, dump, load
 
-from rpaug import Adapter, BadInput, Camera, CameraView, Episode, Robot
+from rpaug import Adapter, BadInput, Camera, CameraView, Episode, Robot, Side
 from rpaug.files import atomic_folder, check_png, decode_png, encode_png, read_bytes
 from rpaug.geometry import pose_of, quaternion_of
 
@@ -38,6 +38,7 @@ EPISODE = re.compile(r"episode(\d+)$")
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])  # CoppeliaSim's camera axes <-> OpenCV's; its own inverse
 NEAR, FAR = 0.01, 10.0  # metres: depth range of cameras that were not recorded by CoppeliaSim
 THREADS = 2
+Image = Callable[[int], np.ndarray]
 IMAGES = [
     f"{camera}_{kind}"
     for camera in ("left_shoulder", "right_shoulder", "overhead", "wrist", "front")
@@ -86,7 +87,7 @@ class RLBench(Adapter):
             source=Recorded(folder, demo, views, descriptions),
         )
 
-    def write(self, episode: Episode, root: Path, key: str, side: dict[str, bytes]) -> None:
+    def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source if isinstance(episode.source, Recorded) else None
         with atomic_folder(root / key) as work:
             if recorded is None:
@@ -96,9 +97,9 @@ class RLBench(Adapter):
                 files = {LOW_DIM: dump(_edited_demo(recorded, episode))}
                 if episode.descriptions != recorded.descriptions:
                     files[DESCRIPTIONS] = dump(list(episode.descriptions))
-            for name, data in (files | side).items():
-                (work / name).write_bytes(data)
             _write_images(episode, recorded, work)
+            for name, data in (files | dict(side())).items():
+                (work / name).write_bytes(data)
 
     def key_at(self, like: str, index: int) -> str:
         return (PurePosixPath(like).parent / f"episode{index}").as_posix()
@@ -402,27 +403,49 @@ def _write_images(episode: Episode, recorded: Recorded | None, work: Path) -> No
     """All frames, a few at a time in threads: decoding and encoding release the interpreter."""
     with ThreadPoolExecutor(THREADS) as pool:
         jobs = []
-        for name, view in episode.views.items():
-            old = recorded.views[name] if recorded else None
+        for name in episode.views:
             planes = _planes(recorded, name, episode.length)
-            for kind, new_image, old_image in (
-                ("rgb", view.rgb, old and old.rgb),
-                ("depth", view.depth, old and old.depth),
-                ("mask", view.ids, old and old.ids),
-            ):
-                if new_image is None:
-                    continue
-                folder = work / f"{name}_{kind}"
-                folder.mkdir()
-                source = recorded.folder / folder.name if recorded and old_image else None
-                jobs += [
-                    pool.submit(
-                        _write_image, kind, t, new_image, old_image, source, folder, planes[t]
-                    )
-                    for t in range(episode.length)
-                ]
+            kinds = _kinds(episode, recorded, name)
+            for kind, _, _ in kinds:
+                (work / f"{name}_{kind}").mkdir()
+            for t in range(episode.length):
+                jobs.append(pool.submit(_write_frame, kinds, recorded, work, name, t, planes[t]))
         for job in jobs:
             job.result()
+
+
+def _kinds(
+    episode: Episode, recorded: Recorded | None, name: str
+) -> list[tuple[str, Image, Image | None]]:
+    """Kind, new and recorded accessor of the images a camera has."""
+    new, old = episode.views[name], recorded.views[name] if recorded else None
+    accessors = [
+        ("rgb", new.rgb, old and old.rgb),
+        ("depth", new.depth, old and old.depth),
+        ("mask", new.ids, old and old.ids),
+    ]
+    return [(kind, image, before) for kind, image, before in accessors if image is not None]
+
+
+def _write_frame(
+    kinds: list[tuple[str, Image, Image | None]],
+    recorded: Recorded | None,
+    work: Path,
+    name: str,
+    t: int,
+    planes: tuple[float, float],
+) -> None:
+    for kind, new, old in kinds:
+        file = Path(f"{name}_{kind}") / f"{t}.png"
+        _write_image(
+            kind,
+            t,
+            new,
+            old,
+            recorded.folder / file if recorded and old else None,
+            work / file,
+            planes,
+        )
 
 
 def _planes(recorded: Recorded | None, name: str, length: int) -> list[tuple[float, float]]:
@@ -439,15 +462,13 @@ def _planes(recorded: Recorded | None, name: str, length: int) -> list[tuple[flo
 def _write_image(
     kind: str,
     t: int,
-    new_image: Callable[[int], np.ndarray],
-    old_image: Callable[[int], np.ndarray] | None,
-    source: Path | None,
-    folder: Path,
+    new_image: Image,
+    old_image: Image | None,
+    recorded: Path | None,
+    target: Path,
     planes: tuple[float, float],
 ) -> None:
     """One PNG: a copy of the recorded file where nothing changed, so that its bytes stay."""
-    recorded = source / f"{t}.png" if source else None
-    target = folder / f"{t}.png"
     if recorded and new_image is old_image:
         shutil.copyfile(recorded, target)
         return

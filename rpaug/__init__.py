@@ -1,7 +1,7 @@
 """rpaug multiplies robot demonstrations: recorded episodes in, edited and consistent episodes out."""
 
 from rpaug.errors import BadInput, BadRecipe, MissingExtra, RpaugError, TargetError, Unsupported
-from rpaug.interfaces import Adapter, Edit, Operator
+from rpaug.interfaces import Adapter, Edit, Operator, Side
 from rpaug.types import (
     Appearance,
     Body,
@@ -33,6 +33,7 @@ __all__ = [
     "Robot",
     "RpaugError",
     "Scene",
+    "Side",
     "TargetError",
     "Unsupported",
 ]

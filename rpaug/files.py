@@ -16,6 +16,7 @@ from jaxtyping import UInt8
 from rpaug.errors import BadInput
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PART = ".part"  # ending of the hidden folders in which output grows
 MAX_SIDE = 16384  # pixels: a larger header is taken for damage, before anything is allocated
 
 
@@ -118,7 +119,7 @@ def atomic_folder(target: Path) -> Iterator[Path]:
             target, "output", found="something there already", expected="a path that does not exist"
         )
     target.parent.mkdir(parents=True, exist_ok=True)
-    work = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+    work = Path(tempfile.mkdtemp(prefix=f".{target.name}-", suffix=PART, dir=target.parent))
     try:
         work.chmod(0o755)
         yield work

@@ -1,7 +1,7 @@
 """The three contracts a third party implements or meets: Operator, Adapter, Edit."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,6 +12,10 @@ from rpaug.types import Effect, Episode, Scene
 
 Edit = dict[str, Any]
 """One drawn change as plain JSON values: enough, with the operator's fields, to replay it exactly."""
+
+
+Side = Callable[[], Mapping[str, bytes]]
+"""Files to lay beside an episode's own, by name; asked for once all its images have been rendered."""
 
 
 class Operator(ABC):
@@ -52,12 +56,12 @@ class Adapter(ABC):
         """One episode, images lazy. Raises BadInput for whatever is wrong in its files, before any edit."""
 
     @abstractmethod
-    def write(self, episode: Episode, root: Path, key: str, side: dict[str, bytes]) -> None:
-        """Write the episode as `key`, with `side` files beside its own, by one atomic rename.
+    def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
+        """Write the episode as `key`, with side files beside its own, by one atomic rename.
 
         Begins with what was recorded (`episode.source`), so that unknown fields survive; an image whose
-        accessor is the recorded one, or whose pixels are unchanged, keeps its bytes. Raises BadInput if `key`
-        exists.
+        accessor is the recorded one, or whose pixels are unchanged, keeps its bytes. Raises BadInput if
+        `key` exists.
         """
 
     @abstractmethod

@@ -1,0 +1,96 @@
+"""Values that recipes give to several operators."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from rpaug.scene import colours
+
+Unit = Annotated[float, Field(ge=0, le=1)]
+RGB = tuple[Unit, Unit, Unit]
+
+
+@dataclass(frozen=True)
+class Palette:
+    """One or more display sRGB colours of which one is drawn."""
+
+    colors: tuple[tuple[float, float, float], ...]
+
+    def draw(self, rng: np.random.Generator) -> list[float]:
+        """One colour, each as likely."""
+        return list(self.colors[int(rng.integers(len(self.colors)))])
+
+
+def _palette(value: Any) -> Palette:
+    if isinstance(value, Palette):
+        return value
+    if isinstance(value, str):
+        rgb = colours.named(value)
+        if rgb is None:
+            raise ValueError(f"no such colour word; there are: {', '.join(colours.NAMES)}")
+        return Palette((rgb,))
+    if isinstance(value, dict) and len(value) == 1:
+        ((kind, content),) = value.items()
+        if kind == "sample" and content == "colosseum":
+            return Palette(tuple(colours.COLOSSEUM.values()))
+        if kind == "rgb":
+            return Palette((_triple(content, [(0, 1)] * 3),))
+        if kind == "lab":
+            red, green, blue = colours.from_lab(
+                np.array(_triple(content, [(0, 100), (-128, 128), (-128, 128)]))
+            )
+            return Palette(((float(red), float(green), float(blue)),))
+    raise ValueError(
+        "expected a colour word, {rgb: [r, g, b]} in 0..1, {lab: [L, a, b]} or {sample: colosseum}"
+    )
+
+
+def _triple(content: Any, bounds: list[tuple[float, float]]) -> tuple[float, float, float]:
+    if not isinstance(content, list | tuple) or len(content) != 3:
+        raise ValueError("expected three numbers")
+    for value, (low, high) in zip(content, bounds, strict=True):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not low <= value <= high
+        ):
+            raise ValueError(f"{value!r} is not within {low}..{high}")
+    first, second, third = map(float, content)
+    return first, second, third
+
+
+Color = Annotated[
+    Palette,
+    BeforeValidator(_palette),
+    WithJsonSchema(
+        {
+            "oneOf": [
+                {"enum": list(colours.NAMES)},
+                *(
+                    {
+                        "type": "object",
+                        "properties": {
+                            kind: {
+                                "type": "array",
+                                "items": {"type": "number"},
+                                "minItems": 3,
+                                "maxItems": 3,
+                            }
+                        },
+                        "required": [kind],
+                        "additionalProperties": False,
+                    }
+                    for kind in ("rgb", "lab")
+                ),
+                {
+                    "type": "object",
+                    "properties": {"sample": {"const": "colosseum"}},
+                    "required": ["sample"],
+                    "additionalProperties": False,
+                },
+            ]
+        }
+    ),
+]

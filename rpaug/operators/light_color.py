@@ -1,0 +1,62 @@
+"""Turn the scene's lamps to another colour, as COLOSSEUM's `light_color` does."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float32
+from pydantic import Field
+
+from rpaug.interfaces import Edit, Operator
+from rpaug.scene import light
+from rpaug.types import Effect, Scene
+
+Unit = Annotated[float, Field(ge=0, le=1)]
+Colour = tuple[Unit, Unit, Unit]
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Every surface's colour times one gain per channel: light is a factor of what a matte surface shows."""
+
+    gain: tuple[float, float, float]
+    handles: frozenset[int] | None = None
+
+    def __call__(self, colour: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
+        return np.minimum(colour * np.array(self.gain, np.float32), np.float32(1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightColor(Operator):
+    """Draw the lamps' colour uniformly from `range` and scale every pixel by new over recorded.
+
+    `recorded` is the colour the episode was lit with, in the same unit: COLOSSEUM's lamps have (0.5, 0.5, 0.5), and
+    `estimate` keeps that brightness and reads the chromaticity off grey surfaces. `ambient` is the share of the
+    recorded light that does not come from the lamps and stays. One draw for all cameras and frames.
+    """
+
+    range: tuple[Colour, Colour] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
+    recorded: Colour | Literal["estimate"] = "estimate"
+    ambient: Unit = 0.0
+
+    effect: ClassVar[Effect] = Effect.RGB
+
+    def __post_init__(self) -> None:
+        if any(low > high for low, high in zip(*self.range, strict=True)):
+            raise ValueError(f"range: low {self.range[0]} exceeds high {self.range[1]}")
+        if self.recorded != "estimate" and min(self.recorded) <= 0:
+            raise ValueError("recorded: each channel must exceed 0, or no gain could be told")
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        color = rng.uniform(*np.array(self.range))
+        recorded = (
+            light.estimate(scene.episode)
+            if self.recorded == "estimate"
+            else np.array(self.recorded)
+        )
+        gain = self.ambient + (1 - self.ambient) * color / recorded
+        return {"color": color.tolist(), "recorded": recorded.tolist(), "gain": gain.tolist()}
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        red, green, blue = edit["gain"]
+        return replace(scene, appearance=(*scene.appearance, Gain((red, green, blue))))

@@ -1,0 +1,203 @@
+"""One episode through all stages: read, build, draw, apply, render, write. Each takes a value and returns one."""
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpaug import plan as planning
+from rpaug import registry, report
+from rpaug.interfaces import Adapter, Operator
+from rpaug.recipe import Option, Recipe, option
+from rpaug.recipe import build as build_recipe
+from rpaug.scene import fit, views
+from rpaug.scene.build import build
+from rpaug.types import Episode, Scene
+
+
+@dataclass(frozen=True)
+class Draw:
+    """What one step of the recipe came to: an operator with its edit, or nothing."""
+
+    step: int
+    option: Option | None
+    edit: dict[str, Any] | None
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values, enough to apply the edit again."""
+        if self.option is None:
+            return {"step": self.step, "skipped": True}
+        return {
+            "step": self.step,
+            "op": self.option.name,
+            "fields": self.option.fields,
+            "edit": self.edit,
+        }
+
+
+@dataclass(frozen=True)
+class Made:
+    """One augmented copy before it is written; `tally` fills as its frames are asked for."""
+
+    episode: Episode
+    scene: Scene
+    draws: tuple[Draw, ...]
+    plan: planning.Plan
+    tally: report.Tally
+
+
+def operators(recipe: Recipe) -> list[Operator]:
+    """Every operator the recipe may use."""
+    return [option.operator for step in recipe.steps for option in step.options]
+
+
+def draw(scene: Scene, recipe: Recipe, copy: int) -> tuple[Scene, tuple[Draw, ...]]:
+    """The scene after this copy's edits, and what was drawn. Raises TargetError."""
+    draws = []
+    for number, step in enumerate(recipe.steps):
+        rng = recipe.generator(scene.episode.key, copy, number)
+        chosen = step.draw(rng)
+        edit = None
+        if chosen:
+            edit = json.loads(json.dumps(chosen.operator.sample(scene, rng)))
+            scene = chosen.operator.apply(scene, edit)
+        draws.append(Draw(number, chosen, edit))
+    return scene, tuple(draws)
+
+
+def redraw(scene: Scene, described: Sequence[dict[str, Any]]) -> tuple[Scene, tuple[Draw, ...]]:
+    """The scene after the edits of a report: a replay, with nothing random in it. Raises BadRecipe."""
+    draws = []
+    for entry in described:
+        chosen = None if entry.get("skipped") else option(entry["op"], entry["fields"])
+        edit = entry.get("edit")
+        if chosen and edit is not None:
+            scene = chosen.operator.apply(scene, edit)
+        draws.append(Draw(entry["step"], chosen, edit))
+    return scene, tuple(draws)
+
+
+def render(scene: Scene, draws: tuple[Draw, ...], plan: planning.Plan) -> Made:
+    """The edited episode, every image still to be rendered when a writer or a trainer asks for it."""
+    settled = planning.settle(plan, scene)
+    tally = report.Tally()
+
+    def watch(
+        camera: str, t: int, image: np.ndarray, hole: np.ndarray | None, seconds: float
+    ) -> None:
+        tally.frame(camera, scene.episode.views[camera].rgb(t), image, seconds)
+        if hole is not None:
+            tally.hole(camera, t, hole)
+
+    return Made(views.edited(scene, settled.carriers, watch), scene, draws, settled, tally)
+
+
+ORIGINAL = 0
+"""The copy number of an untouched episode; augmented copies count from 1."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One source episode and where its copies go, in plain values that cross process borders."""
+
+    adapter: str
+    source: Path
+    key: str
+    target: Path
+    copies: tuple[tuple[int, str], ...]  # copy number, key in the target
+    recipe: dict[str, Any]
+    tier: int
+
+
+def augment(job: Job) -> list[dict[str, Any]]:
+    """Read one episode, write its copies, return their reports. Raises RpaugError; a failed copy leaves nothing."""
+    adapter, recipe = registry.adapter(job.adapter), build_recipe(job.recipe)
+    watch = report.Stopwatch()
+    with watch("read"):
+        episode = adapter.read(job.source, job.key)
+    plan = planning.make(operators(recipe), episode, job.tier)
+    with watch("build"):
+        scene = prepare(episode, plan)
+    shared, reports = watch.seconds, []
+    for copy, target in job.copies:
+        watch = report.Stopwatch()
+        with watch("draw"):
+            edited, draws = (scene, ()) if copy == ORIGINAL else draw(scene, recipe, copy)
+        made = render(edited, draws, plan)
+        write(adapter, made, job, copy, target, shared, watch)
+        reports.append(json.loads((job.target / target / report.NAME).read_bytes()))
+    return reports
+
+
+def prepare(episode: Episode, plan: planning.Plan) -> Scene:
+    """The recorded scene with what the plan asks for, fitted Gaussians among it."""
+    scene = build(episode, with_bodies=plan.bodies)
+    if 3 in plan.carriers.values():
+        scene = replace(scene, gaussians=fit.fit(scene, seed=0)[0])
+    return scene
+
+
+def write(
+    adapter: Adapter,
+    made: Made,
+    job: Job,
+    copy: int,
+    target: str,
+    shared: dict[str, float],
+    watch: report.Stopwatch,
+) -> None:
+    """Write one copy with its report; frames are rendered as the adapter asks for them."""
+    start = time.perf_counter()
+
+    def side() -> dict[str, bytes]:
+        seconds = (
+            shared
+            | watch.seconds
+            | {"render": made.tally.seconds, "write": time.perf_counter() - start}
+        )
+        return report.side_files(
+            source=job.key,
+            copy=copy,
+            recipe=job.recipe,
+            draws=[draw.describe() for draw in made.draws],
+            plan=made.plan.describe(),
+            tally=made.tally,
+            surfels=surfels(made),
+            gaussians=len(made.scene.gaussians or ()),
+            seconds=seconds,
+        )
+
+    adapter.write(made.episode, job.target, target, side)
+
+
+def surfels(made: Made) -> int:
+    """Recorded pixels that stand for surfaces in this copy."""
+    return sum(
+        view.camera.width * view.camera.height * made.episode.length
+        for name, view in made.episode.views.items()
+        if made.plan.carriers[name] < 3
+    )
+
+
+def replay(
+    adapter: Adapter, source: Path, described: dict[str, Any], target: Path, key: str
+) -> None:
+    """Write again the episode that a report describes, from the recorded one. Raises RpaugError."""
+    recipe = described["recipe"]
+    job = Job(
+        adapter.name,
+        source,
+        described["source"],
+        target,
+        ((described["copy"], key),),
+        recipe,
+        described["plan"]["tier"],
+    )
+    episode = adapter.read(source, job.key)
+    plan = planning.make(operators(build_recipe(recipe)), episode, job.tier)
+    scene, draws = redraw(prepare(episode, plan), described["draws"])
+    write(adapter, render(scene, draws, plan), job, described["copy"], key, {}, report.Stopwatch())

@@ -1,0 +1,137 @@
+"""What was done to an episode: enough to judge it, and to do exactly that again."""
+
+import io
+import json
+import time
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, UInt8
+
+import rpaug
+
+NAME = "rpaug.json"
+HOLES = "rpaug_holes.npz"
+SUMMARY = "rpaug.summary.json"
+
+
+@dataclass
+class Tally:
+    """Counts what changes while frames are rendered; safe to use from several threads."""
+
+    changed: dict[str, int] = field(default_factory=dict)
+    total: dict[str, int] = field(default_factory=dict)
+    holes: dict[str, Bool[np.ndarray, "h w"]] = field(default_factory=dict)
+    seconds: float = 0.0
+    lock: Any = field(default_factory=Lock)
+
+    def frame(
+        self,
+        camera: str,
+        before: UInt8[np.ndarray, "h w 3"],
+        after: UInt8[np.ndarray, "h w 3"],
+        seconds: float,
+    ) -> None:
+        """Count the pixels of one frame whose colour changed, and the thread seconds it took."""
+        differs = int((before != after).any(-1).sum())
+        with self.lock:
+            self.seconds += seconds
+            self.changed[camera] = self.changed.get(camera, 0) + differs
+            self.total[camera] = self.total.get(camera, 0) + before.shape[0] * before.shape[1]
+
+    def hole(self, camera: str, t: int, mask: Bool[np.ndarray, "h w"]) -> None:
+        """Keep one frame's mask of pixels nobody ever saw."""
+        with self.lock:
+            self.holes[f"{camera}/{t}"] = mask
+
+    def summary(self) -> dict[str, Any]:
+        """Changed and invented pixels per camera."""
+        cameras = sorted(self.total)
+        out: dict[str, Any] = {
+            "changed_pixels": {name: self.changed[name] for name in cameras},
+            "changed_share": {
+                name: round(self.changed[name] / self.total[name], 6) for name in cameras
+            },
+        }
+        if self.holes:
+            per_camera: dict[str, list[float]] = {}
+            for key, mask in self.holes.items():
+                per_camera.setdefault(key.rsplit("/", 1)[0], []).append(float(mask.mean()))
+            out["hole_share"] = {
+                k: round(float(np.mean(v)), 6) for k, v in sorted(per_camera.items())
+            }
+        return out
+
+    def hole_file(self) -> bytes:
+        """All hole masks as a compressed `.npz` with fixed dates, so that the same masks give the same bytes."""
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+            for key in sorted(self.holes):
+                data = io.BytesIO()
+                np.save(data, np.packbits(self.holes[key], axis=1), allow_pickle=False)
+                archive.writestr(
+                    zipfile.ZipInfo(f"{key}.npy"), data.getvalue(), zipfile.ZIP_DEFLATED
+                )
+        return buffer.getvalue()
+
+
+class Stopwatch:
+    """Seconds per stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
+
+
+def side_files(
+    *,
+    source: str,
+    copy: int,
+    recipe: dict[str, Any],
+    draws: Sequence[dict[str, Any]],
+    plan: dict[str, Any],
+    tally: Tally,
+    surfels: int,
+    gaussians: int,
+    seconds: dict[str, float],
+) -> dict[str, bytes]:
+    """The report, and the hole masks where a camera moved. All but `seconds` is the same for the same seed.
+
+    `seconds` are wall seconds, but for `render`: the seconds threads spent on decoding and rendering frames, which
+    is part of `write`.
+    """
+    described = {
+        "rpaug": rpaug.__version__,
+        "synthetic": bool(draws),
+        "source": source,
+        "copy": copy,
+        "seed": recipe.get("seed", 0),
+        "recipe": recipe,
+        "draws": list(draws),
+        "plan": plan,
+        "surfels": surfels,
+        "gaussians": gaussians,
+        **tally.summary(),
+        "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
+    }
+    files = {NAME: encode(described)}
+    if tally.holes:
+        files[HOLES] = tally.hole_file()
+    return files
+
+
+def encode(described: dict[str, Any]) -> bytes:
+    """UTF-8 JSON, indented, keys in the order given."""
+    return (json.dumps(described, indent=1, ensure_ascii=False) + "\n").encode()

@@ -1,0 +1,77 @@
+"""What colour a thing has under its shading: read off its pixels, or fitted to a given one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from rpaug.scene import sampling
+from rpaug.types import Episode
+
+LEAST_PIXELS = 8
+DARK, BRIGHT = (
+    0.04,
+    0.98,
+)  # of the brightest channel: darker pixels are noise, brighter ones are clipped
+LIT = 0.9  # quantile of shading that counts as fully lit
+PLAIN = 0.03  # colour distance within which a pixel is explained by one albedo and its shading
+PLAIN_SHARE = 0.8
+
+
+@dataclass(frozen=True)
+class Albedo:
+    """A display colour, and whether it alone explains the surface (`plain`) or is the mean of a pattern."""
+
+    rgb: tuple[float, float, float]
+    plain: bool
+
+
+def pixels(episode: Episode, handle: int, count: int = 6) -> Float64[np.ndarray, "n 3"]:
+    """Recorded colours of an instance, 0..1, away from its outline where it is large enough for that."""
+    inner, outer = [], []
+    for _, _, rgb, ids in sampling.images(episode, count):
+        if ids is None or not (mask := ids == handle).any():
+            continue
+        outer.append(rgb[mask])
+        inner.append(rgb[_eroded(mask)])
+    inside = np.concatenate(inner) if inner else np.empty((0, 3), np.uint8)
+    whole = inside if len(inside) >= LEAST_PIXELS else np.concatenate([*outer, inside])
+    return whole / 255.0
+
+
+def estimate(colour: Float64[np.ndarray, "n 3"]) -> Albedo:
+    """The albedo of a surface from its pixels: the direction of their mean, as bright as its well-lit part.
+
+    Shading scales a matte colour and leaves its direction, so the direction is the mean's; how bright an albedo is
+    cannot be told from shading, and the best-lit tenth is taken to show it.
+    """
+    high = colour.max(1)
+    good = colour[(high > DARK) & (high < BRIGHT)]
+    if len(good) < LEAST_PIXELS:
+        good = colour
+    mean = good.mean(0)
+    for _ in range(3):  # leave highlights out if what remains is one colour
+        inliers = good[_explained(good, mean)]
+        if len(inliers) < PLAIN_SHARE * len(good):
+            break
+        mean = inliers.mean(0)
+    if mean.max() < 1e-3:
+        return Albedo((0.0, 0.0, 0.0), True)
+    shading = good @ mean / (mean @ mean)
+    red, green, blue = np.minimum(mean * np.quantile(shading, LIT), 1.0).tolist()
+    return Albedo((red, green, blue), bool(_explained(good, mean).mean() >= PLAIN_SHARE))
+
+
+def _explained(
+    colour: Float64[np.ndarray, "n 3"], albedo: Float64[np.ndarray, "3"]
+) -> Bool[np.ndarray, "n"]:
+    shading = colour @ albedo / max(float(albedo @ albedo), 1e-9)
+    return np.linalg.norm(colour - shading[:, None] * albedo, axis=1) < PLAIN
+
+
+def _eroded(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """The mask without its outermost two pixels."""
+    for _ in range(2):
+        padded = np.pad(mask, 1)
+        mask = mask & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
+    return mask

@@ -1,0 +1,89 @@
+"""The edited scene as an episode: every camera's images, each rendered when asked for."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Bool, Float32, Int32, UInt8
+
+from rpaug.render.composite import composite
+from rpaug.scene import gaussian_view, surfels
+from rpaug.types import CameraView, Episode, Scene
+
+KEPT_FRAMES = 8  # a writer asks for rgb, depth and ids of one frame in turn
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One rendered image with what belongs to it, all from the same surfaces; `hole` marks invented pixels."""
+
+    rgb: UInt8[np.ndarray, "h w 3"]
+    depth: Float32[np.ndarray, "h w"]
+    ids: Int32[np.ndarray, "h w"]
+    hole: Bool[np.ndarray, "h w"]
+
+
+class Watch(Protocol):
+    """Told of every frame rendered anew: its image, its hole mask if it can have one, and its thread's seconds."""
+
+    def __call__(
+        self,
+        camera: str,
+        t: int,
+        image: UInt8[np.ndarray, "h w 3"],
+        hole: Bool[np.ndarray, "h w"] | None,
+        seconds: float,
+    ) -> None: ...
+
+
+def edited(scene: Scene, carriers: Mapping[str, int], watch: Watch) -> Episode:
+    """The episode the scene now shows. Images that no edit reaches keep their recorded accessors."""
+    shared = surfels.build(scene) if 1 in carriers.values() else None
+    views = {}
+    for name in scene.episode.views:
+        if carriers[name] == 0:
+            views[name] = _composited(scene, name, watch)
+        elif shared is not None and carriers[name] == 1:
+            views[name] = _rendered(
+                scene, name, lambda t, name=name: _surfels(scene, shared, name, t), watch
+            )
+        else:
+            views[name] = _rendered(
+                scene, name, lambda t, name=name: _gaussians(scene, name, t), watch
+            )
+    return replace(scene.episode, views=views, descriptions=scene.descriptions)
+
+
+def _composited(scene: Scene, name: str, watch: Watch) -> CameraView:
+    view = scene.episode.views[name]
+    if not scene.appearance:
+        return view
+
+    def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
+        start = time.thread_time()
+        ids = view.ids(t) if view.ids else None
+        image = composite(view.rgb(t), ids, scene.appearance, scene.antialiased)
+        watch(name, t, image, None, time.thread_time() - start)
+        return image
+
+    return replace(view, rgb=rgb)
+
+
+def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Watch) -> CameraView:
+    @lru_cache(KEPT_FRAMES)
+    def frame(t: int) -> Frame:
+        start = time.thread_time()
+        made = render(t)
+        watch(name, t, made.rgb, made.hole, time.thread_time() - start)
+        return made
+
+    recorded = scene.episode.views[name]
+    return CameraView(
+        camera=scene.cameras[name],
+        rgb=lambda t: frame(t).rgb,
+        depth=(lambda t: frame(t).depth) if recorded.depth else None,
+        ids=(lambda t: frame(t).ids) if recorded.ids else None,
+    )
