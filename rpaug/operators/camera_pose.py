@@ -1,0 +1,67 @@
+"""Move cameras a little, as if their mounts had been bumped."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from rpaug import geometry
+from rpaug.errors import TargetError
+from rpaug.interfaces import Edit, Operator
+from rpaug.types import Effect, Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPose(Operator):
+    """Turn and shift each of `camera` by one random rigid motion, held for the whole episode.
+
+    The motion is drawn in the camera's own frame, so 2 cm is 2 cm along the image axes however the rig stands.
+    Nothing in the world moves: recorded actions stay true. `camera` is a name, several names, or "static" for all
+    cameras that never move.
+    """
+
+    camera: str | tuple[str, ...]
+    shift: Annotated[float, Field(ge=0)] = 0.1  # metres, at most, along each axis
+    turn: Annotated[float, Field(ge=0)] = 0.05  # radians, at most, about each axis
+
+    effect: ClassVar[Effect] = Effect.CAMERA | Effect.PIXELS
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        return {
+            name: {
+                "turn": rng.uniform(-self.turn, self.turn, 3).tolist(),
+                "shift": rng.uniform(-self.shift, self.shift, 3).tolist(),
+            }
+            for name in self._names(scene)
+        }
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        self._known(scene, edit)
+        cameras = dict(scene.cameras)
+        for name, motion in edit.items():
+            bump = geometry.rigid(np.array(motion["turn"]), np.array(motion["shift"]))
+            # Right-multiplied: the bump happens in the camera's frame, before the pose.
+            cameras[name] = replace(cameras[name], cam_to_world=cameras[name].cam_to_world @ bump)
+        return replace(scene, cameras=cameras)
+
+    def _names(self, scene: Scene) -> list[str]:
+        if self.camera == "static":
+            names = [name for name, camera in scene.cameras.items() if camera.fixed]
+        else:
+            names = [self.camera] if isinstance(self.camera, str) else list(self.camera)
+        if not names:
+            raise TargetError(
+                f"{self.camera!r} names no camera; there are: {', '.join(scene.cameras)}"
+            )
+        self._known(scene, names)
+        return names
+
+    @staticmethod
+    def _known(scene: Scene, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in scene.cameras:
+                raise TargetError(
+                    f"no camera is called {name!r}; there are: {', '.join(scene.cameras)}"
+                )

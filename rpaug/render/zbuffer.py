@@ -1,0 +1,306 @@
+"""Recorded pixels drawn as small planes into one z-buffer, seen from any camera.
+
+Each recorded pixel becomes a *surfel*: the piece of plane that covers exactly the pixel's footprint, at the
+recorded depth. Its slope comes from the depth of its neighbours: 1/z is affine in pixel coordinates on a plane,
+so a plane in the world is three numbers in the image. Nothing is triangulated across two objects, so there are no
+rubber sheets, and nothing is splatted as a disc, so there are no cracks.
+
+Depth is kept as 1/z in the buffer, and everything is computed in the target camera's own frame in float64, so a
+scene far from the world's origin loses nothing. A recorded pixel without depth shows that nothing is there: it counts
+as infinitely far (1/z = 0).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float32, Float64, Int16, Int32, UInt8
+from numba import njit
+
+HALF_FOOTPRINT = 0.52  # pixels: a pixel's own 0.5 and a little more, so that rounding leaves no gap
+MAX_SLOPE = 0.08  # of 1/z per pixel: steeper is a step between two surfaces, not a plane
+SAME_SURFACE = 0.006  # of depth: closer than this, the earlier source is believed
+NEAR = 1e-3  # of a surfel's recorded depth: a corner nearer to the target camera than this is not drawn
+ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel's colour unblended
+
+
+@dataclass(frozen=True)
+class Source:
+    """One recorded image whose pixels are drawn as surfels.
+
+    `depth` is in metres, 0 or non-finite where the sensor saw nothing. `use` picks the pixels to draw (None: all);
+    `distant` also draws those without depth, as infinitely far; `carved` drops what the witness saw through.
+    """
+
+    K: Float64[np.ndarray, "3 3"]
+    cam_to_world: Float64[np.ndarray, "4 4"]
+    rgb: UInt8[np.ndarray, "h w 3"]
+    depth: Float32[np.ndarray, "h w"]
+    ids: Int32[np.ndarray, "h w"]
+    use: Bool[np.ndarray, "h w"] | None = None
+    distant: bool = False
+    carved: bool = False
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """One view drawn from surfels: every plane comes from the same winner of the same z-buffer.
+
+    `rgb` is display sRGB in 0..1; `depth` metres, 0 where nothing is or all is infinitely far; `ids` instance
+    handles; `source` the index of the source that won, -1 where none did, which is where `hole` is set.
+    """
+
+    rgb: Float32[np.ndarray, "h w 3"]
+    depth: Float32[np.ndarray, "h w"]
+    ids: Int32[np.ndarray, "h w"]
+    source: Int16[np.ndarray, "h w"]
+    hole: Bool[np.ndarray, "h w"]
+
+    @property
+    def image(self) -> UInt8[np.ndarray, "h w 3"]:
+        """The colours as 8-bit pixels."""
+        return to_bytes(self.rgb)
+
+
+def to_bytes(rgb: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Colours in 0..1 as 8-bit pixels; undoes a division by 255 exactly."""
+    return np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
+
+
+def render(
+    K: Float64[np.ndarray, "3 3"],
+    cam_to_world: Float64[np.ndarray, "4 4"],
+    size: tuple[int, int],
+    sources: Sequence[Source],
+    witness: Source | None = None,
+) -> Rendered:
+    """Draw the sources' surfels as the camera `K`, `cam_to_world` of `size` (width, height) sees them.
+
+    The nearest surfel wins, but within `SAME_SURFACE` of its depth an earlier source keeps the pixel. A `carved`
+    source's surfel is dropped where `witness`, looking the same way at the same time, recorded something farther:
+    what one can see through is not there.
+    """
+    width, height = size
+    nearest = np.full((height, width), -1.0)
+    source = np.full((height, width), -1, np.int16)
+    pixel = np.zeros((height, width), np.int32)
+    target = _intrinsics(K)
+    nobody = np.zeros((0, 0))
+    near_seen = nobody if witness is None else np.maximum(_nearness(witness), 0.0)
+    for index, each in enumerate(sources):
+        seen, lens, back = nobody, target, np.zeros((3, 4))
+        if each.carved and witness is not None:
+            seen, lens = near_seen, _intrinsics(witness.K)
+            back = _relative(cam_to_world, witness.cam_to_world)
+        _draw(
+            _nearness(each), each.ids, _intrinsics(each.K), _relative(each.cam_to_world, cam_to_world),
+            target, index, seen, lens, back, nearest, source, pixel,
+        )  # fmt: skip
+    rgb = np.zeros((height, width, 3), np.float32)
+    ids = np.zeros((height, width), np.int32)
+    for index, each in enumerate(sources):
+        _colour(
+            each.rgb, each.ids, _intrinsics(each.K), _relative(cam_to_world, each.cam_to_world), target, index,
+            nearest, source, pixel, rgb, ids,
+        )  # fmt: skip
+    with np.errstate(divide="ignore", over="ignore"):
+        depth = np.where(nearest > 0, 1.0 / nearest, 0.0).astype(np.float32)
+    return Rendered(rgb=rgb, depth=depth, ids=ids, source=source, hole=source < 0)
+
+
+def _intrinsics(K: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "4"]:
+    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
+
+
+def _relative(
+    here: Float64[np.ndarray, "4 4"], there: Float64[np.ndarray, "4 4"]
+) -> Float64[np.ndarray, "3 4"]:
+    """From camera `here` into camera `there`.
+
+    Centres are subtracted first, to keep digits far from the origin; and the rotation is inverted rather than
+    transposed, since recorded ones are orthonormal to float32 only, and a camera must map onto itself exactly.
+    """
+    shift = here[:3, 3:] - there[:3, 3:]
+    return np.linalg.solve(there[:3, :3], np.concatenate([here[:3, :3], shift], 1))
+
+
+def _nearness(source: Source) -> Float64[np.ndarray, "h w"]:
+    """1/z of each pixel to draw: 0 is infinitely far, negative is not drawn."""
+    known = np.isfinite(source.depth) & (source.depth > 0)
+    absent = 0.0 if source.distant else -1.0
+    near = np.divide(
+        1.0, source.depth, out=np.full(known.shape, absent), where=known, dtype=np.float64
+    )
+    return near if source.use is None else np.where(source.use, near, -1.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _slope(near, ids, row, column, down, right):
+    """Change of 1/z per pixel along one axis, from the flatter side among neighbours of the same id.
+
+    The flatter side is the one that stays on the surface where a pixel lies at the edge of a step.
+    """
+    here = near[row, column]
+    best, limit = 0.0, MAX_SLOPE * here
+    for side in (-1, 1):
+        i, j = row + side * down, column + side * right
+        if not (0 <= i < near.shape[0] and 0 <= j < near.shape[1]):
+            continue
+        step = side * (near[i, j] - here)
+        if near[i, j] > 0.0 and ids[i, j] == ids[row, column] and abs(step) < limit:
+            best, limit = step, abs(step)
+    return best
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw(near, ids, lens, pose, target, index, seen, witness, back, nearest, source, pixel):
+    """Draw one source's surfels: rasterise each footprint, keep the nearest, leave out what was seen through."""
+    height, width = nearest.shape
+    x, y, w = np.empty(4), np.empty(4), np.empty(4)
+    for row in range(near.shape[0]):
+        for column in range(near.shape[1]):
+            here = near[row, column]
+            if here < 0.0:
+                continue
+            if not _corners(near, ids, row, column, lens, pose, target, x, y, w):
+                continue
+            left, right = min(x[0], x[1], x[2], x[3]), max(x[0], x[1], x[2], x[3])
+            top, bottom = min(y[0], y[1], y[2], y[3]), max(y[0], y[1], y[2], y[3])
+            if not (right >= 0 and left <= width - 1 and bottom >= 0 and top <= height - 1):
+                continue
+            area = (x[1] - x[0]) * (y[3] - y[0]) - (y[1] - y[0]) * (x[3] - x[0])
+            if not area > 1e-12:  # seen from behind, edge on, or not a number
+                continue
+            # 1/z is affine in the target's pixels too: take it through three corners.
+            dx = ((w[1] - w[0]) * (y[3] - y[0]) - (w[3] - w[0]) * (y[1] - y[0])) / area
+            dy = ((w[3] - w[0]) * (x[1] - x[0]) - (w[1] - w[0]) * (x[3] - x[0])) / area
+            for v in range(math.ceil(max(0.0, top)), math.floor(min(height - 1.0, bottom)) + 1):
+                for u in range(math.ceil(max(0.0, left)), math.floor(min(width - 1.0, right)) + 1):
+                    if not _inside(u, v, x, y):
+                        continue
+                    hit = w[0] + dx * (u - x[0]) + dy * (v - y[0]) if here > 0.0 else 0.0
+                    held = nearest[v, u]
+                    if held >= 0.0 and source[v, u] != index:
+                        held *= 1.0 + SAME_SURFACE
+                    if hit < 0.0 or hit <= held or (here > 0.0 and hit == 0.0):
+                        continue
+                    if seen.size and _seen_through(u, v, hit, target, back, witness, seen):
+                        continue
+                    nearest[v, u] = hit
+                    source[v, u] = index
+                    pixel[v, u] = row * near.shape[1] + column
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _corners(near, ids, row, column, lens, pose, target, x, y, w):
+    """Target pixels and 1/z of a surfel's corners; False if one is behind the target camera or too near.
+
+    Homogeneous: the point at pixel ray r and inverse depth w maps to R r + w t, which also holds at infinity and
+    is affine in the pixel, so the corners are the centre's image plus or minus two steps.
+    """
+    here = near[row, column]
+    across = along = 0.0
+    if here > 0.0:
+        across = HALF_FOOTPRINT * _slope(near, ids, row, column, 0, 1)
+        along = HALF_FOOTPRINT * _slope(near, ids, row, column, 1, 0)
+    p, q = (column - lens[2]) / lens[0], (row - lens[3]) / lens[1]
+    dp, dq = HALF_FOOTPRINT / lens[0], HALF_FOOTPRINT / lens[1]
+    centre_x = pose[0, 0] * p + pose[0, 1] * q + pose[0, 2] + here * pose[0, 3]
+    centre_y = pose[1, 0] * p + pose[1, 1] * q + pose[1, 2] + here * pose[1, 3]
+    centre_z = pose[2, 0] * p + pose[2, 1] * q + pose[2, 2] + here * pose[2, 3]
+    for corner in range(4):
+        right = 1.0 if corner == 1 or corner == 2 else -1.0
+        down = 1.0 if corner >= 2 else -1.0
+        step = right * across + down * along
+        ahead = centre_z + right * dp * pose[2, 0] + down * dq * pose[2, 1] + step * pose[2, 3]
+        if here + step < 0.0 or not ahead > NEAR:
+            return False
+        over = centre_x + right * dp * pose[0, 0] + down * dq * pose[0, 1] + step * pose[0, 3]
+        under = centre_y + right * dp * pose[1, 0] + down * dq * pose[1, 1] + step * pose[1, 3]
+        scale = 1.0 / ahead
+        x[corner] = target[0] * over * scale + target[2]
+        y[corner] = target[1] * under * scale + target[3]
+        w[corner] = (here + step) * scale
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _inside(u, v, x, y):
+    """Whether a pixel's centre lies in the quadrilateral (corners clockwise on screen)."""
+    for a in range(4):
+        b = (a + 1) % 4
+        if (x[b] - x[a]) * (v - y[a]) - (y[b] - y[a]) * (u - x[a]) < 0.0:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _map(u, v, near, target, pose, lens):
+    """Pixel (column, row) and depth ratio, in another camera, of the target's pixel (u, v) at 1/z = near."""
+    p = (u - target[2]) / target[0]
+    q = (v - target[3]) / target[1]
+    ahead = pose[2, 0] * p + pose[2, 1] * q + pose[2, 2] + near * pose[2, 3]
+    column = pose[0, 0] * p + pose[0, 1] * q + pose[0, 2] + near * pose[0, 3]
+    row = pose[1, 0] * p + pose[1, 1] * q + pose[1, 2] + near * pose[1, 3]
+    return lens[0] * column / ahead + lens[2], lens[1] * row / ahead + lens[3], ahead
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _seen_through(u, v, near, target, back, witness, seen):
+    """Whether the witness recorded something clearly farther where it would see this point."""
+    column, row, ahead = _map(u, v, near, target, back, witness)
+    if not ahead > NEAR:
+        return False
+    height, width = seen.shape
+    if not (-0.5 <= column < width - 0.5 and -0.5 <= row < height - 0.5):
+        return False
+    recorded = seen[int(np.floor(row + 0.5)), int(np.floor(column + 0.5))]
+    return recorded * (1.0 + SAME_SURFACE) * ahead < near
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _cubic(offset, weights):
+    """Catmull-Rom weights of the four pixels around a position (Keys 1981, a = -1/2)."""
+    for k in range(4):
+        d = abs(offset + 1.0 - k)
+        if d < 1.0:
+            weights[k] = (1.5 * d - 2.5) * d * d + 1.0
+        else:
+            weights[k] = ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _colour(rgb, ids, lens, back, target, index, nearest, source, pixel, out, out_ids):
+    """Look each pixel won by this source up where its point was recorded, blending only pixels of its own id."""
+    across = np.empty(4)
+    along = np.empty(4)
+    height, width = ids.shape
+    for v in range(nearest.shape[0]):
+        for u in range(nearest.shape[1]):
+            if source[v, u] != index:
+                continue
+            row, column = pixel[v, u] // width, pixel[v, u] % width
+            handle = ids[row, column]
+            out_ids[v, u] = handle
+            x, y, _ = _map(u, v, nearest[v, u], target, back, lens)
+            if abs(x - column) < ON_PIXEL and abs(y - row) < ON_PIXEL:
+                for channel in range(3):
+                    out[v, u, channel] = rgb[row, column, channel] / 255.0
+                continue
+            j, i = int(np.floor(x)), int(np.floor(y))
+            _cubic(x - j, across)
+            _cubic(y - i, along)
+            red = green = blue = 0.0
+            for a in range(4):
+                for b in range(4):
+                    r, c = i - 1 + a, j - 1 + b
+                    if not (0 <= r < height and 0 <= c < width) or ids[r, c] != handle:
+                        r, c = row, column  # another thing's colour would make a halo
+                    weight = along[a] * across[b]
+                    red += weight * rgb[r, c, 0]
+                    green += weight * rgb[r, c, 1]
+                    blue += weight * rgb[r, c, 2]
+            out[v, u, 0] = min(max(red / 255.0, 0.0), 1.0)
+            out[v, u, 1] = min(max(green / 255.0, 0.0), 1.0)
+            out[v, u, 2] = min(max(blue / 255.0, 0.0), 1.0)

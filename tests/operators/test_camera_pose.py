@@ -1,0 +1,76 @@
+"""A bumped camera is moved as drawn, in its own frame, and nothing else is."""
+
+import json
+
+import numpy as np
+import pytest
+from analytic import scene
+from pydantic import TypeAdapter, ValidationError
+
+from rpaug import TargetError, geometry
+from rpaug.operators.camera_pose import CameraPose
+
+EYES = {"front": (0.0, -0.9, 0.6), "side": (0.9, -0.1, 0.7), "wrist": (0.2, -0.5, 0.8)}
+
+
+@pytest.fixture
+def recorded():
+    return scene(EYES, length=3, moving="wrist")
+
+
+def test_the_motion_is_in_the_camera_frame_and_held(recorded):
+    operator = CameraPose(camera="wrist", shift=0.1, turn=0.05)
+    edit = operator.sample(recorded, np.random.default_rng(3))
+    moved = operator.apply(recorded, json.loads(json.dumps(edit)))
+    assert set(edit) == {"wrist"}
+    before, after = recorded.cameras["wrist"].cam_to_world, moved.cameras["wrist"].cam_to_world
+    bump = geometry.inverse(before) @ after
+    np.testing.assert_allclose(bump, np.broadcast_to(bump[0], bump.shape), atol=1e-12)
+    np.testing.assert_allclose(bump[0, :3, 3], edit["wrist"]["shift"], atol=1e-12)
+    assert np.abs(bump[0, :3, 3]).max() <= 0.1
+    np.testing.assert_allclose(
+        bump[0, :3, :3], geometry.rotation(np.array(edit["wrist"]["turn"])), atol=1e-12
+    )
+    assert moved.cameras["front"] is recorded.cameras["front"]
+    assert moved.episode is recorded.episode
+    assert moved.bodies is recorded.bodies
+
+
+def test_static_names_all_fixed_cameras_with_a_draw_each(recorded):
+    edit = CameraPose(camera="static").sample(recorded, np.random.default_rng(0))
+    assert list(edit) == ["front", "side"]
+    assert edit["front"] != edit["side"]
+
+
+def test_several_cameras_by_name(recorded):
+    operator = TypeAdapter(CameraPose).validate_python({"camera": ["side", "wrist"]})
+    assert list(operator.sample(recorded, np.random.default_rng(0))) == ["side", "wrist"]
+
+
+def test_no_shift_and_no_turn_is_no_change(recorded):
+    operator = CameraPose(camera="static", shift=0, turn=0)
+    moved = operator.apply(recorded, operator.sample(recorded, np.random.default_rng(0)))
+    for name, camera in recorded.cameras.items():
+        np.testing.assert_array_equal(moved.cameras[name].cam_to_world, camera.cam_to_world)
+
+
+@pytest.mark.parametrize("camera", ["back", ("front", "back")])
+def test_an_unknown_camera_is_named_with_the_known_ones(recorded, camera):
+    with pytest.raises(TargetError, match=r"'back'.*front, side, wrist"):
+        CameraPose(camera=camera).sample(recorded, np.random.default_rng(0))
+    with pytest.raises(TargetError, match="'back'"):
+        CameraPose(camera="front").apply(
+            recorded, {"back": {"turn": [0, 0, 0], "shift": [0, 0, 0]}}
+        )
+
+
+def test_static_without_fixed_cameras():
+    lone = scene({"wrist": EYES["wrist"]}, length=3, moving="wrist")
+    with pytest.raises(TargetError, match=r"'static' names no camera.*wrist"):
+        CameraPose(camera="static").sample(lone, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("wrong", [{"shift": -0.1}, {"turn": -1}, {"shift": "far"}, {"tilt": 1}])
+def test_bad_values_are_refused(wrong):
+    with pytest.raises(ValidationError):
+        TypeAdapter(CameraPose).validate_python({"camera": "front", **wrong})

@@ -1,0 +1,83 @@
+"""Filled holes continue what lies behind, and say that they were filled."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpaug.render.holes import fill
+from rpaug.render.zbuffer import Rendered
+
+
+def tilted(hole: np.ndarray) -> Rendered:
+    """A far tilted plane (id 1, depth 2 m and up) with `hole` cut out of it."""
+    rows, columns = np.mgrid[: hole.shape[0], : hole.shape[1]]
+    depth = np.where(hole, 0, 1 / (0.5 - 0.002 * columns - 0.001 * rows)).astype(np.float32)
+    grey = np.where(hole, 0, 0.5).astype(np.float32)[..., None].repeat(3, 2)
+    return Rendered(
+        rgb=grey, depth=depth, ids=np.where(hole, 0, 1).astype(np.int32),
+        source=np.where(hole, -1, 0).astype(np.int16), hole=hole,
+    )  # fmt: skip
+
+
+def square(size=32, low=12, high=18) -> np.ndarray:
+    hole = np.zeros((size, size), bool)
+    hole[low:high, low:high] = True
+    return hole
+
+
+def test_a_plane_is_continued():
+    whole, filled = tilted(np.zeros((32, 32), bool)), fill(tilted(square()))
+    np.testing.assert_allclose(filled.depth, whole.depth, rtol=1e-5)
+    np.testing.assert_allclose(filled.rgb, whole.rgb, atol=1e-6)
+    np.testing.assert_array_equal(filled.ids, whole.ids)
+    np.testing.assert_array_equal(filled.hole, square())
+    assert (filled.source[square()] == -1).all()
+
+
+def test_the_farther_side_is_continued():
+    """A strip opens between a near thing on its left (id 2, white) and the wall: it becomes wall."""
+    hole = np.zeros((24, 32), bool)
+    hole[:, 10:16] = True
+    view = tilted(hole)
+    view.rgb[:, :10], view.depth[:, :10], view.ids[:, :10] = 1.0, 0.5, 2
+    filled = fill(view)
+    assert (filled.ids[:, 10:16] == 1).all()
+    np.testing.assert_allclose(filled.rgb[:, 10:16], 0.5, atol=1e-6)
+    assert (filled.depth[:, 10:16] > 1.9).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0, 1))
+def test_only_holes_change_and_all_are_filled(seed, share):
+    hole = np.random.default_rng(seed).random((13, 17)) < share
+    view = tilted(hole)
+    filled = fill(view)
+    np.testing.assert_array_equal(filled.rgb[~hole], view.rgb[~hole])
+    np.testing.assert_array_equal(filled.depth[~hole], view.depth[~hole])
+    np.testing.assert_array_equal(filled.ids[~hole], view.ids[~hole])
+    assert np.isfinite(filled.rgb).all()
+    if not hole.all():
+        assert (filled.depth > 1.9).all()
+        assert (filled.ids == 1).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1)])
+def test_thin_images(shape):
+    for hole in (
+        np.ones(shape, bool),
+        np.zeros(shape, bool),
+        np.arange(np.prod(shape)).reshape(shape) > 0,
+    ):
+        filled = fill(tilted(hole))
+        assert np.isfinite(filled.depth).all()
+        assert (filled.hole == hole).all()
+
+
+def test_beside_the_infinitely_far():
+    """Holes beside sky become sky: depth 0, no division by it."""
+    view = tilted(square())
+    view.depth[:] = 0
+    filled = fill(view)
+    assert (filled.depth == 0).all()
+    assert (filled.ids == 1).all()
