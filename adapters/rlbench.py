@@ -408,8 +408,10 @@ def _write_images(episode: Episode, recorded: Recorded | None, work: Path) -> No
             kinds = _kinds(episode, recorded, name)
             for kind, _, _ in kinds:
                 (work / f"{name}_{kind}").mkdir()
-            for t in range(episode.length):
-                jobs.append(pool.submit(_write_frame, kinds, recorded, work, name, t, planes[t]))
+            jobs += [
+                pool.submit(_write_frame, kinds, recorded, work, name, t, planes[t])
+                for t in range(episode.length)
+            ]
         for job in jobs:
             job.result()
 

@@ -24,10 +24,13 @@ TILE = 144  # pixels, of one image's height on the sheet
 GAIN = 4  # the difference is shown four times as strong, around grey
 
 STYLE = """
-body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1500px;padding:0 1rem;color:#1d232b;background:#fff}
+body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1500px;padding:0 1rem;
+color:#1d232b;background:#fff}
 h1{font-size:1.35rem}h2{font-size:1.05rem;margin:2rem 0 .3rem;border-top:1px solid #d7dce2;padding-top:1rem}
-table{border-collapse:collapse;margin:.4rem 0}td,th{padding:2px 14px 2px 0;text-align:left;vertical-align:top;font-weight:400}
-th{color:#5a6673}figure{margin:.6rem 0;overflow-x:auto}figcaption{color:#5a6673}img{image-rendering:pixelated;max-width:none}
+table{border-collapse:collapse;margin:.4rem 0}td,th{padding:2px 14px 2px 0;text-align:left;
+vertical-align:top;font-weight:400}
+th{color:#5a6673}figure{margin:.6rem 0;overflow-x:auto}figcaption{color:#5a6673}
+img{image-rendering:pixelated;max-width:none}
 pre{background:#f5f7f9;padding:.7rem;overflow:auto;max-height:16rem}code{background:#f5f7f9}
 """
 
@@ -87,7 +90,7 @@ def _section(
     before, after = adapter.read(source, described["source"]), adapter.read(target, key)
     frames = key_frames(before)
     figures = [
-        f"<figure><img alt='{html.escape(name)}' src='data:image/png;base64,{base64.b64encode(encode_png(image)).decode()}'>"
+        f"<figure><img alt='{html.escape(name)}' src='{_embedded(image)}'>"
         f"<figcaption>{html.escape(name)}, frames {', '.join(map(str, frames))}; "
         f"{100 * described['changed_share'].get(name, 0.0):.1f} % of pixels changed</figcaption></figure>"
         for name, image in sheet(before, after, frames).items()
@@ -100,6 +103,10 @@ def _section(
         f"<h2>{html.escape(key)}</h2><p>from {html.escape(described['source'])}, copy {described['copy']}: "
         f"“{html.escape(after.instruction)}”</p><table>{draws}</table>{''.join(figures)}"
     )
+
+
+def _embedded(image: UInt8[np.ndarray, "h w 3"]) -> str:
+    return f"data:image/png;base64,{base64.b64encode(encode_png(image)).decode()}"
 
 
 def _column(

@@ -274,7 +274,7 @@ def _parse(text: str, name: str) -> tuple[Any, dict[Path_, int]]:
     """Plain data and the line of every key. Safe tags only, no duplicate keys, bounded aliases."""
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
-        lines = {path: line for path, line in _walk(node, (), name)} if node else {}
+        lines = dict(_walk(node, (), name)) if node else {}
         return yaml.safe_load(text), lines
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark

@@ -87,3 +87,14 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
         depth=(lambda t: frame(t).depth) if recorded.depth else None,
         ids=(lambda t: frame(t).ids) if recorded.ids else None,
     )
+
+
+def _surfels(scene: Scene, shared: surfels.Surfels, name: str, t: int) -> Frame:
+    drawn = surfels.view(shared, scene, name, t)
+    image = composite(drawn.image, drawn.ids, scene.appearance, scene.antialiased)
+    return Frame(image, drawn.depth, drawn.ids, drawn.hole)
+
+
+def _gaussians(scene: Scene, name: str, t: int) -> Frame:
+    rgb, depth, ids = gaussian_view.render_view(scene, name, t)
+    return Frame(rgb, depth, ids, depth == 0)

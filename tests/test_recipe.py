@@ -1,0 +1,154 @@
+"""Recipes: what is accepted, what is refused and where, and that draws are reproducible."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpaug import BadRecipe, recipe
+
+GOOD = """\
+version: 1
+seed: 7
+copies: 2
+edits:
+  - op: recolor
+    target: {role: manipulated}
+    color: blue
+    probability: 0.8
+  - one_of:
+      - {op: light_color, weight: 3}
+      - {op: recolor, target: {handle: 48}, color: {rgb: [1, 0, 0]}}
+"""
+
+
+def load(tmp_path: Path, text: str, *overrides: str) -> recipe.Recipe:
+    path = tmp_path / "r.yaml"
+    path.write_text(text)
+    return recipe.load(path, overrides)
+
+
+def refusal(tmp_path: Path, text: str, *overrides: str) -> str:
+    with pytest.raises(BadRecipe) as caught:
+        load(tmp_path, text, *overrides)
+    return str(caught.value)
+
+
+def test_a_good_recipe_is_understood(tmp_path: Path) -> None:
+    made = load(tmp_path, GOOD)
+    assert (made.seed, made.copies, len(made.steps)) == (7, 2, 2)
+    assert made.steps[0].probability == 0.8
+    assert [option.name for option in made.steps[1].options] == ["light_color", "recolor"]
+    assert made.steps[1].options[0].weight == 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("color: blue", "color: bluu", ["r.yaml:7: edits[0].color", "bluu", "azure"]),
+        ("color: blue", "color: {rgb: [0, 0, 1.5]}", ["r.yaml:7", "1.5", "0..1"]),
+        ("color: blue", "color: {lab: [101, 0, 0]}", ["r.yaml:7", "101"]),
+        ("color: blue", "colour: blue", ["edits[0].colour", "unknown key"]),
+        ("op: recolor\n", "op: recolour\n", ["r.yaml:5: edits[0].op", "recolor", "light_color"]),
+        ("probability: 0.8", "probability: 1.8", ["r.yaml:8: edits[0].probability"]),
+        ("seed: 7", "seed: -1", ["r.yaml:2: seed"]),
+        ("copies: 2", "copies: 0", ["r.yaml:3: copies"]),
+        ("version: 1", "version: 2", ["r.yaml:1: version"]),
+        ("seed: 7", "sed: 7", ["r.yaml:2: sed", "unknown key"]),
+        ("copies: 2", "gates: {}", ["r.yaml:3: gates", "not available yet"]),
+        ("copies: 2", "copies: 2\ncopies: 3", ["r.yaml:4: copies", "given twice"]),
+        ("role: manipulated", "roll: manipulated", ["edits[0].target"]),
+        ("weight: 3", "weight: 0", ["edits[1].one_of[0].weight"]),
+        ("copies: 2", "copies: [2", ["r.yaml:"]),
+        ("copies: 2", "copies: !!python/object/apply:os.system [ls]", ["r.yaml:3", "python"]),
+    ],
+)
+def test_faults_are_named_with_line_and_key(
+    tmp_path: Path, old: str, new: str, words: list[str]
+) -> None:
+    assert old in GOOD
+    message = refusal(tmp_path, GOOD.replace(old, new, 1))
+    assert all(word in message for word in words), message
+
+
+def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace("color: blue", "color: bluu").replace("seed: 7", "seed: x")
+    message = refusal(tmp_path, text)
+    assert "seed" in message
+    assert "bluu" in message
+
+
+def test_a_bomb_of_aliases_is_refused(tmp_path: Path) -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+    assert "values" in refusal(tmp_path, "\n".join(lines))
+
+
+def test_deep_nesting_is_refused(tmp_path: Path) -> None:
+    assert "r.yaml" in refusal(tmp_path, "[" * 3000)
+
+
+def test_not_a_mapping_not_text_not_there(tmp_path: Path) -> None:
+    assert "found a list" in refusal(tmp_path, "- 1")
+    assert "found nothing" in refusal(tmp_path, "")
+    (tmp_path / "b.yaml").write_bytes(b"\xff\xfe")
+    with pytest.raises(BadRecipe, match="UTF-8"):
+        recipe.load(tmp_path / "b.yaml")
+
+
+def test_values_can_be_set_from_outside(tmp_path: Path) -> None:
+    made = load(tmp_path, GOOD, "seed=9", "edits.0.color=red", "select.limit=3")
+    assert made.seed == 9
+    assert made.steps[0].options[0].fields["color"] == "red"
+    assert made.select.limit == 3
+    assert "bluu" in refusal(tmp_path, GOOD, "edits.0.color=bluu")
+    assert "--set edits.9.x=1" in refusal(tmp_path, GOOD, "edits.9.x=1")
+    assert "key.path=value" in refusal(tmp_path, GOOD, "seed")
+
+
+def test_the_schema_knows_every_operator() -> None:
+    schema = recipe.schema()
+    items = schema["properties"]["edits"]["items"]["oneOf"]
+    names = {item["$ref"].removeprefix("#/$defs/") for item in items}
+    assert {"op_recolor", "op_light_color", "op_camera_pose", "one_of"} <= names
+    assert all(name in schema["$defs"] for name in names)
+    assert schema["$defs"]["op_recolor"]["required"] == ["op", "target", "color"]
+
+
+@given(st.integers(0, 2**40), st.text(max_size=20), st.integers(0, 99), st.integers(0, 9))
+def test_random_streams_depend_on_nothing_but_their_names(
+    seed: int, key: str, copy: int, step: int
+) -> None:
+    made = recipe.build({"version": 1, "seed": seed})
+    other = recipe.build({"version": 1, "seed": seed, "copies": 9})
+    first = made.generator(key, copy, step).random(4)
+    assert np.array_equal(first, other.generator(key, copy, step).random(4))
+    assert not np.array_equal(first, made.generator(key, copy, step + 1).random(4))
+    assert not np.array_equal(first, made.generator(key + "x", copy, step).random(4))
+
+
+def test_probability_and_weights_are_met() -> None:
+    entry = {"op": "light_color"}
+    made = recipe.build(
+        {
+            "version": 1,
+            "edits": [
+                {
+                    "one_of": [{**entry, "weight": 3}, {"op": "camera_pose", "camera": "front"}],
+                    "probability": 0.5,
+                }
+            ],
+        }
+    )
+    names = [made.steps[0].draw(made.generator("e", copy, 0)) for copy in range(2000)]
+    taken = [option.name for option in names if option]
+    assert 0.45 < len(taken) / 2000 < 0.55
+    assert 0.7 < taken.count("light_color") / len(taken) < 0.8
+
+
+@given(st.lists(st.sampled_from(["a/e0", "a/e1", "b/e0"]), unique=True), st.integers(1, 3))
+def test_selection_keeps_order_and_limit(keys: list[str], limit: int) -> None:
+    taken = recipe.Select(episodes=["a/*"], limit=limit)(keys)
+    assert taken == [key for key in keys if key.startswith("a/")][:limit]
