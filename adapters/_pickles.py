@@ -54,11 +54,19 @@ def _frombuffer(data: Any, kind: np.dtype, shape: tuple[int, ...], order: str) -
     return np.frombuffer(bytearray(data), kind).reshape(shape, order=order)
 
 
+def _encode(text: str, codec: str) -> bytes:
+    """How protocols up to 2 spell bytes."""
+    if codec != "latin1":
+        raise pickle.UnpicklingError(f"the codec {codec!r:.40}")
+    return text.encode("latin1")
+
+
 _NAMES: dict[tuple[str, str], Any] = {
     ("rlbench.demo", "Demo"): Demo,
     ("rlbench.backend.observation", "Observation"): Observation,
     ("numpy", "ndarray"): _ArrayClass,
     ("numpy", "dtype"): _dtype,
+    ("_codecs", "encode"): _encode,
 }
 for _core in ("numpy.core", "numpy._core"):
     _NAMES[f"{_core}.multiarray", "_reconstruct"] = _reconstruct

@@ -14,7 +14,7 @@ from rpaug import registry, report
 from rpaug.interfaces import Adapter, Operator
 from rpaug.recipe import Option, Recipe, option
 from rpaug.recipe import build as build_recipe
-from rpaug.scene import fit, views
+from rpaug.scene import views
 from rpaug.scene.build import build
 from rpaug.types import Episode, Scene
 
@@ -137,6 +137,8 @@ def prepare(episode: Episode, plan: planning.Plan) -> Scene:
     """The recorded scene with what the plan asks for, fitted Gaussians among it."""
     scene = build(episode, with_bodies=plan.bodies)
     if 3 in plan.carriers.values():
+        from rpaug.scene import fit  # only here: it brings torch and the rasteriser
+
         scene = replace(scene, gaussians=fit.fit(scene, seed=0)[0])
     return scene
 

@@ -17,7 +17,8 @@ def demonstration(length: int = 8) -> Episode:
     """The analytic scene with a gripper that closes on the ball in frame 2 and carries it along."""
     recorded = scene(CAMERAS, length=length).episode
     gripper = np.tile(np.eye(4), (length, 1, 1))
-    gripper[:, :3, 3] = [ball_at(t, length) + [0, 0, 0.1] for t in range(length)]
+    gripper[:, :3, 3] = np.array([ball_at(t, length) for t in range(length)])
+    gripper[:, 2, 3] += 0.1
     wave = np.linspace(0, 1, length)
     robot = Robot(
         joint_positions=np.tile(wave[:, None], (1, 7)),

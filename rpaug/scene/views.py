@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
 from rpaug.render.composite import composite
-from rpaug.scene import gaussian_view, surfels
+from rpaug.scene import surfels
 from rpaug.types import CameraView, Episode, Scene
 
 KEPT_FRAMES = 8  # a writer asks for rgb, depth and ids of one frame in turn
@@ -96,5 +96,7 @@ def _surfels(scene: Scene, shared: surfels.Surfels, name: str, t: int) -> Frame:
 
 
 def _gaussians(scene: Scene, name: str, t: int) -> Frame:
+    from rpaug.scene import gaussian_view  # only here: it brings torch and the rasteriser
+
     rgb, depth, ids = gaussian_view.render_view(scene, name, t)
     return Frame(rgb, depth, ids, depth == 0)
