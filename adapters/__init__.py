@@ -1,0 +1,1 @@
+"""The dataset layouts that ship. They see only `import rpaug`, as a third party's do."""

@@ -274,5 +274,181 @@ def validate_recipe(
     return 0
 
 
+@app.command()
+@_guarded
+def inspect(
+    dataset: Dataset,
+    episode: Annotated[
+        str | None, typer.Option(help="Key of one episode; the first if not given.")
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="Also write a page with thumbnails to this new file.")
+    ] = None,
+    as_json: AsJson = False,
+) -> int:
+    """Show cameras, frames, instruction and every instance: handle, role, colour, size, motion.
+
+    Example: [bold]rpaug inspect data/train/open_drawer --html instances.html[/]
+    """
+    from rpaug import inspect as inspection
+
+    found = _episode(dataset, episode)
+    described, rows = inspection.inspect(found)
+    if html is not None:
+        _write_new(html, inspection.page(found, described, rows))
+        described["html"] = str(html)
+    if as_json:
+        _print_json(described)
+        return 0
+    out = Console()
+    out.print(
+        f"[bold]{_plain(described['episode'])}[/]: “{_plain(described['instruction'])}”, {found.length} frames"
+    )
+    out.print(f"key frames: {', '.join(map(str, described['key_frames'])) or 'none'}")
+    for name, camera in described["cameras"].items():
+        kind = "fixed" if camera["fixed"] else "moving"
+        out.print(
+            f"  {name}: {camera['width']}x{camera['height']}, {kind}, {', '.join(camera['images'])}",
+            highlight=False,
+        )
+    table = Table(
+        "handle", "role", "colour", "size, cm", "motion", "residual, mm", "frames", "body"
+    )
+    for row in rows:
+        motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion
+        size = " x ".join(f"{side:.1f}" for side in row.size_cm)
+        body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
+        table.add_row(
+            str(row.handle),
+            row.role,
+            row.colour_name,
+            size,
+            motion,
+            f"{row.residual_mm:.2f}",
+            str(row.frames),
+            body,
+        )
+    out.print(table)
+    return 0
+
+
+@app.command("fit")
+@_guarded
+def fit_command(
+    dataset: Dataset,
+    out: Annotated[Path, typer.Option(help="Folder of the scene store; scenes are added to it.")],
+    episode: Annotated[
+        str | None, typer.Option(help="Key of one episode; the first if not given.")
+    ] = None,
+    ply: Annotated[
+        Path | None, typer.Option(help="Also export to this new file, in 3DGS layout.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    as_json: AsJson = False,
+) -> int:
+    """Fit Gaussians to an episode's static background and bodies, store them, and say how well they show it.
+
+    Example: [bold]rpaug fit data/train/open_drawer --out scenes --ply drawer.ply[/]
+    """
+    from rpaug.fitting import fit_episode
+
+    found = _episode(dataset, episode)
+    with _progress("fitting", as_json) as progress:
+        described = fit_episode(found, out, ply=ply, seed=seed, progress=progress)
+    if as_json:
+        _print_json(described)
+    else:
+        out_console = Console()
+        for name, value in described.items():
+            out_console.print(f"{name}: {value}", highlight=False, soft_wrap=True)
+    return 0
+
+
+@twin_app.command("record")
+@_guarded
+def twin_record(
+    out: Annotated[Path, typer.Option(help="Dataset folder to add the task's episodes to.")],
+    task: Annotated[
+        str, typer.Option(help="open_drawer or one of the other tasks; a wrong name lists them.")
+    ] = "open_drawer",
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    factor: Annotated[
+        str | None, typer.Option(help="Truly change object_color, light_color or camera_pose.")
+    ] = None,
+    episodes: Annotated[int, typer.Option(min=1)] = 1,
+    frames: Annotated[int, typer.Option(min=2)] = 60,
+    size: Annotated[int, typer.Option(min=8, help="Pixels a side.")] = 128,
+    antialias: Annotated[bool, typer.Option(help="Anti-alias the colour images.")] = False,
+    specular: Annotated[bool, typer.Option(help="Give surfaces highlights.")] = False,
+    shadows: Annotated[bool, typer.Option(help="Let the lamps cast shadows.")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Record episodes of a simulated tabletop in RLBench's format, with the truth beside them.
+
+    The same seed records the same motion, so a second call with --factor shows what a true change looks like.
+
+    Example: [bold]rpaug twin record --task open_drawer --seed 3 --factor object_color --out truth[/]
+    """
+    from rpaug import twin
+
+    look = twin.Look(antialias=antialias, specular=specular, shadows=shadows)
+    takes = twin.record(
+        task, seed, out, factor=factor, look=look, size=size, frames=frames, episodes=episodes
+    )
+    written = [str(out / take.episode.key) for take in takes]
+    if as_json:
+        _print_json({"episodes": written, "truth": [take.truth.describe() for take in takes]})
+    else:
+        for path in written:
+            Console().print(path, highlight=False, soft_wrap=True)
+    return 0
+
+
+@app.command()
+@_guarded
+def doctor(as_json: AsJson = False) -> int:
+    """Check what this machine can do: packages, operators, OpenGL, GPU, kernel cache.
+
+    Example: [bold]rpaug doctor[/]
+    """
+    from dataclasses import asdict
+
+    from rpaug.doctor import examine
+
+    findings = examine()
+    if as_json:
+        _print_json([asdict(finding) for finding in findings])
+    else:
+        colour = {"ok": "green", "note": "yellow", "bad": "bold red"}
+        for finding in findings:
+            mark = f"[{colour[finding.level]}]{finding.level:4}[/]"
+            Console().print(
+                f"{mark} {finding.topic}: {_plain(finding.message)}",
+                highlight=False,
+                soft_wrap=True,
+            )
+    return 2 if any(finding.level == "bad" for finding in findings) else 0
+
+
+def _episode(dataset: Path, key: str | None) -> Any:
+    from rpaug import registry
+
+    adapter = registry.adapter_for(dataset)
+    keys = adapter.episodes(dataset)
+    if key is not None and key not in keys:
+        raise BadInput(dataset, "--episode", found=key, expected=f"one of: {', '.join(keys[:20])}")
+    return adapter.read(dataset, key if key is not None else keys[0])
+
+
+def _write_new(path: Path, data: bytes) -> None:
+    from rpaug.files import write_atomic
+
+    if path.exists():
+        raise BadInput(
+            path, "output", found="something there already", expected="a path that does not exist"
+        )
+    write_atomic(path, data)
+
+
 if __name__ == "__main__":
     main()

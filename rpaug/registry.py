@@ -18,6 +18,11 @@ def operator_names() -> list[str]:
     return list(_found("rpaug.operators"))
 
 
+def adapter_names() -> list[str]:
+    """Names of the dataset layouts that can be read."""
+    return list(_found("rpaug.adapters"))
+
+
 def operator(name: str) -> type[Operator]:
     """The operator class called `name`. Raises RpaugError listing the known ones."""
     found = _found("rpaug.operators")

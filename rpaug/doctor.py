@@ -1,0 +1,91 @@
+"""Whether this machine can do what rpaug does, one finding a line."""
+
+import importlib.metadata
+import os
+import platform
+from dataclasses import dataclass
+from pathlib import Path
+
+from rpaug import __version__, registry
+
+REQUIRED = (
+    "numpy",
+    "numba",
+    "torch",
+    "opencv-contrib-python-headless",
+    "mujoco",
+    "zarr",
+    "pydantic",
+    "av",
+)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """`level` is "ok", "note" (something optional is missing) or "bad" (rpaug cannot work)."""
+
+    level: str
+    topic: str
+    message: str
+
+
+def examine() -> list[Finding]:
+    """All findings, without starting anything that could hang."""
+    findings = [
+        Finding(
+            "ok",
+            "rpaug",
+            f"{__version__} on Python {platform.python_version()}, {os.cpu_count()} cores",
+        )
+    ]
+    for package in REQUIRED:
+        try:
+            findings.append(Finding("ok", package, importlib.metadata.version(package)))
+        except importlib.metadata.PackageNotFoundError:
+            findings.append(Finding("bad", package, "not installed: pip install rpaug brings it"))
+    for group, names in (
+        ("operators", registry.operator_names()),
+        ("adapters", registry.adapter_names()),
+    ):
+        level = "ok" if names else "bad"
+        findings.append(
+            Finding(
+                level,
+                group,
+                ", ".join(names) or "none: reinstall rpaug, its entry points are missing",
+            )
+        )
+    return [*findings, _gl(), _gpu(), _cache()]
+
+
+def _gl() -> Finding:
+    from rpaug.errors import RpaugError
+    from rpaug.twin.renderer import check
+
+    try:
+        check()
+    except RpaugError as error:
+        return Finding("note", "OpenGL", str(error))
+    return Finding(
+        "ok", "OpenGL", f"MuJoCo renders with {os.environ.get('MUJOCO_GL', 'its default')}"
+    )
+
+
+def _gpu() -> Finding:
+    import torch
+
+    if torch.cuda.is_available():
+        return Finding("ok", "GPU", torch.cuda.get_device_name(0))
+    return Finding("note", "GPU", "none that torch can use; everything runs on the CPU")
+
+
+def _cache() -> Finding:
+    import numba
+
+    place = numba.config.CACHE_DIR or str(Path.home() / ".cache")
+    writable = os.access(place, os.W_OK) or os.access(Path(place).parent, os.W_OK)
+    if writable:
+        return Finding("ok", "kernel cache", place)
+    return Finding(
+        "note", "kernel cache", f"{place} is not writable: kernels compile anew in every process"
+    )

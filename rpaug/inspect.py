@@ -1,0 +1,99 @@
+"""What an episode holds: cameras, frames, words, and every instance with its role, colour, size and motion."""
+
+import base64
+import html
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from jaxtyping import UInt8
+
+from rpaug.files import encode_png
+from rpaug.scene import keyframes
+from rpaug.scene.build import build
+from rpaug.scene.survey import InstanceSummary, survey
+from rpaug.types import CameraView, Episode
+
+MARGIN = 4  # pixels around an instance's thumbnail
+
+
+def inspect(episode: Episode) -> tuple[dict[str, Any], tuple[InstanceSummary, ...]]:
+    """Plain values about the episode, and one summary per instance (none where it has no masks or no depth)."""
+    described: dict[str, Any] = {
+        "episode": episode.key,
+        "instruction": episode.instruction,
+        "descriptions": list(episode.descriptions),
+        "frames": episode.length,
+        "key_frames": keyframes.find(episode.robot),
+        "cameras": {name: _camera(view) for name, view in episode.views.items()},
+    }
+    if not any(view.ids and view.depth for view in episode.views.values()):
+        return described | {"instances": []}, ()
+    scene = build(episode, with_bodies=True)
+    rows = survey(episode, scene.bodies, scene.roles)
+    described["antialiased"] = scene.antialiased
+    described["instances"] = [
+        asdict(row) | {"body": sorted(row.body), "pixels": dict(row.pixels), "moving": row.moving}
+        for row in rows
+    ]
+    return described, rows
+
+
+def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummary, ...]) -> bytes:
+    """The same as an HTML page with a thumbnail of every instance."""
+    lines = "".join(
+        f"<tr><td>{_thumbnail(episode, row)}<td>{row.handle}<td>{row.role or '–'}"
+        f"<td><span style='background:rgb({','.join(str(round(255 * c)) for c in row.colour)})'></span> "
+        f"{row.colour_name}<td>{' × '.join(f'{side:.1f}' for side in row.size_cm)}"
+        f"<td>{row.motion}{' (ambiguous)' if row.ambiguous else ''}<td>{row.residual_mm:.2f}"
+        f"<td>{row.frames} ({row.first_frame}–{row.last_frame})"
+        for row in rows
+    )
+    cameras = "".join(
+        f"<li>{html.escape(name)}: {c['width']}×{c['height']}, focal {c['focal']:.1f} px, "
+        f"{'fixed' if c['fixed'] else 'moving'}, {', '.join(c['images'])}"
+        for name, c in described["cameras"].items()
+    )
+    return (
+        "<!doctype html><html lang=en><meta charset=utf-8><title>rpaug inspect</title><style>"
+        "body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1100px;padding:0 1rem;color:#1d232b}"
+        "table{border-collapse:collapse}td,th{padding:4px 14px 4px 0;text-align:left;border-bottom:1px solid #d7dce2}"
+        "th{color:#5a6673;font-weight:400}img{image-rendering:pixelated;max-height:96px}"
+        "td span{display:inline-block;width:1em;height:1em;border:1px solid #889;vertical-align:-.15em}</style>"
+        f"<h1>{html.escape(described['episode'])}</h1><p>“{html.escape(described['instruction'])}”, "
+        f"{described['frames']} frames, key frames {', '.join(map(str, described['key_frames']))}</p>"
+        f"<ul>{cameras}</ul><table><tr><th><th>handle<th>role<th>colour<th>size, cm<th>motion"
+        f"<th>residual, mm<th>seen in frames</tr>{lines}</table></html>"
+    ).encode()
+
+
+def _camera(view: CameraView) -> dict[str, Any]:
+    images = ["rgb", *(["depth"] if view.depth else []), *(["mask"] if view.ids else [])]
+    camera = view.camera
+    return {
+        "width": camera.width,
+        "height": camera.height,
+        "focal": float(camera.K[0, 0]),
+        "fixed": camera.fixed,
+        "images": images,
+    }
+
+
+def _thumbnail(episode: Episode, row: InstanceSummary) -> str:
+    """The instance where most of it is seen, cut out of its camera's image."""
+    best: tuple[int, UInt8[np.ndarray, "h w 3"] | None] = (0, None)
+    name = max(row.pixels, key=lambda camera: row.pixels[camera], default=None)
+    if name is None:
+        return ""
+    view = episode.views[name]
+    assert view.ids is not None
+    for t in sorted({row.first_frame, (row.first_frame + row.last_frame) // 2, row.last_frame}):
+        mask = view.ids(t) == row.handle
+        if mask.sum() > best[0]:
+            down, right = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+            top, left = max(0, down[0] - MARGIN), max(0, right[0] - MARGIN)
+            best = int(mask.sum()), view.rgb(t)[top : down[-1] + MARGIN, left : right[-1] + MARGIN]
+    if best[1] is None:
+        return ""
+    data = base64.b64encode(encode_png(best[1])).decode()
+    return f"<img alt='instance {row.handle}' src='data:image/png;base64,{data}' height={min(96, 3 * len(best[1]))}>"

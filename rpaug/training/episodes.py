@@ -1,0 +1,124 @@
+"""A torch map-style dataset of augmented demonstrations."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from torch.utils.data import Dataset
+
+from rpaug import pipeline, plan, recipe, registry
+from rpaug.errors import Unsupported
+from rpaug.scene import keyframes
+from rpaug.types import Episode, Scene
+
+KEPT_SCENES = 16  # built scenes a process keeps: bodies and roles, no images
+
+
+class AugmentedEpisodes(Dataset[dict[str, Any]]):
+    """Edited episodes of `dataset`, one coherent draw per (epoch, episode), shared by all cameras and frames.
+
+    Item i is a dict: `key`, `instruction`, `frames` (n,) int64, `edits` (what was drawn, plain JSON values),
+    `joint_positions` (n, j), `gripper_to_world` (n, 4, 4), `gripper_open` (n,) float64 as recorded, and `cameras`, per
+    name a dict of `rgb` (n, h, w, 3) uint8, `depth` (n, h, w) float32 metres, `ids` (n, h, w) int32, `K` (3, 3) and
+    `cam_to_world` (n, 4, 4) float64 (OpenCV axes, integer pixel centres).
+
+    `frames` says which frames: the key frames (PerAct's rule, the first frame among them), all, or given numbers.
+    The same recipe, epoch and episode give the same item in any worker and in any order; `set_epoch` before each
+    epoch, before the loader makes its workers (so without persistent workers). Raises BadInput, BadRecipe.
+    """
+
+    def __init__(
+        self,
+        dataset: Path | str,
+        recipe_file: Path | str,
+        *,
+        frames: Literal["key", "all"] | Sequence[int] = "key",
+        cameras: Sequence[str] | None = None,
+        tier: int = 0,
+    ) -> None:
+        self.root = Path(dataset)
+        self.recipe = recipe.load(Path(recipe_file))
+        self.adapter = registry.adapter_for(self.root).name
+        self.keys = self.recipe.select(registry.adapter(self.adapter).episodes(self.root))
+        self.frames, self.cameras, self.tier, self.epoch = frames, cameras, tier, 0
+        if tier >= 3:
+            raise Unsupported(
+                "training draws at tiers 0 to 2; write episodes with `rpaug augment --tier 3`"
+            )
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw anew: epoch e of an episode is what `rpaug augment` writes as copy e + 1."""
+        self.epoch = epoch
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        scene, made_plan = _scene(
+            self.adapter, self.root, self.keys[index], self.recipe_key, self.tier
+        )
+        edited, draws = pipeline.draw(scene, self.recipe, self.epoch + 1)
+        made = pipeline.render(edited, draws, made_plan)
+        return self._item(made.episode, [draw.describe() for draw in draws])
+
+    @property
+    def recipe_key(self) -> "_Hashed":
+        """The recipe as a cache key."""
+        return _Hashed(self.recipe)
+
+    def _item(self, episode: Episode, edits: list[dict[str, Any]]) -> dict[str, Any]:
+        chosen = self._chosen(episode)
+        names = list(episode.views) if self.cameras is None else list(self.cameras)
+        robot = episode.robot
+        return {
+            "key": episode.key,
+            "instruction": episode.instruction,
+            "frames": torch.tensor(chosen),
+            "edits": edits,
+            "joint_positions": torch.from_numpy(robot.joint_positions[chosen]),
+            "gripper_to_world": torch.from_numpy(robot.gripper_to_world[chosen]),
+            "gripper_open": torch.from_numpy(robot.gripper_open[chosen]),
+            "cameras": {name: _images(episode, name, chosen) for name in names},
+        }
+
+    def _chosen(self, episode: Episode) -> list[int]:
+        if isinstance(self.frames, str):
+            every = list(range(episode.length))
+            return every if self.frames == "all" else sorted({0, *keyframes.find(episode.robot)})
+        return list(self.frames)
+
+
+class _Hashed:
+    """A recipe that compares by its source data."""
+
+    def __init__(self, value: recipe.Recipe) -> None:
+        self.value = value
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Hashed) and self.value.source == other.value.source
+
+    def __hash__(self) -> int:
+        return hash(repr(self.value.source))
+
+
+@lru_cache(KEPT_SCENES)
+def _scene(adapter: str, root: Path, key: str, made: _Hashed, tier: int) -> tuple[Scene, plan.Plan]:
+    episode = registry.adapter(adapter).read(root, key)
+    made_plan = plan.make(pipeline.operators(made.value), episode, tier)
+    return pipeline.prepare(episode, made_plan), made_plan
+
+
+def _images(episode: Episode, name: str, frames: list[int]) -> dict[str, torch.Tensor]:
+    view = episode.views[name]
+    images = {"rgb": view.rgb, "depth": view.depth, "ids": view.ids}
+    out = {
+        kind: torch.from_numpy(np.stack([image(t) for t in frames]))
+        for kind, image in images.items()
+        if image is not None
+    }
+    out["K"] = torch.from_numpy(view.camera.K)
+    out["cam_to_world"] = torch.from_numpy(view.camera.cam_to_world[frames])
+    return out
