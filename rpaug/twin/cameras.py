@@ -1,8 +1,9 @@
 """RLBench's five cameras.
 
-Poses and intrinsics are those stored in the demonstrations of RLBench `open_drawer` (PerAct's data set), in OpenCV
-axes: x right, y down, z forward. All are square, look with a field of view of 40 degrees (wrist: 60) across `size`
-pixels, and state their principal point at size / 2 while their pixel centres lie at integer coordinates.
+Poses and intrinsics are those stored in the demonstrations of RLBench `open_drawer` (PerAct's data
+set), in OpenCV axes: x right, y down, z forward. All are square, look with a field of view of 40
+degrees (wrist: 60) across `size` pixels, and state their principal point at size / 2 while their
+pixel centres lie at integer coordinates.
 """
 
 from collections.abc import Mapping
@@ -26,8 +27,7 @@ FAR = {
     "overhead": 3.299999952316284,
     "wrist": 3.5,
 }
-_FIELD = {"wrist": np.deg2rad(60.0)}
-_WIDE = np.deg2rad(40.0)
+_FIELD = {name: np.deg2rad(60.0 if name == "wrist" else 40.0) for name in NAMES}  # of view
 
 
 def _looking(
@@ -64,7 +64,7 @@ WRIST = np.array(
 
 def intrinsics(name: str, size: int) -> Float[np.ndarray, "3 3"]:
     """K of the camera `name` for images of `size` x `size` pixels."""
-    focal = size / 2 / np.tan(_FIELD.get(name, _WIDE) / 2)
+    focal = size / 2 / np.tan(_FIELD[name] / 2)
     return np.array([[focal, 0, size / 2], [0, focal, size / 2], [0, 0, 1]])
 
 

@@ -1,6 +1,7 @@
 """What can be changed between two recordings of one motion: COLOSSEUM's factors, from a given or a drawn value.
 
-A factor is a function of the look; it never touches the world or the motion. Add one here and it can be recorded.
+A factor is a function of the look; it never touches the world or the motion. Add one here and it
+can be recorded.
 """
 
 from collections.abc import Callable, Mapping

@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 
 from rpaug.twin.world import Vector
 
-LAMPS: Vector = (0.35, 0.35, 0.35)
+# At this brightness an upward face is lit to 1.0: a lamp that COLOSSEUM's light factor changes only gets darker,
+# so that OpenGL never clips the lit colour and the truth is a plain ratio.
+LAMPS: Vector = (0.5, 0.5, 0.5)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,9 +22,10 @@ class Bump:
 class Look:
     """How the world looks.
 
-    `tints` replaces the colour that multiplies a part's albedo, by part name. `light` is the diffuse colour of every
-    lamp; the ambient light goes with it. `bumps` moves cameras by name. `antialias` smooths the colour images, never
-    depth or ids. `texture_seed` draws the textures; None takes the recording's own seed.
+    `tints` replaces the colour that multiplies a part's albedo, by part name. `light` is the
+    diffuse colour of every lamp; the ambient light goes with it. `bumps` moves cameras by name.
+    `antialias` smooths the colour images, never depth or ids. `texture_seed` draws the textures;
+    None takes the recording's own seed.
     """
 
     tints: Mapping[str, Vector] = field(default_factory=dict)

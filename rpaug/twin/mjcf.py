@@ -10,8 +10,8 @@ from rpaug.files import encode_png
 from rpaug.twin.look import LAMPS, Look
 from rpaug.twin.world import Body, Geom, Part, World
 
-AMBIENT = 0.30  # display intensity, at the lamps' own brightness
-_LAMPS = ((-0.60, 0.40, -0.69), (0.52, 0.30, -0.80), (0.62, -0.60, -0.50))
+AMBIENT = 0.3  # display intensity, at the lamps' own brightness
+_LAMPS = ((20, 33), (250, 25), (140, 25))  # heading and height they shine from, degrees
 
 
 def compile_model(world: World, look: Look, size: int) -> mujoco.MjModel:
@@ -32,8 +32,8 @@ def to_xml(world: World, look: Look, size: int) -> str:
     for name in world.textures:
         Xml.SubElement(asset, "texture", name=name, type="cube", file=f"{name}.png")
     scene = Xml.SubElement(root, "worldbody")
-    for direction in _LAMPS:
-        _add_lamp(scene, direction, look)
+    for heading, height in _LAMPS:
+        _add_lamp(scene, np.deg2rad(heading), np.deg2rad(height), look)
     elements: dict[str | None, Xml.Element] = {None: scene}
     for body in world.bodies:
         element = _add_body(elements, body)
@@ -49,14 +49,16 @@ def part_of_geoms(model: mujoco.MjModel, world: World) -> Int32[np.ndarray, "g"]
     )
 
 
-def _add_lamp(scene: Xml.Element, direction: tuple[float, float, float], look: Look) -> None:
+def _add_lamp(scene: Xml.Element, heading: float, height: float, look: Look) -> None:
+    along = np.cos(height)
+    source = np.array([along * np.cos(heading), along * np.sin(heading), np.sin(height)])
     ambient = np.asarray(look.light) * AMBIENT / (len(_LAMPS) * np.asarray(LAMPS))
     Xml.SubElement(
         scene,
         "light",
         type="directional",
-        pos=_text(-2.5 * np.asarray(direction) + [0.2, 0, 0.8]),
-        dir=_text(direction),
+        pos=_text(2.5 * source + [0.2, 0, 0.8]),
+        dir=_text(-source),
         diffuse=_text(look.light),
         ambient=_text(ambient),
         specular="0.3 0.3 0.3" if look.specular else "0 0 0",

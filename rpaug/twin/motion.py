@@ -18,8 +18,9 @@ _NUDGE = 1e-4  # of a straight path: the step of the central difference that giv
 class Key:
     """One leg of the motion, ending at `tip` (None: the gripper stays) with the fingers `opening` metres apart.
 
-    `share` is its part of the episode's length. `straight` legs move the tip on a line without turning it; the others
-    swing the joints. `holds` names what is rigid to the gripper during the leg.
+    `share` is its part of the episode's length. `straight` legs move the tip on a line without
+    turning it; the others swing the joints. `holds` names what is rigid to the gripper during the
+    leg.
     """
 
     share: float
@@ -57,7 +58,8 @@ def play(
 ) -> Motion:
     """Act the script out from the home posture over `frames` frames; `objects` are where things stand at first.
 
-    Raises Unsupported if there are fewer than two frames a leg, ValueError if a pose cannot be reached.
+    Raises Unsupported if there are fewer than two frames a leg, ValueError if a pose cannot be
+    reached.
     """
     if frames < 2 * len(script) + 1:
         raise Unsupported(f"{frames} frames: this motion needs {2 * len(script) + 1} or more")

@@ -8,9 +8,10 @@ from jaxtyping import Float
 from rpaug import geometry
 from rpaug.twin.world import Body, Geom, Part, Vector
 
-# Craig's modified Denavit-Hartenberg parameters a, d (metres), alpha (radians) of joints 1 to 7, the flange's
-# distance, the hand's turn and the tip's distance: Franka Control Interface documentation, "Robot and interface
-# specifications". RLBench's tip frame is turned by another pi about the approach axis (fitted to recorded demos).
+# Craig's modified Denavit-Hartenberg parameters a, d (metres), alpha (radians) of joints 1 to 7,
+# the flange's distance, the hand's turn and the tip's distance: Franka Control Interface
+# documentation, "Robot and interface specifications". RLBench's tip frame is turned by another pi
+# about the approach axis (fitted to recorded demos).
 DH = (
     (0.0, 0.333, 0.0),
     (0.0, 0.0, -np.pi / 2),
@@ -62,7 +63,8 @@ class Panda:
     ) -> Float[np.ndarray, "7"]:
         """Joint angles that put the tip at `target` to 1e-9, near `start`: damped least squares.
 
-        While far off, the spare joint is drawn towards the home posture. Raises ValueError out of reach.
+        While far off, the spare joint is drawn towards the home posture. Raises ValueError out of
+        reach.
         """
         q = start.copy()
         for _ in range(300):

@@ -46,10 +46,11 @@ def perform(
 ) -> Take:
     """One episode in memory: number `episode` of `seed`, `frames` long, seen in `size` x `size` pixels.
 
-    Seed and episode draw the layout, the motion, the handles and the textures, whatever the look. `factor` changes
-    that look: `object_color` the tint of the part `target` (None: the manipulated one), `light_color` all lamps,
-    `camera_pose` the front and shoulder cameras, to `value` or, where that is None, to a draw from the seed. Raises
-    RpaugError for unknown names, Unsupported without OpenGL or with too few frames.
+    Seed and episode draw the layout, the motion, the handles and the textures, whatever the look.
+    `factor` changes that look: `object_color` the tint of the part `target` (None: the manipulated
+    one), `light_color` all lamps, `camera_pose` the front and shoulder cameras, to `value` or,
+    where that is None, to a draw from the seed. Raises RpaugError for unknown names, Unsupported
+    without OpenGL or with too few frames.
     """
     if task not in tasks.TASKS:
         raise RpaugError(f"no task is called {task!r}; there are: {', '.join(tasks.TASKS)}")
@@ -126,15 +127,7 @@ def record(
 
 def _film(world: World, look: Look, motion: Motion, size: int) -> dict[str, CameraView]:
     rig = cameras.rig(motion.gripper_to_world, size, look.bumps)
-    shape = (motion.length, size, size)
-    reels = {
-        name: (
-            np.empty((*shape, 3), np.uint8),
-            np.empty(shape, np.float32),
-            np.empty(shape, np.int32),
-        )
-        for name in rig
-    }
+    reels = {name: _blank(motion.length, size) for name in rig}
     with Renderer(world, look, size) as renderer:
         for t in range(motion.length):
             renderer.pose(
@@ -147,6 +140,12 @@ def _film(world: World, look: Look, motion: Motion, size: int) -> dict[str, Came
                 for reel, image in zip(reels[name], frame, strict=True):
                     reel[t] = image
     return {name: _view(camera, *reels[name]) for name, camera in rig.items()}
+
+
+def _blank(length: int, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Room for colour, depth and handles of a whole episode in one camera."""
+    shape = (length, size, size)
+    return np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32)
 
 
 def _view(camera: Camera, rgb: np.ndarray, depth: np.ndarray, ids: np.ndarray) -> CameraView:
@@ -169,6 +168,5 @@ def _robot(motion: Motion) -> Robot:
             "gripper_touch_forces": np.zeros((t, 6)),
             "gripper_joint_positions": np.stack([motion.opening, motion.opening], 1),
             "task_low_dim_state": np.concatenate(state, 1),
-            "ignore_collisions": np.zeros(t),
         },
     )

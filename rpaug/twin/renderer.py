@@ -103,7 +103,6 @@ class Renderer:
     def _buffer(self, samples: int) -> mujoco.MjrContext:
         self.model.vis.quality.offsamples = samples
         context = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
         context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         return context
 
@@ -118,8 +117,13 @@ class Renderer:
             eye.frustum_bottom, eye.frustum_top = bottom, top
             eye.frustum_near, eye.frustum_far = near, far
 
+    def _draw(self, context: mujoco.MjrContext) -> None:
+        """Render into that context's own buffer; which one is bound is OpenGL's state, not the context's."""
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+        mujoco.mjr_render(self._whole, self._scene, context)
+
     def _draw_colour(self) -> UInt8[np.ndarray, "h w 3"]:
-        mujoco.mjr_render(self._whole, self._scene, self._colour)
+        self._draw(self._colour)
         mujoco.mjr_readPixels(self._rgb, None, self._whole, self._colour)
         return self._rgb[::-1].copy()
 
@@ -128,7 +132,7 @@ class Renderer:
     ) -> tuple[Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]:
         for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
             self._scene.flags[flag] = True
-        mujoco.mjr_render(self._whole, self._scene, self._exact)
+        self._draw(self._exact)
         mujoco.mjr_readPixels(self._rgb, self._depth, self._whole, self._exact)
         for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
             self._scene.flags[flag] = False
@@ -137,6 +141,7 @@ class Renderer:
             int(self._handles[self._scene.geoms[g].objid]) for g in range(self._scene.ngeom)
         ]
         ids = np.array(names, np.int32)[number]
-        # Reversed depth is 1 at near and 0 at far: solved for z in double, as 32-bit floats are densest at far.
+        # Reversed depth is 1 at near and 0 at far: solved for z in double, as 32-bit floats are
+        # densest at far.
         z = near * far / (near + self._depth[::-1].astype(np.float64) * (far - near))
         return np.where(ids > 0, z, 0).astype(np.float32), ids

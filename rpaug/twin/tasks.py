@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -9,7 +10,7 @@ from jaxtyping import Float
 from rpaug import geometry
 from rpaug.twin.motion import Key
 from rpaug.twin.panda import OPEN
-from rpaug.twin.tabletop import BLOCK, GRIP, GRIP_RADIUS, TABLE, resting_height, upright
+from rpaug.twin.tabletop import BLOCK, GRIP, GRIP_RADIUS, resting_height, upright
 
 Pose = Float[np.ndarray, "4 4"]
 
@@ -22,8 +23,8 @@ _LEAN = np.deg2rad(40.0)  # how far the approach to the grip leans from the vert
 class Job:
     """One drawn instance of a task.
 
-    `manipulated` is the part that moves (its name is also the default target of a change). `descriptions` are
-    RLBench's kind of instructions, the first one the main one.
+    `manipulated` is the part that moves (its name is also the default target of a change).
+    `descriptions` are RLBench's kind of instructions, the first one the main one.
     """
 
     placing: Mapping[str, Pose]
@@ -86,16 +87,16 @@ def pick_block(rng: np.random.Generator) -> Job:
         np.array([pad[0, 3], pad[1, 3], pad_top + BLOCK[2] + 0.015]), down, opens_along=block[:3, 0]
     )
     over = np.array([0, 0, _REACH])
-    hold = {"opening": BLOCK[0], "holds": name}
+    carry = partial(Key, straight=True, opening=BLOCK[0], holds=name)
     script = (
-        Key(share=0.24, tip=_moved(grasp, over)),
-        Key(share=0.11, tip=grasp, straight=True),
-        Key(share=0.06, opening=BLOCK[0]),
-        Key(share=0.13, tip=_moved(grasp, over), straight=True, **hold),
-        Key(share=0.18, tip=_moved(place, over), straight=True, **hold),
-        Key(share=0.12, tip=place, straight=True, **hold),
-        Key(share=0.06, opening=OPEN),
-        Key(share=0.10, tip=_moved(place, over), straight=True),
+        Key(share=0.34, tip=_moved(grasp, over)),
+        Key(share=0.10, tip=grasp, straight=True),
+        Key(share=0.05, opening=BLOCK[0]),
+        carry(share=0.11, tip=_moved(grasp, over)),
+        carry(share=0.16, tip=_moved(place, over)),
+        carry(share=0.10, tip=place),
+        Key(share=0.05, opening=OPEN),
+        Key(share=0.09, tip=_moved(place, over), straight=True),
     )
     spots = [(0.08, -0.36), (0.24, -0.37), (0.42, -0.33), (0.08, 0.25)]
     others = tuple(thing for thing in _LOOSE if thing not in (name, "pad"))
@@ -130,14 +131,11 @@ def _scatter(
 ) -> dict[str, Pose]:
     """One thing a spot, in drawn order, each a little off and turned."""
     order = rng.permutation(len(spots))[: len(names)]
-    return {
-        name: upright(
-            *(np.array(spots[spot]) + rng.uniform(-0.015, 0.015, 2)),
-            resting_height(name),
-            rng.uniform(-0.5, 0.5),
-        )
-        for name, spot in zip(names, order, strict=True)
-    }
+    places = {}
+    for name, spot in zip(names, order, strict=True):
+        x, y = np.array(spots[spot]) + rng.uniform(-0.015, 0.015, 2)
+        places[name] = upright(x, y, resting_height(name), rng.uniform(-0.5, 0.5))
+    return places
 
 
 def _gripper(

@@ -1,7 +1,8 @@
 """Textures drawn from a seed: wood, plaster, tiles, and the pictures on the blocks.
 
-Each has detail at several scales down to single texels (so that matching and reprojection have something to hold on
-to, and no gradient is smooth enough to band in 8 bits) and repeats without a seam.
+Each has detail at several scales down to single texels (so that matching and reprojection have
+something to hold on to, and no gradient is smooth enough to band in 8 bits) and repeats without a
+seam.
 """
 
 import numpy as np

@@ -13,9 +13,9 @@ from rpaug.twin.world import Vector, World
 class Truth:
     """The facts of one recorded episode.
 
-    `handles` maps part names to mask handles, `bodies` body names to the handles rigid to each other, `manipulated`
-    is the name of the part the task moves. `old` is the look before the change, `new` the one recorded: without a
-    factor the same.
+    `handles` maps part names to mask handles, `bodies` body names to the handles rigid to each
+    other, `manipulated` is the name of the part the task moves. `old` is the look before the
+    change, `new` the one recorded: without a factor the same.
     """
 
     task: str

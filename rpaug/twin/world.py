@@ -17,8 +17,9 @@ WHITE: Vector = (1.0, 1.0, 1.0)
 class Geom:
     """One primitive in its body's frame.
 
-    `size` is MuJoCo's: half extents of a box or a plane in metres, the radius of the others. A capsule or cylinder
-    runs from `start` to `end`; the others sit at `start`. Its albedo is tint of the part * `colour` * texture.
+    `size` is MuJoCo's: half extents of a box or a plane in metres, the radius of the others. A
+    capsule or cylinder runs from `start` to `end`; the others sit at `start`. Its albedo is tint of
+    the part * `colour` * texture.
     """
 
     shape: Literal["box", "plane", "sphere", "capsule", "cylinder"]
@@ -42,8 +43,8 @@ class Part:
 class Body:
     """A rigid set of parts.
 
-    `pose` is in the frame of `parent`, or in the world. A body with a `joint` turns about (hinge) or slides along
-    the given axis of its own frame; a `movable` one is put where the motion says.
+    `pose` is in the frame of `parent`, or in the world. A body with a `joint` turns about (hinge)
+    or slides along the given axis of its own frame; a `movable` one is put where the motion says.
     """
 
     name: str
