@@ -1,0 +1,122 @@
+"""The world as MuJoCo's XML, and the compiled model."""
+
+from xml.etree import ElementTree as Xml
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int32
+
+from rpaug.files import encode_png
+from rpaug.twin.look import LAMPS, Look
+from rpaug.twin.world import Body, Geom, Part, World
+
+AMBIENT = 0.3  # display intensity, at the lamps' own brightness
+_LAMPS = ((20, 33), (250, 25), (140, 25))  # heading and height they shine from, degrees
+
+
+def compile_model(world: World, look: Look, size: int) -> mujoco.MjModel:
+    """The model of `world` under `look`, with offscreen buffers of `size` x `size` pixels."""
+    pictures = {f"{name}.png": encode_png(image) for name, image in world.textures.items()}
+    return mujoco.MjModel.from_xml_string(to_xml(world, look, size), pictures)
+
+
+def to_xml(world: World, look: Look, size: int) -> str:
+    """The MJCF document. Each part has one material per texture, so that its tint is said once."""
+    root = Xml.Element("mujoco", model="tabletop")
+    Xml.SubElement(root, "compiler", angle="radian")
+    visual = Xml.SubElement(root, "visual")
+    Xml.SubElement(visual, "global", offwidth=str(size), offheight=str(size))
+    Xml.SubElement(visual, "quality", offsamples="4" if look.antialias else "0", shadowsize="2048")
+    Xml.SubElement(visual, "headlight", active="0")
+    asset = Xml.SubElement(root, "asset")
+    for name in world.textures:
+        Xml.SubElement(asset, "texture", name=name, type="cube", file=f"{name}.png")
+    scene = Xml.SubElement(root, "worldbody")
+    for heading, height in _LAMPS:
+        _add_lamp(scene, np.deg2rad(heading), np.deg2rad(height), look)
+    elements: dict[str | None, Xml.Element] = {None: scene}
+    for body in world.bodies:
+        element = _add_body(elements, body)
+        for part in body.parts:
+            _add_part(asset, element, part, look)
+    return Xml.tostring(root, encoding="unicode")
+
+
+def part_of_geoms(model: mujoco.MjModel, world: World) -> Int32[np.ndarray, "g"]:
+    """The mask handle of every geom of the model."""
+    return np.array(
+        [world.handles[model.geom(g).name.split("/")[0]] for g in range(model.ngeom)], np.int32
+    )
+
+
+def _add_lamp(scene: Xml.Element, heading: float, height: float, look: Look) -> None:
+    along = np.cos(height)
+    source = np.array([along * np.cos(heading), along * np.sin(heading), np.sin(height)])
+    ambient = np.asarray(look.light) * AMBIENT / (len(_LAMPS) * np.asarray(LAMPS))
+    Xml.SubElement(
+        scene,
+        "light",
+        type="directional",
+        pos=_text(2.5 * source + [0.2, 0, 0.8]),
+        dir=_text(-source),
+        diffuse=_text(look.light),
+        ambient=_text(ambient),
+        specular="0.3 0.3 0.3" if look.specular else "0 0 0",
+        castshadow="true" if look.shadows else "false",
+    )
+
+
+def _add_body(elements: dict[str | None, Xml.Element], body: Body) -> Xml.Element:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, body.pose[:3, :3].ravel())
+    element = Xml.SubElement(
+        elements[body.parent],
+        "body",
+        name=body.name,
+        pos=_text(body.pose[:3, 3]),
+        quat=_text(quaternion),
+        mocap="true" if body.movable else "false",
+    )
+    if body.joint:
+        kind, axis = body.joint
+        Xml.SubElement(element, "joint", name=body.name, type=kind, axis=_text(axis))
+    elements[body.name] = element
+    return element
+
+
+def _add_part(asset: Xml.Element, body: Xml.Element, part: Part, look: Look) -> None:
+    tint = look.tints.get(part.name, part.tint)
+    for number, geom in enumerate(part.geoms):
+        name = f"{part.name}/{number}"
+        material = Xml.SubElement(
+            asset,
+            "material",
+            name=name,
+            rgba=_text((*np.multiply(tint, geom.colour), 1)),
+            specular="0.5" if look.specular else "0",
+            shininess="0.6",
+        )
+        if geom.texture:
+            material.set("texture", geom.texture)
+        _add_geom(body, geom, name)
+
+
+def _add_geom(body: Xml.Element, geom: Geom, name: str) -> None:
+    element = Xml.SubElement(
+        body,
+        "geom",
+        name=name,
+        type=geom.shape,
+        size=_text(geom.size),
+        material=name,
+        contype="0",
+        conaffinity="0",
+    )
+    if geom.end is None:
+        element.set("pos", _text(geom.start))
+    else:
+        element.set("fromto", _text((*geom.start, *geom.end)))
+
+
+def _text(numbers: Float[np.ndarray, "n"] | tuple[float, ...]) -> str:
+    return " ".join(repr(float(number)) for number in numbers)

@@ -1,0 +1,172 @@
+"""Record an episode of the twin, and the same motion again with one factor truly changed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from rpaug import registry
+from rpaug.errors import RpaugError
+from rpaug.twin import cameras, factors, tabletop, tasks
+from rpaug.twin.look import Look
+from rpaug.twin.motion import Motion, play
+from rpaug.twin.panda import OPEN
+from rpaug.twin.renderer import Renderer
+from rpaug.twin.truth import Truth, changed_tints
+from rpaug.twin.world import World
+from rpaug.types import Camera, CameraView, Episode, Robot
+
+LARGEST = 2048  # pixels a side
+_OPEN_FROM = 0.95  # of the full opening: RLBench's rule for gripper_open
+
+
+@dataclass(frozen=True)
+class Take:
+    """An episode in memory with the truth about it; `poses` are body-to-world tracks by body name."""
+
+    episode: Episode
+    truth: Truth
+    poses: Mapping[str, Float[np.ndarray, "t 4 4"]]
+
+
+def perform(
+    task: str,
+    seed: int,
+    *,
+    episode: int = 0,
+    factor: str | None = None,
+    target: str | None = None,
+    value: Any = None,
+    look: Look | None = None,
+    size: int = 128,
+    frames: int = 60,
+) -> Take:
+    """One episode in memory: number `episode` of `seed`, `frames` long, seen in `size` x `size` pixels.
+
+    Seed and episode draw the layout, the motion, the handles and the textures, whatever the look.
+    `factor` changes that look: `object_color` the tint of the part `target` (None: the manipulated
+    one), `light_color` all lamps, `camera_pose` the front and shoulder cameras, to `value` or,
+    where that is None, to a draw from the seed. Raises RpaugError for unknown names, Unsupported
+    without OpenGL or with too few frames.
+    """
+    if task not in tasks.TASKS:
+        raise RpaugError(f"no task is called {task!r}; there are: {', '.join(tasks.TASKS)}")
+    if not 8 <= size <= LARGEST:
+        raise RpaugError(f"size {size}: the twin renders 8 to {LARGEST} pixels a side")
+    old = look or Look()
+    layout, handles, textures, drawn = (np.random.default_rng([seed, episode, k]) for k in range(4))
+    job = tasks.TASKS[task](layout)
+    motion = play(tabletop.ARM, job.script, job.placing, frames)
+    texture_seed = int(textures.integers(2**32)) if old.texture_seed is None else old.texture_seed
+    world = tabletop.build(job.placing, handles, texture_seed)
+    chosen = target or job.manipulated
+    new = factors.change(factor, old, world, chosen, value, drawn) if factor else old
+    truth = Truth(
+        task=task,
+        seed=seed,
+        episode=episode,
+        variation=job.variation,
+        manipulated=job.manipulated,
+        handles=world.handles,
+        bodies={b.name: tuple(world.handles[p.name] for p in b.parts) for b in world.bodies},
+        key_frames=motion.keys,
+        factor=factor,
+        tints=changed_tints(world, old, new),
+        old=old,
+        new=new,
+    )
+    made = Episode(
+        key=f"{task}/all_variations/episodes/episode{episode}",
+        views=_film(world, new, motion, size),
+        robot=_robot(motion),
+        descriptions=job.descriptions,
+        length=motion.length,
+    )
+    return Take(made, truth, motion.objects)
+
+
+def record(
+    task: str,
+    seed: int,
+    out: Path,
+    *,
+    factor: str | None = None,
+    target: str | None = None,
+    value: Any = None,
+    look: Look | None = None,
+    size: int = 128,
+    frames: int = 60,
+    episodes: int = 1,
+) -> list[Truth]:
+    """Write `episodes` episodes to OUT/<task>/all_variations/episodes/episode<i>, `truth.json` beside each one's files.
+
+    The arguments are those of `perform`. Raises BadInput if an episode is there already.
+    """
+    adapter = registry.adapter("rlbench")
+    truths = []
+    for number in range(episodes):
+        take = perform(
+            task,
+            seed,
+            episode=number,
+            factor=factor,
+            target=target,
+            value=value,
+            look=look,
+            size=size,
+            frames=frames,
+        )
+        side = {"truth.json": take.truth.to_json()}
+        adapter.write(take.episode, Path(out), take.episode.key, side)
+        truths.append(take.truth)
+    return truths
+
+
+def _film(world: World, look: Look, motion: Motion, size: int) -> dict[str, CameraView]:
+    rig = cameras.rig(motion.gripper_to_world, size, look.bumps)
+    reels = {name: _blank(motion.length, size) for name in rig}
+    with Renderer(world, look, size) as renderer:
+        for t in range(motion.length):
+            renderer.pose(
+                motion.joint_positions[t],
+                motion.opening[t],
+                {name: track[t] for name, track in motion.objects.items()},
+            )
+            for name, camera in rig.items():
+                frame = renderer.render(camera, t, cameras.NEAR, cameras.FAR[name])
+                for reel, image in zip(reels[name], frame, strict=True):
+                    reel[t] = image
+    return {name: _view(camera, *reels[name]) for name, camera in rig.items()}
+
+
+def _blank(length: int, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Room for colour, depth and handles of a whole episode in one camera."""
+    shape = (length, size, size)
+    return np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32)
+
+
+def _view(camera: Camera, rgb: np.ndarray, depth: np.ndarray, ids: np.ndarray) -> CameraView:
+    for reel in (rgb, depth, ids):
+        reel.flags.writeable = False
+    return CameraView(camera, rgb.__getitem__, depth.__getitem__, ids.__getitem__)
+
+
+def _robot(motion: Motion) -> Robot:
+    """What RLBench stores of the robot; forces are zero, because the motion is played back and not simulated."""
+    t = motion.length
+    state = [motion.objects[name][:, :3].reshape(t, 12) for name in sorted(motion.objects)]
+    return Robot(
+        motion.joint_positions,
+        motion.joint_velocities,
+        motion.gripper_to_world,
+        (motion.opening > _OPEN_FROM * OPEN).astype(np.float64),
+        {
+            "joint_forces": np.zeros((t, 7)),
+            "gripper_touch_forces": np.zeros((t, 6)),
+            "gripper_joint_positions": np.stack([motion.opening, motion.opening], 1),
+            "task_low_dim_state": np.concatenate(state, 1),
+        },
+    )

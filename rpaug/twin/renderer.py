@@ -1,0 +1,147 @@
+"""Pictures of the world by OpenGL in software: colour, depth in metres, and the handle under each pixel."""
+
+import os
+from types import TracebackType
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float32, Float64, Int32, UInt8
+
+from rpaug.errors import Unsupported
+from rpaug.twin import mjcf
+from rpaug.twin.look import Look
+from rpaug.twin.world import World
+from rpaug.types import Camera
+
+Frame = tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]
+
+
+def open_gl(size: int) -> Any:
+    """A current OpenGL context without a window. Raises Unsupported naming the packages that bring one."""
+    try:
+        if os.environ.get("MUJOCO_GL", "egl") == "egl":
+            from mujoco.egl import GLContext
+        else:
+            from mujoco import GLContext
+        context = GLContext(size, size)
+        context.make_current()
+    except (ImportError, AttributeError, RuntimeError, OSError) as error:
+        raise Unsupported(
+            "the twin needs OpenGL to render: on Debian or Ubuntu, "
+            f"apt-get install libegl1 libgl1-mesa-dri and set MUJOCO_GL=egl ({error})"
+        ) from error
+    return context
+
+
+class Renderer:
+    """Renders one world under one look; close it, or use it in a `with` block, to free its OpenGL context."""
+
+    def __init__(self, world: World, look: Look, size: int) -> None:
+        self.size = size
+        self.model = mjcf.compile_model(world, look, size)
+        self.data = mujoco.MjData(self.model)
+        self._handles = mjcf.part_of_geoms(self.model, world)
+        self._scene = mujoco.MjvScene(self.model, maxgeom=self.model.ngeom + 8)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = look.shadows
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+        self._option = mujoco.MjvOption()
+        self._whole = mujoco.MjrRect(0, 0, size, size)
+        self._gl = open_gl(size)
+        self._colour = self._buffer(4 if look.antialias else 0)
+        # Depth and ids must name one surface per pixel, so they never share a multisampled buffer.
+        self._exact = self._buffer(0) if look.antialias else self._colour
+        self._rgb = np.empty((size, size, 3), np.uint8)
+        self._depth = np.empty((size, size), np.float32)
+
+    def pose(
+        self,
+        q: Float64[np.ndarray, "7"],
+        opening: float,
+        objects: dict[str, Float64[np.ndarray, "4 4"]],
+    ) -> None:
+        """Put arm, fingers (metres each from the middle) and movable bodies where they belong."""
+        self.data.qpos[:] = (*q, opening, opening)
+        for name, where in objects.items():
+            slot = self.model.body(name).mocapid[0]
+            self.data.mocap_pos[slot] = where[:3, 3]
+            mujoco.mju_mat2Quat(self.data.mocap_quat[slot], where[:3, :3].ravel())
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+        mujoco.mjv_updateScene(
+            self.model,
+            self.data,
+            self._option,
+            None,
+            mujoco.MjvCamera(),
+            mujoco.mjtCatBit.mjCAT_ALL,
+            self._scene,
+        )
+
+    def render(self, camera: Camera, t: int, near: float, far: float) -> Frame:
+        """Colour, depth (0 where nothing is) and handles (0 there) as `camera` sees the posed world at t."""
+        self._aim(camera, t, near, far)
+        return self._draw_colour(), *self._draw_surfaces(near, far)
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self._colour.free()
+        self._exact.free()
+        self._gl.free()
+
+    def __enter__(self) -> "Renderer":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _buffer(self, samples: int) -> mujoco.MjrContext:
+        self.model.vis.quality.offsamples = samples
+        context = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        return context
+
+    def _aim(self, camera: Camera, t: int, near: float, far: float) -> None:
+        """Give the scene a frustum under which K holds with pixel centres at integers: OpenGL's are at + 1/2."""
+        K, pose = camera.K, camera.cam_to_world[t]
+        left, right = (np.array([-0.5, camera.width - 0.5]) - K[0, 2]) / K[0, 0] * near
+        top, bottom = (K[1, 2] - np.array([-0.5, camera.height - 0.5])) / K[1, 1] * near
+        for eye in self._scene.camera:
+            eye.pos, eye.forward, eye.up = pose[:3, 3], pose[:3, 2], -pose[:3, 1]
+            eye.frustum_center, eye.frustum_width = (left + right) / 2, (right - left) / 2
+            eye.frustum_bottom, eye.frustum_top = bottom, top
+            eye.frustum_near, eye.frustum_far = near, far
+
+    def _draw(self, context: mujoco.MjrContext) -> None:
+        """Render into that context's own buffer; which one is bound is OpenGL's state, not the context's."""
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+        mujoco.mjr_render(self._whole, self._scene, context)
+
+    def _draw_colour(self) -> UInt8[np.ndarray, "h w 3"]:
+        self._draw(self._colour)
+        mujoco.mjr_readPixels(self._rgb, None, self._whole, self._colour)
+        return self._rgb[::-1].copy()
+
+    def _draw_surfaces(
+        self, near: float, far: float
+    ) -> tuple[Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]:
+        for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
+            self._scene.flags[flag] = True
+        self._draw(self._exact)
+        mujoco.mjr_readPixels(self._rgb, self._depth, self._whole, self._exact)
+        for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
+            self._scene.flags[flag] = False
+        number = self._rgb[::-1].astype(np.int32) @ (1, 1 << 8, 1 << 16)
+        names = [0] + [
+            int(self._handles[self._scene.geoms[g].objid]) for g in range(self._scene.ngeom)
+        ]
+        ids = np.array(names, np.int32)[number]
+        # Reversed depth is 1 at near and 0 at far: solved for z in double, as 32-bit floats are
+        # densest at far.
+        z = near * far / (near + self._depth[::-1].astype(np.float64) * (far - near))
+        return np.where(ids > 0, z, 0).astype(np.float32), ids

@@ -1,0 +1,159 @@
+"""The tabletop: a Panda, a cabinet with a drawer, blocks, a cylinder, a pad, table, walls, floor."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from rpaug import geometry
+from rpaug.twin import panda, textures
+from rpaug.twin.world import Body, Geom, Part, World, draw_handles
+
+TABLE = 0.752  # metres, the height of RLBench's table
+ARM = panda.Panda(geometry.rigid(np.zeros(3), np.array([-0.29, 0.0, TABLE])))
+
+DEPTH, WIDTH, HEIGHT = 0.24, 0.28, 0.21  # of the cabinet: along the drawer's way, across, up
+WALL = 0.012
+GRIP = np.array([0.184, 0.0, 0.165])  # middle of the grip in the cabinet's frame
+GRIP_RADIUS = 0.008
+
+BLOCK = (0.032, 0.055, 0.045)  # half extents: the narrow side fits the gripper
+RED = (0.80, 0.07, 0.06)
+
+
+def build(
+    placing: Mapping[str, Float[np.ndarray, "4 4"]], rng: np.random.Generator, texture_seed: int
+) -> World:
+    """The furnished world; `placing` says where cabinet, blocks, cylinder and pad stand, `rng` draws the handles."""
+    bodies = (
+        _room(),
+        *panda.bodies(ARM.base),
+        *_cabinet(placing["cabinet"]),
+        *(Body(name, (part,), placing[name], movable=True) for name, part in _things().items()),
+    )
+    return World(bodies, _pictures(np.random.default_rng(texture_seed)), draw_handles(bodies, rng))
+
+
+def upright(x: float, y: float, height: float = 0.0, yaw: float = 0.0) -> Float[np.ndarray, "4 4"]:
+    """The pose of something that stands on the table, turned by `yaw` about the vertical."""
+    return geometry.rigid(np.array([0, 0, yaw]), np.array([x, y, TABLE + height]))
+
+
+def resting_height(name: str) -> float:
+    """How far above the table the middle of a block, the cylinder or the pad is when it stands."""
+    (geom,) = _things()[name].geoms
+    if geom.shape == "box":
+        return geom.size[2]
+    assert geom.end is not None
+    return geom.end[2]
+
+
+def _room() -> Body:
+    """Table, floor and three walls: nothing of it ever moves, yet each has its own handle."""
+    wall = 0.05
+
+    def panel(name: str, size: tuple[float, ...], middle: tuple[float, float, float]) -> Part:
+        return Part(name, (Geom("box", size, middle, texture="plaster"),), (0.62, 0.72, 0.80))
+
+    top = 0.02
+    table = (
+        Geom("box", (0.62, 0.72, top), (0.20, 0, TABLE - top), texture="wood"),
+        Geom(
+            "box", (0.05, 0.05, (TABLE - 2 * top) / 2), (-0.3, 0.6, TABLE / 2 - top), texture="wood"
+        ),
+        Geom(
+            "box",
+            (0.05, 0.05, (TABLE - 2 * top) / 2),
+            (-0.3, -0.6, TABLE / 2 - top),
+            texture="wood",
+        ),
+        Geom(
+            "box", (0.05, 0.05, (TABLE - 2 * top) / 2), (0.7, 0.6, TABLE / 2 - top), texture="wood"
+        ),
+        Geom(
+            "box", (0.05, 0.05, (TABLE - 2 * top) / 2), (0.7, -0.6, TABLE / 2 - top), texture="wood"
+        ),
+    )
+    return Body(
+        "room",
+        (
+            Part("table", table),
+            Part("floor", (Geom("box", (2.2, 2.2, 0.01), (0.3, 0, -0.01), texture="tiles"),)),
+            panel("wall_back", (wall, 1.7, 1.3), (-1.5, 0, 1.3)),
+            panel("wall_left", (1.85, wall, 1.3), (0.3, 1.7, 1.3)),
+            panel("wall_right", (1.85, wall, 1.3), (0.3, -1.7, 1.3)),
+            panel("wall_far", (wall, 1.7, 1.3), (2.15, 0, 1.3)),
+        ),
+    )
+
+
+def _cabinet(pose: Float[np.ndarray, "4 4"]) -> tuple[Body, Body]:
+    """A box that is open in the upper front, and the drawer in it; x is the way the drawer opens, z = 0 its foot."""
+    d, w, h, t = DEPTH / 2, WIDTH / 2, HEIGHT, WALL / 2
+    shelf = 0.10
+
+    def board(half: tuple[float, float, float], middle: tuple[float, float, float]) -> Geom:
+        return Geom("box", half, middle, texture="oak")
+
+    frame = (
+        board((d, w, t), (0, 0, h - t)),
+        board((d, w, t), (0, 0, t)),
+        board((d, t, h / 2 - WALL), (0, w - t, h / 2)),
+        board((d, t, h / 2 - WALL), (0, t - w, h / 2)),
+        board((t, w - WALL, h / 2 - WALL), (t - d, 0, h / 2)),
+        board((d - WALL, w - WALL, t), (t, 0, shelf - t)),
+        board((t, w - WALL, shelf / 2 - WALL), (d - t, 0, shelf / 2)),
+    )
+    gap, low, high = 0.004, shelf + 0.004, h - WALL - 0.016
+    side = w - WALL - gap - t
+    tray = (
+        board((t, w - 0.002, 0.052), (d + t + 0.001, 0, 0.152)),
+        board((d - WALL, t, (high - low) / 2), (t, side, (low + high) / 2)),
+        board((d - WALL, t, (high - low) / 2), (t, -side, (low + high) / 2)),
+        board((t, side - t, (high - low) / 2), (WALL + t - d, 0, (low + high) / 2)),
+        board((d - WALL - t, side - t, 0.004), (WALL, 0, low + 0.004)),
+    )
+    x, y, z = GRIP
+    post = 0.05
+    start = d + WALL + 0.001
+    grip = (
+        Geom("capsule", (GRIP_RADIUS,), (x, y - 0.06, z), (x, y + 0.06, z)),
+        Geom("cylinder", (0.006,), (start, y - post, z), (x, y - post, z)),
+        Geom("cylinder", (0.006,), (start, y + post, z), (x, y + post, z)),
+    )
+    return (
+        Body("cabinet", (Part("cabinet", frame, (0.80, 0.72, 0.62)),), pose, movable=True),
+        Body(
+            "drawer",
+            (Part("drawer", tray, (0.95, 0.90, 0.82)), Part("grip", grip, (0.30, 0.31, 0.34))),
+            pose,
+            movable=True,
+        ),
+    )
+
+
+def _things() -> dict[str, Part]:
+    """What can be taken, and the pad it is put on: one shape each."""
+    x, y, z = BLOCK
+    return {
+        name: Part(name, (geom,), tint)
+        for name, geom, tint in (
+            ("block_plain", Geom("box", BLOCK), RED),
+            ("block_two_coloured", Geom("box", BLOCK, texture="halves"), (1.0, 1.0, 1.0)),
+            ("block_textured", Geom("box", (y, y, y), texture="marble"), (1.0, 1.0, 1.0)),
+            ("block_small", Geom("box", (z, z, x)), (0.16, 0.30, 0.74)),
+            ("cylinder", Geom("cylinder", (z,), (0, 0, -0.06), (0, 0, 0.06)), (0.20, 0.62, 0.28)),
+            ("pad", Geom("box", (0.08, 0.08, 0.006)), (0.85, 0.82, 0.78)),
+        )
+    }
+
+
+def _pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    return {
+        "wood": textures.grain(rng, (0.72, 0.52, 0.30), 10, 0.13),
+        "oak": textures.grain(rng, (0.78, 0.68, 0.54), 8, 0.08),
+        "plaster": textures.grain(rng, (0.80, 0.82, 0.84), 1, 0.07),
+        "tiles": textures.tiles(rng, (0.72, 0.70, 0.66), 12),
+        "halves": textures.halves((0.85, 0.20, 0.15), (0.90, 0.78, 0.20)),
+        "marble": textures.marble(rng, (0.30, 0.42, 0.62), (0.88, 0.84, 0.72)),
+    }

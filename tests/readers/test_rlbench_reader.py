@@ -1,0 +1,125 @@
+"""What we write is read by RLBench's own reader, in its own process, with the values that were recorded."""
+
+import json
+import os
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rpaug import Scene, geometry, registry
+from rpaug.operators.camera_pose import CameraPose
+from rpaug.scene import surfels
+
+DRIVER = Path(__file__).with_name("read_with_rlbench.py")
+KEYS = ("all_variations/episodes/episode0", "all_variations/episodes/episode5")
+
+
+@pytest.fixture(scope="module")
+def source() -> Path:
+    if "RPAUG_TEST_DATA" not in os.environ:
+        pytest.skip("RPAUG_TEST_DATA is not set: no real recordings here")
+    return Path(os.environ["RPAUG_TEST_DATA"]) / "rlbench_open_drawer"
+
+
+@pytest.fixture(scope="module")
+def read():
+    """Runs the driver on (root, key) twice and returns what it says."""
+    if "RPAUG_READERS" not in os.environ:
+        pytest.skip("RPAUG_READERS is not set: no RLBench reader here (docs/readers.md)")
+    readers = Path(os.environ["RPAUG_READERS"])
+
+    def run(root: Path, key: str, other_root: Path, other_key: str, *more: str) -> dict:
+        places = []
+        for place in (root / key, other_root / other_key):
+            places += [str(place.parent), place.name.removeprefix("episode")]
+        done = subprocess.run(
+            [readers / "venv/bin/python", "-W", "error", DRIVER, *places, *more],
+            env={"PYTHONPATH": str(readers / "peract_colab"), "PATH": os.environ["PATH"]},
+            capture_output=True, text=True, timeout=300, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return run
+
+
+def assert_same_demo(said: dict) -> None:
+    """Another process read both, and a trainer would take the same frames and words from them."""
+    assert said["numpy"].startswith("1.")
+    assert not said["rpaug"]
+    assert said["values_compared"] > 70
+    assert said["frames"][0] == said["frames"][1] > 90
+    assert said["instructions"][0] == said["instructions"][1] != ""
+    assert said["key_frames"][0] == said["key_frames"][1]
+    assert len(said["key_frames"][0]) >= 3
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_recording_equals_itself(read, source, key):
+    said = read(source, key, source, key)
+    assert_same_demo(said)
+    assert said["differs"] == {}
+
+
+def test_the_driver_notices_differences(read, source):
+    """Two different recordings differ in nearly everything: an empty answer is not for want of looking."""
+    said = read(source, KEYS[0], source, KEYS[1])
+    assert said["frames"] == [125, 96]
+    assert said["key_frames"][0] != said["key_frames"][1]
+    assert {"front_rgb", "wrist_depth", "joint_positions", "low_dim_data"} <= set(said["differs"])
+    assert {"misc.wrist_camera_extrinsics", "extract_obs.front_point_cloud"} <= set(said["differs"])
+
+
+def test_an_unedited_copy_is_equal_in_every_bit(read, source, tmp_path):
+    adapter = registry.adapter("rlbench")
+    adapter.write(
+        adapter.read(source, KEYS[0]), tmp_path, "new/episodes/episode0", {"rpaug.json": b"{}"}
+    )
+    said = read(source, KEYS[0], tmp_path, "new/episodes/episode0")
+    assert_same_demo(said)
+    assert said["differs"] == {}
+
+
+def test_edited_colours_change_nothing_else(read, source, tmp_path):
+    adapter = registry.adapter("rlbench")
+    episode = adapter.read(source, KEYS[0])
+    front = episode.views["front"]
+    inverted = replace(front, rgb=lambda t: 255 - front.rgb(t))
+    adapter.write(
+        replace(episode, views={**episode.views, "front": inverted}), tmp_path, KEYS[0], {}
+    )
+    said = read(source, KEYS[0], tmp_path, KEYS[0])
+    assert_same_demo(said)
+    everywhere = list(range(episode.length))
+    assert said["differs"] == {"front_rgb": everywhere, "extract_obs.front_rgb": everywhere}
+
+
+def test_a_moved_camera_reads_as_points_in_the_same_world(read, source, tmp_path):
+    """Depth and matrices of a moved camera give the reader point clouds that lie where the view says they do."""
+    adapter = registry.adapter("rlbench")
+    episode = adapter.read(source, KEYS[0])
+    scene = Scene(
+        episode=episode, cameras={n: v.camera for n, v in episode.views.items()}, bodies=(), roles={},
+        antialiased=False, descriptions=episode.descriptions,
+    )  # fmt: skip
+    operator = CameraPose(camera="front")
+    moved = operator.apply(scene, operator.sample(scene, np.random.default_rng(0)))
+    drawn = surfels.view(surfels.build(moved), moved, "front", 0)
+    view = replace(
+        episode.views["front"], camera=moved.cameras["front"],
+        rgb=lambda _: drawn.image, depth=lambda _: drawn.depth, ids=lambda _: drawn.ids,
+    )  # fmt: skip
+    adapter.write(replace(episode, views={**episode.views, "front": view}), tmp_path, KEYS[0], {})
+    clouds = tmp_path / "clouds.npz"
+    said = read(source, KEYS[0], tmp_path, KEYS[0], "--clouds", str(clouds))
+    assert_same_demo(said)
+    planes = ("front_rgb", "front_depth", "front_point_cloud")
+    matrix = {"misc.front_camera_extrinsics", "extract_obs.front_camera_extrinsics"}
+    assert set(said["differs"]) == {*planes, *(f"extract_obs.{plane}" for plane in planes)} | matrix
+    points = geometry.world_points(drawn.depth.astype(np.float64), moved.cameras["front"], 0)
+    near = drawn.depth < 4  # metres: the far plane cuts the rest off
+    # A depth step is 0.2 um; the reader inverts recorded matrices, orthonormal to 1e-6, which we transpose.
+    assert np.abs(np.load(clouds)["front"] - points)[near].max() < 1e-5

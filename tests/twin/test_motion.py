@@ -1,0 +1,77 @@
+"""The scripted motions: smooth, still at key frames, within limits, carrying what they hold."""
+
+import numpy as np
+import pytest
+
+from rpaug import Unsupported, geometry
+from rpaug.twin.motion import STEP, Motion, play
+from rpaug.twin.panda import HIGHEST, LOWEST, OPEN
+from rpaug.twin.tabletop import ARM
+from rpaug.twin.tasks import PULL, TASKS, Job
+
+
+def acted(task: str, seed: int, frames: int) -> tuple[Job, Motion]:
+    job = TASKS[task](np.random.default_rng(seed))
+    return job, play(ARM, job.script, job.placing, frames)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_every_seed_is_reachable(task):
+    for seed in range(12):
+        _, motion = acted(task, seed, 24)
+        assert (motion.joint_positions >= LOWEST).all()
+        assert (motion.joint_positions <= HIGHEST).all()
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_velocity_is_the_derivative_of_position(task):
+    # A finely sampled motion: central differences miss the derivative by O(step^2) of its curvature.
+    _, motion = acted(task, 0, 400)
+    slope = (motion.joint_positions[2:] - motion.joint_positions[:-2]) / (2 * STEP)
+    inner = np.setdiff1d(np.arange(1, 399), [key + d for key in motion.keys for d in (-1, 0, 1)])
+    np.testing.assert_allclose(motion.joint_velocities[inner], slope[inner - 1], atol=0.01)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_the_arm_stands_still_at_key_frames(task):
+    _, motion = acted(task, 1, 60)
+    for key in (0, *motion.keys):
+        assert np.abs(motion.joint_velocities[key]).max() < 1e-9
+
+
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("frames", [17, 24, 60, 125])
+def test_length_and_legs(task, frames):
+    job, motion = acted(task, 2, frames)
+    assert motion.length == frames == len(motion.joint_positions)
+    assert motion.keys[-1] == frames - 1
+    assert (np.diff((0, *motion.keys)) >= 2).all()
+    assert len(motion.keys) == len(job.script)
+
+
+def test_the_drawer_slides_with_the_gripper():
+    job, motion = acted("open_drawer", 4, 40)
+    start, end = motion.keys[2], motion.keys[3]
+    drawer, tip = motion.objects["drawer"], motion.gripper_to_world
+    np.testing.assert_array_equal(drawer[: start + 1], np.tile(drawer[0], (start + 1, 1, 1)))
+    moved = drawer[:, :3, 3] - drawer[0, :3, 3]
+    np.testing.assert_allclose(moved[end], PULL * job.placing["cabinet"][:3, 0], atol=1e-8)
+    # Straight along its rail and never turned, to what inverse kinematics leaves over.
+    np.testing.assert_allclose(drawer[:, :3, :3], np.tile(drawer[0, :3, :3], (40, 1, 1)), atol=1e-8)
+    held = geometry.inverse(tip[start:]) @ drawer[start:]
+    np.testing.assert_allclose(held, np.tile(held[0], (len(held), 1, 1)), atol=1e-12)
+    for name in set(motion.objects) - {"drawer"}:
+        assert (motion.objects[name] == motion.objects[name][0]).all()
+
+
+def test_the_block_lands_on_the_pad():
+    job, motion = acted("pick_block", 6, 60)
+    block, pad = motion.objects[job.manipulated], job.placing["pad"]
+    np.testing.assert_allclose(block[-1, :2, 3], pad[:2, 3], atol=1e-8)
+    assert block[:, 2, 3].max() > block[0, 2, 3] + 0.08
+    assert motion.opening[0] == motion.opening[-1] == OPEN
+
+
+def test_too_few_frames():
+    with pytest.raises(Unsupported, match="11 or more"):
+        acted("open_drawer", 0, 5)
