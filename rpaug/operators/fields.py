@@ -27,20 +27,19 @@ def _palette(value: Any) -> Palette:
     if isinstance(value, Palette):
         return value
     if isinstance(value, str):
-        rgb = colours.named(value)
-        if rgb is None:
+        name = colours.canonical(value)
+        if name is None:
             raise ValueError(f"no such colour word; there are: {', '.join(colours.NAMES)}")
-        return Palette((rgb,))
+        return Palette((colours.NAMES[name],))
     if isinstance(value, dict) and len(value) == 1:
         ((kind, content),) = value.items()
         if kind == "sample" and content == "colosseum":
-            return Palette(tuple(colours.COLOSSEUM.values()))
+            return Palette(tuple(colours.RLBENCH.values()))
         if kind == "rgb":
             return Palette((_triple(content, [(0, 1)] * 3),))
         if kind == "lab":
-            red, green, blue = colours.from_lab(
-                np.array(_triple(content, [(0, 100), (-128, 128), (-128, 128)]))
-            )
+            lab = _triple(content, [(0, 100), (-128, 128), (-128, 128)])
+            red, green, blue = np.clip(colours.from_lab(np.array(lab)), 0, 1)
             return Palette(((float(red), float(green), float(blue)),))
     raise ValueError(
         "expected a colour word, {rgb: [r, g, b]} in 0..1, {lab: [L, a, b]} or {sample: colosseum}"

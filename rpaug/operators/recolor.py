@@ -57,7 +57,7 @@ class LabShift:
         lab = colours.to_lab(colour)
         lab[:, 0] = np.clip(lab[:, 0] * new[0] / max(old[0], 1.0), 0, 100)
         lab[:, 1:] = new[1:]
-        return colours.from_lab(lab).astype(np.float32)
+        return np.clip(colours.from_lab(lab), 0, 1).astype(np.float32)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,106 @@
+"""Recolouring against what a truly repainted surface would show."""
+
+import numpy as np
+import pytest
+from analytic import BALL, scene
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpaug import Scene, TargetError
+from rpaug.operators.fields import Palette
+from rpaug.operators.recolor import AlbedoRatio, Recolor
+from rpaug.scene.targets import Target
+from rpaug.testing import OperatorContract, shown
+
+UNIT = st.floats(0.15, 1.0)
+COLOUR = st.tuples(UNIT, UNIT, UNIT)
+
+
+def small() -> Scene:
+    return scene({"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}, length=3)
+
+
+class TestContract(OperatorContract):
+    frames = (0, 2)
+
+    def operator(self) -> Recolor:
+        return Recolor(target=Target(handle=BALL), color=Palette(((0.0, 0.0, 1.0),)))
+
+    def scene(self) -> Scene:
+        return small()
+
+
+class TestContractOfTheLabMode(TestContract):
+    def operator(self) -> Recolor:
+        return Recolor(target=Target(handle=BALL), color=Palette(((0.0, 0.0, 1.0),)), mode="lab")
+
+
+def edited(old, new, plain: bool = True) -> AlbedoRatio:  # type: ignore[no-untyped-def]
+    return AlbedoRatio(frozenset({1}), tuple(old), tuple(new), plain)
+
+
+@given(COLOUR, COLOUR)
+def test_a_shaded_plain_surface_keeps_its_shading(old, new) -> None:  # type: ignore[no-untyped-def]
+    shading = np.linspace(0.05, 1, 50)[:, None]
+    out = edited(old, new)((shading * old).astype(np.float32))
+    assert np.abs(out - shading * new).max() < 2e-3
+
+
+@pytest.mark.parametrize("plain", [True, False])
+def test_pure_red_turns_pure_blue(plain: bool) -> None:
+    shading = np.linspace(0, 1, 256)[:, None]
+    recorded = np.rint(shading * [255.0, 0, 0]).astype(np.float32) / 255
+    out = edited((1, 0, 0), (0, 0, 1), plain)(recorded)
+    assert np.abs(out - shading * [0, 0, 1.0]).max() < 3e-3
+
+
+def test_noise_of_a_dark_channel_is_not_blown_up() -> None:
+    rng = np.random.default_rng(0)
+    shading = rng.random((4000, 1))
+    recorded = (
+        np.rint(255 * np.clip(shading * [0.8, 0.02, 0.02] + rng.normal(0, 0.002, (4000, 3)), 0, 1))
+        / 255
+    )
+    out = edited((0.8, 0.02, 0.02), (0.02, 0.02, 0.8))(recorded.astype(np.float32))
+    error = out - shading * [0.02, 0.02, 0.8]
+    assert -10 * np.log10((error**2).mean()) > 45
+
+
+def test_a_tint_of_a_texture_multiplies_it() -> None:
+    texture = np.random.default_rng(0).uniform(0.2, 1, (500, 3))
+    old, new = np.array([1.0, 1.0, 1.0]), np.array([0.4, 0.7, 0.9])
+    out = edited(old * 0.9, new * 0.9, plain=False)((texture * old).astype(np.float32))
+    assert np.abs(out - texture * new).max() < 1e-5
+
+
+def test_highlights_of_a_plain_surface_stay_white() -> None:
+    diffuse = np.linspace(0.2, 0.8, 40)[:, None] * [0.7, 0.2, 0.1]
+    shine = np.linspace(0, 0.25, 40)[:, None]
+    out = edited((0.7, 0.2, 0.1), (0.1, 0.2, 0.7))((diffuse + shine).astype(np.float32))
+    truth = diffuse[:, ::-1] + shine
+    strong = shine[:, 0] > 0.06
+    assert np.abs(out - truth)[strong].max() < 0.01
+
+
+def test_black_and_empty_do_not_divide_by_zero() -> None:
+    black = edited((0, 0, 0), (1, 0, 0))(np.zeros((4, 3), np.float32))
+    assert np.isfinite(black).all()
+    assert edited((1, 0, 0), (0, 1, 0))(np.zeros((0, 3), np.float32)).shape == (0, 3)
+
+
+def test_all_cameras_and_frames_share_one_draw() -> None:
+    recorded = small()
+    operator = Recolor(target=Target(handle=BALL), color=Palette(((0, 0, 1), (0, 1, 0), (1, 0, 0))))
+    edit = operator.sample(recorded, np.random.default_rng(5))
+    after = shown(operator.apply(recorded, edit))
+    channel = int(np.argmax(edit["color"]))
+    for view in after.views.values():
+        for t in range(3):
+            ball = view.rgb(t)[view.ids(t) == BALL]
+            assert (ball.argmax(1) == channel).all()
+
+
+def test_a_target_that_is_not_there_is_an_error_that_lists_what_is() -> None:
+    operator = Recolor(target=Target(handle=4711), color=Palette(((0, 0, 1),)))
+    with pytest.raises(TargetError, match=f"4711.*{BALL}"):
+        operator.sample(small(), np.random.default_rng(0))

@@ -1,0 +1,129 @@
+"""Only what an edit covers changes, and outlines of anti-aliased objects carry no halo."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from rpaug.render.composite import composite, matte
+
+IMAGES = arrays(np.uint8, (9, 11, 3))
+LABELS = arrays(np.int32, (9, 11), elements=st.integers(0, 3))
+
+
+@dataclass(frozen=True)
+class Paint:
+    """A flat colour."""
+
+    handles: frozenset[int] | None
+    colour: tuple[float, float, float] = (0.0, 0.5, 1.0)
+
+    def __call__(self, colour: np.ndarray) -> np.ndarray:
+        return np.broadcast_to(np.array(self.colour, np.float32), colour.shape)
+
+
+@dataclass(frozen=True)
+class Same:
+    """No change."""
+
+    handles: frozenset[int] | None
+
+    def __call__(self, colour: np.ndarray) -> np.ndarray:
+        return colour
+
+
+@settings(deadline=None)
+@given(IMAGES, LABELS, st.booleans())
+def test_pixels_outside_keep_their_bytes(
+    rgb: np.ndarray, ids: np.ndarray, antialiased: bool
+) -> None:
+    out = composite(rgb, ids, [Paint(frozenset({1}))], antialiased)
+    inside = ids == 1
+    padded = np.pad(inside, 1)
+    near = inside | padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
+    support = near if antialiased else inside
+    assert np.array_equal(out[~support], rgb[~support])
+
+
+@settings(deadline=None)
+@given(IMAGES, LABELS, st.booleans())
+def test_an_edit_that_changes_no_colour_changes_no_pixel(
+    rgb: np.ndarray, ids: np.ndarray, antialiased: bool
+) -> None:
+    edits = [Same(frozenset({1, 2})), Same(None)]
+    assert np.array_equal(composite(rgb, ids, edits, antialiased), rgb)
+    assert np.array_equal(composite(rgb, ids, [], antialiased), rgb)
+
+
+@settings(deadline=None)
+@given(IMAGES, LABELS)
+def test_every_pixel_inside_a_sharp_mask_is_painted(rgb: np.ndarray, ids: np.ndarray) -> None:
+    out = composite(rgb, ids, [Paint(frozenset({2}))], antialiased=False)
+    assert (out[ids == 2] == [0, 128, 255]).all()
+
+
+def test_edits_apply_in_order_and_are_rounded_once() -> None:
+    rgb = np.full((2, 2, 3), 100, np.uint8)
+    ids = np.array([[1, 0], [0, 0]], np.int32)
+
+    @dataclass(frozen=True)
+    class Scale:
+        handles: frozenset[int] | None
+        factor: float
+
+        def __call__(self, colour: np.ndarray) -> np.ndarray:
+            return colour * np.float32(self.factor)
+
+    out = composite(rgb, ids, [Scale(None, 1 / 3), Scale(frozenset({1}), 3.0)], antialiased=False)
+    assert (out[0, 0] == 100).all()
+    assert (out[1, 1] == 33).all()
+
+
+def disc(factor: int = 8) -> tuple[np.ndarray, np.ndarray]:
+    """A disc's exact coverage of 32x32 pixels, and its mask at pixel centres."""
+    axis = (np.arange(32 * factor) + 0.5) / factor - 0.5
+    inside = (axis[:, None] - 15.3) ** 2 + (axis[None] - 15.8) ** 2 < 10.2**2
+    coverage = inside.reshape(32, factor, 32, factor).mean((1, 3))
+    centres = np.arange(32)
+    mask = (centres[:, None] - 15.3) ** 2 + (centres[None] - 15.8) ** 2 < 10.2**2
+    return coverage, mask
+
+
+def test_an_antialiased_outline_mixes_the_new_colour_as_the_old_one_was_mixed() -> None:
+    coverage, mask = disc()
+    front, back, paint = np.array([0.8, 0.2, 0.1]), np.array([0.1, 0.6, 0.3]), (0.1, 0.2, 0.9)
+
+    def picture(colour: np.ndarray) -> np.ndarray:
+        mixed = coverage[..., None] * colour + (1 - coverage[..., None]) * back
+        return np.rint(mixed * 255).astype(np.uint8)
+
+    ids = np.where(mask, 5, 1).astype(np.int32)
+    edit = Paint(frozenset({5}), paint)
+    truth = picture(np.array(paint)).astype(int)
+    soft = composite(picture(front), ids, [edit], antialiased=True)
+    hard = composite(picture(front), ids, [edit], antialiased=False)
+    assert np.abs(soft.astype(int) - truth).max() <= 2
+    assert np.abs(hard.astype(int) - truth).max() > 40
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (2, 2)])
+def test_small_and_full_masks_have_a_share(shape: tuple[int, int]) -> None:
+    colour = np.random.default_rng(0).random((*shape, 3), np.float32)
+    for inside in (
+        np.zeros(shape, bool),
+        np.ones(shape, bool),
+        np.arange(np.prod(shape)).reshape(shape) % 2 == 0,
+    ):
+        share, foreground = matte(colour, inside)
+        assert np.isfinite(share).all()
+        assert np.array_equal(share, inside)
+        assert np.array_equal(foreground, colour)
+
+
+def test_nothing_to_tell_instances_apart_means_only_global_edits() -> None:
+    rgb = np.full((2, 2, 3), 7, np.uint8)
+    assert np.array_equal(composite(rgb, None, [Paint(frozenset({1}))], False), rgb)
+    assert (composite(rgb, None, [Paint(None)], False) == [0, 128, 255]).all()
