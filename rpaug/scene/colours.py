@@ -1,9 +1,12 @@
-"""Colours by name, and the CIELAB space in which distances mean something."""
+"""Colour names, the Lab space in which colours are compared, and the typical colour of some pixels."""
+
+from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
-COLOSSEUM = {  # robot-colosseum/robot-colosseum, colosseum/variations/const.py; RLBench's colour words
+# RLBench's task colours are COLOSSEUM's too; values are display sRGB.
+RLBENCH: Mapping[str, tuple[float, float, float]] = {
     "red": (1.0, 0.0, 0.0),
     "maroon": (0.5, 0.0, 0.0),
     "lime": (0.0, 1.0, 0.0),
@@ -25,54 +28,107 @@ COLOSSEUM = {  # robot-colosseum/robot-colosseum, colosseum/variations/const.py;
     "black": (0.0, 0.0, 0.0),
     "white": (1.0, 1.0, 1.0),
 }
-NAMES = COLOSSEUM | {
+
+NAMES: Mapping[str, tuple[float, float, float]] = {
+    **RLBENCH,
+    "pink": (1.0, 0.75, 0.8),
     "brown": (0.55, 0.35, 0.17),
-    "pink": (1.0, 0.65, 0.75),
-    "beige": (0.9, 0.85, 0.7),
-    "tan": (0.8, 0.68, 0.5),
+    "beige": (0.9, 0.82, 0.7),
+    "tan": (0.75, 0.64, 0.48),
+    "gold": (0.85, 0.65, 0.13),
 }
-SPELLINGS = {"grey": "gray", "turquoise": "cyan", "golden": "yellow", "violett": "violet"}
 
-WHITE = np.array([0.95047, 1.0, 1.08883])  # CIE 1931 2-degree observer, D65 (IEC 61966-2-1)
-TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+ALIASES: Mapping[str, str] = {
+    "grey": "gray",
+    "turquoise": "cyan",
+    "crimson": "red",
+    "lilac": "violet",
+}
+
+# A plain word also means the shades that people call by it.
+SHADES: Mapping[str, frozenset[str]] = {
+    "red": frozenset({"maroon", "rose"}),
+    "green": frozenset({"lime", "olive"}),
+    "blue": frozenset({"navy", "azure"}),
+    "purple": frozenset({"violet", "magenta"}),
+    "yellow": frozenset({"gold"}),
+    "gray": frozenset({"silver"}),
+    "brown": frozenset({"tan", "maroon"}),
+    "pink": frozenset({"rose", "magenta"}),
+    "cyan": frozenset({"teal"}),
+}
+
+D65 = np.array([0.95047, 1.0, 1.08883])
+TO_XYZ = np.array(
+    [
+        [0.4124564, 0.3575761, 0.1804375],
+        [0.2126729, 0.7151522, 0.0721750],
+        [0.0193339, 0.1191920, 0.9503041],
+    ]
+)
 FROM_XYZ = np.linalg.inv(TO_XYZ)
-EPSILON, KAPPA = 216 / 24389, 24389 / 27  # CIE 15: where the cube root turns linear
+BEND = 6.0 / 29.0
 
 
-def named(name: str) -> tuple[float, float, float] | None:
-    """Display sRGB 0..1 of a colour word, None if it is not one."""
-    word = name.strip().lower()
-    return NAMES.get(SPELLINGS.get(word, word))
+def to_linear(srgb: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    """Light intensities of display sRGB values in 0..1 (IEC 61966-2-1)."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((np.maximum(srgb, 0.0) + 0.055) / 1.055) ** 2.4)
 
 
-def to_lab(rgb: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-    """CIELAB (L 0..100) of display sRGB 0..1 under D65."""
-    rgb = np.asarray(rgb, float)
-    linear = np.where(
-        rgb <= 0.04045, rgb / 12.92, ((np.maximum(rgb, 0.04045) + 0.055) / 1.055) ** 2.4
+def from_linear(linear: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    """Display sRGB of light intensities; the inverse of `to_linear`."""
+    return np.where(
+        linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055
     )
-    ratio = linear @ TO_XYZ.T / WHITE
-    f = np.where(ratio > EPSILON, np.cbrt(ratio), (KAPPA * ratio + 16) / 116)
+
+
+def to_lab(srgb: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    """CIELAB (D65, 2 degrees) of display sRGB in 0..1: L in 0..100."""
+    xyz = to_linear(np.asarray(srgb, float)) @ TO_XYZ.T / D65
+    f = np.where(xyz > BEND**3, np.cbrt(xyz), xyz / (3 * BEND**2) + 4 / 29)
     return np.stack(
         [116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], -1
     )
 
 
 def from_lab(lab: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-    """Display sRGB of CIELAB under D65, clipped to 0..1."""
+    """Display sRGB of CIELAB, outside 0..1 where the display cannot show it."""
     lab = np.asarray(lab, float)
     middle = (lab[..., 0] + 16) / 116
     f = np.stack([middle + lab[..., 1] / 500, middle, middle - lab[..., 2] / 200], -1)
-    ratio = np.where(f**3 > EPSILON, f**3, (116 * f - 16) / KAPPA)
-    linear = np.clip(ratio * WHITE @ FROM_XYZ.T, 0, 1)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    xyz = np.where(f > BEND, f**3, 3 * BEND**2 * (f - 4 / 29)) * D65
+    return from_linear(xyz @ FROM_XYZ.T)
 
 
-def nearest(rgb: Float[np.ndarray, "3"]) -> str:
-    """The colour word closest in CIELAB.
+def canonical(word: str) -> str | None:
+    """The name in NAMES that a word stands for, or None."""
+    word = word.lower()
+    word = ALIASES.get(word, word)
+    return word if word in NAMES else None
 
-    Hue counts twice as much as lightness: a shaded red is red before it is maroon or brown.
-    """
-    words = list(NAMES)
-    away = to_lab(np.array([NAMES[word] for word in words])) - to_lab(np.asarray(rgb))
-    return words[int(((away * [0.5, 1.0, 1.0]) ** 2).sum(-1).argmin())]
+
+def rgb(name: str) -> tuple[float, float, float]:
+    """The display sRGB of a colour name. Raises KeyError listing the known ones."""
+    known = canonical(name)
+    if known is None:
+        raise KeyError(f"no colour is called {name!r}; there are: {', '.join(sorted(NAMES))}")
+    return NAMES[known]
+
+
+def nearest(colour: Float[np.ndarray, "3"]) -> str:
+    """The name whose colour is nearest in CIELAB (CIE 1976 distance)."""
+    names = list(NAMES)
+    table = to_lab(np.array([NAMES[name] for name in names]))
+    return names[int(np.argmin(((table - to_lab(np.asarray(colour, float))) ** 2).sum(-1)))]
+
+
+def means(name: str, shade: str) -> bool:
+    """Would a person call `shade` by `name`?"""
+    return shade == name or shade in SHADES.get(name, ())
+
+
+def typical(pixels: UInt8[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
+    """The colour of a thing from its pixels, in 0..1: their mean without the darkest and lightest quarter."""
+    light = pixels @ np.array([0.299, 0.587, 0.114])
+    low, high = np.percentile(light, [25, 75])
+    return pixels[(light >= low) & (light <= high)].mean(0) / 255.0

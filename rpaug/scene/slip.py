@@ -1,0 +1,84 @@
+"""Motions that no carrier explains, found by aligning depth: pushed things, things that slip, closing jaws."""
+
+import numpy as np
+from jaxtyping import Float64, Int
+
+from rpaug import geometry
+from rpaug.scene.align import align
+from rpaug.scene.evidence import TRUST
+from rpaug.scene.motion import FULL_WEIGHT, GRIPPER, STATIC, Case, price
+
+# Costs are millimetres of mean distance per interval, as in `motion`.
+UNEXPLAINED = 2.0  # intervals explained worse than this are aligned
+TOLERATED = 0.3  # the same for a thing picked up by the gripper, which may slip
+ALIGNED = 0.3  # what an alignment must win by: it has six free numbers
+GAIN = 0.7  # and the share of the cost that it may leave
+SLIDES = (
+    0.8  # what counts of the cost of an alignment that turns nothing: it has three free numbers
+)
+MOST_TURN = 0.3  # radians in one interval beyond the guess
+MODEL = 5  # seen frames whose points are aligned together, beside the newest
+
+
+def slips(
+    case: Case, cost: Float64[np.ndarray, "i m"], labels: Int[np.ndarray, "i"]
+) -> tuple[dict[int, Float64[np.ndarray, "4 4"]], bool]:
+    """Motions of the intervals that `labels` (static or gripper) do not explain, and whether they are certain.
+
+    First guesses are rest, the gripper's motion (68 mm off without it on a drawer), the last motion, and the
+    shift of the middle; the last two keep the gripper's turn, as jaws do.
+    """
+    found: dict[int, Float64[np.ndarray, "4 4"]] = {}
+    certain, last = True, np.eye(4)
+    picked_up = bool((labels == STATIC).any())
+    at = np.eye(4)  # pose at the interval's first frame
+    model: list[Float64[np.ndarray, "k 4"]] = []  # points in the body's own frame, and their trust
+    for i, known in enumerate(labels.tolist()):
+        a, b = int(case.seen[i]), int(case.seen[i + 1])
+        points, still = case.points(a)
+        trust = np.where(np.arange(len(points)) < still, 1.0, TRUST)
+        own = geometry.transform(geometry.inverse(at), points)
+        model = [*model[-MODEL:], np.concatenate([own, trust[:, None]], 1)]
+        rows = np.concatenate(model)
+        ahead = case.ahead(a, b)[:2]
+        limit = TOLERATED if known == GRIPPER and picked_up else UNEXPLAINED
+        if cost[i, known] > limit and len(rows) >= FULL_WEIGHT:
+            rows[:, :3] = geometry.transform(at, rows[:, :3])
+            motion, sure, least = _best(case, a, b, rows, [ahead[0], ahead[1], last], ahead[known])
+            if least + ALIGNED < GAIN * cost[i, known]:
+                found[i], last = motion, motion
+                certain &= sure
+        at = found.get(i, ahead[known]) @ at
+    return found, certain
+
+
+def _best(
+    case: Case,
+    a: int,
+    b: int,
+    rows: Float64[np.ndarray, "k 4"],
+    starts: list[Float64[np.ndarray, "4 4"]],
+    known: Float64[np.ndarray, "4 4"],
+) -> tuple[Float64[np.ndarray, "4 4"], bool, float]:
+    """The alignment from a to b that explains most, whether it is certain, and what it costs."""
+    shift = known.copy()
+    middle = np.median(geometry.transform(known, case.points(a)[0]), 0)
+    shift[:3, 3] += np.median(case.points(b)[0], 0) - middle
+    guesses = [(start, True) for start in starts] + [(starts[GRIPPER], False), (shift, False)]
+    fits = [
+        align(rows[:, :3], rows[:, 3], guess, case.looks, b, case.handle, turning=turning)
+        for guess, turning in guesses
+    ]
+    motions = np.stack([motion for motion, _ in fits])
+    average, count = case.judge(a, b, motions)
+    # Nothing seen in common, or an implausible turn: no evidence for this one.
+    turned = [_turn(m, g) > MOST_TURN for m, (g, _) in zip(motions, guesses, strict=True)]
+    average[(count == 0) | turned] = 1.0
+    k = int(np.argmin(average * np.array([1.0 if turning else SLIDES for _, turning in guesses])))
+    least = np.inf if count[k] == 0 else float(price(average[k], count[k]))
+    return motions[k], fits[k][1], least
+
+
+def _turn(a: Float64[np.ndarray, "4 4"], b: Float64[np.ndarray, "4 4"]) -> float:
+    """The angle between two rotations, in radians."""
+    return float(np.arccos(np.clip((np.trace(a[:3, :3].T @ b[:3, :3]) - 1) / 2, -1, 1)))

@@ -1,0 +1,13 @@
+"""An episode with its bodies and roles found, unedited."""
+
+from rpaug.scene import bodies, roles
+from rpaug.scene.looks import look
+from rpaug.types import Episode, Scene
+
+
+def analysed(episode: Episode) -> Scene:
+    looks = look(episode)
+    found = bodies.track(episode, looks)
+    known = roles.infer(episode, found, looks)
+    cameras = {name: view.camera for name, view in episode.views.items()}
+    return Scene(episode, cameras, found, known, False, episode.descriptions)
