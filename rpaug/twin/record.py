@@ -31,6 +31,10 @@ class Take:
     truth: Truth
     poses: Mapping[str, Float[np.ndarray, "t 4 4"]]
 
+    def side(self) -> dict[str, bytes]:
+        """The file that lies beside the episode's own."""
+        return {"truth.json": self.truth.to_json()}
+
 
 def perform(
     task: str,
@@ -119,8 +123,7 @@ def record(
             size=size,
             frames=frames,
         )
-        side = {"truth.json": take.truth.to_json()}
-        adapter.write(take.episode, Path(out), take.episode.key, side)
+        adapter.write(take.episode, Path(out), take.episode.key, take.side)
         truths.append(take.truth)
     return truths
 

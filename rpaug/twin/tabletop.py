@@ -143,7 +143,7 @@ def _things() -> dict[str, Part]:
             ("block_textured", Geom("box", (y, y, y), texture="marble"), (1.0, 1.0, 1.0)),
             ("block_small", Geom("box", (z, z, x)), (0.16, 0.30, 0.74)),
             ("cylinder", Geom("cylinder", (z,), (0, 0, -0.06), (0, 0, 0.06)), (0.20, 0.62, 0.28)),
-            ("pad", Geom("box", (0.08, 0.08, 0.006)), (0.85, 0.82, 0.78)),
+            ("pad", Geom("box", (0.07, 0.07, 0.006)), (0.85, 0.82, 0.78)),
         )
     }
 

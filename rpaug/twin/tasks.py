@@ -38,7 +38,14 @@ def open_drawer(rng: np.random.Generator) -> Job:
     """Take the drawer's grip and pull it open by 15 cm."""
     x, y = np.array([0.22, 0.16]) + rng.uniform(-0.02, 0.02, 2)
     cabinet = upright(x, y, 0.0, np.deg2rad(-80.0) + rng.uniform(-0.12, 0.12))
-    spots = [(0.08, -0.34), (0.22, -0.37), (0.39, -0.33), (0.08, 0.35), (0.01, -0.14), (0.45, 0.08)]
+    spots = [
+        (0.05, -0.33),
+        (0.22, -0.38),
+        (0.40, -0.33),
+        (0.08, 0.36),
+        (-0.02, -0.14),
+        (0.46, 0.08),
+    ]
     out = cabinet[:3, 0]
     approach = -np.sin(_LEAN) * out - np.array([0, 0, np.cos(_LEAN)])
     grasp = _gripper(geometry.transform(cabinet, GRIP), approach, opens_along=out)
@@ -98,7 +105,7 @@ def pick_block(rng: np.random.Generator) -> Job:
         Key(share=0.05, opening=OPEN),
         Key(share=0.09, tip=_moved(place, over), straight=True),
     )
-    spots = [(0.08, -0.36), (0.24, -0.37), (0.42, -0.33), (0.08, 0.25)]
+    spots = [(0.06, -0.35), (0.23, -0.38), (0.41, -0.33), (0.08, 0.25)]
     others = tuple(thing for thing in _LOOSE if thing not in (name, "pad"))
     return Job(
         {
@@ -133,7 +140,7 @@ def _scatter(
     order = rng.permutation(len(spots))[: len(names)]
     places = {}
     for name, spot in zip(names, order, strict=True):
-        x, y = np.array(spots[spot]) + rng.uniform(-0.015, 0.015, 2)
+        x, y = np.array(spots[spot]) + rng.uniform(-0.01, 0.01, 2)
         places[name] = upright(x, y, resting_height(name), rng.uniform(-0.5, 0.5))
     return places
 
