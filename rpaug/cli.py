@@ -392,12 +392,14 @@ def twin_record(
     from rpaug import twin
 
     look = twin.Look(antialias=antialias, specular=specular, shadows=shadows)
-    takes = twin.record(
+    truths = twin.record(
         task, seed, out, factor=factor, look=look, size=size, frames=frames, episodes=episodes
     )
-    written = [str(out / take.episode.key) for take in takes]
+    written = [f"{out}/{task}/all_variations/episodes/episode{truth.episode}" for truth in truths]
     if as_json:
-        _print_json({"episodes": written, "truth": [take.truth.describe() for take in takes]})
+        _print_json(
+            {"episodes": written, "truth": [json.loads(truth.to_json()) for truth in truths]}
+        )
     else:
         for path in written:
             Console().print(path, highlight=False, soft_wrap=True)

@@ -3,6 +3,8 @@
 import importlib.metadata
 import os
 import platform
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,16 +61,15 @@ def examine() -> list[Finding]:
 
 
 def _gl() -> Finding:
-    from rpaug.errors import RpaugError
-    from rpaug.twin.renderer import check
-
-    try:
-        check()
-    except RpaugError as error:
-        return Finding("note", "OpenGL", str(error))
-    return Finding(
-        "ok", "OpenGL", f"MuJoCo renders with {os.environ.get('MUJOCO_GL', 'its default')}"
+    """Tried in a process of its own: a broken driver may end the one that asks."""
+    program = "from rpaug.twin.renderer import open_gl; open_gl(8)"
+    tried = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60
     )
+    if tried.returncode == 0:
+        return Finding("ok", "OpenGL", "the twin can render")
+    lines = tried.stderr.strip().splitlines() or ["no reason was given"]
+    return Finding("note", "OpenGL", lines[-1])
 
 
 def _gpu() -> Finding:

@@ -106,7 +106,7 @@ def _highlight(
     white = np.ones(3, np.float32)
     a, b, c = float(old @ old), float(old @ white), 3.0
     determinant = a * c - b * b
-    if determinant < 0.05 * a * c:
+    if determinant <= 0.05 * a * c:
         return np.zeros((len(colour), 1), np.float32)
     on_old, on_white = colour @ old, colour @ white
     part = np.minimum((a * on_white - b * on_old) / determinant, colour.min(1))
