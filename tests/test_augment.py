@@ -246,7 +246,7 @@ def test_a_killed_run_is_resumed_to_the_same_bytes(template: Path, tmp_path: Pat
         [*command, "--resume", "--json"], capture_output=True, text=True, check=True
     )
     assert json.loads(resumed.stdout)["resumed"] == len(done)
-    assert not [path for path in out.rglob("*.part")]
+    assert not list(out.rglob("*.part"))
     fresh = tmp_path / "fresh"
     augment.run(many, recipe.load(tmp_path / "r.yaml"), fresh)
     names = ("rpaug.contact.html",)

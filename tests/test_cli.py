@@ -117,7 +117,7 @@ def test_doctor_finds_what_is_installed() -> None:
     [
         (GOOD.replace("recolor", "recolour"), ["recipe.yaml:3", "recolour", "recolor"]),
         (GOOD.replace("blue", "{rgb: [0, 0, 2]}"), ["recipe.yaml:3", "edits[0].color", "0..1"]),
-        (GOOD.replace("300", "4711"), ["4711", "there are", "300"]),
+        (GOOD.replace("300", "4711"), ["4711", "there is", "300"]),
         (GOOD.replace("{handle: 300}", "{role: receiver}"), ["receiver"]),
         (GOOD.replace("{handle: 300}", "{text: the red cup}"), ["red"]),
         (GOOD + "gates: {}\n", ["gates"]),
