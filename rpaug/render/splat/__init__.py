@@ -1,0 +1,65 @@
+"""Draw 3D Gaussians, and carry image losses back to them.
+
+`render` for arrays, `rasterise` for torch, `Rasteriser` and `Adam` for a fitting loop.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from rpaug.render.splat import _reference
+from rpaug.render.splat._autograd import Images, rasterise
+from rpaug.render.splat._numba import Rasteriser
+from rpaug.render.splat._threads import cores
+from rpaug.render.splat.adam import Adam, Rates
+from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
+from rpaug.types import Gaussians
+
+__all__ = [
+    "Adam",
+    "Gradients",
+    "Images",
+    "Rasteriser",
+    "Rates",
+    "Rendering",
+    "Settings",
+    "Splats",
+    "View",
+    "rasterise",
+    "render",
+]
+
+
+def render(
+    gaussians: Splats | Gaussians,
+    K: Float[np.ndarray, "3 3"],
+    world_to_camera: Float[np.ndarray, "4 4"],
+    width: int,
+    height: int,
+    *,
+    features: Float[np.ndarray, "n f"] | None = None,
+    background: float | Float[np.ndarray, "3"] = 0.0,
+    settings: Settings | None = None,
+    backend: str = "auto",
+    threads: int | None = None,
+) -> Rendering:
+    """Images of Gaussians given in world coordinates, from one camera.
+
+    OpenCV axes, pixel centres at integer coordinates, metres. `features` are blended like colours and replace
+    those of `Splats`. `backend` is "numba" (also "auto": arrays live on the CPU), "reference" (float64, slow)
+    or "gsplat" (CUDA). `threads` defaults to all cores; give 1 when views are rendered side by side.
+    """
+    if isinstance(gaussians, Gaussians):
+        gaussians = Splats.of(gaussians)
+    if features is not None:
+        gaussians = gaussians.with_features(features)
+    view, settings = View(K, world_to_camera, width, height), settings or Settings()
+    fill = np.array(np.broadcast_to(background, 3), np.float64)
+    if backend == "reference":
+        return _reference.render(gaussians, view, settings, fill)
+    if backend == "gsplat":
+        from rpaug.render.splat import _gsplat
+
+        return _gsplat.render(gaussians, view, settings, fill)
+    if backend not in ("auto", "numba"):
+        raise ValueError(f"backend is {backend!r}; expected auto, numba, reference or gsplat")
+    return Rasteriser(settings, threads or cores()).forward(gaussians, view, fill)

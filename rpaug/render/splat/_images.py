@@ -1,0 +1,88 @@
+"""From blended channels to images, and from image losses back to the channels."""
+
+import numpy as np
+
+from rpaug.render.jit import kernel
+from rpaug.render.splat._projection import DEPTH_CHANNEL
+
+SMALLEST_ALPHA = 1e-10  # expected depth is D / max(A, this): 0 where nothing is drawn
+
+
+@kernel
+def channel_gradients(
+    out, left_over, background, d_colour, d_depth, d_alpha, d_features, d_out, d_left_over
+):  # fmt: skip
+    """Fill `d_out` and `d_left_over` from the gradients by colour, expected depth, alpha and features.
+
+    A gradient whose array is empty is zero.
+    """
+    height, width = left_over.shape
+    d_out[:] = 0.0
+    for row in range(height):
+        for column in range(width):
+            d_left = np.float32(0)
+            if len(d_alpha):
+                d_left -= d_alpha[row, column]
+            if len(d_colour):
+                for channel in range(3):
+                    d_out[row, column, channel] = d_colour[row, column, channel]
+                    d_left += d_colour[row, column, channel] * background[channel]
+            if len(d_depth):
+                alpha = np.float32(1) - left_over[row, column]
+                if alpha > SMALLEST_ALPHA:
+                    pull = d_depth[row, column] / alpha
+                    d_out[row, column, DEPTH_CHANNEL] = pull
+                    d_left += pull * out[row, column, DEPTH_CHANNEL] / alpha
+            if len(d_features):
+                for channel in range(d_features.shape[2]):
+                    d_out[row, column, DEPTH_CHANNEL + 1 + channel] = d_features[
+                        row, column, channel
+                    ]
+            d_left_over[row, column] = d_left
+
+
+@kernel
+def squared_error(
+    out, left_over, background, target, weight, depth, depth_weight, d_out, d_left_over
+):
+    """Mean squared colour error and mean squared relative depth error, and their gradient by the channels.
+
+    Returns (colour error, depth error, drawn share of the pixels with a target depth). `weight` (h, w) scales
+    a pixel's errors; empty means 1 everywhere. Depth counts where `depth` > 0 and at least half is drawn, as
+    (expected - depth) / depth so that it has no unit; an empty `depth` means none. The gradient is that of
+    colour error + depth_weight * depth error.
+    """
+    height, width = left_over.shape
+    share = 1.0 / (width * height)
+    colour_error = depth_error = measured = covered = 0.0
+    d_out[:] = 0.0
+    for row in range(height):
+        for column in range(width):
+            left = left_over[row, column]
+            alpha = np.float32(1) - left
+            pixel = np.float32(share) * (weight[row, column] if len(weight) else np.float32(1))
+            d_left = np.float32(0)
+            for channel in range(3):
+                seen = out[row, column, channel] + left * background[channel]
+                error = seen - target[row, column, channel]
+                pull = np.float32(2.0 / 3.0) * pixel * error
+                d_out[row, column, channel] = pull
+                d_left += pull * background[channel]
+                colour_error += pixel * error * error / 3.0
+            if len(depth) and depth[row, column] > 0.0:
+                measured += 1.0
+                if alpha >= 0.5:
+                    covered += 1.0
+                    expected = out[row, column, DEPTH_CHANNEL] / alpha
+                    error = expected / depth[row, column] - np.float32(1)
+                    pull = (
+                        np.float32(2.0 * depth_weight)
+                        * pixel
+                        * error
+                        / (depth[row, column] * alpha)
+                    )
+                    d_out[row, column, DEPTH_CHANNEL] = pull
+                    d_left += pull * expected
+                    depth_error += pixel * error * error
+            d_left_over[row, column] = d_left
+    return colour_error, depth_error, covered / max(measured, 1.0)

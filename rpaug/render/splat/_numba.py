@@ -1,0 +1,243 @@
+"""The CPU backend: one object that renders a view and remembers what its backward pass needs."""
+
+import numpy as np
+from jaxtyping import Float32
+
+from rpaug.errors import Unsupported
+from rpaug.render.splat import _binning, _compositing, _images, _projection
+from rpaug.render.splat._projection import DEPTH_CHANNEL, MOMENTS
+from rpaug.render.splat._simd import WIDTH
+from rpaug.render.splat._threads import ranges, together
+from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
+
+TILE = 32  # pixels along a tile; half of that where tiles would be fewer than TILES_A_THREAD for a thread
+TILES_A_THREAD = 8
+CHANNELS = (
+    4,
+    8,
+    12,
+    20,
+    36,
+    68,
+)  # colour, depth and features are padded to one of these: few kernels
+
+NOTHING = np.zeros((0, 0), np.float32)
+
+
+def plain(array: np.ndarray | None, columns: int, dtype: type = np.float32) -> np.ndarray:
+    """An array as the kernels want it (one layout, one type: one compilation); empty for None."""
+    if array is None:
+        return np.zeros((0, columns), dtype)
+    return np.require(array, dtype, ["C", "A", "W"])
+
+
+def channel_count(features: int) -> int:
+    """Channels a kernel is made for, given the number of features. Raises Unsupported above 64."""
+    for count in CHANNELS:
+        if DEPTH_CHANNEL + 1 + features <= count:
+            return count
+    raise Unsupported(f"{features} features; the CPU rasteriser takes at most {CHANNELS[-1] - 4}")
+
+
+class Rasteriser:
+    """Renders one view after another, reusing its buffers; `backward` belongs to the latest `forward`.
+
+    One object serves one thread at a time; for several small views make one object a thread, with
+    `threads=1`: kernels hold no GIL. Results do not depend on the number of threads.
+    """
+
+    def __init__(self, settings: Settings | None = None, threads: int = 1) -> None:
+        self.settings = settings or Settings()
+        self.threads = threads
+        self._buffers: dict[str, np.ndarray] = {}
+
+    def _buffer(self, name: str, shape: tuple[int, ...], dtype: type = np.float32) -> np.ndarray:
+        """An array of this shape whose content is anything; kept from call to call while it is large enough."""
+        size = int(np.prod(shape))
+        kept = self._buffers.get(name)
+        if kept is None or kept.size < size or kept.dtype != dtype:
+            kept = self._buffers[name] = np.empty(size + size // 4, dtype)
+        return kept[:size].reshape(shape)
+
+    def forward(
+        self,
+        splats: Splats,
+        view: View,
+        background: Float32[np.ndarray, "3"] | float = 0.0,
+        surface: bool = True,
+    ) -> Rendering:
+        """Render. Without `surface` the surface's depth and index are left empty, which is faster."""
+        self._take(splats, view, background)
+        nonfinite = self._project()
+        self._bin()
+        self._composite(surface)
+        return self._rendering(surface, nonfinite)
+
+    def backward(
+        self,
+        colour: Float32[np.ndarray, "h w 3"] | None = None,
+        depth: Float32[np.ndarray, "h w"] | None = None,
+        alpha: Float32[np.ndarray, "h w"] | None = None,
+        features: Float32[np.ndarray, "h w f"] | None = None,
+    ) -> Gradients:
+        """Gradients by the splats, from those by the images of the latest `forward`."""
+        d_out, d_left_over = self._channel_buffers()
+        _images.channel_gradients(
+            self._out, self._left_over, self._background,
+            np.zeros((0, 0, 0), np.float32) if colour is None else plain(colour, 0), plain(depth, 0),
+            plain(alpha, 0), np.zeros((0, 0, 0), np.float32) if features is None else plain(features, 0),
+            d_out, d_left_over,
+        )  # fmt: skip
+        return self._backward(d_out, d_left_over)
+
+    def backward_squared_error(
+        self,
+        target: Float32[np.ndarray, "h w 3"],
+        weight: Float32[np.ndarray, "h w"] | None = None,
+        depth: Float32[np.ndarray, "h w"] | None = None,
+        depth_weight: float = 0.0,
+    ) -> tuple[float, float, Gradients]:
+        """Mean squared colour error, mean squared relative depth error, and the gradient of
+        colour error + depth_weight * depth error, without an image in between.
+
+        `weight` scales each pixel's errors. Depth counts where `depth` > 0 and the view is at least half
+        covered, as (expected - depth) / depth: it has no unit.
+        """
+        d_out, d_left_over = self._channel_buffers()
+        colour_error, depth_error, _ = _images.squared_error(
+            self._out, self._left_over, self._background, plain(target, 0), plain(weight, 0),
+            plain(depth, 0), float(depth_weight), d_out, d_left_over,
+        )  # fmt: skip
+        return colour_error, depth_error, self._backward(d_out, d_left_over)
+
+    def _take(self, splats: Splats, view: View, background: np.ndarray | float) -> None:
+        self._splats, self._view = splats, view
+        features = (
+            splats.features
+            if splats.features is not None
+            else np.zeros((len(splats), 0), np.float32)
+        )
+        self._arrays = (
+            plain(splats.means, 3, np.float64 if splats.means.dtype == np.float64 else np.float32),
+            plain(splats.opacities, 0),
+            plain(splats.sh, 0),
+            plain(splats.quats, 4),
+            plain(splats.scales, 3),
+            plain(splats.covariances, 6),
+            plain(features, 0),
+        )
+        self._eye = _projection.pinhole(view, self.settings)
+        self._channels = channel_count(features.shape[1])
+        self._background = np.array(np.broadcast_to(background, 3), np.float32)
+
+    def _project(self) -> int:
+        count = len(self._splats)
+        self._records = self._buffer("records", (count, 8))
+        self._depths = self._buffer("depths", (count,))
+        self._values = self._buffer("values", (count, self._channels))
+        self._values[:, DEPTH_CHANNEL + 1 + self._arrays[-1].shape[1] :] = 0.0
+        outputs = (self._records, self._values, self._depths)
+        parts = ranges(count, self.threads)
+        return sum(
+            together(
+                _projection.project, [(*part, *self._arrays, self._eye, *outputs) for part in parts]
+            )
+        )
+
+    def _bin(self) -> None:
+        width, height, count = self._view.width, self._view.height, len(self._splats)
+        tile = TILE
+        if -(-width // tile) * -(-height // tile) < TILES_A_THREAD * self.threads:
+            tile //= 2
+        self._grid = (width, height, tile)
+        tiles = -(-width // tile) * -(-height // tile)
+        self._first_slot = self._buffer("first_slot", (count + 1,), np.int64)
+        self._starts = self._buffer("starts", (tiles + 1,), np.int64)
+        _binning.count_entries(self._records, *self._grid, self._first_slot, self._starts)
+        ordered = _binning.sort_by_depth(
+            self._first_slot,
+            self._depths.view(np.uint32),
+            self._buffer("keys", (count,), np.uint64),
+            self._buffer("spare", (count,), np.uint64),
+        )
+        entries = int(self._starts[-1])
+        self._entries = self._buffer("entries", (entries,), np.int32)
+        self._slot_of = self._buffer("slot_of", (entries,), np.int32)
+        _binning.fill_entries(
+            ordered,
+            self._records,
+            *self._grid,
+            self._first_slot,
+            self._starts,
+            self._entries,
+            self._slot_of,
+        )
+        # The fullest tiles first, so that threads finish together.
+        self._order = np.argsort(-np.diff(self._starts), kind="stable")
+
+    def _composite(self, surface: bool) -> None:
+        width, height = self._view.width, self._view.height
+        self._out = self._buffer("out", (height, width, self._channels))
+        self._left_over = self._buffer("left_over", (height, width))
+        self._surface = self._buffer("surface", (height, width) if surface else (0, 0), np.int32)
+        arguments = (
+            np.zeros(1, np.int64), self._order, self._records, self._values, *self._grid, self._starts,
+            self._entries, _compositing.rules(self.settings), self._out, self._left_over, self._surface,
+        )  # fmt: skip
+        together(_compositing.forward_kernel(self._channels), [arguments] * self.threads)
+
+    def _rendering(self, surface: bool, nonfinite: int) -> Rendering:
+        alpha = 1 - self._left_over
+        features = self._arrays[-1].shape[1]
+        shape = self._left_over.shape
+        index = self._surface.copy() if surface else np.full(shape, -1, np.int32)
+        depth = np.zeros(shape, np.float32)
+        depth[index >= 0] = self._depths[index[index >= 0]]
+        return Rendering(
+            colour=self._out[..., :3] + self._left_over[..., None] * self._background,
+            depth_expected=self._out[..., DEPTH_CHANNEL]
+            / np.maximum(alpha, _images.SMALLEST_ALPHA),
+            depth_surface=depth,
+            surface_index=index,
+            alpha=alpha,
+            features=self._out[..., DEPTH_CHANNEL + 1 :][..., :features].copy()
+            if features
+            else None,
+            nonfinite=nonfinite,
+        )
+
+    def _channel_buffers(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._buffer("d_out", self._out.shape), self._buffer(
+            "d_left_over", self._left_over.shape
+        )
+
+    def _backward(self, d_out: np.ndarray, d_left_over: np.ndarray) -> Gradients:
+        stride = -(-(MOMENTS + self._channels) // WIDTH) * WIDTH
+        slots = self._buffer("slots", (len(self._entries) * stride,))
+        arguments = (
+            np.zeros(1, np.int64), self._order, self._records, self._values, *self._grid, self._starts,
+            self._entries, _compositing.rules(self.settings), self._slot_of, self._out, self._left_over,
+            d_out, d_left_over, slots,
+        )  # fmt: skip
+        together(_compositing.backward_kernel(self._channels), [arguments] * self.threads)
+
+        results = [np.empty(array.shape, np.float32) for array in self._arrays]
+        motion = np.empty(len(self._splats), np.float32)
+        given = (
+            *self._arrays,
+            self._eye,
+            self._channels,
+            self._first_slot,
+            slots,
+            *results,
+            motion,
+        )
+        parts = ranges(len(self._splats), self.threads)
+        together(_projection.project_backward, [(*part, *given) for part in parts])
+        means, opacities, sh, quats, scales, covariances, features = results
+        shaped = self._splats.covariances is None
+        return Gradients(
+            means, opacities, sh,
+            quats if shaped else None, scales if shaped else None, None if shaped else covariances,
+            None if self._splats.features is None else features, motion,
+        )  # fmt: skip

@@ -1,0 +1,35 @@
+"""Share one kernel's work between threads that hold no GIL."""
+
+import functools
+import itertools
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+
+def cores() -> int:
+    """Processor cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@functools.cache
+def _pool(process: int) -> ThreadPoolExecutor:
+    """One pool for each process: a forked child inherits the object but not its threads."""
+    return ThreadPoolExecutor(cores(), thread_name_prefix="rpaug-splat")
+
+
+def together(job: Callable[..., Any], arguments: list[tuple[Any, ...]]) -> list[Any]:
+    """Call `job` once for each tuple of arguments at the same time; results in order."""
+    if len(arguments) == 1:
+        return [job(*arguments[0])]
+    pool = _pool(os.getpid())
+    others = [pool.submit(job, *given) for given in arguments[1:]]
+    first = job(*arguments[0])
+    return [first, *(other.result() for other in others)]
+
+
+def ranges(count: int, parts: int) -> list[tuple[int, int]]:
+    """0..count cut into `parts` runs of nearly equal length."""
+    cuts = [count * part // parts for part in range(parts + 1)]
+    return list(itertools.pairwise(cuts))

@@ -1,0 +1,134 @@
+"""Scenes and comparisons that the splat tests share."""
+
+import numpy as np
+import torch
+
+from rpaug.render.splat import Gradients, Rendering, Settings, Splats, View, rasterise, render
+
+NAMES = ("means", "opacities", "sh", "quats", "scales", "covariances", "features")
+
+
+def view(width: int = 48, height: int = 40, focal: float = 50.0, **pose: np.ndarray) -> View:
+    """A camera at the origin that looks along +z, its principal point a little off the middle."""
+    K = np.array([[focal, 0, width / 2 + 0.3], [0, 1.1 * focal, height / 2 - 0.7], [0, 0, 1.0]])
+    return View(K, pose.get("world_to_camera", np.eye(4)), width, height)
+
+
+def splats(count: int = 200, seed: int = 0, harmonics: int = 1, features: int = 0) -> Splats:
+    """Gaussians of all sizes and opacities in front of that camera, none at the same depth."""
+    rng = np.random.default_rng(seed)
+    means = rng.uniform(-1.2, 1.2, (count, 3)) + np.array([0, 0, 2.5])
+    extra = rng.normal(size=(count, features)).astype(np.float32) if features else None
+    return Splats(
+        means.astype(np.float32),
+        rng.uniform(0.02, 1.0, count).astype(np.float32),
+        rng.normal(0, 0.6, (count, harmonics, 3)).astype(np.float32),
+        rng.normal(size=(count, 4)).astype(np.float32),
+        np.exp(rng.uniform(-5, -1.2, (count, 3))).astype(np.float32),
+        features=extra,
+    )
+
+
+def one(
+    mean: tuple[float, float, float] = (0.0, 0.0, 2.0),
+    scale: float | tuple[float, float, float] = 0.1,
+    opacity: float = 0.8,
+    quat: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
+    colour: tuple[float, float, float] = (0.9, 0.5, 0.2),
+) -> Splats:
+    """A single Gaussian."""
+    return together_of([(mean, scale, opacity, quat, colour)])
+
+
+def together_of(parts: list[tuple]) -> Splats:
+    """Splats from (mean, scale, opacity, quat, colour) tuples."""
+    means, scales, opacities, quats, colours = zip(*parts, strict=True)
+    spread = [np.broadcast_to(scale, 3) for scale in scales]
+    return Splats(
+        np.array(means, np.float32),
+        np.array(opacities, np.float32),
+        ((np.array(colours, np.float32) - 0.5) / 0.28209479)[:, None, :].astype(np.float32),
+        np.array(quats, np.float32),
+        np.array(spread, np.float32),
+    )
+
+
+def draw(
+    given: Splats, at: View, backend: str, settings: Settings | None = None, **more
+) -> Rendering:
+    """`render` from a `View`."""
+    return render(
+        given, at.K, at.world_to_camera, at.width, at.height,
+        settings=settings, backend=backend, **{"threads": 1, **more},
+    )  # fmt: skip
+
+
+def pulls(at: View, features: int = 0, seed: int = 7) -> dict[str, np.ndarray | None]:
+    """Random image gradients: a loss that is linear in every image."""
+    rng = np.random.default_rng(seed)
+    shape = (at.height, at.width)
+    images = {"colour": (*shape, 3), "depth": shape, "alpha": shape, "features": (*shape, features)}
+    return {
+        name: rng.normal(size=size).astype(np.float32) if 0 not in size else None
+        for name, size in images.items()
+    }
+
+
+def gradients(
+    given: Splats,
+    at: View,
+    backend: str,
+    settings: Settings | None = None,
+    images: dict[str, np.ndarray | None] | None = None,
+) -> dict[str, np.ndarray | None]:
+    """Gradients of the sum of image * pull over all images, through the autograd door."""
+    images = images or pulls(at, 0 if given.features is None else given.features.shape[1])
+    kind = torch.float64
+    tensors = {
+        name: None
+        if (a := getattr(given, name)) is None
+        else torch.tensor(a, dtype=kind, requires_grad=True)
+        for name in NAMES
+    }
+    positional = [tensors.pop(name) for name in ("means", "opacities", "sh")]
+    made = rasterise(*positional, at, **tensors, settings=settings, backend=backend)
+    loss = sum(
+        (image * torch.as_tensor(images[name], dtype=kind)).sum()
+        for name, image in zip(("colour", "depth", "alpha", "features"), made, strict=True)
+        if image is not None and images[name] is not None
+    )
+    loss.backward()
+    leaves = dict(zip(("means", "opacities", "sh"), positional, strict=True)) | tensors
+    return {name: None if leaf is None else leaf.grad.numpy() for name, leaf in leaves.items()}
+
+
+def relative(found: np.ndarray, expected: np.ndarray) -> float:
+    """Relative distance in L2."""
+    return float(np.linalg.norm(found - expected) / max(np.linalg.norm(expected), 1e-12))
+
+
+def assert_close(
+    found: Rendering, expected: Rendering, atol: float = 1e-4, flips: float = 0.001
+) -> None:
+    """Equal within `atol`, but for a share of `flips` pixels.
+
+    A pixel flips where a splat lies on a threshold (alpha floor, end of light) or two lie at one depth to
+    within rounding; there the images differ by what one splat adds at that threshold, at most 1/255 of its
+    colour or the light that was left.
+    """
+    assert np.isfinite(found.colour).all()
+    assert np.isfinite(found.depth_expected).all()
+    far = np.abs(found.colour - expected.colour).max(-1) > atol
+    far |= np.abs(found.alpha - expected.alpha) > atol
+    assert far.mean() <= flips, f"{far.sum()} of {far.size} pixels differ"
+    scale = np.maximum(expected.depth_expected, 1e-3)
+    solid = (expected.alpha > 0.01) & ~far
+    wrong = np.abs(found.depth_expected - expected.depth_expected) > 10 * atol * scale
+    assert not (wrong & solid).any()
+    assert found.nonfinite == expected.nonfinite
+
+
+def finite(values: Gradients | dict[str, np.ndarray | None]) -> bool:
+    """True if every gradient given is finite."""
+    items = values.values() if isinstance(values, dict) else vars(values).values()
+    return all(np.isfinite(item).all() for item in items if item is not None)
