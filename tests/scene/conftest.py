@@ -1,24 +1,22 @@
 """Episodes that several tests of the scene package look at."""
 
-import os
 from pathlib import Path
 
 import boxes
 import pytest
-import recorded
 from analysed import analysed
 
+from rpaug.registry import adapter
 from rpaug.types import Scene
+
+EPISODES = "rlbench_open_drawer/all_variations/episodes"
 
 
 @pytest.fixture(scope="session", params=["episode0", "episode5"])
-def real(request: pytest.FixtureRequest) -> Scene:
+def real(request: pytest.FixtureRequest, samples: Path) -> Scene:
     """A real RLBench open_drawer recording, with its bodies and roles."""
-    data = os.environ.get("RPAUG_TEST_DATA")
-    if not data:
-        pytest.skip("RPAUG_TEST_DATA is not set: no real recordings here")
-    folder = Path(data) / "rlbench_open_drawer/all_variations/episodes" / request.param
-    return analysed(recorded.read(folder))
+    folder = samples / EPISODES / request.param
+    return analysed(adapter("rlbench").read(folder.parent, request.param))
 
 
 @pytest.fixture(scope="session")
