@@ -24,7 +24,7 @@ from rpaug.types import CameraView, Scene
 PLATE_SAMPLES = (
     9  # recordings of a static pixel, spread over the episode, whose median is its plate
 )
-HISTORY_FRAMES = 12  # frames of a moving camera kept for what they show of static bodies
+HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
 SAME_DEPTH = 0.01  # of depth: a plate's samples agree this well or are another surface
 
 

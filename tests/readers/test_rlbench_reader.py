@@ -3,6 +3,7 @@
 import json
 import os
 import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,10 +19,8 @@ KEYS = ("all_variations/episodes/episode0", "all_variations/episodes/episode5")
 
 
 @pytest.fixture(scope="module")
-def source() -> Path:
-    if "RPAUG_TEST_DATA" not in os.environ:
-        pytest.skip("RPAUG_TEST_DATA is not set: no real recordings here")
-    return Path(os.environ["RPAUG_TEST_DATA"]) / "rlbench_open_drawer"
+def source(samples: Path) -> Path:
+    return samples / "rlbench_open_drawer"
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +75,10 @@ def test_the_driver_notices_differences(read, source):
 def test_an_unedited_copy_is_equal_in_every_bit(read, source, tmp_path):
     adapter = registry.adapter("rlbench")
     adapter.write(
-        adapter.read(source, KEYS[0]), tmp_path, "new/episodes/episode0", {"rpaug.json": b"{}"}
+        adapter.read(source, KEYS[0]),
+        tmp_path,
+        "new/episodes/episode0",
+        lambda: {"rpaug.json": b"{}"},
     )
     said = read(source, KEYS[0], tmp_path, "new/episodes/episode0")
     assert_same_demo(said)
@@ -89,7 +91,7 @@ def test_edited_colours_change_nothing_else(read, source, tmp_path):
     front = episode.views["front"]
     inverted = replace(front, rgb=lambda t: 255 - front.rgb(t))
     adapter.write(
-        replace(episode, views={**episode.views, "front": inverted}), tmp_path, KEYS[0], {}
+        replace(episode, views={**episode.views, "front": inverted}), tmp_path, KEYS[0], dict
     )
     said = read(source, KEYS[0], tmp_path, KEYS[0])
     assert_same_demo(said)
@@ -112,7 +114,7 @@ def test_a_moved_camera_reads_as_points_in_the_same_world(read, source, tmp_path
         episode.views["front"], camera=moved.cameras["front"],
         rgb=lambda _: drawn.image, depth=lambda _: drawn.depth, ids=lambda _: drawn.ids,
     )  # fmt: skip
-    adapter.write(replace(episode, views={**episode.views, "front": view}), tmp_path, KEYS[0], {})
+    adapter.write(replace(episode, views={**episode.views, "front": view}), tmp_path, KEYS[0], dict)
     clouds = tmp_path / "clouds.npz"
     said = read(source, KEYS[0], tmp_path, KEYS[0], "--clouds", str(clouds))
     assert_same_demo(said)
@@ -123,3 +125,31 @@ def test_a_moved_camera_reads_as_points_in_the_same_world(read, source, tmp_path
     near = drawn.depth < 4  # metres: the far plane cuts the rest off
     # A depth step is 0.2 um; the reader inverts recorded matrices, orthonormal to 1e-6, which we transpose.
     assert np.abs(np.load(clouds)["front"] - points)[near].max() < 1e-5
+
+
+RECIPE = """\
+version: 1
+seed: 7
+copies: 1
+edits:
+  - op: recolor
+    target: {role: manipulated}
+    color: blue
+  - op: light_color
+    range: [[0, 0, 0], [0.5, 0.5, 0.5]]
+"""
+
+
+def test_the_main_job(read, source, tmp_path):
+    """Both recordings, recoloured and relit by the command: only colours differ, for each episode as recorded."""
+    (tmp_path / "recipe.yaml").write_text(RECIPE)
+    told = ["augment", str(source), "--recipe", "recipe.yaml", "--out", "out"]
+    subprocess.run(
+        [sys.executable, "-m", "rpaug.cli", *told], cwd=tmp_path, check=True, timeout=300
+    )
+    for recorded, key in zip(KEYS, ("episode0", "episode1"), strict=True):
+        said = read(source, recorded, tmp_path / "out", f"all_variations/episodes/{key}")
+        assert_same_demo(said)
+        cameras = ("front", "left_shoulder", "right_shoulder", "wrist")
+        colours = {f"{prefix}{camera}_rgb" for camera in cameras for prefix in ("", "extract_obs.")}
+        assert set(said["differs"]) == colours

@@ -1,6 +1,5 @@
 """Moved cameras over a whole episode, against a scene known in closed form and against real recordings."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -148,16 +147,15 @@ def test_images_are_read_lazily(recorded):
     assert asked == [5, 5, 5]
 
 
-def real_episode() -> Episode:
-    if "RPAUG_TEST_DATA" not in os.environ:
-        pytest.skip("RPAUG_TEST_DATA is not set: no real recordings here")
-    root = Path(os.environ["RPAUG_TEST_DATA"]) / "rlbench_open_drawer"
-    adapter = registry.adapter("rlbench")
-    return adapter.read(root, next(iter(adapter.episodes(root))))
+@pytest.fixture
+def real(samples: Path) -> Scene:
+    """The first real recording, with a stand-in for tracked bodies."""
+    root, adapter = samples / "rlbench_open_drawer", registry.adapter("rlbench")
+    return real_scene(adapter.read(root, adapter.episodes(root)[0]))
 
 
 def real_scene(episode: Episode) -> Scene:
-    """A stand-in for tracked bodies: static is what keeps its depth in the fixed cameras from first to last."""
+    """Static is what keeps its depth in the fixed cameras from first to last."""
     still, last = {}, episode.length - 1
     for view in (v for v in episode.views.values() if v.camera.fixed):
         ids = view.ids(0)
@@ -173,28 +171,26 @@ def real_scene(episode: Episode) -> Scene:
     )  # fmt: skip
 
 
-def test_real_cameras_confirm_each_other():
+def test_real_cameras_confirm_each_other(real):
     """The front view drawn from the other cameras alone: its depth is the recorded one."""
-    recorded = real_scene(real_episode())
-    others = {n: v for n, v in recorded.episode.views.items() if n not in ("front", "wrist")}
-    elsewhere: Camera = recorded.cameras["front"]
-    for t in (0, recorded.episode.length // 2):
+    others = {n: v for n, v in real.episode.views.items() if n not in ("front", "wrist")}
+    elsewhere: Camera = real.cameras["front"]
+    for t in (0, real.episode.length // 2):
         sources = [surfels._source(view, t) for view in others.values()]
         drawn = surfels.zbuffer.render(elsewhere.K, elsewhere.cam_to_world[t], (128, 128), sources)
         depth, ids = (
-            recorded.episode.views["front"].depth(t),
-            recorded.episode.views["front"].ids(t),
+            real.episode.views["front"].depth(t),
+            real.episode.views["front"].ids(t),
         )
         seen = ~drawn.hole & (drawn.ids == ids)
         assert seen.mean() > 0.2
         assert np.median(np.abs(drawn.depth - depth)[seen]) < 2e-4
 
 
-def test_real_unmoved_cameras_give_their_recordings():
-    recorded = real_scene(real_episode())
-    kept = surfels.build(recorded)
-    for name, view in recorded.episode.views.items():
-        drawn = surfels.view(kept, recorded, name, 60)
+def test_real_unmoved_cameras_give_their_recordings(real):
+    kept = surfels.build(real)
+    for name, view in real.episode.views.items():
+        drawn = surfels.view(kept, real, name, 60)
         np.testing.assert_array_equal(drawn.image, view.rgb(60))
         np.testing.assert_array_equal(drawn.depth, view.depth(60))
         np.testing.assert_array_equal(drawn.ids, view.ids(60))

@@ -1,0 +1,203 @@
+"""Moved cameras drawn from surfels, against the twin's true re-recording from the moved cameras.
+
+    python tools/bench/surfels.py --seeds 3 --json surfels.json
+
+Prints PSNR in dB over all and over co-visible pixels, the depth error on co-visible pixels, the share of holes, and
+the seconds of one thread per view, for surfels with ever more sources and beside the recorded image left as it was.
+A pixel is co-visible if some recorded camera saw its point at that time, or at another time if it is static.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from rpaug import geometry
+from rpaug.render import holes, zbuffer
+from rpaug.render.zbuffer import Rendered
+from rpaug.scene import surfels
+from rpaug.twin.look import Look
+from rpaug.twin.record import Take, perform
+from rpaug.types import Body, CameraView, Scene
+
+SAME_POINT = 0.004, 0.01  # metres and share of depth: a recorded pixel this close saw the point
+OTHER_TIMES = 5  # frames between the recordings that may have seen a static point
+
+
+@dataclass(frozen=True)
+class Case:
+    """One moved camera at one time: the recorded scene with that camera moved, and the truth."""
+
+    scene: Scene
+    kept: surfels.Surfels
+    name: str
+    t: int
+    true: CameraView
+    covisible: np.ndarray
+
+
+def known_scene(take: Take) -> Scene:
+    """The recorded scene with the bodies the twin knows: what follows is not blamed on tracking."""
+    length = take.episode.length
+    still = np.tile(np.eye(4), (length, 1, 1))
+    moving = {name for name, track in take.poses.items() if (track != track[:1]).any()}
+    moving |= {name for name in take.truth.bodies if name.startswith(("link", "hand", "finger"))}
+    bodies = tuple(
+        Body(frozenset(handles), still, "unknown" if name in moving else "static")
+        for name, handles in take.truth.bodies.items()
+    )
+    cameras = {name: view.camera for name, view in take.episode.views.items()}
+    return Scene(take.episode, cameras, bodies, {}, False, take.episode.descriptions)
+
+
+def cases(
+    task: str, seed: int, look: Look, frames: int, every: int, noise: float
+) -> Iterator[Case]:
+    """Every bumped camera of one seed at every `every`-th frame."""
+    recorded = perform(task, seed, look=look, frames=frames)
+    moved = perform(task, seed, look=look, frames=frames, factor="camera_pose")
+    exact = known_scene(recorded)
+    scene = noisy(exact, noise, seed) if noise else exact
+    kept = surfels.build(scene)
+    for name in moved.truth.bumps:
+        true = moved.episode.views[name]
+        bumped = replace(scene, cameras={**scene.cameras, name: true.camera})
+        for t in range(every // 2, frames, every):
+            seen = covisible(exact, kept.static, true, t)
+            yield Case(bumped, kept, name, t, true, seen)
+
+
+def noisy(scene: Scene, share: float, seed: int) -> Scene:
+    """The scene with Gaussian noise on every depth, of standard deviation `share` of the depth."""
+
+    def shaken(view: CameraView, salt: int) -> CameraView:
+        assert view.depth is not None
+        read = view.depth
+
+        def depth(t: int) -> np.ndarray:
+            drawn = np.random.default_rng([seed, salt, t]).standard_normal(read(t).shape)
+            return (read(t) * (1 + share * drawn)).astype(np.float32)
+
+        return replace(view, depth=depth)
+
+    views = {name: shaken(view, k) for k, (name, view) in enumerate(scene.episode.views.items())}
+    return replace(scene, episode=replace(scene.episode, views=views))
+
+
+def covisible(scene: Scene, static: frozenset[int], true: CameraView, t: int) -> np.ndarray:
+    """Which pixels of the true view show a point that the episode recorded."""
+    points = geometry.world_points(true.depth(t).astype(np.float64), true.camera, t)
+    ids = true.ids(t)
+    seen = np.zeros(ids.shape, bool)
+    still = np.isin(ids, list(static))
+    for view in scene.episode.views.values():
+        for when in {t, *range(0, scene.episode.length, OTHER_TIMES)}:
+            pixel, z = geometry.project(points, view.camera, when)
+            columns, rows = np.rint(pixel).astype(int).transpose(2, 0, 1)
+            inside = (z > 0) & (columns >= 0) & (rows >= 0)
+            inside &= (columns < view.camera.width) & (rows < view.camera.height)
+            rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
+            near = np.abs(view.depth(when)[rows, columns] - z) < SAME_POINT[0] + SAME_POINT[1] * z
+            found = inside & near & (view.ids(when)[rows, columns] == ids)
+            seen |= found if when == t else found & still
+    return seen
+
+
+def unchanged(case: Case) -> Rendered:
+    view = case.scene.episode.views[case.name]
+    none = np.zeros(view.ids(case.t).shape, bool)
+    rgb = (view.rgb(case.t) / 255).astype(np.float32)
+    return Rendered(rgb, view.depth(case.t), view.ids(case.t), none.astype(np.int16), none)
+
+
+def sources(case: Case, kept: surfels.Surfels, count: int | None, carve: bool = True) -> Rendered:
+    found = list(surfels._sources(kept, case.scene, case.name, case.t))[:count]
+    if not carve:
+        found = [replace(source, carved=False) for source in found]
+    camera = case.scene.cameras[case.name]
+    size = (camera.width, camera.height)
+    return holes.fill(
+        zbuffer.render(camera.K, camera.cam_to_world[case.t], size, found, witness=found[0])
+    )
+
+
+METHODS: dict[str, Callable[[Case], Rendered]] = {
+    "recorded image unchanged": unchanged,
+    "own camera": lambda c: sources(c, c.kept, 1),
+    "all cameras now": lambda c: sources(c, c.kept, len(c.scene.cameras)),
+    "all, plates, history": lambda c: surfels.view(c.kept, c.scene, c.name, c.t),
+    "the same, not carved": lambda c: sources(c, c.kept, None, carve=False),
+}
+
+
+def measure(method: Callable[[Case], Rendered], case: Case) -> dict[str, float]:
+    start = time.thread_time()
+    drawn = method(case)
+    seconds = time.thread_time() - start
+    squared = ((drawn.image.astype(float) - case.true.rgb(case.t)) ** 2).mean(-1) / 255**2
+    error = np.abs(drawn.depth - case.true.depth(case.t))[case.covisible]
+    return {
+        "all": squared.mean(),
+        "covisible": squared[case.covisible].mean(),
+        "depth": float(np.median(error)),
+        "far": float((error > 0.02).mean()),
+        "holes": float(drawn.hole.mean()),
+        "seconds": seconds,
+    }
+
+
+def summary(rows: list[dict[str, float]]) -> dict[str, float]:
+    """Mean over views; PSNR of the mean squared error; the median of times and depth errors."""
+    mean = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
+    return {
+        "psnr_all_db": -10 * np.log10(mean["all"]),
+        "psnr_covisible_db": -10 * np.log10(mean["covisible"]),
+        "depth_median_mm": 1e3 * float(np.median([row["depth"] for row in rows])),
+        "depth_over_20mm_percent": 100 * mean["far"],
+        "holes_percent": 100 * mean["holes"],
+        "milliseconds_per_view": 1e3 * float(np.median([row["seconds"] for row in rows])),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--task", default="open_drawer")
+    parser.add_argument(
+        "--seeds", type=int, default=3, help="recordings, each with its own cameras"
+    )
+    parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--every", type=int, default=12, help="frames between the views compared")
+    parser.add_argument("--noise", type=float, default=0.0, help="depth noise as a share of depth")
+    parser.add_argument("--antialiased", action="store_true")
+    parser.add_argument("--specular", action="store_true")
+    parser.add_argument("--json", type=Path, help="write the table here too")
+    told = parser.parse_args()
+    numba.set_num_threads(1)
+    look = Look(antialias=told.antialiased, specular=told.specular)
+    rows: dict[str, list[dict[str, float]]] = {name: [] for name in METHODS}
+    for seed in range(told.seeds):
+        for case in cases(told.task, seed, look, told.frames, told.every, told.noise):
+            for name, method in METHODS.items():
+                rows[name].append(measure(method, case))
+    table = {name: summary(found) for name, found in rows.items()}
+    if told.json:
+        told.json.write_text(
+            json.dumps({"views": len(rows["own camera"]), "table": table}, indent=1)
+        )
+    print(f"{len(rows['own camera'])} views")
+    print(f"{'':26}all / co-visible dB   depth mm  >20 mm   holes   ms")
+    for name, row in table.items():
+        print(
+            f"{name:26}{row['psnr_all_db']:5.1f} / {row['psnr_covisible_db']:4.1f}"
+            f"{row['depth_median_mm']:17.3f}{row['depth_over_20mm_percent']:7.1f}%"
+            f"{row['holes_percent']:7.1f}%{row['milliseconds_per_view']:6.1f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
