@@ -43,8 +43,8 @@ class Panda:
     def links(self, q: Float[np.ndarray, "7"]) -> Float[np.ndarray, "7 4 4"]:
         """Where the frames of links 1 to 7 are in the world."""
         pose, poses = self.base, []
-        for step, angle in zip(DH, q, strict=True):
-            pose = pose @ joint_origin(*step) @ _turn(angle)
+        for origin, angle in zip(_ORIGINS, q, strict=True):
+            pose = pose @ origin @ _turn(angle)
             poses.append(pose)
         return np.array(poses)
 
@@ -86,17 +86,9 @@ class Panda:
 def bodies(base: Float[np.ndarray, "4 4"]) -> tuple[Body, ...]:
     """The base, seven links, the hand and two fingers; one part, hence one handle, each."""
     out = [Body("link0", (Part("link0", _BASE),), base)]
-    for number, (step, geoms) in enumerate(zip(DH, _LINKS, strict=True), start=1):
-        name = f"link{number}"
-        out.append(
-            Body(
-                name,
-                (Part(name, geoms),),
-                joint_origin(*step),
-                f"link{number - 1}",
-                ("hinge", (0, 0, 1)),
-            )
-        )
+    for number, (origin, geoms) in enumerate(zip(_ORIGINS, _LINKS, strict=True), start=1):
+        part = Part(f"link{number}", geoms)
+        out.append(Body(part.name, (part,), origin, f"link{number - 1}", ("hinge", (0, 0, 1))))
     out.append(Body("hand", (Part("hand", _HAND),), HAND, "link7"))
     for name, side in (("finger_left", 1.0), ("finger_right", -1.0)):
         finger = (
@@ -109,13 +101,15 @@ def bodies(base: Float[np.ndarray, "4 4"]) -> tuple[Body, ...]:
     return tuple(out)
 
 
-def joint_origin(a: float, d: float, alpha: float) -> Float[np.ndarray, "4 4"]:
+def _joint_origin(a: float, d: float, alpha: float) -> Float[np.ndarray, "4 4"]:
     """The frame of a joint at angle 0 in the frame of the one before."""
     return geometry.rigid(np.array([alpha, 0, 0]), np.array([a, 0, 0])) @ _lift(d)
 
 
 def _turn(angle: float) -> Float[np.ndarray, "4 4"]:
-    return geometry.rigid(np.array([0, 0, angle]), np.zeros(3))
+    pose, sine, cosine = np.eye(4), np.sin(angle), np.cos(angle)
+    pose[:2, :2] = (cosine, -sine), (sine, cosine)
+    return pose
 
 
 def _lift(distance: float) -> Float[np.ndarray, "4 4"]:
@@ -133,6 +127,7 @@ def _difference(
     return np.concatenate([target[:3, 3] - pose[:3, 3], scale * axis])
 
 
+_ORIGINS = tuple(_joint_origin(*step) for step in DH)
 HAND = _lift(FLANGE) @ _turn(HAND_TURN)
 
 

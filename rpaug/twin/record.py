@@ -1,7 +1,8 @@
 """Record an episode of the twin, and the same motion again with one factor truly changed."""
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ class Take:
 
     def side(self) -> dict[str, bytes]:
         """The file that lies beside the episode's own."""
-        return {"truth.json": self.truth.to_json()}
+        return {"truth.json": (json.dumps(self.truth.describe(), indent=1) + "\n").encode()}
 
 
 def perform(
@@ -104,13 +105,14 @@ def record(
     size: int = 128,
     frames: int = 60,
     episodes: int = 1,
-) -> list[Truth]:
+) -> list[Take]:
     """Write `episodes` episodes to OUT/<task>/all_variations/episodes/episode<i>, `truth.json` beside each one's files.
 
-    The arguments are those of `perform`. Raises BadInput if an episode is there already.
+    The arguments are those of `perform`. Returns the takes, their episodes as read back. Raises BadInput if an
+    episode is there already.
     """
     adapter = registry.adapter("rlbench")
-    truths = []
+    takes = []
     for number in range(episodes):
         take = perform(
             task,
@@ -124,8 +126,8 @@ def record(
             frames=frames,
         )
         adapter.write(take.episode, Path(out), take.episode.key, take.side)
-        truths.append(take.truth)
-    return truths
+        takes.append(replace(take, episode=adapter.read(Path(out), take.episode.key)))
+    return takes
 
 
 def _film(world: World, look: Look, motion: Motion, size: int) -> dict[str, CameraView]:

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from rpaug.twin.record import record
-from rpaug.twin.truth import Truth
+from rpaug.twin.record import Take, record
 
 FOLDER = Path(__file__).parents[1] / "sample"
 """A dataset in RLBench's format with one episode of `open_drawer`: five cameras, 128 x 128, 17 frames."""
 
 
-def rebuild(out: Path) -> list[Truth]:
+def rebuild(out: Path | str) -> Take:
     """Record the sample again, under `out`, which must not hold it yet. Needs OpenGL."""
-    return record("open_drawer", 0, out, frames=17)
+    (take,) = record("open_drawer", 0, Path(out), frames=17)
+    return take

@@ -1,6 +1,7 @@
 """The tabletop: a Panda, a cabinet with a drawer, blocks, a cylinder, a pad, table, walls, floor."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -31,7 +32,7 @@ def build(
         *_cabinet(placing["cabinet"]),
         *(Body(name, (part,), placing[name], movable=True) for name, part in _things().items()),
     )
-    return World(bodies, _pictures(np.random.default_rng(texture_seed)), draw_handles(bodies, rng))
+    return World(bodies, _pictures(texture_seed), draw_handles(bodies, rng))
 
 
 def upright(x: float, y: float, height: float = 0.0, yaw: float = 0.0) -> Float[np.ndarray, "4 4"]:
@@ -148,7 +149,9 @@ def _things() -> dict[str, Part]:
     }
 
 
-def _pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
+@lru_cache(4)  # a motion is often recorded again with one factor changed
+def _pictures(seed: int) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
     return {
         "wood": textures.grain(rng, (0.72, 0.52, 0.30), 10, 0.13),
         "oak": textures.grain(rng, (0.78, 0.68, 0.54), 8, 0.08),

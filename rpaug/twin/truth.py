@@ -1,8 +1,8 @@
 """What a recording is known to show: handles, what moves, and exactly what was changed."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
 
 from rpaug.twin.cameras import BUMPED
 from rpaug.twin.look import Bump, Look
@@ -45,15 +45,15 @@ class Truth:
             if name in self.new.bumps and self.new.bumps[name] != self.old.bumps.get(name)
         }
 
-    def to_json(self) -> bytes:
-        """The facts as JSON; colours are display values, lengths metres, angles radians."""
+    def describe(self) -> dict[str, Any]:
+        """The facts as plain values; colours are display values, lengths metres, angles radians."""
         facts = asdict(self)
         facts["tints"] = {
             str(handle): {"old": old, "new": new} for handle, (old, new) in self.tints.items()
         }
         facts["light"] = dict(zip(("old", "new"), self.light, strict=True))
         facts["bumps"] = {name: asdict(bump) for name, bump in self.bumps.items()}
-        return (json.dumps(facts, indent=1) + "\n").encode()
+        return facts
 
 
 def changed_tints(world: World, old: Look, new: Look) -> dict[int, tuple[Vector, Vector]]:
