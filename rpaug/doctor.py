@@ -6,7 +6,6 @@ import platform
 import subprocess
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 from rpaug import __version__, registry
 
@@ -81,12 +80,16 @@ def _gpu() -> Finding:
 
 
 def _cache() -> Finding:
-    import numba
+    from rpaug.render.jit import cache_folder
 
-    place = numba.config.CACHE_DIR or str(Path.home() / ".cache")
-    writable = os.access(place, os.W_OK) or os.access(Path(place).parent, os.W_OK)
+    place = cache_folder()
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        writable = os.access(place, os.W_OK)
+    except OSError:
+        writable = False
     if writable:
-        return Finding("ok", "kernel cache", place)
+        return Finding("ok", "kernel cache", str(place))
     return Finding(
         "note", "kernel cache", f"{place} is not writable: kernels compile anew in every process"
     )

@@ -17,7 +17,7 @@ class BadInput(RpaugError):
         self.where, self.field, self.found, self.expected = str(where), field, found, expected
         super().__init__(f"{where}: {field}: found {found}; expected {expected}")
 
-    def __reduce__(self):  # type: ignore[no-untyped-def]  # errors cross process borders
+    def __reduce__(self):  # errors cross process borders
         return (_rebuild, (self.where, self.field, str(self.found), self.expected))
 
 

@@ -116,7 +116,8 @@ class Appearance(Protocol):
     0..1 and must treat every row alone, so that any carrier (pixels, surfels, Gaussians) can use it.
     """
 
-    handles: frozenset[int] | None
+    @property
+    def handles(self) -> frozenset[int] | None: ...
 
     def __call__(self, colour: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]: ...
 

@@ -9,7 +9,7 @@ from jaxtyping import Float32
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import RGB, Color
 from rpaug.scene import albedo, colours, targets
-from rpaug.types import Effect, Scene
+from rpaug.types import Appearance, Effect, Scene
 
 # Per channel the pixel is divided by the old albedo only while that does not blow up its noise: a gain of 6 turns
 # half a grey level into 0.003 rms (50 dB); from 12 on the shading of the well-lit channels stands in.
@@ -86,7 +86,7 @@ class Recolor(Operator):
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["color"]
-        painted: list[AlbedoRatio | LabShift] = []
+        painted: list[Appearance] = []
         for surface in edit["surfaces"]:
             handles, old = frozenset([surface["handle"]]), tuple(surface["albedo"])
             if self.mode == "lab":

@@ -58,6 +58,9 @@ class Case:
         return evidence.mean(ahead + back)
 
 
+REST = 0.02  # millimetres per interval that a motion must win by against rest
+
+
 def costs(case: Case) -> tuple[Float64[np.ndarray, "i m"], Bool[np.ndarray, "i"]]:
     """Cost of every carrier's motion in every interval, and whether the interval shows anything at all."""
     cost = np.zeros((len(case.seen) - 1, len(case.carriers)))
@@ -65,6 +68,7 @@ def costs(case: Case) -> tuple[Float64[np.ndarray, "i m"], Bool[np.ndarray, "i"]
     for i, (a, b) in enumerate(pairwise(case.seen.tolist())):
         average, count = case.judge(a, b, case.ahead(a, b))
         cost[i] = price(average, count)
+        cost[i, STATIC + 1 :] += REST  # a plane that slides in itself looks the same at rest
         known[i] = count.max() > 0
     return cost, known
 

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Protocol
 
 import numpy as np
@@ -47,13 +47,9 @@ def edited(scene: Scene, carriers: Mapping[str, int], watch: Watch) -> Episode:
         if carriers[name] == 0:
             views[name] = _composited(scene, name, watch)
         elif shared is not None and carriers[name] == 1:
-            views[name] = _rendered(
-                scene, name, lambda t, name=name: _surfels(scene, shared, name, t), watch
-            )
+            views[name] = _rendered(scene, name, partial(_surfels, scene, shared, name), watch)
         else:
-            views[name] = _rendered(
-                scene, name, lambda t, name=name: _gaussians(scene, name, t), watch
-            )
+            views[name] = _rendered(scene, name, partial(_gaussians, scene, name), watch)
     return replace(scene.episode, views=views, descriptions=scene.descriptions)
 
 
