@@ -392,13 +392,13 @@ def twin_record(
     from rpaug import twin
 
     look = twin.Look(antialias=antialias, specular=specular, shadows=shadows)
-    truths = twin.record(
+    takes = twin.record(
         task, seed, out, factor=factor, look=look, size=size, frames=frames, episodes=episodes
     )
-    written = [f"{out}/{task}/all_variations/episodes/episode{truth.episode}" for truth in truths]
+    written = [str(out / take.episode.key) for take in takes]
     if as_json:
         _print_json(
-            {"episodes": written, "truth": [json.loads(truth.to_json()) for truth in truths]}
+            {"episodes": written, "truth": [json.loads(take.truth.to_json()) for take in takes]}
         )
     else:
         for path in written:
