@@ -1,0 +1,102 @@
+"""The dataset in a training loop: coherent draws, the same in any worker, what `augment` would write."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from rpaug_adapters.rlbench import RLBench
+from torch.utils.data import DataLoader
+
+from rpaug import Unsupported, augment, recipe
+from rpaug.training import AugmentedEpisodes
+
+RECIPE = {
+    "version": 1,
+    "seed": 11,
+    "copies": 2,
+    "edits": [
+        {"op": "recolor", "target": {"handle": 300}, "color": {"sample": "colosseum"}},
+        {"op": "light_color"},
+    ],
+}
+
+
+@pytest.fixture
+def episodes(template: Path, tmp_path: Path) -> AugmentedEpisodes:
+    path = tmp_path / "r.yaml"
+    path.write_text(json.dumps(RECIPE))
+    return AugmentedEpisodes(template, path, frames="all")
+
+
+def equal(one: dict, other: dict) -> bool:
+    return one["edits"] == other["edits"] and all(
+        torch.equal(image, other["cameras"][name][kind])
+        for name, images in one["cameras"].items()
+        for kind, image in images.items()
+    )
+
+
+def test_an_item_has_what_was_promised(episodes: AugmentedEpisodes) -> None:
+    assert len(episodes) == 2
+    item = episodes[0]
+    assert item["instruction"] == "roll the ball"
+    assert item["frames"].tolist() == list(range(8))
+    front = item["cameras"]["front"]
+    assert front["rgb"].shape == (8, 80, 96, 3)
+    assert front["rgb"].dtype == torch.uint8
+    assert front["depth"].dtype == torch.float32
+    assert front["ids"].dtype == torch.int32
+    assert front["cam_to_world"].shape == (8, 4, 4)
+
+
+def test_epochs_draw_anew_and_come_back(episodes: AugmentedEpisodes) -> None:
+    first = episodes[0]
+    episodes.set_epoch(1)
+    second = episodes[0]
+    assert first["edits"] != second["edits"]
+    assert not equal(first, second)
+    episodes.set_epoch(0)
+    assert equal(first, episodes[0])
+
+
+def test_an_epoch_is_what_augment_writes(
+    episodes: AugmentedEpisodes, template: Path, tmp_path: Path
+) -> None:
+    augment.run(template, recipe.build(RECIPE), tmp_path / "out")
+    for epoch, number in ((0, 1), (1, 3)):
+        episodes.set_epoch(epoch)
+        item = episodes[1]
+        written = RLBench().read(
+            tmp_path / "out", f"roll_ball/all_variations/episodes/episode{number}"
+        )
+        for name, view in written.views.items():
+            for t in range(written.length):
+                assert np.array_equal(item["cameras"][name]["rgb"][t], view.rgb(t))
+
+
+@pytest.mark.parametrize("start", ["fork", "spawn"])
+def test_workers_give_the_same_items(episodes: AugmentedEpisodes, start: str) -> None:
+    alone = [episodes[i] for i in range(2)]
+    loader = DataLoader(episodes, batch_size=None, num_workers=2, multiprocessing_context=start)
+    for one, other in zip(alone, loader, strict=True):
+        assert equal(one, other)
+
+
+def test_key_frames_and_cameras_can_be_chosen(template: Path, tmp_path: Path) -> None:
+    path = tmp_path / "r.yaml"
+    path.write_text(json.dumps(RECIPE))
+    item = AugmentedEpisodes(template, path, frames="key", cameras=["overhead"])[0]
+    assert list(item["cameras"]) == ["overhead"]
+    assert item["frames"][0] == 0
+    assert len(item["frames"]) < 8
+    picked = AugmentedEpisodes(template, path, frames=[5, 2])[0]
+    assert picked["frames"].tolist() == [5, 2]
+
+
+def test_gaussians_are_not_fitted_in_a_training_loop(template: Path, tmp_path: Path) -> None:
+    path = tmp_path / "r.yaml"
+    path.write_text(json.dumps(RECIPE))
+    with pytest.raises(Unsupported, match="tier"):
+        AugmentedEpisodes(template, path, tier=3)
