@@ -16,7 +16,7 @@ from rpaug.twin.look import Look
 from rpaug.twin.motion import Motion, play
 from rpaug.twin.panda import OPEN
 from rpaug.twin.renderer import Renderer
-from rpaug.twin.truth import Truth, changed_tints
+from rpaug.twin.truth import Truth, changed_tints, mean_albedos
 from rpaug.twin.world import World
 from rpaug.types import Camera, CameraView, Episode, Robot
 
@@ -80,6 +80,7 @@ def perform(
         key_frames=motion.keys,
         factor=factor,
         tints=changed_tints(world, old, new),
+        albedos=mean_albedos(world, new),
         old=old,
         new=new,
     )

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from rpaug.twin.cameras import BUMPED
 from rpaug.twin.look import Bump, Look
 from rpaug.twin.world import Vector, World
@@ -28,6 +30,7 @@ class Truth:
     key_frames: tuple[int, ...]
     factor: str | None
     tints: Mapping[int, tuple[Vector, Vector]]
+    albedos: Mapping[int, Vector]
     old: Look
     new: Look
 
@@ -51,6 +54,7 @@ class Truth:
         facts["tints"] = {
             str(handle): {"old": old, "new": new} for handle, (old, new) in self.tints.items()
         }
+        facts["albedos"] = {str(handle): albedo for handle, albedo in self.albedos.items()}
         facts["light"] = dict(zip(("old", "new"), self.light, strict=True))
         facts["bumps"] = {name: asdict(bump) for name, bump in self.bumps.items()}
         return facts
@@ -64,3 +68,21 @@ def changed_tints(world: World, old: Look, new: Look) -> dict[int, tuple[Vector,
         for part in body.parts
     }
     return {world.handles[name]: pair for name, pair in both.items() if pair[0] != pair[1]}
+
+
+def mean_albedos(world: World, look: Look) -> dict[int, Vector]:
+    """Tint times the mean of colour and texture over a part's shapes, rounded to 1e-6, by handle."""
+    plain = np.full((1, 1, 3), 255, np.uint8)
+    out = {}
+    for part in (part for body in world.bodies for part in body.parts):
+        shapes = [
+            world.textures.get(geom.texture or "", plain).mean((0, 1)) / 255 * geom.colour
+            for geom in part.geoms
+        ]
+        red, green, blue = np.mean(shapes, 0) * look.tints.get(part.name, part.tint)
+        out[world.handles[part.name]] = (
+            round(float(red), 6),
+            round(float(green), 6),
+            round(float(blue), 6),
+        )
+    return out
