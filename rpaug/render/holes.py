@@ -2,8 +2,9 @@
 
 A hole opens where something near moved aside in the image, so what belongs there continues the farther of its two
 sides. From a hole pixel we walk in eight directions to the first drawn pixel and continue its plane (1/z is affine
-on a plane); of two opposite walks the farther surface counts. This invents smooth surfaces, not texture: the hole
-mask stays with the picture so that nobody takes it for a recording.
+on a plane); of two opposite walks the farther surface counts, or the nearer where both meet in a corner. Neighbours
+then vote on which thing it is, so that two backgrounds meet along a line. This invents smooth surfaces, not texture:
+the hole mask stays with the picture so that nobody takes it for a recording.
 """
 
 from dataclasses import replace
@@ -15,6 +16,8 @@ from rpaug.render.zbuffer import Rendered
 
 FARNESS = 4  # a surface half as far must be 2**4 times closer in the image to be preferred
 SAME_LAYER = 0.03  # of 1/z: walks that end on planes this close blend their colours
+VOTES, REACH = 3, 3  # rounds of voting, and the pixels on each side that vote
+AXES = ((0, 1), (1, 0), (1, 1), (1, -1))  # rows and columns of a step
 
 
 def fill(view: Rendered) -> Rendered:
@@ -26,10 +29,12 @@ def fill(view: Rendered) -> Rendered:
         return view
     depth = view.depth.astype(np.float64)
     near = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
-    rgb, ids, open_still = view.rgb.copy(), view.ids.copy(), view.hole
-    while open_still.any():  # twice where no walk from a pixel reaches a drawn one
-        hole, open_still = open_still, open_still.copy()
-        _fill(rgb.copy(), near.copy(), ids.copy(), hole, rgb, near, ids, open_still)
+    rgb, ids, hole = view.rgb.copy(), view.ids.copy(), view.hole.copy()
+    while hole.any():  # twice where no walk from a pixel reaches a drawn one
+        rows, columns = np.nonzero(hole)
+        ends, away, plane = _walks(near, ids, hole, rows, columns)
+        chosen = _vote(ids, hole, rows, columns, ends, away, plane)
+        _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen)
     filled = np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
     return replace(
         view, rgb=rgb, ids=ids, depth=np.where(view.hole, filled, view.depth).astype(np.float32)
@@ -37,81 +42,127 @@ def fill(view: Rendered) -> Rendered:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _walks(near, ids, hole, rows, columns):
+    """Per hole pixel and axis, where the better of two opposite walks ends, its length, and 1/z continued from it."""
+    ends = np.zeros((len(rows), 4, 2), np.int32)
+    away = np.full((len(rows), 4), np.inf)
+    plane = np.full((len(rows), 4), np.inf)
+    for n in range(len(rows)):
+        for axis in range(4):
+            down, right = AXES[axis]
+            i, j, steps, edge, slope = _walk(near, ids, hole, rows[n], columns[n], down, right)
+            a, b, paces, rim, tilt = _walk(near, ids, hole, rows[n], columns[n], -down, -right)
+            if steps < 0 and paces < 0:
+                continue
+            if steps < 0 or (paces > 0 and not _continues(edge, slope, steps, rim, tilt, paces)):
+                i, j, steps, edge, slope = a, b, paces, rim, tilt
+            ends[n, axis, 0], ends[n, axis, 1] = i, j
+            away[n, axis] = steps * np.sqrt(1.0 * down * down + right * right)
+            plane[n, axis] = edge + slope * steps
+    return ends, away, plane
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _continues(edge, slope, steps, rim, tilt, paces):
+    """Whether the first of two opposite planes is the one seen here: the farther, unless they meet in a corner.
+
+    They do where each lies in front of the other's continuation at its own end, as wall and floor of a room; there
+    the nearer is seen. Each plane is 1/z at its end, its change per step towards here, and the steps.
+    """
+    corner = edge > rim + tilt * (steps + paces) and rim > edge + slope * (steps + paces)
+    return (edge + slope * steps > rim + tilt * paces) == corner
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _walk(near, ids, hole, row, column, down, right):
-    """First drawn pixel that way: row, column, steps, and its plane continued back to the start; -1 steps if none."""
+    """First drawn pixel that way, the steps to it (-1: none), its 1/z, and how that changes per step back."""
     height, width = hole.shape
     i, j, steps = row, column, 0
     while hole[i, j]:
         i, j, steps = i + down, j + right, steps + 1
         if not (0 <= i < height and 0 <= j < width):
-            return i, j, -1, 0.0
+            return i, j, -1, 0.0, 0.0
     edge = near[i, j]
     a, b = i + down, j + right
     if not (0 <= a < height and 0 <= b < width) or hole[a, b] or ids[a, b] != ids[i, j]:
-        return i, j, steps, edge
-    onward = edge + (edge - near[a, b]) * steps
-    believable = 0.5 * edge < onward < 2.0 * edge
-    return i, j, steps, onward if believable else edge
+        return i, j, steps, edge, 0.0
+    slope = edge - near[a, b]
+    believable = 0.5 * edge < edge + slope * steps < 2.0 * edge
+    return i, j, steps, edge, slope if believable else 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill(rgb, near, ids, hole, out_rgb, out_near, out_ids, open_still):
-    downs = (0, 1, 1, 1)
-    rights = (1, 0, 1, -1)
-    at = np.zeros((4, 2), np.int64)
-    away = np.zeros(4)
-    plane = np.zeros(4)
-    for row in range(hole.shape[0]):
-        for column in range(hole.shape[1]):
-            if not hole[row, column]:
-                continue
-            for pair in range(4):
-                away[pair] = np.inf
-                plane[pair] = np.inf
-                for side in (-1, 1):
-                    down, right = side * downs[pair], side * rights[pair]
-                    i, j, steps, onward = _walk(near, ids, hole, row, column, down, right)
-                    if steps > 0 and onward < plane[pair]:
-                        plane[pair] = onward
-                        away[pair] = steps * np.sqrt(1.0 * down * down + right * right)
-                        at[pair, 0], at[pair, 1] = i, j
-            chosen = _choose(away, plane)
-            if chosen < 0:
-                continue
-            open_still[row, column] = False
-            i, j = at[chosen]
-            out_near[row, column] = plane[chosen]
-            out_ids[row, column] = ids[i, j]
-            total = 0.0
-            red = green = blue = 0.0
-            for pair in range(4):
-                if not away[pair] < np.inf:
-                    continue
-                i, j = at[pair]
-                if abs(plane[pair] - plane[chosen]) > SAME_LAYER * plane[chosen]:
-                    continue
-                weight = 1.0 / away[pair] ** 2
+def _vote(ids, hole, rows, columns, ends, away, plane):
+    """The axis each hole pixel continues: short and far, then of the thing most of its neighbours continue."""
+    chosen = np.full(len(rows), -1)
+    thing = np.full(hole.shape, -1)
+    for n in range(len(rows)):
+        chosen[n] = _cheapest(ids, ends[n], away[n], plane[n], -1)
+        if chosen[n] >= 0:
+            thing[rows[n], columns[n]] = ids[ends[n, chosen[n], 0], ends[n, chosen[n], 1]]
+    for _ in range(VOTES):
+        before = thing.copy()
+        for n in range(len(rows)):
+            best, most = -1, 0
+            for axis in range(4):
+                if away[n, axis] < np.inf:
+                    handle = ids[ends[n, axis, 0], ends[n, axis, 1]]
+                    votes = _count(before, rows[n], columns[n], handle)
+                    if votes > most or (votes == most and handle == before[rows[n], columns[n]]):
+                        best, most = handle, votes
+            if most:
+                chosen[n] = _cheapest(ids, ends[n], away[n], plane[n], best)
+                thing[rows[n], columns[n]] = best
+    return chosen
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _count(thing, row, column, handle):
+    votes = 0
+    for i in range(max(0, row - REACH), min(thing.shape[0], row + REACH + 1)):
+        for j in range(max(0, column - REACH), min(thing.shape[1], column + REACH + 1)):
+            votes += thing[i, j] == handle
+    return votes
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cheapest(ids, ends, away, plane, handle):
+    """The walk of least length * (1/z) ** FARNESS, among those that end on `handle` (-1: any); -1 if none."""
+    best, chosen = np.inf, -1
+    farthest = plane.min()
+    for axis in range(4):
+        if not away[axis] < np.inf:
+            continue
+        if handle >= 0 and ids[ends[axis, 0], ends[axis, 1]] != handle:
+            continue
+        nearness = (
+            1.0 if plane[axis] == farthest else plane[axis] / max(farthest, 1e-3 * plane[axis])
+        )
+        if away[axis] * nearness**FARNESS < best:
+            best, chosen = away[axis] * nearness**FARNESS, axis
+    return chosen
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen):
+    """Write the chosen surfaces into the images, colours blended over walks to the same one."""
+    for n in range(len(rows)):
+        if chosen[n] < 0:
+            continue
+        row, column, layer = rows[n], columns[n], plane[n, chosen[n]]
+        handle = ids[ends[n, chosen[n], 0], ends[n, chosen[n], 1]]
+        total = red = green = blue = 0.0
+        for axis in range(4):
+            i, j = ends[n, axis]
+            same = away[n, axis] < np.inf and ids[i, j] == handle
+            if same and abs(plane[n, axis] - layer) <= SAME_LAYER * layer:
+                weight = 1.0 / away[n, axis] ** 2
                 total += weight
                 red += weight * rgb[i, j, 0]
                 green += weight * rgb[i, j, 1]
                 blue += weight * rgb[i, j, 2]
-            out_rgb[row, column, 0] = red / total
-            out_rgb[row, column, 1] = green / total
-            out_rgb[row, column, 2] = blue / total
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _choose(away, plane):
-    """The walk that is both short and far: the least of steps * (1/z) ** FARNESS; -1 if there is none."""
-    best, chosen = np.inf, -1
-    farthest = plane.min()
-    for pair in range(4):
-        if not away[pair] < np.inf:
-            continue
-        nearness = (
-            plane[pair] / farthest if farthest > 0.0 else (1.0 if plane[pair] == 0.0 else 1e3)
-        )
-        cost = away[pair] * nearness**FARNESS
-        if cost < best:
-            best, chosen = cost, pair
-    return chosen
+        rgb[row, column, 0], rgb[row, column, 1] = red / total, green / total
+        rgb[row, column, 2] = blue / total
+        near[row, column] = layer
+        ids[row, column] = handle
+        hole[row, column] = False

@@ -78,20 +78,21 @@ def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
         known = ", ".join(scene.episode.views)
         raise TargetError(f"no camera is called {camera_name!r}; there are: {known}")
     camera = scene.cameras[camera_name]
-    sources = list(_sources(surfels, scene, camera_name, t))
+    shown = list(sources(surfels, scene, camera_name, t))
     drawn = zbuffer.render(
-        camera.K, camera.cam_to_world[t], (camera.width, camera.height), sources, witness=sources[0]
+        camera.K, camera.cam_to_world[t], (camera.width, camera.height), shown, witness=shown[0]
     )
     return holes.fill(drawn)
 
 
-def _sources(surfels: Surfels, scene: Scene, own: str, t: int) -> Iterator[Source]:
+def sources(surfels: Surfels, scene: Scene, own: str, t: int) -> Iterator[Source]:
+    """The recorded images that show camera `own` its view at time t, the most trusted first, itself before all."""
     views = scene.episode.views
-    yield (recorded := _source(views[own], t, distant=True))
+    yield (recorded := source_at(views[own], t, distant=True))
     now = {own: recorded}
     for name in views:
         if name != own:
-            now[name] = _source(views[name], t, carved=True)
+            now[name] = source_at(views[name], t, carved=True)
             yield now[name]
     for name, plate in surfels.plates.items():
         hidden = plate.known & ~_among(now[name].ids, surfels.static)
@@ -104,7 +105,8 @@ def _sources(surfels: Surfels, scene: Scene, own: str, t: int) -> Iterator[Sourc
         yield from past
 
 
-def _source(view: CameraView, t: int, distant: bool = False, carved: bool = False) -> Source:
+def source_at(view: CameraView, t: int, distant: bool = False, carved: bool = False) -> Source:
+    """One recorded image as surfels; a source without masks has handle 0 everywhere."""
     assert view.depth is not None  # build() refuses sources without depth
     depth = view.depth(t)
     ids = view.ids(t) if view.ids is not None else np.zeros(depth.shape, np.int32)
@@ -138,7 +140,7 @@ def _plate(view: CameraView, length: int, static: frozenset[int]) -> Plate:
     depths = np.zeros((PLATE_SAMPLES, *size), np.float32)
     colours = np.zeros((PLATE_SAMPLES, *size, 3), np.uint8)
     for t in _spread(length):
-        now = _source(view, t)
+        now = source_at(view, t)
         good = _among(now.ids, static) & np.isfinite(now.depth) & (now.depth > 0)
         good &= count < PLATE_SAMPLES
         agrees = (now.ids == ids) & (np.abs(now.depth - depths[0]) < SAME_DEPTH * depths[0])
@@ -172,7 +174,7 @@ def _ranked(samples: np.ndarray, count: np.ndarray, rank: np.ndarray) -> np.ndar
 
 def _history(view: CameraView, length: int, static: frozenset[int]) -> Iterator[Source]:
     for t in sorted(_spread(length)[:HISTORY_FRAMES]):
-        past = _source(view, t)
+        past = source_at(view, t)
         use = _among(past.ids, static)
         if use.any():
             yield Source(

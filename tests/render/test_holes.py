@@ -1,5 +1,7 @@
 """Filled holes continue what lies behind, and say that they were filled."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -45,6 +47,23 @@ def test_the_farther_side_is_continued():
     assert (filled.ids[:, 10:16] == 1).all()
     np.testing.assert_allclose(filled.rgb[:, 10:16], 0.5, atol=1e-6)
     assert (filled.depth[:, 10:16] > 1.9).all()
+
+
+def test_two_backgrounds_meet_along_a_line():
+    """A hole across the seam of wall and floor: above it all wall, below all floor, give or take a row."""
+    rows, hole = np.mgrid[:32, :32][0], square(32, 8, 24)
+    floor = rows >= 16
+    near = np.where(floor, 0.5 + 0.02 * (rows - 16), 0.5)
+    view = replace(
+        tilted(hole),
+        depth=np.where(hole, 0, 1 / near).astype(np.float32),
+        ids=np.where(hole, 0, np.where(floor, 2, 1)).astype(np.int32),
+    )
+    filled = fill(view)
+    assert (filled.ids[8:15] == 1).all()
+    assert (filled.ids[17:24] == 2).all()
+    away = np.abs(rows - 15.5) > 2
+    np.testing.assert_allclose((1 / filled.depth)[away], near[away], rtol=1e-5)
 
 
 @settings(max_examples=30, deadline=None)

@@ -176,7 +176,7 @@ def test_real_cameras_confirm_each_other(real):
     others = {n: v for n, v in real.episode.views.items() if n not in ("front", "wrist")}
     elsewhere: Camera = real.cameras["front"]
     for t in (0, real.episode.length // 2):
-        sources = [surfels._source(view, t) for view in others.values()]
+        sources = [surfels.source_at(view, t) for view in others.values()]
         drawn = surfels.zbuffer.render(elsewhere.K, elsewhere.cam_to_world[t], (128, 128), sources)
         depth, ids = (
             real.episode.views["front"].depth(t),

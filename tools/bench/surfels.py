@@ -116,7 +116,7 @@ def unchanged(case: Case) -> Rendered:
 
 
 def sources(case: Case, kept: surfels.Surfels, count: int | None, carve: bool = True) -> Rendered:
-    found = list(surfels._sources(kept, case.scene, case.name, case.t))[:count]
+    found = list(surfels.sources(kept, case.scene, case.name, case.t))[:count]
     if not carve:
         found = [replace(source, carved=False) for source in found]
     camera = case.scene.cameras[case.name]
