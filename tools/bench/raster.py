@@ -174,7 +174,9 @@ def geometric_mean(values: list[float]) -> float:
 
 def main() -> None:
     """Print the table, and write it as JSON if asked to."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--clock", choices=("wall", "cpu"), default="wall")
@@ -182,8 +184,12 @@ def main() -> None:
     given = parser.parse_args()
     clock = time.perf_counter if given.clock == "wall" else time.process_time
     rows = []
-    print(f"forward + backward, ms ({given.clock} clock, {given.threads} threads, best of {given.repeats})")
-    print("   image        N   ch   entries |      ours          C++         plain   | ours/C++  plain/ours")
+    print(
+        f"forward + backward, ms ({given.clock} clock, {given.threads} threads, best of {given.repeats})"
+    )
+    print(
+        "   image        N   ch   entries |      ours          C++         plain   | ours/C++  plain/ours"
+    )
     with tempfile.TemporaryDirectory() as folder:
         native = build_native(Path(folder))
         for size in SIZES:
@@ -191,7 +197,9 @@ def main() -> None:
             case.check()
             times = case.time(given.repeats, clock)
             ours, cplusplus, plain = (sum(times[name]) for name in ENGINES)
-            rows.append({"size": size, "ms": times, "of_native": ours / cplusplus, "gain": plain / ours})
+            rows.append(
+                {"size": size, "ms": times, "of_native": ours / cplusplus, "gain": plain / ours}
+            )
             cells = "  ".join(f"{f:5.1f} +{b:6.1f}" for f, b in (times[name] for name in ENGINES))
             print(
                 f"{size[0]:4d}x{size[1]:<4d} {size[2]:7d} {size[3]:4d} {case.entries:9d} | {cells} |"
@@ -203,7 +211,12 @@ def main() -> None:
     print(f"geometric means: {of_native:.2f} x C++ (gate 1.10, worst row {worst:.2f}), ")
     print(f"                 plain numba takes {gain:.1f} x as long (gate 4.0)")
     if given.json:
-        summary = {"clock": given.clock, "threads": given.threads, "of_native": of_native, "gain": gain}
+        summary = {
+            "clock": given.clock,
+            "threads": given.threads,
+            "of_native": of_native,
+            "gain": gain,
+        }
         given.json.write_text(json.dumps({**summary, "rows": rows}, indent=1))
 
 
