@@ -131,7 +131,6 @@ class Case:
             out, left, slots = self.results["plain"]
             given = (records, values, *grid, starts, entries, flat_rules)
             if backward:
-                slots[:] = 0
                 given = (*given, slot_of, out, left, d_out, d_left, slots)
             else:
                 given = (*given, out, left)
