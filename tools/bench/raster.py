@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import raster_plain
 
 from rpaug.render.splat import Rasteriser, Splats, View, _compositing
+from rpaug.render.splat._numba import _on_cache_line
 from rpaug.render.splat._threads import together
 
 SIZES = [  # width, height, Gaussians, channels
@@ -90,21 +91,23 @@ class Case:
         grid, starts, entries = engine._grid, engine._starts, engine._entries
         records, order, slot_of = engine._records, engine._order, engine._slot_of
         stride = 16 * math.ceil((6 + channels) / 16)
-        self.entries = len(entries)
+        self.entries, changed = len(entries), np.empty(len(entries), np.int64)
         self.results = {
             name: (
                 np.empty((height, width, channels), np.float32),
                 np.empty((height, width), np.float32),
-                np.zeros((len(entries), stride), np.float32),
+                _on_cache_line(len(entries) * stride, np.float32).reshape(-1, stride),
             )
             for name in ENGINES
         }
         none = np.zeros((0, 0), np.int32)
+        boxed = records.copy()  # the others read half width and half height last
+        boxed[:, 6:] = np.stack([records[:, 7], np.sqrt(records[:, 6]) / records[:, 4]], 1)
 
         def ours(backward: bool) -> None:
             out, left, slots = self.results["ours"]
             ticket = np.zeros(1, np.int64)
-            given = (ticket, order, records, values, *grid, starts, entries, rules)
+            given = (ticket, order, records, values, *grid, starts, entries, rules, changed)
             if backward:
                 job, given = (
                     _compositing.backward_kernel(channels),
@@ -116,7 +119,7 @@ class Case:
 
         def cplusplus(backward: bool) -> None:
             out, left, slots = self.results["native"]
-            given = [channels, threads, len(order), order, records, values, *grid, starts, entries]
+            given = [channels, threads, len(order), order, boxed, values, *grid, starts, entries]
             given += [flat_rules]
             if backward:
                 given += [slot_of, out, left, d_out, d_left, slots, stride]
@@ -129,11 +132,9 @@ class Case:
 
         def plain(backward: bool) -> None:
             out, left, slots = self.results["plain"]
-            given = (records, values, *grid, starts, entries, flat_rules)
-            if backward:
-                given = (*given, slot_of, out, left, d_out, d_left, slots)
-            else:
-                given = (*given, out, left)
+            given = (boxed, values, *grid, starts, entries, flat_rules)
+            more = (slot_of, out, left, d_out, d_left, slots) if backward else (out, left)
+            given = (*given, *more)
             job = raster_plain.backward if backward else raster_plain.forward
             together(job, [(part, threads, *given) for part in range(threads)])
 
@@ -173,7 +174,9 @@ def geometric_mean(values: list[float]) -> float:
 
 def main() -> None:
     """Print the table, and write it as JSON if asked to."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--clock", choices=("wall", "cpu"), default="wall")
@@ -181,8 +184,12 @@ def main() -> None:
     given = parser.parse_args()
     clock = time.perf_counter if given.clock == "wall" else time.process_time
     rows = []
-    print(f"forward + backward, ms ({given.clock} clock, {given.threads} threads, best of {given.repeats})")
-    print("   image        N   ch   entries |      ours          C++         plain   | ours/C++  plain/ours")
+    print(
+        f"forward + backward, ms ({given.clock} clock, {given.threads} threads, best of {given.repeats})"
+    )
+    print(
+        "   image        N   ch   entries |      ours          C++         plain   | ours/C++  plain/ours"
+    )
     with tempfile.TemporaryDirectory() as folder:
         native = build_native(Path(folder))
         for size in SIZES:
@@ -190,7 +197,9 @@ def main() -> None:
             case.check()
             times = case.time(given.repeats, clock)
             ours, cplusplus, plain = (sum(times[name]) for name in ENGINES)
-            rows.append({"size": size, "ms": times, "of_native": ours / cplusplus, "gain": plain / ours})
+            rows.append(
+                {"size": size, "ms": times, "of_native": ours / cplusplus, "gain": plain / ours}
+            )
             cells = "  ".join(f"{f:5.1f} +{b:6.1f}" for f, b in (times[name] for name in ENGINES))
             print(
                 f"{size[0]:4d}x{size[1]:<4d} {size[2]:7d} {size[3]:4d} {case.entries:9d} | {cells} |"
@@ -202,7 +211,12 @@ def main() -> None:
     print(f"geometric means: {of_native:.2f} x C++ (gate 1.10, worst row {worst:.2f}), ")
     print(f"                 plain numba takes {gain:.1f} x as long (gate 4.0)")
     if given.json:
-        summary = {"clock": given.clock, "threads": given.threads, "of_native": of_native, "gain": gain}
+        summary = {
+            "clock": given.clock,
+            "threads": given.threads,
+            "of_native": of_native,
+            "gain": gain,
+        }
         given.json.write_text(json.dumps({**summary, "rows": rows}, indent=1))
 
 
