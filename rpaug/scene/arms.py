@@ -9,7 +9,9 @@ from jaxtyping import Float64
 from rpaug import geometry
 from rpaug.types import Robot
 
-GOOD_FIT = 0.006  # metres and radians / LEVER, rms: simulated arms give way by a few millimetres
+GOOD_FIT = 0.004  # metres, rms: simulated arms give way by half a millimetre
+HELD = 0.01  # metres per radian: how firmly the joints' zeros are kept where the motion does not tell them
+ROUNDS = 20
 LEVER = 0.3  # metres: how far off a radian of gripper error is felt
 
 
@@ -52,23 +54,56 @@ def forward(arm: Arm, joints: Float64[np.ndarray, "t j"]) -> Float64[np.ndarray,
 def link_tracks(robot: Robot) -> Float64[np.ndarray, "j t 4 4"] | None:
     """World poses of the links if a known arm explains how the gripper moved with the joints, else None.
 
-    Base and tool are found from the recording itself (hand-eye calibration, closed form after Park and
-    Martin 1994, then Gauss-Newton); an arm counts as known when it predicts the gripper to GOOD_FIT.
+    Base, tool and the joints' zeros are found from the recording itself (hand-eye calibration, closed form
+    after Park and Martin 1994, then Gauss-Newton); an arm counts as known when it predicts the gripper to
+    GOOD_FIT.
     """
     for arm in KNOWN:
         if robot.joint_positions.shape[1] != len(arm.a) or len(robot.joint_positions) < 10:
             continue
-        links = forward(arm, robot.joint_positions)
-        base = _base(links[-1], robot.gripper_to_world)
-        if base is not None:
-            return base @ links
+        base, zeros, rms = _calibrated(arm, robot)
+        if rms < GOOD_FIT:
+            return base @ forward(arm, robot.joint_positions + zeros)
     return None
 
 
-def _base(
+def _calibrated(
+    arm: Arm, robot: Robot
+) -> tuple[Float64[np.ndarray, "4 4"], Float64[np.ndarray, "j"], float]:
+    """The arm's base, what to add to its joint readings, and how far the gripper is then off (rms, metres)."""
+    joints, gripper = robot.joint_positions, robot.gripper_to_world
+    zeros = np.zeros(len(arm.a))
+    base = _first_base(forward(arm, joints)[-1], gripper)
+    tool = geometry.inverse(base @ forward(arm, joints[:1])[-1][0]) @ gripper[0]
+
+    def errors(x: Float64[np.ndarray, "p"]) -> Float64[np.ndarray, "e"]:
+        at, grip = geometry.rigid(x[:3], x[3:6]) @ base, tool @ geometry.rigid(x[6:9], x[9:12])
+        held = HELD * (zeros + x[12:])
+        return np.concatenate(
+            [_errors(at, forward(arm, joints + zeros + x[12:])[-1], grip, gripper), held]
+        )
+
+    still = np.zeros(12 + len(arm.a))
+    for _ in range(ROUNDS):
+        now = errors(still)
+        nudges = 1e-6 * np.eye(len(still))
+        J = np.stack([(errors(nudge) - now) / 1e-6 for nudge in nudges], 1)
+        step = np.linalg.lstsq(J, -now, rcond=1e-9)[0]
+        base, tool = (
+            geometry.rigid(step[:3], step[3:6]) @ base,
+            tool @ geometry.rigid(step[6:9], step[9:12]),
+        )
+        zeros = zeros + step[12:]
+        if np.abs(step).max() < 1e-6:
+            break
+    rms = float(np.sqrt(np.mean(errors(still)[: -len(zeros)] ** 2)))
+    return base, zeros, rms
+
+
+def _first_base(
     hand: Float64[np.ndarray, "t 4 4"], gripper: Float64[np.ndarray, "t 4 4"]
-) -> Float64[np.ndarray, "4 4"] | None:
-    """The arm's base in the world such that base @ hand @ tool is the gripper for a fixed tool."""
+) -> Float64[np.ndarray, "4 4"]:
+    """About where the base is, such that base @ hand @ tool is the gripper for a fixed tool."""
     moved, swung = gripper @ geometry.inverse(gripper[:1]), hand @ geometry.inverse(hand[:1])
     left, _, right = np.linalg.svd(_turns(moved).T @ _turns(swung))
     base = np.eye(4)
@@ -76,21 +111,7 @@ def _base(
     lever = (moved[:, :3, :3] - np.eye(3)).reshape(-1, 3)
     offset = (swung[:, :3, 3] @ base[:3, :3].T - moved[:, :3, 3]).reshape(-1)
     base[:3, 3] = np.linalg.lstsq(lever, offset, rcond=None)[0]
-    tool = geometry.inverse(base @ hand[0]) @ gripper[0]
-    for _ in range(12):
-        now = _errors(base, hand, tool, gripper)
-        columns = []
-        for k in range(12):
-            nudge = np.zeros(6)
-            nudge[k % 6] = 1e-6
-            by = geometry.rigid(nudge[:3], nudge[3:])
-            then = (by @ base, tool) if k < 6 else (base, tool @ by)
-            columns.append((_errors(then[0], hand, then[1], gripper) - now) / 1e-6)
-        step = np.linalg.lstsq(np.stack(columns, 1), -now, rcond=1e-9)[0]
-        base = geometry.rigid(step[:3], step[3:6]) @ base
-        tool = tool @ geometry.rigid(step[6:9], step[9:])
-    rms = float(np.sqrt(np.mean(_errors(base, hand, tool, gripper) ** 2)))
-    return base if rms < GOOD_FIT else None
+    return base
 
 
 def _turns(poses: Float64[np.ndarray, "t 4 4"]) -> Float64[np.ndarray, "t 3"]:

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float64, Int
-from numba import njit
 
+from rpaug.render.jit import kernel
 from rpaug.scene.looks import Looks
 
 TRUST = 0.2  # weight of a moving camera's point
@@ -48,7 +48,7 @@ def draw(looks: Looks, handles: Int[np.ndarray, "n"], most: int = SAMPLES) -> Sa
     for s in range(len(looks.frames)):
         p, o, n = _draw(looks.points[s], looks.depth[s], looks.ids[s], looks.fixed, handles, most)
         # A point that another camera contradicts in the very same frame is a grazing or half-hidden one.
-        good = ~_contradicted(p, *_frame(looks, s), np.repeat(handles, o[:, 2] - o[:, 0]))  # type: ignore[call-arg]
+        good = ~_contradicted(p, *_frame(looks, s), np.repeat(handles, o[:, 2] - o[:, 0]))
         points.append(p[good])
         offsets.append(np.concatenate([[0], np.cumsum(good)])[o])
         counts.append(n)
@@ -68,7 +68,7 @@ def judge(
     `motions` carry `points`, the first `still` of which were seen by fixed cameras, to frame number s.
     """
     out = np.zeros((len(motions), 2, 2))
-    _judge(points, still, motions, *_frame(looks, s), handle, out)  # type: ignore[call-arg]
+    _judge(points, still, motions, *_frame(looks, s), handle, out)
     return out
 
 
@@ -85,7 +85,7 @@ def distances(
     """
     off, normals = np.full(len(points), np.nan), np.zeros((len(points), 3))
     moved = points @ motion[:3, :3].T + motion[:3, 3]
-    _associate(moved, *_frame(looks, s), handle, off, normals)  # type: ignore[call-arg]
+    _associate(moved, *_frame(looks, s), handle, off, normals)
     return off, moved, normals
 
 
@@ -112,7 +112,7 @@ def _frame(looks: Looks, s: int) -> Any:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel
 def _draw(points, depth, ids, fixed, handles, most):
     cameras, height, width = ids.shape
     counts = np.zeros((len(handles), 2), np.int64)
@@ -153,7 +153,7 @@ def _draw(points, depth, ids, fixed, handles, most):
     return out, offsets, counts
 
 
-@njit(cache=True)
+@kernel
 def _pixel(p, K, pose, height, width):
     """Row, column and depth of a world point; row -1 if it is outside the image."""
     d0, d1, d2 = p[0] - pose[0, 3], p[1] - pose[1, 3], p[2] - pose[2, 3]
@@ -169,7 +169,7 @@ def _pixel(p, K, pose, height, width):
     return row, column, z
 
 
-@njit(cache=True)
+@kernel
 def _plane(p, z, point, normal, depth):
     """Signed distance of p to the plane seen at a pixel; along the view where the pixel has no plane."""
     if normal[0] == 0 and normal[1] == 0 and normal[2] == 0:
@@ -181,7 +181,7 @@ def _plane(p, z, point, normal, depth):
     )
 
 
-@njit(cache=True)
+@kernel
 def _judge(points, still, motions, fixed, K, poses, depth, ids, at, normals, handle, out):
     cameras, height, width = ids.shape
     p = np.zeros(3)
@@ -212,7 +212,7 @@ def _judge(points, still, motions, fixed, K, poses, depth, ids, at, normals, han
                 out[m, kind, 1] += 1
 
 
-@njit(cache=True)
+@kernel
 def _contradicted(points, fixed, K, poses, depth, ids, at, normals, handles):
     """Does a camera look straight through the place of a point?"""
     cameras, height, width = ids.shape
@@ -226,7 +226,7 @@ def _contradicted(points, fixed, K, poses, depth, ids, at, normals, handles):
     return out
 
 
-@njit(cache=True)
+@kernel
 def _beside(ids, row, column, handle):
     height, width = ids.shape
     for r in range(max(row - 1, 0), min(row + 2, height)):
@@ -236,7 +236,7 @@ def _beside(ids, row, column, handle):
     return False
 
 
-@njit(cache=True)
+@kernel
 def _associate(points, fixed, K, poses, depth, ids, at, normals, handle, off, planes):
     """The nearest plane of the instance over all cameras, fixed ones first."""
     cameras, height, width = ids.shape

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int, Int32
-from numba import njit
 
+from rpaug.render.jit import kernel
 from rpaug.types import Episode
 
 MOST_FRAMES = 32  # looked at per episode, beside the frames where the gripper opens or closes
@@ -86,14 +86,17 @@ def look(episode: Episode, frames: Iterable[int] | None = None) -> Looks:
                 near, posinf=0.0, neginf=0.0
             )
             ids[s, c, : near.shape[0], : near.shape[1]] = view.ids(int(t))[::step, ::step]
-            _lift(depth[s, c], ids[s, c], K[c], poses[s, c], points[s, c], normals[s, c])
+            lift(depth[s, c], ids[s, c], K[c], poses[s, c], points[s, c], normals[s, c])
     fixed = np.array([camera.fixed for camera in cameras], bool)
     return Looks(chosen, names, fixed, K, poses, depth, ids, points, normals)
 
 
-@njit(cache=True)
-def _lift(depth, ids, K, pose, points, normals):
-    """Fill world points and normals of one image; the smaller of the two one-sided differences wins."""
+@kernel
+def lift(depth, ids, K, pose, points, normals):
+    """Fill world points and unit normals (zero where unknown) of one image, both (h, w, 3).
+
+    Normals are one-sided: the smaller of the two differences wins, within one handle.
+    """
     height, width = depth.shape
     for r in range(height):
         for c in range(width):

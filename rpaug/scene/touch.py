@@ -3,8 +3,8 @@
 from collections import defaultdict
 
 import numpy as np
-from numba import njit
 
+from rpaug.render.jit import kernel
 from rpaug.scene.looks import Looks
 
 GAP = 0.005  # metres, beside what the spacing of the pixels allows
@@ -28,7 +28,7 @@ def touching(looks: Looks, frames: slice = slice(None)) -> dict[frozenset[int], 
     return dict(found)
 
 
-@njit(cache=True)
+@kernel
 def _contacts(ids, depth, points, focal):
     """Flat index of each pixel that touches its right (0) or lower (1) neighbour of another handle."""
     height, width = ids.shape

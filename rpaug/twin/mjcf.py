@@ -11,7 +11,7 @@ from rpaug.twin.look import LAMPS, Look
 from rpaug.twin.world import Body, Geom, Part, World
 
 AMBIENT = 0.3  # display intensity, at the lamps' own brightness
-_LAMPS = ((20, 33), (250, 25), (140, 25))  # heading and height they shine from, degrees
+_LAMPS = ((20, 33), (250, 25), (165, 25))  # heading and height they shine from, degrees
 
 
 def compile_model(world: World, look: Look, size: int) -> mujoco.MjModel:
@@ -26,8 +26,12 @@ def to_xml(world: World, look: Look, size: int) -> str:
     Xml.SubElement(root, "compiler", angle="radian")
     visual = Xml.SubElement(root, "visual")
     Xml.SubElement(visual, "global", offwidth=str(size), offheight=str(size))
-    Xml.SubElement(visual, "quality", offsamples="4" if look.antialias else "0", shadowsize="2048")
-    Xml.SubElement(visual, "headlight", active="0")
+    Xml.SubElement(visual, "quality", shadowsize="4096" if look.shadows else "0")
+    # The shadow map spans shadowclip * extent to either side: the whole room.
+    Xml.SubElement(visual, "map", shadowclip="3")
+    Xml.SubElement(root, "statistic", extent="1")
+    ambient = AMBIENT * np.divide(look.light, LAMPS)
+    Xml.SubElement(visual, "headlight", ambient=_text(ambient), diffuse="0 0 0", specular="0 0 0")
     asset = Xml.SubElement(root, "asset")
     for name in world.textures:
         Xml.SubElement(asset, "texture", name=name, type="cube", file=f"{name}.png")
@@ -52,16 +56,16 @@ def part_of_geoms(model: mujoco.MjModel, world: World) -> Int32[np.ndarray, "g"]
 def _add_lamp(scene: Xml.Element, heading: float, height: float, look: Look) -> None:
     along = np.cos(height)
     source = np.array([along * np.cos(heading), along * np.sin(heading), np.sin(height)])
-    ambient = np.asarray(look.light) * AMBIENT / (len(_LAMPS) * np.asarray(LAMPS))
     Xml.SubElement(
         scene,
         "light",
         type="directional",
-        pos=_text(2.5 * source + [0.2, 0, 0.8]),
+        pos=_text(
+            1.4 * source + [0.2, 0, 0.8]
+        ),  # inside the walls, which cast no shadow on the table
         dir=_text(-source),
         diffuse=_text(look.light),
-        ambient=_text(ambient),
-        specular="0.3 0.3 0.3" if look.specular else "0 0 0",
+        specular="0.6 0.6 0.6" if look.specular else "0 0 0",
         castshadow="true" if look.shadows else "false",
     )
 
@@ -94,7 +98,7 @@ def _add_part(asset: Xml.Element, body: Xml.Element, part: Part, look: Look) -> 
             name=name,
             rgba=_text((*np.multiply(tint, geom.colour), 1)),
             specular="0.5" if look.specular else "0",
-            shininess="0.6",
+            shininess="0.2",
         )
         if geom.texture:
             material.set("texture", geom.texture)

@@ -5,6 +5,8 @@ import torch
 
 from rpaug.render.splat import Gradients, Rendering, Settings, Splats, View, rasterise, render
 
+torch.set_num_threads(1)  # images of a few thousand pixels: more threads only wait for each other
+
 NAMES = ("means", "opacities", "sh", "quats", "scales", "covariances", "features")
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from rpaug.render.splat import _simd as simd
 from rpaug.render.splat._simd import (
+    absolute,
     bank_dot,
     bank_fma,
     bank_of_zeros,
@@ -17,9 +18,12 @@ from rpaug.render.splat._simd import (
     fma,
     load,
     load_bank,
+    lowest_bit,
+    maximum,
     minimum,
     negative,
     next_ticket,
+    prefetch,
     select,
     store,
     store_bank,
@@ -42,10 +46,12 @@ def _arithmetic(a, b, out):
     store(out, 80, minimum(x, y))
     store(out, 96, negative(x))
     store(out, 112, 2 * x - np.float32(3) + 1)
+    store(out, 128, maximum(x, y))
+    store(out, 144, absolute(x))
 
 
 def test_arithmetic():
-    a, b, out = lanes(0), lanes(1), np.empty(128, np.float32)
+    a, b, out = lanes(0), lanes(1), np.empty(160, np.float32)
     _arithmetic(a, b, out)
     wide = a.astype(np.float64)
     np.testing.assert_array_equal(out[:16], a + b)
@@ -55,7 +61,9 @@ def test_arithmetic():
     np.testing.assert_allclose(out[64:80], wide * b + a, rtol=0, atol=5e-7)
     np.testing.assert_array_equal(out[80:96], np.minimum(a, b))
     np.testing.assert_array_equal(out[96:112], -a)
-    np.testing.assert_allclose(out[112:], 2 * wide - 2, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(out[112:128], 2 * wide - 2, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(out[128:144], np.maximum(a, b))
+    np.testing.assert_array_equal(out[144:], np.abs(a))
 
 
 @numba.njit
@@ -146,6 +154,17 @@ def test_next_ticket_counts_up():
     counter = np.array([5], np.int64)
     assert draw(counter) == (5, 6)
     assert counter[0] == 7
+
+
+def test_lowest_bit_and_prefetch():
+    @numba.njit
+    def lowest(value, table):
+        prefetch(table, 1)
+        return lowest_bit(value)
+
+    table = np.zeros((2, 4), np.float32)
+    assert [lowest(v, table) for v in (1, 8, 1 << 62, -(1 << 63), 12)] == [0, 3, 62, 63, 2]
+    assert lowest(0, table) == 64
 
 
 def test_lane_count_is_one_block():

@@ -104,6 +104,19 @@ def test_antialiasing_touches_edges_of_colour_only():
     assert 0.005 < differs.mean() < 0.5
 
 
+@pytest.mark.parametrize(("switch", "sign"), [("shadows", -1), ("specular", 1)])
+def test_shadows_darken_and_highlights_brighten(switch, sign):
+    plain, other = (
+        twin.perform("open_drawer", 1, frames=11, look=look).episode.views["front"]
+        for look in (twin.Look(), twin.Look(**{switch: True}))
+    )
+    np.testing.assert_array_equal(plain.depth(5), other.depth(5))
+    np.testing.assert_array_equal(plain.ids(5), other.ids(5))
+    change = sign * (other.rgb(5).astype(int) - plain.rgb(5))
+    assert (change > 20).any(-1).mean() > 0.02
+    assert change.min() >= -2  # a light that is drawn in a pass of its own is rounded once more
+
+
 def test_nothing_is_beyond_the_far_plane(drawer, block):
     for take in (drawer, block):
         for name, view in take.episode.views.items():

@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import raster_plain
 
 from rpaug.render.splat import Rasteriser, Splats, View, _compositing
+from rpaug.render.splat._numba import _on_cache_line
 from rpaug.render.splat._threads import together
 
 SIZES = [  # width, height, Gaussians, channels
@@ -90,21 +91,23 @@ class Case:
         grid, starts, entries = engine._grid, engine._starts, engine._entries
         records, order, slot_of = engine._records, engine._order, engine._slot_of
         stride = 16 * math.ceil((6 + channels) / 16)
-        self.entries = len(entries)
+        self.entries, changed = len(entries), np.empty(len(entries), np.int64)
         self.results = {
             name: (
                 np.empty((height, width, channels), np.float32),
                 np.empty((height, width), np.float32),
-                np.zeros((len(entries), stride), np.float32),
+                _on_cache_line(len(entries) * stride, np.float32).reshape(-1, stride),
             )
             for name in ENGINES
         }
         none = np.zeros((0, 0), np.int32)
+        boxed = records.copy()  # the others read half width and half height last
+        boxed[:, 6:] = np.stack([records[:, 7], np.sqrt(records[:, 6]) / records[:, 4]], 1)
 
         def ours(backward: bool) -> None:
             out, left, slots = self.results["ours"]
             ticket = np.zeros(1, np.int64)
-            given = (ticket, order, records, values, *grid, starts, entries, rules)
+            given = (ticket, order, records, values, *grid, starts, entries, rules, changed)
             if backward:
                 job, given = (
                     _compositing.backward_kernel(channels),
@@ -116,7 +119,7 @@ class Case:
 
         def cplusplus(backward: bool) -> None:
             out, left, slots = self.results["native"]
-            given = [channels, threads, len(order), order, records, values, *grid, starts, entries]
+            given = [channels, threads, len(order), order, boxed, values, *grid, starts, entries]
             given += [flat_rules]
             if backward:
                 given += [slot_of, out, left, d_out, d_left, slots, stride]
@@ -129,12 +132,9 @@ class Case:
 
         def plain(backward: bool) -> None:
             out, left, slots = self.results["plain"]
-            given = (records, values, *grid, starts, entries, flat_rules)
-            if backward:
-                slots[:] = 0
-                given = (*given, slot_of, out, left, d_out, d_left, slots)
-            else:
-                given = (*given, out, left)
+            given = (boxed, values, *grid, starts, entries, flat_rules)
+            more = (slot_of, out, left, d_out, d_left, slots) if backward else (out, left)
+            given = (*given, *more)
             job = raster_plain.backward if backward else raster_plain.forward
             together(job, [(part, threads, *given) for part in range(threads)])
 

@@ -9,6 +9,9 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#ifdef __AVX512F__
+#include <immintrin.h>
+#endif
 #include <thread>
 #include <vector>
 
@@ -16,8 +19,6 @@ namespace {
 
 constexpr int kSide = 4, kLanes = 16, kMoments = 6;
 typedef float Lanes __attribute__((vector_size(64)));
-typedef int32_t Mask __attribute__((vector_size(64)));
-
 const Lanes kColumns = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
 const Lanes kRows = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
 
@@ -25,8 +26,21 @@ struct Record { float column, row, l11, l21, l22, opacity, half_width, half_heig
 struct Rules { float alpha_max, alpha_floor, stop; };
 
 inline Lanes all(float value) { return value - Lanes{}; }
+#ifdef __AVX512F__
+// Through intrinsics: g++ 12 takes vector masks apart lane by lane.
+typedef __mmask16 Mask;
+inline Mask at_most(Lanes a, Lanes b) { return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LE_OQ); }
+inline Mask below(Lanes a, Lanes b) { return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LT_OQ); }
+inline Lanes choose(Mask m, Lanes a, Lanes b) { return (Lanes)_mm512_mask_blend_ps(m, (__m512)b, (__m512)a); }
+inline Lanes lower(Lanes a, Lanes b) { return (Lanes)_mm512_min_ps((__m512)a, (__m512)b); }
+inline bool any(Mask mask) { return mask != 0; }
+inline float sum(Lanes v) { return _mm512_reduce_add_ps((__m512)v); }
+#else
+typedef int32_t Mask __attribute__((vector_size(64)));
+inline Mask at_most(Lanes a, Lanes b) { return a <= b; }
+inline Mask below(Lanes a, Lanes b) { return a < b; }
+inline Lanes choose(Mask m, Lanes a, Lanes b) { return m ? a : b; }
 inline Lanes lower(Lanes a, Lanes b) { return a < b ? a : b; }
-
 inline bool any(Mask mask) {
     int64_t words[8];
     std::memcpy(words, &mask, sizeof words);
@@ -34,12 +48,12 @@ inline bool any(Mask mask) {
     for (int64_t word : words) found |= word;
     return found != 0;
 }
-
 inline float sum(Lanes v) {
     for (int half = 8; half >= 1; half /= 2)
         for (int lane = 0; lane < half; lane++) v[lane] += v[lane + half];
     return v[0];
 }
+#endif
 
 inline Lanes exp_minus(Lanes s) {
     Lanes x = lower(s, all(5.6f)) * 0.125f;
@@ -96,10 +110,10 @@ inline Hit hit(Lanes s, Mask near, const Splat& g, const Rules& rules, Lanes& li
     h.raw = g.opacity * exp_minus(s);
     h.alpha = lower(h.raw, all(rules.alpha_max));
     const Lanes after = h.before * (1.0f - h.alpha);
-    const Mask open = near & (h.raw >= rules.alpha_floor) & (h.before > 0.0f);
-    h.drawn = open & (after > rules.stop);
-    h.weight = h.drawn ? h.alpha * h.before : Lanes{};
-    light = h.drawn ? after : (open ? -h.before : h.before);
+    const Mask open = near & at_most(all(rules.alpha_floor), h.raw) & below(Lanes{}, h.before);
+    h.drawn = open & below(all(rules.stop), after);
+    h.weight = choose(h.drawn, h.alpha * h.before, Lanes{});
+    light = choose(h.drawn, after, choose(open, -h.before, h.before));
     return h;
 }
 
@@ -127,12 +141,12 @@ void forward(std::atomic<int>& ticket, int tiles, const int64_t* order, const Re
                     Lanes u, v;
                     g.at(bx, by, u, v);
                     const Lanes s = u * u + v * v;
-                    const Mask near = s <= g.farthest;
+                    const Mask near = at_most(s, all(g.farthest));
                     if (!any(near)) continue;
                     Lanes* here = &state[block * (1 + C)];
                     const Hit h = hit(s, near, g, rules, here[0]);
-                    for (int c = 0; c < C; c++) here[1 + c] += h.weight * colour[c];
-                    if (!any(here[0] > 0.0f)) finished[block] = 1, unfinished--;
+                    _Pragma("GCC unroll 32") for (int c = 0; c < C; c++) here[1 + c] += h.weight * colour[c];
+                    if (!any(below(Lanes{}, here[0]))) finished[block] = 1, unfinished--;
                 }
         }
         for (int row = t.top; row < std::min(t.top + tile, height); row++)
@@ -141,7 +155,7 @@ void forward(std::atomic<int>& ticket, int tiles, const int64_t* order, const Re
                 const Lanes* here = &state[(y / kSide * most + x / kSide) * (1 + C)];
                 const size_t pixel = (size_t)row * width + column;
                 left_over[pixel] = std::fabs(here[0][lane]);
-                for (int c = 0; c < C; c++) out[pixel * C + c] = here[1 + c][lane];
+                _Pragma("GCC unroll 32") for (int c = 0; c < C; c++) out[pixel * C + c] = here[1 + c][lane];
             }
     }
 }
@@ -166,7 +180,7 @@ void backward(std::atomic<int>& ticket, int tiles, const int64_t* order, const R
                 Lanes* here = &state[(y / kSide * most + x / kSide) * (2 + C)];
                 const size_t pixel = (size_t)row * width + column;
                 float to_come = d_left_over[pixel] * left_over[pixel];
-                for (int c = 0; c < C; c++) {
+                _Pragma("GCC unroll 32") for (int c = 0; c < C; c++) {
                     here[2 + c][lane] = d_out[pixel * C + c];
                     to_come += d_out[pixel * C + c] * out[pixel * C + c];
                 }
@@ -186,19 +200,19 @@ void backward(std::atomic<int>& ticket, int tiles, const int64_t* order, const R
                         Lanes u, v;
                         g.at(bx, by, u, v);
                         const Lanes s = u * u + v * v;
-                        const Mask near = s <= g.farthest;
+                        const Mask near = at_most(s, all(g.farthest));
                         if (!any(near)) continue;
                         Lanes* here = &state[block * (2 + C)];
                         const Hit h = hit(s, near, g, rules, here[0]);
-                        if (!any(here[0] > 0.0f)) finished[block] = 1, unfinished--;
+                        if (!any(below(Lanes{}, here[0]))) finished[block] = 1, unfinished--;
                         Lanes pull = {};
-                        for (int c = 0; c < C; c++) {
+                        _Pragma("GCC unroll 32") for (int c = 0; c < C; c++) {
                             pull += here[2 + c] * colour[c];
                             sums[kMoments + c] += h.weight * here[2 + c];
                         }
                         here[1] -= h.weight * pull;
                         const Lanes d_alpha = h.before * pull - here[1] / (1.0f - h.alpha);
-                        const Lanes ds = h.drawn & (h.raw < rules.alpha_max) ? -h.alpha * d_alpha : Lanes{};
+                        const Lanes ds = choose(h.drawn & below(h.raw, all(rules.alpha_max)), -h.alpha * d_alpha, Lanes{});
                         const Lanes ds_u = ds * u, ds_v = ds * v;
                         sums[0] += ds, sums[1] += ds_u, sums[2] += ds_v;
                         sums[3] += ds_u * u, sums[4] += ds_u * v, sums[5] += ds_v * v;

@@ -71,11 +71,11 @@ class Error:
     elsewhere: int = 0
 
     def __add__(self, other: "Error") -> "Error":
-        pairs = (
+        inside, border, scaled = (
             (mine[0] + its[0], mine[1] + its[1])
             for mine, its in zip(self._pairs(), other._pairs(), strict=True)
         )
-        return Error(*pairs, self.elsewhere + other.elsewhere)
+        return Error(inside, border, scaled, self.elsewhere + other.elsewhere)
 
     def row(self, kind: str, source: str) -> dict[str, object]:
         """The figures of this error in dB, and counts."""
@@ -94,9 +94,9 @@ class Error:
         return self.inside, self.border, self.scaled
 
 
-def decibels(squares: float, count: int) -> float:
+def decibels(total: float, count: int) -> float:
     """PSNR of a sum of squared errors in grey levels; nan where there was nothing to see."""
-    return float(10 * np.log10(255**2 / max(squares / count, 1e-6))) if count else float("nan")
+    return float(10 * np.log10(255**2 / max(total / count, 1e-6))) if count else float("nan")
 
 
 def rows(seeds: int, frames: int, size: int, specular: bool) -> Iterator[dict[str, object]]:
@@ -167,8 +167,12 @@ def measure(scene: Scene, edited: Episode, truth: Episode, handle: int) -> Error
         return Error()
     (edit, true), rims = np.concatenate(inside, 1), np.concatenate(border)
     best = edit * ((edit * true).sum() / max((edit**2).sum(), 1.0))
-    sums = ((edit - true, edit.size), (rims, rims.size), (best - true, edit.size))
-    return Error(*((float((off**2).sum()), count) for off, count in sums), elsewhere)
+    return Error(squares(edit - true), squares(rims), squares(best - true), elsewhere)
+
+
+def squares(off: np.ndarray) -> tuple[float, int]:
+    """The sum of squares, and how many values it is of."""
+    return float((off**2).sum()), off.size
 
 
 def grown(mask: np.ndarray, pixels: int) -> np.ndarray:

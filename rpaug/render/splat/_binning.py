@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from rpaug.render.jit import inlined, kernel
-from rpaug.render.splat._projection import COLUMN, HALF_HEIGHT, HALF_WIDTH, ROW
+from rpaug.render.splat._projection import COLUMN, HALF_WIDTH, ROW, half_size
 
 RADIX = 11  # bits a pass: three passes sort 32-bit keys
 
@@ -17,9 +17,9 @@ RADIX = 11  # bits a pass: three passes sort 32-bit keys
 @inlined
 def _tiles_touched(records, i, width, height, tile):
     """First and last tile column, first and last tile row; the last lies before the first if there is none."""
-    half_width, half_height = records[i, HALF_WIDTH], records[i, HALF_HEIGHT]
-    if not half_width >= 0.0:
+    if not records[i, HALF_WIDTH] >= 0.0:
         return 0, -1, 0, -1
+    half_width, half_height = half_size(records, i)
     left = max(math.ceil(records[i, COLUMN] - half_width), 0)
     right = min(math.floor(records[i, COLUMN] + half_width), width - 1)
     top = max(math.ceil(records[i, ROW] - half_height), 0)

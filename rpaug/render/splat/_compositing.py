@@ -1,13 +1,15 @@
 """Blend the Gaussians of each tile front to back, and carry image gradients back to them.
 
 A tile is cut into blocks of 4x4 pixels; a block is one SIMD vector with its own early stop, and a tile's
-blocks stay in cache while its Gaussians pass by. Every value below belongs to sixteen pixels at once.
-Light left over (transmittance) is kept with a sign: negative once a pixel is finished.
+blocks stay in cache while its Gaussians pass by. Sixteen blocks make a window, a tile is one window or four;
+one vector test finds the blocks of a window that a Gaussian may reach. Most values below belong to sixteen
+pixels at once. Light left over (transmittance) is kept with a sign: negative once a pixel is finished.
 
 Backward runs front to back as well. What lies behind a splat enters its gradient only through one number a
 pixel, the loss-weighted light still to come, which starts as the total and shrinks by each splat's share:
 no list of contributors, no division by the light left over. Both directions compute alpha by the same
-operations in the same order, so that they always agree on which splats a pixel saw.
+operations in the same order, so that they always agree on which splats a pixel saw; forward leaves a bit
+for each block it changed, and backward looks at no other.
 """
 
 import functools
@@ -20,17 +22,18 @@ import numpy as np
 from rpaug.render.jit import inlined, kernel
 from rpaug.render.splat._projection import (
     COLUMN,
-    HALF_HEIGHT,
-    HALF_WIDTH,
+    FARTHEST,
     L11,
     L21,
     L22,
     MOMENTS,
     OPACITY,
     ROW,
+    half_size,
 )
 from rpaug.render.splat._simd import (
     WIDTH,
+    absolute,
     bank_dot,
     bank_fma,
     bank_of_zeros,
@@ -42,9 +45,12 @@ from rpaug.render.splat._simd import (
     fma,
     load,
     load_bank,
+    lowest_bit,
+    maximum,
     minimum,
     negative,
     next_ticket,
+    prefetch,
     select,
     store,
     store_bank,
@@ -53,6 +59,9 @@ from rpaug.render.splat._simd import (
 from rpaug.render.splat.settings import Settings
 
 SIDE = 4  # pixels along a block
+AHEAD = 8  # entries between asking for a Gaussian's record and reading it
+WINDOW_BITS = 4
+WINDOW = 1 << WINDOW_BITS  # pixels along a window, whose blocks are the lanes of a vector
 ONE, ZERO, HALF = np.float32(1), np.float32(0), np.float32(0.5)
 
 # exp(-x) on [0, ln(255) / 8], exact at 0, relative error 8.4e-8 (minimax, least squares reweighted);
@@ -82,6 +91,14 @@ def rules(settings: Settings) -> Rules:
 
 
 @inlined
+def _vectors(count):
+    """Room for `count` vectors that begin on a cache line; numba's own arrays may straddle two."""
+    room = np.empty((count + 1) * WIDTH, np.float32)
+    skip = -(room.ctypes.data // room.itemsize) % WIDTH
+    return room[skip : skip + count * WIDTH]
+
+
+@inlined
 def _exp_minus(s):
     """exp(-s) for s in [0, ln 255]; what is longer comes out too large, but below 1/255."""
     x = minimum(s, LONGEST) * EIGHTH
@@ -92,23 +109,60 @@ def _exp_minus(s):
 
 
 @inlined
-def _blocks_touched(records, i, left, top, across, down):
-    """First and last block column, first and last block row of a tile that a Gaussian may reach."""
+def _windows_touched(records, i, left, top, windows):
+    """First and last window column, first and last window row of a tile that a Gaussian may reach."""
     x, y = records[i, COLUMN] - np.float32(left), records[i, ROW] - np.float32(top)
-    half_width, half_height = records[i, HALF_WIDTH], records[i, HALF_HEIGHT]
-    return (
-        max(0, math.ceil(x - half_width)) // SIDE,
-        min(across - 1, math.floor(x + half_width) // SIDE),
-        max(0, math.ceil(y - half_height)) // SIDE,
-        min(down - 1, math.floor(y + half_height) // SIDE),
+    half_width, half_height = half_size(records, i)
+    return (  # right shifts round down, also below zero, where // would have to branch
+        max(0, math.ceil(x - half_width) >> WINDOW_BITS),
+        min(windows - 1, math.floor(x + half_width) >> WINDOW_BITS),
+        max(0, math.ceil(y - half_height) >> WINDOW_BITS),
+        min(windows - 1, math.floor(y + half_height) >> WINDOW_BITS),
     )
 
 
 @inlined
-def _whitened(records, i, column, row):
-    """(u, v) of the pixel at (column, row), in the whitened coordinates of Gaussian i."""
+def _slopes(records, i):
+    """(u, v) of a block's pixels relative to its first pixel."""
+    return (
+        fma(block_columns(), records[i, L11], block_rows() * records[i, L21]),
+        block_rows() * records[i, L22],
+    )
+
+
+@inlined
+def _corners(records, i, column, row, slope_u, slope_v):
+    """(u, v) of the first pixels of a window's sixteen blocks; the window begins at (column, row)."""
     dx, dy = np.float32(column) - records[i, COLUMN], np.float32(row) - records[i, ROW]
-    return records[i, L11] * dx + records[i, L21] * dy, records[i, L22] * dy
+    return (
+        fma(slope_u, np.float32(SIDE), records[i, L11] * dx + records[i, L21] * dy),
+        fma(slope_v, np.float32(SIDE), records[i, L22] * dy),
+    )
+
+
+@inlined
+def _may_reach(records, i, u, v):
+    """Bits of the blocks, given their first pixels, in which alpha may come to the floor.
+
+    A block is a parallelogram in whitened coordinates; its bounding box is tested against the circle
+    s = farthest. Where they touch the pixels decide.
+    """
+    half = np.float32(0.5 * (SIDE - 1))
+    middle_u, middle_v = half * (records[i, L11] + records[i, L21]), half * records[i, L22]
+    half_u = half * (records[i, L11] + abs(records[i, L21]))
+    beside = maximum(absolute(u + middle_u) - half_u, ZERO)
+    above = maximum(absolute(v + middle_v) - middle_v, ZERO)
+    return bits(fma(beside, beside, above * above) <= records[i, FARTHEST])
+
+
+@inlined
+def _blocks_inside(width, height, left, top):
+    """Bits of a window's blocks that hold pixels of the image."""
+    inside = 0
+    for block in range(WIDTH):
+        if left + block % SIDE * SIDE < width and top + block // SIDE * SIDE < height:
+            inside |= 1 << block
+    return inside
 
 
 @functools.cache
@@ -117,81 +171,94 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
     size = WIDTH * (1 + channels)  # a block's state: light left over, then the channels
 
     def composite(
-        ticket, order, records, values, width, height, tile, starts, entries, rules, out, left_over, surface
+        ticket, order, records, values, width, height, tile, starts, entries, rules,
+        changed, out, left_over, surface,
     ):  # fmt: skip
         """Fill `out` (h, w, channels), `left_over` (h, w) and `surface` (h, w; -1: none) tile by tile.
 
-        Tiles are taken from `order` as tickets come up; several threads may share one `ticket`. An empty
-        `surface` is left alone.
+        Tiles are taken from `order` as tickets come up; several threads may share one `ticket`. `changed` gets
+        a bit for each block of the tile that the entry changed. An empty `surface` is left alone.
         """
-        tiles_across, most = (width + tile - 1) // tile, tile // SIDE
-        state = np.empty(most * most * size, np.float32)
-        finished = np.empty(most * most, np.bool_)
-        crossing = np.empty(most * most * WIDTH, np.int32)
+        tiles_across, windows = (width + tile - 1) // tile, tile // WINDOW
+        count = windows * windows * WIDTH
+        state = _vectors(count * size // WIDTH)
+        crossing = np.empty(count * WIDTH, np.int32)
+        alive = np.empty(windows * windows, np.int64)
+        corners_u, corners_v = _vectors(1), _vectors(1)
         while True:
             turn = next_ticket(ticket)
             if turn >= len(order):
                 return
             number = order[turn]
             left, top = (number % tiles_across) * tile, (number // tiles_across) * tile
-            across = min(most, (width - left + SIDE - 1) // SIDE)
-            down = min(most, (height - top + SIDE - 1) // SIDE)
             state[:] = ZERO
-            finished[:] = False
             crossing[:] = -1
-            for block in range(most * most):
+            for block in range(count):
                 store(state, block * size, broadcast(ONE))
-            unfinished = across * down
-            for entry in range(starts[number], starts[number + 1]):
+            unfinished = 0
+            for window in range(windows * windows):
+                x, y = left + window % windows * WINDOW, top + window // windows * WINDOW
+                alive[window] = _blocks_inside(width, height, x, y)
+                unfinished += alive[window] != 0
+            entry = starts[number]
+            while entry < starts[number + 1] and unfinished:
                 i = entries[entry]
-                first_x, last_x, first_y, last_y = _blocks_touched(
-                    records, i, left, top, across, down
-                )
+                ahead = entries[min(entry + AHEAD, starts[number + 1] - 1)]
+                prefetch(records, ahead)
+                prefetch(values, ahead)
+                first_x, last_x, first_y, last_y = _windows_touched(records, i, left, top, windows)
                 opacity = records[i, OPACITY]
-                farthest = np.float32(math.log(opacity / rules.alpha_floor) + 1e-5)
-                slope_u = fma(block_columns(), records[i, L11], block_rows() * records[i, L21])
-                slope_v = block_rows() * records[i, L22]
+                slope_u, slope_v = _slopes(records, i)
                 colours = broadcast_bank(values, i, channels)
+                touched = 0
                 for y in range(first_y, last_y + 1):
                     for x in range(first_x, last_x + 1):
-                        block = y * most + x
-                        if finished[block]:
-                            continue
-                        u0, v0 = _whitened(records, i, left + SIDE * x, top + SIDE * y)
-                        u, v = slope_u + u0, slope_v + v0
-                        s = fma(u, u, v * v)
-                        near = s <= farthest
-                        if bits(near) == 0:
-                            continue
-                        at = block * size
-                        before = load(state, at)
-                        raw = opacity * _exp_minus(s)
-                        alpha = minimum(raw, rules.alpha_max)
-                        after = before * (ONE - alpha)
-                        open_ = near & (raw >= rules.alpha_floor) & (before > ZERO)
-                        drawn = open_ & (after > rules.stop)
-                        weight = select(drawn, alpha * before, ZERO)
-                        rest = select(drawn, after, select(open_, negative(before), before))
-                        store(state, at, rest)
-                        store_bank(
-                            state,
-                            at + WIDTH,
-                            bank_fma(weight, colours, load_bank(state, at + WIDTH, channels)),
+                        window = y * windows + x
+                        corner_u, corner_v = _corners(
+                            records, i, left + x * WINDOW, top + y * WINDOW, slope_u, slope_v
                         )
-                        if len(surface):
-                            crossed = bits(drawn & (before > HALF) & (after <= HALF))
-                            for lane in range(WIDTH):
-                                if crossed >> lane & 1:
-                                    crossing[block * WIDTH + lane] = i
-                        if bits(rest > ZERO) == 0:
-                            finished[block] = True
-                            unfinished -= 1
-                if unfinished == 0:
-                    break
+                        reach = _may_reach(records, i, corner_u, corner_v)
+                        reach &= alive[window]
+                        store(corners_u, 0, corner_u)
+                        store(corners_v, 0, corner_v)
+                        while reach:
+                            lane = lowest_bit(reach)
+                            reach &= reach - 1
+                            block = window * WIDTH + lane
+                            at = block * size
+                            u, v = slope_u + corners_u[lane], slope_v + corners_v[lane]
+                            before = load(state, at)
+                            raw = opacity * _exp_minus(fma(u, u, v * v))
+                            alpha = minimum(raw, rules.alpha_max)
+                            after = before * (ONE - alpha)
+                            visible = raw >= rules.alpha_floor
+                            drawn = visible & (after > rules.stop)
+                            weight = select(drawn, alpha * before, ZERO)
+                            rest = select(
+                                drawn, after, select(visible, negative(absolute(before)), before)
+                            )
+                            store(state, at, rest)
+                            store_bank(
+                                state,
+                                at + WIDTH,
+                                bank_fma(weight, colours, load_bank(state, at + WIDTH, channels)),
+                            )
+                            if bits(visible):
+                                touched |= 1 << block
+                            if len(surface):
+                                crossed = bits(drawn & (before > HALF) & (after <= HALF))
+                                while crossed:
+                                    crossing[block * WIDTH + lowest_bit(crossed)] = i
+                                    crossed &= crossed - 1
+                            if bits(rest > ZERO) == 0:
+                                alive[window] &= ~(1 << lane)
+                                unfinished -= alive[window] == 0
+                changed[entry] = touched
+                entry += 1
+            changed[entry : starts[number + 1]] = 0
             for row in range(top, min(top + tile, height)):
                 for column in range(left, min(left + tile, width)):
-                    block = (row - top) // SIDE * most + (column - left) // SIDE
-                    lane = (row - top) % SIDE * SIDE + (column - left) % SIDE
+                    block, lane = _place(column - left, row - top, windows)
                     at = block * size + lane
                     left_over[row, column] = abs(state[at])
                     for channel in range(channels):
@@ -202,95 +269,98 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
     return kernel(composite)
 
 
+@inlined
+def _place(x, y, windows):
+    """Block and lane of the pixel (x, y) of a tile."""
+    window = y // WINDOW * windows + x // WINDOW
+    block = y % WINDOW // SIDE * SIDE + x % WINDOW // SIDE
+    return window * WIDTH + block, y % SIDE * SIDE + x % SIDE
+
+
 @functools.cache
 def backward_kernel(channels: int) -> Callable[..., Any]:
     """The kernel that fills gradient slots, for one number of channels."""
     size = WIDTH * (
         2 + channels
-    )  # a block's state: light left over, light to come, the channels' gradients
+    )  # a block's state: light left over, light to come, channels' gradients
     stride = WIDTH * ((MOMENTS + channels + WIDTH - 1) // WIDTH)
 
     def composite_backward(
-        ticket, order, records, values, width, height, tile, starts, entries, rules, slot_of,
-        out, left_over, d_out, d_left_over, slots,
+        ticket, order, records, values, width, height, tile, starts, entries, rules, changed,
+        slot_of, out, left_over, d_out, d_left_over, slots,
     ):  # fmt: skip
         """Fill each entry's slot with six moments of ds over (u, v), then the channels' gradients."""
-        tiles_across, most = (width + tile - 1) // tile, tile // SIDE
-        state = np.empty(most * most * size, np.float32)
-        finished = np.empty(most * most, np.bool_)
+        tiles_across, windows = (width + tile - 1) // tile, tile // WINDOW
+        count = windows * windows * WIDTH
+        state = _vectors(count * size // WIDTH)
+        corners_u, corners_v = _vectors(1), _vectors(1)
         while True:
             turn = next_ticket(ticket)
             if turn >= len(order):
                 return
             number = order[turn]
             left, top = (number % tiles_across) * tile, (number // tiles_across) * tile
-            across = min(most, (width - left + SIDE - 1) // SIDE)
-            down = min(most, (height - top + SIDE - 1) // SIDE)
             state[:] = ZERO
-            finished[:] = False
+            for block in range(count):
+                store(state, block * size, broadcast(ONE))
             for row in range(top, min(top + tile, height)):
                 for column in range(left, min(left + tile, width)):
-                    block = (row - top) // SIDE * most + (column - left) // SIDE
-                    at = block * size + (row - top) % SIDE * SIDE + (column - left) % SIDE
+                    block, lane = _place(column - left, row - top, windows)
+                    at = block * size + lane
                     to_come = d_left_over[row, column] * left_over[row, column]
                     for channel in range(channels):
                         pull = d_out[row, column, channel]
                         state[at + WIDTH * (2 + channel)] = pull
                         to_come += pull * out[row, column, channel]
                     state[at + WIDTH] = to_come
-            for block in range(most * most):
-                store(state, block * size, broadcast(ONE))
-            unfinished = across * down
             for entry in range(starts[number], starts[number + 1]):
+                i, touched = entries[entry], changed[entry]
+                ahead = entries[min(entry + AHEAD, starts[number + 1] - 1)]
+                prefetch(records, ahead)
+                prefetch(values, ahead)
+                opacity = records[i, OPACITY]
+                slope_u, slope_v = _slopes(records, i)
+                colours = broadcast_bank(values, i, channels)
                 m = mu = mv = muu = muv = mvv = broadcast(ZERO)
                 d_colours = bank_of_zeros(channels)
-                if unfinished > 0:
-                    i = entries[entry]
-                    first_x, last_x, first_y, last_y = _blocks_touched(
-                        records, i, left, top, across, down
-                    )
-                    opacity = records[i, OPACITY]
-                    farthest = np.float32(math.log(opacity / rules.alpha_floor) + 1e-5)
-                    slope_u = fma(block_columns(), records[i, L11], block_rows() * records[i, L21])
-                    slope_v = block_rows() * records[i, L22]
-                    colours = broadcast_bank(values, i, channels)
-                    for y in range(first_y, last_y + 1):
-                        for x in range(first_x, last_x + 1):
-                            block = y * most + x
-                            if finished[block]:
-                                continue
-                            u0, v0 = _whitened(records, i, left + SIDE * x, top + SIDE * y)
-                            u, v = slope_u + u0, slope_v + v0
-                            s = fma(u, u, v * v)
-                            near = s <= farthest
-                            if bits(near) == 0:
-                                continue
-                            at = block * size
-                            before = load(state, at)
-                            raw = opacity * _exp_minus(s)
-                            alpha = minimum(raw, rules.alpha_max)
-                            after = before * (ONE - alpha)
-                            open_ = near & (raw >= rules.alpha_floor) & (before > ZERO)
-                            drawn = open_ & (after > rules.stop)
-                            weight = select(drawn, alpha * before, ZERO)
-                            rest = select(drawn, after, select(open_, negative(before), before))
-                            store(state, at, rest)
-                            if bits(rest > ZERO) == 0:
-                                finished[block] = True
-                                unfinished -= 1
-                            pulls = load_bank(state, at + 2 * WIDTH, channels)
-                            pull = bank_dot(pulls, colours)
-                            d_colours = bank_fma(weight, pulls, d_colours)
-                            behind = load(state, at + WIDTH) - weight * pull
-                            store(state, at + WIDTH, behind)
-                            d_alpha = before * pull - behind / (ONE - alpha)
-                            # d alpha = -alpha ds, except where alpha is held at its greatest value.
-                            ds = select(
-                                drawn & (raw < rules.alpha_max), negative(alpha) * d_alpha, ZERO
-                            )
-                            ds_u, ds_v = ds * u, ds * v
-                            m, mu, mv = m + ds, mu + ds_u, mv + ds_v
-                            muu, muv, mvv = fma(ds_u, u, muu), fma(ds_u, v, muv), fma(ds_v, v, mvv)
+                for window in range(windows * windows):
+                    inside = (touched >> (window * WIDTH)) & 0xFFFF
+                    if inside == 0:
+                        continue
+                    x = left + (window & (windows - 1)) * WINDOW
+                    y = top + (window >> (windows - 1)) * WINDOW
+                    corner_u, corner_v = _corners(records, i, x, y, slope_u, slope_v)
+                    store(corners_u, 0, corner_u)
+                    store(corners_v, 0, corner_v)
+                    while inside:
+                        lane = lowest_bit(inside)
+                        inside &= inside - 1
+                        at = (window * WIDTH + lane) * size
+                        u, v = slope_u + corners_u[lane], slope_v + corners_v[lane]
+                        before = load(state, at)
+                        raw = opacity * _exp_minus(fma(u, u, v * v))
+                        alpha = minimum(raw, rules.alpha_max)
+                        after = before * (ONE - alpha)
+                        visible = raw >= rules.alpha_floor
+                        drawn = visible & (after > rules.stop)
+                        weight = select(drawn, alpha * before, ZERO)
+                        rest = select(
+                            drawn, after, select(visible, negative(absolute(before)), before)
+                        )
+                        store(state, at, rest)
+                        pulls = load_bank(state, at + 2 * WIDTH, channels)
+                        pull = bank_dot(pulls, colours)
+                        d_colours = bank_fma(weight, pulls, d_colours)
+                        behind = load(state, at + WIDTH) - weight * pull
+                        store(state, at + WIDTH, behind)
+                        d_alpha = before * pull - behind / (ONE - alpha)
+                        # d alpha = -alpha ds, except where alpha is held at its greatest value.
+                        ds = select(
+                            drawn & (raw < rules.alpha_max), negative(alpha) * d_alpha, ZERO
+                        )
+                        ds_u, ds_v = ds * u, ds * v
+                        m, mu, mv = m + ds, mu + ds_u, mv + ds_v
+                        muu, muv, mvv = fma(ds_u, u, muu), fma(ds_u, v, muv), fma(ds_v, v, mvv)
                 store_totals(slots, slot_of[entry] * stride, (m, mu, mv, muu, muv, mvv), d_colours)
 
     return kernel(composite_backward)

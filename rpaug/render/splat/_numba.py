@@ -21,6 +21,8 @@ CHANNELS = (
     68,
 )  # colour, depth and features are padded to one of these: few kernels
 
+CACHE_LINE = 64  # bytes
+
 NOTHING = np.zeros((0, 0), np.float32)
 
 
@@ -37,6 +39,13 @@ def channel_count(features: int) -> int:
         if DEPTH_CHANNEL + 1 + features <= count:
             return count
     raise Unsupported(f"{features} features; the CPU rasteriser takes at most {CHANNELS[-1] - 4}")
+
+
+def _on_cache_line(size: int, dtype: type) -> np.ndarray:
+    """An array that begins on a cache line, so that vectors and records do not straddle two."""
+    bytes_ = np.empty(size * np.dtype(dtype).itemsize + CACHE_LINE, np.uint8)
+    skip = -bytes_.ctypes.data % CACHE_LINE
+    return bytes_[skip : skip + size * np.dtype(dtype).itemsize].view(dtype)
 
 
 class Rasteriser:
@@ -56,7 +65,7 @@ class Rasteriser:
         size = int(np.prod(shape))
         kept = self._buffers.get(name)
         if kept is None or kept.size < size or kept.dtype != dtype:
-            kept = self._buffers[name] = np.empty(size + size // 4, dtype)
+            kept = self._buffers[name] = _on_cache_line(size + size // 4, dtype)
         return kept[:size].reshape(shape)
 
     def forward(
@@ -179,10 +188,12 @@ class Rasteriser:
         width, height = self._view.width, self._view.height
         self._out = self._buffer("out", (height, width, self._channels))
         self._left_over = self._buffer("left_over", (height, width))
+        self._changed = self._buffer("changed", (len(self._entries),), np.int64)
         self._surface = self._buffer("surface", (height, width) if surface else (0, 0), np.int32)
         arguments = (
             np.zeros(1, np.int64), self._order, self._records, self._values, *self._grid, self._starts,
-            self._entries, _compositing.rules(self.settings), self._out, self._left_over, self._surface,
+            self._entries, _compositing.rules(self.settings), self._changed, self._out, self._left_over,
+            self._surface,
         )  # fmt: skip
         together(_compositing.forward_kernel(self._channels), [arguments] * self.threads)
 
@@ -216,8 +227,8 @@ class Rasteriser:
         slots = self._buffer("slots", (len(self._entries) * stride,))
         arguments = (
             np.zeros(1, np.int64), self._order, self._records, self._values, *self._grid, self._starts,
-            self._entries, _compositing.rules(self.settings), self._slot_of, self._out, self._left_over,
-            d_out, d_left_over, slots,
+            self._entries, _compositing.rules(self.settings), self._changed, self._slot_of, self._out,
+            self._left_over, d_out, d_left_over, slots,
         )  # fmt: skip
         together(_compositing.backward_kernel(self._channels), [arguments] * self.threads)
 

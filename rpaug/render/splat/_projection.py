@@ -1,10 +1,11 @@
 """Gaussians onto the image plane, and the gradient of that, in float64 one Gaussian at a time.
 
-A Gaussian becomes one row of `records`: column, row, l11, l21, l22, opacity, half width, half height. A pixel
+A Gaussian becomes one row of `records`: column, row, l11, l21, l22, opacity, farthest, half width. A pixel
 at offset (dx, dy) from its centre has exponent s = u^2 + v^2 with u = l11 dx + l21 dy and v = l22 dy, and
 alpha = opacity * exp(-s). In these whitened coordinates s is never negative and thin needles lose no digits;
-the gradients by mean and covariance follow from the moments of ds over (u, v) without an inverse. The half
-sizes bound exactly the pixels in which alpha reaches the floor; they are -1 where nothing is drawn.
+the gradients by mean and covariance follow from the moments of ds over (u, v) without an inverse. `farthest`
+is the exponent at which alpha falls to the floor: a splat ends where |v| = root(farthest), and half a width
+to either side of its centre. The half width is -1 where nothing is drawn.
 """
 
 import math
@@ -17,7 +18,7 @@ from rpaug.render.splat import _harmonics
 from rpaug.render.splat._simd import WIDTH, load, store
 from rpaug.render.splat.settings import LARGEST, Settings, View
 
-COLUMN, ROW, L11, L21, L22, OPACITY, HALF_WIDTH, HALF_HEIGHT = range(8)
+COLUMN, ROW, L11, L21, L22, OPACITY, FARTHEST, HALF_WIDTH = range(8)
 MOMENTS = 6  # ds, ds u, ds v, ds u u, ds u v, ds v v: first in each gradient slot
 DEPTH_CHANNEL = 3  # values are red, green, blue, depth, features
 SMALLEST_RATIO = 1e-12  # of determinants, in antialiased mode: keeps the root's slope finite
@@ -196,6 +197,12 @@ def _antialias(a, b, c, determinant, eye):
     return math.sqrt(max(sharp / determinant, SMALLEST_RATIO))
 
 
+@inlined
+def half_size(records, i):
+    """Half width and half height of what a Gaussian may change, in pixels."""
+    return records[i, HALF_WIDTH], math.sqrt(records[i, FARTHEST]) / records[i, L22]
+
+
 @kernel
 def project(
     start,
@@ -221,7 +228,6 @@ def project(
     harmonic = np.empty(16, np.float64)
     for i in range(start, stop):
         records[i, HALF_WIDTH] = -1.0
-        records[i, HALF_HEIGHT] = -1.0
         if not _all_finite(means, opacities, sh, quats, scales, covariances, features, i):
             bad += 1
             continue
@@ -247,14 +253,14 @@ def project(
             opacity *= _antialias(a, b, c, determinant, eye)
         if not np.float32(opacity) >= np.float32(eye.alpha_floor):
             continue
-        reach = 2.0 * math.log(opacity / eye.alpha_floor) * (1 + 1e-5) + 1e-5
+        farthest = math.log(opacity / eye.alpha_floor) * (1 + 1e-4) + 1e-4
         records[i, COLUMN], records[i, ROW] = column, row
         records[i, L11] = math.sqrt(0.5 * c / determinant)
         records[i, L21] = -b * math.sqrt(0.5 / (c * determinant))
         records[i, L22] = math.sqrt(0.5 / c)
         records[i, OPACITY] = opacity
-        records[i, HALF_WIDTH] = math.sqrt(reach * a)
-        records[i, HALF_HEIGHT] = math.sqrt(reach * c)
+        records[i, FARTHEST] = farthest
+        records[i, HALF_WIDTH] = math.sqrt(2 * farthest * a)
         depths[i] = z
 
         distance = math.sqrt(_dot(offset, offset))

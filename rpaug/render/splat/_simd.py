@@ -183,9 +183,32 @@ def select(typing: Any, where: Any, a: Any, b: Any) -> Any:
 
 
 @intrinsic
+def maximum(typing: Any, a: Any, b: Any) -> Any:
+    """The larger of each pair; b where either is NaN."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        x, y = (_as_lanes(context, builder, k, v) for k, v in zip(sig.args, args, strict=True))
+        return builder.select(builder.fcmp_ordered(">", x, y), x, y)
+
+    return lanes(a, b), emit
+
+
+@intrinsic
 def negative(typing: Any, a: Any) -> Any:
     """-a, lane by lane."""
     return lanes(a), lambda context, builder, sig, args: builder.fneg(args[0])
+
+
+@intrinsic
+def absolute(typing: Any, a: Any) -> Any:
+    """|a|, lane by lane."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        kind = ir.FunctionType(_LANES, [_LANES])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.fabs.v16f32")
+        return builder.call(function, args)
+
+    return lanes(a), emit
 
 
 @intrinsic
@@ -197,6 +220,16 @@ def bits(typing: Any, where: Any) -> Any:
         return builder.zext(packed, ir.IntType(64))
 
     return types.int64(where), emit
+
+
+@intrinsic
+def lowest_bit(typing: Any, value: Any) -> Any:
+    """Place of the lowest bit set in an int64; 64 if there is none."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 0))
+
+    return types.int64(types.int64), emit
 
 
 def _pointer(context: Any, builder: Any, kind: Any, array: Any, index_kind: Any, index: Any) -> Any:
@@ -222,6 +255,26 @@ def _read(builder: Any, pointer: Any) -> Any:
 
 def _write(builder: Any, pointer: Any, value: Any) -> None:
     builder.store(value, builder.bitcast(pointer, _LANES.as_pointer())).align = 4
+
+
+@intrinsic
+def prefetch(typing: Any, array: Any, row: Any) -> Any:
+    """Ask for `array[row]` before it is needed, for reading. Harmless if never used."""
+    if not _is_flat(array, 2):
+        return None
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        byte = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [byte, _INT, _INT, _INT])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        view = context.make_array(sig.args[0])(context, builder, args[0])
+        columns = cgutils.unpack_tuple(builder, view.shape)[1]
+        index = context.cast(builder, args[1], sig.args[1], types.intp)
+        at = builder.bitcast(builder.gep(view.data, [builder.mul(index, columns)]), byte)
+        builder.call(function, [at, *(ir.Constant(_INT, flag) for flag in (0, 3, 1))])
+        return context.get_dummy_value()
+
+    return types.void(array, row), emit
 
 
 @intrinsic

@@ -1,0 +1,105 @@
+"""What a camera sees of a scene's Gaussians: colour by blending, depth and handle from one surface."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float32, Int32, UInt8
+
+from rpaug import geometry
+from rpaug.errors import TargetError, Unsupported
+from rpaug.render.splat import Rasteriser, Rendering, Splats, View
+from rpaug.scene.gaussians import SH0, Placement
+from rpaug.types import Appearance, Camera, Gaussians, Scene
+
+REACH = 3.0  # standard deviations: how far from its middle a Gaussian's plane is followed
+
+
+def render_view(
+    scene: Scene, camera: str, t: int
+) -> tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]:
+    """Image, surface depth and handles of `scene.cameras[camera]` at t; depth 0 and handle 0 where nothing is.
+
+    Depth and handle are those of the one Gaussian at which half of the light is gone, never blended; depth is
+    where the pixel's ray meets its plane. Appearance edits are applied to the Gaussians' constant colours.
+    Raises TargetError for a camera that is not there and Unsupported if the scene has no Gaussians.
+    """
+    if camera not in scene.cameras:
+        known = ", ".join(scene.cameras)
+        raise TargetError(f"no camera is called {camera!r}; there are: {known}")
+    if scene.gaussians is None:
+        raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
+    painted = paint(scene.gaussians, scene.appearance)
+    splats = Placement.of(painted.ids, scene.bodies).place(Splats.of(painted), t)
+    drawn = Rasteriser().forward(splats, view_of(scene.cameras[camera], t))
+    ids = np.where(drawn.surface_index >= 0, painted.ids[drawn.surface_index], 0)
+    depth = plane_depth(drawn, splats, scene.cameras[camera], t)
+    return to_bytes(drawn.colour), depth, ids.astype(np.int32)
+
+
+def view_of(camera: Camera, t: int) -> View:
+    """The rasteriser's view of a camera at t."""
+    pose = geometry.inverse(camera.cam_to_world[t])
+    return View(camera.K, pose, camera.width, camera.height)
+
+
+def to_bytes(colour: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Display colours 0..1 as 8-bit pixels."""
+    return (np.clip(colour, 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+def paint(gaussians: Gaussians, appearance: tuple[Appearance, ...]) -> Gaussians:
+    """Gaussians whose constant colours went through the edits, in order."""
+    sh = gaussians.sh
+    for edit in appearance:
+        rows = np.arange(len(gaussians)) if edit.handles is None else _rows(gaussians, edit.handles)
+        if len(rows):
+            sh = sh.copy() if sh is gaussians.sh else sh
+            sh[rows, 0] = (edit(np.clip(0.5 + SH0 * sh[rows, 0], 0, 1)) - 0.5) / SH0
+    return replace(gaussians, sh=sh)
+
+
+def _rows(gaussians: Gaussians, handles: frozenset[int]) -> np.ndarray:
+    return np.flatnonzero(np.isin(gaussians.ids, list(handles)))
+
+
+def plane_depth(
+    drawn: Rendering, splats: Splats, camera: Camera, t: int
+) -> Float32[np.ndarray, "h w"]:
+    """Depth at which each pixel's ray meets the plane of its surface Gaussian, in metres; 0 where there is none.
+
+    The plane lies across the Gaussian's shortest axis. Where the ray meets it too far from the Gaussian's
+    middle, or hardly at all, the middle's depth is kept.
+    """
+    assert splats.scales is not None
+    assert splats.quats is not None
+    rows, columns = np.nonzero(drawn.surface_index >= 0)
+    index = drawn.surface_index[rows, columns]
+    back = geometry.inverse(camera.cam_to_world[t])
+    middle = geometry.transform(back, splats.means[index].astype(np.float64))
+    normal = _axes(splats.quats[index], splats.scales[index].argmin(-1)) @ back[:3, :3].T
+    ray = np.stack(
+        [(columns - camera.K[0, 2]) / camera.K[0, 0], (rows - camera.K[1, 2]) / camera.K[1, 1], np.ones(len(rows))],
+        -1,
+    )
+    facing = (normal * ray).sum(-1)
+    met = (normal * middle).sum(-1) / np.where(np.abs(facing) < 1e-6, 1e-6, facing)
+    reach = REACH * splats.scales[index].max(-1)
+    good = np.linalg.norm(ray * met[:, None] - middle, axis=-1) < reach
+    out = np.zeros(drawn.surface_index.shape, np.float32)
+    out[rows, columns] = np.where(good, met, middle[:, 2])
+    return out
+
+
+def _axes(
+    quats: Float32[np.ndarray, "n 4"], which: np.ndarray
+) -> Float32[np.ndarray, "n 3"]:
+    """One column of each rotation."""
+    w, x, y, z = (quats / np.linalg.norm(quats, axis=-1, keepdims=True)).T
+    columns = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+            [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return columns[which, :, np.arange(len(quats))]
