@@ -9,12 +9,17 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
-from numba import njit
 
+from rpaug.render.jit import kernel
 from rpaug.types import Appearance
 
-REACH = 2  # pixels: how far to look for an unmixed colour
-LEAST_CONTRAST = 0.02  # squared colour distance below which a mixture cannot be told
+REACH = 4  # pixels: how far to look for unmixed colours
+MOST = 10  # of them, on each side
+TEXTURE = 0.02  # colour distance by which neighbouring pixels of one surface differ
+DOUBT = 0.35  # of a pixel: how far a share may well be from what the mask suggests
+WEIGHT = (TEXTURE / DOUBT) ** 2
+SHADING = 0.03  # how much a difference in light between neighbouring faces costs
+UNMIXED = 0.008  # cost of taking a pixel on the outline for unmixed though a mixture explains it
 
 
 def composite(
@@ -59,53 +64,140 @@ def _apply(
     return whole | mixed
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def matte(
     colour: Float32[np.ndarray, "h w 3"], inside: Bool[np.ndarray, "h w"]
 ) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w 3"]]:
-    """The object's share of each pixel, 0..1, and its own colour there.
+    """The object's share a of each pixel, 0..1, and its own colour F there.
 
-    Only pixels with a 4-neighbour across the outline can be mixed. Where no unmixed pixel is near, or both sides
-    look alike, the mask itself is the share.
+    Only pixels with one of their 8 neighbours across the outline can be mixed. For those, every pair of unmixed colours
+    (F, B) nearby proposes a share, and the pair that explains the pixel best is taken (sampling matting, Wang and
+    Cohen 2007). How much of the 3 x 3 neighbourhood is inside serves as the prior share, which alone decides where both
+    sides look alike. What the pair leaves unexplained is split between F and B.
     """
     height, width = inside.shape
     share = np.zeros((height, width), np.float32)
     foreground = colour.copy()
-    rim = np.zeros((height, width), np.bool_)
-    for y in range(height):
-        for x in range(width):
-            here = inside[y, x]
-            rim[y, x] = (
-                (y > 0 and inside[y - 1, x] != here)
-                or (y + 1 < height and inside[y + 1, x] != here)
-                or (x > 0 and inside[y, x - 1] != here)
-                or (x + 1 < width and inside[y, x + 1] != here)
-            )
+    rim = _rim(inside)
     for y in range(height):
         for x in range(width):
             share[y, x] = 1.0 if inside[y, x] else 0.0
             if not rim[y, x]:
                 continue
-            near = np.full(2, 1 << 20)
-            at = np.zeros((2, 2), np.int64)
-            for j in range(max(0, y - REACH), min(height, y + REACH + 1)):
-                for i in range(max(0, x - REACH), min(width, x + REACH + 1)):
-                    if rim[j, i]:
-                        continue
-                    side = 1 if inside[j, i] else 0
-                    distance = (j - y) ** 2 + (i - x) ** 2
-                    if distance < near[side]:
-                        near[side], at[side, 0], at[side, 1] = distance, j, i
-            if near[0] == 1 << 20 or near[1] == 1 << 20:
-                continue
-            along = contrast = 0.0
-            for c in range(3):
-                back = colour[at[0, 0], at[0, 1], c]
-                step = colour[at[1, 0], at[1, 1], c] - back
-                along += (colour[y, x, c] - back) * step
-                contrast += step * step
-            if contrast < LEAST_CONTRAST:
-                continue
-            share[y, x] = min(1.0, max(0.0, along / contrast))
-            foreground[y, x] = colour[at[1, 0], at[1, 1]]
+            front, fronts = _candidates(inside, rim, y, x, True)
+            back, backs = _candidates(inside, rim, y, x, False)
+            prior = _prior(inside, y, x)
+            least = WEIGHT * (share[y, x] - prior) ** 2 + UNMIXED
+            for f in range(fronts):
+                for b in range(backs):
+                    cost, part, light = _explain(colour, y, x, front[f], back[b], prior)
+                    if cost < least:
+                        least = cost
+                        share[y, x] = part
+                        _own_colour(colour, y, x, front[f], back[b], part, light, foreground)
     return share, foreground
+
+
+@kernel
+def _rim(inside: np.ndarray) -> np.ndarray:
+    """Pixels with an 8-neighbour on the other side of the outline."""
+    height, width = inside.shape
+    rim = np.zeros((height, width), np.bool_)
+    for y in range(height):
+        for x in range(width):
+            for j in range(max(0, y - 1), min(height, y + 2)):
+                for i in range(max(0, x - 1), min(width, x + 2)):
+                    if inside[j, i] != inside[y, x]:
+                        rim[y, x] = True
+    return rim
+
+
+@kernel
+def _prior(inside: np.ndarray, y: int, x: int) -> float:
+    """Share of the pixel that the mask's neighbourhood suggests: a 3 x 3 binomial filter."""
+    height, width = inside.shape
+    covered = total = 0.0
+    for j in range(max(0, y - 1), min(height, y + 2)):
+        for i in range(max(0, x - 1), min(width, x + 2)):
+            weight = (2.0 - abs(j - y)) * (2.0 - abs(i - x))
+            total += weight
+            covered += weight * inside[j, i]
+    return covered / total
+
+
+@kernel
+def _candidates(
+    inside: np.ndarray, rim: np.ndarray, y: int, x: int, side: bool
+) -> tuple[np.ndarray, int]:
+    """Up to `MOST` nearest unmixed pixels of one side, as (row, column), and how many there are."""
+    height, width = inside.shape
+    found = np.zeros((MOST, 2), np.int64)
+    distance = np.full(MOST, 1 << 20)
+    count = 0
+    for mixed in (
+        False,
+        True,
+    ):  # a thing so thin that all of it is outline lends its outline's colours
+        if mixed and count > 0:
+            break
+        for j in range(max(0, y - REACH), min(height, y + REACH + 1)):
+            for i in range(max(0, x - REACH), min(width, x + REACH + 1)):
+                if rim[j, i] != mixed or inside[j, i] != side or (j == y and i == x):
+                    continue
+                away = (j - y) ** 2 + (i - x) ** 2
+                place = min(count, MOST - 1)
+                if count == MOST and away >= distance[place]:
+                    continue
+                while place > 0 and distance[place - 1] > away:
+                    distance[place] = distance[place - 1]
+                    found[place] = found[place - 1]
+                    place -= 1
+                distance[place] = away
+                found[place, 0], found[place, 1] = j, i
+                count = min(count + 1, MOST)
+    return found, count
+
+
+@kernel
+def _explain(
+    colour: np.ndarray, y: int, x: int, front: np.ndarray, back: np.ndarray, prior: float
+) -> tuple[float, float, float]:
+    """Cost, share a and light s of the best mixture a s F + (1 - a) B of two colours.
+
+    Least squares in (a s, a), held to the prior share and to s = 1: a face turned another way is darker or brighter.
+    """
+    ff = fb = bb = fd = bd = 0.0
+    for c in range(3):
+        f, b = colour[front[0], front[1], c], colour[back[0], back[1], c]
+        rest = colour[y, x, c] - b
+        ff, fb, bb, fd, bd = ff + f * f, fb + f * b, bb + b * b, fd + f * rest, bd + b * rest
+    steady = SHADING * ff + 1e-6
+    own, cross, other = ff + steady, fb + steady, bb + steady + WEIGHT
+    right = WEIGHT * prior - bd
+    part = (own * right + cross * fd) / (own * other - cross * cross)
+    part = min(1.0, max(0.0, part))
+    lit = min(2.0 * part, max(0.0, (fd + cross * part) / own))
+    cost = WEIGHT * (part - prior) ** 2 + steady * (lit - part) ** 2
+    for c in range(3):
+        mixed = lit * colour[front[0], front[1], c] + (1.0 - part) * colour[back[0], back[1], c]
+        cost += (colour[y, x, c] - mixed) ** 2
+    return cost, part, lit / part if part > 0 else 1.0
+
+
+@kernel
+def _own_colour(
+    colour: np.ndarray,
+    y: int,
+    x: int,
+    front: np.ndarray,
+    back: np.ndarray,
+    part: float,
+    light: float,
+    out: np.ndarray,
+) -> None:
+    """The object's colour at the pixel: the sampled one, moved by its part of what the mixture leaves over."""
+    for c in range(3):
+        f, b = light * colour[front[0], front[1], c], colour[back[0], back[1], c]
+        left = colour[y, x, c] - part * f - (1.0 - part) * b
+        own = f + left * part / (part**2 + (1.0 - part) ** 2)
+        out[y, x, c] = min(1.0, max(0.0, own))

@@ -13,7 +13,7 @@ DARK, BRIGHT = (
     0.04,
     0.98,
 )  # of the brightest channel: darker pixels are noise, brighter ones are clipped
-LIT = 0.9  # quantile of shading that counts as fully lit
+LIT = 0.98  # quantile of shading that counts as fully lit: a new colour must not be clipped where the old was not
 PLAIN = 0.03  # colour distance within which a pixel is explained by one albedo and its shading
 PLAIN_SHARE = 0.8
 
@@ -43,7 +43,7 @@ def estimate(colour: Float64[np.ndarray, "n 3"]) -> Albedo:
     """The albedo of a surface from its pixels: the direction of their mean, as bright as its well-lit part.
 
     Shading scales a matte colour and leaves its direction, so the direction is the mean's; how bright an albedo is
-    cannot be told from shading, and the best-lit tenth is taken to show it.
+    cannot be told from shading, and its best-lit pixels are taken to show it.
     """
     high = colour.max(1)
     good = colour[(high > DARK) & (high < BRIGHT)]
@@ -57,7 +57,9 @@ def estimate(colour: Float64[np.ndarray, "n 3"]) -> Albedo:
         mean = inliers.mean(0)
     if mean.max() < 1e-3:
         return Albedo((0.0, 0.0, 0.0), True)
-    shading = good @ mean / (mean @ mean)
+    shading = (
+        colour[high > DARK] @ mean / (mean @ mean)
+    )  # clipped pixels too: they are the brightest
     red, green, blue = np.minimum(mean * np.quantile(shading, LIT), 1.0).tolist()
     return Albedo((red, green, blue), bool(_explained(good, mean).mean() >= PLAIN_SHARE))
 

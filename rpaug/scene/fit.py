@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -172,8 +172,8 @@ def _judge(
     start: float,
 ) -> FitReport:
     rest = sorted(set(range(scene.episode.length)) - set(trained))
-    known = {t: True for t in _some(trained, settings.checked_frames)}
-    times = known | {t: False for t in _some(rest, settings.checked_frames)}
+    known = dict.fromkeys(_some(trained, settings.checked_frames), True)
+    times = known | dict.fromkeys(_some(rest, settings.checked_frames), False)
     placement, splats = Placement.of(fitted.ids, scene.bodies), Splats.of(fitted)
     names = list(scene.episode.views)
 

@@ -78,7 +78,11 @@ def plane_depth(
     middle = geometry.transform(back, splats.means[index].astype(np.float64))
     normal = _axes(splats.quats[index], splats.scales[index].argmin(-1)) @ back[:3, :3].T
     ray = np.stack(
-        [(columns - camera.K[0, 2]) / camera.K[0, 0], (rows - camera.K[1, 2]) / camera.K[1, 1], np.ones(len(rows))],
+        [
+            (columns - camera.K[0, 2]) / camera.K[0, 0],
+            (rows - camera.K[1, 2]) / camera.K[1, 1],
+            np.ones(len(rows)),
+        ],
         -1,
     )
     facing = (normal * ray).sum(-1)
@@ -90,9 +94,7 @@ def plane_depth(
     return out
 
 
-def _axes(
-    quats: Float32[np.ndarray, "n 4"], which: np.ndarray
-) -> Float32[np.ndarray, "n 3"]:
+def _axes(quats: Float32[np.ndarray, "n 4"], which: np.ndarray) -> Float32[np.ndarray, "n 3"]:
     """One column of each rotation."""
     w, x, y, z = (quats / np.linalg.norm(quats, axis=-1, keepdims=True)).T
     columns = np.array(

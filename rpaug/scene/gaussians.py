@@ -89,9 +89,7 @@ def quaternions(rotations: Float64[np.ndarray, "n 3 3"]) -> Float64[np.ndarray, 
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
-def turned(
-    by: Float[np.ndarray, "4"], quats: Float[np.ndarray, "n 4"]
-) -> Float[np.ndarray, "n 4"]:
+def turned(by: Float[np.ndarray, "4"], quats: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
     """The quaternion product by * quats: first `quats`, then `by`."""
     w, x, y, z = by
     left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]], quats.dtype)
@@ -103,7 +101,9 @@ def moved(gaussians: Gaussians, motion: Float[np.ndarray, "4 4"]) -> Gaussians:
     by = quaternions(motion[None, :3, :3])[0]
     means = geometry.transform(motion, gaussians.means.astype(np.float64))
     return replace(
-        gaussians, means=means.astype(np.float32), quats=turned(by, gaussians.quats).astype(np.float32)
+        gaussians,
+        means=means.astype(np.float32),
+        quats=turned(by, gaussians.quats).astype(np.float32),
     )
 
 

@@ -14,7 +14,9 @@ from rpaug.types import Body, CameraView, Gaussians, Scene
 SAME_DEPTH = 0.01  # of depth, beside 1 cm: a point that a fixed camera saw too
 BODY_FRAMES = 16  # frames that moving bodies are gathered from
 CELL = 1.5  # footprints: a body's Gaussians are no closer than this
-FINER = 0.7  # another camera's Gaussian is kept beside a plate's if its footprint is smaller by this
+FINER = (
+    0.7  # another camera's Gaussian is kept beside a plate's if its footprint is smaller by this
+)
 
 
 def seeds(scene: Scene) -> Gaussians:
@@ -40,7 +42,9 @@ def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
     for past in kept.history.values():
         for source in past:
             use = np.ones(source.ids.shape, bool) if source.use is None else source.use
-            picture = Picture(source.rgb, source.depth, source.ids, source.K, source.cam_to_world, use)
+            picture = Picture(
+                source.rgb, source.depth, source.ids, source.K, source.cam_to_world, use
+            )
             part = lifted(picture)
             yield chosen(part, ~_seen(part, done))
             done.append(picture)
