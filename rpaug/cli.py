@@ -397,9 +397,7 @@ def twin_record(
     )
     written = [str(out / take.episode.key) for take in takes]
     if as_json:
-        _print_json(
-            {"episodes": written, "truth": [json.loads(take.truth.to_json()) for take in takes]}
-        )
+        _print_json({"episodes": written, "truth": [take.truth.describe() for take in takes]})
     else:
         for path in written:
             Console().print(path, highlight=False, soft_wrap=True)
