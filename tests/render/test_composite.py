@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -42,8 +43,7 @@ def test_pixels_outside_keep_their_bytes(
 ) -> None:
     out = composite(rgb, ids, [Paint(frozenset({1}))], antialiased)
     inside = ids == 1
-    padded = np.pad(inside, 1)
-    near = inside | padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
+    near = cv2.dilate(inside.astype(np.uint8), np.ones((3, 3))).astype(bool)
     support = near if antialiased else inside
     assert np.array_equal(out[~support], rgb[~support])
 

@@ -5,7 +5,8 @@ the same motion with the object's tint truly changed. Errors are PSNR in dB (hig
 cameras and frames pooled):
 
     inside   pixels of the object at least 2 away from its outline
-    border   its other pixels, and those within 2 pixels around it that truth or edit change
+    border   the other pixels within 2 of the outline, on either side
+    changed  those of the border that are the object's, or that truth or edit change: the same error on fewer pixels
     else     how many pixels outside the object (anti-aliased: more than 2 outside) the edit changes
     scaled   inside, after the one factor per episode on the edit that suits the truth best (for estimated
              albedos, whose brightness no image tells)
@@ -67,6 +68,7 @@ class Error:
 
     inside: tuple[float, int] = (0.0, 0)
     border: tuple[float, int] = (0.0, 0)
+    changed: tuple[float, int] = (0.0, 0)
     scaled: tuple[float, int] = (0.0, 0)
     elsewhere: int = 0
 
@@ -79,11 +81,12 @@ class Error:
 
     def row(self, kind: str, source: str) -> dict[str, object]:
         """The figures of this error in dB, and counts."""
-        inside, border, scaled = (decibels(*pair) for pair in self._pairs())
+        inside, border, changed, scaled = (decibels(*pair) for pair in self._pairs())
         good = inside >= TARGETS[kind][0] and border >= TARGETS[kind][1]
         return {
             "inside": inside,
             "border": border,
+            "changed": changed,
             "scaled": scaled,
             "else": self.elsewhere,
             "pixels": self.inside[1] // 3,
@@ -91,7 +94,7 @@ class Error:
         }
 
     def _pairs(self) -> tuple[tuple[float, int], ...]:
-        return self.inside, self.border, self.scaled
+        return self.inside, self.border, self.changed, self.scaled
 
 
 def decibels(total: float, count: int) -> float:
@@ -145,7 +148,7 @@ def recolour(
 
 def measure(scene: Scene, edited: Episode, truth: Episode, handle: int) -> Error:
     """The errors of all cameras and frames of one episode."""
-    inside, border, elsewhere = [], [], 0
+    inside, border, outline, elsewhere = [], [], [], 0
     for name, view in truth.views.items():
         for t in range(truth.length):
             assert view.ids is not None
@@ -158,14 +161,17 @@ def measure(scene: Scene, edited: Episode, truth: Episode, handle: int) -> Error
                 for episode in (scene.episode, edited, truth)
             )
             changed = ((edit != before) | (true != before)).any(-1)
-            rim = (mine & ~core) | (near & ~mine & changed)
+            rim = near & ~core
+            touched = rim & (mine | changed)
             inside.append(np.stack([edit[core], true[core]]))
             border.append(edit[rim] - true[rim])
+            outline.append(edit[touched] - true[touched])
             reach = near if scene.antialiased else mine
             elsewhere += int(((edit != before).any(-1) & ~reach).sum())
     if not inside:
         return Error()
-    (edit, true), rims = np.concatenate(inside, 1), np.concatenate(border)
+    edit, true = np.concatenate(inside, 1)
+    rims, touches = np.concatenate(border), np.concatenate(outline)
     best = edit * ((edit * true).sum() / max((edit**2).sum(), 1.0))
     return Error(squares(edit - true), squares(rims), squares(best - true), elsewhere)
 
@@ -198,10 +204,10 @@ def main() -> None:
     if args.json:
         print(json.dumps(table, indent=1))
         return
-    print(f"{'object':30} {'AA':3} {'albedo':9} inside border scaled   else  pixels meets")
+    print(f"{'object':30} {'AA':3} {'albedo':9} inside border changed scaled   else  pixels meets")
     for row in table:
         smooth, meets = "4x" if row["antialias"] else "no", "yes" if row["meets"] else "NO"
-        figures = f"{row['inside']:6.1f} {row['border']:6.1f} {row['scaled']:6.1f} {row['else']:6d}"
+        figures = f"{row['inside']:6.1f} {row['border']:6.1f} {row['changed']:7.1f} {row['scaled']:6.1f} {row['else']:6d}"
         print(
             f"{row['object']:30} {smooth:3} {row['albedo']:9} {figures} {row['pixels']:7d} {meets}"
         )
