@@ -173,7 +173,8 @@ def measure(scene: Scene, edited: Episode, truth: Episode, handle: int) -> Error
     edit, true = np.concatenate(inside, 1)
     rims, touches = np.concatenate(border), np.concatenate(outline)
     best = edit * ((edit * true).sum() / max((edit**2).sum(), 1.0))
-    return Error(squares(edit - true), squares(rims), squares(best - true), elsewhere)
+    parts = (edit - true, rims, touches, best - true)
+    return Error(*(squares(part) for part in parts), elsewhere)
 
 
 def squares(off: np.ndarray) -> tuple[float, int]:
@@ -204,10 +205,13 @@ def main() -> None:
     if args.json:
         print(json.dumps(table, indent=1))
         return
-    print(f"{'object':30} {'AA':3} {'albedo':9} inside border changed scaled   else  pixels meets")
+    print(f"{'object':30} {'AA':3} {'albedo':9} inside border changd scaled   else  pixels meets")
     for row in table:
         smooth, meets = "4x" if row["antialias"] else "no", "yes" if row["meets"] else "NO"
-        figures = f"{row['inside']:6.1f} {row['border']:6.1f} {row['changed']:7.1f} {row['scaled']:6.1f} {row['else']:6d}"
+        decibel = " ".join(
+            f"{row[name]:6.1f}" for name in ("inside", "border", "changed", "scaled")
+        )
+        figures = f"{decibel} {row['else']:6d}"
         print(
             f"{row['object']:30} {smooth:3} {row['albedo']:9} {figures} {row['pixels']:7d} {meets}"
         )
