@@ -73,11 +73,11 @@ class Error:
     elsewhere: int = 0
 
     def __add__(self, other: "Error") -> "Error":
-        inside, border, scaled = (
+        sums = (
             (mine[0] + its[0], mine[1] + its[1])
             for mine, its in zip(self._pairs(), other._pairs(), strict=True)
         )
-        return Error(inside, border, scaled, self.elsewhere + other.elsewhere)
+        return Error(*sums, self.elsewhere + other.elsewhere)
 
     def row(self, kind: str, source: str) -> dict[str, object]:
         """The figures of this error in dB, and counts."""
