@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from rpaug.render.composite import composite, matte
+from rpaug.render.composite import composite
+from rpaug.render.matting import matte
 
 IMAGES = arrays(np.uint8, (9, 11, 3))
 LABELS = arrays(np.int32, (9, 11), elements=st.integers(0, 3))
