@@ -37,7 +37,9 @@ class Shot:
     trained: np.ndarray  # weights: 0 where held out
 
 
-def shots(root: Path, episode: str, t: int, stride: int, held_out: float) -> tuple[Splats, list[Shot]]:
+def shots(
+    root: Path, episode: str, t: int, stride: int, held_out: float
+) -> tuple[Splats, list[Shot]]:
     """The Gaussians to start from and the images to fit."""
     rng = np.random.default_rng(0)
     reader = adapter("rlbench")
@@ -49,7 +51,9 @@ def shots(root: Path, episode: str, t: int, stride: int, held_out: float) -> tup
         use = np.zeros(depth.shape, bool)
         use[::stride, ::stride] = True
         ids = np.zeros(depth.shape, np.int32) if view.ids is None else view.ids(t)
-        parts.append(lifted(Picture(rgb, depth, ids, camera.K, camera.cam_to_world[t], use), stride))
+        parts.append(
+            lifted(Picture(rgb, depth, ids, camera.K, camera.cam_to_world[t], use), stride)
+        )
         pose = geometry.inverse(camera.cam_to_world[t])
         target = rgb.astype(np.float32) / 255
         weight = (rng.uniform(size=depth.shape) >= held_out).astype(np.float32)
@@ -80,7 +84,9 @@ def decibels(splats: Splats, given: list[Shot]) -> tuple[float, float | None]:
 
 def main() -> None:
     """Print a line at each checkpoint."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--episode", default="episode0")
     parser.add_argument("--frame", type=int, default=0)
     parser.add_argument("--stride", type=int, default=2)
@@ -108,7 +114,9 @@ def main() -> None:
     adam = Adam(start, Rates(means=given.size_rate), threads=given.workers)
     checkpoints = {0, 20, 60, 100, 200, 300, given.iterations}
     wall, cpu, rows = 0.0, 0.0, []
-    print(f"{len(start)} Gaussians, {len(views)} views; iterations, wall s, processor s, dB trained, held out")
+    print(
+        f"{len(start)} Gaussians, {len(views)} views; iterations, wall s, processor s, dB trained, held out"
+    )
     with ThreadPoolExecutor(given.workers) as pool:
         for step in range(given.iterations + 1):
             if step in checkpoints:
