@@ -12,10 +12,10 @@ from rpaug.scene.looks import lift
 from rpaug.types import Body, Gaussians
 
 SH0 = 0.28209479  # the constant spherical harmonic
-SPREAD = 0.55  # standard deviation over the spacing of the pixels: neighbours blend, gaps close
+SPREAD = 0.5  # standard deviation over the spacing of the pixels: neighbours blend, gaps close
 THIN = 0.1  # thickness over that
 GRAZING = 0.25  # cosine below which a footprint is not stretched further
-OPACITY = 0.8
+OPACITY = 0.95
 
 
 @dataclass(frozen=True)
