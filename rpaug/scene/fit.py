@@ -97,7 +97,8 @@ def _shot(scene: Scene, name: str, t: int) -> Shot:
 
 def _batches(count: int, settings: FitSettings, seed: int) -> Iterator[list[int]]:
     """Numbers of views, each as often as any other, in random order."""
-    rng, order = np.random.default_rng(seed), []
+    rng = np.random.default_rng(seed)
+    order: list[int] = []
     for _ in range(settings.steps):
         if len(order) < settings.batch:
             order += rng.permutation(count).tolist()

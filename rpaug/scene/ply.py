@@ -117,5 +117,7 @@ def _header(path: Path, lines: list[str]) -> tuple[int, np.dtype]:
             case ["property", *_]:
                 raise BadInput(path, "property", found=line, expected="a plain number")
     if count < 0 or not fields:
-        raise BadInput(path, "header", found="no vertices", expected="element vertex with properties")
+        raise BadInput(
+            path, "header", found="no vertices", expected="element vertex with properties"
+        )
     return count, np.dtype(fields)

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int
+from jaxtyping import Float32, Int
 
 from rpaug import geometry
 from rpaug.scene import surfels
@@ -26,8 +26,7 @@ def seeds(scene: Scene) -> Gaussians:
     kept = surfels.build(scene)
     static = joined(_static(scene, kept))
     moving = [body for body in scene.bodies if not body.handles <= kept.static]
-    parts = [_body(scene, body) for body in moving]
-    return joined([static, *(part for part in parts if part is not None)])
+    return joined([static, *_bodies(scene, moving)])
 
 
 def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
@@ -78,17 +77,25 @@ def _footprints(part: Gaussians, by: Sequence[Picture]) -> Float32[np.ndarray, "
     return out
 
 
-def _body(scene: Scene, body: Body) -> Gaussians | None:
-    """Gaussians of a moving body in its own frame, thinned so that each place holds one, finest view first."""
-    found = []
+def _bodies(scene: Scene, bodies: Sequence[Body]) -> Iterator[Gaussians]:
+    """Gaussians of moving bodies, each in its own frame."""
+    found: list[list[Gaussians]] = [[] for _ in bodies]
+    handles = frozenset().union(*(body.handles for body in bodies))
     for t in frames(scene.episode.length, BODY_FRAMES):
         for view in scene.episode.views.values():
-            picture = _picture(view, t, body.handles)
-            if picture is not None:
-                found.append(moved(lifted(picture), geometry.inverse(body.to_world[t])))
-    if not found:
-        return None
-    every = joined(found)
+            picture = _picture(view, t, handles)
+            if picture is None:
+                continue
+            part = lifted(picture)
+            for body, own in zip(bodies, found, strict=True):
+                mine = chosen(part, np.isin(part.ids, list(body.handles)))
+                if len(mine):
+                    own.append(moved(mine, geometry.inverse(body.to_world[t])))
+    return (_thinned(joined(own)) for own in found if own)
+
+
+def _thinned(every: Gaussians) -> Gaussians:
+    """At most MOST of them, so that each place holds one, that of the finest view."""
     every = chosen(every, np.argsort(every.scales[:, 1], kind="stable"))
     cell = float(np.quantile(every.scales[:, 1], 0.1)) / SPREAD
     first = _first_of_each_cell(every, cell)

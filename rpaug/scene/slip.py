@@ -86,7 +86,9 @@ def _best(
     return motion, fits[k][1], float(price(np.array([left]), count[k : k + 1])[0])
 
 
-def _aside(case: Case, a: int, b: int, start: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, "4 4"]:
+def _aside(
+    case: Case, a: int, b: int, start: Float64[np.ndarray, "4 4"]
+) -> Float64[np.ndarray, "4 4"]:
     """`start` shifted along one of the gripper's axes, as far as explains most."""
     axes = case.carriers[GRIPPER, case.looks.frames[b], :3, :3].T
     far = np.arange(-JAW, JAW + JAW_STEP / 2, JAW_STEP)

@@ -8,7 +8,7 @@ so that a fit is found again for the same episode wherever it lies, and never fo
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,11 @@ ARRAYS = ("means", "quats", "scales", "opacities", "sh", "ids")
 
 @dataclass(frozen=True)
 class Stored:
-    """What a store gives back. `settings` and `report` are plain values."""
+    """What a store gives back: parts of a scene; `settings` and `report` are plain values."""
 
     gaussians: Gaussians
     bodies: tuple[Body, ...]
+    drift: Mapping[str, np.ndarray]
     settings: Mapping[str, Any]
     report: Mapping[str, Any]
 
@@ -64,6 +65,7 @@ def save(folder: Path, name: str, scene: Scene, *, settings: Any, report: Any) -
     """
     if scene.gaussians is None:
         raise BadInput(folder, "scene", found="no Gaussians", expected="a fitted scene")
+    facts: dict[str, Any] = {"format": FORMAT, "version": VERSION, "key": name}
     arrays = {f"gaussians/{n}": np.asarray(getattr(scene.gaussians, n)) for n in ARRAYS}
     bodies = []
     for number, body in enumerate(scene.bodies):
@@ -77,22 +79,17 @@ def save(folder: Path, name: str, scene: Scene, *, settings: Any, report: Any) -
                 "ambiguous": body.ambiguous,
             }
         )
+    for camera, drift in scene.drift.items():
+        arrays[f"drift/{camera}"] = np.asarray(drift)
     target = path_of(folder, name)
     with atomic_folder(target) as work:
         group = zarr.open_group(work, mode="w", zarr_format=3)
         for where, array in arrays.items():
             group.create_array(where, data=np.ascontiguousarray(array))
-        group.attrs.update(
-            {
-                "format": FORMAT,
-                "version": VERSION,
-                "key": name,
-                "bodies": bodies,
-                "settings": _plain(settings),
-                "report": _plain(report),
-                "sha256": {where: _checksum(array) for where, array in arrays.items()},
-            }
-        )
+        facts |= {"settings": _plain(settings), "report": _plain(report), "bodies": bodies}
+        facts |= {"cameras": sorted(scene.drift)}
+        facts |= {"sha256": {where: _checksum(array) for where, array in arrays.items()}}
+        group.attrs.update(facts)
     return target
 
 
@@ -123,9 +120,10 @@ def load(folder: Path, name: str) -> Stored | None:
         )
         for number, facts_of in enumerate(described)
     )
-    settings: Any = facts["settings"]
-    report: Any = facts["report"]
-    return Stored(Gaussians(**loaded), bodies, settings, report)
+    cameras: Any = facts["cameras"]
+    drift = {camera: _read(where, group, f"drift/{camera}", sums) for camera in cameras}
+    plain: Any = facts
+    return Stored(Gaussians(**loaded), bodies, drift, plain["settings"], plain["report"])
 
 
 def _read(where: Path, group: zarr.Group, name: str, sums: Mapping[str, str]) -> np.ndarray:
@@ -150,4 +148,11 @@ def _add(digest: Any, array: np.ndarray) -> None:
 
 
 def _plain(value: Any) -> Any:
-    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
+    """A dataclass as JSON values; its arrays, kept by the store as such, left out."""
+    if not is_dataclass(value) or isinstance(value, type):
+        return value
+    return {
+        f.name: _plain(getattr(value, f.name))
+        for f in fields(value)
+        if f.name not in ("bodies", "drift")
+    }

@@ -61,7 +61,9 @@ def test_lifted_gaussians_lie_flat_on_their_surfaces() -> None:
     shortest = gaussian_view._axes(made.quats[table][on_top], made.scales[table][on_top].argmin(-1))
     # Exact but for pixels at the table's own edges, whose only neighbours lie on its side.
     assert np.median(np.abs(shortest[:, 2])) > 1 - 1e-5
-    np.testing.assert_allclose(0.5 + gaussians.SH0 * made.sh[:, 0], picture.rgb[picture.use] / 255, atol=1e-6)
+    np.testing.assert_allclose(
+        0.5 + gaussians.SH0 * made.sh[:, 0], picture.rgb[picture.use] / 255, atol=1e-6
+    )
 
 
 def test_placing_and_pulling_back_are_adjoint() -> None:
@@ -70,9 +72,7 @@ def test_placing_and_pulling_back_are_adjoint() -> None:
     world = boxes.pick_and_place()
     track = np.stack([world.pose(BLOCK, t) for t in range(20)])
     track = track @ geometry.rigid(np.array([0.3, -0.8, 0.5]), np.array([0.1, 0.2, 0.3]))
-    placement = Placement(
-        (np.array([1, 3]),), (track,), (gaussians.quaternions(track[:, :3, :3]),)
-    )
+    placement = Placement((np.array([1, 3]),), (track,), (gaussians.quaternions(track[:, :3, :3]),))
     means, quats = rng.normal(size=(5, 3)), rng.normal(size=(5, 4))
     flat = np.ones((5, 3), np.float32)
     g_means, g_quats = rng.normal(size=(5, 3)), rng.normal(size=(5, 4))
@@ -82,7 +82,10 @@ def test_placing_and_pulling_back_are_adjoint() -> None:
         return float((placed.means * g_means).sum() + (placed.quats * g_quats).sum())
 
     pulled = placement.pull_back(
-        Gradients(g_means.copy(), flat[:, 0], flat[:, None], g_quats.copy(), flat, None, None, flat[:, 0]), 12
+        Gradients(
+            g_means.copy(), flat[:, 0], flat[:, None], g_quats.copy(), flat, None, None, flat[:, 0]
+        ),
+        12,
     )
     for array, gradient in ((means, pulled.means), (quats, pulled.quats)):
         for row, column in ((1, 0), (3, 2), (4, 1)):
@@ -162,7 +165,9 @@ def test_appearance_edits_reach_their_handles_only(fitted: tuple[World, Scene, f
     np.testing.assert_array_equal(before[0][far], after[0][far])
 
 
-def test_what_is_missing_is_said(placed: tuple[World, Scene], fitted: tuple[World, Scene, float]) -> None:
+def test_what_is_missing_is_said(
+    placed: tuple[World, Scene], fitted: tuple[World, Scene, float]
+) -> None:
     with pytest.raises(Unsupported, match="no Gaussians"):
         gaussian_view.render_view(placed[1], "left", 0)
     with pytest.raises(TargetError, match="there are: front, left, right"):

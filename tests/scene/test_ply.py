@@ -40,7 +40,9 @@ def test_a_reader_made_of_struct_finds_the_3dgs_layout(tmp_path: Path) -> None:
     gaussians = some(3, 4)
     ply.write(tmp_path / "a.ply", gaussians)
     header, body = (tmp_path / "a.ply").read_bytes().split(b"end_header\n", 1)
-    names = [line.split()[-1] for line in header.decode().splitlines() if line.startswith("property")]
+    names = [
+        line.split()[-1] for line in header.decode().splitlines() if line.startswith("property")
+    ]
     order = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]
     order += [f"f_rest_{i}" for i in range(9)]
     order += ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "id"]
@@ -83,7 +85,10 @@ def test_files_in_the_way_are_kept(tmp_path: Path) -> None:
         (lambda data: data[:-5], "length"),
         (lambda data: b"plx" + data[3:], "expected a .ply file"),
         (lambda data: data.replace(b"binary_little_endian", b"ascii"), "found ascii"),
-        (lambda data: data.replace(b"property float opacity", b"property float opaqueness"), "opacity"),
+        (
+            lambda data: data.replace(b"property float opacity", b"property float opaqueness"),
+            "opacity",
+        ),
         (lambda data: data.replace(b"vertex 9", b"face 9"), "element"),
         (lambda data: data.replace(b"property float x", b"property list uchar int x"), "list"),
     ],
