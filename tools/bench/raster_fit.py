@@ -1,10 +1,10 @@
 """Fit Gaussians to the recorded views of one frame: decibels against seconds.
 
     RPAUG_TEST_DATA=... python tools/bench/raster_fit.py [--episode episode0] [--frame 0] [--stride 2]
-        [--iterations 400] [--workers 2] [--hold-out 0.1] [--json FILE] [--png FILE]
+        [--iterations 400] [--batch 5] [--workers 2] [--hold-out 0.1] [--json FILE] [--png FILE]
 
 Every `stride`-th recorded pixel becomes a Gaussian, lifted by its depth; each iteration takes the gradient
-of the squared colour error over all cameras and makes one Adam step, rates falling as a cosine. Views are
+of the squared colour error over `batch` cameras and makes one Adam step, rates falling as a cosine. Views are
 shared between `workers` threads, one thread a view. A share of the pixels is held out (weight 0) and
 judged apart. Seconds exclude compiling, reading and judging, once on the wall and once as processor time of all
 threads (halve it for two idle cores); decibels are PSNR over all cameras' pixels together.
@@ -91,9 +91,10 @@ def main() -> None:
     parser.add_argument("--frame", type=int, default=0)
     parser.add_argument("--stride", type=int, default=2)
     parser.add_argument("--iterations", type=int, default=400)
+    parser.add_argument("--batch", type=int, default=5)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--hold-out", type=float, default=0.1)
-    parser.add_argument("--size-rate", type=float, default=Rates().means)
+    parser.add_argument("--rate", type=float, default=1.0, help="factor on all learning rates")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--png", type=Path)
     given = parser.parse_args()
@@ -111,8 +112,15 @@ def main() -> None:
         return engines[at].backward_squared_error(shot.target, shot.trained)[2]
 
     Adam(start).step(pull(0, start))  # compiles
-    adam = Adam(start, Rates(means=given.size_rate), threads=given.workers)
-    checkpoints = {0, 20, 60, 100, 200, 300, given.iterations}
+    rates = Rates(
+        means=given.rate * Rates().means,
+        quats=given.rate * Rates().quats,
+        scales=given.rate * Rates().scales,
+        opacities=given.rate * Rates().opacities,
+        sh=given.rate * Rates().sh,
+    )
+    adam = Adam(start, rates, threads=given.workers)
+    checkpoints = {given.iterations * k // 8 for k in range(9)}
     wall, cpu, rows = 0.0, 0.0, []
     print(
         f"{len(start)} Gaussians, {len(views)} views; iterations, wall s, processor s, dB trained, held out"
@@ -126,7 +134,8 @@ def main() -> None:
                 shown = "" if held is None else f"{held:6.2f}"
                 print(f"{step:5d} {wall:7.2f} {cpu:7.2f} {train:6.2f} {shown}", flush=True)
             begin = time.perf_counter(), time.process_time()
-            slopes = list(pool.map(pull, range(len(views)), [adam.splats] * len(views)))
+            chosen = [(step * given.batch + k) % len(views) for k in range(given.batch)]
+            slopes = list(pool.map(pull, chosen, [adam.splats] * given.batch))
             wave = 0.5 * (1 + np.cos(np.pi * step / given.iterations))
             adam.step(total(slopes), 0.03 + 0.97 * wave)
             wall += time.perf_counter() - begin[0]
