@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +139,7 @@ def prepare(episode: Episode, plan: planning.Plan) -> Scene:
     if 3 in plan.carriers.values():
         from rpaug.scene import fit  # only here: it brings torch and the rasteriser
 
-        scene = replace(scene, gaussians=fit.fit(scene, seed=0)[0])
+        scene = fit.fitted(scene, seed=0)[0]
     return scene
 
 

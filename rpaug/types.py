@@ -103,7 +103,7 @@ class Body:
 
     handles: frozenset[int]
     to_world: Float64[np.ndarray, "t 4 4"]
-    motion: str  # "static" | "gripper" | "aligned" | "unknown"
+    motion: str  # "static" | "gripper" | "link" | "aligned" | "unknown"
     reference: int = 0
     residual: float = 0.0
     ambiguous: bool = False
@@ -148,6 +148,8 @@ class Scene:
 
     Operators change a scene and nothing else. `episode` holds the recorded pixels, which are the scene's
     surfels; `gaussians` is there when the plan fitted some. `cameras` and `descriptions` start as recorded.
+    `drift[camera][t]` put before a moving camera's recorded pose is where its image was truly taken from:
+    recorders are off by millimetres. It is for rendering alike, and never written.
     """
 
     episode: Episode
@@ -158,6 +160,7 @@ class Scene:
     descriptions: tuple[str, ...]
     appearance: tuple[Appearance, ...] = ()
     gaussians: Gaussians | None = None
+    drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(default_factory=dict)
 
     @property
     def handles(self) -> frozenset[int]:

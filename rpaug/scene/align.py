@@ -23,10 +23,12 @@ def align(
     handle: int,
     *,
     turning: bool = True,
+    axis: Float64[np.ndarray, "3"] | None = None,
 ) -> tuple[Float64[np.ndarray, "4 4"], bool]:
     """The motion near `guess` that lays `points` on the planes of frame number s, and whether it is certain.
 
-    `trust` weighs the points. With `turning` false the guess's rotation is kept, as a gripper's jaw keeps it.
+    `trust` weighs the points. With `turning` false the guess's rotation is kept, as a gripper's jaw keeps it;
+    with an `axis` (a unit vector) the points only slide along it.
     Point-to-plane Gauss-Newton with projective association (Rusinkiewicz and Levoy 2001). Directions in which
     the planes let the points slide keep the guess.
     """
@@ -42,12 +44,14 @@ def align(
         size = max(float(np.sqrt((arm**2).sum(-1).mean())), 1e-3)
         weight = trust[used] / (1.0 + (r / SOFT) ** 2)
         J = np.concatenate([np.cross(arm / size, n), n], 1)
-        if not turning:
+        if axis is not None or not turning:
             J[:, :3] = 0.0
+        if axis is not None:
+            J[:, 3:] = (n @ axis)[:, None] * axis
         H = J.T @ (J * weight[:, None])
         curvature, axes = np.linalg.eigh(H)
         firm = curvature > FLAT * curvature[-1]
-        certain = bool(firm.sum() == (6 if turning else 3))
+        certain = bool(firm.sum() == (1 if axis is not None else 6 if turning else 3))
         held = axes[:, firm]
         step = held @ ((held.T @ (-J.T @ (r * weight))) / curvature[firm])
         by = geometry.rigid(step[:3] / size, np.zeros(3))

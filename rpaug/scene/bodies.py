@@ -23,6 +23,7 @@ from rpaug.scene.motion import (
     spread,
     total,
 )
+from rpaug.scene.slide import straightened
 from rpaug.scene.slip import slips
 from rpaug.scene.touch import touching
 from rpaug.types import Body, Episode
@@ -121,6 +122,9 @@ def _track(case: Case, happens: Int[np.ndarray, "e"]) -> _Track:
     most = int(case.seen[np.argmax(counts[case.seen])])
     own = geometry.inverse(to_world[case.looks.frames[most]])
     middle = geometry.transform(own, np.median(case.points(most)[0], 0))
+    if (labels == STATIC).any() and (labels <= GRIPPER).all():
+        straight = straightened(case, to_world, middle)
+        to_world = to_world if straight is None else straight
     limit = AS_WELL[0] * best + AS_WELL[1] * known.sum()
     rivals = [follow(case, spread(case, choices[c]), {}) for c in others if c <= limit]
     ambiguous = (

@@ -1,37 +1,24 @@
 """Fit Gaussians of the static background and of the moving bodies to the recorded images of an episode."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float64, UInt8
 
 from rpaug.errors import Unsupported
-from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats
-from rpaug.scene.gaussian_view import to_bytes, view_of
+from rpaug.render.splat import Rasteriser, Splats
+from rpaug.scene.descent import Descent, FitSettings, Shot
+from rpaug.scene.gaussian_view import SHARP, plane_depth, standing, to_bytes, view_of
 from rpaug.scene.gaussians import Placement
 from rpaug.scene.sampling import frames
 from rpaug.scene.seeds import seeds
-from rpaug.types import Gaussians, Scene
+from rpaug.types import Body, Gaussians, Scene
 
 Progress = Callable[[float], None]
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitSettings:
-    """How a fit is done. One `step` looks at `batch` views; results do not depend on `threads`."""
-
-    steps: int = 1500
-    batch: int = 2
-    threads: int = 2
-    train_frames: int = 40  # at most, spread over the episode; the frames between them are held out
-    depth_weight: float = 0.3
-    checked_frames: int = 16  # at most, of those trained on and of those held out each
-    last_rate: float = 0.03  # share of the rates left at the end (cosine schedule)
-    rates: Rates = field(default_factory=Rates)
 
 
 @dataclass(frozen=True)
@@ -50,16 +37,8 @@ class FitReport:
     per_camera_ssim: dict[str, float]
     depth_error_mm: float  # median over pixels, of the surface's depth
     seed: int
-
-
-@dataclass(frozen=True)
-class _Shot:
-    """One recorded view, ready to be compared."""
-
-    camera: str
-    t: int
-    rgb: Float32[np.ndarray, "h w 3"]
-    depth: Float32[np.ndarray, "h w"]
+    bodies: tuple[Body, ...] = field(repr=False)  # with tracks as they settled
+    drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(repr=False)
 
 
 def fit(
@@ -72,81 +51,59 @@ def fit(
     """Gaussians in their bodies' frames that show the scene as recorded, and how well they do.
 
     Loss: squared colour error and, weighted, squared relative error of the expected depth; Adam; views in an
-    order drawn from `seed`. `progress` is told the share done. Raises Unsupported without depth or bodies.
+    order drawn from `seed`. Tracks of bodies and poses of moving cameras give way too: the Gaussians belong
+    to the report's `bodies` and `drift`, and `fitted` puts all into a scene. `progress` is told the share
+    done. Raises Unsupported without depth or bodies.
     """
     settings = settings or FitSettings()
     start = time.perf_counter()
     if not scene.bodies:
         raise Unsupported("fitting Gaussians needs depth and instance masks, which give the bodies")
     begun = seeds(scene)
-    placement = Placement.of(begun.ids, scene.bodies)
     trained = frames(scene.episode.length, settings.train_frames)
     shots = [_shot(scene, name, t) for t in trained for name in scene.episode.views]
-    adam = Adam(Splats.of(begun), settings.rates, threads=settings.threads)
-    _descend(adam, placement, shots, scene, settings, seed, progress)
-    fitted = _gathered(adam.splats, begun)
-    report = _judge(scene, fitted, trained, settings, seed, start)
-    return fitted, report
+    descent = Descent(begun, scene, trained, settings)
+    with ThreadPoolExecutor(settings.threads) as pool:
+        for step, batch in enumerate(_batches(len(shots), settings, seed)):
+            descent.step([shots[i] for i in batch], _cosine(step, settings), pool)
+            if progress and step % 25 == 0:
+                progress(step / settings.steps)
+    gaussians, bodies, drift = descent.result()
+    shown = replace(scene, gaussians=gaussians, bodies=bodies, drift=drift)
+    return gaussians, _judge(shown, trained, settings, seed, start)
 
 
-def _shot(scene: Scene, name: str, t: int) -> _Shot:
+def fitted(
+    scene: Scene,
+    *,
+    settings: FitSettings | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> tuple[Scene, FitReport]:
+    """The scene with fitted Gaussians and the tracks and camera poses they belong to, and how well they do."""
+    gaussians, report = fit(scene, settings=settings, seed=seed, progress=progress)
+    return (
+        replace(scene, gaussians=gaussians, bodies=report.bodies, drift=report.drift),
+        report,
+    )
+
+
+def _shot(scene: Scene, name: str, t: int) -> Shot:
     view = scene.episode.views[name]
     assert view.depth is not None
     depth = np.nan_to_num(view.depth(t), nan=0.0, posinf=0.0, neginf=0.0)
-    return _Shot(name, t, view.rgb(t).astype(np.float32) / 255, depth)
+    return Shot(name, t, view.rgb(t).astype(np.float32) / 255, depth)
 
 
-def _descend(
-    adam: Adam,
-    placement: Placement,
-    shots: Sequence[_Shot],
-    scene: Scene,
-    settings: FitSettings,
-    seed: int,
-    progress: Progress | None,
-) -> None:
+def _batches(count: int, settings: FitSettings, seed: int) -> Iterator[list[int]]:
+    """Numbers of views, each as often as any other, in random order."""
     rng = np.random.default_rng(seed)
-    workers = [Rasteriser() for _ in range(settings.batch)]
     order: list[int] = []
-    with ThreadPoolExecutor(min(settings.threads, settings.batch)) as pool:
-        for step in range(settings.steps):
-            if len(order) < settings.batch:
-                order += rng.permutation(len(shots)).tolist()
-            batch, order = order[: settings.batch], order[settings.batch :]
-            jobs = [
-                pool.submit(_gradients, worker, adam.splats, placement, shots[i], scene, settings)
-                for worker, i in zip(workers, batch, strict=True)
-            ]
-            adam.step(_mean([job.result() for job in jobs]), _cosine(step, settings))
-            if progress and step % 25 == 0:
-                progress(step / settings.steps)
-
-
-def _gradients(
-    rasteriser: Rasteriser,
-    splats: Splats,
-    placement: Placement,
-    shot: _Shot,
-    scene: Scene,
-    settings: FitSettings,
-) -> Gradients:
-    camera = scene.episode.views[shot.camera].camera
-    rasteriser.forward(placement.place(splats, shot.t), view_of(camera, shot.t), surface=False)
-    _, _, gradients = rasteriser.backward_squared_error(
-        shot.rgb, None, shot.depth, settings.depth_weight
-    )
-    return placement.pull_back(gradients, shot.t)
-
-
-def _mean(several: Sequence[Gradients]) -> Gradients:
-    """The mean, summed in the order of the batch: threads do not change it."""
-    first, *rest = several
-    for name in ("means", "opacities", "sh", "quats", "scales"):
-        total = getattr(first, name)
-        for other in rest:
-            total += getattr(other, name)
-        total /= len(several)
-    return first
+    for _ in range(settings.steps):
+        if len(order) < settings.batch:
+            order += rng.permutation(count).tolist()
+        yield order[: settings.batch]
+        order = order[settings.batch :]
 
 
 def _cosine(step: int, settings: FitSettings) -> float:
@@ -154,18 +111,8 @@ def _cosine(step: int, settings: FitSettings) -> float:
     return float(settings.last_rate + (1 - settings.last_rate) * wave)
 
 
-def _gathered(splats: Splats, begun: Gaussians) -> Gaussians:
-    assert splats.quats is not None
-    assert splats.scales is not None
-    unit = splats.quats / np.maximum(np.linalg.norm(splats.quats, axis=-1, keepdims=True), 1e-12)
-    return Gaussians(
-        splats.means.astype(np.float32), unit, splats.scales, splats.opacities, splats.sh, begun.ids
-    )
-
-
 def _judge(
     scene: Scene,
-    fitted: Gaussians,
     trained: Sequence[int],
     settings: FitSettings,
     seed: int,
@@ -174,16 +121,18 @@ def _judge(
     rest = sorted(set(range(scene.episode.length)) - set(trained))
     known = dict.fromkeys(_some(trained, settings.checked_frames), True)
     times = known | dict.fromkeys(_some(rest, settings.checked_frames), False)
-    placement, splats = Placement.of(fitted.ids, scene.bodies), Splats.of(fitted)
+    assert scene.gaussians is not None
+    splats = Splats.of(scene.gaussians)
+    placement = Placement.of(scene.gaussians.ids, scene.bodies)
     names = list(scene.episode.views)
 
     def look(at: tuple[str, int]) -> tuple[float, float, float]:
         name, t = at
-        camera = scene.episode.views[name].camera
-        drawn = Rasteriser().forward(placement.place(splats, t), view_of(camera, t))
+        eye, placed = standing(scene, name), placement.place(splats, t)
+        drawn = Rasteriser(SHARP).forward(placed, view_of(eye, t))
+        depth = plane_depth(drawn, placed, eye, t)
         shot = _shot(scene, name, t)
-        both = (drawn.depth_surface > 0) & (shot.depth > 0)
-        off = np.abs(drawn.depth_surface - shot.depth)[both]
+        off = np.abs(depth - shot.depth)[(depth > 0) & (shot.depth > 0)]
         truth = to_bytes(shot.rgb)
         image = to_bytes(drawn.colour)
         return psnr(image, truth), ssim(image, truth), float(np.median(off)) if len(off) else 0.0
@@ -193,7 +142,7 @@ def _judge(
         found = np.array(list(pool.map(look, views))).reshape(len(times), len(names), 3)
     which = np.array(list(times.values()))
     return FitReport(
-        gaussians=len(fitted),
+        gaussians=len(scene.gaussians),
         steps=settings.steps,
         seconds=time.perf_counter() - start,
         train_db=float(found[which, :, 0].mean()),
@@ -202,6 +151,8 @@ def _judge(
         per_camera_ssim=dict(zip(names, found[..., 1].mean(0).tolist(), strict=True)),
         depth_error_mm=1e3 * float(np.median(found[..., 2])),
         seed=seed,
+        bodies=scene.bodies,
+        drift=scene.drift,
     )
 
 

@@ -7,15 +7,16 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt8
 
 from rpaug import geometry
+from rpaug.errors import Unsupported
 from rpaug.render.splat import Gradients, Splats
 from rpaug.scene.looks import lift
-from rpaug.types import Body, Gaussians
+from rpaug.types import Body, Gaussians, Scene
 
 SH0 = 0.28209479  # the constant spherical harmonic
-SPREAD = 0.55  # standard deviation over the spacing of the pixels: neighbours blend, gaps close
+SPREAD = 0.5  # standard deviation over the spacing of the pixels: neighbours blend, gaps close
 THIN = 0.1  # thickness over that
 GRAZING = 0.25  # cosine below which a footprint is not stretched further
-OPACITY = 0.8
+OPACITY = 0.95
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,15 @@ def moved(gaussians: Gaussians, motion: Float[np.ndarray, "4 4"]) -> Gaussians:
         means=means.astype(np.float32),
         quats=turned(by, gaussians.quats).astype(np.float32),
     )
+
+
+def placed(scene: Scene, t: int) -> Gaussians:
+    """The scene's Gaussians in the world at t. Raises Unsupported if it has none."""
+    if scene.gaussians is None:
+        raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
+    where = Placement.of(scene.gaussians.ids, scene.bodies).place(Splats.of(scene.gaussians), t)
+    assert where.quats is not None
+    return replace(scene.gaussians, means=where.means, quats=where.quats)
 
 
 def joined(parts: Iterable[Gaussians]) -> Gaussians:

@@ -1,22 +1,23 @@
 """The Gaussians a fit starts from: every surface that was ever recorded, once."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float32
+from jaxtyping import Float32, Int
 
 from rpaug import geometry
 from rpaug.scene import surfels
-from rpaug.scene.gaussians import Picture, chosen, joined, lifted, moved
+from rpaug.scene.gaussians import SPREAD, Picture, chosen, joined, lifted, moved
 from rpaug.scene.sampling import frames
 from rpaug.types import Body, CameraView, Gaussians, Scene
 
-SAME_DEPTH = 0.01  # of depth, beside 1 cm: a point that a fixed camera saw too
-BODY_FRAMES = 16  # frames that moving bodies are gathered from
-CELL = 1.5  # footprints: a body's Gaussians are no closer than this
-FINER = (
-    0.7  # another camera's Gaussian is kept beside a plate's if its footprint is smaller by this
-)
+SAME_DEPTH = 0.01  # of depth, beside 1 cm: a point that another picture shows too
+BODY_FRAMES = 20  # frames that moving bodies are gathered from
+HISTORY_FRAMES = 32  # of moving cameras, for static surfaces that no fixed camera saw
+MOST = 4000  # Gaussians of one moving body
+AS_FINE = 1.1  # footprints that differ by less are equally fine
+CHECKER = 2.0**0.5  # pixels between neighbours on a chequerboard
 
 
 def seeds(scene: Scene) -> Gaussians:
@@ -25,45 +26,41 @@ def seeds(scene: Scene) -> Gaussians:
     kept = surfels.build(scene)
     static = joined(_static(scene, kept))
     moving = [body for body in scene.bodies if not body.handles <= kept.static]
-    parts = [_body(scene, body) for body in moving]
-    return joined([static, *(part for part in parts if part is not None)])
+    return joined([static, *_bodies(scene, moving)])
 
 
 def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
-    done: list[Picture] = []
+    plates = []
     for name, plate in kept.plates.items():
         camera = scene.episode.views[name].camera
-        picture = Picture(
-            plate.rgb, plate.depth, plate.ids, camera.K, camera.cam_to_world[0], plate.known
-        )
+        pose = camera.cam_to_world[0]
+        plates.append(Picture(plate.rgb, plate.depth, plate.ids, camera.K, pose, plate.known))
+    for k, picture in enumerate(plates):
         part = lifted(picture)
-        yield chosen(part, ~_seen_better(part, done))
-        done.append(picture)
-    for past in kept.history.values():
-        for source in past:
-            use = np.ones(source.ids.shape, bool) if source.use is None else source.use
-            picture = Picture(
-                source.rgb, source.depth, source.ids, source.K, source.cam_to_world, use
-            )
-            part = lifted(picture)
-            yield chosen(part, ~_seen(part, done))
-            done.append(picture)
+        earlier, later = _footprints(part, plates[:k]), _footprints(part, plates[k + 1 :])
+        # Each place is left to the camera that shows it finest; of equals to the first.
+        finest = (part.scales[:, 1] < earlier / AS_FINE) & (part.scales[:, 1] <= later * AS_FINE)
+        yield chosen(part, finest)
+    done = plates
+    for view in scene.episode.views.values():
+        if not view.camera.fixed:
+            for t in frames(scene.episode.length, HISTORY_FRAMES):
+                past = _picture(view, t, kept.static)
+                if past is not None:
+                    part = _sparse(past)
+                    yield chosen(part, np.isinf(_footprints(part, done)))
+                    done = [*done, past]
 
 
-def _seen(part: Gaussians, by: Sequence[Picture]) -> Bool[np.ndarray, "n"]:
-    """Which Gaussians lie on a surface that one of the pictures shows."""
-    return _footprints(part, by) < np.inf
-
-
-def _seen_better(part: Gaussians, by: Sequence[Picture]) -> Bool[np.ndarray, "n"]:
-    """The same, unless the picture's pixels are coarser there."""
-    return _footprints(part, by) * FINER <= part.scales[:, 1]
+def _sparse(picture: Picture) -> Gaussians:
+    """Every second pixel, as on a chequerboard."""
+    height, width = picture.ids.shape
+    black = (np.arange(height)[:, None] + np.arange(width)) % 2 == 0
+    return lifted(replace(picture, use=picture.use & black), CHECKER)
 
 
 def _footprints(part: Gaussians, by: Sequence[Picture]) -> Float32[np.ndarray, "n"]:
     """The finest spread with which a picture shows each Gaussian's place; infinite where none does."""
-    from rpaug.scene.gaussians import SPREAD
-
     out = np.full(len(part), np.inf, np.float32)
     for picture in by:
         local = geometry.transform(geometry.inverse(picture.cam_to_world), part.means.astype(float))
@@ -80,29 +77,48 @@ def _footprints(part: Gaussians, by: Sequence[Picture]) -> Float32[np.ndarray, "
     return out
 
 
-def _body(scene: Scene, body: Body) -> Gaussians | None:
-    """Gaussians of a moving body in its own frame, thinned so that each place holds one, nearest view first."""
-    found = []
+def _bodies(scene: Scene, bodies: Sequence[Body]) -> Iterator[Gaussians]:
+    """Gaussians of moving bodies, each in its own frame."""
+    found: list[list[Gaussians]] = [[] for _ in bodies]
+    handles = frozenset().union(*(body.handles for body in bodies))
     for t in frames(scene.episode.length, BODY_FRAMES):
         for view in scene.episode.views.values():
-            picture = _picture(view, t, body)
-            if picture is not None:
-                found.append(moved(lifted(picture), geometry.inverse(body.to_world[t])))
-    if not found:
-        return None
-    every = joined(found)
-    order = np.argsort(every.scales[:, 1], kind="stable")
-    every = chosen(every, order)
-    cell = CELL * float(np.median(every.scales[:, 1]))
-    _, first = np.unique(np.floor(every.means / cell).astype(np.int64), axis=0, return_index=True)
-    return chosen(every, np.sort(first))
+            picture = _picture(view, t, handles)
+            if picture is None:
+                continue
+            part = lifted(picture)
+            for body, own in zip(bodies, found, strict=True):
+                mine = chosen(part, np.isin(part.ids, list(body.handles)))
+                if len(mine):
+                    own.append(moved(mine, geometry.inverse(body.to_world[t])))
+    return (_thinned(joined(own)) for own in found if own)
 
 
-def _picture(view: CameraView, t: int, body: Body) -> Picture | None:
+def _thinned(every: Gaussians) -> Gaussians:
+    """At most MOST of them, so that each place holds one, that of the finest view."""
+    every = chosen(every, np.argsort(every.scales[:, 1], kind="stable"))
+    cell = float(np.quantile(every.scales[:, 1], 0.1)) / SPREAD
+    first = _first_of_each_cell(every, cell)
+    while len(first) > MOST:
+        cell *= 1.2
+        first = _first_of_each_cell(every, cell)
+    thin = chosen(every, first)
+    scales = thin.scales.copy()
+    scales[:, :2] = np.maximum(scales[:, :2], SPREAD * cell)
+    return replace(thin, scales=scales)
+
+
+def _first_of_each_cell(gaussians: Gaussians, cell: float) -> Int[np.ndarray, "m"]:
+    cells = np.floor(gaussians.means / cell).astype(np.int64)
+    return np.sort(np.unique(cells, axis=0, return_index=True)[1])
+
+
+def _picture(view: CameraView, t: int, handles: frozenset[int]) -> Picture | None:
+    """What a camera shows of some handles at t."""
     if view.depth is None or view.ids is None:
         return None
     ids = view.ids(t)
-    use = np.isin(ids, list(body.handles))
+    use = np.isin(ids, list(handles))
     if not use.any():
         return None
     camera = view.camera

@@ -17,6 +17,8 @@ SLIDES = (
     0.8  # what counts of the cost of an alignment that turns nothing: it has three free numbers
 )
 MOST_TURN = 0.3  # radians in one interval beyond the guess
+JAW, JAW_STEP = 0.06, 0.004  # metres: how far a jaw may slide in one interval, and the grid tried
+WIDEST, FINEST = 8e-3, 4e-4  # metres: first and last step of the search for a shift
 MODEL = 5  # seen frames whose points are aligned together, beside the newest
 
 
@@ -64,7 +66,8 @@ def _best(
     shift = known.copy()
     middle = np.median(geometry.transform(known, case.points(a)[0]), 0)
     shift[:3, 3] += np.median(case.points(b)[0], 0) - middle
-    guesses = [(start, True) for start in starts] + [(starts[GRIPPER], False), (shift, False)]
+    aside = _aside(case, a, b, starts[GRIPPER])
+    guesses = [(start, True) for start in starts] + [(shift, False), (aside, False)]
     fits = [
         align(rows[:, :3], rows[:, 3], guess, case.looks, b, case.handle, turning=turning)
         for guess, turning in guesses
@@ -75,8 +78,43 @@ def _best(
     turned = [_turn(m, g) > MOST_TURN for m, (g, _) in zip(motions, guesses, strict=True)]
     average[(count == 0) | turned] = 1.0
     k = int(np.argmin(average * np.array([1.0 if turning else SLIDES for _, turning in guesses])))
-    least = np.inf if count[k] == 0 else float(price(average[k], count[k]))
-    return motions[k], fits[k][1], least
+    if count[k] == 0:
+        return motions[k], False, np.inf
+    motion, left = motions[k], float(average[k])
+    if not guesses[k][1]:
+        motion, left = _settled(case, a, b, motion, left)
+    return motion, fits[k][1], float(price(np.array([left]), count[k : k + 1])[0])
+
+
+def _aside(
+    case: Case, a: int, b: int, start: Float64[np.ndarray, "4 4"]
+) -> Float64[np.ndarray, "4 4"]:
+    """`start` shifted along one of the gripper's axes, as far as explains most."""
+    axes = case.carriers[GRIPPER, case.looks.frames[b], :3, :3].T
+    far = np.arange(-JAW, JAW + JAW_STEP / 2, JAW_STEP)
+    tries = np.repeat(start[None], 3 * len(far), 0)
+    tries[:, :3, 3] += (axes[:, None] * far[:, None]).reshape(-1, 3)
+    average, count = case.judge(a, b, tries)
+    return tries[int(np.argmin(np.where(count > 0, average, np.inf)))]
+
+
+def _settled(
+    case: Case, a: int, b: int, motion: Float64[np.ndarray, "4 4"], left: float
+) -> tuple[Float64[np.ndarray, "4 4"], float]:
+    """The shift nearby that explains outlines best too, by steps that halve: planes let flat things slide."""
+    axes = case.carriers[GRIPPER, case.looks.frames[b], :3, :3].T
+    size = WIDEST
+    while size > FINEST:
+        tries = np.repeat(motion[None], 6, 0)
+        tries[:, :3, 3] += size * np.concatenate([axes, -axes])
+        average, count = case.judge(a, b, tries)
+        average = np.where(count > 0, average, np.inf)
+        k = int(np.argmin(average))
+        if average[k] < left:
+            motion, left = tries[k], float(average[k])
+        else:
+            size /= 2
+    return motion, left
 
 
 def _turn(a: Float64[np.ndarray, "4 4"], b: Float64[np.ndarray, "4 4"]) -> float:

@@ -85,23 +85,25 @@ def gradients(
 ) -> dict[str, np.ndarray | None]:
     """Gradients of the sum of image * pull over all images, through the autograd door."""
     images = images or pulls(at, 0 if given.features is None else given.features.shape[1])
-    kind = torch.float64
+    kind = {"dtype": torch.float64, "device": "cuda" if backend == "gsplat" else "cpu"}
     tensors = {
         name: None
         if (a := getattr(given, name)) is None
-        else torch.tensor(a, dtype=kind, requires_grad=True)
+        else torch.tensor(a, **kind, requires_grad=True)
         for name in NAMES
     }
     positional = [tensors.pop(name) for name in ("means", "opacities", "sh")]
     made = rasterise(*positional, at, **tensors, settings=settings, backend=backend)
     loss = sum(
-        (image * torch.as_tensor(images[name], dtype=kind)).sum()
+        (image * torch.as_tensor(images[name], **kind)).sum()
         for name, image in zip(("colour", "depth", "alpha", "features"), made, strict=True)
         if image is not None and images[name] is not None
     )
     loss.backward()
     leaves = dict(zip(("means", "opacities", "sh"), positional, strict=True)) | tensors
-    return {name: None if leaf is None else leaf.grad.numpy() for name, leaf in leaves.items()}
+    return {
+        name: None if leaf is None else leaf.grad.cpu().numpy() for name, leaf in leaves.items()
+    }
 
 
 def relative(found: np.ndarray, expected: np.ndarray) -> float:

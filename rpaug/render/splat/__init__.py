@@ -26,7 +26,25 @@ __all__ = [
     "View",
     "rasterise",
     "render",
+    "warm",
 ]
+
+
+def warm(features: int = 0) -> None:
+    """Compile the CPU kernels for this many features ahead of time, or load them from the cache."""
+    one = np.zeros((1, max(features, 1)), np.float32)
+    splats = Splats(
+        means=np.array([[0, 0, 1]], np.float32),
+        opacities=np.ones(1, np.float32),
+        sh=np.zeros((1, 1, 3), np.float32),
+        quats=np.ones((1, 4), np.float32),
+        scales=np.ones((1, 3), np.float32),
+        features=one if features else None,
+    )
+    engine = Rasteriser()
+    picture = engine.forward(splats, View(np.eye(3), np.eye(4), 1, 1))
+    engine.backward_squared_error(picture.colour)
+    Adam(splats).step(engine.backward(picture.colour))
 
 
 def render(

@@ -6,6 +6,24 @@ from rpaug.render.jit import kernel
 from rpaug.render.splat._projection import DEPTH_CHANNEL
 
 SMALLEST_ALPHA = 1e-10  # expected depth is D / max(A, this): 0 where nothing is drawn
+HALF_COVERED = 0.5  # alpha from which a pixel's expected depth is compared with a measured one
+
+
+@kernel
+def assemble(out, left_over, background, colour, depth, alpha):
+    """Fill the colour over its background, the expected depth and alpha."""
+    height, width = left_over.shape
+    for row in range(height):
+        for column in range(width):
+            left = left_over[row, column]
+            for channel in range(3):
+                colour[row, column, channel] = (
+                    out[row, column, channel] + left * background[channel]
+                )
+            alpha[row, column] = np.float32(1) - left
+            depth[row, column] = out[row, column, DEPTH_CHANNEL] / max(
+                alpha[row, column], np.float32(SMALLEST_ALPHA)
+            )
 
 
 @kernel
@@ -47,14 +65,14 @@ def squared_error(
 ):
     """Mean squared colour error and mean squared relative depth error, and their gradient by the channels.
 
-    Returns (colour error, depth error, drawn share of the pixels with a target depth). `weight` (h, w) scales
+    Returns (colour error, depth error). `weight` (h, w) scales
     a pixel's errors; empty means 1 everywhere. Depth counts where `depth` > 0 and at least half is drawn, as
     (expected - depth) / depth so that it has no unit; an empty `depth` means none. The gradient is that of
     colour error + depth_weight * depth error.
     """
     height, width = left_over.shape
     share = 1.0 / (width * height)
-    colour_error = depth_error = measured = covered = 0.0
+    colour_error = depth_error = 0.0
     d_out[:] = 0.0
     for row in range(height):
         for column in range(width):
@@ -69,20 +87,13 @@ def squared_error(
                 d_out[row, column, channel] = pull
                 d_left += pull * background[channel]
                 colour_error += pixel * error * error / 3.0
-            if len(depth) and depth[row, column] > 0.0:
-                measured += 1.0
-                if alpha >= 0.5:
-                    covered += 1.0
-                    expected = out[row, column, DEPTH_CHANNEL] / alpha
-                    error = expected / depth[row, column] - np.float32(1)
-                    pull = (
-                        np.float32(2.0 * depth_weight)
-                        * pixel
-                        * error
-                        / (depth[row, column] * alpha)
-                    )
-                    d_out[row, column, DEPTH_CHANNEL] = pull
-                    d_left += pull * expected
-                    depth_error += pixel * error * error
+            if len(depth) and depth[row, column] > 0.0 and alpha >= HALF_COVERED:
+                expected = out[row, column, DEPTH_CHANNEL] / alpha
+                error = expected / depth[row, column] - np.float32(1)
+                slope = np.float32(2.0 * depth_weight) * pixel * error
+                pull = slope / (depth[row, column] * alpha)
+                d_out[row, column, DEPTH_CHANNEL] = pull
+                d_left += pull * expected
+                depth_error += pixel * error * error
             d_left_over[row, column] = d_left
-    return colour_error, depth_error, covered / max(measured, 1.0)
+    return colour_error, depth_error

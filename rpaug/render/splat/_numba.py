@@ -10,7 +10,9 @@ from rpaug.render.splat._simd import WIDTH
 from rpaug.render.splat._threads import ranges, together
 from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
 
-TILE = 32  # pixels along a tile; half of that where tiles would be fewer than TILES_A_THREAD for a thread
+TILE_BITS = (
+    5  # tiles are 32 pixels wide, or 16 where they would be fewer than TILES_A_THREAD for a thread
+)
 TILES_A_THREAD = 8
 CHANNELS = (
     4,
@@ -22,8 +24,6 @@ CHANNELS = (
 )  # colour, depth and features are padded to one of these: few kernels
 
 CACHE_LINE = 64  # bytes
-
-NOTHING = np.zeros((0, 0), np.float32)
 
 
 def plain(array: np.ndarray | None, columns: int, dtype: type = np.float32) -> np.ndarray:
@@ -106,14 +106,14 @@ class Rasteriser:
         depth: Float32[np.ndarray, "h w"] | None = None,
         depth_weight: float = 0.0,
     ) -> tuple[float, float, Gradients]:
-        """Mean squared colour error, mean squared relative depth error, and the gradient of
-        colour error + depth_weight * depth error, without an image in between.
+        """Mean squared colour error, mean squared relative depth error, and the gradients of
+        colour error + depth_weight * depth error, with no gradient image in between.
 
-        `weight` scales each pixel's errors. Depth counts where `depth` > 0 and the view is at least half
-        covered, as (expected - depth) / depth: it has no unit.
+        `weight` scales each pixel's errors. Depth counts where `depth` > 0 and at least half is covered, as
+        (expected - depth) / depth: it has no unit.
         """
         d_out, d_left_over = self._channel_buffers()
-        colour_error, depth_error, _ = _images.squared_error(
+        colour_error, depth_error = _images.squared_error(
             self._out, self._left_over, self._background, plain(target, 0), plain(weight, 0),
             plain(depth, 0), float(depth_weight), d_out, d_left_over,
         )  # fmt: skip
@@ -155,32 +155,53 @@ class Rasteriser:
 
     def _bin(self) -> None:
         width, height, count = self._view.width, self._view.height, len(self._splats)
-        tile = TILE
-        if -(-width // tile) * -(-height // tile) < TILES_A_THREAD * self.threads:
-            tile //= 2
-        self._grid = (width, height, tile)
-        tiles = -(-width // tile) * -(-height // tile)
-        self._first_slot = self._buffer("first_slot", (count + 1,), np.int64)
+        shift = TILE_BITS
+        if (-(-width >> shift)) * (-(-height >> shift)) < TILES_A_THREAD * self.threads:
+            shift -= 1
+        self._grid = (width, height, 1 << shift)
+        across, tiles = -(-width >> shift), (-(-width >> shift)) * (-(-height >> shift))
+        parts = ranges(count, self.threads)
+        spans = self._buffer("spans", (count, 4), np.int16)
+        counts = self._buffer("counts", (len(parts), tiles), np.int64)
+        totals = together(
+            _binning.count_entries,
+            [
+                (*part, self._records, width, height, shift, spans, counts[k])
+                for k, part in enumerate(parts)
+            ],
+        )
         self._starts = self._buffer("starts", (tiles + 1,), np.int64)
-        _binning.count_entries(self._records, *self._grid, self._first_slot, self._starts)
-        ordered = _binning.sort_by_depth(
-            self._first_slot,
-            self._depths.view(np.uint32),
-            self._buffer("keys", (count,), np.uint64),
-            self._buffer("spare", (count,), np.uint64),
+        _binning.lay_out(counts, self._starts)
+        total = sum(totals)
+        self._first_slot = self._buffer("first_slot", (count + 1,), np.int64)
+        keys, spare = (self._buffer(name, (total,), np.uint64) for name in ("keys", "spare"))
+        indices, slots = (self._buffer(name, (total,), np.int32) for name in ("indices", "places"))
+        first = [sum(totals[:k]) for k in range(len(parts))]
+        depths = self._depths.view(np.uint32)
+        together(
+            _binning.place_entries,
+            [
+                (
+                    *part,
+                    first[k],
+                    spans,
+                    depths,
+                    across,
+                    counts[k],
+                    self._first_slot,
+                    keys,
+                    indices,
+                    slots,
+                )
+                for k, part in enumerate(parts)
+            ],
         )
-        entries = int(self._starts[-1])
-        self._entries = self._buffer("entries", (entries,), np.int32)
-        self._slot_of = self._buffer("slot_of", (entries,), np.int32)
-        _binning.fill_entries(
-            ordered,
-            self._records,
-            *self._grid,
-            self._first_slot,
-            self._starts,
-            self._entries,
-            self._slot_of,
-        )
+        self._entries = self._buffer("entries", (total,), np.int32)
+        self._slot_of = self._buffer("slot_of", (total,), np.int32)
+        sorting = (
+            np.zeros(1, np.int64), self._starts, keys, spare, indices, slots, self._entries, self._slot_of,
+        )  # fmt: skip
+        together(_binning.sort_tiles, [sorting] * self.threads)
         # The fullest tiles first, so that threads finish together.
         self._order = np.argsort(-np.diff(self._starts), kind="stable")
 
@@ -198,24 +219,17 @@ class Rasteriser:
         together(_compositing.forward_kernel(self._channels), [arguments] * self.threads)
 
     def _rendering(self, surface: bool, nonfinite: int) -> Rendering:
-        alpha = 1 - self._left_over
-        features = self._arrays[-1].shape[1]
-        shape = self._left_over.shape
+        shape, features = self._left_over.shape, self._arrays[-1].shape[1]
+        colour = np.empty((*shape, 3), np.float32)
+        expected, alpha = np.empty(shape, np.float32), np.empty(shape, np.float32)
+        _images.assemble(self._out, self._left_over, self._background, colour, expected, alpha)
         index = self._surface.copy() if surface else np.full(shape, -1, np.int32)
         depth = np.zeros(shape, np.float32)
-        depth[index >= 0] = self._depths[index[index >= 0]]
-        return Rendering(
-            colour=self._out[..., :3] + self._left_over[..., None] * self._background,
-            depth_expected=self._out[..., DEPTH_CHANNEL]
-            / np.maximum(alpha, _images.SMALLEST_ALPHA),
-            depth_surface=depth,
-            surface_index=index,
-            alpha=alpha,
-            features=self._out[..., DEPTH_CHANNEL + 1 :][..., :features].copy()
-            if features
-            else None,
-            nonfinite=nonfinite,
-        )
+        if surface:
+            drawn = index >= 0
+            depth[drawn] = self._depths[index[drawn]]
+        more = self._out[..., DEPTH_CHANNEL + 1 :][..., :features].copy() if features else None
+        return Rendering(colour, expected, depth, index, alpha, more, nonfinite)
 
     def _channel_buffers(self) -> tuple[np.ndarray, np.ndarray]:
         return self._buffer("d_out", self._out.shape), self._buffer(
@@ -237,6 +251,7 @@ class Rasteriser:
         given = (
             *self._arrays,
             self._eye,
+            self._records,
             self._channels,
             self._first_slot,
             slots,

@@ -152,6 +152,13 @@ def _axes(eye):
 
 
 @inlined
+def _direction(offset, count):
+    """Unit vector from the camera and 1 / distance; zeros where only the constant harmonic is asked for."""
+    near = 1.0 / math.sqrt(_dot(offset, offset)) if count > 1 else 0.0
+    return offset[0] * near, offset[1] * near, offset[2] * near, near
+
+
+@inlined
 def _clamped(value, low, high):
     return min(max(value, low), high)
 
@@ -161,33 +168,37 @@ def _to_image(point, eye):
     """The two rows of (Jacobian of the projection) * (rotation), with far-off points held at the margin."""
     right, down, ahead = _axes(eye)
     x, y, z = point
-    across = _clamped(x / z, eye.across_low, eye.across_high)
-    below = _clamped(y / z, eye.down_low, eye.down_high)
+    near = 1.0 / z
+    across = _clamped(x * near, eye.across_low, eye.across_high)
+    below = _clamped(y * near, eye.down_low, eye.down_high)
     return (
-        _combine(eye.fx / z, right, -eye.fx * across / z, ahead),
-        _combine(eye.fy / z, down, -eye.fy * below / z, ahead),
+        _combine(eye.fx * near, right, -eye.fx * near * across, ahead),
+        _combine(eye.fy * near, down, -eye.fy * near * below, ahead),
         across,
         below,
     )
 
 
 @inlined
-def _row_is_finite(array, i):
-    for value in array[i].flat:  # noqa: SIM110  # a generator would not compile
-        if not math.isfinite(value):
-            return False
-    return True
+def _poison(array, i):
+    """0 if a row is finite, else NaN: 0 * infinity is NaN too."""
+    total = 0.0
+    for k in range(array.shape[1]):
+        total += array[i, k] * 0.0
+    return total
 
 
 @inlined
 def _all_finite(means, opacities, sh, quats, scales, covariances, features, i):
-    if not (math.isfinite(opacities[i]) and _row_is_finite(means, i) and _row_is_finite(sh, i)):
-        return False
-    if features.shape[1] and not _row_is_finite(features, i):
-        return False
+    total = _poison(means, i) + opacities[i] * 0.0 + _poison(features, i)
     if len(covariances):
-        return _row_is_finite(covariances, i)
-    return _row_is_finite(quats, i) and _row_is_finite(scales, i)
+        total += _poison(covariances, i)
+    else:
+        total += _poison(quats, i) + _poison(scales, i)
+    for k in range(sh.shape[1]):
+        for channel in range(3):
+            total += sh[i, k, channel] * 0.0
+    return total == 0.0
 
 
 @inlined
@@ -195,6 +206,29 @@ def _antialias(a, b, c, determinant, eye):
     """Share of its opacity that a splat keeps when dilation grows it (Mip-Splatting, eq. 10)."""
     sharp = (a - eye.dilation) * (c - eye.dilation) - b * b
     return math.sqrt(max(sharp / determinant, SMALLEST_RATIO))
+
+
+@inlined
+def _factor(a, b, c):
+    """Lower triangle L with 2 L L^T the inverse of the covariance (a, b, c)."""
+    l11, inverse = math.sqrt(0.5 * c / (a * c - b * b)), 1.0 / c
+    return l11, -b * inverse * l11, math.sqrt(0.5 * inverse)
+
+
+@inlined
+def _antialias_backward(a, b, c, pull, eye):
+    """The share kept, and the gradient of pull * share by the undilated variances (a, b, c).
+
+    d root(D0 / D1) = (adj C0 / root(D0 D1) - root(D0 / D1) adj C1 / D1) / 2, with C1 the dilated matrix.
+    """
+    wide, high = a + eye.dilation, c + eye.dilation
+    determinant = wide * high - b * b
+    kept = _antialias(wide, b, high, determinant, eye)
+    if kept * kept <= SMALLEST_RATIO:
+        return kept, 0.0, 0.0, 0.0
+    blurred = 0.5 * pull * kept / determinant
+    sharp = blurred / (kept * kept)
+    return kept, sharp * c - blurred * high, (blurred - sharp) * b, sharp * a - blurred * wide
 
 
 @inlined
@@ -241,7 +275,8 @@ def project(
         a = _dot(first, along) + eye.dilation
         b = _dot(second, along)
         c = _dot(second, _times(shape, second)) + eye.dilation
-        column, row = eye.fx * x / z + eye.cx, eye.fy * y / z + eye.cy
+        near = 1.0 / z
+        column, row = eye.fx * x * near + eye.cx, eye.fy * y * near + eye.cy
         if not (a + c < LARGEST and abs(column) < LARGEST and abs(row) < LARGEST):
             bad += 1
             continue
@@ -253,20 +288,16 @@ def project(
             opacity *= _antialias(a, b, c, determinant, eye)
         if not np.float32(opacity) >= np.float32(eye.alpha_floor):
             continue
-        farthest = math.log(opacity / eye.alpha_floor) * (1 + 1e-4) + 1e-4
+        farthest = math.log(np.float32(opacity / eye.alpha_floor)) * (1 + 1e-4) + 1e-4
         records[i, COLUMN], records[i, ROW] = column, row
-        records[i, L11] = math.sqrt(0.5 * c / determinant)
-        records[i, L21] = -b * math.sqrt(0.5 / (c * determinant))
-        records[i, L22] = math.sqrt(0.5 / c)
+        records[i, L11], records[i, L21], records[i, L22] = _factor(a, b, c)
         records[i, OPACITY] = opacity
         records[i, FARTHEST] = farthest
         records[i, HALF_WIDTH] = math.sqrt(2 * farthest * a)
         depths[i] = z
 
-        distance = math.sqrt(_dot(offset, offset))
-        _harmonics.basis(
-            offset[0] / distance, offset[1] / distance, offset[2] / distance, count, harmonic
-        )
+        east, south, far, _ = _direction(offset, count)
+        _harmonics.basis(east, south, far, count, harmonic)
         for channel in range(3):
             colour = 0.5
             for k in range(count):
@@ -326,8 +357,7 @@ def _shape_backward(quats, scales, covariances, i, d, d_quats, d_scales, d_covar
 def _colour_backward(sh, i, offset, gradient, harmonic, weight, d_sh):
     """Write the gradient by the harmonics' coefficients; returns that by the offset to the camera."""
     count = sh.shape[1]
-    distance = math.sqrt(_dot(offset, offset))
-    x, y, z = offset[0] / distance, offset[1] / distance, offset[2] / distance
+    x, y, z, near = _direction(offset, count)
     _harmonics.basis(x, y, z, count, harmonic)
     for k in range(count):
         weight[k] = 0.0
@@ -339,19 +369,21 @@ def _colour_backward(sh, i, offset, gradient, harmonic, weight, d_sh):
         for k in range(count):
             d_sh[i, k, channel] = pull * harmonic[k]
             weight[k] += pull * sh[i, k, channel]
+    if count == 1:
+        return 0.0, 0.0, 0.0
     dx, dy, dz = _harmonics.slope(x, y, z, count, weight)
     outward = dx * x + dy * y + dz * z
     return (
-        (dx - outward * x) / distance,
-        (dy - outward * y) / distance,
-        (dz - outward * z) / distance,
+        (dx - outward * x) * near,
+        (dy - outward * y) * near,
+        (dz - outward * z) * near,
     )
 
 
 @kernel
 def project_backward(
-    start, stop, means, opacities, sh, quats, scales, covariances, features, eye, channels,
-    first_slot, slots, d_means, d_opacities, d_sh, d_quats, d_scales, d_covariances, d_features, motion,
+    start, stop, means, opacities, sh, quats, scales, covariances, features, eye, records,
+    channels, first_slot, slots, d_means, d_opacities, d_sh, d_quats, d_scales, d_covariances, d_features, motion,
 ):  # fmt: skip
     """Gradients of rows start..stop, from the slots that the tiles filled.
 
@@ -384,13 +416,9 @@ def project_backward(
         shape = _world_covariance(quats, scales, covariances, i)
         first, second, across, below = _to_image((x, y, z), eye)
         along, aslant = _times(shape, first), _times(shape, second)
-        a = _dot(first, along) + eye.dilation
-        b = _dot(second, along)
-        c = _dot(second, aslant) + eye.dilation
-        determinant = a * c - b * b
-        l11 = math.sqrt(0.5 * c / determinant)
-        l21 = -b * math.sqrt(0.5 / (c * determinant))
-        l22 = math.sqrt(0.5 / c)
+        a, b, c = _dot(first, along), _dot(second, along), _dot(second, aslant)
+        # Not from the records: a long needle's gradients cancel to more digits than float32 has.
+        l11, l21, l22 = _factor(a + eye.dilation, b, c + eye.dilation)
 
         # s = u^2 + v^2 with (u, v) = L^T (pixel - centre), so dcov = -2 L W L^T with W the second moments.
         m, mu, mv = float(total[0]), float(total[1]), float(total[2])
@@ -399,19 +427,12 @@ def project_backward(
         side, corner = l21 * muu + l22 * muv, l21 * muv + l22 * mvv
         da, db, dc = -2 * l11 * l11 * muu, -2 * l11 * side, -2 * (l21 * side + l22 * corner)
 
-        opacity = min(float(opacities[i]), 1.0)
-        kept = _antialias(a, b, c, determinant, eye) if eye.antialiased else 1.0
-        d_drawn = -m / (opacity * kept)
-        d_opacities[i] = d_drawn * kept if opacities[i] <= 1.0 else 0.0
+        opacity, kept = min(float(opacities[i]), 1.0), 1.0
+        d_drawn = -m / float(records[i, OPACITY])
         if eye.antialiased:
-            ratio = kept * kept
-            if ratio > SMALLEST_RATIO:
-                # d root(D0 / D1) = (adj C0 / root(D0 D1) - root(D0 / D1) adj C1 / D1) / 2
-                blurred = 0.5 * d_drawn * opacity * kept / determinant
-                sharp = blurred / ratio
-                da += sharp * (c - eye.dilation) - blurred * c
-                db += (blurred - sharp) * b
-                dc += sharp * (a - eye.dilation) - blurred * a
+            kept, ea, eb, ec = _antialias_backward(a, b, c, d_drawn * opacity, eye)
+            da, db, dc = da + ea, db + eb, dc + ec
+        d_opacities[i] = d_drawn * kept if opacities[i] <= 1.0 else 0.0
         motion[i] = math.sqrt(d_column * d_column + d_row * d_row)
 
         d_shape = (
@@ -433,17 +454,18 @@ def project_backward(
         # The rows that map to the image depend on the point too.
         d_first = _combine(2 * da, along, 2 * db, aslant)
         d_second = _combine(2 * db, along, 2 * dc, aslant)
-        p, q = eye.fx / z, eye.fy / z
+        near = 1.0 / z
+        p, q = eye.fx * near, eye.fy * near
         d_across, d_below = -p * _dot(d_first, ahead), -q * _dot(d_second, ahead)
         dx, dy = p * d_column, q * d_row
         dz = -p * (_dot(d_first, right) + d_column * x) - q * (_dot(d_second, down) + d_row * y)
-        dz = (dz - d_across * across - d_below * below) / z + total[MOMENTS + DEPTH_CHANNEL]
-        if eye.across_low <= x / z <= eye.across_high:
-            dx += d_across / z
-            dz -= d_across * x / (z * z)
-        if eye.down_low <= y / z <= eye.down_high:
-            dy += d_below / z
-            dz -= d_below * y / (z * z)
+        dz = (dz - d_across * across - d_below * below) * near + total[MOMENTS + DEPTH_CHANNEL]
+        if eye.across_low <= x * near <= eye.across_high:
+            dx += d_across * near
+            dz -= d_across * x * near * near
+        if eye.down_low <= y * near <= eye.down_high:
+            dy += d_below * near
+            dz -= d_below * y * near * near
 
         ex, ey, ez = _colour_backward(sh, i, offset, total, harmonic, weight, d_sh)
         d_means[i, 0] = right[0] * dx + down[0] * dy + ahead[0] * dz + ex

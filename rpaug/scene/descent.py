@@ -1,0 +1,183 @@
+"""The descent of a fit: Gaussians, tracks and camera poses, stepped together."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from rpaug import geometry
+from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats, View
+from rpaug.scene.gaussian_view import SHARP
+from rpaug.scene.gaussians import Placement, moved, quaternions
+from rpaug.scene.refine import Twists, about, corrected, twist_of
+from rpaug.types import Body, Camera, Gaussians, Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitSettings:
+    """How a fit is done. One of the `steps` looks at `batch` views; results do not depend on `threads`."""
+
+    steps: int = 2000
+    batch: int = 2
+    threads: int = 2
+    train_frames: int = 40  # at most, spread over the episode; the frames between them are held out
+    depth_weight: float = 3.0  # of squared relative depth error, beside squared colour error
+    checked_frames: int = 16  # at most, of those trained on and of those held out each
+    last_rate: float = 0.03  # share of the rates left at the end (cosine schedule)
+    refine: bool = True  # let tracks and moving cameras give way
+    rates: Rates = field(default_factory=lambda: Rates(means=0.05, quats=6e-3))
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One recorded view, ready to be compared: colours in 0..1, depth in metres or 0."""
+
+    camera: str
+    t: int
+    rgb: Float32[np.ndarray, "h w 3"]
+    depth: Float32[np.ndarray, "h w"]
+
+
+@dataclass(frozen=True)
+class _Pull:
+    """What one view asks for: gradients in the bodies' frames, and twists of bodies and of the camera."""
+
+    gradients: Gradients
+    bodies: tuple[Float64[np.ndarray, "6"], ...]
+    camera: Float64[np.ndarray, "6"]
+
+
+class Descent:
+    """A fit under way. `step` improves it by a few views; `result` says where it stands."""
+
+    def __init__(
+        self, begun: Gaussians, scene: Scene, trained: Sequence[int], settings: FitSettings
+    ) -> None:
+        self._scene, self._settings, self._ids = scene, settings, begun.ids
+        self._adam = Adam(Splats.of(begun), settings.rates, threads=settings.threads)
+        self._workers = [Rasteriser(SHARP) for _ in range(settings.batch)]
+        self._moving = [
+            (body, rows)
+            for body in scene.bodies
+            if (body.to_world != np.eye(4)).any()
+            and len(rows := np.flatnonzero(np.isin(begun.ids, list(body.handles))))
+        ]
+        self._middles = [np.median(begun.means[rows], 0).astype(float) for _, rows in self._moving]
+        self._twists = [
+            Twists.of(trained, float(np.linalg.norm(begun.means[rows] - middle, axis=-1).mean()))
+            for (_, rows), middle in zip(self._moving, self._middles, strict=True)
+        ]
+        tracks = [body.to_world.copy() for body, _ in self._moving]
+        self._placement = Placement(
+            tuple(rows for _, rows in self._moving),
+            tuple(tracks),
+            tuple(quaternions(track[:, :3, :3]) for track in tracks),
+        )
+        cameras = {name: view.camera for name, view in scene.episode.views.items()}
+        self._poses = {name: camera.cam_to_world.copy() for name, camera in cameras.items()}
+        reach = 0.5  # metres: about what a hand camera looks at
+        self._drifts = {
+            name: Twists.of(trained, reach) for name, camera in cameras.items() if not camera.fixed
+        }
+
+    def step(self, shots: Sequence[Shot], factor: float, pool: ThreadPoolExecutor) -> None:
+        """One step, every rate times `factor`. Views are worked on side by side and summed in order."""
+        jobs = [
+            pool.submit(self._look, worker, shot)
+            for worker, shot in zip(self._workers, shots, strict=True)
+        ]
+        pulls = [job.result() for job in jobs]
+        self._adam.step(_mean([pull.gradients for pull in pulls]), factor)
+        if self._settings.refine:
+            for shot, pull in zip(shots, pulls, strict=True):
+                self._give_way(shot, pull, factor)
+
+    def _look(self, rasteriser: Rasteriser, shot: Shot) -> _Pull:
+        camera, t = self._camera(shot.camera), shot.t
+        placed = self._placement.place(self._adam.splats, t)
+        pose = geometry.inverse(self._poses[shot.camera][t])
+        view = View(camera.K, pose, camera.width, camera.height)
+        rasteriser.forward(placed, view, surface=False)
+        _, _, gradients = rasteriser.backward_squared_error(
+            shot.rgb, None, shot.depth, self._settings.depth_weight
+        )
+        bodies, eye = [], np.zeros(6)
+        if self._settings.refine:
+            for (_, rows), track, middle in zip(
+                self._moving, self._placement.motions, self._middles, strict=True
+            ):
+                bodies.append(
+                    twist_of(placed, gradients, rows, geometry.transform(track[t], middle))
+                )
+            if shot.camera in self._drifts:
+                # Moving the camera one way is moving the world the other.
+                at = self._poses[shot.camera][t, :3, 3]
+                eye = -twist_of(placed, gradients, slice(None), at)
+        return _Pull(self._placement.pull_back(gradients, t), tuple(bodies), eye)
+
+    def _give_way(self, shot: Shot, pull: _Pull, factor: float) -> None:
+        t, placement = shot.t, self._placement
+        for k, (body, _) in enumerate(self._moving):
+            self._twists[k].step(t, pull.bodies[k], factor)
+            middle = geometry.transform(body.to_world[t], self._middles[k])
+            placement.motions[k][t] = about(self._twists[k].at(t), middle) @ body.to_world[t]
+            placement.turns[k][t] = quaternions(placement.motions[k][t : t + 1, :3, :3])[0]
+        if shot.camera in self._drifts:
+            drift = self._drifts[shot.camera]
+            drift.step(t, pull.camera, factor)
+            recorded = self._camera(shot.camera).cam_to_world[t]
+            self._poses[shot.camera][t] = about(drift.at(t), recorded[:3, 3]) @ recorded
+
+    def _camera(self, name: str) -> Camera:
+        return self._scene.episode.views[name].camera
+
+    def result(self) -> tuple[Gaussians, tuple[Body, ...], dict[str, Float64[np.ndarray, "t 4 4"]]]:
+        """Gaussians, and the tracks and drifts they belong to, of all frames."""
+        splats = self._adam.splats
+        assert splats.quats is not None
+        assert splats.scales is not None
+        length = np.maximum(np.linalg.norm(splats.quats, axis=-1, keepdims=True), 1e-12)
+        gaussians = Gaussians(
+            splats.means.astype(np.float32), splats.quats / length, splats.scales, splats.opacities,
+            splats.sh, self._ids,
+        )  # fmt: skip
+        if not self._settings.refine:
+            return gaussians, self._scene.bodies, {}
+        settled: dict[frozenset[int], Body] = {}
+        for (body, rows), middle, twists in zip(
+            self._moving, self._middles, self._twists, strict=True
+        ):
+            around = np.stack([geometry.transform(pose, middle) for pose in body.to_world])
+            track = corrected(body.to_world, around, twists)
+            # A body's frame is the world at its reference: what that frame was off goes into the Gaussians.
+            first = track[body.reference]
+            gaussians = _with(gaussians, rows, first)
+            settled[body.handles] = replace(body, to_world=track @ geometry.inverse(first))
+        bodies = tuple(settled.get(body.handles, body) for body in self._scene.bodies)
+        drift = {}
+        for name, twists in self._drifts.items():
+            poses = self._camera(name).cam_to_world
+            truly = corrected(poses, poses[:, :3, 3], twists)
+            drift[name] = truly @ geometry.inverse(poses)
+        return gaussians, bodies, drift
+
+
+def _with(gaussians: Gaussians, rows: np.ndarray, motion: Float64[np.ndarray, "4 4"]) -> Gaussians:
+    """The Gaussians with some of them moved."""
+    there = moved(gaussians, motion)
+    means, quats = gaussians.means.copy(), gaussians.quats.copy()
+    means[rows], quats[rows] = there.means[rows], there.quats[rows]
+    return replace(gaussians, means=means, quats=quats)
+
+
+def _mean(several: Sequence[Gradients]) -> Gradients:
+    """The mean, summed in the order of the batch: threads do not change it."""
+    first, *rest = several
+    for name in ("means", "opacities", "sh", "quats", "scales"):
+        total = getattr(first, name)
+        for other in rest:
+            total += getattr(other, name)
+        total /= len(several)
+    return first

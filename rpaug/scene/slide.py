@@ -1,0 +1,79 @@
+"""Things on a rail: a track that is nearly straight becomes exactly straight, and sharper for it."""
+
+import numpy as np
+from jaxtyping import Float64
+
+from rpaug import geometry
+from rpaug.scene.align import align
+from rpaug.scene.evidence import TRUST
+from rpaug.scene.motion import Case
+
+TRAVEL = 0.03  # metres: less does not show a direction
+OFF_RAIL = 0.006  # metres beside the rail that alignment may have been off
+TURN = 0.02  # radians that it may have been off
+MODEL = 6  # seen frames whose points are aligned together
+NO_WORSE = 1.05  # share of the distances of the free track that the straight one may leave
+
+
+def straightened(
+    case: Case, to_world: Float64[np.ndarray, "t 4 4"], middle: Float64[np.ndarray, "3"]
+) -> Float64[np.ndarray, "t 4 4"] | None:
+    """The same motion as a slide along one axis without turning, None if it is no slide.
+
+    The axis is the main direction of the track; how far along it the body is comes from aligning each seen
+    frame again with that one freedom, and in between from the track.
+    """
+    way = np.einsum("tij,j->ti", to_world[:, :3, :3], middle) + to_world[:, :3, 3] - middle
+    axis = np.linalg.svd(way, full_matrices=False)[2][0]
+    along = way @ axis
+    cosine = (np.trace(to_world[:, :3, :3], axis1=1, axis2=2).min() - 1) / 2
+    beside = np.linalg.norm(way - np.outer(along, axis), axis=-1).max()
+    if np.ptp(along) < TRAVEL or beside > OFF_RAIL or cosine < np.cos(TURN):
+        return None
+    moving = np.abs(np.diff(along)).max() > 0
+    if not moving:
+        return None
+    corrected = _corrected(case, along, axis)
+    out = np.tile(np.eye(4), (len(along), 1, 1))
+    out[:, :3, 3] = corrected[:, None] * axis
+    return out if _distance(case, out) <= NO_WORSE * _distance(case, to_world) else None
+
+
+def _corrected(
+    case: Case, along: Float64[np.ndarray, "t"], axis: Float64[np.ndarray, "3"]
+) -> Float64[np.ndarray, "t"]:
+    """Positions on the rail: aligned in the seen frames, the track's own course in between."""
+    times, found = case.times, []
+    model: list[Float64[np.ndarray, "k 4"]] = []
+    before = 0.0
+    for s, t in zip(case.seen.tolist(), times.tolist(), strict=True):
+        points, still = case.points(s)
+        trust = np.where(np.arange(len(points)) < still, 1.0, TRUST)
+        resting = abs(along[t]) < 1e-9
+        position = along[t] + before
+        if model and not resting:
+            rows = np.concatenate(model)
+            guess = np.eye(4)
+            guess[:3, 3] = position * axis
+            motion, certain = align(
+                rows[:, :3], rows[:, 3], guess, case.looks, s, case.handle, axis=axis
+            )
+            position = float(motion[:3, 3] @ axis) if certain else position
+        before = position - along[t]
+        found.append(before)
+        model = [*model[-MODEL:], np.concatenate([points - position * axis, trust[:, None]], 1)]
+    late = np.interp(np.arange(len(along)), times, found)
+    return along + np.where(np.abs(along) < 1e-9, 0.0, late)
+
+
+def _distance(case: Case, to_world: Float64[np.ndarray, "t 4 4"]) -> float:
+    """Mean distance from each seen frame to the one a quarter of the way on, in metres."""
+    step = max(1, len(case.seen) // 4)
+    found = []
+    for a, b in zip(case.seen[:-step].tolist(), case.seen[step:].tolist(), strict=True):
+        first, last = case.looks.frames[[a, b]]
+        motion = to_world[last] @ geometry.inverse(to_world[first])
+        average, count = case.judge(a, b, motion[None])
+        if count[0]:
+            found.append(float(average[0]))
+    return float(np.mean(found)) if found else 0.0

@@ -1,0 +1,158 @@
+"""Fitted scenes on disk: one zarr 3 group each, whole or absent, named by what it was made from.
+
+A group holds the Gaussians' arrays, each body's handles and track, and attributes: format, version, key,
+settings, report, and a SHA-256 of every array. The key is a hash of the recorded content and the settings,
+so that a fit is found again for the same episode wherever it lies, and never for another.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from rpaug.errors import BadInput
+from rpaug.files import atomic_folder
+from rpaug.types import Body, Episode, Gaussians, Scene
+
+FORMAT, VERSION = "rpaug scene", 1
+ARRAYS = ("means", "quats", "scales", "opacities", "sh", "ids")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What a store gives back: parts of a scene; `settings` and `report` are plain values."""
+
+    gaussians: Gaussians
+    bodies: tuple[Body, ...]
+    drift: Mapping[str, np.ndarray]
+    settings: Mapping[str, Any]
+    report: Mapping[str, Any]
+
+
+def key(episode: Episode, settings: Any, seed: int) -> str:
+    """Hash of all that a fit depends on: every recorded image, the cameras, the gripper, settings and seed."""
+    digest = hashlib.sha256(f"{FORMAT} {VERSION} {seed}".encode())
+    digest.update(json.dumps(_plain(settings), sort_keys=True).encode())
+    robot = episode.robot
+    for array in (robot.joint_positions, robot.gripper_to_world, robot.gripper_open):
+        _add(digest, array)
+    for name in sorted(episode.views):
+        view = episode.views[name]
+        digest.update(name.encode() + b"\0")
+        _add(digest, view.camera.K)
+        _add(digest, view.camera.cam_to_world)
+        for t in range(episode.length):
+            for read in (view.rgb, view.depth, view.ids):
+                if read is not None:
+                    _add(digest, read(t))
+    return digest.hexdigest()[:32]
+
+
+def path_of(folder: Path, name: str) -> Path:
+    """Where a store keeps the scene called by its key."""
+    return folder / f"{name}.zarr"
+
+
+def save(folder: Path, name: str, scene: Scene, *, settings: Any, report: Any) -> Path:
+    """Write the scene's Gaussians and bodies under its key; one rename at the end.
+
+    Raises BadInput if it is there already or the scene has no Gaussians.
+    """
+    if scene.gaussians is None:
+        raise BadInput(folder, "scene", found="no Gaussians", expected="a fitted scene")
+    facts: dict[str, Any] = {"format": FORMAT, "version": VERSION, "key": name}
+    arrays = {f"gaussians/{n}": np.asarray(getattr(scene.gaussians, n)) for n in ARRAYS}
+    bodies = []
+    for number, body in enumerate(scene.bodies):
+        arrays[f"bodies/{number}"] = np.asarray(body.to_world)
+        bodies.append(
+            {
+                "handles": sorted(map(int, body.handles)),
+                "motion": body.motion,
+                "reference": body.reference,
+                "residual": body.residual,
+                "ambiguous": body.ambiguous,
+            }
+        )
+    for camera, drift in scene.drift.items():
+        arrays[f"drift/{camera}"] = np.asarray(drift)
+    target = path_of(folder, name)
+    with atomic_folder(target) as work:
+        group = zarr.open_group(work, mode="w", zarr_format=3)
+        for where, array in arrays.items():
+            group.create_array(where, data=np.ascontiguousarray(array))
+        facts |= {"settings": _plain(settings), "report": _plain(report), "bodies": bodies}
+        facts |= {"cameras": sorted(scene.drift)}
+        facts |= {"sha256": {where: _checksum(array) for where, array in arrays.items()}}
+        group.attrs.update(facts)
+    return target
+
+
+def load(folder: Path, name: str) -> Stored | None:
+    """The scene stored under a key, None if there is none. Raises BadInput for a damaged or foreign one."""
+    where = path_of(folder, name)
+    if not where.is_dir():
+        return None
+    try:
+        group = zarr.open_group(where, mode="r", zarr_format=3)
+        facts = dict(group.attrs)
+    except (OSError, ValueError, KeyError) as error:
+        raise BadInput(where, "scene", found=str(error), expected="a stored scene") from None
+    if facts.get("format") != FORMAT or facts.get("version") != VERSION:
+        found = f"{facts.get('format')} {facts.get('version')}"
+        raise BadInput(where, "format", found=found, expected=f"{FORMAT} {VERSION}")
+    sums: Any = facts["sha256"]
+    loaded = {n: _read(where, group, f"gaussians/{n}", sums) for n in ARRAYS}
+    described: Any = facts["bodies"]
+    bodies = tuple(
+        Body(
+            frozenset(facts_of["handles"]),
+            _read(where, group, f"bodies/{number}", sums),
+            facts_of["motion"],
+            facts_of["reference"],
+            facts_of["residual"],
+            facts_of["ambiguous"],
+        )
+        for number, facts_of in enumerate(described)
+    )
+    cameras: Any = facts["cameras"]
+    drift = {camera: _read(where, group, f"drift/{camera}", sums) for camera in cameras}
+    plain: Any = facts
+    return Stored(Gaussians(**loaded), bodies, drift, plain["settings"], plain["report"])
+
+
+def _read(where: Path, group: zarr.Group, name: str, sums: Mapping[str, str]) -> np.ndarray:
+    try:
+        array = np.asarray(group[name][...])  # type: ignore[index]
+    except Exception as error:  # whatever a damaged chunk makes the codecs raise
+        raise BadInput(where, name, found=str(error), expected="an undamaged array") from None
+    if _checksum(array) != sums.get(name):
+        raise BadInput(where, name, found="a wrong checksum", expected="an undamaged array")
+    return array
+
+
+def _checksum(array: np.ndarray) -> str:
+    digest = hashlib.sha256()
+    _add(digest, array)
+    return digest.hexdigest()
+
+
+def _add(digest: Any, array: np.ndarray) -> None:
+    digest.update(f"{array.dtype.str}{array.shape}".encode())
+    digest.update(np.ascontiguousarray(array).tobytes())
+
+
+def _plain(value: Any) -> Any:
+    """A dataclass as JSON values; its arrays, kept by the store as such, left out."""
+    if not is_dataclass(value) or isinstance(value, type):
+        return value
+    return {
+        f.name: _plain(getattr(value, f.name))
+        for f in fields(value)
+        if f.name not in ("bodies", "drift")
+    }

@@ -1,0 +1,75 @@
+"""Kernels are compiled once and found again: by other processes, for each constant, wherever one can write."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+HELPER = """
+from rpaug.render.jit import inlined
+
+@inlined
+def scaled(x):
+    return {factor} * x
+"""
+KERNEL = """
+import functools, json, sys
+from rpaug.render.jit import kernel
+from made.helper import scaled
+
+@functools.cache
+def maker(n):
+    def body(x):
+        return scaled(x) + n
+    return kernel(body)
+
+out = []
+for n in map(int, sys.argv[1:]):
+    body = maker(n)
+    value = body(1.0)
+    hits = sum(body.stats.cache_hits.values()) if hasattr(body, "stats") else 0
+    out.append([value, hits])
+print(json.dumps(out))
+"""
+
+
+def run(folder: Path, cache: str, *constants: int, factor: int = 10) -> list[list[float]]:
+    """(value, cache hits) of the kernel for each constant, in a process of its own."""
+    package = folder / "made"
+    package.mkdir(exist_ok=True)
+    (package / "__init__.py").write_text("")
+    (package / "helper.py").write_text(HELPER.format(factor=factor))
+    (package / "kernels.py").write_text(KERNEL)
+    done = subprocess.run(
+        [sys.executable, "-m", "made.kernels", *map(str, constants)],
+        env={
+            **os.environ,
+            "NUMBA_CACHE_DIR": cache,
+            "PYTHONPATH": os.pathsep.join([str(folder), *sys.path]),
+        },
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(done.stdout)
+
+
+def test_another_process_finds_what_one_compiled(tmp_path):
+    cache = str(tmp_path / "cache")
+    assert run(tmp_path, cache, 1, 2) == [[11, 0], [12, 0]]
+    assert run(tmp_path, cache, 2, 1, 3) == [[12, 1], [11, 1], [13, 0]]
+    assert not list((tmp_path / "made").rglob("*.nbc"))  # the package's own folder may be read-only
+
+
+def test_a_changed_helper_in_another_file_is_noticed(tmp_path):
+    cache = str(tmp_path / "cache")
+    assert run(tmp_path, cache, 1) == [[11, 0]]
+    assert run(tmp_path, cache, 1, factor=20) == [[21, 0]]
+
+
+def test_without_a_folder_to_write_to_kernels_still_run(tmp_path):
+    file = tmp_path / "in_the_way"
+    file.write_text("")
+    assert run(tmp_path, str(file), 1) == [[11, 0]]

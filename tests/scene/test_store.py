@@ -1,0 +1,85 @@
+"""Stored scenes: whole or absent, checked when read, found again by content."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import boxes
+import numpy as np
+import pytest
+from boxes import World
+from test_ply import some
+
+from rpaug.errors import BadInput
+from rpaug.scene import store
+from rpaug.scene.fit import FitSettings
+from rpaug.types import Scene
+
+
+@pytest.fixture
+def fitted(placed: tuple[World, Scene]) -> Scene:
+    return replace(placed[1], gaussians=some(30))
+
+
+def test_there_and_back(tmp_path: Path, fitted: Scene) -> None:
+    store.save(tmp_path, "abc", fitted, settings=FitSettings(), report={"db": 35.5})
+    stored = store.load(tmp_path, "abc")
+    assert stored is not None
+    assert fitted.gaussians is not None
+    for name in store.ARRAYS:
+        np.testing.assert_array_equal(
+            getattr(stored.gaussians, name), getattr(fitted.gaussians, name)
+        )
+    assert [body.handles for body in stored.bodies] == [body.handles for body in fitted.bodies]
+    np.testing.assert_array_equal(stored.bodies[-1].to_world, fitted.bodies[-1].to_world)
+    assert stored.report == {"db": 35.5}
+    assert stored.settings["steps"] == FitSettings().steps
+
+
+def test_absent_is_none(tmp_path: Path) -> None:
+    assert store.load(tmp_path, "abc") is None
+
+
+def test_a_second_save_is_refused(tmp_path: Path, fitted: Scene) -> None:
+    store.save(tmp_path, "abc", fitted, settings={}, report={})
+    with pytest.raises(BadInput, match="already"):
+        store.save(tmp_path, "abc", fitted, settings={}, report={})
+
+
+def test_a_scene_without_gaussians_is_refused_and_leaves_nothing(
+    tmp_path: Path, placed: tuple[World, Scene]
+) -> None:
+    with pytest.raises(BadInput, match="no Gaussians"):
+        store.save(tmp_path, "abc", placed[1], settings={}, report={})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_damage_is_found(tmp_path: Path, fitted: Scene) -> None:
+    where = store.save(tmp_path, "abc", fitted, settings={}, report={})
+    chunk = max((where / "gaussians/means").rglob("c/*/*"), key=lambda path: path.stat().st_size)
+    data = bytearray(chunk.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    chunk.write_bytes(bytes(data))
+    with pytest.raises(BadInput, match=r"gaussians/means: found .*expected an undamaged array"):
+        store.load(tmp_path, "abc")
+
+
+def test_another_version_is_refused(tmp_path: Path, fitted: Scene) -> None:
+    where = store.save(tmp_path, "abc", fitted, settings={}, report={})
+    facts = where / "zarr.json"
+    facts.write_text(facts.read_text().replace('"version": 1', '"version": 99'))
+    with pytest.raises(BadInput, match="rpaug scene 99; expected rpaug scene 1"):
+        store.load(tmp_path, "abc")
+
+
+def test_the_key_follows_content_settings_and_seed_only() -> None:
+    def name(world: World, settings: FitSettings, seed: int = 0) -> str:
+        return store.key(world.episode(), settings, seed)
+
+    plain = FitSettings()
+    first = name(boxes.still(2), plain)
+    assert name(boxes.still(2), plain) == first
+    assert name(boxes.still(2), FitSettings(steps=7)) != first
+    assert name(boxes.still(2), plain, 1) != first
+    painted = boxes.still(2)
+    box = replace(painted.boxes[boxes.OTHER], colour=(201, 0, 0))
+    assert name(replace(painted, boxes={**painted.boxes, boxes.OTHER: box}), plain) != first
