@@ -44,6 +44,7 @@ def jobs(
     recipe: Recipe,
     tier: int,
     done: dict[str, tuple[str, int]],
+    scenes: Path | None = None,
 ) -> list[Job]:
     """One job per source episode: its missing copies and the keys they get, numbered from 0 in each group.
 
@@ -64,7 +65,7 @@ def jobs(
         copies[key].append((copy, adapter.key_at(key, free[group])))
         free[group] += 1
     return [
-        Job(adapter.name, source, key, target, tuple(made), recipe.source, tier)
+        Job(adapter.name, source, key, target, tuple(made), recipe.source, tier, scenes)
         for key, made in copies.items()
         if made
     ]
@@ -94,6 +95,7 @@ def run(
     *,
     workers: int = 1,
     tier: int = 0,
+    scenes: Path | None = None,
     resume: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Summary:
@@ -113,7 +115,7 @@ def run(
         )
     _sweep(target)
     done = finished(adapter, target, recipe)
-    todo = jobs(adapter, source, target, recipe, tier, done)
+    todo = jobs(adapter, source, target, recipe, tier, done, scenes)
     if not todo and not done:
         raise BadInput(
             source,

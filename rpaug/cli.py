@@ -118,6 +118,9 @@ def augment(
     tier: Annotated[
         int, typer.Option(min=0, max=3, help="Least tier: 0 pixels, 1 surfels, 3 Gaussians.")
     ] = 0,
+    scenes: Annotated[
+        Path | None, typer.Option(help="Store of fitted scenes, for tier 3: `rpaug fit --out`.")
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Instead of the recipe's.")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Override a value: edits.0.color=red.")
@@ -140,7 +143,14 @@ def augment(
         return _dry_run(dataset, loaded, tier, as_json)
     with _progress("augmenting", as_json) as progress:
         summary = whole.run(
-            dataset, loaded, out, workers=workers, tier=tier, resume=resume, progress=progress
+            dataset,
+            loaded,
+            out,
+            workers=workers,
+            tier=tier,
+            scenes=scenes,
+            resume=resume,
+            progress=progress,
         )
     described = {**vars(summary), "out": str(out)}
     if summary.copies + summary.resumed:
@@ -344,6 +354,9 @@ def fit_command(
         Path | None, typer.Option(help="Also export to this new file, in 3DGS layout.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Steps of the fit; more is slower and better.")
+    ] = None,
     as_json: AsJson = False,
 ) -> int:
     """Fit Gaussians to an episode's static background and bodies, store them, and say how well they show it.
@@ -354,7 +367,7 @@ def fit_command(
 
     found = _episode(dataset, episode)
     with _progress("fitting", as_json) as progress:
-        described = fit_episode(found, out, ply=ply, seed=seed, progress=progress)
+        described = fit_episode(found, out, export=ply, seed=seed, steps=steps, progress=progress)
     if as_json:
         _print_json(described)
     else:

@@ -111,6 +111,7 @@ class Job:
     copies: tuple[tuple[int, str], ...]  # copy number, key in the target
     recipe: dict[str, Any]
     tier: int
+    scenes: Path | None = None  # a store of fitted scenes
 
 
 def augment(job: Job) -> list[dict[str, Any]]:
@@ -121,7 +122,7 @@ def augment(job: Job) -> list[dict[str, Any]]:
         episode = adapter.read(job.source, job.key)
     plan = planning.make(operators(recipe), episode, job.tier)
     with watch("build"):
-        scene = prepare(episode, plan)
+        scene = prepare(episode, plan, job.scenes)
     shared, reports = watch.seconds, []
     for copy, target in job.copies:
         watch = report.Stopwatch()
@@ -133,13 +134,13 @@ def augment(job: Job) -> list[dict[str, Any]]:
     return reports
 
 
-def prepare(episode: Episode, plan: planning.Plan) -> Scene:
-    """The recorded scene with what the plan asks for, fitted Gaussians among it."""
+def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -> Scene:
+    """The recorded scene with what the plan asks for, Gaussians among it: from the store `scenes`, or fitted."""
     scene = build(episode, with_bodies=plan.bodies)
     if 3 in plan.carriers.values():
-        from rpaug.scene import fit  # only here: it brings torch and the rasteriser
+        from rpaug.scene import cached  # only here: it brings torch and the rasteriser
 
-        scene = fit.fitted(scene, seed=0)[0]
+        scene = cached.fitted(scene, scenes)[0]
     return scene
 
 

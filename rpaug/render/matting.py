@@ -1,7 +1,7 @@
 """How much of each outline pixel an anti-aliased object covers, and in what colour it does.
 
-There a pixel is a mixture a F + (1 - a) B of the object's colour F and what lies behind, B. All three are unknown; F and
-B are taken from pixels nearby (sampling matting, Wang and Cohen 2007), and the mask says where a half is likely.
+There a pixel is a mixture a F + (1 - a) B of the object's colour F and what lies behind, B. All three are unknown;
+F and B are taken from pixels nearby (sampling matting, Wang and Cohen 2007), and the mask says where a half is likely.
 """
 
 import numpy as np
