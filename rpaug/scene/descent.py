@@ -25,19 +25,33 @@ class FitSettings:
     train_frames: int = 40  # at most, spread over the episode; the frames between them are held out
     depth_weight: float = 3.0  # of squared relative depth error, beside squared colour error
     checked_frames: int = 16  # at most, of those trained on and of those held out each
+    all_pixels: float = 0.4  # share of the steps before fixed cameras look at moving things only
     last_rate: float = 0.03  # share of the rates left at the end (cosine schedule)
     refine: bool = True  # let tracks and moving cameras give way
-    rates: Rates = field(default_factory=lambda: Rates(means=0.05, quats=6e-3))
+    rates: Rates = field(default_factory=lambda: Rates(means=0.08, quats=1e-2))
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One recorded view, ready to be compared: colours in 0..1, depth in metres or 0."""
+    """A recorded view or a window of it, ready to be compared: colours in 0..1, depth in metres or 0.
+
+    `corner` is the window's first (column, row).
+    """
 
     camera: str
     t: int
     rgb: Float32[np.ndarray, "h w 3"]
     depth: Float32[np.ndarray, "h w"]
+    corner: tuple[int, int] = (0, 0)
+
+    def window(self, rows: slice, columns: slice) -> "Shot":
+        """A part of it."""
+        return replace(
+            self,
+            rgb=np.ascontiguousarray(self.rgb[rows, columns]),
+            depth=np.ascontiguousarray(self.depth[rows, columns]),
+            corner=(columns.start, rows.start),
+        )
 
 
 @dataclass(frozen=True)
@@ -98,7 +112,10 @@ class Descent:
         camera, t = self._camera(shot.camera), shot.t
         placed = self._placement.place(self._adam.splats, t)
         pose = geometry.inverse(self._poses[shot.camera][t])
-        view = View(camera.K, pose, camera.width, camera.height)
+        K = camera.K.copy()
+        K[:2, 2] -= shot.corner
+        height, width = shot.depth.shape
+        view = View(K, pose, width, height)
         rasteriser.forward(placed, view, surface=False)
         _, _, gradients = rasteriser.backward_squared_error(
             shot.rgb, None, shot.depth, self._settings.depth_weight
