@@ -67,17 +67,16 @@ def fit(
     descent = Descent(begun, scene, trained, settings)
     # What stands still is soon shown as well as it can be; moving things have each pose to themselves.
     windows = [window for shot in shots if (window := _moving_part(scene, shot))]
-    rng = np.random.default_rng(seed)
-    whole = round(settings.all_pixels * settings.steps) if windows else settings.steps
-    order = [
-        *_batches(shots, whole, settings.batch, rng),
-        *_batches(windows, settings.steps - whole, settings.batch, rng),
-    ]
+    whole = round(settings.whole * settings.steps) if windows else settings.steps
+    rng, done = np.random.default_rng(seed), 0
     with ThreadPoolExecutor(settings.threads) as pool:
-        for step, batch in enumerate(order):
-            descent.step(batch, _cosine(step, settings), pool)
-            if progress and step % 25 == 0:
-                progress(step / settings.steps)
+        for views, steps in ((shots, whole), (windows, settings.steps - whole)):
+            for step, batch in enumerate(_batches(views, steps, settings.batch, rng)):
+                rate = _cosine(step / steps, settings.last_rate)
+                descent.step(batch, rate, pool, moving_only=views is windows)
+                done += 1
+                if progress and done % 25 == 0:
+                    progress(done / settings.steps)
     gaussians, bodies, drift = descent.result()
     shown = replace(scene, gaussians=gaussians, bodies=bodies, drift=drift)
     return gaussians, _judge(shown, trained, settings, seed, start)
@@ -133,9 +132,9 @@ def _batches(
         order = order[size:]
 
 
-def _cosine(step: int, settings: FitSettings) -> float:
-    wave = 0.5 * (1 + np.cos(np.pi * step / settings.steps))
-    return float(settings.last_rate + (1 - settings.last_rate) * wave)
+def _cosine(done: float, last: float) -> float:
+    """From 1 to `last` as `done` goes from 0 to 1 (Loshchilov and Hutter 2017)."""
+    return float(last + (1 - last) * 0.5 * (1 + np.cos(np.pi * done)))
 
 
 def _judge(

@@ -12,7 +12,7 @@ from rpaug.scene.gaussians import SH0, Placement
 from rpaug.types import Appearance, Camera, Gaussians, Scene
 
 # Recorded images are sharp: the usual 0.3 px^2 would blur every outline by half a pixel.
-SHARP = Settings(dilation=0.05)
+SHARP = Settings(dilation=0.1)
 REACH = 3.0  # standard deviations: how far from its middle a Gaussian's plane is followed
 
 
