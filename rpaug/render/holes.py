@@ -10,8 +10,8 @@ the hole mask stays with the picture so that nobody takes it for a recording.
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
+from rpaug.render.jit import kernel
 from rpaug.render.zbuffer import Rendered
 
 FARNESS = 4  # a surface half as far must be 2**4 times closer in the image to be preferred
@@ -41,7 +41,7 @@ def fill(view: Rendered) -> Rendered:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _walks(near, ids, hole, rows, columns):
     """Per hole pixel and axis, where the better of two opposite walks ends, its length, and 1/z continued from it."""
     ends = np.zeros((len(rows), 4, 2), np.int32)
@@ -62,7 +62,7 @@ def _walks(near, ids, hole, rows, columns):
     return ends, away, plane
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _continues(edge, slope, steps, rim, tilt, paces):
     """Whether the first of two opposite planes is the one seen here: the farther, unless they meet in a corner.
 
@@ -73,7 +73,7 @@ def _continues(edge, slope, steps, rim, tilt, paces):
     return (edge + slope * steps > rim + tilt * paces) == corner
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _walk(near, ids, hole, row, column, down, right):
     """First drawn pixel that way, the steps to it (-1: none), its 1/z, and how that changes per step back."""
     height, width = hole.shape
@@ -91,7 +91,7 @@ def _walk(near, ids, hole, row, column, down, right):
     return i, j, steps, edge, slope if believable else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _vote(ids, hole, rows, columns, ends, away, plane):
     """The axis each hole pixel continues: short and far, then of the thing most of its neighbours continue."""
     chosen = np.full(len(rows), -1)
@@ -116,7 +116,7 @@ def _vote(ids, hole, rows, columns, ends, away, plane):
     return chosen
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _count(thing, row, column, handle):
     votes = 0
     for i in range(max(0, row - REACH), min(thing.shape[0], row + REACH + 1)):
@@ -125,7 +125,7 @@ def _count(thing, row, column, handle):
     return votes
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _cheapest(ids, ends, away, plane, handle):
     """The walk of least length * (1/z) ** FARNESS, among those that end on `handle` (-1: any); -1 if none."""
     best, chosen = np.inf, -1
@@ -143,7 +143,7 @@ def _cheapest(ids, ends, away, plane, handle):
     return chosen
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen):
     """Write the chosen surfaces into the images, colours blended over walks to the same one."""
     for n in range(len(rows)):

@@ -12,16 +12,20 @@ as infinitely far (1/z = 0).
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int16, Int32, UInt8
-from numba import njit
 
-HALF_FOOTPRINT = 0.52  # pixels: a pixel's own 0.5 and a little more, so that rounding leaves no gap
-MAX_SLOPE = 0.08  # of 1/z per pixel: steeper is a step between two surfaces, not a plane
+from rpaug.render.jit import inlined, kernel
+from rpaug.render.outlines import BEFORE, BEHIND, HALF, INSIDE, WIDE, Footprints, footprints
+
 SAME_SURFACE = 0.006  # of depth: closer than this, the earlier source is believed
 NEAR = 1e-3  # of a surfel's recorded depth: a corner nearer to the target camera than this is not drawn
+BEYOND = (
+    1 << 16
+)  # added to the rank of what reaches past its own: it yields to every source's own pixels
+ENOUGH = 0.3  # of the taps' weight must be on the same thing, or its nearest pixel counts alone
 ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel's colour unblended
 
 
@@ -31,6 +35,7 @@ class Source:
 
     `depth` is in metres, 0 or non-finite where the sensor saw nothing. `use` picks the pixels to draw (None: all);
     `distant` also draws those without depth, as infinitely far; `carved` drops what the witness saw through.
+    `lifted` are the footprints, if they were worked out before (with `lift`).
     """
 
     K: Float64[np.ndarray, "3 3"]
@@ -41,6 +46,12 @@ class Source:
     use: Bool[np.ndarray, "h w"] | None = None
     distant: bool = False
     carved: bool = False
+    lifted: Footprints | None = None
+
+
+def lift(source: Source) -> Source:
+    """The source with its footprints worked out, for one that is drawn again and again."""
+    return replace(source, lifted=footprints(_nearness(source), source.ids))
 
 
 @dataclass(frozen=True)
@@ -77,12 +88,14 @@ def render(
 ) -> Rendered:
     """Draw the sources' surfels as the camera `K`, `cam_to_world` of `size` (width, height) sees them.
 
-    The nearest surfel wins, but within `SAME_SURFACE` of its depth an earlier source keeps the pixel. A `carved`
+    The nearest surfel wins, but within `SAME_SURFACE` of its depth an earlier source keeps the pixel; and any source
+    comes before all that only reach past their outline or their own pixel. A `carved`
     source's surfel is dropped where `witness`, looking the same way at the same time, recorded something farther:
     what one can see through is not there.
     """
     width, height = size
     nearest = np.full((height, width), -1.0)
+    rank = np.zeros((height, width), np.int64)
     source = np.full((height, width), -1, np.int16)
     pixel = np.zeros((height, width), np.int32)
     target = _intrinsics(K)
@@ -93,9 +106,14 @@ def render(
         if each.carved and witness is not None:
             seen, lens = near_seen, _intrinsics(witness.K)
             back = _relative(cam_to_world, witness.cam_to_world)
+        near, whole = _nearness(each), each.lifted
+        prints = footprints(near, each.ids) if whole is None else whole
+        if each.use is not None:
+            near = np.where(each.use, near, -1.0)
         _draw(
-            _nearness(each), each.ids, _intrinsics(each.K), _relative(each.cam_to_world, cam_to_world),
-            target, index, seen, lens, back, nearest, source, pixel,
+            near, prints.slope, prints.edge, prints.line, _intrinsics(each.K),
+            _relative(each.cam_to_world, cam_to_world), _relative(cam_to_world, each.cam_to_world), target,
+            index, seen, lens, back, nearest, rank, source, pixel,
         )  # fmt: skip
     rgb = np.zeros((height, width, 3), np.float32)
     ids = np.zeros((height, width), np.int32)
@@ -126,44 +144,29 @@ def _relative(
 
 
 def _nearness(source: Source) -> Float64[np.ndarray, "h w"]:
-    """1/z of each pixel to draw: 0 is infinitely far, negative is not drawn."""
+    """1/z of each pixel: 0 is infinitely far, negative is not drawn."""
     known = np.isfinite(source.depth) & (source.depth > 0)
     absent = 0.0 if source.distant else -1.0
-    near = np.divide(
+    return np.divide(
         1.0, source.depth, out=np.full(known.shape, absent), where=known, dtype=np.float64
     )
-    return near if source.use is None else np.where(source.use, near, -1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _slope(near, ids, row, column, down, right):
-    """Change of 1/z per pixel along one axis, from the flatter side among neighbours of the same id.
-
-    The flatter side is the one that stays on the surface where a pixel lies at the edge of a step.
-    """
-    here = near[row, column]
-    best, limit = 0.0, MAX_SLOPE * here
-    for side in (-1, 1):
-        i, j = row + side * down, column + side * right
-        if not (0 <= i < near.shape[0] and 0 <= j < near.shape[1]):
-            continue
-        step = side * (near[i, j] - here)
-        if near[i, j] > 0.0 and ids[i, j] == ids[row, column] and abs(step) < limit:
-            best, limit = step, abs(step)
-    return best
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _draw(near, ids, lens, pose, target, index, seen, witness, back, nearest, source, pixel):
+@kernel
+def _draw(
+    near, slope, edge, line, lens, pose, home, target, index, seen, witness, back, nearest, rank, source, pixel
+):  # fmt: skip
     """Draw one source's surfels: rasterise each footprint, keep the nearest, leave out what was seen through."""
     height, width = nearest.shape
     x, y, w = np.empty(4), np.empty(4), np.empty(4)
     for row in range(near.shape[0]):
         for column in range(near.shape[1]):
-            here = near[row, column]
+            here, ends = near[row, column], edge[row, column]
             if here < 0.0:
                 continue
-            if not _corners(near, ids, row, column, lens, pose, target, x, y, w):
+            across, down = slope[row, column, 0], slope[row, column, 1]
+            half = HALF if ends == INSIDE else WIDE
+            if not _corners(here, across, down, half, row, column, lens, pose, target, x, y, w):
                 continue
             left, right = min(x[0], x[1], x[2], x[3]), max(x[0], x[1], x[2], x[3])
             top, bottom = min(y[0], y[1], y[2], y[3]), max(y[0], y[1], y[2], y[3])
@@ -180,44 +183,64 @@ def _draw(near, ids, lens, pose, target, index, seen, witness, back, nearest, so
                     if not _inside(u, v, x, y):
                         continue
                     hit = w[0] + dx * (u - x[0]) + dy * (v - y[0]) if here > 0.0 else 0.0
-                    held = nearest[v, u]
-                    if held >= 0.0 and source[v, u] != index:
-                        held *= 1.0 + SAME_SURFACE
-                    if hit < 0.0 or hit <= held or (here > 0.0 and hit == 0.0):
+                    if hit < 0.0 or (here > 0.0 and hit == 0.0):
+                        continue
+                    order = index
+                    if ends != INSIDE:
+                        p, q, _ = _map(u, v, hit, target, home, lens)
+                        if not _covers(p - column, q - row, ends, line[row, column]):
+                            if ends == BEFORE:
+                                continue
+                            order += BEYOND
+                    if not _wins(hit, order, nearest[v, u], rank[v, u]):
                         continue
                     if seen.size and _seen_through(u, v, hit, target, back, witness, seen):
                         continue
                     nearest[v, u] = hit
+                    rank[v, u] = order
                     source[v, u] = index
                     pixel[v, u] = row * near.shape[1] + column
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _corners(near, ids, row, column, lens, pose, target, x, y, w):
+@inlined
+def _covers(x, y, ends, line):
+    """Whether a surfel shows the point (x, y) pixels from its centre: within its outline, or in its own pixel."""
+    if ends == BEHIND:
+        return abs(x) <= HALF and abs(y) <= HALF
+    return line[0] * x + line[1] * y + line[2] >= 0.0
+
+
+@inlined
+def _wins(hit, order, held, rank):
+    """Whether 1/z = hit takes the pixel: it is nearer, or as near and comes earlier."""
+    if held < 0.0 or order == rank:
+        return hit > held
+    if order < rank:
+        return hit * (1.0 + SAME_SURFACE) > held
+    return hit > held * (1.0 + SAME_SURFACE)
+
+
+@kernel
+def _corners(here, across, down, half, row, column, lens, pose, target, x, y, w):
     """Target pixels and 1/z of a surfel's corners; False if one is behind the target camera or too near.
 
     Homogeneous: the point at pixel ray r and inverse depth w maps to R r + w t, which also holds at infinity and
     is affine in the pixel, so the corners are the centre's image plus or minus two steps.
     """
-    here = near[row, column]
-    across = along = 0.0
-    if here > 0.0:
-        across = HALF_FOOTPRINT * _slope(near, ids, row, column, 0, 1)
-        along = HALF_FOOTPRINT * _slope(near, ids, row, column, 1, 0)
     p, q = (column - lens[2]) / lens[0], (row - lens[3]) / lens[1]
-    dp, dq = HALF_FOOTPRINT / lens[0], HALF_FOOTPRINT / lens[1]
+    dp, dq = half / lens[0], half / lens[1]
     centre_x = pose[0, 0] * p + pose[0, 1] * q + pose[0, 2] + here * pose[0, 3]
     centre_y = pose[1, 0] * p + pose[1, 1] * q + pose[1, 2] + here * pose[1, 3]
     centre_z = pose[2, 0] * p + pose[2, 1] * q + pose[2, 2] + here * pose[2, 3]
     for corner in range(4):
         right = 1.0 if corner == 1 or corner == 2 else -1.0
-        down = 1.0 if corner >= 2 else -1.0
-        step = right * across + down * along
-        ahead = centre_z + right * dp * pose[2, 0] + down * dq * pose[2, 1] + step * pose[2, 3]
+        below = 1.0 if corner >= 2 else -1.0
+        step = half * (right * across + below * down)
+        ahead = centre_z + right * dp * pose[2, 0] + below * dq * pose[2, 1] + step * pose[2, 3]
         if here + step < 0.0 or not ahead > NEAR:
             return False
-        over = centre_x + right * dp * pose[0, 0] + down * dq * pose[0, 1] + step * pose[0, 3]
-        under = centre_y + right * dp * pose[1, 0] + down * dq * pose[1, 1] + step * pose[1, 3]
+        over = centre_x + right * dp * pose[0, 0] + below * dq * pose[0, 1] + step * pose[0, 3]
+        under = centre_y + right * dp * pose[1, 0] + below * dq * pose[1, 1] + step * pose[1, 3]
         scale = 1.0 / ahead
         x[corner] = target[0] * over * scale + target[2]
         y[corner] = target[1] * under * scale + target[3]
@@ -225,7 +248,7 @@ def _corners(near, ids, row, column, lens, pose, target, x, y, w):
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _inside(u, v, x, y):
     """Whether a pixel's centre lies in the quadrilateral (corners clockwise on screen)."""
     for a in range(4):
@@ -235,7 +258,7 @@ def _inside(u, v, x, y):
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _map(u, v, near, target, pose, lens):
     """Pixel (column, row) and depth ratio, in another camera, of the target's pixel (u, v) at 1/z = near."""
     p = (u - target[2]) / target[0]
@@ -246,7 +269,7 @@ def _map(u, v, near, target, pose, lens):
     return lens[0] * column / ahead + lens[2], lens[1] * row / ahead + lens[3], ahead
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _seen_through(u, v, near, target, back, witness, seen):
     """Whether the witness recorded something clearly farther where it would see this point."""
     column, row, ahead = _map(u, v, near, target, back, witness)
@@ -259,7 +282,7 @@ def _seen_through(u, v, near, target, back, witness, seen):
     return recorded * (1.0 + SAME_SURFACE) * ahead < near
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _cubic(offset, weights):
     """Catmull-Rom weights of the four pixels around a position (Keys 1981, a = -1/2)."""
     for k in range(4):
@@ -270,7 +293,7 @@ def _cubic(offset, weights):
             weights[k] = ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _colour(rgb, ids, lens, back, target, index, nearest, source, pixel, out, out_ids):
     """Look each pixel won by this source up where its point was recorded, blending only pixels of its own id."""
     across = np.empty(4)
@@ -291,16 +314,25 @@ def _colour(rgb, ids, lens, back, target, index, nearest, source, pixel, out, ou
             j, i = int(np.floor(x)), int(np.floor(y))
             _cubic(x - j, across)
             _cubic(y - i, along)
-            red = green = blue = 0.0
+            total = red = green = blue = 0.0
             for a in range(4):
                 for b in range(4):
                     r, c = i - 1 + a, j - 1 + b
                     if not (0 <= r < height and 0 <= c < width) or ids[r, c] != handle:
-                        r, c = row, column  # another thing's colour would make a halo
+                        continue  # another thing's colour would make a halo
                     weight = along[a] * across[b]
+                    total += weight
                     red += weight * rgb[r, c, 0]
                     green += weight * rgb[r, c, 1]
                     blue += weight * rgb[r, c, 2]
-            out[v, u, 0] = min(max(red / 255.0, 0.0), 1.0)
-            out[v, u, 1] = min(max(green / 255.0, 0.0), 1.0)
-            out[v, u, 2] = min(max(blue / 255.0, 0.0), 1.0)
+            if total < ENOUGH:
+                total, red, green, blue = (
+                    1.0,
+                    rgb[row, column, 0],
+                    rgb[row, column, 1],
+                    rgb[row, column, 2],
+                )
+            scale = 1.0 / (255.0 * total)
+            out[v, u, 0] = min(max(red * scale, 0.0), 1.0)
+            out[v, u, 1] = min(max(green * scale, 0.0), 1.0)
+            out[v, u, 2] = min(max(blue * scale, 0.0), 1.0)

@@ -14,6 +14,8 @@ from rpaug.scene.gaussians import Placement, moved, quaternions
 from rpaug.scene.refine import Twists, about, corrected, twist_of
 from rpaug.types import Body, Camera, Gaussians, Scene
 
+PARAMETERS = ("means", "opacities", "sh", "quats", "scales")
+
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
@@ -25,19 +27,35 @@ class FitSettings:
     train_frames: int = 40  # at most, spread over the episode; the frames between them are held out
     depth_weight: float = 3.0  # of squared relative depth error, beside squared colour error
     checked_frames: int = 16  # at most, of those trained on and of those held out each
-    last_rate: float = 0.03  # share of the rates left at the end (cosine schedule)
+    whole: float = (
+        0.4  # share of the steps that look at whole views; the others at moving things only
+    )
+    last_rate: float = 0.03  # share of the rates left at the end of either (cosine schedule)
     refine: bool = True  # let tracks and moving cameras give way
-    rates: Rates = field(default_factory=lambda: Rates(means=0.05, quats=6e-3))
+    rates: Rates = field(default_factory=lambda: Rates(means=0.08, quats=1e-2))
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One recorded view, ready to be compared: colours in 0..1, depth in metres or 0."""
+    """A recorded view or a window of it, ready to be compared: colours in 0..1, depth in metres or 0.
+
+    `corner` is the window's first (column, row).
+    """
 
     camera: str
     t: int
     rgb: Float32[np.ndarray, "h w 3"]
     depth: Float32[np.ndarray, "h w"]
+    corner: tuple[int, int] = (0, 0)
+
+    def window(self, rows: slice, columns: slice) -> "Shot":
+        """A part of it."""
+        return replace(
+            self,
+            rgb=np.ascontiguousarray(self.rgb[rows, columns]),
+            depth=np.ascontiguousarray(self.depth[rows, columns]),
+            corner=(columns.start, rows.start),
+        )
 
 
 @dataclass(frozen=True)
@@ -64,6 +82,9 @@ class Descent:
             if (body.to_world != np.eye(4)).any()
             and len(rows := np.flatnonzero(np.isin(begun.ids, list(body.handles))))
         ]
+        self._still = np.ones(len(begun), bool)
+        for _, rows in self._moving:
+            self._still[rows] = False
         self._middles = [np.median(begun.means[rows], 0).astype(float) for _, rows in self._moving]
         self._twists = [
             Twists.of(trained, float(np.linalg.norm(begun.means[rows] - middle, axis=-1).mean()))
@@ -82,14 +103,28 @@ class Descent:
             name: Twists.of(trained, reach) for name, camera in cameras.items() if not camera.fixed
         }
 
-    def step(self, shots: Sequence[Shot], factor: float, pool: ThreadPoolExecutor) -> None:
-        """One step, every rate times `factor`. Views are worked on side by side and summed in order."""
+    def step(
+        self,
+        shots: Sequence[Shot],
+        factor: float,
+        pool: ThreadPoolExecutor,
+        *,
+        moving_only: bool = False,
+    ) -> None:
+        """One step, every rate times `factor`. Views are worked on side by side and summed in order.
+
+        With `moving_only`, what stands still is left as it is: windows show too little of it.
+        """
         jobs = [
             pool.submit(self._look, worker, shot)
             for worker, shot in zip(self._workers, shots, strict=True)
         ]
         pulls = [job.result() for job in jobs]
-        self._adam.step(_mean([pull.gradients for pull in pulls]), factor)
+        gradients = _mean([pull.gradients for pull in pulls])
+        if moving_only:
+            for name in PARAMETERS:
+                getattr(gradients, name)[self._still] = 0.0
+        self._adam.step(gradients, factor)
         if self._settings.refine:
             for shot, pull in zip(shots, pulls, strict=True):
                 self._give_way(shot, pull, factor)
@@ -98,7 +133,10 @@ class Descent:
         camera, t = self._camera(shot.camera), shot.t
         placed = self._placement.place(self._adam.splats, t)
         pose = geometry.inverse(self._poses[shot.camera][t])
-        view = View(camera.K, pose, camera.width, camera.height)
+        K = camera.K.copy()
+        K[:2, 2] -= shot.corner
+        height, width = shot.depth.shape
+        view = View(K, pose, width, height)
         rasteriser.forward(placed, view, surface=False)
         _, _, gradients = rasteriser.backward_squared_error(
             shot.rgb, None, shot.depth, self._settings.depth_weight
@@ -175,7 +213,7 @@ def _with(gaussians: Gaussians, rows: np.ndarray, motion: Float64[np.ndarray, "4
 def _mean(several: Sequence[Gradients]) -> Gradients:
     """The mean, summed in the order of the batch: threads do not change it."""
     first, *rest = several
-    for name in ("means", "opacities", "sh", "quats", "scales"):
+    for name in PARAMETERS:
         total = getattr(first, name)
         for other in rest:
             total += getattr(other, name)

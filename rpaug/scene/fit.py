@@ -18,6 +18,8 @@ from rpaug.scene.sampling import frames
 from rpaug.scene.seeds import seeds
 from rpaug.types import Body, Gaussians, Scene
 
+MARGIN = 6  # pixels kept around moving things
+
 Progress = Callable[[float], None]
 
 
@@ -63,11 +65,18 @@ def fit(
     trained = frames(scene.episode.length, settings.train_frames)
     shots = [_shot(scene, name, t) for t in trained for name in scene.episode.views]
     descent = Descent(begun, scene, trained, settings)
+    # What stands still is soon shown as well as it can be; moving things have each pose to themselves.
+    windows = [window for shot in shots if (window := _moving_part(scene, shot))]
+    whole = round(settings.whole * settings.steps) if windows else settings.steps
+    rng, done = np.random.default_rng(seed), 0
     with ThreadPoolExecutor(settings.threads) as pool:
-        for step, batch in enumerate(_batches(len(shots), settings, seed)):
-            descent.step([shots[i] for i in batch], _cosine(step, settings), pool)
-            if progress and step % 25 == 0:
-                progress(step / settings.steps)
+        for views, steps in ((shots, whole), (windows, settings.steps - whole)):
+            for step, batch in enumerate(_batches(views, steps, settings.batch, rng)):
+                rate = _cosine(step / steps, settings.last_rate)
+                descent.step(batch, rate, pool, moving_only=views is windows)
+                done += 1
+                if progress and done % 25 == 0:
+                    progress(done / settings.steps)
     gaussians, bodies, drift = descent.result()
     shown = replace(scene, gaussians=gaussians, bodies=bodies, drift=drift)
     return gaussians, _judge(shown, trained, settings, seed, start)
@@ -95,20 +104,37 @@ def _shot(scene: Scene, name: str, t: int) -> Shot:
     return Shot(name, t, view.rgb(t).astype(np.float32) / 255, depth)
 
 
-def _batches(count: int, settings: FitSettings, seed: int) -> Iterator[list[int]]:
-    """Numbers of views, each as often as any other, in random order."""
-    rng = np.random.default_rng(seed)
+def _moving_part(scene: Scene, shot: Shot) -> Shot | None:
+    """The window of a fixed camera's view that holds all moving things; a moving camera's view as it is."""
+    view = scene.episode.views[shot.camera]
+    if not view.camera.fixed or view.ids is None:
+        return shot
+    still = [h for body in scene.bodies if body.motion == "static" for h in body.handles]
+    rows, columns = np.nonzero(~np.isin(view.ids(shot.t), still))
+    if not len(rows):
+        return None
+    top, left = max(rows.min() - MARGIN, 0), max(columns.min() - MARGIN, 0)
+    return shot.window(
+        slice(int(top), int(rows.max()) + MARGIN + 1),
+        slice(int(left), int(columns.max()) + MARGIN + 1),
+    )
+
+
+def _batches(
+    shots: Sequence[Shot], steps: int, size: int, rng: np.random.Generator
+) -> Iterator[list[Shot]]:
+    """Views for each step, every one as often as any other, in random order."""
     order: list[int] = []
-    for _ in range(settings.steps):
-        if len(order) < settings.batch:
-            order += rng.permutation(count).tolist()
-        yield order[: settings.batch]
-        order = order[settings.batch :]
+    for _ in range(steps):
+        while len(order) < size:
+            order += rng.permutation(len(shots)).tolist()
+        yield [shots[i] for i in order[:size]]
+        order = order[size:]
 
 
-def _cosine(step: int, settings: FitSettings) -> float:
-    wave = 0.5 * (1 + np.cos(np.pi * step / settings.steps))
-    return float(settings.last_rate + (1 - settings.last_rate) * wave)
+def _cosine(done: float, last: float) -> float:
+    """From 1 to `last` as `done` goes from 0 to 1 (Loshchilov and Hutter 2017)."""
+    return float(last + (1 - last) * 0.5 * (1 + np.cos(np.pi * done)))
 
 
 def _judge(

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64, Int
+from jaxtyping import Float64, Int
 
 from rpaug import geometry
 from rpaug.render.splat import Gradients, Splats
@@ -80,26 +80,17 @@ def twist_of(
     """Derivative of the loss by a twist of some placed splats about `middle`, world axes."""
     assert placed.quats is not None
     assert gradients.quats is not None
-    pull = gradients.means[rows].astype(np.float64)
-    arm = placed.means[rows].astype(np.float64) - middle
-    turn = np.cross(arm, pull).sum(0)
-    turn += _spin(placed.quats[rows], gradients.quats[rows])
-    return np.concatenate([turn, pull.sum(0)])
-
-
-def _spin(
-    quats: Float32[np.ndarray, "m 4"], pull: Float32[np.ndarray, "m 4"]
-) -> Float[np.ndarray, "3"]:
-    """The part of a turn's derivative that goes through the splats' own rotations: dq = (0, w) q / 2."""
-    w, x, y, z = quats.T.astype(np.float64)
-    a, b, c, d = pull.T.astype(np.float64)
-    return 0.5 * np.array(
-        [
-            (-a * x + b * w - c * z + d * y).sum(),
-            (-a * y + b * z + c * w - d * x).sum(),
-            (-a * z - b * y + c * x + d * w).sum(),
-        ]
-    )
+    pull = gradients.means[rows]
+    arm = placed.means[rows] - middle.astype(placed.means.dtype)
+    # Sums of products as small matrix products: many times faster than the cross products they stand for.
+    lever = (arm.T @ pull).astype(np.float64)
+    spin = (placed.quats[rows].T @ gradients.quats[rows]).astype(np.float64)
+    turn = [
+        lever[1, 2] - lever[2, 1] + 0.5 * (spin[0, 1] - spin[1, 0] + spin[2, 3] - spin[3, 2]),
+        lever[2, 0] - lever[0, 2] + 0.5 * (spin[0, 2] - spin[2, 0] + spin[3, 1] - spin[1, 3]),
+        lever[0, 1] - lever[1, 0] + 0.5 * (spin[0, 3] - spin[3, 0] + spin[1, 2] - spin[2, 1]),
+    ]
+    return np.concatenate([turn, pull.sum(0, dtype=np.float64)])
 
 
 def corrected(

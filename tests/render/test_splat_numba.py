@@ -9,7 +9,7 @@ from splat_cases import NAMES, assert_close, draw, gradients, pulls, relative, s
 
 from rpaug.errors import Unsupported
 from rpaug.render.splat import Rasteriser, Settings, Splats, View, _compositing, _reference
-from rpaug.render.splat._projection import COLUMN, HALF_WIDTH, L11, L22, OPACITY, ROW
+from rpaug.render.splat._pinhole import COLUMN, HALF_WIDTH, L11, L22, OPACITY, ROW
 
 
 def posed(at: View) -> View:

@@ -103,9 +103,9 @@ def fitted(placed: tuple[World, Scene]) -> tuple[World, Scene, float]:
 
 
 def test_a_fit_shows_the_recorded_views(fitted: tuple[World, Scene, float]) -> None:
-    """The flat init alone gives about 22 dB; every view must gain on that."""
+    """The flat init alone gives about 22 dB; a short fit 40 on average."""
     world, scene, train_db = fitted
-    assert train_db > 27
+    assert train_db > 33
     for t in (0, 14, len(world.gripper) - 1):
         rgb, depth, ids = gaussian_view.render_view(scene, "left", t)
         view = scene.episode.views["left"]
@@ -113,7 +113,8 @@ def test_a_fit_shows_the_recorded_views(fitted: tuple[World, Scene, float]) -> N
         assert view.ids is not None
         assert psnr(rgb, view.rgb(t)) > 24
         assert (ids != view.ids(t)).mean() < 0.06  # pixels on outlines
-        assert np.median(np.abs(depth - view.depth(t))) < 0.004
+        # A third of a pixel's footprint: what the centre of a flat Gaussian may move unnoticed.
+        assert np.median(np.abs(depth - view.depth(t))) < 0.008
 
 
 def test_depth_and_handle_are_those_of_one_surface(fitted: tuple[World, Scene, float]) -> None:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from rpaug.render.jit import inlined, kernel
-from rpaug.render.splat._projection import COLUMN, HALF_WIDTH, ROW, half_size
+from rpaug.render.splat._pinhole import COLUMN, HALF_WIDTH, ROW, half_size
 from rpaug.render.splat._simd import next_ticket
 
 SHORT = 24  # entries: up to here insertion sort is the fastest

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rpaug.render.jit import inlined, kernel
-from rpaug.render.splat._projection import (
+from rpaug.render.splat._pinhole import (
     COLUMN,
     FARTHEST,
     L11,

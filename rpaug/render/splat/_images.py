@@ -3,7 +3,7 @@
 import numpy as np
 
 from rpaug.render.jit import kernel
-from rpaug.render.splat._projection import DEPTH_CHANNEL
+from rpaug.render.splat._pinhole import DEPTH_CHANNEL
 
 SMALLEST_ALPHA = 1e-10  # expected depth is D / max(A, this): 0 where nothing is drawn
 HALF_COVERED = 0.5  # alpha from which a pixel's expected depth is compared with a measured one

@@ -4,8 +4,15 @@ import numpy as np
 from jaxtyping import Float32
 
 from rpaug.errors import Unsupported
-from rpaug.render.splat import _binning, _compositing, _images, _projection
-from rpaug.render.splat._projection import DEPTH_CHANNEL, MOMENTS
+from rpaug.render.splat import (
+    _binning,
+    _compositing,
+    _images,
+    _pinhole,
+    _projection,
+    _projection_backward,
+)
+from rpaug.render.splat._pinhole import DEPTH_CHANNEL, MOMENTS
 from rpaug.render.splat._simd import WIDTH
 from rpaug.render.splat._threads import ranges, together
 from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
@@ -135,7 +142,7 @@ class Rasteriser:
             plain(splats.covariances, 6),
             plain(features, 0),
         )
-        self._eye = _projection.pinhole(view, self.settings)
+        self._eye = _pinhole.pinhole(view, self.settings)
         self._channels = channel_count(features.shape[1])
         self._background = np.array(np.broadcast_to(background, 3), np.float32)
 
@@ -259,7 +266,7 @@ class Rasteriser:
             motion,
         )
         parts = ranges(len(self._splats), self.threads)
-        together(_projection.project_backward, [(*part, *given) for part in parts])
+        together(_projection_backward.project_backward, [(*part, *given) for part in parts])
         means, opacities, sh, quats, scales, covariances, features = results
         shaped = self._splats.covariances is None
         return Gradients(

@@ -1,0 +1,135 @@
+"""What a recorded pixel's surfel covers: its slope, and where inside the pixel an outline ends it.
+
+A pixel shows one thing, but the outline between two things passes somewhere between their pixels. The staircase of
+pixels along it tells where: the share of pixels around that show the near thing, and the direction they lie in, fix a
+straight line to a fraction of a pixel. The near thing's surfels end at that line, and the far thing's go on behind.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int8, Int32
+
+from rpaug.render.jit import inlined, kernel
+
+HALF = 0.52  # pixels: a pixel's own 0.5 and a little more, so that rounding leaves no gap
+WIDE = 0.8  # pixels: how far a surfel at an outline may reach, short of the next pixel's centre
+MAX_SLOPE = 0.08  # of 1/z per pixel: steeper is a step between two surfaces, not a plane
+STEP = 0.006  # of 1/z: a neighbour off the plane by this lies before or behind it
+BEND = 0.03  # of 1/z per pixel: what a surface of one id may curve away from the plane
+RADIUS, SPREAD = 3, 1.2  # pixels around that tell where an outline runs, and their Gaussian weight
+INNERMOST = 0.02  # pixels between a pixel's centre and its outline, at least
+MOST = 0.9  # of the pixels around, either way: with more the erf's inverse is all rounding
+
+INSIDE, BEHIND, TOUCHING, BEFORE = 0, 1, 2, 3
+
+
+@dataclass(frozen=True)
+class Footprints:
+    """Per pixel: `slope` of 1/z across and down, per pixel; `edge`, how the surfel ends; `line` (a, b, c).
+
+    `edge` is INSIDE a surface, BEHIND a nearer neighbour, TOUCHING another thing at the same depth, or BEFORE a
+    farther neighbour. The last two have an outline: (x, y) pixels from the pixel's centre is within it where
+    a x + b y + c >= 0.
+    """
+
+    slope: Float64[np.ndarray, "h w 2"]
+    edge: Int8[np.ndarray, "h w"]
+    line: Float64[np.ndarray, "h w 3"]
+
+
+def footprints(near: Float64[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"]) -> Footprints:
+    """Footprints of an image of 1/z (0: infinitely far, negative: not known) and instance handles."""
+    slope, line = np.zeros((*near.shape, 2)), np.zeros((*near.shape, 3))
+    edge = np.zeros(near.shape, np.int8)
+    _footprints(near, ids, slope, edge, line)
+    return Footprints(slope, edge, line)
+
+
+@kernel
+def _footprints(near, ids, slope, edge, line):
+    for row in range(near.shape[0]):
+        for column in range(near.shape[1]):
+            if near[row, column] <= 0.0:
+                continue
+            across = _slope(near, ids, row, column, 0, 1)
+            down = _slope(near, ids, row, column, 1, 0)
+            slope[row, column, 0], slope[row, column, 1] = across, down
+            edge[row, column] = _edge(near, ids, row, column, across, down)
+            if edge[row, column] >= TOUCHING:
+                a, b, c = _outline(near, ids, row, column, across, down)
+                line[row, column, 0], line[row, column, 1], line[row, column, 2] = a, b, c
+
+
+@inlined
+def _slope(near, ids, row, column, down, right):
+    """Change of 1/z per pixel along one axis, from the flatter side among neighbours of the same id.
+
+    The flatter side is the one that stays on the surface where a pixel lies at the edge of a step.
+    """
+    here = near[row, column]
+    best, limit = 0.0, MAX_SLOPE * here
+    for side in (-1, 1):
+        i, j = row + side * down, column + side * right
+        if 0 <= i < near.shape[0] and 0 <= j < near.shape[1]:
+            step = side * (near[i, j] - here)
+            if near[i, j] > 0.0 and ids[i, j] == ids[row, column] and abs(step) < limit:
+                best, limit = step, abs(step)
+    return best
+
+
+@inlined
+def _edge(near, ids, row, column, across, down):
+    """How the surfel ends, from its eight neighbours."""
+    here = near[row, column]
+    found = INSIDE
+    for i in range(max(0, row - 1), min(near.shape[0], row + 2)):
+        for j in range(max(0, column - 1), min(near.shape[1], column + 2)):
+            off = near[i, j] - (here + across * (j - column) + down * (i - row))
+            if near[i, j] < 0.0 or (ids[i, j] == ids[row, column] and abs(off) < BEND * here):
+                continue
+            if off <= -STEP * here:
+                found = max(found, BEFORE)
+            elif off < STEP * here:
+                found = max(found, TOUCHING)
+            else:
+                found = max(found, BEHIND)
+    return found
+
+
+@kernel
+def _outline(near, ids, row, column, across, down):
+    """The straight line between this surface and what lies behind or beside it; nearer things tell nothing.
+
+    Under Gaussian weights the share of a half-plane is erf(c / sqrt(2) SPREAD) for a line at distance c.
+    """
+    here = near[row, column]
+    total = share = x_share = y_share = 0.0
+    for i in range(max(0, row - RADIUS), min(near.shape[0], row + RADIUS + 1)):
+        for j in range(max(0, column - RADIUS), min(near.shape[1], column + RADIUS + 1)):
+            x, y = j - column, i - row
+            off = near[i, j] - (here + across * x + down * y)
+            bend = BEND * here * (1 + max(abs(x), abs(y)))
+            side = 1.0 if ids[i, j] == ids[row, column] and abs(off) < bend else -1.0
+            if near[i, j] < 0.0 or (side < 0.0 and off >= STEP * here):
+                continue
+            weight = math.exp(-0.5 * (x * x + y * y) / SPREAD**2)
+            total += weight
+            share += weight * side
+            x_share += weight * side * x
+            y_share += weight * side * y
+    size = math.hypot(x_share, y_share)
+    if size < 1e-9 * total:
+        return 0.0, 0.0, HALF  # the same on all sides
+    share = min(max(share / total, -MOST), MOST)
+    away = math.sqrt(2.0) * SPREAD * _inverse_erf(share)
+    return x_share / size, y_share / size, max(away, INNERMOST)
+
+
+@inlined
+def _inverse_erf(share):
+    """To 2e-3 (Winitzki 2008)."""
+    log = math.log(1.0 - share * share)
+    half = 2.0 / (math.pi * 0.147) + 0.5 * log
+    return math.copysign(math.sqrt(math.sqrt(half * half - log / 0.147) - half), share)
