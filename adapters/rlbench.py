@@ -22,7 +22,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32, UInt8
+from jaxtyping import Float32, Float64, Int32
 from rpaug_adapters._pickles import Demo, Observation, dump, load
 
 from rpaug import Adapter, BadInput, Camera, CameraView, Episode, Robot, Side
@@ -63,9 +63,14 @@ class RLBench(Adapter):
     name: ClassVar[str] = "rlbench"
 
     def episodes(self, root: Path) -> Sequence[str]:
-        keys = []
-        for folder, subfolders, files in os.walk(root):
+        keys, seen = [], set()
+        for folder, subfolders, files in os.walk(root, followlinks=True, onerror=_unreadable):
             here = Path(folder)
+            true = here.resolve()
+            if true in seen:  # a link that leads back
+                subfolders.clear()
+                continue
+            seen.add(true)
             if LOW_DIM in files or (EPISODE.search(here.name) and here != root):
                 keys.append(here.relative_to(root).as_posix())
                 subfolders.clear()
@@ -95,7 +100,7 @@ class RLBench(Adapter):
             else:
                 _copy_unknown(recorded, episode, work)
                 files = {LOW_DIM: dump(_edited_demo(recorded, episode))}
-                if episode.descriptions != recorded.descriptions:
+                if episode.descriptions != recorded.descriptions or _nowhere(recorded, root, key):
                     files[DESCRIPTIONS] = dump(list(episode.descriptions))
             _write_images(episode, recorded, work)
             for name, data in (files | dict(side())).items():
@@ -107,12 +112,30 @@ class RLBench(Adapter):
     def finish(self, source: Path, target: Path) -> None:
         """Descriptions that upstream RLBench keeps beside the `episodes` folder."""
         for key in self.episodes(target):
-            beside = (target / key).parent.parent / DESCRIPTIONS
-            recorded = (
-                source / beside.relative_to(target) if beside.is_relative_to(target) else beside
-            )
-            if recorded.is_file() and not beside.exists():
-                shutil.copyfile(recorded, beside)
+            beside = _beside(key)
+            if beside and (source / beside).is_file() and not (target / beside).exists():
+                shutil.copyfile(source / beside, target / beside)
+
+
+def _unreadable(error: OSError) -> None:
+    raise BadInput(
+        str(error.filename), "folder", found=error.strerror, expected="a readable folder"
+    )
+
+
+def _beside(key: str) -> str | None:
+    """Where upstream RLBench keeps an episode's descriptions, if that lies within the dataset's root."""
+    parts = PurePosixPath(key).parts
+    return PurePosixPath(*parts[:-2], DESCRIPTIONS).as_posix() if len(parts) > 2 else None
+
+
+def _nowhere(recorded: Recorded, root: Path, key: str) -> bool:
+    """Whether descriptions came from outside the episode and `finish` has no place for them in the target."""
+    return (
+        bool(recorded.descriptions)
+        and not (recorded.folder / DESCRIPTIONS).is_file()
+        and not _beside(key)
+    )
 
 
 def _natural(key: str) -> list[tuple[int, str]]:
@@ -125,9 +148,8 @@ def _natural(key: str) -> list[tuple[int, str]]:
 def _observations(path: Path, demo: Any) -> list[Observation]:
     observations = getattr(demo, "_observations", None)
     if not isinstance(demo, Demo) or not isinstance(observations, list) or not observations:
-        raise BadInput(
-            path, "_observations", found=type(demo).__name__, expected="a Demo with observations"
-        )
+        found = "none" if isinstance(demo, Demo) else f"no demo but a {type(demo).__name__}"
+        raise BadInput(path, "_observations", found=found, expected="a Demo with observations")
     for t, observation in enumerate(observations):
         if not isinstance(observation, Observation) or not isinstance(
             getattr(observation, "misc", None), dict
@@ -166,6 +188,10 @@ def _number(
     path: Path, t: int, field: str, value: Any, shape: tuple[int, ...]
 ) -> Float64[np.ndarray, "..."]:
     """A finite float array of the given shape (-1: any), or BadInput."""
+    if value is None:
+        raise BadInput(
+            path, f"observation {t}, {field}", found="nothing", expected=f"numbers of shape {shape}"
+        )
     try:
         array = np.asarray(value, np.float64)
     except (TypeError, ValueError):
@@ -220,6 +246,16 @@ def _misc(
 
 def _robot(path: Path, observations: list[Observation]) -> Robot:
     pose = _track(path, observations, "gripper_pose", (7,))
+    length = np.linalg.norm(pose[:, 3:], axis=1)
+    if (np.abs(length - 1) > 1e-2).any():
+        t = int(np.abs(length - 1).argmax())
+        where = f"observation {t}, gripper_pose"
+        raise BadInput(
+            path,
+            where,
+            found=f"a quaternion of length {length[t]:.3g}",
+            expected="a unit quaternion",
+        )
     extra = {
         name: _track(path, observations, name, (-1,))
         for name in EXTRAS
@@ -238,28 +274,26 @@ def _view(folder: Path, name: str, observations: list[Observation]) -> CameraVie
     path, length = folder / LOW_DIM, len(observations)
     K = _misc(path, observations, f"{name}_camera_intrinsics", (3, 3))
     for t, i in ((t, i) for t in range(length) for i in range(2) if K[t, i, i] == 0):
+        where = f"observation {t}, misc['{name}_camera_intrinsics']"
         raise BadInput(
-            path,
-            f"observation {t}, misc['{name}_camera_intrinsics']",
-            found=f"focal length 0 at [{i}, {i}]",
-            expected="a focal length that is not zero",
+            path, where, found=f"focal length 0 at [{i}, {i}]", expected="one that is not zero"
         )
-    if not (K[0] == K).all():
+    if not (K[0] == K).all() or K[0, 0, 0] * K[0, 1, 1] < 0:
+        where = f"misc['{name}_camera_intrinsics']"
         raise BadInput(
             path,
-            f"misc['{name}_camera_intrinsics']",
-            found="a zoom during the episode",
+            where,
+            found="a zoom, or focal lengths of two signs",
             expected="constant intrinsics",
         )
     extrinsics = _misc(path, observations, f"{name}_camera_extrinsics", (4, 4))
     turn = extrinsics[:, :3, :3]
     wrong = np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max((1, 2)) > 1e-3
+    wrong |= (np.linalg.det(turn) < 0) | (extrinsics[:, 3] != [0, 0, 0, 1]).any(1)
     if wrong.any():
+        where = f"observation {int(wrong.argmax())}, misc['{name}_camera_extrinsics']"
         raise BadInput(
-            path,
-            f"observation {int(wrong.argmax())}, misc['{name}_camera_extrinsics']",
-            found="no rotation matrix",
-            expected="a rigid camera-to-world pose",
+            path, where, found="no rigid motion", expected="a rotation and a shift, camera to world"
         )
     near = _misc(path, observations, f"{name}_camera_near", ())
     far = _misc(path, observations, f"{name}_camera_far", ())
@@ -272,7 +306,7 @@ def _view(folder: Path, name: str, observations: list[Observation]) -> CameraVie
     has = {kind: (folder / f"{name}_{kind}").is_dir() for kind in KINDS}
     return CameraView(
         camera=Camera(intrinsics, extrinsics @ FLIP, *size),
-        rgb=lambda t: _rgb(folder / f"{name}_rgb" / f"{t}.png"),
+        rgb=lambda t: decode_png(folder / f"{name}_rgb" / f"{t}.png"),
         depth=(lambda t: _metres(_code(folder / f"{name}_depth" / f"{t}.png"), near[t], far[t]))
         if has["depth"]
         else None,
@@ -283,7 +317,7 @@ def _view(folder: Path, name: str, observations: list[Observation]) -> CameraVie
 
 
 def _check_images(folder: Path, name: str, length: int) -> tuple[int, int]:
-    """(width, height) of one camera's images after every one of them was found whole."""
+    """(width, height) of one camera's images after every one of them was found whole and of its kind."""
     size = None
     for kind in KINDS:
         images = folder / f"{name}_{kind}"
@@ -292,28 +326,22 @@ def _check_images(folder: Path, name: str, length: int) -> tuple[int, int]:
         count = sum(entry.name.endswith(".png") for entry in os.scandir(images))
         for t in range(length):
             path = images / f"{t}.png"
-            here = check_png(path, read_bytes(path))
+            header = check_png(path, read_bytes(path))
+            if header.bits != 8 or (kind != "mask" and header.channels != 3):
+                wanted = "8 bits, 1 or 3 channels" if kind == "mask" else "8 bits, 3 channels"
+                found = f"{header.bits} bits, {header.channels} channel(s)"
+                raise BadInput(path, "kind of image", found=found, expected=wanted)
+            here = header.width, header.height
             size = size or here
             if here != size:
-                raise BadInput(
-                    path,
-                    "size",
-                    found=f"{here[0]}x{here[1]}",
-                    expected=f"{size[0]}x{size[1]} as in the camera's first image",
-                )
+                first = f"{size[0]}x{size[1]} as in the camera's first image"
+                raise BadInput(path, "size", found=f"{here[0]}x{here[1]}", expected=first)
         if count != length:
             raise BadInput(
                 images, "frames", found=f"{count} images", expected=f"{length}, as {LOW_DIM} holds"
             )
     assert size is not None  # the rgb folder exists and length >= 1
     return size
-
-
-def _rgb(path: Path) -> UInt8[np.ndarray, "h w 3"]:
-    image = decode_png(path)
-    if image.ndim != 3:
-        raise BadInput(path, "channels", found="1", expected="3")
-    return image
 
 
 def _code(path: Path, low_first: bool = False) -> Int32[np.ndarray, "h w"]:

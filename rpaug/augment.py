@@ -3,8 +3,9 @@
 import json
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -16,12 +17,59 @@ from rpaug.interfaces import Adapter
 from rpaug.pipeline import ORIGINAL, Job
 from rpaug.recipe import Recipe
 
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is asked for: `recipe` on the dataset `source`, written to `target`, shown at `tier` at least."""
+
+    source: Path
+    recipe: Recipe
+    target: Path
+    tier: int = 0
+    scenes: Path | None = None  # a store of fitted scenes
+
+    @cached_property
+    def adapter(self) -> Adapter:
+        """The adapter of the dataset's layout. Raises BadInput."""
+        return registry.adapter_for(self.source)
+
+    @cached_property
+    def keys(self) -> list[str]:
+        """The selected episodes. Raises BadInput if there are none."""
+        every = self.adapter.episodes(self.source)
+        keys = self.recipe.select(every)
+        if not keys:
+            known = f"{', '.join(every[:5])}{', ...' if len(every) > 5 else ''}"
+            raise BadInput(
+                self.source,
+                "select",
+                found="no episode that matches",
+                expected=f"patterns for: {known}",
+            )
+        return keys
+
+    @property
+    def copies(self) -> range:
+        """The copy numbers of each episode, the original's among them if it is kept."""
+        first = ORIGINAL if self.recipe.keep_originals else ORIGINAL + 1
+        return range(first, self.recipe.copies + 1)
+
+    @property
+    def marker(self) -> dict[str, Any]:
+        """What tells one run's output from another's."""
+        return {
+            "dataset": str(self.source.resolve()),
+            "tier": self.tier,
+            "recipe": self.recipe.source,
+        }
+
 
 @dataclass
 class Summary:
-    """What a run did, as `rpaug.summary.json` stores it."""
+    """What a run came to, over all that is in the output folder now."""
 
-    episodes: int = 0
     copies: int = 0
     resumed: int = 0
     failures: dict[str, str] = field(default_factory=dict)
@@ -31,145 +79,164 @@ class Summary:
 
     @property
     def exit_code(self) -> int:
-        """0: all done; 1: some episodes were skipped; 2: nothing could be made."""
+        """0: all done; 1: some episodes were skipped; 2: nothing was made."""
         if not self.failures and not self.aborted:
             return 0
-        return 1 if self.copies + self.resumed and not self.aborted else 2
+        return 1 if self.copies else 2
 
 
-def jobs(
-    adapter: Adapter,
-    source: Path,
-    target: Path,
-    recipe: Recipe,
-    tier: int,
-    done: dict[str, tuple[str, int]],
-    scenes: Path | None = None,
-) -> list[Job]:
+def check(run: Run, resume: bool = False) -> None:
+    """See that a run may start. Raises BadInput."""
+    assert run.keys  # raises for a dataset that is none, or a selection that is empty
+    if run.target.resolve().is_relative_to(run.source.resolve()):
+        raise BadInput(
+            run.target, "--out", found="a path inside the dataset", expected="a path outside it"
+        )
+    if not run.target.exists():
+        return
+    if not resume:
+        raise BadInput(
+            run.target, "--out", found="something there already", expected="a new path, or --resume"
+        )
+    path = run.target / report.SUMMARY
+    try:
+        described = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        raise BadInput(
+            path, "--resume", found="no run of rpaug here", expected="the --out of a stopped run"
+        ) from None
+    for name, value in run.marker.items():
+        if not isinstance(described, dict) or described.get(name) != value:
+            raise BadInput(path, name, found=f"another {name}", expected="the one being resumed")
+
+
+def execute(
+    run: Run,
+    *,
+    workers: int = 1,
+    resume: bool = False,
+    progress: Progress = lambda done, total: None,
+) -> Summary:
+    """Augment a dataset. Raises BadInput for what is wrong before the first episode.
+
+    A bad episode among good ones is skipped and named in the summary. Every finished episode appears by one rename,
+    so a killed run leaves only whole ones and can be resumed. If nothing could be made, nothing is left behind.
+    """
+    check(run, resume)
+    made_folders = _missing(run.target)
+    write_atomic(run.target / report.SUMMARY, report.encode(run.marker))
+    _sweep(run.target)
+    done = {key: (one["source"], one["copy"]) for key, one in _reports(run).items()}
+    todo = jobs(run, done)
+    summary = Summary(resumed=len(done))
+    total, written = sum(len(job.copies) for job in todo), 0
+    progress(0, total)
+    for outcome in local.run(todo, workers):
+        written += len(outcome.reports)
+        if outcome.fatal:
+            summary.aborted = outcome.error
+        elif outcome.error:
+            summary.failures[outcome.job.key] = outcome.error
+        progress(written, total)
+    if run.adapter.episodes(run.target):
+        _close_gaps(run)
+        run.adapter.finish(run.source, run.target)
+        _total(summary, run)
+        write_atomic(run.target / report.SUMMARY, report.encode(vars(summary) | run.marker))
+    elif made_folders:
+        shutil.rmtree(made_folders[-1], ignore_errors=True)
+    return summary
+
+
+def jobs(run: Run, done: dict[str, tuple[str, int]]) -> list[Job]:
     """One job per source episode: its missing copies and the keys they get, numbered from 0 in each group.
 
     `done` maps keys already in the target to (source key, copy).
     """
-    selected = recipe.select(adapter.episodes(source))
-    first = ORIGINAL if recipe.keep_originals else ORIGINAL + 1
     finished = set(done.values())
-    wanted = [(copy, key) for copy in range(first, recipe.copies + 1) for key in selected]
     free: dict[str, int] = {}
-    copies: dict[str, list[tuple[int, str]]] = {key: [] for key in selected}
-    for copy, key in wanted:
-        if (key, copy) in finished:
-            continue
-        group = PurePosixPath(adapter.key_at(key, 0)).parent.as_posix()
-        while adapter.key_at(key, free.setdefault(group, 0)) in done:
+    copies: dict[str, list[tuple[int, str]]] = {key: [] for key in run.keys}
+    for copy in run.copies:
+        for key in run.keys:
+            if (key, copy) in finished:
+                continue
+            group = _group(run.adapter, key)
+            while run.adapter.key_at(key, free.setdefault(group, 0)) in done:
+                free[group] += 1
+            copies[key].append((copy, run.adapter.key_at(key, free[group])))
             free[group] += 1
-        copies[key].append((copy, adapter.key_at(key, free[group])))
-        free[group] += 1
     return [
-        Job(adapter.name, source, key, target, tuple(made), recipe.source, tier, scenes)
+        Job(
+            run.adapter.name,
+            run.source,
+            key,
+            run.target,
+            tuple(made),
+            run.recipe.source,
+            run.tier,
+            run.scenes,
+        )
         for key, made in copies.items()
         if made
     ]
 
 
-def finished(adapter: Adapter, target: Path, recipe: Recipe) -> dict[str, tuple[str, int]]:
-    """Keys that a stopped run left whole, with their source and copy. Raises BadInput if the recipe differs."""
-    done = {}
-    for key in adapter.episodes(target):
-        path = target / key / report.NAME
+def _reports(run: Run) -> dict[str, dict[str, Any]]:
+    """The report of every episode in the target. Raises BadInput for an episode without one."""
+    found = {}
+    for key in run.adapter.episodes(run.target):
+        path = run.target / key / report.NAME
         try:
-            described = json.loads(path.read_bytes())
-            done[key] = (str(described["source"]), int(described["copy"]))
-        except (OSError, ValueError, KeyError, TypeError):
+            found[key] = json.loads(path.read_bytes())
+        except (OSError, ValueError):
             raise BadInput(
                 path, "report", found="none that can be read", expected="an episode of this run"
             ) from None
-        if described["recipe"] != recipe.source:
-            raise BadInput(path, "recipe", found="another recipe", expected="the one being resumed")
-    return done
+    return found
 
 
-def run(
-    source: Path,
-    recipe: Recipe,
-    target: Path,
-    *,
-    workers: int = 1,
-    tier: int = 0,
-    scenes: Path | None = None,
-    resume: bool = False,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> Summary:
-    """Augment a dataset into `target`. Raises BadInput for what is wrong before the first episode.
-
-    A bad episode among good ones is skipped and named in the summary. Every finished episode appears by one rename,
-    so a killed run leaves only whole ones and can be resumed.
-    """
-    adapter = registry.adapter_for(source)
-    if target.exists() and not resume:
-        raise BadInput(
-            target, "--out", found="something there already", expected="a new path, or --resume"
-        )
-    if target.resolve().is_relative_to(source.resolve()):
-        raise BadInput(
-            target, "--out", found="a path inside the dataset", expected="a path outside it"
-        )
-    _sweep(target)
-    done = finished(adapter, target, recipe)
-    todo = jobs(adapter, source, target, recipe, tier, done, scenes)
-    if not todo and not done:
-        raise BadInput(
-            source,
-            "select",
-            found="no episode that matches",
-            expected=f"one of its {len(adapter.episodes(source))} episodes",
-        )
-    summary = Summary(resumed=len(done))
-    total = sum(len(job.copies) for job in todo)
-    reports: list[dict[str, Any]] = []
-    progress(0, total)
-    for outcome in local.run(todo, workers):
-        reports += outcome.reports
-        if outcome.error:
-            summary.failures[outcome.job.key] = outcome.error
-        if outcome.fatal:
-            summary.aborted = outcome.error
-            break
-        progress(len(reports), total)
-    summary.episodes, summary.copies = len(todo) - len(summary.failures), len(reports)
-    if not reports and not done:
-        shutil.rmtree(target, ignore_errors=True)
-        return summary
-    _close_gaps(adapter, target)
-    adapter.finish(source, target)
-    _total(summary, reports)
-    write_atomic(target / report.SUMMARY, report.encode(vars(summary) | {"recipe": recipe.source}))
-    return summary
+def _missing(target: Path) -> list[Path]:
+    """The folders that making `target` makes, innermost first; none if it is there."""
+    missing = []
+    while not target.exists():
+        missing.append(target)
+        target = target.parent
+    return missing
 
 
 def _sweep(target: Path) -> None:
     """Remove what a killed run had half written."""
-    for folder, subfolders, _ in os.walk(target):
+    for folder, subfolders, files in os.walk(target):
         for name in [name for name in subfolders if name.startswith(".") and name.endswith(PART)]:
             shutil.rmtree(Path(folder) / name, ignore_errors=True)
             subfolders.remove(name)
+        for name in files:
+            if name.startswith(".") and name.endswith(PART):
+                (Path(folder) / name).unlink(missing_ok=True)
 
 
-def _close_gaps(adapter: Adapter, target: Path) -> None:
+def _group(adapter: Adapter, key: str) -> str:
+    return PurePosixPath(adapter.key_at(key, 0)).parent.as_posix()
+
+
+def _close_gaps(run: Run) -> None:
     """Renumber so that each group counts from 0 without holes: readers walk the numbers until one is missing."""
     counts: dict[str, int] = {}
-    for key in adapter.episodes(target):
-        group = PurePosixPath(adapter.key_at(key, 0)).parent.as_posix()
-        wanted = adapter.key_at(key, counts.get(group, 0))
+    for key in run.adapter.episodes(run.target):
+        group = _group(run.adapter, key)
+        wanted = run.adapter.key_at(key, counts.get(group, 0))
         counts[group] = counts.get(group, 0) + 1
         if wanted != key:
-            os.rename(target / key, target / wanted)
+            os.rename(run.target / key, run.target / wanted)
 
 
-def _total(summary: Summary, reports: Sequence[dict[str, Any]]) -> None:
+def _total(summary: Summary, run: Run) -> None:
+    """Fill in what the reports in the target say."""
+    reports = list(_reports(run).values())
+    summary.copies = len(reports)
     for described in reports:
         for stage, seconds in described["seconds"].items():
             summary.seconds[stage] = round(summary.seconds.get(stage, 0.0) + seconds, 4)
-    cameras = {name for described in reports for name in described["changed_share"]}
-    for name in sorted(cameras):
+    for name in sorted({name for described in reports for name in described["changed_share"]}):
         shares = [described["changed_share"].get(name, 0.0) for described in reports]
         summary.changed_share[name] = round(sum(shares) / len(shares), 6)

@@ -15,7 +15,6 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from rpaug.errors import BadInput, RpaugError
 
@@ -56,8 +55,7 @@ def _guarded(command: Callable[..., int]) -> Callable[..., None]:
             code = _fail(f"{place}{error.strerror or error}", kwargs.get("as_json", False))
         except KeyboardInterrupt:
             code = _fail(
-                "stopped; what was finished is whole (--resume goes on)",
-                kwargs.get("as_json", False),
+                "stopped; what is in an output folder is whole", kwargs.get("as_json", False)
             )
         except (typer.Exit, typer.Abort):
             raise
@@ -135,31 +133,39 @@ def augment(
 
     Example: [bold]rpaug augment data/train/open_drawer --recipe recipe.yaml --out augmented --workers 2[/]
     """
-    from rpaug import augment as whole
-    from rpaug import contact, registry
+    from rpaug.augment import Run, execute
 
+    if tier == 2:
+        raise RpaugError("--tier 2: assets enter at any tier; the least tier is 0, 1 or 3")
     loaded = _recipe(recipe, [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])])
+    run = Run(dataset, loaded, out, tier, scenes)
     if dry_run:
-        return _dry_run(dataset, loaded, tier, as_json)
+        return _dry_run(run, resume, as_json)
     with _progress("augmenting", as_json) as progress:
-        summary = whole.run(
-            dataset,
-            loaded,
-            out,
-            workers=workers,
-            tier=tier,
-            scenes=scenes,
-            resume=resume,
-            progress=progress,
-        )
+        summary = execute(run, workers=workers, resume=resume, progress=progress)
+    code = summary.exit_code
     described = {**vars(summary), "out": str(out)}
-    if summary.copies + summary.resumed:
-        described["contact_sheet"] = str(contact.write(registry.adapter_for(out), dataset, out))
+    if summary.copies:
+        code = max(code, _contact_sheet(run, described))
+    elif summary.failures or summary.aborted:
+        described["error"] = summary.aborted or next(iter(summary.failures.values()))
     if as_json:
         _print_json(described)
     else:
         _print_summary(described)
-    return summary.exit_code
+    return code
+
+
+def _contact_sheet(run: Any, described: dict[str, Any]) -> int:
+    """Write the sheet; the episodes are done whether it can be or not."""
+    from rpaug import contact
+
+    try:
+        described["contact_sheet"] = str(contact.write(run.adapter, run.source, run.target))
+    except (RpaugError, OSError) as error:
+        described["contact_sheet"], described["contact_sheet_error"] = None, str(error)
+        return 1
+    return 0
 
 
 def _recipe(name: str, overrides: list[str]) -> Any:
@@ -169,11 +175,12 @@ def _recipe(name: str, overrides: list[str]) -> Any:
     if not path.is_file():
         import rpaug_recipes
 
-        shipped = Path(rpaug_recipes.__file__).parent / f"{name}.yaml"
-        if not shipped.is_file() or not shipped.resolve().is_relative_to(
-            Path(rpaug_recipes.__file__).parent
-        ):
-            known = sorted(p.stem for p in shipped.parent.glob("*.yaml"))
+        folder = Path(rpaug_recipes.__file__).parent
+        shipped = folder / f"{name}.yaml"
+        if not shipped.resolve().is_relative_to(folder.resolve()) or not shipped.is_file():
+            known = sorted(
+                p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.yaml")
+            )
             raise BadInput(
                 name,
                 "--recipe",
@@ -184,47 +191,50 @@ def _recipe(name: str, overrides: list[str]) -> Any:
     return recipe.load(path, overrides)
 
 
-def _dry_run(dataset: Path, loaded: Any, tier: int, as_json: bool) -> int:
-    from rpaug import pipeline, plan, registry
+def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
+    """What a run would do. Everything is checked that can be without looking at images."""
+    from rpaug import pipeline, plan
+    from rpaug.augment import check
 
-    adapter = registry.adapter_for(dataset)
-    keys = loaded.select(adapter.episodes(dataset))
+    check(run, resume)
     plans, total, failed = [], {"seconds": 0.0, "megabytes": 0.0}, {}
-    for key in keys:
+    for key in run.keys:
         try:
-            episode = adapter.read(dataset, key)
+            episode = run.adapter.read(run.source, key)
         except RpaugError as error:
             failed[key] = str(error)
             continue
-        made = plan.make(pipeline.operators(loaded), episode, tier)
-        cost = made.cost(episode, loaded.copies)
+        made = plan.make(pipeline.operators(run.recipe), episode, run.tier)
+        cost = made.cost(episode, len(run.copies))
         total = {name: round(total[name] + cost[name], 1) for name in total}
         plans.append(
             {"episode": key, "frames": episode.length, **made.describe(), "estimate": cost}
         )
-    described = {"copies": loaded.copies, "plans": plans, "unreadable": failed, "estimate": total}
+    described = {"copies": len(run.copies), "plans": plans, "unreadable": failed, "estimate": total}
     if as_json:
         _print_json(described)
-    else:
-        table = Table("episode", "frames", "carriers", "bodies", "about")
-        for one in plans:
-            carriers = ", ".join(sorted(set(one["carriers"].values())))
-            about = f"{one['estimate']['seconds']} s, {one['estimate']['megabytes']} MB"
-            table.add_row(
-                one["episode"],
-                str(one["frames"]),
-                carriers,
-                "tracked" if one["bodies"] else "-",
-                about,
-            )
-        Console().print(table)
-        for key, reason in failed.items():
-            console.print(f"[yellow]would skip[/] {_plain(key)}: {_plain(reason)}", highlight=False)
-        Console().print(
-            f"{len(plans) * loaded.copies} copies, about {total['seconds']} s on one core and "
-            f"{total['megabytes']} MB. Nothing was written."
+        return 2 if not plans else 1 if failed else 0
+    for one in plans:
+        carriers = ", ".join(sorted(set(one["carriers"].values())))
+        bodies = "bodies tracked" if one["bodies"] else "bodies not needed"
+        about = f"about {one['estimate']['seconds']} s, {one['estimate']['megabytes']} MB"
+        _say(f"{one['episode']}: {one['frames']} frames; at most {carriers}; {bodies}; {about}")
+    for key, reason in failed.items():
+        console.print(
+            f"[yellow]would skip[/] {_plain(key)}: {_plain(reason)}",
+            highlight=False,
+            soft_wrap=True,
         )
+    _say(
+        f"{len(plans) * len(run.copies)} copies, about {total['seconds']} s on one core and "
+        f"{total['megabytes']} MB. Nothing was written."
+    )
     return 2 if not plans else 1 if failed else 0
+
+
+def _say(line: str) -> None:
+    """One line on stdout, never wrapped."""
+    Console().print(_plain(line), highlight=False, soft_wrap=True)
 
 
 def _print_summary(described: dict[str, Any]) -> None:
@@ -236,18 +246,18 @@ def _print_summary(described: dict[str, Any]) -> None:
         console.print(
             f"[bold red]stopped[/] {_plain(described['aborted'])}", highlight=False, soft_wrap=True
         )
-    out = Console()
-    done = described["copies"] + described["resumed"]
-    if not done:
+    if not described["copies"]:
         return
     seconds = ", ".join(f"{stage} {value:.1f}" for stage, value in described["seconds"].items())
-    out.print(
-        f"{done} episodes in {described['out']} (seconds: {seconds})",
-        highlight=False,
-        soft_wrap=True,
-    )
-    out.print("If RVT trained on this path before, delete its replay folder: it would be reused.")
-    out.print(f"contact sheet: {described['contact_sheet']}", highlight=False, soft_wrap=True)
+    _say(f"{described['copies']} episodes in {described['out']} (seconds: {seconds})")
+    _say("If RVT trained on this path before, delete its replay folder: it would be reused.")
+    if described["contact_sheet"]:
+        _say(f"contact sheet: {described['contact_sheet']}")
+    else:
+        console.print(
+            f"[yellow]no contact sheet[/] {_plain(described['contact_sheet_error'])}",
+            soft_wrap=True,
+        )
 
 
 @app.command("validate-recipe")
@@ -310,35 +320,25 @@ def inspect(
     if as_json:
         _print_json(described)
         return 0
-    out = Console()
-    out.print(
-        f"[bold]{_plain(described['episode'])}[/]: “{_plain(described['instruction'])}”, {found.length} frames"
-    )
-    out.print(f"key frames: {', '.join(map(str, described['key_frames'])) or 'none'}")
+    _say(f"{described['episode']}: “{described['instruction']}”, {found.length} frames")
+    _say(f"key frames: {', '.join(map(str, described['key_frames'])) or 'none'}")
     for name, camera in described["cameras"].items():
         kind = "fixed" if camera["fixed"] else "moving"
-        out.print(
-            f"  {name}: {camera['width']}x{camera['height']}, {kind}, {', '.join(camera['images'])}",
-            highlight=False,
+        _say(
+            f"  {name}: {camera['width']}x{camera['height']}, {kind}, {', '.join(camera['images'])}"
         )
-    table = Table(
-        "handle", "role", "colour", "size, cm", "motion", "residual, mm", "frames", "body"
+    if not rows:
+        _say("no instances: that takes masks and depth")
+        return 0
+    _say(
+        f"{'handle':>8}  {'role':12}{'colour':9}{'size, cm':22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
     )
     for row in rows:
         motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion
         size = " x ".join(f"{side:.1f}" for side in row.size_cm)
         body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
-        table.add_row(
-            str(row.handle),
-            row.role,
-            row.colour_name,
-            size,
-            motion,
-            f"{row.residual_mm:.2f}",
-            str(row.frames),
-            body,
-        )
-    out.print(table)
+        line = f"{row.handle:>8}  {row.role:12}{row.colour_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
+        _say(f"{line}{row.frames:8d}  {body}")
     return 0
 
 

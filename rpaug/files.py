@@ -7,6 +7,7 @@ import tempfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -17,6 +18,13 @@ from rpaug.errors import BadInput
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PART = ".part"  # ending of the hidden folders in which output grows
+CHANNELS = {
+    0: (1, 1),
+    2: (3, 3),
+    3: (3, 1),
+    4: (1, 2),
+    6: (3, 4),
+}  # by colour type: decoded, stored
 MAX_SIDE = 16384  # pixels: a larger header is taken for damage, before anything is allocated
 
 
@@ -32,15 +40,39 @@ def read_bytes(path: Path) -> bytes:
         ) from None
 
 
-def check_png(path: Path, data: bytes) -> tuple[int, int]:
-    """Width and height of a PNG whose chunks are all there and whole (PNG spec, section 5).
+@dataclass(frozen=True)
+class Png:
+    """A PNG's header: size in pixels, bits a channel, channels as they decode (palettes have 3)."""
+
+    width: int
+    height: int
+    bits: int
+    channels: int
+    stored: int  # samples a pixel in the file: a palette's index is one
+    interlaced: bool
+
+
+def check_png(path: Path, data: bytes) -> Png:
+    """The header of a PNG whose chunks are all there and whole (PNG spec, section 5).
 
     OpenCV decodes a cut-off file into a half-grey picture without a word, so lengths and CRCs are checked here.
     Raises BadInput.
     """
     if data[:8] != PNG_SIGNATURE:
         raise BadInput(path, "signature", found=repr(data[:8]), expected="a PNG file")
-    at, size, kind = 8, (0, 0), b""
+    header = None
+    for kind, at, length in _chunks(path, data):
+        if header is None:
+            if kind != b"IHDR" or length != 13:
+                raise BadInput(path, "first chunk", found=repr(kind), expected="IHDR")
+            header = _header(path, data, at)
+    assert header is not None
+    return header
+
+
+def _chunks(path: Path, data: bytes) -> Iterator[tuple[bytes, int, int]]:
+    """Kind, place and length of each chunk's data, up to IEND. Raises BadInput for a damaged one."""
+    at, kind = 8, b""
     while kind != b"IEND":
         if at + 12 > len(data):
             raise BadInput(
@@ -64,37 +96,50 @@ def check_png(path: Path, data: bytes) -> tuple[int, int]:
             raise BadInput(
                 path, f"chunk {kind!r}", found="a wrong checksum", expected="an undamaged PNG"
             )
-        if at == 8:
-            if kind != b"IHDR" or length != 13:
-                raise BadInput(path, "first chunk", found=repr(kind), expected="IHDR")
-            size = struct.unpack_from(">II", data, at + 8)
-            if not all(0 < side <= MAX_SIDE for side in size):
-                raise BadInput(
-                    path,
-                    "size",
-                    found=f"{size[0]}x{size[1]}",
-                    expected=f"1 to {MAX_SIDE} pixels a side",
-                )
+        yield kind, at + 8, length
         at = end
-    return size
+
+
+def _header(path: Path, data: bytes, at: int) -> Png:
+    width, height, bits, colour, _, _, interlaced = struct.unpack_from(">IIBBBBB", data, at)
+    if not all(0 < side <= MAX_SIDE for side in (width, height)):
+        raise BadInput(
+            path, "size", found=f"{width}x{height}", expected=f"1 to {MAX_SIDE} pixels a side"
+        )
+    if colour not in CHANNELS:
+        raise BadInput(path, "colour type", found=str(colour), expected="one that PNG knows")
+    decoded, stored = CHANNELS[colour]
+    return Png(width, height, bits, decoded, stored, bool(interlaced))
 
 
 def decode_png(path: Path) -> UInt8[np.ndarray, "h w ..."]:
-    """The checked image as stored: (h, w, 3) RGB or (h, w) single-channel, uint8. Raises BadInput."""
+    """The checked image as stored: (h, w, 3) RGB or (h, w) grey, uint8; transparency is dropped. Raises BadInput."""
     data = read_bytes(path)
-    check_png(path, data)
+    header = check_png(path, data)
+    if header.bits > 8:
+        raise BadInput(path, "bit depth", found=f"{header.bits} bits", expected="8 bits a channel")
+    _check_pixels(path, data, header)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise BadInput(path, "image data", found="undecodable data", expected="a PNG image")
-    if image.dtype != np.uint8:
-        raise BadInput(
-            path, "bit depth", found=f"{image.dtype.itemsize * 8} bits", expected="8 bits a channel"
-        )
-    if image.ndim == 3:
-        if image.shape[2] not in (3, 4):
-            raise BadInput(path, "channels", found=str(image.shape[2]), expected="1, 3 or 4")
-        return np.ascontiguousarray(image[..., 2::-1])
-    return image
+    if image.ndim == 2:
+        return image
+    return np.ascontiguousarray(image[..., 2::-1] if image.shape[2] >= 3 else image[..., 0])
+
+
+def _check_pixels(path: Path, data: bytes, header: Png) -> None:
+    """That the compressed pixels are as many as the header says, before a decoder complains in its own words."""
+    if header.interlaced or header.bits != 8:
+        return  # rows are packed otherwise; the decoder judges
+    wanted = header.height * (1 + header.width * header.stored)
+    packed = b"".join(data[at : at + n] for kind, at, n in _chunks(path, data) if kind == b"IDAT")
+    try:
+        found = len(zlib.decompressobj().decompress(packed, wanted + 1))
+    except zlib.error:
+        found = -1
+    if found != wanted:
+        count = "damaged pixels" if found < 0 else f"{found} bytes of pixels"
+        raise BadInput(path, "image data", found=count, expected=f"{wanted} bytes")
 
 
 def encode_png(image: UInt8[np.ndarray, "h w ..."]) -> bytes:
@@ -132,7 +177,7 @@ def atomic_folder(target: Path) -> Iterator[Path]:
 def write_atomic(target: Path, data: bytes) -> None:
     """Write a file so that it is either the old one or the whole new one."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    handle, work = tempfile.mkstemp(prefix=f".{target.name}-", dir=target.parent)
+    handle, work = tempfile.mkstemp(prefix=f".{target.name}-", suffix=PART, dir=target.parent)
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)

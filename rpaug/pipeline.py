@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -84,7 +84,7 @@ def redraw(scene: Scene, described: Sequence[dict[str, Any]]) -> tuple[Scene, tu
 def render(scene: Scene, draws: tuple[Draw, ...], plan: planning.Plan) -> Made:
     """The edited episode, every image still to be rendered when a writer or a trainer asks for it."""
     settled = planning.settle(plan, scene)
-    tally = report.Tally()
+    tally = report.Tally(list(scene.episode.views))
 
     def watch(
         camera: str, t: int, image: np.ndarray, hole: np.ndarray | None, seconds: float
@@ -114,8 +114,11 @@ class Job:
     scenes: Path | None = None  # a store of fitted scenes
 
 
-def augment(job: Job) -> list[dict[str, Any]]:
-    """Read one episode, write its copies, return their reports. Raises RpaugError; a failed copy leaves nothing."""
+def augment(job: Job) -> Iterator[dict[str, Any]]:
+    """Read one episode, write its copies one by one, yield their reports. Raises RpaugError.
+
+    All edits are tried before the first copy is written: whether a target is there does not depend on the draw.
+    """
     adapter, recipe = registry.adapter(job.adapter), build_recipe(job.recipe)
     watch = report.Stopwatch()
     with watch("read"):
@@ -123,15 +126,22 @@ def augment(job: Job) -> list[dict[str, Any]]:
     plan = planning.make(operators(recipe), episode, job.tier)
     with watch("build"):
         scene = prepare(episode, plan, job.scenes)
-    shared, reports = watch.seconds, []
+    with watch("ground"):
+        ground(scene, recipe)
+    shared = {stage: seconds / len(job.copies) for stage, seconds in watch.seconds.items()}
     for copy, target in job.copies:
         watch = report.Stopwatch()
         with watch("draw"):
             edited, draws = (scene, ()) if copy == ORIGINAL else draw(scene, recipe, copy)
         made = render(edited, draws, plan)
         write(adapter, made, job, copy, target, shared, watch)
-        reports.append(json.loads((job.target / target / report.NAME).read_bytes()))
-    return reports
+        yield json.loads((job.target / target / report.NAME).read_bytes())
+
+
+def ground(scene: Scene, recipe: Recipe) -> None:
+    """See that the scene has what every edit of the recipe asks for. Raises TargetError."""
+    for operator in operators(recipe):
+        operator.sample(scene, np.random.default_rng(0))
 
 
 def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -> Scene:
@@ -165,6 +175,7 @@ def write(
         return report.side_files(
             source=job.key,
             copy=copy,
+            synthetic=copy != ORIGINAL,
             recipe=job.recipe,
             draws=[draw.describe() for draw in made.draws],
             plan=made.plan.describe(),

@@ -4,9 +4,9 @@ import fnmatch
 import hashlib
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 import yaml
@@ -42,21 +42,28 @@ class _Top(BaseModel):
 
     model_config = ConfigDict(extra="forbid", title="rpaug recipe")
 
-    version: Literal[1]
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    copies: Annotated[int, Field(ge=1, le=10_000)] = 1
+    version: Annotated[int, Field(ge=1, le=1, strict=True)]
+    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
+    copies: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 1
     keep_originals: bool = False
     select: Select = Select()
     edits: list[dict[str, Any]] = []
 
 
-class _Entry(BaseModel):
-    """What every edit may carry beside its operator's own fields."""
+class _Chance(BaseModel):
+    """What every entry of `edits` may carry beside its operator's own fields."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="forbid")
 
     probability: Annotated[float, Field(ge=0, le=1)] = 1.0
-    weight: Annotated[float, Field(gt=0)] = 1.0
+
+
+class _Weight(BaseModel):
+    """What every alternative of a `one_of` may carry."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    weight: Annotated[float, Field(gt=0, le=1e6)] = 1.0
 
 
 @dataclass(frozen=True)
@@ -96,7 +103,10 @@ class Recipe:
     source: dict[str, Any]
 
     def generator(self, key: str, copy: int, step: int) -> np.random.Generator:
-        """The random stream of one step for one copy of one episode: the same in any order, on any worker."""
+        """The random stream of one step for one copy of one episode: the same in any order, on any worker.
+
+        `key` is relative to the dataset's root: two datasets with the same keys draw alike under one seed.
+        """
         name = int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8).digest(), "little")
         return np.random.default_rng([self.seed, name, copy, step])
 
@@ -151,25 +161,22 @@ def schema() -> dict[str, Any]:
     """JSON Schema of recipe files, with every installed operator's fields."""
     top = _Top.model_json_schema()
     definitions = top.setdefault("$defs", {})
-    names = []
+    names: list[dict[str, str]] = []
+    alternatives: list[dict[str, str]] = []
+    chance = {"probability": {"type": "number", "minimum": 0, "maximum": 1, "default": 1.0}}
+    weight = {"weight": {"type": "number", "exclusiveMinimum": 0, "maximum": 1e6, "default": 1.0}}
     for name in registry.operator_names():
         fields = TypeAdapter(registry.operator(name)).json_schema(ref_template="#/$defs/{model}")
         definitions.update(fields.pop("$defs", {}))
-        shared = {
-            "op": {"const": name},
-            "probability": {"type": "number", "minimum": 0, "maximum": 1, "default": 1.0},
-            "weight": {"type": "number", "exclusiveMinimum": 0, "default": 1.0},
-        }
-        fields["properties"] = shared | fields.get("properties", {})
         fields["required"] = ["op", *fields.get("required", [])]
-        definitions[f"op_{name}"] = fields
-        names.append({"$ref": f"#/$defs/op_{name}"})
+        for kind, extra, group in (("op", chance, names), ("one_of", weight, alternatives)):
+            properties = {"op": {"const": name}} | extra | fields.get("properties", {})
+            definitions[f"{kind}_{name}"] = fields | {"properties": properties}
+            group.append({"$ref": f"#/$defs/{kind}_{name}"})
     definitions["one_of"] = {
         "type": "object",
-        "properties": {
-            "one_of": {"type": "array", "items": {"oneOf": names}, "minItems": 1},
-            "probability": {"type": "number", "minimum": 0, "maximum": 1, "default": 1.0},
-        },
+        "properties": {"one_of": {"type": "array", "items": {"oneOf": alternatives}, "minItems": 1}}
+        | chance,
         "required": ["one_of"],
         "additionalProperties": False,
     }
@@ -185,37 +192,42 @@ def _step(faults: "_Faults", path: Path_, entry: Any) -> Step | None:
     if not isinstance(entry, dict):
         faults.add(path, f"found {_kind(entry)}; expected a mapping with `op` or `one_of`")
         return None
+    chance = faults.check(path, _Chance, {k: v for k, v in entry.items() if k == "probability"})
+    rest = {k: v for k, v in entry.items() if k != "probability"}
     if "one_of" not in entry:
-        single = _option(faults, path, entry)
-        probability = entry.get("probability", 1.0)
-        return Step((single,), float(probability)) if single else None
-    shared = faults.check(path, _Entry, {k: v for k, v in entry.items() if k != "one_of"})
-    for key in entry.keys() - {"one_of", "probability"}:
-        faults.add((*path, key), "unknown key; beside one_of only probability is known")
-    choices = entry["one_of"]
-    if not isinstance(choices, list) or not choices:
-        faults.add((*path, "one_of"), f"found {_kind(choices)}; expected a list of edits")
-        return None
-    options = [_option(faults, (*path, "one_of", i), choice) for i, choice in enumerate(choices)]
+        options = [_option(faults, path, rest)]
+    else:
+        for key in rest.keys() - {"one_of"}:
+            faults.add((*path, key), "unknown key; beside one_of only probability is known")
+        choices = entry["one_of"]
+        if not isinstance(choices, list) or not choices:
+            faults.add((*path, "one_of"), f"found {_kind(choices)}; expected a list of edits")
+            return None
+        options = [_alternative(faults, (*path, "one_of", i), one) for i, one in enumerate(choices)]
     made = tuple(option for option in options if option)
-    return Step(made, shared.probability) if shared and made else None
+    return Step(made, chance.probability) if chance and made else None
+
+
+def _alternative(faults: "_Faults", path: Path_, entry: Any) -> Option | None:
+    if not isinstance(entry, dict):
+        return _option(faults, path, entry)
+    weight = faults.check(path, _Weight, {k: v for k, v in entry.items() if k == "weight"})
+    made = _option(faults, path, {k: v for k, v in entry.items() if k != "weight"})
+    return replace(made, weight=weight.weight) if made and weight else None
 
 
 def _option(faults: "_Faults", path: Path_, entry: Any) -> Option | None:
     if not isinstance(entry, dict) or not isinstance(entry.get("op"), str):
         faults.add(path, f"found {_kind(entry)} without `op`; expected one of: {_names()}")
         return None
-    fields = {k: v for k, v in entry.items() if k not in ("op", "probability", "weight")}
-    shared = faults.check(path, _Entry, {k: v for k, v in entry.items() if k not in fields})
+    fields = {k: v for k, v in entry.items() if k != "op"}
     try:
         kind = registry.operator(entry["op"])
     except RpaugError as error:
         faults.add((*path, "op"), str(error))
         return None
     operator = faults.check(path, kind, fields)
-    if operator is None or shared is None:
-        return None
-    return Option(entry["op"], fields, operator, shared.weight)
+    return Option(entry["op"], fields, operator) if operator is not None else None
 
 
 def _names() -> str:
@@ -296,6 +308,10 @@ def _walk(node: yaml.Node, path: Path_, name: str) -> Iterator[tuple[Path_, int]
         if isinstance(node, yaml.MappingNode):
             keys = set()
             for key, value in node.value:
+                if not isinstance(key, yaml.ScalarNode):
+                    raise BadRecipe(
+                        f"{name}:{key.start_mark.line + 1}: found a key that is no word"
+                    )
                 if key.value in keys:
                     raise BadRecipe(f"{name}:{key.start_mark.line + 1}: {key.value}: given twice")
                 keys.add(key.value)

@@ -42,7 +42,8 @@ def adapter(name: str) -> Adapter:
 def adapter_for(root: Path) -> Adapter:
     """The adapter that finds episodes under `root`. Raises BadInput if none does."""
     if not root.is_dir():
-        raise BadInput(root, "dataset", found="no such folder", expected="the folder of a dataset")
+        found = "a file" if root.exists() else "no such folder"
+        raise BadInput(root, "dataset", found=found, expected="the folder of a dataset")
     for name in _found("rpaug.adapters"):
         candidate = adapter(name)
         if candidate.episodes(root):

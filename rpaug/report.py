@@ -24,6 +24,7 @@ SUMMARY = "rpaug.summary.json"
 class Tally:
     """Counts what changes while frames are rendered; safe to use from several threads."""
 
+    cameras: list[str]
     changed: dict[str, int] = field(default_factory=dict)
     total: dict[str, int] = field(default_factory=dict)
     holes: dict[str, Bool[np.ndarray, "h w"]] = field(default_factory=dict)
@@ -51,13 +52,9 @@ class Tally:
 
     def summary(self) -> dict[str, Any]:
         """Changed and invented pixels per camera."""
-        cameras = sorted(self.total)
-        out: dict[str, Any] = {
-            "changed_pixels": {name: self.changed[name] for name in cameras},
-            "changed_share": {
-                name: round(self.changed[name] / self.total[name], 6) for name in cameras
-            },
-        }
+        changed = {name: self.changed.get(name, 0) for name in self.cameras}
+        share = {name: round(n / self.total.get(name, 1), 6) for name, n in changed.items()}
+        out: dict[str, Any] = {"changed_pixels": changed, "changed_share": share}
         if self.holes:
             per_camera: dict[str, list[float]] = {}
             for key, mask in self.holes.items():
@@ -99,6 +96,7 @@ def side_files(
     *,
     source: str,
     copy: int,
+    synthetic: bool,
     recipe: dict[str, Any],
     draws: Sequence[dict[str, Any]],
     plan: dict[str, Any],
@@ -114,7 +112,7 @@ def side_files(
     """
     described = {
         "rpaug": rpaug.__version__,
-        "synthetic": bool(draws),
+        "synthetic": synthetic,
         "source": source,
         "copy": copy,
         "seed": recipe.get("seed", 0),

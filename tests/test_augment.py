@@ -8,13 +8,15 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from rpaug_adapters._pickles import load
 from rpaug_adapters.rlbench import RLBench
 
-from rpaug import augment, pipeline, recipe, report
+from rpaug import pipeline, recipe, report
+from rpaug.augment import Run, Summary, execute
 from rpaug.errors import BadInput
 from rpaug.files import decode_png
 
@@ -33,6 +35,10 @@ RECIPE = {
         {"one_of": [{"op": "light_color"}, {"op": "camera_pose", "camera": "front", "weight": 2}]},
     ],
 }
+
+
+def augment(source: Path, wanted: recipe.Recipe, target: Path, **how: Any) -> Summary:
+    return execute(Run(source, wanted, target), **how)
 
 
 def made(**changes: object) -> recipe.Recipe:
@@ -78,7 +84,7 @@ def same_arrays(one: object, other: object) -> bool:
 
 
 def test_an_empty_recipe_copies_every_pixel_and_number(template: Path, tmp_path: Path) -> None:
-    summary = augment.run(template, recipe.build({"version": 1}), tmp_path / "out")
+    summary = augment(template, recipe.build({"version": 1}), tmp_path / "out")
     assert (summary.copies, summary.exit_code) == (2, 0)
     for path in (template / GROUP / "episode0").rglob("*"):
         copy = (
@@ -91,9 +97,9 @@ def test_an_empty_recipe_copies_every_pixel_and_number(template: Path, tmp_path:
 
 
 def test_workers_and_reruns_make_the_same_bytes(template: Path, tmp_path: Path) -> None:
-    augment.run(template, made(), tmp_path / "one", workers=1)
-    augment.run(template, made(), tmp_path / "again", workers=1)
-    augment.run(template, made(), tmp_path / "two", workers=2)
+    augment(template, made(), tmp_path / "one", workers=1)
+    augment(template, made(), tmp_path / "again", workers=1)
+    augment(template, made(), tmp_path / "two", workers=2)
     first = contents(tmp_path / "one")
     assert len([name for name in first if name.endswith(".json")]) == 4
     assert first == contents(tmp_path / "again")
@@ -103,8 +109,8 @@ def test_workers_and_reruns_make_the_same_bytes(template: Path, tmp_path: Path) 
 def test_what_is_drawn_does_not_depend_on_the_other_episodes(
     template: Path, tmp_path: Path
 ) -> None:
-    augment.run(template, made(), tmp_path / "all")
-    augment.run(template, made(select={"episodes": ["*episode1"]}), tmp_path / "one")
+    augment(template, made(), tmp_path / "all")
+    augment(template, made(select={"episodes": ["*episode1"]}), tmp_path / "one")
     every = {}
     for path in (tmp_path / "all").rglob(report.NAME):
         described = json.loads(path.read_bytes())
@@ -115,7 +121,7 @@ def test_what_is_drawn_does_not_depend_on_the_other_episodes(
 
 
 def test_copies_are_numbered_from_zero_originals_first(template: Path, tmp_path: Path) -> None:
-    augment.run(template, made(keep_originals=True), tmp_path / "out")
+    augment(template, made(keep_originals=True), tmp_path / "out")
     keys = RLBench().episodes(tmp_path / "out")
     assert keys == [f"{GROUP}/episode{i}" for i in range(6)]
     reports = [json.loads((tmp_path / "out" / key / report.NAME).read_bytes()) for key in keys]
@@ -127,7 +133,7 @@ def test_copies_are_numbered_from_zero_originals_first(template: Path, tmp_path:
 
 
 def test_a_report_replays_its_episode_exactly(template: Path, tmp_path: Path) -> None:
-    augment.run(template, made(), tmp_path / "out")
+    augment(template, made(), tmp_path / "out")
     key = f"{GROUP}/episode3"
     described = json.loads((tmp_path / "out" / key / report.NAME).read_bytes())
     pipeline.replay(RLBench(), template, described, tmp_path / "again", key)
@@ -138,7 +144,7 @@ def test_a_moved_camera_keeps_its_holes_beside_the_episode(template: Path, tmp_p
     moving = made(
         copies=1, edits=[{"op": "camera_pose", "camera": "front", "shift": 0.1, "turn": 0.05}]
     )
-    augment.run(template, moving, tmp_path / "out")
+    augment(template, moving, tmp_path / "out")
     folder = tmp_path / "out" / GROUP / "episode0"
     described = json.loads((folder / report.NAME).read_bytes())
     with np.load(folder / report.HOLES) as holes:
@@ -158,7 +164,7 @@ def test_a_moved_camera_keeps_its_holes_beside_the_episode(template: Path, tmp_p
 def test_a_bad_episode_among_good_ones_is_skipped_and_named(dataset: Path, tmp_path: Path) -> None:
     image = dataset / GROUP / "episode0/front_rgb/2.png"
     image.write_bytes(image.read_bytes()[:-9])
-    summary = augment.run(dataset, made(), tmp_path / "out")
+    summary = augment(dataset, made(), tmp_path / "out")
     assert summary.exit_code == 1
     assert list(summary.failures) == [f"{GROUP}/episode0"]
     assert "front_rgb/2.png" in summary.failures[f"{GROUP}/episode0"]
@@ -174,7 +180,7 @@ def test_a_bad_episode_among_good_ones_is_skipped_and_named(dataset: Path, tmp_p
 def test_nothing_good_leaves_nothing_behind(dataset: Path, tmp_path: Path) -> None:
     for pickled in dataset.rglob("low_dim_obs.pkl"):
         pickled.write_bytes(b"cos\nsystem\n.")
-    summary = augment.run(dataset, made(), tmp_path / "out")
+    summary = augment(dataset, made(), tmp_path / "out")
     assert summary.exit_code == 2
     assert all("os.system" in reason for reason in summary.failures.values())
     assert not (tmp_path / "out").exists()
@@ -183,15 +189,15 @@ def test_nothing_good_leaves_nothing_behind(dataset: Path, tmp_path: Path) -> No
 def test_output_is_never_written_over_or_into_the_dataset(dataset: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     with pytest.raises(BadInput, match="--resume"):
-        augment.run(dataset, made(), tmp_path / "out")
+        augment(dataset, made(), tmp_path / "out")
     with pytest.raises(BadInput, match="outside"):
-        augment.run(dataset, made(), dataset / "out")
+        augment(dataset, made(), dataset / "out")
     assert not (dataset / "out").exists()
 
 
 def test_selecting_nothing_is_an_error(template: Path, tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="2 episodes"):
-        augment.run(template, made(select={"episodes": ["none*"]}), tmp_path / "out")
+    with pytest.raises(BadInput, match="episode1"):
+        augment(template, made(select={"episodes": ["none*"]}), tmp_path / "out")
 
 
 def test_a_full_disk_stops_the_run_and_removes_the_half_episode(
@@ -207,7 +213,7 @@ def test_a_full_disk_stops_the_run_and_removes_the_half_episode(
         return whole(path, data)
 
     monkeypatch.setattr(Path, "write_bytes", fill)
-    summary = augment.run(template, made(), tmp_path / "out")
+    summary = augment(template, made(), tmp_path / "out")
     assert summary.exit_code == 2
     assert "No space left" in str(summary.aborted)
     assert not (tmp_path / "out").exists()
@@ -248,16 +254,83 @@ def test_a_killed_run_is_resumed_to_the_same_bytes(template: Path, tmp_path: Pat
     assert json.loads(resumed.stdout)["resumed"] == len(done)
     assert not list(out.rglob("*.part"))
     fresh = tmp_path / "fresh"
-    augment.run(many, recipe.load(tmp_path / "r.yaml"), fresh)
+    augment(many, recipe.load(tmp_path / "r.yaml"), fresh)
     names = ("rpaug.contact.html",)
     assert {k: v for k, v in contents(out).items() if k not in names} == contents(fresh)
     other = tmp_path / "other.yaml"
     other.write_text(json.dumps(RECIPE | {"seed": 4}))
     with pytest.raises(BadInput, match="another recipe"):
-        augment.run(many, recipe.load(other), out, resume=True)
+        augment(many, recipe.load(other), out, resume=True)
+
+
+def test_resuming_touches_nothing_that_is_not_its_own(template: Path, tmp_path: Path) -> None:
+    precious = tmp_path / "precious"
+    (precious / ".thing.part").mkdir(parents=True)
+    (precious / "thesis.txt").write_text("years of work")
+    before = sorted(path.relative_to(precious) for path in precious.rglob("*"))
+    with pytest.raises(BadInput, match="no run of rpaug here"):
+        augment(template, made(), precious, resume=True)
+    assert sorted(path.relative_to(precious) for path in precious.rglob("*")) == before
+
+
+def test_resuming_wants_the_same_dataset_and_tier(
+    template: Path, dataset: Path, tmp_path: Path
+) -> None:
+    augment(template, made(copies=1), tmp_path / "out")
+    with pytest.raises(BadInput, match="another dataset"):
+        augment(dataset, made(copies=1), tmp_path / "out", resume=True)
+    with pytest.raises(BadInput, match="another tier"):
+        execute(Run(template, made(copies=1), tmp_path / "out", tier=1), resume=True)
+
+
+def test_resuming_a_finished_run_keeps_its_summary(template: Path, tmp_path: Path) -> None:
+    first = augment(template, made(copies=1), tmp_path / "out")
+    again = augment(template, made(copies=1), tmp_path / "out", resume=True)
+    assert (again.copies, again.resumed) == (first.copies, 2)
+    assert again.changed_share == first.changed_share
+
+
+def test_a_dangling_link_spoils_its_own_episode_only(dataset: Path, tmp_path: Path) -> None:
+    (dataset / GROUP / "episode0/extra").symlink_to(tmp_path / "nowhere")
+    summary = augment(dataset, made(copies=1), tmp_path / "out")
+    assert (summary.copies, summary.exit_code, list(summary.failures)) == (
+        1,
+        1,
+        [f"{GROUP}/episode0"],
+    )
+
+
+def test_linked_folders_are_followed_once(template: Path, tmp_path: Path) -> None:
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked/episodes").symlink_to(template / GROUP)
+    (tmp_path / "linked/again").symlink_to(tmp_path / "linked")
+    assert RLBench().episodes(tmp_path / "linked") == ["episodes/episode0", "episodes/episode1"]
+
+
+def test_a_target_that_only_some_draws_need_is_missed_before_anything_is_written(
+    template: Path, tmp_path: Path
+) -> None:
+    rare = {"op": "recolor", "target": {"handle": 4711}, "color": "red", "probability": 0.01}
+    summary = augment(template, made(edits=[rare]), tmp_path / "out")
+    assert summary.exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_fault_of_ours_is_one_episode_less(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = RLBench.read
+
+    def read(self: RLBench, root: Path, key: str) -> Any:
+        return 1 / 0 if key.endswith("episode0") else whole(self, root, key)
+
+    monkeypatch.setattr(RLBench, "read", read)
+    monkeypatch.delenv("RPAUG_DEBUG", raising=False)
+    summary = augment(template, made(copies=1, edits=[]), tmp_path / "out")
+    assert "ZeroDivisionError" in summary.failures[f"{GROUP}/episode0"]
 
 
 def test_the_environment_is_left_as_it_was(template: Path, tmp_path: Path) -> None:
     before = dict(os.environ)
-    augment.run(template, made(copies=1), tmp_path / "out", workers=2)
+    augment(template, made(copies=1), tmp_path / "out", workers=2)
     assert dict(os.environ) == before

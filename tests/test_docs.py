@@ -45,6 +45,8 @@ def test_recipes_in_the_documents_are_valid() -> None:
     assert found
     for block in found:
         data = yaml.safe_load(block)
+        if "target" in data:
+            data = {"edits": [{"op": "recolor", "color": "blue", **data}]}
         recipe.build({"version": 1, **data} if "edits" in data else data)
 
 

@@ -23,8 +23,8 @@ class CameraPose(Operator):
     """
 
     camera: str | tuple[str, ...]
-    shift: Annotated[float, Field(ge=0)] = 0.1  # metres, at most, along each axis
-    turn: Annotated[float, Field(ge=0)] = 0.05  # radians, at most, about each axis
+    shift: Annotated[float, Field(ge=0, le=10)] = 0.1  # metres, at most, along each axis
+    turn: Annotated[float, Field(ge=0, le=3.2)] = 0.05  # radians, at most, about each axis
 
     effect: ClassVar[Effect] = Effect.CAMERA | Effect.PIXELS
 

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from jaxtyping import Float32
 
+from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import RGB, Color
 from rpaug.scene import albedo, colours, targets
@@ -14,6 +15,7 @@ from rpaug.types import Appearance, Effect, Scene
 # Per channel the pixel is divided by the old albedo only while that does not blow up its noise: a gain of 6 turns
 # half a grey level into 0.003 rms (50 dB); from 12 on the shading of the well-lit channels stands in.
 SAFE_GAIN, UNSAFE_GAIN = 6.0, 12.0
+BLACK = 0.01  # an albedo below this shows no shading above the images' rounding
 HIGHLIGHT = 0.05  # least whitish part of a plain surface's pixel that is taken for a highlight
 
 
@@ -81,6 +83,10 @@ class Recolor(Operator):
         for handle in handles:
             found = albedo.estimate(albedo.pixels(scene.episode, handle))
             rgb = self.albedo if self.albedo is not None else found.rgb
+            if max(rgb) < BLACK:
+                raise Unsupported(
+                    f"handle {handle} is black: no shading can be read off it, so it cannot be painted"
+                )
             surfaces.append({"handle": handle, "albedo": list(rgb), "plain": found.plain})
         return {"color": self.color.draw(rng), "surfaces": surfaces}
 

@@ -1,15 +1,21 @@
 """From an episode to the scene that a plan asks for, and no more."""
 
-from rpaug.scene import antialias, bodies, roles
+import numpy as np
+
+from rpaug.scene import antialias, bodies, roles, sampling
 from rpaug.scene.looks import look
-from rpaug.types import Episode, Scene
+from rpaug.types import Body, Episode, Scene
+
+SAMPLED = 32  # frames of each camera in which instances without depth are looked for
 
 
 def build(episode: Episode, *, with_bodies: bool) -> Scene:
     """The recorded scene. Bodies and roles are found only where an edit needs to know them."""
     tracked: tuple = ()
     named: dict = {}
-    if with_bodies:
+    if with_bodies and not all(view.depth and view.ids for view in episode.views.values()):
+        tracked = _untracked(episode)
+    elif with_bodies:
         looks = look(episode)
         tracked = bodies.track(episode, looks)
         named = dict(roles.infer(episode, tracked, looks))
@@ -20,4 +26,16 @@ def build(episode: Episode, *, with_bodies: bool) -> Scene:
         roles=named,
         antialiased=antialias.detect(episode),
         descriptions=episode.descriptions,
+    )
+
+
+def _untracked(episode: Episode) -> tuple[Body, ...]:
+    """One body an instance, where masks tell them apart but no depth tells how they move."""
+    still = np.tile(np.eye(4), (episode.length, 1, 1))
+    found: set[int] = set()
+    for _, _, _, ids in sampling.images(episode, SAMPLED):
+        found |= set() if ids is None else set(np.unique(ids).tolist())
+    return tuple(
+        Body(frozenset([handle]), still, "unknown", ambiguous=True)
+        for handle in sorted(found - {0})
     )

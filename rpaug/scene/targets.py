@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, StrictInt, model_validator
 
 from rpaug.errors import TargetError
 from rpaug.scene import colours, roles
@@ -25,7 +25,7 @@ class Target(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    handle: int | list[int] | None = None
+    handle: StrictInt | list[StrictInt] | None = None
     role: str | None = None
     text: str | None = Field(default=None, min_length=1)
     all: bool = False

@@ -27,7 +27,7 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
 
     `frames` says which frames: the key frames (PerAct's rule, the first frame among them), all, or given numbers.
     The same recipe, epoch and episode give the same item in any worker and in any order; `set_epoch` before each
-    epoch, before the loader makes its workers (so without persistent workers). Raises BadInput, BadRecipe.
+    epoch, before the loader makes its workers (so without persistent workers). Raises BadInput, BadRecipe, Unsupported.
     """
 
     def __init__(
@@ -39,11 +39,19 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         cameras: Sequence[str] | None = None,
         tier: int = 0,
     ) -> None:
+        if isinstance(frames, str) and frames not in ("key", "all"):
+            raise Unsupported(
+                f"frames={frames!r}: expected 'key', 'all' or a list of frame numbers"
+            )
+        if isinstance(cameras, str):
+            raise Unsupported(f"cameras={cameras!r}: expected a list of names")
         self.root = Path(dataset)
         self.recipe = recipe.load(Path(recipe_file))
         self.adapter = registry.adapter_for(self.root).name
         self.keys = self.recipe.select(registry.adapter(self.adapter).episodes(self.root))
         self.frames, self.cameras, self.tier, self.epoch = frames, cameras, tier, 0
+        if not self.keys:
+            raise Unsupported(f"{self.root}: the recipe's select matches none of its episodes")
         if tier >= 3:
             raise Unsupported(
                 "training draws at tiers 0 to 2; write episodes with `rpaug augment --tier 3`"
@@ -119,6 +127,8 @@ def _images(episode: Episode, name: str, frames: list[int]) -> dict[str, torch.T
         for kind, image in images.items()
         if image is not None
     }
-    out["K"] = torch.from_numpy(view.camera.K)
+    out["K"] = torch.from_numpy(
+        view.camera.K.copy()
+    )  # the scene is kept: a caller may write to an item
     out["cam_to_world"] = torch.from_numpy(view.camera.cam_to_world[frames])
     return out

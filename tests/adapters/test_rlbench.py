@@ -189,6 +189,26 @@ def test_single_channel_masks_are_handles_as_they_are(dataset: Path, tmp_path: P
     assert decode_png(tmp_path / "out" / KEY / "front_mask/3.png").ndim == 2
 
 
+def test_grey_or_deep_images_are_refused_where_three_channels_are_meant(dataset: Path) -> None:
+    path = dataset / KEY / "front_depth/2.png"
+    path.write_bytes(encode_png(np.zeros((80, 96), np.uint8)))
+    assert "front_depth/2.png" in refusal(dataset)
+    path.write_bytes(cv2.imencode(".png", np.zeros((80, 96, 3), np.uint16))[1].tobytes())
+    assert "16 bits" in refusal(dataset)
+
+
+def test_the_instruction_survives_when_only_the_episodes_folder_is_given(
+    dataset: Path, tmp_path: Path
+) -> None:
+    root, adapter = tmp_path / "variation3/episodes", RLBench()
+    shutil.copytree(dataset / KEY, root / "episode0")
+    shutil.move(root / "episode0/variation_descriptions.pkl", tmp_path / "variation3")
+    episode = adapter.read(root, "episode0")
+    adapter.write(episode, tmp_path / "out", "episode0", dict)
+    adapter.finish(root, tmp_path / "out")
+    assert adapter.read(tmp_path / "out", "episode0").descriptions == ("roll the ball", "push it")
+
+
 def test_a_missing_camera_folder_is_a_camera_less(dataset: Path) -> None:
     for kind in ("rgb", "depth", "mask"):
         shutil.rmtree(dataset / KEY / f"overhead_{kind}")
@@ -233,6 +253,10 @@ def test_broken_episodes_are_refused_with_file_and_field(dataset: Path) -> None:
         (
             lambda o: o.misc["front_camera_extrinsics"].__setitem__((0, 0), 9.0),
             ["observation 3", "rotation"],
+        ),
+        (
+            lambda o: o.gripper_pose.__setitem__(slice(3, 7), 0.0),
+            ["observation 3", "gripper_pose", "length 0"],
         ),
         (
             lambda o: o.misc.pop("front_camera_extrinsics"),

@@ -9,7 +9,8 @@ import torch
 from rpaug_adapters.rlbench import RLBench
 from torch.utils.data import DataLoader
 
-from rpaug import Unsupported, augment, recipe
+from rpaug import Unsupported, recipe
+from rpaug.augment import Run, execute
 from rpaug.training import AugmentedEpisodes
 
 RECIPE = {
@@ -64,7 +65,7 @@ def test_epochs_draw_anew_and_come_back(episodes: AugmentedEpisodes) -> None:
 def test_an_epoch_is_what_augment_writes(
     episodes: AugmentedEpisodes, template: Path, tmp_path: Path
 ) -> None:
-    augment.run(template, recipe.build(RECIPE), tmp_path / "out")
+    execute(Run(template, recipe.build(RECIPE), tmp_path / "out"))
     for epoch, number in ((0, 1), (1, 3)):
         episodes.set_epoch(epoch)
         item = episodes[1]
@@ -100,3 +101,19 @@ def test_gaussians_are_not_fitted_in_a_training_loop(template: Path, tmp_path: P
     path.write_text(json.dumps(RECIPE))
     with pytest.raises(Unsupported, match="tier"):
         AugmentedEpisodes(template, path, tier=3)
+
+
+def test_writing_to_an_item_does_not_reach_the_next(episodes: AugmentedEpisodes) -> None:
+    first = episodes[0]["cameras"]["front"]["K"]
+    kept = first.clone()
+    first *= 2
+    assert torch.equal(episodes[0]["cameras"]["front"]["K"], kept)
+
+
+def test_wrong_arguments_are_refused_at_once(template: Path, tmp_path: Path) -> None:
+    path = tmp_path / "r.yaml"
+    path.write_text(json.dumps(RECIPE))
+    with pytest.raises(Unsupported, match="alll"):
+        AugmentedEpisodes(template, path, frames="alll")  # type: ignore[arg-type]
+    with pytest.raises(Unsupported, match="list of names"):
+        AugmentedEpisodes(template, path, cameras="front")
