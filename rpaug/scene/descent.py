@@ -32,30 +32,19 @@ class FitSettings:
     )
     last_rate: float = 0.03  # share of the rates left at the end of either (cosine schedule)
     refine: bool = True  # let tracks and moving cameras give way
-    rates: Rates = field(default_factory=lambda: Rates(means=0.08, quats=1e-2))
+    rates: Rates = field(
+        default_factory=lambda: Rates(means=0.08, quats=1e-2, scales=5e-2, opacities=0.15, sh=7e-2)
+    )
 
 
 @dataclass(frozen=True)
 class Shot:
-    """A recorded view or a window of it, ready to be compared: colours in 0..1, depth in metres or 0.
-
-    `corner` is the window's first (column, row).
-    """
+    """One recorded view, ready to be compared: colours in 0..1, depth in metres or 0."""
 
     camera: str
     t: int
     rgb: Float32[np.ndarray, "h w 3"]
     depth: Float32[np.ndarray, "h w"]
-    corner: tuple[int, int] = (0, 0)
-
-    def window(self, rows: slice, columns: slice) -> "Shot":
-        """A part of it."""
-        return replace(
-            self,
-            rgb=np.ascontiguousarray(self.rgb[rows, columns]),
-            depth=np.ascontiguousarray(self.depth[rows, columns]),
-            corner=(columns.start, rows.start),
-        )
 
 
 @dataclass(frozen=True)
@@ -82,9 +71,6 @@ class Descent:
             if (body.to_world != np.eye(4)).any()
             and len(rows := np.flatnonzero(np.isin(begun.ids, list(body.handles))))
         ]
-        self._still = np.ones(len(begun), bool)
-        for _, rows in self._moving:
-            self._still[rows] = False
         self._middles = [np.median(begun.means[rows], 0).astype(float) for _, rows in self._moving]
         self._twists = [
             Twists.of(trained, float(np.linalg.norm(begun.means[rows] - middle, axis=-1).mean()))
@@ -103,28 +89,14 @@ class Descent:
             name: Twists.of(trained, reach) for name, camera in cameras.items() if not camera.fixed
         }
 
-    def step(
-        self,
-        shots: Sequence[Shot],
-        factor: float,
-        pool: ThreadPoolExecutor,
-        *,
-        moving_only: bool = False,
-    ) -> None:
-        """One step, every rate times `factor`. Views are worked on side by side and summed in order.
-
-        With `moving_only`, what stands still is left as it is: windows show too little of it.
-        """
+    def step(self, shots: Sequence[Shot], factor: float, pool: ThreadPoolExecutor) -> None:
+        """One step, every rate times `factor`. Views are worked on side by side and summed in order."""
         jobs = [
             pool.submit(self._look, worker, shot)
             for worker, shot in zip(self._workers, shots, strict=True)
         ]
         pulls = [job.result() for job in jobs]
-        gradients = _mean([pull.gradients for pull in pulls])
-        if moving_only:
-            for name in PARAMETERS:
-                getattr(gradients, name)[self._still] = 0.0
-        self._adam.step(gradients, factor)
+        self._adam.step(_mean([pull.gradients for pull in pulls]), factor)
         if self._settings.refine:
             for shot, pull in zip(shots, pulls, strict=True):
                 self._give_way(shot, pull, factor)
@@ -133,10 +105,7 @@ class Descent:
         camera, t = self._camera(shot.camera), shot.t
         placed = self._placement.place(self._adam.splats, t)
         pose = geometry.inverse(self._poses[shot.camera][t])
-        K = camera.K.copy()
-        K[:2, 2] -= shot.corner
-        height, width = shot.depth.shape
-        view = View(K, pose, width, height)
+        view = View(camera.K, pose, camera.width, camera.height)
         rasteriser.forward(placed, view, surface=False)
         _, _, gradients = rasteriser.backward_squared_error(
             shot.rgb, None, shot.depth, self._settings.depth_weight

@@ -18,8 +18,6 @@ from rpaug.scene.sampling import frames
 from rpaug.scene.seeds import seeds
 from rpaug.types import Body, Gaussians, Scene
 
-MARGIN = 6  # pixels kept around moving things
-
 Progress = Callable[[float], None]
 
 
@@ -65,18 +63,12 @@ def fit(
     trained = frames(scene.episode.length, settings.train_frames)
     shots = [_shot(scene, name, t) for t in trained for name in scene.episode.views]
     descent = Descent(begun, scene, trained, settings)
-    # What stands still is soon shown as well as it can be; moving things have each pose to themselves.
-    windows = [window for shot in shots if (window := _moving_part(scene, shot))]
-    whole = round(settings.whole * settings.steps) if windows else settings.steps
-    rng, done = np.random.default_rng(seed), 0
+    rng = np.random.default_rng(seed)
     with ThreadPoolExecutor(settings.threads) as pool:
-        for views, steps in ((shots, whole), (windows, settings.steps - whole)):
-            for step, batch in enumerate(_batches(views, steps, settings.batch, rng)):
-                rate = _cosine(step / steps, settings.last_rate)
-                descent.step(batch, rate, pool, moving_only=views is windows)
-                done += 1
-                if progress and done % 25 == 0:
-                    progress(done / settings.steps)
+        for step, batch in enumerate(_batches(shots, settings.steps, settings.batch, rng)):
+            descent.step(batch, _cosine(step / settings.steps, settings.last_rate), pool)
+            if progress and step % 25 == 0:
+                progress(step / settings.steps)
     gaussians, bodies, drift = descent.result()
     shown = replace(scene, gaussians=gaussians, bodies=bodies, drift=drift)
     return gaussians, _judge(shown, trained, settings, seed, start)
@@ -102,22 +94,6 @@ def _shot(scene: Scene, name: str, t: int) -> Shot:
     assert view.depth is not None
     depth = np.nan_to_num(view.depth(t), nan=0.0, posinf=0.0, neginf=0.0)
     return Shot(name, t, view.rgb(t).astype(np.float32) / 255, depth)
-
-
-def _moving_part(scene: Scene, shot: Shot) -> Shot | None:
-    """The window of a fixed camera's view that holds all moving things; a moving camera's view as it is."""
-    view = scene.episode.views[shot.camera]
-    if not view.camera.fixed or view.ids is None:
-        return shot
-    still = [h for body in scene.bodies if body.motion == "static" for h in body.handles]
-    rows, columns = np.nonzero(~np.isin(view.ids(shot.t), still))
-    if not len(rows):
-        return None
-    top, left = max(rows.min() - MARGIN, 0), max(columns.min() - MARGIN, 0)
-    return shot.window(
-        slice(int(top), int(rows.max()) + MARGIN + 1),
-        slice(int(left), int(columns.max()) + MARGIN + 1),
-    )
 
 
 def _batches(
