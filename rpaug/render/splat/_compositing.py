@@ -209,7 +209,6 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
                 first_x, last_x, first_y, last_y = _windows_touched(records, i, left, top, windows)
                 opacity = records[i, OPACITY]
                 slope_u, slope_v = _slopes(records, i)
-                colours = broadcast_bank(values, i, channels)
                 touched = 0
                 for y in range(first_y, last_y + 1):
                     for x in range(first_x, last_x + 1):
@@ -238,6 +237,8 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
                                 drawn, after, select(visible, negative(absolute(before)), before)
                             )
                             store(state, at, rest)
+                            # Read here and not before: registers are too few to keep them.
+                            colours = broadcast_bank(values, i, channels)
                             store_bank(
                                 state,
                                 at + WIDTH,
@@ -320,7 +321,6 @@ def backward_kernel(channels: int) -> Callable[..., Any]:
                 prefetch(values, ahead)
                 opacity = records[i, OPACITY]
                 slope_u, slope_v = _slopes(records, i)
-                colours = broadcast_bank(values, i, channels)
                 m = mu = mv = muu = muv = mvv = broadcast(ZERO)
                 d_colours = bank_of_zeros(channels)
                 for window in range(windows * windows):
@@ -349,7 +349,7 @@ def backward_kernel(channels: int) -> Callable[..., Any]:
                         )
                         store(state, at, rest)
                         pulls = load_bank(state, at + 2 * WIDTH, channels)
-                        pull = bank_dot(pulls, colours)
+                        pull = bank_dot(pulls, broadcast_bank(values, i, channels))
                         d_colours = bank_fma(weight, pulls, d_colours)
                         behind = load(state, at + WIDTH) - weight * pull
                         store(state, at + WIDTH, behind)
