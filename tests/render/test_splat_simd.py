@@ -5,19 +5,23 @@ import numpy as np
 import pytest
 
 from rpaug.render.splat import _simd as simd
-from rpaug.render.splat._simd import (
-    absolute,
+from rpaug.render.splat._banks import (
     bank_dot,
     bank_fma,
     bank_of_zeros,
+    broadcast_bank,
+    load_bank,
+    store_bank,
+    store_totals,
+)
+from rpaug.render.splat._simd import (
+    absolute,
     bits,
     block_columns,
     block_rows,
     broadcast,
-    broadcast_bank,
     fma,
     load,
-    load_bank,
     lowest_bit,
     maximum,
     minimum,
@@ -26,8 +30,6 @@ from rpaug.render.splat._simd import (
     prefetch,
     select,
     store,
-    store_bank,
-    store_totals,
 )
 
 

@@ -23,7 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 import raster_plain
 
-from rpaug.render.splat import Rasteriser, Splats, View, _compositing
+from rpaug.render.splat import Rasteriser, Splats, View, _compositing, _compositing_backward
 from rpaug.render.splat._numba import _on_cache_line
 from rpaug.render.splat._threads import together
 
@@ -110,7 +110,7 @@ class Case:
             given = (ticket, order, records, values, *grid, starts, entries, rules, changed)
             if backward:
                 job, given = (
-                    _compositing.backward_kernel(channels),
+                    _compositing_backward.backward_kernel(channels),
                     (*given, slot_of, out, left, d_out, d_left, slots.reshape(-1)),
                 )
             else:

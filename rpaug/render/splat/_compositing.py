@@ -5,11 +5,8 @@ blocks stay in cache while its Gaussians pass by. Sixteen blocks make a window, 
 one vector test finds the blocks of a window that a Gaussian may reach. Most values below belong to sixteen
 pixels at once. Light left over (transmittance) is kept with a sign: negative once a pixel is finished.
 
-Backward runs front to back as well. What lies behind a splat enters its gradient only through one number a
-pixel, the loss-weighted light still to come, which starts as the total and shrinks by each splat's share:
-no list of contributors, no division by the light left over. Both directions compute alpha by the same
-operations in the same order, so that they always agree on which splats a pixel saw; forward leaves a bit
-for each block it changed, and backward looks at no other.
+Both directions blend by the same operations in the same order, so that they always agree on which splats a pixel saw;
+forward leaves a bit for each block it changed, and backward looks at no other.
 """
 
 import functools
@@ -20,13 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rpaug.render.jit import inlined, kernel
+from rpaug.render.splat._banks import bank_fma, broadcast_bank, load_bank, store_bank
 from rpaug.render.splat._pinhole import (
     COLUMN,
     FARTHEST,
     L11,
     L21,
     L22,
-    MOMENTS,
     OPACITY,
     ROW,
     half_size,
@@ -34,17 +31,12 @@ from rpaug.render.splat._pinhole import (
 from rpaug.render.splat._simd import (
     WIDTH,
     absolute,
-    bank_dot,
-    bank_fma,
-    bank_of_zeros,
     bits,
     block_columns,
     block_rows,
     broadcast,
-    broadcast_bank,
     fma,
     load,
-    load_bank,
     lowest_bit,
     maximum,
     minimum,
@@ -53,8 +45,6 @@ from rpaug.render.splat._simd import (
     prefetch,
     select,
     store,
-    store_bank,
-    store_totals,
 )
 from rpaug.render.splat.settings import Settings
 
@@ -91,7 +81,7 @@ def rules(settings: Settings) -> Rules:
 
 
 @inlined
-def _vectors(count):
+def vectors(count):
     """Room for `count` vectors that begin on a cache line; numba's own arrays may straddle two."""
     room = np.empty((count + 1) * WIDTH, np.float32)
     skip = -(room.ctypes.data // room.itemsize) % WIDTH
@@ -109,6 +99,21 @@ def _exp_minus(s):
 
 
 @inlined
+def blend(u, v, opacity, before, rules):
+    """What a splat does to a block: raw and held alpha, where it is visible and drawn, its weight, and the
+    light left over after it.
+    """
+    raw = opacity * _exp_minus(fma(u, u, v * v))
+    alpha = minimum(raw, rules.alpha_max)
+    after = before * (ONE - alpha)
+    visible = raw >= rules.alpha_floor
+    drawn = visible & (after > rules.stop)
+    weight = select(drawn, alpha * before, ZERO)
+    rest = select(drawn, after, select(visible, negative(absolute(before)), before))
+    return raw, alpha, visible, drawn, weight, rest
+
+
+@inlined
 def _windows_touched(records, i, left, top, windows):
     """First and last window column, first and last window row of a tile that a Gaussian may reach."""
     x, y = records[i, COLUMN] - np.float32(left), records[i, ROW] - np.float32(top)
@@ -122,7 +127,7 @@ def _windows_touched(records, i, left, top, windows):
 
 
 @inlined
-def _slopes(records, i):
+def slopes(records, i):
     """(u, v) of a block's pixels relative to its first pixel."""
     return (
         fma(block_columns(), records[i, L11], block_rows() * records[i, L21]),
@@ -131,7 +136,7 @@ def _slopes(records, i):
 
 
 @inlined
-def _corners(records, i, column, row, slope_u, slope_v):
+def corners(records, i, column, row, slope_u, slope_v):
     """(u, v) of the first pixels of a window's sixteen blocks; the window begins at (column, row)."""
     dx, dy = np.float32(column) - records[i, COLUMN], np.float32(row) - records[i, ROW]
     return (
@@ -181,10 +186,10 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
         """
         tiles_across, windows = (width + tile - 1) // tile, tile // WINDOW
         count = windows * windows * WIDTH
-        state = _vectors(count * size // WIDTH)
+        state = vectors(count * size // WIDTH)
         crossing = np.empty(count * WIDTH, np.int32)
         alive = np.empty(windows * windows, np.int64)
-        corners_u, corners_v = _vectors(1), _vectors(1)
+        corners_u, corners_v = vectors(1), vectors(1)
         while True:
             turn = next_ticket(ticket)
             if turn >= len(order):
@@ -208,13 +213,12 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
                 prefetch(values, ahead)
                 first_x, last_x, first_y, last_y = _windows_touched(records, i, left, top, windows)
                 opacity = records[i, OPACITY]
-                slope_u, slope_v = _slopes(records, i)
-                colours = broadcast_bank(values, i, channels)
+                slope_u, slope_v = slopes(records, i)
                 touched = 0
                 for y in range(first_y, last_y + 1):
                     for x in range(first_x, last_x + 1):
                         window = y * windows + x
-                        corner_u, corner_v = _corners(
+                        corner_u, corner_v = corners(
                             records, i, left + x * WINDOW, top + y * WINDOW, slope_u, slope_v
                         )
                         reach = _may_reach(records, i, corner_u, corner_v)
@@ -228,16 +232,10 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
                             at = block * size
                             u, v = slope_u + corners_u[lane], slope_v + corners_v[lane]
                             before = load(state, at)
-                            raw = opacity * _exp_minus(fma(u, u, v * v))
-                            alpha = minimum(raw, rules.alpha_max)
-                            after = before * (ONE - alpha)
-                            visible = raw >= rules.alpha_floor
-                            drawn = visible & (after > rules.stop)
-                            weight = select(drawn, alpha * before, ZERO)
-                            rest = select(
-                                drawn, after, select(visible, negative(absolute(before)), before)
-                            )
+                            _, _, visible, drawn, weight, rest = blend(u, v, opacity, before, rules)
                             store(state, at, rest)
+                            # Read here and not before: registers are too few to keep them.
+                            colours = broadcast_bank(values, i, channels)
                             store_bank(
                                 state,
                                 at + WIDTH,
@@ -246,7 +244,7 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
                             if bits(visible):
                                 touched |= 1 << block
                             if len(surface):
-                                crossed = bits(drawn & (before > HALF) & (after <= HALF))
+                                crossed = bits(drawn & (before > HALF) & (rest <= HALF))
                                 while crossed:
                                     crossing[block * WIDTH + lowest_bit(crossed)] = i
                                     crossed &= crossed - 1
@@ -258,7 +256,7 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
             changed[entry : starts[number + 1]] = 0
             for row in range(top, min(top + tile, height)):
                 for column in range(left, min(left + tile, width)):
-                    block, lane = _place(column - left, row - top, windows)
+                    block, lane = place(column - left, row - top, windows)
                     at = block * size + lane
                     left_over[row, column] = abs(state[at])
                     for channel in range(channels):
@@ -270,97 +268,8 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
 
 
 @inlined
-def _place(x, y, windows):
+def place(x, y, windows):
     """Block and lane of the pixel (x, y) of a tile."""
     window = y // WINDOW * windows + x // WINDOW
     block = y % WINDOW // SIDE * SIDE + x % WINDOW // SIDE
     return window * WIDTH + block, y % SIDE * SIDE + x % SIDE
-
-
-@functools.cache
-def backward_kernel(channels: int) -> Callable[..., Any]:
-    """The kernel that fills gradient slots, for one number of channels."""
-    size = WIDTH * (
-        2 + channels
-    )  # a block's state: light left over, light to come, channels' gradients
-    stride = WIDTH * ((MOMENTS + channels + WIDTH - 1) // WIDTH)
-
-    def composite_backward(
-        ticket, order, records, values, width, height, tile, starts, entries, rules, changed,
-        slot_of, out, left_over, d_out, d_left_over, slots,
-    ):  # fmt: skip
-        """Fill each entry's slot with six moments of ds over (u, v), then the channels' gradients."""
-        tiles_across, windows = (width + tile - 1) // tile, tile // WINDOW
-        count = windows * windows * WIDTH
-        state = _vectors(count * size // WIDTH)
-        corners_u, corners_v = _vectors(1), _vectors(1)
-        while True:
-            turn = next_ticket(ticket)
-            if turn >= len(order):
-                return
-            number = order[turn]
-            left, top = (number % tiles_across) * tile, (number // tiles_across) * tile
-            state[:] = ZERO
-            for block in range(count):
-                store(state, block * size, broadcast(ONE))
-            for row in range(top, min(top + tile, height)):
-                for column in range(left, min(left + tile, width)):
-                    block, lane = _place(column - left, row - top, windows)
-                    at = block * size + lane
-                    to_come = d_left_over[row, column] * left_over[row, column]
-                    for channel in range(channels):
-                        pull = d_out[row, column, channel]
-                        state[at + WIDTH * (2 + channel)] = pull
-                        to_come += pull * out[row, column, channel]
-                    state[at + WIDTH] = to_come
-            for entry in range(starts[number], starts[number + 1]):
-                i, touched = entries[entry], changed[entry]
-                ahead = entries[min(entry + AHEAD, starts[number + 1] - 1)]
-                prefetch(records, ahead)
-                prefetch(values, ahead)
-                opacity = records[i, OPACITY]
-                slope_u, slope_v = _slopes(records, i)
-                colours = broadcast_bank(values, i, channels)
-                m = mu = mv = muu = muv = mvv = broadcast(ZERO)
-                d_colours = bank_of_zeros(channels)
-                for window in range(windows * windows):
-                    inside = (touched >> (window * WIDTH)) & 0xFFFF
-                    if inside == 0:
-                        continue
-                    x = left + (window & (windows - 1)) * WINDOW
-                    y = top + (window >> (windows - 1)) * WINDOW
-                    corner_u, corner_v = _corners(records, i, x, y, slope_u, slope_v)
-                    store(corners_u, 0, corner_u)
-                    store(corners_v, 0, corner_v)
-                    while inside:
-                        lane = lowest_bit(inside)
-                        inside &= inside - 1
-                        at = (window * WIDTH + lane) * size
-                        u, v = slope_u + corners_u[lane], slope_v + corners_v[lane]
-                        before = load(state, at)
-                        raw = opacity * _exp_minus(fma(u, u, v * v))
-                        alpha = minimum(raw, rules.alpha_max)
-                        after = before * (ONE - alpha)
-                        visible = raw >= rules.alpha_floor
-                        drawn = visible & (after > rules.stop)
-                        weight = select(drawn, alpha * before, ZERO)
-                        rest = select(
-                            drawn, after, select(visible, negative(absolute(before)), before)
-                        )
-                        store(state, at, rest)
-                        pulls = load_bank(state, at + 2 * WIDTH, channels)
-                        pull = bank_dot(pulls, colours)
-                        d_colours = bank_fma(weight, pulls, d_colours)
-                        behind = load(state, at + WIDTH) - weight * pull
-                        store(state, at + WIDTH, behind)
-                        d_alpha = before * pull - behind / (ONE - alpha)
-                        # d alpha = -alpha ds, except where alpha is held at its greatest value.
-                        ds = select(
-                            drawn & (raw < rules.alpha_max), negative(alpha) * d_alpha, ZERO
-                        )
-                        ds_u, ds_v = ds * u, ds * v
-                        m, mu, mv = m + ds, mu + ds_u, mv + ds_v
-                        muu, muv, mvv = fma(ds_u, u, muu), fma(ds_u, v, muv), fma(ds_v, v, mvv)
-                store_totals(slots, slot_of[entry] * stride, (m, mu, mv, muu, muv, mvv), d_colours)
-
-    return kernel(composite_backward)

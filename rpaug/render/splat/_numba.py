@@ -7,6 +7,7 @@ from rpaug.errors import Unsupported
 from rpaug.render.splat import (
     _binning,
     _compositing,
+    _compositing_backward,
     _images,
     _pinhole,
     _projection,
@@ -251,7 +252,7 @@ class Rasteriser:
             self._entries, _compositing.rules(self.settings), self._changed, self._slot_of, self._out,
             self._left_over, d_out, d_left_over, slots,
         )  # fmt: skip
-        together(_compositing.backward_kernel(self._channels), [arguments] * self.threads)
+        together(_compositing_backward.backward_kernel(self._channels), [arguments] * self.threads)
 
         results = [np.empty(array.shape, np.float32) for array in self._arrays]
         motion = np.empty(len(self._splats), np.float32)
