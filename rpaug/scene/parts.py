@@ -50,7 +50,7 @@ def recorded(scene: Scene, noise: float, tolerance: float) -> tuple[Part, ...]:
 
     Reads `CANDIDATES` frames of each camera, and none if no body can be trusted.
     """
-    bodies = [body for body in scene.bodies if trusted(body)]
+    bodies = [body for body in scene.tracked if trusted(body)]
     seen: dict[frozenset[int], list[_Seen]] = {body.handles: [] for body in bodies}
     for t in spread(scene.episode.length)[:CANDIDATES] if bodies else ():
         for view in scene.episode.views.values():

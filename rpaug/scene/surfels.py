@@ -10,19 +10,25 @@ A view at time t draws, in this order (an earlier source keeps a pixel that a la
 
 All but the first are carved by the first: a surfel where the own camera saw farther is not there. And all but the
 first take on the first's light, thing by thing.
+
+Bodies that were edited are cut out of all of these and drawn once more from the same recordings, carried from where
+they were recorded to where they are now.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from rpaug.errors import TargetError, Unsupported
 from rpaug.render import denoise, holes, zbuffer
 from rpaug.render.gains import matched
 from rpaug.render.zbuffer import Rendered, Source
 from rpaug.scene import parts
+from rpaug.scene.carry import carried
 from rpaug.scene.parts import Part
 from rpaug.scene.plates import Plate, among, plate, source_at, spread
-from rpaug.types import CameraView, Scene
+from rpaug.types import Camera, CameraView, Scene
 
 HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
 NOISES = 3.0  # standard deviations of depth noise within which two depths are one surface
@@ -57,7 +63,7 @@ def build(scene: Scene) -> Surfels:
 
     Keeps a few images in memory. Raises Unsupported if a source has no depth.
     """
-    static = frozenset().union(*(body.handles for body in scene.bodies if body.motion == "static"))
+    static = frozenset().union(*(body.handles for body in scene.tracked if body.motion == "static"))
     views, length = scene.episode.views, scene.episode.length
     for name, view in views.items():
         if view.depth is None:
@@ -89,24 +95,52 @@ def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
     """What `scene.cameras[camera_name]` sees at time t, drawn from recorded pixels, holes filled.
 
     Colours are as recorded: appearance edits are functions of colour and id, and are applied to the result. Where
-    the camera stands as recorded, the result is the recorded image bit for bit. Raises TargetError.
+    the camera stands as recorded, what no edited body hides or uncovers is the recorded image bit for bit. Raises
+    TargetError.
     """
     if camera_name not in scene.cameras or camera_name not in scene.episode.views:
         known = ", ".join(scene.episode.views)
         raise TargetError(f"no camera is called {camera_name!r}; there are: {known}")
-    camera = scene.cameras[camera_name]
+    camera, recorded = scene.cameras[camera_name], scene.episode.views[camera_name]
     shown = list(sources(surfels, scene, camera_name, t))
     drawn = zbuffer.render(
         camera.K, camera.cam_to_world[t], (camera.width, camera.height), shown,
         witness=shown[0], tolerance=surfels.tolerance,
     )  # fmt: skip
-    return holes.fill(drawn)
+    filled = holes.fill(drawn)
+    if _stands(camera, recorded.camera, t) and recorded.depth is not None:
+        # Smoothing, and surfaces without depth, would change what was recorded.
+        return replace(filled, depth=np.where(drawn.source == 0, recorded.depth(t), filled.depth))
+    return filled
+
+
+def _stands(camera: Camera, recorded: Camera, t: int) -> bool:
+    same = np.array_equal(camera.cam_to_world[t], recorded.cam_to_world[t])
+    return same and np.array_equal(camera.K, recorded.K)
 
 
 def sources(surfels: Surfels, scene: Scene, own: str, t: int) -> Iterator[Source]:
     """The recorded images that show camera `own` its view at time t, the most trusted first, itself before all."""
-    views = scene.episode.views
-    near = surfels.tolerance
+    edits = carried(scene, t)
+    edited = frozenset(handle for edit in edits for handle in edit.handles)
+    whole = list(_recordings(surfels, scene, own, t, edited))
+    if not edits:
+        yield from whole
+        return
+    yield from (_without(source, edited) for source in whole)
+    for edit in edits:
+        for source in whole:
+            use = among(source.ids, frozenset(edit.shows))
+            use = use if source.use is None else use & source.use
+            if edit.shows and use.any():
+                yield edit.carry(replace(source, use=use))
+
+
+def _recordings(
+    surfels: Surfels, scene: Scene, own: str, t: int, edited: frozenset[int]
+) -> Iterator[Source]:
+    """All recordings that show what was there at time t, where it was then."""
+    views, near = scene.episode.views, surfels.tolerance
     yield (recorded := zbuffer.lift(source_at(views[own], t, surfels.noise, distant=True), near))
     now = {own: recorded}
     for name in views:
@@ -114,16 +148,19 @@ def sources(surfels: Surfels, scene: Scene, own: str, t: int) -> Iterator[Source
             now[name] = zbuffer.lift(source_at(views[name], t, surfels.noise, carved=True), near)
             yield matched(now[name], recorded, near)
     for name, kept in surfels.plates.items():
-        hidden = kept.known & ~among(now[name].ids, surfels.static)
+        hidden = kept.known & ~among(now[name].ids, surfels.static - edited)
         if hidden.any():
-            light = matched(kept.source, recorded, near)
-            yield replace(light, use=hidden)
+            yield replace(matched(kept.source, recorded, near), use=hidden)
     for past in surfels.history.values():
         yield from (matched(source, recorded, near) for source in past)
-    poses = {body.handles: body.to_world[t] for body in scene.bodies}
+    poses = {body.handles: body.to_world[t] for body in scene.tracked}
     for part in surfels.parts:
-        if part.handles in poses:
-            yield matched(part.at(poses[part.handles]), recorded, near)
+        yield matched(part.at(poses[part.handles]), recorded, near)
+
+
+def _without(source: Source, handles: frozenset[int]) -> Source:
+    rest = ~among(source.ids, handles)
+    return replace(source, use=rest if source.use is None else rest & source.use)
 
 
 def _history(
