@@ -98,7 +98,8 @@ class Body:
     `to_world[t]` carries a point from the body's own frame (world coordinates at the frame `reference`, so
     that `to_world[reference]` is the identity) to world at t. `motion` says which hypothesis explains the
     track; `residual` is its median point-to-plane distance in metres, and `ambiguous` is set where another
-    hypothesis explains the pixels as well.
+    hypothesis explains the pixels as well. `copy_of` is set for a duplicate: it maps
+    each recorded handle whose pixels show it to the handle it has here.
     """
 
     handles: frozenset[int]
@@ -107,6 +108,7 @@ class Body:
     reference: int = 0
     residual: float = 0.0
     ambiguous: bool = False
+    copy_of: Mapping[int, int] = field(default_factory=dict)
 
 
 class Appearance(Protocol):
@@ -150,6 +152,8 @@ class Scene:
     surfels; `gaussians` is there when the plan fitted some. `cameras` and `descriptions` start as recorded.
     `drift[camera][t]` put before a moving camera's recorded pose is where its image was truly taken from:
     recorders are off by millimetres. It is for rendering alike, and never written.
+    An operator that moves, copies or removes bodies keeps the recorded ones in `recorded_bodies`
+    (`recorded_bodies=scene.tracked`): the recorded pixels are carried from there to where the bodies are now.
     """
 
     episode: Episode
@@ -161,6 +165,12 @@ class Scene:
     appearance: tuple[Appearance, ...] = ()
     gaussians: Gaussians | None = None
     drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(default_factory=dict)
+    recorded_bodies: tuple[Body, ...] | None = None
+
+    @property
+    def tracked(self) -> tuple[Body, ...]:
+        """The bodies as they were recorded, whatever was edited since."""
+        return self.bodies if self.recorded_bodies is None else self.recorded_bodies
 
     @property
     def handles(self) -> frozenset[int]:

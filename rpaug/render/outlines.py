@@ -16,7 +16,7 @@ from rpaug.render.jit import inlined, kernel
 HALF = 0.52  # pixels: a pixel's own 0.5 and a little more, so that rounding leaves no gap
 WIDE = 0.8  # pixels: how far a surfel at an outline may reach, short of the next pixel's centre
 MAX_SLOPE = 0.08  # of 1/z per pixel: steeper is a step between two surfaces, not a plane
-STEP = 0.006  # of 1/z: a neighbour off the plane by this lies before or behind it
+STEP = 0.006  # of 1/z: the least step between two surfaces, in depth without noise
 BEND = 0.03  # of 1/z per pixel: what a surface of one id may curve away from the plane
 RADIUS, SPREAD = 3, 1.2  # pixels around that tell where an outline runs, and their Gaussian weight
 INNERMOST = 0.02  # pixels between a pixel's centre and its outline, at least
@@ -27,28 +27,34 @@ INSIDE, BEHIND, TOUCHING, BEFORE = 0, 1, 2, 3
 
 @dataclass(frozen=True)
 class Footprints:
-    """Per pixel: `slope` of 1/z across and down, per pixel; `edge`, how the surfel ends; `line` (a, b, c).
+    """Per pixel: `near`, 1/z; `slope` of 1/z across and down, per pixel; `edge`, how the surfel ends; `line` (a, b, c).
 
     `edge` is INSIDE a surface, BEHIND a nearer neighbour, TOUCHING another thing at the same depth, or BEFORE a
     farther neighbour. The last two have an outline: (x, y) pixels from the pixel's centre is within it where
     a x + b y + c >= 0.
     """
 
+    near: Float64[np.ndarray, "h w"]
     slope: Float64[np.ndarray, "h w 2"]
     edge: Int8[np.ndarray, "h w"]
     line: Float64[np.ndarray, "h w 3"]
 
 
-def footprints(near: Float64[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"]) -> Footprints:
-    """Footprints of an image of 1/z (0: infinitely far, negative: not known) and instance handles."""
+def footprints(
+    near: Float64[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"], step: float = STEP
+) -> Footprints:
+    """Footprints of an image of 1/z (0: infinitely far, negative: not known) and instance handles.
+
+    A neighbour that is off a surfel's plane by the share `step` of 1/z lies before or behind it.
+    """
     slope, line = np.zeros((*near.shape, 2)), np.zeros((*near.shape, 3))
     edge = np.zeros(near.shape, np.int8)
-    _footprints(near, ids, slope, edge, line)
-    return Footprints(slope, edge, line)
+    _footprints(near, ids, step, slope, edge, line)
+    return Footprints(near, slope, edge, line)
 
 
 @kernel
-def _footprints(near, ids, slope, edge, line):
+def _footprints(near, ids, step, slope, edge, line):
     for row in range(near.shape[0]):
         for column in range(near.shape[1]):
             if near[row, column] <= 0.0:
@@ -56,9 +62,9 @@ def _footprints(near, ids, slope, edge, line):
             across = _slope(near, ids, row, column, 0, 1)
             down = _slope(near, ids, row, column, 1, 0)
             slope[row, column, 0], slope[row, column, 1] = across, down
-            edge[row, column] = _edge(near, ids, row, column, across, down)
+            edge[row, column] = _edge(near, ids, step, row, column, across, down)
             if edge[row, column] >= TOUCHING:
-                a, b, c = _outline(near, ids, row, column, across, down)
+                a, b, c = _outline(near, ids, step, row, column, across, down)
                 line[row, column, 0], line[row, column, 1], line[row, column, 2] = a, b, c
 
 
@@ -80,7 +86,7 @@ def _slope(near, ids, row, column, down, right):
 
 
 @inlined
-def _edge(near, ids, row, column, across, down):
+def _edge(near, ids, step, row, column, across, down):
     """How the surfel ends, from its eight neighbours."""
     here = near[row, column]
     found = INSIDE
@@ -89,9 +95,9 @@ def _edge(near, ids, row, column, across, down):
             off = near[i, j] - (here + across * (j - column) + down * (i - row))
             if near[i, j] < 0.0 or (ids[i, j] == ids[row, column] and abs(off) < BEND * here):
                 continue
-            if off <= -STEP * here:
+            if off <= -step * here:
                 found = max(found, BEFORE)
-            elif off < STEP * here:
+            elif off < step * here:
                 found = max(found, TOUCHING)
             else:
                 found = max(found, BEHIND)
@@ -99,7 +105,7 @@ def _edge(near, ids, row, column, across, down):
 
 
 @kernel
-def _outline(near, ids, row, column, across, down):
+def _outline(near, ids, step, row, column, across, down):
     """The straight line between this surface and what lies behind or beside it; nearer things tell nothing.
 
     Under Gaussian weights the share of a half-plane is erf(c / sqrt(2) SPREAD) for a line at distance c.
@@ -112,7 +118,7 @@ def _outline(near, ids, row, column, across, down):
             off = near[i, j] - (here + across * x + down * y)
             bend = BEND * here * (1 + max(abs(x), abs(y)))
             side = 1.0 if ids[i, j] == ids[row, column] and abs(off) < bend else -1.0
-            if near[i, j] < 0.0 or (side < 0.0 and off >= STEP * here):
+            if near[i, j] < 0.0 or (side < 0.0 and off >= step * here):
                 continue
             weight = math.exp(-0.5 * (x * x + y * y) / SPREAD**2)
             total += weight

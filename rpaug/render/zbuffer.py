@@ -30,12 +30,23 @@ ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel
 
 
 @dataclass(frozen=True)
+class Gains:
+    """Factors on the colours of some handles."""
+
+    handles: Int32[np.ndarray, "n"]
+    factors: Float32[np.ndarray, "n 3"]
+
+
+NO_GAINS = Gains(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
+
+
+@dataclass(frozen=True)
 class Source:
     """One recorded image whose pixels are drawn as surfels.
 
     `depth` is in metres, 0 or non-finite where the sensor saw nothing. `use` picks the pixels to draw (None: all);
     `distant` also draws those without depth, as infinitely far; `carved` drops what the witness saw through.
-    `lifted` are the footprints, if they were worked out before (with `lift`).
+    `lifted` are the footprints, if they were worked out before (with `lift`), and `gains` factors on its colours.
     """
 
     K: Float64[np.ndarray, "3 3"]
@@ -47,11 +58,12 @@ class Source:
     distant: bool = False
     carved: bool = False
     lifted: Footprints | None = None
+    gains: Gains = NO_GAINS
 
 
-def lift(source: Source) -> Source:
+def lift(source: Source, tolerance: float = SAME_SURFACE) -> Source:
     """The source with its footprints worked out, for one that is drawn again and again."""
-    return replace(source, lifted=footprints(_nearness(source), source.ids))
+    return replace(source, lifted=footprints(_nearness(source), source.ids, tolerance))
 
 
 @dataclass(frozen=True)
@@ -85,41 +97,44 @@ def render(
     size: tuple[int, int],
     sources: Sequence[Source],
     witness: Source | None = None,
+    tolerance: float = SAME_SURFACE,
 ) -> Rendered:
     """Draw the sources' surfels as the camera `K`, `cam_to_world` of `size` (width, height) sees them.
 
-    The nearest surfel wins, but within `SAME_SURFACE` of its depth an earlier source keeps the pixel; and any source
-    comes before all that only reach past their outline or their own pixel. A `carved`
-    source's surfel is dropped where `witness`, looking the same way at the same time, recorded something farther:
-    what one can see through is not there.
+    The nearest surfel wins, but within `tolerance` (a share) of its depth an earlier source keeps the pixel; and any
+    source comes before all that only reach past their outline or their own pixel. A `carved` source's surfel is
+    dropped where `witness`, looking the same way at the same time, recorded something farther: what one can see
+    through is not there.
     """
     width, height = size
     nearest = np.full((height, width), -1.0)
     rank = np.zeros((height, width), np.int64)
     source = np.full((height, width), -1, np.int16)
     pixel = np.zeros((height, width), np.int32)
-    target = _intrinsics(K)
+    target = intrinsics(K)
     nobody = np.zeros((0, 0))
     near_seen = nobody if witness is None else np.maximum(_nearness(witness), 0.0)
     for index, each in enumerate(sources):
         seen, lens, back = nobody, target, np.zeros((3, 4))
         if each.carved and witness is not None:
-            seen, lens = near_seen, _intrinsics(witness.K)
-            back = _relative(cam_to_world, witness.cam_to_world)
-        near, whole = _nearness(each), each.lifted
-        prints = footprints(near, each.ids) if whole is None else whole
+            seen, lens = near_seen, intrinsics(witness.K)
+            back = relative(cam_to_world, witness.cam_to_world)
+        prints = (each if each.lifted else lift(each, tolerance)).lifted
+        assert prints is not None
+        near = prints.near
         if each.use is not None:
             near = np.where(each.use, near, -1.0)
         _draw(
-            near, prints.slope, prints.edge, prints.line, _intrinsics(each.K),
-            _relative(each.cam_to_world, cam_to_world), _relative(cam_to_world, each.cam_to_world), target,
-            index, seen, lens, back, nearest, rank, source, pixel,
+            near, prints.slope, prints.edge, prints.line, intrinsics(each.K),
+            relative(each.cam_to_world, cam_to_world), relative(cam_to_world, each.cam_to_world), target,
+            index, seen, lens, back, tolerance, nearest, rank, source, pixel,
         )  # fmt: skip
     rgb = np.zeros((height, width, 3), np.float32)
     ids = np.zeros((height, width), np.int32)
     for index, each in enumerate(sources):
         _colour(
-            each.rgb, each.ids, _intrinsics(each.K), _relative(cam_to_world, each.cam_to_world), target, index,
+            each.rgb, each.ids, each.gains.handles, each.gains.factors, intrinsics(each.K),
+            relative(cam_to_world, each.cam_to_world), target, index,
             nearest, source, pixel, rgb, ids,
         )  # fmt: skip
     with np.errstate(divide="ignore", over="ignore"):
@@ -127,11 +142,12 @@ def render(
     return Rendered(rgb=rgb, depth=depth, ids=ids, source=source, hole=source < 0)
 
 
-def _intrinsics(K: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "4"]:
+def intrinsics(K: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "4"]:
+    """Focal lengths and principal point (fx, fy, cx, cy) in pixels."""
     return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
 
 
-def _relative(
+def relative(
     here: Float64[np.ndarray, "4 4"], there: Float64[np.ndarray, "4 4"]
 ) -> Float64[np.ndarray, "3 4"]:
     """From camera `here` into camera `there`.
@@ -154,7 +170,8 @@ def _nearness(source: Source) -> Float64[np.ndarray, "h w"]:
 
 @kernel
 def _draw(
-    near, slope, edge, line, lens, pose, home, target, index, seen, witness, back, nearest, rank, source, pixel
+    near, slope, edge, line, lens, pose, home, target, index, seen, witness, back, tolerance, nearest, rank, source,
+    pixel,
 ):  # fmt: skip
     """Draw one source's surfels: rasterise each footprint, keep the nearest, leave out what was seen through."""
     height, width = nearest.shape
@@ -187,14 +204,16 @@ def _draw(
                         continue
                     order = index
                     if ends != INSIDE:
-                        p, q, _ = _map(u, v, hit, target, home, lens)
+                        p, q, _ = map_pixel(u, v, hit, target, home, lens)
                         if not _covers(p - column, q - row, ends, line[row, column]):
                             if ends == BEFORE:
                                 continue
                             order += BEYOND
-                    if not _wins(hit, order, nearest[v, u], rank[v, u]):
+                    if not _wins(hit, order, nearest[v, u], rank[v, u], tolerance):
                         continue
-                    if seen.size and _seen_through(u, v, hit, target, back, witness, seen):
+                    if seen.size and _seen_through(
+                        u, v, hit, target, back, witness, seen, tolerance
+                    ):
                         continue
                     nearest[v, u] = hit
                     rank[v, u] = order
@@ -211,13 +230,13 @@ def _covers(x, y, ends, line):
 
 
 @inlined
-def _wins(hit, order, held, rank):
+def _wins(hit, order, held, rank, tolerance):
     """Whether 1/z = hit takes the pixel: it is nearer, or as near and comes earlier."""
     if held < 0.0 or order == rank:
         return hit > held
     if order < rank:
-        return hit * (1.0 + SAME_SURFACE) > held
-    return hit > held * (1.0 + SAME_SURFACE)
+        return hit * (1.0 + tolerance) > held
+    return hit > held * (1.0 + tolerance)
 
 
 @kernel
@@ -259,7 +278,7 @@ def _inside(u, v, x, y):
 
 
 @kernel
-def _map(u, v, near, target, pose, lens):
+def map_pixel(u, v, near, target, pose, lens):
     """Pixel (column, row) and depth ratio, in another camera, of the target's pixel (u, v) at 1/z = near."""
     p = (u - target[2]) / target[0]
     q = (v - target[3]) / target[1]
@@ -270,16 +289,16 @@ def _map(u, v, near, target, pose, lens):
 
 
 @kernel
-def _seen_through(u, v, near, target, back, witness, seen):
+def _seen_through(u, v, near, target, back, witness, seen, tolerance):
     """Whether the witness recorded something clearly farther where it would see this point."""
-    column, row, ahead = _map(u, v, near, target, back, witness)
+    column, row, ahead = map_pixel(u, v, near, target, back, witness)
     if not ahead > NEAR:
         return False
     height, width = seen.shape
     if not (-0.5 <= column < width - 0.5 and -0.5 <= row < height - 0.5):
         return False
     recorded = seen[int(np.floor(row + 0.5)), int(np.floor(column + 0.5))]
-    return recorded * (1.0 + SAME_SURFACE) * ahead < near
+    return recorded * (1.0 + tolerance) * ahead < near
 
 
 @inlined
@@ -294,7 +313,9 @@ def _cubic(offset, weights):
 
 
 @kernel
-def _colour(rgb, ids, lens, back, target, index, nearest, source, pixel, out, out_ids):
+def _colour(
+    rgb, ids, handles, factors, lens, back, target, index, nearest, source, pixel, out, out_ids
+):
     """Look each pixel won by this source up where its point was recorded, blending only pixels of its own id."""
     across = np.empty(4)
     along = np.empty(4)
@@ -306,10 +327,17 @@ def _colour(rgb, ids, lens, back, target, index, nearest, source, pixel, out, ou
             row, column = pixel[v, u] // width, pixel[v, u] % width
             handle = ids[row, column]
             out_ids[v, u] = handle
-            x, y, _ = _map(u, v, nearest[v, u], target, back, lens)
+            gain = -1
+            for k in range(len(handles)):
+                if handles[k] == handle:
+                    gain = k
+            x, y, _ = map_pixel(u, v, nearest[v, u], target, back, lens)
             if abs(x - column) < ON_PIXEL and abs(y - row) < ON_PIXEL:
                 for channel in range(3):
-                    out[v, u, channel] = rgb[row, column, channel] / 255.0
+                    seen = rgb[row, column, channel] / 255.0
+                    out[v, u, channel] = (
+                        min(seen * factors[gain, channel], 1.0) if gain >= 0 else seen
+                    )
                 continue
             j, i = int(np.floor(x)), int(np.floor(y))
             _cubic(x - j, across)
@@ -332,7 +360,8 @@ def _colour(rgb, ids, lens, back, target, index, nearest, source, pixel, out, ou
                     rgb[row, column, 1],
                     rgb[row, column, 2],
                 )
-            scale = 1.0 / (255.0 * total)
-            out[v, u, 0] = min(max(red * scale, 0.0), 1.0)
-            out[v, u, 1] = min(max(green * scale, 0.0), 1.0)
-            out[v, u, 2] = min(max(blue * scale, 0.0), 1.0)
+            for channel, value in enumerate((red, green, blue)):
+                value = value / (255.0 * total)
+                if gain >= 0:
+                    value *= factors[gain, channel]
+                out[v, u, channel] = min(max(value, 0.0), 1.0)

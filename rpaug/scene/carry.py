@@ -1,0 +1,62 @@
+"""How each edited body gets from where it was recorded to where it is now."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from rpaug import geometry
+from rpaug.render.zbuffer import Source
+from rpaug.types import Body, Scene
+
+
+@dataclass(frozen=True)
+class Carried:
+    """One edited body at one time.
+
+    `handles` are recorded handles to be cut out where they were; `shows` maps recorded handles to those drawn
+    anew, empty for a removed body; `motion` carries recorded world points to where they are drawn.
+    """
+
+    handles: frozenset[int]
+    shows: Mapping[int, int]
+    motion: Float64[np.ndarray, "4 4"]
+
+    def carry(self, source: Source) -> Source:
+        """A recording of the body, its surfels moved and named anew; nothing there was seen through."""
+        ids = source.ids
+        for old, new in self.shows.items():
+            if old != new:
+                ids = np.where(source.ids == old, np.int32(new), ids)
+        return replace(
+            source,
+            ids=ids,
+            cam_to_world=self.motion @ source.cam_to_world,
+            carved=False,
+            distant=False,
+        )
+
+
+def carried(scene: Scene, t: int) -> tuple[Carried, ...]:
+    """The bodies of the scene that are not, at time t, as they were recorded: moved, copied or removed."""
+    if scene.recorded_bodies is None:
+        return ()
+    recorded = {handle: body for body in scene.tracked for handle in body.handles}
+    present = {h for body in scene.bodies if not body.copy_of for h in body.handles}
+    gone = frozenset(recorded) - present
+    edits = [Carried(gone, {}, np.eye(4))] if gone else []
+    for body in scene.bodies:
+        names = body.copy_of or {handle: handle for handle in body.handles}
+        motion = _motion(body, recorded[next(iter(names))], t)
+        if body.copy_of:
+            edits.append(Carried(frozenset(), names, motion))
+        elif not np.array_equal(motion, np.eye(4)):
+            edits.append(Carried(body.handles, names, motion))
+    return tuple(edits)
+
+
+def _motion(body: Body, recorded: Body, t: int) -> Float64[np.ndarray, "4 4"]:
+    if np.array_equal(body.to_world[t], recorded.to_world[t]):
+        return np.eye(4)
+    return body.to_world[t] @ geometry.inverse(recorded.to_world[t])

@@ -1,0 +1,102 @@
+"""Plates: what a fixed camera saw of static things over a whole episode, whatever hid them at times."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float32, Int32, UInt8
+
+from rpaug.render.denoise import smooth
+from rpaug.render.zbuffer import Source, lift
+from rpaug.types import CameraView
+
+PLATE_SAMPLES = (
+    9  # recordings of a static pixel, spread over the episode, whose median is its plate
+)
+SAME_DEPTH = 0.01  # of depth: a plate's samples agree this well or are another surface
+
+
+@dataclass(frozen=True)
+class Plate:
+    """What one fixed camera saw of static bodies over the whole episode; `known` where it ever saw any."""
+
+    rgb: UInt8[np.ndarray, "h w 3"]
+    depth: Float32[np.ndarray, "h w"]
+    ids: Int32[np.ndarray, "h w"]
+    known: Bool[np.ndarray, "h w"]
+    source: Source  # the same, ready to be drawn
+
+
+def source_at(
+    view: CameraView, t: int, noise: float = 0.0, distant: bool = False, carved: bool = False
+) -> Source:
+    """One recorded image as surfels, its depth smoothed if noisy; a source without masks has handle 0 everywhere."""
+    assert view.depth is not None  # build() refuses sources without depth
+    depth = view.depth(t)
+    ids = view.ids(t) if view.ids is not None else np.zeros(depth.shape, np.int32)
+    return Source(
+        K=view.camera.K,
+        cam_to_world=view.camera.cam_to_world[t],
+        rgb=view.rgb(t),
+        depth=smooth(depth, ids, noise),
+        ids=ids,
+        distant=distant,
+        carved=carved,
+    )
+
+
+def among(ids: Int32[np.ndarray, "h w"], handles: frozenset[int]) -> Bool[np.ndarray, "h w"]:
+    """Which pixels show one of the handles."""
+    return np.isin(ids, np.fromiter(handles, np.int32, len(handles)))
+
+
+def spread(length: int) -> list[int]:
+    """All frames, ordered so that any first few of them are spread over the episode (van der Corput)."""
+    bits = max(1, (length - 1).bit_length())
+    turned = (int(f"{i:0{bits}b}"[::-1], 2) for i in range(1 << bits))
+    return [t for t in turned if t < length]
+
+
+def plate(
+    view: CameraView, length: int, static: frozenset[int], noise: float, tolerance: float
+) -> Plate:
+    """Per pixel, the median of its first few static recordings in spread order; stops when all have enough."""
+    size = (view.camera.height, view.camera.width)
+    count = np.zeros(size, np.int64)
+    ids = np.zeros(size, np.int32)
+    depths = np.zeros((PLATE_SAMPLES, *size), np.float32)
+    colours = np.zeros((PLATE_SAMPLES, *size, 3), np.uint8)
+    for t in spread(length):
+        now = source_at(view, t)
+        good = among(now.ids, static) & np.isfinite(now.depth) & (now.depth > 0)
+        good &= count < PLATE_SAMPLES
+        agrees = (now.ids == ids) & (
+            np.abs(now.depth - depths[0]) < max(SAME_DEPTH, 5 * noise) * depths[0]
+        )
+        rows, columns = np.nonzero(good & ((count == 0) | agrees))
+        slot = count[rows, columns]
+        depths[slot, rows, columns] = now.depth[rows, columns]
+        colours[slot, rows, columns] = now.rgb[rows, columns]
+        ids[rows, columns] = now.ids[rows, columns]
+        count[rows, columns] += 1
+        if (count == PLATE_SAMPLES).all():
+            break
+    middle = np.maximum(count - 1, 0) // 2
+    depth, rgb = _ranked(depths, count, middle), _ranked(colours, count, middle)
+    depth = smooth(depth, ids, noise)
+    known = count > 0
+    source = Source(
+        K=view.camera.K, cam_to_world=view.camera.cam_to_world[0], rgb=rgb,
+        depth=depth, ids=ids, use=known, carved=True,
+    )  # fmt: skip
+    return Plate(rgb, depth, ids, known, lift(source, tolerance))
+
+
+def _ranked(samples: np.ndarray, count: np.ndarray, rank: np.ndarray) -> np.ndarray:
+    """Per pixel, the sample of the given rank among its first `count`; each channel by itself."""
+    extra = (None,) * (samples.ndim - 3)
+    slots = np.arange(len(samples))[(slice(None), None, None, *extra)]
+    worst = np.iinfo(samples.dtype).max if samples.dtype.kind == "u" else np.inf
+    missing = slots >= count[(None, ..., *extra)]
+    ordered = np.sort(np.where(missing, samples.dtype.type(worst), samples), axis=0)
+    found = np.take_along_axis(ordered, rank[(None, ..., *extra)], axis=0)[0]
+    return np.where(count[(..., *extra)] > 0, found, 0).astype(samples.dtype)
