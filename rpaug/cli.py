@@ -369,11 +369,22 @@ def fit_command(
 def twin_record(
     out: Annotated[Path, typer.Option(help="Dataset folder to add the task's episodes to.")],
     task: Annotated[
-        str, typer.Option(help="open_drawer or one of the other tasks; a wrong name lists them.")
+        str,
+        typer.Option(
+            help="open_drawer, pick_block, push_button, slide_block, stack_cups, put_in_box."
+        ),
     ] = "open_drawer",
     seed: Annotated[int, typer.Option(min=0)] = 0,
     factor: Annotated[
-        str | None, typer.Option(help="Truly change object_color, light_color or camera_pose.")
+        str | None,
+        typer.Option(
+            help="Truly change object_color, object_texture, light_color, light_direction, table_color, "
+            "table_texture, background_texture or camera_pose."
+        ),
+    ] = None,
+    target: Annotated[
+        str | None,
+        typer.Option(help="A part, manipulated or receiver, instead of the factor's usual parts."),
     ] = None,
     episodes: Annotated[int, typer.Option(min=1)] = 1,
     frames: Annotated[int, typer.Option(min=2)] = 60,
@@ -393,7 +404,15 @@ def twin_record(
 
     look = twin.Look(antialias=antialias, specular=specular, shadows=shadows)
     takes = twin.record(
-        task, seed, out, factor=factor, look=look, size=size, frames=frames, episodes=episodes
+        task,
+        seed,
+        out,
+        factor=factor,
+        target=target,
+        look=look,
+        size=size,
+        frames=frames,
+        episodes=episodes,
     )
     written = [str(out / take.episode.key) for take in takes]
     if as_json:
