@@ -1,9 +1,9 @@
 """Images laid on parts by box projection: the exact mapping, and the mesh that makes OpenGL draw just that.
 
-Of a point of the body's own frame the two coordinates are taken that its surface's normal does not
-mainly point along: (y, z), (x, z) or (x, y). Divided by the cover's `side` they count tiles: the
-first to the right in the image, the second up from its lower edge. Opposite faces see each other's
-mirror image.
+Each axis of the body's own frame has a picture, seen from outside along it: upright where z points
+up, on the two z faces where y does. A point shows the picture of the axis that its surface's normal
+mainly points along. Metres to the right and up, from the frame's origin, divided by the cover's
+`side` count tiles: the first to the right in the image, the second up from its lower edge.
 """
 
 from dataclasses import dataclass
@@ -56,8 +56,11 @@ def coordinates(
     points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], side: float
 ) -> Float[np.ndarray, "n 2"]:
     """Tiles to the right and up at each point of the body's frame; of equal parts of a normal the first counts."""
-    rest = np.array([[1, 2], [0, 2], [0, 1]])[np.abs(normals).round(9).argmax(1)]
-    return np.take_along_axis(points, rest, 1) / side
+    axis = np.abs(normals).round(9).argmax(1)
+    facing = np.sign(np.take_along_axis(normals, axis[:, None], 1)[:, 0])
+    x, y, z = points.T
+    right = np.choose(axis, [y, -x, x]) * facing
+    return np.stack([right, np.where(axis == 2, y, z)], -1) / side
 
 
 def look_up(

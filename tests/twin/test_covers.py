@@ -13,9 +13,11 @@ from rpaug.twin.world import Geom, Part
 
 
 def test_coordinates_by_hand():
-    points = np.array([[0.1, 0.2, 0.3]] * 4)
-    normals = np.array([[-1, 0, 0], [0.1, 0.9, 0.2], [0, 0, 1], [0.5, 0.5, 0]])
-    expected = [[2, 3], [1, 3], [1, 2], [2, 3]]
+    points = np.array([[0.1, 0.2, 0.3]] * 6)
+    normals = np.array(
+        [[-1, 0, 0], [0.1, 0.9, 0.2], [0, 0, 1], [0.5, 0.5, 0], [0, -1, 0], [0, 0, -1]]
+    )
+    expected = [[-2, 3], [-1, 3], [1, 2], [2, 3], [1, 3], [-1, 2]]
     np.testing.assert_allclose(covers.coordinates(points, normals, 0.1), expected)
 
 
@@ -94,7 +96,7 @@ def test_opengl_draws_the_mapping(covered, grey, name):
     mine = view.ids(0) == handle
     points = geometry.world_points(plain.depth(0), plain.camera, 0)
     local = geometry.transform(geometry.inverse(np.array(laid.body_to_world)), points)
-    normals = np.cross(np.gradient(local, axis=1), np.gradient(local, axis=0))
+    normals = np.cross(np.gradient(local, axis=0), np.gradient(local, axis=1))
     # Flat pixels whose normal is not torn between two axes.
     size = np.sort(np.abs(normals), -1) / np.linalg.norm(normals, axis=-1, keepdims=True)
     sure = mine & (size[..., 2] > size[..., 1] + 0.05) & ~_outline(view.ids(0), local)
