@@ -477,8 +477,8 @@ def bench_edits(
 
 BENCH_WIDTH = 118  # columns of the printed table
 BENCH_DIGITS = {
-    "psnr": 1, "psnr_worst": 1, "ssim": 3, "ciede2000": 2, "outside_worst": 0, "flicker": 2, "depth": 2, "iou": 3,
-    "reprojection": 3, "seconds": 2,
+    "psnr": 1, "psnr_worst": 1, "ssim": 3, "ciede2000": 2, "outside_worst": 0, "flicker": 2, "holes": 3,
+    "depth": 2, "iou": 3, "reprojection": 3, "seconds": 2,
 }  # fmt: skip
 
 
@@ -493,7 +493,7 @@ def _print_bench(found: list[dict[str, Any]], skipped: dict[str, str], out: Path
         table = Table(title=factor, title_justify="left", box=box.SIMPLE_HEAD)
         for name in ("method", "dB", "worst", "lead", "SSIM", "ΔE00", "outside", "flicker"):
             table.add_column(name, justify="left" if name == "method" else "right", no_wrap=True)
-        for name in ("depth mm", "IoU", "across mm", "CPU s"):
+        for name in ("holes", "depth mm", "IoU", "across mm", "CPU s"):
             table.add_column(name, justify="right", no_wrap=True)
         for entry in found:
             if entry["factor"] == factor:

@@ -1,15 +1,18 @@
 """Every factor's operator, and the baselines, against the factor truly changed on the twin."""
 
+import csv
+import io
 import json
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Bool
 from pydantic import TypeAdapter
 
 from rpaug import pipeline, plan, registry, twin
@@ -58,6 +61,12 @@ class Row:
     task: str
     changed: str
     scores: Scores
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """The keys of a flat row."""
+        own = tuple(entry.name for entry in fields(cls) if entry.name != "scores")
+        return own + Scores.names()
 
     def flat(self) -> dict[str, Any]:
         """The row as plain values."""
@@ -144,9 +153,11 @@ def encoded(setting: Setting, rows: Sequence[Row]) -> bytes:
 
 def table(rows: Sequence[Row]) -> bytes:
     """One line a row, as CSV."""
-    flat = [row.flat() for row in rows]
-    lines = [list(flat[0]) if flat else [], *(list(row.values()) for row in flat)]
-    return "".join(",".join(map(str, line)) + "\n" for line in lines).encode()
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, Row.names(), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(row.flat() for row in rows)
+    return text.getvalue().encode()
 
 
 def _one(
@@ -161,9 +172,9 @@ def _one(
                 edit()  # compiles what it needs
                 warm.add(factor)
             start = time.process_time()
-            made[method] = _held(edit())
+            made[method], holes = edit()
             seconds = time.process_time() - start
-            scores = measure(recorded, made[method], true, setting.antialias, seconds)
+            scores = measure(recorded, made[method], true, holes, setting.antialias, seconds)
             names = {handle: name for name, handle in true.truth.handles.items()}
             everything = len(true.truth.changed) == len(names)
             changed = "all" if everything else "+".join(names[h] for h in true.truth.changed)
@@ -187,7 +198,10 @@ def _takes(setting: Setting, case: Case, factor: str, seed: int) -> tuple[twin.T
     return recorded, perform(factor=factor, target=target)
 
 
-Edit = Callable[[], Episode]
+Holes = Mapping[str, Bool[np.ndarray, "h w"]]
+"""Masks of invented pixels, by camera/frame."""
+
+Edit = Callable[[], tuple[Episode, Holes]]
 
 
 def _methods(
@@ -197,23 +211,24 @@ def _methods(
     asks = case.ask(recorded, true, folder)
     for ask in asks:
         yield ask.method, partial(_edited, episode, case, ask, 0)
-    yield NONE, lambda: episode
+    yield NONE, lambda: (episode, {})
     if case.colours is not None:
         colours = case.colours(recorded, true)
-        yield LAB, partial(baselines.lab, episode, colours)
-    yield JITTER, partial(baselines.jitter, episode, seed)
+        yield LAB, lambda: (_held(baselines.lab(episode, colours)), {})
+    yield JITTER, lambda: (_held(baselines.jitter(episode, seed)), {})
     if setting.gaussians:
         yield GAUSSIANS, partial(_edited, episode, case, asks[0], 3)
 
 
-def _edited(episode: Episode, case: Case, ask: Ask, tier: int) -> Episode:
-    """The episode through the pipeline's own stages, its images still to be rendered."""
+def _edited(episode: Episode, case: Case, ask: Ask, tier: int) -> tuple[Episode, Holes]:
+    """The episode through the pipeline's own stages, every image rendered."""
     operator = TypeAdapter(registry.operator(case.operator)).validate_python(dict(ask.fields))
     made = plan.make([operator], episode, tier)
     scene = pipeline.prepare(episode, made)
     edit = ask.edit or operator.sample(scene, np.random.default_rng(0))
     scene = operator.apply(scene, json.loads(json.dumps(edit)))
-    return pipeline.render(scene, (), made).episode
+    rendered = pipeline.render(scene, (), made)
+    return _held(rendered.episode), rendered.tally.holes
 
 
 def _held(episode: Episode) -> Episode:

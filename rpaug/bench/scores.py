@@ -1,6 +1,6 @@
 """All figures of one edited episode against its truth."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -17,9 +17,10 @@ STRIDE = 4  # of frames looked at across cameras
 
 @dataclass(frozen=True)
 class Scores:
-    """Higher is better for the first three, lower for the others; nan where there was nothing to measure.
+    """Higher is better for the first four, lower for the others; nan where there was nothing to measure.
 
-    Errors are taken in the changed region: of cameras that were moved every pixel, of the others the
+    `psnr_seen` leaves invented pixels out, of which `holes` is the share. Errors are taken in the changed
+    region: of cameras that were moved every pixel, of the others the
     handles that truly changed and whatever else truly looks different. `flicker` is the mean change of the
     error between two frames, in grey levels, where a fixed camera sees the same handle; `outside` counts
     pixels that the edit changes and that no true change reaches. `reprojection` is the median distance
@@ -27,9 +28,11 @@ class Scores:
     """
 
     psnr: float  # dB
+    psnr_seen: float  # dB
     ssim: float
     iou: float
     ciede2000: float
+    holes: float  # share of pixels
     depth: float  # millimetres, median
     depth_far: float  # share of pixels
     outside: float  # pixels
@@ -39,10 +42,11 @@ class Scores:
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
+        """What is measured, in order."""
         return tuple(entry.name for entry in fields(cls))
 
 
-HIGHER = frozenset({"psnr", "ssim", "iou"})
+HIGHER = frozenset({"psnr", "psnr_seen", "ssim", "iou"})
 
 
 def regions(
@@ -62,9 +66,16 @@ def regions(
             yield name, t, inside, metrics.grown(inside, MIXED if antialias else 0)
 
 
-def measure(recorded: Take, edited: Episode, true: Take, antialias: bool, seconds: float) -> Scores:
-    """The figures of one episode, all cameras and frames pooled."""
-    squares, alike, colour, deep, flicker = [], [], [], [], []
+def measure(
+    recorded: Take,
+    edited: Episode,
+    true: Take,
+    holes: Mapping[str, Bool[np.ndarray, "h w"]],
+    antialias: bool,
+    seconds: float,
+) -> Scores:
+    """The figures of one episode, all cameras and frames pooled; `holes` are masks by camera/frame."""
+    squares, alike, colour, deep, flicker, invented = [], [], [], [], [], []
     outside, masks = 0, []
     before: dict[str, _Seen] = {}
     for name, t, inside, reach in regions(recorded, true, antialias):
@@ -81,16 +92,19 @@ def measure(recorded: Take, edited: Episode, true: Take, antialias: bool, second
             before[name] = now
         if not inside.any():
             continue
-        squares.append((off[inside] ** 2).ravel())
+        squares.append((off[inside] ** 2).mean(-1))
+        invented.append(holes.get(f"{name}/{t}", np.zeros_like(inside))[inside])
         alike.append(metrics.ssim(image, goal)[inside])
         colour.append(metrics.difference(image[inside], goal[inside]))
         deep.append(_depths(mine, truly, t)[inside])
         assert mine.ids is not None
         assert truly.ids is not None
         masks.append((mine.ids(t), truly.ids(t)))
-    depth = np.concatenate(deep)
+    depth, square, hole = (np.concatenate(parts) for parts in (deep, squares, invented))
     return Scores(
-        psnr=metrics.psnr(float(np.concatenate(squares).mean())),
+        psnr=metrics.psnr(float(square.mean())),
+        psnr_seen=metrics.psnr(float(square[~hole].mean())),
+        holes=float(hole.mean()),
         ssim=float(np.concatenate(alike).mean()),
         iou=metrics.mean_iou(masks),
         ciede2000=float(np.concatenate(colour).mean()),

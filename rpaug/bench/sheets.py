@@ -102,9 +102,10 @@ def plot(path: Path, summary: Sequence[Mapping[str, Any]]) -> Path:
 
 def _row(shot: Shot, antialias: bool) -> UInt8[np.ndarray, "h w 3"]:
     """Recorded, truth, then every method with its difference to the truth below."""
+    late = 2 * shot.true.episode.length // 3  # by then something has moved
     found = max(
         regions(shot.recorded, shot.true, antialias),
-        key=lambda entry: (entry[0] != "wrist") * entry[2].sum(),
+        key=lambda entry: ((entry[0] != "wrist") * int(entry[2].sum()), -abs(entry[1] - late)),
     )
     name, t = found[0], found[1]
     before, truth = (take.episode.views[name].rgb(t) for take in (shot.recorded, shot.true))
