@@ -7,7 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -100,15 +100,15 @@ def run(
     keep: Callable[[Shot], None] = lambda shot: None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Row]:
-    """All rows, factor by factor; `keep` sees every seed's images before they are dropped."""
+    """All rows, seed by seed; `keep` sees every seed's images before they are dropped."""
     factors = [name for name in setting.factors if name not in missing(setting)]
     rows: list[Row] = []
     warm: set[str] = set()
-    for number, factor in enumerate(factors):
-        for seed in range(setting.seeds):
+    for seed in range(setting.seeds):
+        for number, factor in enumerate(factors):
             rows += _one(setting, factor, seed, warm, keep)
-            progress(number * setting.seeds + seed + 1, len(factors) * setting.seeds)
-    return rows
+            progress(seed * len(factors) + number + 1, len(factors) * setting.seeds)
+    return sorted(rows, key=lambda row: factors.index(row.factor))
 
 
 def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
@@ -184,18 +184,31 @@ def _one(
 
 def _takes(setting: Setting, case: Case, factor: str, seed: int) -> tuple[twin.Take, twin.Take]:
     task = setting.tasks[seed % len(setting.tasks)]
+    recorded = _recorded(setting, case.lamps, task, seed)
+    target = case.targets[seed // len(setting.tasks) % len(case.targets)]
+    if target == "receiver" and recorded.truth.receiver is None:
+        target = "manipulated"
+    true = twin.perform(
+        task,
+        seed,
+        factor=factor,
+        target=target,
+        look=recorded.truth.new,
+        size=setting.size,
+        frames=setting.frames,
+    )
+    return recorded, true
+
+
+@lru_cache(2)  # factors share what was recorded
+def _recorded(setting: Setting, lamps: tuple[twin.Lamp, ...], task: str, seed: int) -> twin.Take:
     look = twin.Look(
-        lamps=case.lamps,
+        lamps=lamps,
         antialias=setting.antialias,
         shadows=setting.shadows,
         specular=setting.specular,
     )
-    perform = partial(twin.perform, task, seed, look=look, frames=setting.frames, size=setting.size)
-    recorded = perform()
-    target = case.targets[seed // len(setting.tasks) % len(case.targets)]
-    if target == "receiver" and recorded.truth.receiver is None:
-        target = "manipulated"
-    return recorded, perform(factor=factor, target=target)
+    return twin.perform(task, seed, look=look, frames=setting.frames, size=setting.size)
 
 
 Holes = Mapping[str, Bool[np.ndarray, "h w"]]
