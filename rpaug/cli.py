@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -28,6 +29,8 @@ app = typer.Typer(
 )
 twin_app = typer.Typer(help="A simulated tabletop that knows the truth.", no_args_is_help=True)
 app.add_typer(twin_app, name="twin")
+bench_app = typer.Typer(help="Error and seconds, measured on the twin.", no_args_is_help=True)
+app.add_typer(bench_app, name="bench")
 console = Console(stderr=True)
 
 Dataset = Annotated[Path, typer.Argument(help="Folder of a dataset.", show_default=False)]
@@ -382,11 +385,22 @@ def fit_command(
 def twin_record(
     out: Annotated[Path, typer.Option(help="Dataset folder to add the task's episodes to.")],
     task: Annotated[
-        str, typer.Option(help="open_drawer or one of the other tasks; a wrong name lists them.")
+        str,
+        typer.Option(
+            help="open_drawer, pick_block, push_button, slide_block, stack_cups, put_in_box."
+        ),
     ] = "open_drawer",
     seed: Annotated[int, typer.Option(min=0)] = 0,
     factor: Annotated[
-        str | None, typer.Option(help="Truly change object_color, light_color or camera_pose.")
+        str | None,
+        typer.Option(
+            help="Truly change object_color, object_texture, light_color, light_direction, table_color, "
+            "table_texture, background_texture or camera_pose."
+        ),
+    ] = None,
+    target: Annotated[
+        str | None,
+        typer.Option(help="A part, manipulated or receiver, instead of the factor's usual parts."),
     ] = None,
     episodes: Annotated[int, typer.Option(min=1)] = 1,
     frames: Annotated[int, typer.Option(min=2)] = 60,
@@ -406,7 +420,15 @@ def twin_record(
 
     look = twin.Look(antialias=antialias, specular=specular, shadows=shadows)
     takes = twin.record(
-        task, seed, out, factor=factor, look=look, size=size, frames=frames, episodes=episodes
+        task,
+        seed,
+        out,
+        factor=factor,
+        target=target,
+        look=look,
+        size=size,
+        frames=frames,
+        episodes=episodes,
     )
     written = [str(out / take.episode.key) for take in takes]
     if as_json:
@@ -415,6 +437,84 @@ def twin_record(
         for path in written:
             Console().print(path, highlight=False, soft_wrap=True)
     return 0
+
+
+@bench_app.command("edits")
+@_guarded
+def bench_edits(
+    out: Annotated[Path, typer.Option(help="New folder for table, sheets and plot.")],
+    factor: Annotated[list[str] | None, typer.Option(help="Only these factors.")] = None,
+    task: Annotated[list[str] | None, typer.Option(help="Only these tasks, in turn.")] = None,
+    seeds: Annotated[int, typer.Option(min=1)] = 10,
+    frames: Annotated[int, typer.Option(min=2)] = 17,
+    size: Annotated[int, typer.Option(min=8, help="Pixels a side.")] = 128,
+    antialias: Annotated[bool, typer.Option(help="Anti-alias the colour images.")] = False,
+    specular: Annotated[bool, typer.Option(help="Give surfaces highlights.")] = False,
+    shadows: Annotated[bool, typer.Option(help="Let the lamps cast shadows.")] = False,
+    gaussians: Annotated[
+        bool, typer.Option(help="Also render fitted Gaussians alone: minutes a seed.")
+    ] = False,
+    plot: Annotated[bool, typer.Option(help="Also plot error against seconds.")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Measure every factor's edit, and baselines, against the factor truly changed.
+
+    Example: [bold]rpaug bench edits --factor object_color --seeds 10 --out edits[/]
+    """
+    from rpaug.bench import edits, sheets
+    from rpaug.files import atomic_folder
+
+    switches = {"antialias": antialias, "specular": specular, "shadows": shadows}
+    shape = {"seeds": seeds, "frames": frames, "size": size, "gaussians": gaussians}
+    chosen = {"factors": factor, "tasks": task}
+    named = {name: tuple(value) for name, value in chosen.items() if value}
+    setting = edits.Setting(**named, **shape, **switches)  # type: ignore[arg-type]
+    skipped = edits.missing(setting)
+    with atomic_folder(out) as folder:
+        kept = sheets.Sheets(folder, setting)
+        with _progress("measuring", as_json) as progress:
+            rows = edits.run(setting, kept.keep, progress)
+        found = edits.summary(rows)
+        images = list(kept.write().values())
+        if plot:
+            images.append(sheets.plot(folder / "edits.png", found))
+        (folder / "edits.json").write_bytes(edits.encoded(setting, rows))
+        (folder / "edits.csv").write_bytes(edits.table(rows))
+        sheets.page(folder, found, images)
+    if as_json:
+        _print_json({"out": str(out), "skipped": skipped, "summary": found})
+    else:
+        _print_bench(found, skipped, out)
+    return 0 if rows else 2
+
+
+BENCH_WIDTH = 118  # columns of the printed table
+BENCH_DIGITS = {
+    "psnr": 1, "psnr_worst": 1, "ssim": 3, "ciede2000": 2, "outside_worst": 0, "flicker": 2, "holes": 3,
+    "depth": 2, "iou": 3, "reprojection": 3, "seconds": 2,
+}  # fmt: skip
+
+
+def _print_bench(found: list[dict[str, Any]], skipped: dict[str, str], out: Path) -> None:
+    from rpaug.bench.sheets import PAGE
+
+    for name, reason in skipped.items():
+        console.print(f"[yellow]skipped[/] {name}: {_plain(reason)}", highlight=False)
+    printer = Console()
+    printer.width = max(printer.width, BENCH_WIDTH)
+    for factor in dict.fromkeys(entry["factor"] for entry in found):
+        table = Table(title=factor, title_justify="left", box=box.SIMPLE_HEAD)
+        for name in ("method", "dB", "worst", "lead", "SSIM", "ΔE00", "outside", "flicker"):
+            table.add_column(name, justify="left" if name == "method" else "right", no_wrap=True)
+        for name in ("holes", "depth mm", "IoU", "across mm", "CPU s"):
+            table.add_column(name, justify="right", no_wrap=True)
+        for entry in found:
+            if entry["factor"] == factor:
+                figures = [f"{entry[name]:.{digits}f}" for name, digits in BENCH_DIGITS.items()]
+                lead = "" if entry["lead"] is None else f"{entry['lead']:+.1f}"
+                table.add_row(entry["method"], *figures[:2], lead, *figures[2:])
+        printer.print(table)
+    printer.print(f"sheets: {out / PAGE}", highlight=False, soft_wrap=True)
 
 
 @app.command()

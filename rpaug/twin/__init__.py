@@ -1,7 +1,22 @@
 """MuJoCo scenes that write real-format episodes, and their truly changed versions."""
 
-from rpaug.twin.look import Bump, Look
+from rpaug.twin.covers import Cover
+from rpaug.twin.look import LAMPS, RIG, Bump, Lamp, Look
 from rpaug.twin.record import Take, perform, record
-from rpaug.twin.truth import Truth
+from rpaug.twin.tasks import TASKS
+from rpaug.twin.truth import Laid, Truth
 
-__all__ = ["Bump", "Look", "Take", "Truth", "perform", "record"]
+__all__ = [
+    "LAMPS",
+    "RIG",
+    "TASKS",
+    "Bump",
+    "Cover",
+    "Laid",
+    "Lamp",
+    "Look",
+    "Take",
+    "Truth",
+    "perform",
+    "record",
+]

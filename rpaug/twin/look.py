@@ -1,13 +1,31 @@
 """Everything about a recording that can be changed while its motion stays the same."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
+import numpy as np
+
+from rpaug.twin.covers import Cover
 from rpaug.twin.world import Vector
 
 # At this brightness an upward face is lit to 1.0: a lamp that COLOSSEUM's light factor changes only gets darker,
 # so that OpenGL never clips the lit colour and the truth is a plain ratio.
 LAMPS: Vector = (0.5, 0.5, 0.5)
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """Parallel light from `heading` about the vertical (0: from +x) and `height` above the horizon, radians."""
+
+    heading: float
+    height: float
+
+
+RIG = tuple(
+    Lamp(float(np.deg2rad(heading)), float(np.deg2rad(height)))
+    for heading, height in ((20, 33), (250, 25), (165, 25))
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +43,8 @@ class Look:
     `tints` replaces the colour that multiplies a part's albedo, by part name. `light` is the
     diffuse colour of every lamp; the ambient light goes with it. `bumps` moves cameras by name.
     `antialias` smooths the colour images, never depth or ids. `texture_seed` draws the textures;
-    None takes the recording's own seed.
+    None takes the recording's own seed. `covers` lays images on parts, by name; `lamps` says where
+    the light comes from.
     """
 
     tints: Mapping[str, Vector] = field(default_factory=dict)
@@ -35,3 +54,14 @@ class Look:
     specular: bool = False
     shadows: bool = False
     texture_seed: int | None = None
+    covers: Mapping[str, Cover] = field(default_factory=dict)
+    lamps: tuple[Lamp, ...] = RIG
+
+    def describe(self) -> dict[str, Any]:
+        """The fields as plain values; covers and lamps only where they are not the usual ones."""
+        facts = asdict(self)
+        if not self.covers:
+            del facts["covers"]
+        if self.lamps == RIG:
+            del facts["lamps"]
+        return facts

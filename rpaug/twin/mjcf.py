@@ -7,16 +7,17 @@ import numpy as np
 from jaxtyping import Float, Int32
 
 from rpaug.files import encode_png
-from rpaug.twin.look import LAMPS, Look
-from rpaug.twin.world import Body, Geom, Part, World
+from rpaug.twin import covers
+from rpaug.twin.look import LAMPS, Lamp, Look
+from rpaug.twin.world import WHITE, Body, Geom, Part, World
 
 AMBIENT = 0.3  # display intensity, at the lamps' own brightness
-_LAMPS = ((20, 33), (250, 25), (165, 25))  # heading and height they shine from, degrees
 
 
 def compile_model(world: World, look: Look, size: int) -> mujoco.MjModel:
     """The model of `world` under `look`, with offscreen buffers of `size` x `size` pixels."""
-    pictures = {f"{name}.png": encode_png(image) for name, image in world.textures.items()}
+    images = {**world.textures, **{_cover(name): c.image for name, c in look.covers.items()}}
+    pictures = {f"{name}.png": encode_png(image) for name, image in images.items()}
     return mujoco.MjModel.from_xml_string(to_xml(world, look, size), pictures)
 
 
@@ -35,9 +36,11 @@ def to_xml(world: World, look: Look, size: int) -> str:
     asset = Xml.SubElement(root, "asset")
     for name in world.textures:
         Xml.SubElement(asset, "texture", name=name, type="cube", file=f"{name}.png")
+    for name in map(_cover, look.covers):
+        Xml.SubElement(asset, "texture", name=name, type="2d", file=f"{name}.png")
     scene = Xml.SubElement(root, "worldbody")
-    for heading, height in _LAMPS:
-        _add_lamp(scene, np.deg2rad(heading), np.deg2rad(height), look)
+    for lamp in look.lamps:
+        _add_lamp(scene, lamp, look)
     elements: dict[str | None, Xml.Element] = {None: scene}
     for body in world.bodies:
         element = _add_body(elements, body)
@@ -53,9 +56,11 @@ def part_of_geoms(model: mujoco.MjModel, world: World) -> Int32[np.ndarray, "g"]
     )
 
 
-def _add_lamp(scene: Xml.Element, heading: float, height: float, look: Look) -> None:
-    along = np.cos(height)
-    source = np.array([along * np.cos(heading), along * np.sin(heading), np.sin(height)])
+def _add_lamp(scene: Xml.Element, lamp: Lamp, look: Look) -> None:
+    along = np.cos(lamp.height)
+    source = np.array(
+        [along * np.cos(lamp.heading), along * np.sin(lamp.heading), np.sin(lamp.height)]
+    )
     Xml.SubElement(
         scene,
         "light",
@@ -89,37 +94,60 @@ def _add_body(elements: dict[str | None, Xml.Element], body: Body) -> Xml.Elemen
 
 
 def _add_part(asset: Xml.Element, body: Xml.Element, part: Part, look: Look) -> None:
-    tint = look.tints.get(part.name, part.tint)
+    cover = look.covers.get(part.name)
+    tint = look.tints.get(part.name, WHITE if cover else part.tint)
     for number, geom in enumerate(part.geoms):
         name = f"{part.name}/{number}"
         material = Xml.SubElement(
             asset,
             "material",
             name=name,
-            rgba=_text((*np.multiply(tint, geom.colour), 1)),
+            rgba=_text((*(tint if cover else np.multiply(tint, geom.colour)), 1)),
             specular="0.5" if look.specular else "0",
             shininess="0.2",
         )
+        if cover:
+            material.set("texture", _cover(part.name))
+            _add_mesh(asset, body, covers.mesh(part, number, cover.side), name)
+            continue
         if geom.texture:
             material.set("texture", geom.texture)
         _add_geom(body, geom, name)
 
 
-def _add_geom(body: Xml.Element, geom: Geom, name: str) -> None:
-    element = Xml.SubElement(
-        body,
-        "geom",
+def _add_mesh(asset: Xml.Element, body: Xml.Element, mesh: covers.Mesh, name: str) -> None:
+    downwards = mesh.tiles * (1, -1)  # MuJoCo's images begin with their first row, at the top
+    Xml.SubElement(
+        asset,
+        "mesh",
         name=name,
-        type=geom.shape,
-        size=_text(geom.size),
-        material=name,
-        contype="0",
-        conaffinity="0",
+        inertia="shell",
+        vertex=_text(mesh.points.ravel()),
+        normal=_text(mesh.normals.ravel()),
+        texcoord=_text(downwards.ravel()),
+        face=" ".join(map(str, mesh.faces.ravel())),
     )
-    if geom.end is None:
-        element.set("pos", _text(geom.start))
-    else:
+    _add_shape(body, name, type="mesh", mesh=name)
+
+
+def _add_geom(body: Xml.Element, geom: Geom, name: str) -> None:
+    element = _add_shape(body, name, type=geom.shape, size=_text(geom.size))
+    if geom.end is not None:
         element.set("fromto", _text((*geom.start, *geom.end)))
+        return
+    element.set("pos", _text(geom.start))
+    if geom.yaw:
+        element.set("euler", _text((0.0, 0.0, geom.yaw)))
+
+
+def _add_shape(body: Xml.Element, name: str, **shape: str) -> Xml.Element:
+    common = {"name": name, "material": name, "contype": "0", "conaffinity": "0"}
+    return Xml.SubElement(body, "geom", common | shape)
+
+
+def _cover(part: str) -> str:
+    """The name of a covered part's texture."""
+    return f"cover-{part}"
 
 
 def _text(numbers: Float[np.ndarray, "n"] | tuple[float, ...]) -> str:

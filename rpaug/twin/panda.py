@@ -29,6 +29,11 @@ HIGHEST = np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973])
 HOME = np.array([0.0, 0.1751, 0.0, -0.8732, 0.0, 1.2215, np.pi / 4])
 OPEN = 0.04  # metres each finger stands from the middle when the gripper is open
 
+FINGER_END, FINGER_HALF = (
+    0.009,
+    0.010,
+)  # metres: the finger ends below the tip, half a finger's width
+
 _SHELL: Vector = (0.88, 0.88, 0.9)
 _JOINT: Vector = (0.32, 0.33, 0.36)
 _RUBBER: Vector = (0.16, 0.16, 0.18)

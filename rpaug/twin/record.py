@@ -11,12 +11,13 @@ from jaxtyping import Float
 
 from rpaug import registry
 from rpaug.errors import RpaugError
+from rpaug.files import encode_png
 from rpaug.twin import cameras, factors, tabletop, tasks
 from rpaug.twin.look import Look
 from rpaug.twin.motion import Motion, play
 from rpaug.twin.panda import OPEN
 from rpaug.twin.renderer import Renderer
-from rpaug.twin.truth import Truth, changed_tints, mean_albedos
+from rpaug.twin.truth import Truth, changed_tints, laid, mean_albedos
 from rpaug.twin.world import World
 from rpaug.types import Camera, CameraView, Episode, Robot
 
@@ -33,8 +34,12 @@ class Take:
     poses: Mapping[str, Float[np.ndarray, "t 4 4"]]
 
     def side(self) -> dict[str, bytes]:
-        """The file that lies beside the episode's own."""
-        return {"truth.json": (json.dumps(self.truth.describe(), indent=1) + "\n").encode()}
+        """The files that lie beside the episode's own: the facts, and the images laid on parts."""
+        tiles = {laid.file: encode_png(laid.cover.image) for laid in self.truth.covers.values()}
+        return {
+            "truth.json": (json.dumps(self.truth.describe(), indent=1) + "\n").encode(),
+            **tiles,
+        }
 
 
 def perform(
@@ -52,10 +57,9 @@ def perform(
     """One episode in memory: number `episode` of `seed`, `frames` long, seen in `size` x `size` pixels.
 
     Seed and episode draw the layout, the motion, the handles and the textures, whatever the look.
-    `factor` changes that look: `object_color` the tint of the part `target` (None: the manipulated
-    one), `light_color` all lamps, `camera_pose` the front and shoulder cameras, to `value` or,
-    where that is None, to a draw from the seed. Raises RpaugError for unknown names, Unsupported
-    without OpenGL or with too few frames.
+    `factor` changes that look, as `factors.FACTORS` lists, on the part `target`: a name, "manipulated"
+    or "receiver" (None: the factor's usual parts), to `value` or, where that is None, to a draw from
+    the seed. Raises RpaugError for unknown names, Unsupported without OpenGL or with too few frames.
     """
     if task not in tasks.TASKS:
         raise RpaugError(f"no task is called {task!r}; there are: {', '.join(tasks.TASKS)}")
@@ -67,8 +71,12 @@ def perform(
     motion = play(tabletop.ARM, job.script, job.placing, frames)
     texture_seed = int(textures.integers(2**32)) if old.texture_seed is None else old.texture_seed
     world = tabletop.build(job.placing, handles, texture_seed)
-    chosen = target or job.manipulated
-    new = factors.change(factor, old, world, chosen, value, drawn) if factor else old
+    changed: tuple[str, ...] = ()
+    new = old
+    if factor:
+        found = factors.find(factor)
+        changed = factors.parts(found, target, world, job)
+        new = found.change(old, changed, value, drawn)
     truth = Truth(
         task=task,
         seed=seed,
@@ -83,6 +91,9 @@ def perform(
         albedos=mean_albedos(world, new),
         old=old,
         new=new,
+        receiver=job.receiver,
+        changed=tuple(world.handles[name] for name in changed),
+        covers=laid(world, new, motion.objects),
     )
     made = Episode(
         key=f"{task}/all_variations/episodes/episode{episode}",

@@ -1,4 +1,4 @@
-"""The tabletop: a Panda, a cabinet with a drawer, blocks, a cylinder, a pad, table, walls, floor."""
+"""The tabletop: a Panda, table, walls and floor, and what a task puts there: cabinet, blocks, cups, button, box."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from rpaug import geometry
 from rpaug.twin import panda, textures
-from rpaug.twin.world import Body, Geom, Part, World, draw_handles
+from rpaug.twin.world import WHITE, Body, Geom, Part, World, draw_handles
 
 TABLE = 0.752  # metres, the height of RLBench's table
 ARM = panda.Panda(geometry.rigid(np.zeros(3), np.array([-0.29, 0.0, TABLE])))
@@ -18,6 +18,10 @@ WALL = 0.012
 GRIP = np.array([0.184, 0.0, 0.165])  # middle of the grip in the cabinet's frame
 GRIP_RADIUS = 0.008
 
+CUP_SMALL, CUP_LARGE = (0.026, 0.003, 0.100), (0.044, 0.004, 0.060)  # radius, wall, height
+FLOOR_OF_CUP = 0.006
+BUTTON_TOP, BUTTON_TRAVEL = 0.042, 0.010  # above the table, and how far down it is pressed
+BOX, BOX_FLOOR = (0.090, 0.095, 0.070), 0.008  # outer half extents and height; thickness
 BLOCK = (0.032, 0.055, 0.045)  # half extents: the narrow side fits the gripper
 RED = (0.80, 0.07, 0.06)
 
@@ -25,12 +29,16 @@ RED = (0.80, 0.07, 0.06)
 def build(
     placing: Mapping[str, Float[np.ndarray, "4 4"]], rng: np.random.Generator, texture_seed: int
 ) -> World:
-    """The furnished world; `placing` says where cabinet, blocks, cylinder and pad stand, `rng` draws the handles."""
+    """The furnished world: of the things, those that `placing` says where to stand; `rng` draws the handles."""
     bodies = (
         _room(),
         *panda.bodies(ARM.base),
-        *_cabinet(placing["cabinet"]),
-        *(Body(name, (part,), placing[name], movable=True) for name, part in _things().items()),
+        *(_cabinet(placing["cabinet"]) if "cabinet" in placing else ()),
+        *(
+            Body(name, (part,), placing[name], movable=True)
+            for name, part in _things().items()
+            if name in placing
+        ),
     )
     return World(bodies, _pictures(texture_seed), draw_handles(bodies, rng))
 
@@ -41,12 +49,12 @@ def upright(x: float, y: float, height: float = 0.0, yaw: float = 0.0) -> Float[
 
 
 def resting_height(name: str) -> float:
-    """How far above the table the middle of a block, the cylinder or the pad is when it stands."""
-    (geom,) = _things()[name].geoms
-    if geom.shape == "box":
-        return geom.size[2]
-    assert geom.end is not None
-    return geom.end[2]
+    """How far above the table a thing's frame is when it stands; for a block, the cylinder and the pad its middle."""
+    lowest = [
+        geom.start[2] - geom.size[2] if geom.shape == "box" else geom.start[2]
+        for geom in _things()[name].geoms
+    ]
+    return -min(lowest)
 
 
 def _room() -> Body:
@@ -134,19 +142,62 @@ def _cabinet(pose: Float[np.ndarray, "4 4"]) -> tuple[Body, Body]:
 
 
 def _things() -> dict[str, Part]:
-    """What can be taken, and the pad it is put on: one shape each."""
+    """What can be taken, pressed, or put something on or into."""
     x, y, z = BLOCK
-    return {
-        name: Part(name, (geom,), tint)
-        for name, geom, tint in (
-            ("block_plain", Geom("box", BLOCK), RED),
-            ("block_two_coloured", Geom("box", BLOCK, texture="halves"), (1.0, 1.0, 1.0)),
-            ("block_textured", Geom("box", (y, y, y), texture="marble"), (1.0, 1.0, 1.0)),
-            ("block_small", Geom("box", (z, z, x)), (0.16, 0.30, 0.74)),
-            ("cylinder", Geom("cylinder", (z,), (0, 0, -0.06), (0, 0, 0.06)), (0.20, 0.62, 0.28)),
-            ("pad", Geom("box", (0.07, 0.07, 0.006)), (0.85, 0.82, 0.78)),
+    single = (
+        ("block_plain", Geom("box", BLOCK), RED),
+        ("block_two_coloured", Geom("box", BLOCK, texture="halves"), WHITE),
+        ("block_textured", Geom("box", (y, y, y), texture="marble"), WHITE),
+        ("block_small", Geom("box", (z, z, x)), (0.16, 0.30, 0.74)),
+        ("cylinder", Geom("cylinder", (z,), (0, 0, -0.06), (0, 0, 0.06)), (0.20, 0.62, 0.28)),
+        ("pad", Geom("box", (0.07, 0.07, 0.006)), (0.85, 0.82, 0.78)),
+        # So thin that a block can slide onto it.
+        ("patch", Geom("box", (0.06, 0.08, 0.0004)), (0.22, 0.60, 0.36)),
+        ("button", Geom("cylinder", (0.022,), (0, 0, 0.012), (0, 0, BUTTON_TOP)), RED),
+    )
+    return {name: Part(name, (geom,), tint) for name, geom, tint in single} | {
+        name: Part(name, geoms, tint)
+        for name, geoms, tint in (
+            ("button_base", _frame(0.040, 0.040, 0.032, 0.015, 0.002), (0.72, 0.72, 0.76)),
+            ("box", _frame(*BOX, 0.008, BOX_FLOOR, texture="oak"), (0.92, 0.86, 0.76)),
+            ("cup_small", _cup(*CUP_SMALL), (0.20, 0.42, 0.78)),
+            ("cup_large", _cup(*CUP_LARGE), (0.90, 0.62, 0.18)),
         )
     }
+
+
+def _frame(
+    x: float, y: float, height: float, wall: float, base: float, texture: str | None = None
+) -> tuple[Geom, ...]:
+    """An open box on the table: outer half extents, height, thickness of walls and base."""
+    half, up = wall / 2, (height - base) / 2
+
+    def board(size: tuple[float, ...], middle: tuple[float, float, float]) -> Geom:
+        return Geom("box", size, middle, texture=texture)
+
+    return (
+        board((x, y, base / 2), (0, 0, base / 2)),
+        *(board((x, half, up), (0, s * (y - half), base + up)) for s in (-1, 1)),
+        *(board((half, y - wall, up), (s * (x - half), 0, base + up)) for s in (-1, 1)),
+    )
+
+
+def _cup(radius: float, wall: float, height: float, staves: int = 12) -> tuple[Geom, ...]:
+    """Flat staves around a bottom; `radius` is to the outside of a stave's middle."""
+    middle, base = radius - wall / 2, FLOOR_OF_CUP / 2
+    across = radius * np.tan(
+        np.pi / staves
+    )  # so that staves meet outside; inside they overlap unseen
+    ring = tuple(
+        Geom(
+            "box",
+            (wall / 2, float(across), height / 2),
+            (float(middle * np.cos(turn)), float(middle * np.sin(turn)), height / 2),
+            yaw=float(turn),
+        )
+        for turn in 2 * np.pi * np.arange(staves) / staves
+    )
+    return (Geom("cylinder", (radius - wall,), (0, 0, 0), (0, 0, 2 * base)), *ring)
 
 
 @lru_cache(4)  # a motion is often recorded again with one factor changed

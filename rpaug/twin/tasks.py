@@ -9,8 +9,19 @@ from jaxtyping import Float
 
 from rpaug import geometry
 from rpaug.twin.motion import Key
-from rpaug.twin.panda import OPEN
-from rpaug.twin.tabletop import BLOCK, GRIP, GRIP_RADIUS, resting_height, upright
+from rpaug.twin.panda import FINGER_END, FINGER_HALF, OPEN
+from rpaug.twin.tabletop import (
+    BLOCK,
+    BOX_FLOOR,
+    BUTTON_TOP,
+    BUTTON_TRAVEL,
+    CUP_SMALL,
+    FLOOR_OF_CUP,
+    GRIP,
+    GRIP_RADIUS,
+    resting_height,
+    upright,
+)
 
 Pose = Float[np.ndarray, "4 4"]
 
@@ -23,8 +34,9 @@ _LEAN = np.deg2rad(40.0)  # how far the approach to the grip leans from the vert
 class Job:
     """One drawn instance of a task.
 
-    `manipulated` is the part that moves (its name is also the default target of a change).
-    `descriptions` are RLBench's kind of instructions, the first one the main one.
+    `manipulated` is the part that moves (its name is also the default target of a change),
+    `receiver` the one it is brought to. `descriptions` are RLBench's kind of instructions, the first
+    one the main one.
     """
 
     placing: Mapping[str, Pose]
@@ -32,6 +44,7 @@ class Job:
     manipulated: str
     descriptions: tuple[str, ...]
     variation: int
+    receiver: str | None = None
 
 
 def open_drawer(rng: np.random.Generator) -> Job:
@@ -87,24 +100,14 @@ def pick_block(rng: np.random.Generator) -> Job:
         BLOCK[2],
         rng.uniform(-0.6, 0.6),
     )
-    down = np.array([0.0, 0.0, -1.0])
-    grasp = _gripper(block[:3, 3] + [0, 0, 0.015], down, opens_along=block[:3, 0])
+    grasp = _gripper(block[:3, 3] + [0, 0, 0.015], _DOWN, opens_along=block[:3, 0])
     pad_top = pad[2, 3] + resting_height("pad")
     place = _gripper(
-        np.array([pad[0, 3], pad[1, 3], pad_top + BLOCK[2] + 0.015]), down, opens_along=block[:3, 0]
+        np.array([pad[0, 3], pad[1, 3], pad_top + BLOCK[2] + 0.015]),
+        _DOWN,
+        opens_along=block[:3, 0],
     )
-    over = np.array([0, 0, _REACH])
-    carry = partial(Key, straight=True, opening=BLOCK[0], holds=name)
-    script = (
-        Key(share=0.34, tip=_moved(grasp, over)),
-        Key(share=0.10, tip=grasp, straight=True),
-        Key(share=0.05, opening=BLOCK[0]),
-        carry(share=0.11, tip=_moved(grasp, over)),
-        carry(share=0.16, tip=_moved(place, over)),
-        carry(share=0.10, tip=place),
-        Key(share=0.05, opening=OPEN),
-        Key(share=0.09, tip=_moved(place, over), straight=True),
-    )
+    script = _carry(name, grasp, place, BLOCK[0])
     spots = [(0.06, -0.35), (0.23, -0.38), (0.41, -0.33), (0.08, 0.25)]
     others = tuple(thing for thing in _LOOSE if thing not in (name, "pad"))
     return Job(
@@ -122,15 +125,157 @@ def pick_block(rng: np.random.Generator) -> Job:
             f"pick up the {colour} block and set it down on the pad",
         ),
         variation,
+        "pad",
+    )
+
+
+def push_button(rng: np.random.Generator) -> Job:
+    """Press a button down with closed fingers."""
+    x, y = np.array([0.20, 0.0]) + rng.uniform(-0.06, 0.06, 2)
+    button = upright(x, y, 0.0, rng.uniform(-0.5, 0.5))
+    touch = np.array([0, 0, FINGER_END])  # of the finger ends below the tip
+    top = _gripper(button[:3, 3] + [0, 0, BUTTON_TOP] + touch, _DOWN, opens_along=button[:3, 1])
+    pressed = _moved(top, np.array([0, 0, -BUTTON_TRAVEL]))
+    above = _moved(top, np.array([0, 0, _REACH]))
+    script = (
+        Key(share=0.40, tip=above, opening=0.0),
+        Key(share=0.20, tip=top, opening=0.0, straight=True),
+        Key(share=0.10, tip=pressed, opening=0.0, straight=True, holds="button"),
+        Key(share=0.05, opening=0.0),
+        Key(share=0.20, tip=above, opening=0.0, straight=True),
+    )
+    spots = [(0.02, -0.28), (0.24, -0.34), (0.42, -0.22), (0.06, 0.27), (0.26, 0.33), (0.44, 0.20)]
+    return Job(
+        {"button": button, "button_base": button, **_scatter(_LOOSE, spots, rng)},
+        script,
+        "button",
+        ("push the red button", "press the button down", "push down the button with the red top"),
+        0,
+        "button_base",
+    )
+
+
+def slide_block(rng: np.random.Generator) -> Job:
+    """Push the red block over the table onto the green patch."""
+    turn = rng.uniform(-0.25, 0.25)
+    along = np.array([-np.sin(turn), np.cos(turn), 0.0])
+    x, y = np.array([0.20, -0.14]) + rng.uniform(-0.04, 0.04, 2)
+    block = upright(x, y, BLOCK[2], turn)
+    way = rng.uniform(0.16, 0.20) * along
+    patch = upright(x + way[0], y + way[1], resting_height("patch"), turn)
+    # High enough that the hand, wider than the fingers, stays above the block.
+    behind = block[:3, 3] - (BLOCK[1] + FINGER_HALF) * along + [0, 0, 0.02]
+    touch = _gripper(behind, _DOWN, opens_along=block[:3, 0])
+    back, over = -0.05 * along, np.array([0, 0, _REACH])
+    script = (
+        Key(share=0.34, tip=_moved(touch, back + over), opening=0.0),
+        Key(share=0.12, tip=_moved(touch, back), opening=0.0, straight=True),
+        Key(share=0.10, tip=touch, opening=0.0, straight=True),
+        Key(share=0.30, tip=_moved(touch, way), opening=0.0, straight=True, holds="block_plain"),
+        Key(share=0.14, tip=_moved(touch, way + back), opening=0.0, straight=True),
+    )
+    spots = [(0.00, -0.36), (0.40, -0.36), (0.44, -0.08), (0.46, 0.18), (-0.02, 0.32)]
+    return Job(
+        {
+            "block_plain": block,
+            "patch": patch,
+            **_scatter(tuple(n for n in _LOOSE if n != "block_plain"), spots, rng),
+        },
+        script,
+        "block_plain",
+        ("slide the red block to the green target", "push the block onto the green square"),
+        0,
+        "patch",
+    )
+
+
+def stack_cups(rng: np.random.Generator) -> Job:
+    """Take the small cup and set it into the large one."""
+    small = upright(
+        0.12 + rng.uniform(-0.04, 0.04),
+        -0.14 + rng.uniform(-0.04, 0.04),
+        0.0,
+        rng.uniform(-0.5, 0.5),
+    )
+    large = upright(
+        0.30 + rng.uniform(-0.04, 0.04),
+        0.06 + rng.uniform(-0.04, 0.04),
+        0.0,
+        rng.uniform(-0.5, 0.5),
+    )
+    high = np.array([0, 0, CUP_SMALL[2] - 0.015])
+    grasp = _gripper(small[:3, 3] + high, _DOWN, opens_along=small[:3, 0])
+    inside = large[:3, 3] + high + [0, 0, FLOOR_OF_CUP]
+    script = _carry("cup_small", grasp, _gripper(inside, _DOWN, small[:3, 0]), CUP_SMALL[0])
+    spots = [(0.00, -0.36), (0.22, -0.38), (0.44, -0.30), (0.02, 0.22), (0.20, 0.34), (0.46, 0.26)]
+    return Job(
+        {"cup_small": small, "cup_large": large, **_scatter(_LOOSE, spots, rng)},
+        script,
+        "cup_small",
+        ("stack the cups", "put the small blue cup into the large one"),
+        0,
+        "cup_large",
+    )
+
+
+def put_in_box(rng: np.random.Generator) -> Job:
+    """Take the red block and set it down in the open box."""
+    block = upright(
+        0.10 + rng.uniform(-0.03, 0.03),
+        -0.14 + rng.uniform(-0.04, 0.04),
+        BLOCK[2],
+        rng.uniform(-0.3, 0.3),
+    )
+    yaw = rng.uniform(-0.15, 0.15)
+    box = upright(0.33 + rng.uniform(-0.03, 0.03), 0.10 + rng.uniform(-0.03, 0.03), 0.0, yaw)
+    grip = np.array([0, 0, 0.025])
+    grasp = _gripper(block[:3, 3] + grip, _DOWN, opens_along=block[:3, 0])
+    inside = box[:3, 3] + grip + [0, 0, BOX_FLOOR + BLOCK[2]]
+    place = _gripper(inside, _DOWN, opens_along=block[:3, 0])
+    spots = [(0.00, -0.36), (0.22, -0.38), (0.44, -0.28), (0.00, 0.26), (0.16, 0.36)]
+    return Job(
+        {
+            "block_plain": block,
+            "box": box,
+            **_scatter(tuple(n for n in _LOOSE if n != "block_plain"), spots, rng),
+        },
+        _carry("block_plain", grasp, place, BLOCK[0]),
+        "block_plain",
+        ("put the red block in the box", "pick up the red block and place it in the wooden box"),
+        0,
+        "box",
     )
 
 
 TASKS: Mapping[str, Callable[[np.random.Generator], Job]] = {
     "open_drawer": open_drawer,
     "pick_block": pick_block,
+    "push_button": push_button,
+    "slide_block": slide_block,
+    "stack_cups": stack_cups,
+    "put_in_box": put_in_box,
 }
 
 _LOOSE = ("block_plain", "block_two_coloured", "block_textured", "block_small", "cylinder", "pad")
+
+
+_DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def _carry(name: str, grasp: Pose, place: Pose, opening: float) -> tuple[Key, ...]:
+    """Take `name` at `grasp`, lift it, and set it down where the gripper is at `place`."""
+    over = np.array([0, 0, _REACH])
+    carry = partial(Key, straight=True, opening=opening, holds=name)
+    return (
+        Key(share=0.34, tip=_moved(grasp, over)),
+        Key(share=0.10, tip=grasp, straight=True),
+        Key(share=0.05, opening=opening),
+        carry(share=0.11, tip=_moved(grasp, over)),
+        carry(share=0.16, tip=_moved(place, over)),
+        carry(share=0.10, tip=place),
+        Key(share=0.05, opening=OPEN),
+        Key(share=0.09, tip=_moved(place, over), straight=True),
+    )
 
 
 def _scatter(

@@ -1,9 +1,12 @@
-"""Textures drawn from a seed: wood, plaster, tiles, and the pictures on the blocks.
+"""Textures drawn from a seed: wood, plaster, tiles, the pictures on the blocks, and what may cover any part.
 
 Each has detail at several scales down to single texels (so that matching and reprojection have
 something to hold on to, and no gradient is smooth enough to band in 8 bits) and repeats without a
 seam.
 """
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -61,6 +64,48 @@ def marble(
     vein = np.sin(2.5 * noise(rng, (120, 120)) + 0.8 * noise(rng, (40, 40)))
     mix = 0.5 + 0.45 * vein + 0.04 * noise(rng, (4, 4))
     return _image(np.asarray(first) + np.clip(mix, 0, 1)[..., None] * np.subtract(second, first))
+
+
+def checks(
+    first: tuple[float, float, float], second: tuple[float, float, float], count: int
+) -> UInt8[np.ndarray, "n n 3"]:
+    """`count` x `count` squares of two colours in turn; an even count repeats without a seam."""
+    cell = np.arange(SIDE) * count // SIDE
+    odd = (cell[:, None] + cell) % 2 == 1
+    return _image(np.where(odd[..., None], first, second))
+
+
+def spots(
+    rng: np.random.Generator,
+    first: tuple[float, float, float],
+    second: tuple[float, float, float],
+) -> UInt8[np.ndarray, "n n 3"]:
+    """Blotches of one colour on another, with soft rims."""
+    mix = 0.5 + 0.5 * np.tanh(3 * (noise(rng, (70, 70)) - 0.6))
+    return _image(np.asarray(second) + mix[..., None] * np.subtract(first, second))
+
+
+@lru_cache(32)  # one picture covers several parts
+def picture(kind: str, seed: int) -> UInt8[np.ndarray, "n n 3"]:
+    """One of the `KINDS` in colours and details that the seed draws."""
+    rng = np.random.default_rng(seed)
+    return _PICTURES[kind](rng, _colour(rng), _colour(rng))
+
+
+def _colour(rng: np.random.Generator) -> tuple[float, float, float]:
+    red, green, blue = rng.uniform(0.2, 0.95, 3)
+    return float(red), float(green), float(blue)
+
+
+_PICTURES: Mapping[str, Callable[..., UInt8[np.ndarray, "n n 3"]]] = {
+    "wood": lambda rng, first, second: grain(rng, first, 10, 0.12),
+    "plaster": lambda rng, first, second: grain(rng, first, 1, 0.08),
+    "tiles": lambda rng, first, second: tiles(rng, first, 4),
+    "marble": marble,
+    "checks": lambda rng, first, second: checks(first, second, 4),
+    "spots": spots,
+}
+KINDS = tuple(_PICTURES)
 
 
 def _image(colour: Float[np.ndarray, "n n 3"]) -> UInt8[np.ndarray, "n n 3"]:

@@ -1,14 +1,28 @@
 """What a recording is known to show: handles, what moves, and exactly what was changed."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from rpaug.twin.cameras import BUMPED
+from rpaug.twin.covers import Cover
 from rpaug.twin.look import Bump, Look
-from rpaug.twin.world import Vector, World
+from rpaug.twin.world import WHITE, Part, Vector, World
+
+
+@dataclass(frozen=True, kw_only=True)
+class Laid:
+    """A cover as it lies on a part: its mapping is that of `rpaug.twin.covers`, in the frame of the part's body.
+
+    `file` names the image beside the truth. `body_to_world` is where the body is at frame 0, 4 x 4.
+    """
+
+    cover: Cover
+    file: str
+    body_to_world: tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,8 +30,9 @@ class Truth:
     """The facts of one recorded episode.
 
     `handles` maps part names to mask handles, `bodies` body names to the handles rigid to each
-    other, `manipulated` is the name of the part the task moves. `old` is the look before the
-    change, `new` the one recorded: without a factor the same.
+    other, `manipulated` is the name of the part the task moves and `receiver` of the one it is
+    brought to. `old` is the look before the change, `new` the one recorded: without a factor the
+    same. `changed` are the handles that may look different, `covers` the images laid on parts.
     """
 
     task: str
@@ -33,6 +48,9 @@ class Truth:
     albedos: Mapping[int, Vector]
     old: Look
     new: Look
+    receiver: str | None = None
+    changed: tuple[int, ...] = ()
+    covers: Mapping[int, Laid] = field(default_factory=dict)
 
     @property
     def light(self) -> tuple[Vector, Vector]:
@@ -49,8 +67,15 @@ class Truth:
         }
 
     def describe(self) -> dict[str, Any]:
-        """The facts as plain values; colours are display values, lengths metres, angles radians."""
-        facts = asdict(self)
+        """The facts as plain values; colours are display values, lengths metres, angles radians.
+
+        A receiver, changed handles and covers are left out where there are none.
+        """
+        facts = asdict(self) | {"old": self.old.describe(), "new": self.new.describe()}
+        facts["covers"] = {str(handle): asdict(laid) for handle, laid in self.covers.items()}
+        for name in ("receiver", "changed", "covers"):
+            if not facts[name]:
+                del facts[name]
         facts["tints"] = {
             str(handle): {"old": old, "new": new} for handle, (old, new) in self.tints.items()
         }
@@ -72,17 +97,40 @@ def changed_tints(world: World, old: Look, new: Look) -> dict[int, tuple[Vector,
 
 def mean_albedos(world: World, look: Look) -> dict[int, Vector]:
     """Tint times the mean of colour and texture over a part's shapes, rounded to 1e-6, by handle."""
-    plain = np.full((1, 1, 3), 255, np.uint8)
     out = {}
     for part in (part for body in world.bodies for part in body.parts):
-        shapes = [
-            world.textures.get(geom.texture or "", plain).mean((0, 1)) / 255 * geom.colour
-            for geom in part.geoms
-        ]
-        red, green, blue = np.mean(shapes, 0) * look.tints.get(part.name, part.tint)
+        if cover := look.covers.get(part.name):
+            mean, tint = cover.image.mean((0, 1)) / 255, look.tints.get(part.name, WHITE)
+        else:
+            mean, tint = _own_colour(world, part), look.tints.get(part.name, part.tint)
+        red, green, blue = mean * tint
         out[world.handles[part.name]] = (
             round(float(red), 6),
             round(float(green), 6),
             round(float(blue), 6),
         )
     return out
+
+
+def laid(
+    world: World, look: Look, objects: Mapping[str, Float[np.ndarray, "t 4 4"]]
+) -> dict[int, Laid]:
+    """The covers of a look with where they lie, by handle; `objects` are the tracks of what can move."""
+    out = {}
+    for body in world.bodies:
+        pose = objects[body.name][0] if body.name in objects else body.pose
+        for part in body.parts:
+            if cover := look.covers.get(part.name):
+                rows = tuple(tuple(row) for row in pose.tolist())
+                name = f"truth-{cover.kind}-{cover.seed}.png"
+                out[world.handles[part.name]] = Laid(cover=cover, file=name, body_to_world=rows)
+    return out
+
+
+def _own_colour(world: World, part: Part) -> Float[np.ndarray, "3"]:
+    plain = np.full((1, 1, 3), 255, np.uint8)
+    shapes = [
+        world.textures.get(geom.texture or "", plain).mean((0, 1)) / 255 * geom.colour
+        for geom in part.geoms
+    ]
+    return np.mean(shapes, 0)

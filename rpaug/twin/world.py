@@ -18,8 +18,8 @@ class Geom:
     """One primitive in its body's frame.
 
     `size` is MuJoCo's: half extents of a box or a plane in metres, the radius of the others. A
-    capsule or cylinder runs from `start` to `end`; the others sit at `start`. Its albedo is tint of
-    the part * `colour` * texture.
+    capsule or cylinder runs from `start` to `end`; the others sit at `start`, a box turned by `yaw`
+    about z. Its albedo is tint of the part * `colour` * texture.
     """
 
     shape: Literal["box", "plane", "sphere", "capsule", "cylinder"]
@@ -28,6 +28,7 @@ class Geom:
     end: Vector | None = None
     colour: Vector = WHITE
     texture: str | None = None
+    yaw: float = 0.0
 
 
 @dataclass(frozen=True)

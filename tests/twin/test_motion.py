@@ -5,8 +5,8 @@ import pytest
 
 from rpaug import Unsupported, geometry
 from rpaug.twin.motion import STEP, Motion, play
-from rpaug.twin.panda import HIGHEST, LOWEST, OPEN
-from rpaug.twin.tabletop import ARM
+from rpaug.twin.panda import FINGER_END, HIGHEST, LOWEST, OPEN
+from rpaug.twin.tabletop import ARM, BLOCK, BUTTON_TOP, BUTTON_TRAVEL, FLOOR_OF_CUP, TABLE
 from rpaug.twin.tasks import PULL, TASKS, Job
 
 
@@ -70,6 +70,37 @@ def test_the_block_lands_on_the_pad():
     np.testing.assert_allclose(block[-1, :2, 3], pad[:2, 3], atol=1e-8)
     assert block[:, 2, 3].max() > block[0, 2, 3] + 0.08
     assert motion.opening[0] == motion.opening[-1] == OPEN
+
+
+def test_the_button_goes_down_and_stays():
+    job, motion = acted("push_button", 3, 40)
+    button = motion.objects["button"]
+    start, end = motion.keys[1], motion.keys[2]
+    down = button[0, 2, 3] - button[:, 2, 3]
+    assert (np.abs(down[: start + 1]) < 1e-12).all()
+    np.testing.assert_allclose(down[end:], BUTTON_TRAVEL, atol=1e-8)
+    assert (np.diff(down[start : end + 1]) > 0).all()
+    np.testing.assert_array_equal(motion.objects["button_base"], button[:1].repeat(40, 0))
+    # The closed fingers touch the cap all the way.
+    tip = motion.gripper_to_world[start : end + 1, 2, 3]
+    gap = tip - FINGER_END - BUTTON_TOP - button[start : end + 1, 2, 3]
+    np.testing.assert_allclose(gap, 0, atol=1e-8)
+    assert job.receiver == "button_base"
+
+
+@pytest.mark.parametrize(
+    ("task", "high"),
+    [("slide_block", BLOCK[2]), ("stack_cups", FLOOR_OF_CUP), ("put_in_box", 0.053)],
+)
+def test_what_is_moved_ends_on_its_receiver(task, high):
+    job, motion = acted(task, 4, 60)
+    assert job.receiver is not None
+    moved, receiver = motion.objects[job.manipulated][-1], job.placing[job.receiver]
+    np.testing.assert_allclose(moved[:2, 3], receiver[:2, 3], atol=1e-8)
+    np.testing.assert_allclose(moved[2, 3], TABLE + high, atol=1e-8)
+    np.testing.assert_allclose(moved[2, :3], [0, 0, 1], atol=1e-8)
+    for name in set(motion.objects) - {job.manipulated}:
+        assert (motion.objects[name] == motion.objects[name][0]).all()
 
 
 def test_too_few_frames():

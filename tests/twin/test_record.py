@@ -120,10 +120,45 @@ def test_a_given_value_is_taken(drawer):
     assert (colours[:, 2] > 60).all()
 
 
+def test_light_direction_turns_every_lamp(drawer):
+    changed = twin.perform("open_drawer", 3, frames=16, factor="light_direction")
+    turns = {
+        round(new.heading - old.heading, 12)
+        for new, old in zip(changed.truth.new.lamps, drawer.truth.new.lamps, strict=True)
+    }
+    assert len(turns) == 1
+    assert "lamps" in changed.truth.describe()["new"]
+    before, after = frames(drawer, "front", "rgb"), frames(changed, "front", "rgb")
+    assert (before != after).mean() > 0.2
+    assert (after == 255).mean() < 1e-3  # nothing is lit beyond what an image can show
+    for kind in ("depth", "ids"):
+        np.testing.assert_array_equal(frames(drawer, "front", kind), frames(changed, "front", kind))
+
+
+@pytest.mark.parametrize("factor", ["table_color", "table_texture", "background_texture"])
+def test_a_factor_of_the_room_changes_its_parts_only(drawer, factor):
+    changed = twin.perform("open_drawer", 3, frames=16, factor=factor)
+    mine = np.isin(frames(drawer, "front", "ids"), changed.truth.changed)
+    before, after = frames(drawer, "front", "rgb"), frames(changed, "front", "rgb")
+    np.testing.assert_array_equal(frames(changed, "front", "ids"), frames(drawer, "front", "ids"))
+    np.testing.assert_array_equal(before[~mine], after[~mine])
+    assert (before[mine] != after[mine]).any(-1).mean() > 0.8
+
+
+def test_the_receiver_can_be_the_target(block):
+    take = twin.perform(
+        "pick_block", 5, frames=17, size=16, factor="object_color", target="receiver"
+    )
+    assert take.truth.receiver == "pad"
+    assert take.truth.changed == (take.truth.handles["pad"],)
+    with pytest.raises(RpaugError, match="nothing receives"):
+        twin.perform("open_drawer", 0, frames=11, size=16, factor="object_color", target="receiver")
+
+
 def test_unknown_names_list_the_known_ones():
-    with pytest.raises(RpaugError, match="open_drawer, pick_block"):
+    with pytest.raises(RpaugError, match="open_drawer, pick_block, push_button"):
         twin.perform("juggle", 0)
-    with pytest.raises(RpaugError, match="object_color, light_color, camera_pose"):
+    with pytest.raises(RpaugError, match="object_color, object_texture, light_color"):
         twin.perform("open_drawer", 0, factor="gravity")
     with pytest.raises(RpaugError, match="block_plain"):
         twin.perform("open_drawer", 0, factor="object_color", target="teapot")

@@ -1,0 +1,135 @@
+"""How each factor is recorded, and how its truth is put to the operator that imitates it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpaug import geometry
+from rpaug.interfaces import Edit
+from rpaug.twin import LAMPS, RIG, Laid, Lamp, Take
+from rpaug.twin.mjcf import AMBIENT
+
+TOLD, ESTIMATED = "rpaug", "rpaug, estimated"
+
+
+@dataclass(frozen=True)
+class Ask:
+    """One way to ask for the true change: an operator's fields, and the edit where it is not the fields' own draw."""
+
+    method: str
+    fields: Mapping[str, Any]
+    edit: Edit | None = None
+
+
+@dataclass(frozen=True)
+class Case:
+    """A factor's operator, what it is asked, and which parts are changed under which lamps.
+
+    `ask` gets the recording, its truly changed version, and a folder for images. `colours` gives what a
+    2D recolouring would be told, old and new by handle; `targets` are taken in turn.
+    """
+
+    operator: str
+    ask: Callable[[Take, Take, Path], tuple[Ask, ...]]
+    colours: Callable[[Take, Take], dict[int | None, tuple[Any, Any]]] | None = None
+    lamps: tuple[Lamp, ...] = RIG
+    targets: tuple[str | None, ...] = (None,)
+
+
+def _recolor(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    (handle,) = true.truth.changed
+    fields = {"target": {"handle": handle}, "color": {"rgb": true.truth.albedos[handle]}}
+    told = fields | {"albedo": recorded.truth.albedos[handle]}
+    return Ask(TOLD, told), Ask(ESTIMATED, fields)
+
+
+def _table_color(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    (handle,) = true.truth.changed
+    new = true.truth.albedos[handle]
+    fields = {"target": {"handle": handle}, "range": (new, new)}
+    told = fields | {"albedo": recorded.truth.albedos[handle]}
+    return Ask(TOLD, told), Ask(ESTIMATED, fields)
+
+
+def _texture(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    """The very image in its very place. Only one part's old albedo can be told; several are left to be found."""
+    laid = next(iter(true.truth.covers.values()))
+    for name, data in true.side().items():
+        if name == laid.file:
+            (folder / name).write_bytes(data)
+    fields = {
+        "target": {"handle": list(true.truth.changed)},
+        "textures": str(folder),
+        "texture": laid.file,
+        "scale": laid.cover.side,
+        "mapping": "box",
+        "repeat": "wrap",
+        **_frame(laid),
+    }
+    if len(true.truth.changed) > 1:
+        return (Ask(ESTIMATED, fields),)
+    told = fields | {"albedo": recorded.truth.albedos[true.truth.changed[0]]}
+    return Ask(TOLD, told), Ask(ESTIMATED, fields)
+
+
+def _light_color(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    old, new = true.truth.light
+    told, estimated = {"range": (new, new), "recorded": old}, {"range": (new, new)}
+    return Ask(TOLD, told), Ask(ESTIMATED, estimated)
+
+
+def _light_direction(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    (old,), (new,) = true.truth.old.lamps, true.truth.new.lamps
+    fields = {"to": _towards(new)}
+    share = AMBIENT / (AMBIENT + LAMPS[0])
+    return Ask(TOLD, fields | {"recorded": _towards(old), "ambient": share}), Ask(ESTIMATED, fields)
+
+
+def _camera_pose(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    edit = {
+        name: {"turn": list(bump.turn), "shift": list(bump.shift)}
+        for name, bump in true.truth.bumps.items()
+    }
+    return (Ask(TOLD, {"camera": list(edit)}, edit),)
+
+
+def _albedos(recorded: Take, true: Take) -> dict[int | None, tuple[Any, Any]]:
+    old, new = recorded.truth.albedos, true.truth.albedos
+    return {handle: (old[handle], new[handle]) for handle in true.truth.changed}
+
+
+def _lights(recorded: Take, true: Take) -> dict[int | None, tuple[Any, Any]]:
+    """What a white surface, fully lit, looks like before and after."""
+    old, new = true.truth.light
+    return {None: ((1.0, 1.0, 1.0), tuple(np.divide(new, old)))}
+
+
+CASES: Mapping[str, Case] = {
+    "object_color": Case("recolor", _recolor, _albedos, targets=("manipulated", "receiver")),
+    "object_texture": Case("retexture", _texture, _albedos, targets=("manipulated", "receiver")),
+    "light_color": Case("light_color", _light_color, _lights),
+    # One lamp: the operator's model, whose error is then that of faces and shadows alone.
+    "light_direction": Case("light_direction", _light_direction, lamps=RIG[:1]),
+    "table_color": Case("table_color", _table_color, _albedos),
+    "table_texture": Case("table_texture", _texture, _albedos),
+    "background_texture": Case("background_texture", _texture, _albedos),
+    "camera_pose": Case("camera_pose", _camera_pose),
+}
+
+
+def _frame(laid: Laid) -> dict[str, list[float]]:
+    """Origin and rotation vector of the image's frame in the world of frame 0."""
+    pose = np.array(laid.body_to_world)
+    xyzw = geometry.quaternion_of(pose)
+    sine = float(np.linalg.norm(xyzw[:3]))
+    turn = 2 * np.arctan2(sine, xyzw[3]) * xyzw[:3] / max(sine, 1e-12)
+    return {"origin": pose[:3, 3].tolist(), "turn": turn.tolist()}
+
+
+def _towards(lamp: Lamp) -> tuple[float, float, float]:
+    along = np.cos(lamp.height)
+    direction = along * np.cos(lamp.heading), along * np.sin(lamp.heading), np.sin(lamp.height)
+    return float(direction[0]), float(direction[1]), float(direction[2])

@@ -1,0 +1,257 @@
+"""Every factor's operator, and the baselines, against the factor truly changed on the twin."""
+
+import csv
+import io
+import json
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool
+from pydantic import TypeAdapter
+
+from rpaug import pipeline, plan, registry, twin
+from rpaug.bench import baselines
+from rpaug.bench.cases import CASES, Ask, Case
+from rpaug.bench.scores import HIGHER, Scores, measure
+from rpaug.errors import RpaugError
+from rpaug.types import CameraView, Episode
+
+GAUSSIANS = "Gaussian render"
+NONE, LAB, JITTER = "no edit", "CIELAB in the mask", "colour jitter"
+BASELINES = frozenset({GAUSSIANS, NONE, LAB, JITTER})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """What is recorded: seeds take `tasks` in turn, and where a factor has several targets those too."""
+
+    factors: tuple[str, ...] = tuple(CASES)
+    tasks: tuple[str, ...] = tuple(twin.TASKS)
+    seeds: int = 10
+    frames: int = 17
+    size: int = 128
+    antialias: bool = False
+    shadows: bool = False
+    specular: bool = False
+    gaussians: bool = False  # a fit of its own for each seed
+
+    def __post_init__(self) -> None:
+        for kind, names, known in (
+            ("factor", self.factors, tuple(CASES)),
+            ("task", self.tasks, tuple(twin.TASKS)),
+        ):
+            for name in names:
+                if name not in known:
+                    raise RpaugError(f"no {kind} is called {name!r}; there are: {', '.join(known)}")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method's figures on one seed; `changed` names what was truly changed."""
+
+    factor: str
+    method: str
+    seed: int
+    task: str
+    changed: str
+    scores: Scores
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """The keys of a flat row."""
+        own = tuple(entry.name for entry in fields(cls) if entry.name != "scores")
+        return own + Scores.names()
+
+    def flat(self) -> dict[str, Any]:
+        """The row as plain values."""
+        facts = {name: value for name, value in vars(self).items() if name != "scores"}
+        return facts | asdict(self.scores)
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One seed's episodes: what was recorded, what truly came of the change, and each method's result."""
+
+    factor: str
+    seed: int
+    recorded: twin.Take
+    true: twin.Take
+    made: dict[str, Episode]
+
+
+def missing(setting: Setting) -> dict[str, str]:
+    """Factors that cannot be measured, with the reason."""
+    known = registry.operator_names()
+    return {
+        factor: f"no operator is called {CASES[factor].operator!r}"
+        for factor in setting.factors
+        if CASES[factor].operator not in known
+    }
+
+
+def run(
+    setting: Setting,
+    keep: Callable[[Shot], None] = lambda shot: None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Row]:
+    """All rows, seed by seed; `keep` sees every seed's images before they are dropped."""
+    factors = [name for name in setting.factors if name not in missing(setting)]
+    rows: list[Row] = []
+    warm: set[str] = set()
+    for seed in range(setting.seeds):
+        for number, factor in enumerate(factors):
+            rows += _one(setting, factor, seed, warm, keep)
+            progress(seed * len(factors) + number + 1, len(factors) * setting.seeds)
+    return sorted(rows, key=lambda row: factors.index(row.factor))
+
+
+def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Mean and worst of every figure by factor and method, and `lead`: dB over the best baseline's mean."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.factor, row.method), []).append(row)
+    out = []
+    for (factor, method), members in groups.items():
+        figures: dict[str, Any] = {"factor": factor, "method": method, "seeds": len(members)}
+        for name in Scores.names():
+            values = np.array([getattr(row.scores, name) for row in members])
+            values = values[~np.isnan(values)]
+            worst = np.min if name in HIGHER else np.max
+            figures[name] = float(values.mean()) if len(values) else None
+            figures[f"{name}_worst"] = float(worst(values)) if len(values) else None
+        out.append(figures)
+    best = {
+        factor: max(
+            entry["psnr"]
+            for entry in out
+            if entry["factor"] == factor and entry["method"] in BASELINES
+        )
+        for factor in {entry["factor"] for entry in out}
+    }
+    for entry in out:
+        ours = entry["method"] not in BASELINES
+        entry["lead"] = entry["psnr"] - best[entry["factor"]] if ours else None
+    return out
+
+
+def encoded(setting: Setting, rows: Sequence[Row]) -> bytes:
+    """Everything as one JSON document."""
+    described = {
+        "setting": asdict(setting),
+        "skipped": missing(setting),
+        "summary": summary(rows),
+        "rows": [row.flat() for row in rows],
+    }
+    return (json.dumps(described, indent=1) + "\n").encode()
+
+
+def table(rows: Sequence[Row]) -> bytes:
+    """One line a row, as CSV."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, Row.names(), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(row.flat() for row in rows)
+    return text.getvalue().encode()
+
+
+def _one(
+    setting: Setting, factor: str, seed: int, warm: set[str], keep: Callable[[Shot], None]
+) -> Iterator[Row]:
+    case = CASES[factor]
+    recorded, true = _takes(setting, case, factor, seed)
+    made: dict[str, Episode] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for method, edit in _methods(setting, case, recorded, true, seed, Path(folder)):
+            if method not in BASELINES and factor not in warm:
+                edit()  # compiles what it needs
+                warm.add(factor)
+            start = time.process_time()
+            made[method], holes = edit()
+            seconds = time.process_time() - start
+            scores = measure(recorded, made[method], true, holes, setting.antialias, seconds)
+            names = {handle: name for name, handle in true.truth.handles.items()}
+            everything = len(true.truth.changed) == len(names)
+            changed = "all" if everything else "+".join(names[h] for h in true.truth.changed)
+            yield Row(factor, method, seed, true.truth.task, changed, scores)
+    keep(Shot(factor, seed, recorded, true, made))
+
+
+def _takes(setting: Setting, case: Case, factor: str, seed: int) -> tuple[twin.Take, twin.Take]:
+    task = setting.tasks[seed % len(setting.tasks)]
+    recorded = _recorded(setting, case.lamps, task, seed)
+    target = case.targets[seed // len(setting.tasks) % len(case.targets)]
+    if target == "receiver" and recorded.truth.receiver is None:
+        target = "manipulated"
+    true = twin.perform(
+        task,
+        seed,
+        factor=factor,
+        target=target,
+        look=recorded.truth.new,
+        size=setting.size,
+        frames=setting.frames,
+    )
+    return recorded, true
+
+
+@lru_cache(2)  # factors share what was recorded
+def _recorded(setting: Setting, lamps: tuple[twin.Lamp, ...], task: str, seed: int) -> twin.Take:
+    look = twin.Look(
+        lamps=lamps,
+        antialias=setting.antialias,
+        shadows=setting.shadows,
+        specular=setting.specular,
+    )
+    return twin.perform(task, seed, look=look, frames=setting.frames, size=setting.size)
+
+
+Holes = Mapping[str, Bool[np.ndarray, "h w"]]
+"""Masks of invented pixels, by camera/frame."""
+
+Edit = Callable[[], tuple[Episode, Holes]]
+
+
+def _methods(
+    setting: Setting, case: Case, recorded: twin.Take, true: twin.Take, seed: int, folder: Path
+) -> Iterator[tuple[str, Edit]]:
+    episode = recorded.episode
+    asks = case.ask(recorded, true, folder)
+    for ask in asks:
+        yield ask.method, partial(_edited, episode, case, ask, 0)
+    yield NONE, lambda: (episode, {})
+    if case.colours is not None:
+        colours = case.colours(recorded, true)
+        yield LAB, lambda: (_held(baselines.lab(episode, colours)), {})
+    yield JITTER, lambda: (_held(baselines.jitter(episode, seed)), {})
+    if setting.gaussians:
+        yield GAUSSIANS, partial(_edited, episode, case, asks[0], 3)
+
+
+def _edited(episode: Episode, case: Case, ask: Ask, tier: int) -> tuple[Episode, Holes]:
+    """The episode through the pipeline's own stages, every image rendered."""
+    operator = TypeAdapter(registry.operator(case.operator)).validate_python(dict(ask.fields))
+    made = plan.make([operator], episode, tier)
+    scene = pipeline.prepare(episode, made)
+    edit = ask.edit or operator.sample(scene, np.random.default_rng(0))
+    scene = operator.apply(scene, json.loads(json.dumps(edit)))
+    rendered = pipeline.render(scene, (), made)
+    return _held(rendered.episode), rendered.tally.holes
+
+
+def _held(episode: Episode) -> Episode:
+    """The episode with every image rendered."""
+
+    def held(view: CameraView) -> CameraView:
+        assert view.depth is not None
+        assert view.ids is not None
+        reels = [(view.rgb(t), view.depth(t), view.ids(t)) for t in range(episode.length)]
+        rgb, depth, ids = zip(*reels, strict=True)
+        return CameraView(view.camera, rgb.__getitem__, depth.__getitem__, ids.__getitem__)
+
+    return replace(episode, views={name: held(view) for name, view in episode.views.items()})

@@ -1,0 +1,154 @@
+"""All figures of one edited episode against its truth."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Bool
+
+from rpaug.bench import metrics
+from rpaug.twin import Take
+from rpaug.types import CameraView, Episode
+
+FAR = 0.02  # metres of depth error that count as another surface
+MIXED = 2  # pixels an anti-aliased outline may mix colours over
+STRIDE = 4  # every so many frames are compared across cameras, and by SSIM and colour difference
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Higher is better for the first four, lower for the others; nan where there was nothing to measure.
+
+    `psnr_seen` leaves invented pixels out, of which `holes` is the share. Errors are taken in the changed
+    region: of cameras that were moved every pixel, of the others the
+    handles that truly changed and whatever else truly looks different. `flicker` is the mean change of the
+    error between two frames, in grey levels, where a fixed camera sees the same handle; `outside` counts
+    pixels that the edit changes and that no true change reaches. `reprojection` is the median distance
+    between one camera's points and the surface another saw there.
+    """
+
+    psnr: float  # dB
+    psnr_seen: float  # dB
+    ssim: float
+    iou: float
+    ciede2000: float
+    holes: float  # share of pixels
+    depth: float  # millimetres, median
+    depth_far: float  # share of pixels
+    outside: float  # pixels
+    flicker: float  # grey levels
+    reprojection: float  # millimetres, median
+    seconds: float  # of CPU, for the whole episode
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """What is measured, in order."""
+        return tuple(entry.name for entry in fields(cls))
+
+
+HIGHER = frozenset({"psnr", "psnr_seen", "ssim", "iou"})
+
+
+def regions(
+    recorded: Take, true: Take, antialias: bool
+) -> Iterator[tuple[str, int, Bool[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]]:
+    """Camera, frame, the changed region, and what an edit may touch (a little more if anti-aliased)."""
+    for name, view in true.episode.views.items():
+        for t in range(true.episode.length):
+            if name in true.truth.bumps:
+                inside = np.ones(view.rgb(t).shape[:2], bool)
+            elif true.truth.bumps:
+                inside = np.zeros(view.rgb(t).shape[:2], bool)
+            else:
+                assert view.ids is not None
+                inside = np.isin(view.ids(t), true.truth.changed)
+                inside |= (view.rgb(t) != recorded.episode.views[name].rgb(t)).any(-1)
+            yield name, t, inside, metrics.grown(inside, MIXED if antialias else 0)
+
+
+def measure(
+    recorded: Take,
+    edited: Episode,
+    true: Take,
+    holes: Mapping[str, Bool[np.ndarray, "h w"]],
+    antialias: bool,
+    seconds: float,
+) -> Scores:
+    """The figures of one episode, all cameras and frames pooled; `holes` are masks by camera/frame."""
+    squares, alike, colour, deep, flicker, invented = [], [], [], [], [], []
+    outside, masks = 0, []
+    before: dict[str, _Seen] = {}
+    for name, t, inside, reach in regions(recorded, true, antialias):
+        mine, truly = edited.views[name], true.episode.views[name]
+        image, goal = mine.rgb(t), truly.rgb(t)
+        if name not in true.truth.bumps:
+            outside += int(((image != recorded.episode.views[name].rgb(t)).any(-1) & ~reach).sum())
+        off = image.astype(np.float64) - goal
+        if truly.camera.fixed:
+            assert truly.ids is not None
+            now = off, truly.ids(t), inside
+            if name in before:
+                flicker.append(_change(before[name], now))
+            before[name] = now
+        if not inside.any():
+            continue
+        squares.append((off[inside] ** 2).mean(-1))
+        invented.append(holes.get(f"{name}/{t}", np.zeros_like(inside))[inside])
+        if t % STRIDE == 0:
+            alike.append(metrics.ssim(image, goal)[inside])
+            colour.append(metrics.difference(image[inside], goal[inside]))
+        deep.append(_depths(mine, truly, t)[inside])
+        assert mine.ids is not None
+        assert truly.ids is not None
+        masks.append((mine.ids(t), truly.ids(t)))
+    depth, square, hole = (np.concatenate(parts) for parts in (deep, squares, invented))
+    return Scores(
+        psnr=metrics.psnr(float(square.mean())),
+        psnr_seen=metrics.psnr(float(square[~hole].mean())),
+        holes=float(hole.mean()),
+        ssim=_mean(alike),
+        iou=metrics.mean_iou(masks),
+        ciede2000=_mean(colour),
+        depth=float(1000 * np.median(depth)),
+        depth_far=float((depth > FAR).mean()),
+        outside=float(outside),
+        flicker=_mean(flicker),
+        reprojection=_across(edited),
+        seconds=seconds,
+    )
+
+
+_Seen = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Error, handles and changed region of one image."""
+
+
+def _change(before: _Seen, now: _Seen) -> np.ndarray:
+    (first, old, was), (second, new, inside) = before, now
+    same = was & inside & (old == new)
+    return np.abs(second[same] - first[same]).ravel()
+
+
+def _depths(mine: CameraView, truly: CameraView, t: int) -> np.ndarray:
+    assert mine.depth is not None
+    assert truly.depth is not None
+    return np.abs(mine.depth(t).astype(np.float64) - truly.depth(t))
+
+
+def _across(episode: Episode) -> float:
+    """Median over pairs of neighbouring cameras and some frames, in millimetres."""
+    views = list(episode.views.values())
+    found = []
+    for first, second in zip(views, views[1:] + views[:1], strict=True):
+        for t in range(0, episode.length, STRIDE):
+            assert first.depth is not None
+            assert second.depth is not None
+            assert first.ids is not None
+            assert second.ids is not None
+            depths, ids = (first.depth(t), second.depth(t)), (first.ids(t), second.ids(t))
+            found.append(metrics.reprojection(depths, ids, (first.camera, second.camera), t))
+    return 1000 * float(np.median(np.concatenate(found)))
+
+
+def _mean(parts: list[np.ndarray]) -> float:
+    values = np.concatenate(parts) if parts else np.empty(0)
+    return float(values.mean()) if len(values) else float("nan")

@@ -1,0 +1,119 @@
+"""The bench on small recordings: truths score as truths, rows add up, what it writes can be read."""
+
+import csv
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rpaug import RpaugError, geometry, registry, twin
+from rpaug.bench import edits, scores
+from rpaug.bench.cases import CASES, ESTIMATED, TOLD
+from rpaug.cli import app
+from rpaug.twin.factors import FACTORS
+
+pytestmark = pytest.mark.gl
+
+
+@pytest.fixture(scope="module")
+def pair() -> tuple[twin.Take, twin.Take]:
+    record = {"frames": 17, "size": 48}
+    return (
+        twin.perform("stack_cups", 1, **record),
+        twin.perform("stack_cups", 1, factor="object_color", **record),
+    )
+
+
+def test_the_truth_itself_has_no_error(pair):
+    recorded, true = pair
+    found = scores.measure(recorded, true.episode, true, {}, False, 1.0)
+    assert found.psnr > 88
+    assert (found.ssim, found.iou) == pytest.approx((1, 1))
+    for name in ("ciede2000", "depth", "depth_far", "outside", "flicker", "holes"):
+        assert getattr(found, name) == 0, name
+    assert found.reprojection < 0.2  # curved rims of cups, at 48 pixels
+
+
+def test_what_is_changed_elsewhere_is_counted(pair):
+    recorded, true = pair
+    view = true.episode.views["front"]
+    spoiled = replace(
+        view, rgb=lambda t: np.where(np.arange(48)[:, None, None] < 2, 0, view.rgb(t))
+    )
+    views = {**true.episode.views, "front": spoiled}
+    found = scores.measure(recorded, replace(true.episode, views=views), true, {}, False, 1.0)
+    assert found.psnr > 88
+    assert found.outside == 17 * 2 * 48
+
+
+def test_moved_cameras_count_whole_and_the_others_not_at_all(pair):
+    recorded, _ = pair
+    true = twin.perform("stack_cups", 1, frames=17, size=48, factor="camera_pose")
+    for name, _, inside, reach in scores.regions(recorded, true, False):
+        assert inside.all() == (name in true.truth.bumps)
+        assert inside.any() == reach.any()
+    holes = {"front/0": np.eye(48, dtype=bool)}
+    found = scores.measure(recorded, true.episode, true, holes, False, 1.0)
+    assert found.holes == pytest.approx(48 / (3 * 17 * 48 * 48))
+
+
+def test_every_factor_of_the_twin_has_a_case():
+    assert set(CASES) == set(FACTORS)
+
+
+@cache
+def small(lamps: tuple[twin.Lamp, ...], factor: str | None) -> twin.Take:
+    look = twin.Look(lamps=lamps)
+    return twin.perform("open_drawer", 1, frames=11, size=16, look=look, factor=factor)
+
+
+@pytest.mark.parametrize("factor", CASES)
+def test_what_an_operator_is_asked_is_plain(factor, tmp_path):
+    case = CASES[factor]
+    recorded, true = small(case.lamps, None), small(case.lamps, factor)
+    asks = case.ask(recorded, true, tmp_path)
+    assert asks[0].method in (TOLD, ESTIMATED)
+    for ask in asks:
+        json.dumps([ask.fields, ask.edit])
+    for old, new in (case.colours(recorded, true) if case.colours else {}).values():
+        assert np.shape(old) == np.shape(new) == (3,)
+    if true.truth.covers:
+        fields = asks[0].fields
+        laid = true.truth.covers[true.truth.changed[0]]
+        pose = geometry.rigid(np.array(fields["turn"]), np.array(fields["origin"]))
+        np.testing.assert_allclose(pose, laid.body_to_world, atol=1e-12)
+        assert (tmp_path / fields["texture"]).is_file()
+
+
+def test_the_command_writes_what_it_measured(tmp_path):
+    out = tmp_path / "bench"
+    arguments = (
+        "bench edits --factor object_color --task push_button --seeds 2 --frames 13 --size 48"
+    )
+    done = CliRunner().invoke(app, [*arguments.split(), "--plot", "--out", str(out), "--json"])
+    assert done.exit_code == 0, done.output
+    described = json.loads(done.stdout)
+    told = described["summary"][0]
+    assert (told["method"], told["seeds"], told["outside_worst"]) == (TOLD, 2, 0)
+    assert told["psnr_worst"] <= told["psnr"]
+    assert told["lead"] > 3
+    names = {path.name for path in out.iterdir()}
+    assert names == {"edits.csv", "edits.json", "edits.html", "edits.png", "edits-object_color.png"}
+    rows = list(csv.DictReader((out / "edits.csv").read_text().splitlines()))
+    assert len(rows) == 2 * 5
+    assert {row["changed"] for row in rows} == {"button", "button_base"}
+    assert json.loads((out / "edits.json").read_text())["rows"][0]["psnr"] == float(rows[0]["psnr"])
+
+
+def test_factors_without_an_operator_are_named(monkeypatch, tmp_path):
+    monkeypatch.setattr(registry, "operator_names", lambda: [])
+    setting = edits.Setting(factors=("light_color",), seeds=1)
+    assert edits.missing(setting) == {"light_color": "no operator is called 'light_color'"}
+    assert edits.run(setting) == []
+    with pytest.raises(RpaugError, match="object_color, object_texture"):
+        edits.Setting(factors=("gravity",))
+    with pytest.raises(RpaugError, match="open_drawer, pick_block"):
+        edits.Setting(tasks=("juggle",))
