@@ -9,7 +9,7 @@ from jaxtyping import Float32
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import RGB, Color
 from rpaug.scene import albedo, colours, targets
-from rpaug.types import Appearance, Effect, Scene
+from rpaug.types import Appearance, Effect, Scene, Surface
 
 # Per channel the pixel is divided by the old albedo only while that does not blow up its noise: a gain of 6 turns
 # half a grey level into 0.003 rms (50 dB); from 12 on the shading of the well-lit channels stands in.
@@ -31,7 +31,9 @@ class AlbedoRatio:
     new: tuple[float, float, float]
     plain: bool
 
-    def __call__(self, colour: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]:
         old, new = np.array(self.old, np.float32), np.array(self.new, np.float32)
         highlight = (
             _highlight(colour, old) if self.plain else np.zeros((len(colour), 1), np.float32)
@@ -52,7 +54,9 @@ class LabShift:
     old: tuple[float, float, float]
     new: tuple[float, float, float]
 
-    def __call__(self, colour: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]:
         old, new = colours.to_lab(np.array(self.old)), colours.to_lab(np.array(self.new))
         lab = colours.to_lab(colour)
         lab[:, 0] = np.clip(lab[:, 0] * new[0] / max(old[0], 1.0), 0, 100)
