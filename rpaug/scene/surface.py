@@ -13,6 +13,7 @@ from rpaug.render.jit import kernel
 from rpaug.types import Body, Camera, CameraView, Gaussians
 
 GRAZING = 0.1  # cosine: a surface seen at a smaller angle is sampled as if at this one
+LONE = 1.0  # per metre: a side of one pixel is taken only where no longer one is there
 EXTENT = 2.0  # standard deviations of a Gaussian that its one colour stands for
 
 Depth = Callable[[], Float32[np.ndarray, "h w"]]
@@ -168,8 +169,9 @@ def lift(
 ) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n"]]:
     """World points, unit normals towards the camera, and footprints in metres of some pixels.
 
-    Along each image axis the neighbour of the same handle with the smaller depth step is taken, so that a crease or a
-    silhouette does not bend the normal. A pixel without such a neighbour faces the camera.
+    Along each image axis the side is taken on which 1/z, affine over the image of a plane, runs on straightest within
+    one handle, so that neither a crease nor a silhouette bends a normal. A pixel with no neighbour of its handle faces
+    the camera.
     """
     height, width = depth.shape
     points = np.empty((len(rows), 3), np.float32)
@@ -182,19 +184,22 @@ def lift(
         x, y = (c - K[0, 2]) / K[0, 0], (r - K[1, 2]) / K[1, 1]
         found = 0
         for axis in range(2):
-            best = np.inf
+            least = np.inf
             for side in (-1, 1):
                 j, i = (r, c + side) if axis == 0 else (r + side, c)
-                if j < 0 or j >= height or i < 0 or i >= width:
+                if not _same(depth, ids, r, c, j, i):
                     continue
-                gap = abs(depth[j, i] - z)
-                if ids[j, i] == ids[r, c] and depth[j, i] > 0 and gap < best:
-                    best = gap
-                    # 1/z is affine over the image of a plane.
-                    slope[axis] = side * (1.0 / depth[j, i] - 1.0 / z)
-            found += best < np.inf
+                step = 1.0 / depth[j, i] - 1.0 / z
+                bend = LONE + abs(step)
+                j, i = (r, c + 2 * side) if axis == 0 else (r + 2 * side, c)
+                if _same(depth, ids, r, c, j, i):
+                    bend = abs(1.0 / depth[j, i] - 1.0 / z - 2.0 * step)
+                if bend < least:
+                    least = bend
+                    slope[axis] = side * step
+            found += least < np.inf
         a, b, d = x, y, 1.0
-        if found == 2 and z > 0:
+        if found == 2:
             # The plane 1/z = g . (x, y, 1) in the camera's frame has the normal g.
             a, b = slope[0] * K[0, 0], slope[1] * K[1, 1]
             d = 1.0 / z - a * x - b * y
@@ -208,3 +213,11 @@ def lift(
         focal = np.sqrt(abs(K[0, 0] * K[1, 1]))
         footprint[n] = z / focal / np.sqrt(max(abs(cosine), GRAZING))
     return points, normals, footprint
+
+
+@kernel
+def _same(depth: np.ndarray, ids: np.ndarray, r: int, c: int, j: int, i: int) -> bool:
+    """Are both pixels in the image, of one handle, and at a known depth?"""
+    if j < 0 or j >= depth.shape[0] or i < 0 or i >= depth.shape[1]:
+        return False
+    return ids[j, i] == ids[r, c] and depth[j, i] > 0 and depth[r, c] > 0

@@ -40,7 +40,7 @@ def test_the_ball_stays_in_its_own_frame_in_every_camera_and_frame(name: str, t:
     offset = here.points - ball_at(0, LENGTH)
     assert np.abs(np.linalg.norm(offset, axis=1) - BALL_RADIUS).max() < 1e-5
     likeness = (here.normals * offset).sum(1) / BALL_RADIUS
-    assert np.median(likeness) > 0.995  # a plane through neighbours, on a curved surface
+    assert np.median(likeness) > 0.99  # a plane through neighbours, on a curved surface
     assert likeness.min() > 0.8
 
 
@@ -68,7 +68,7 @@ def test_facing_turns_with_the_body_and_normals_do_not() -> None:
     here = seen(replace(recorded, bodies=(box,)), "front", 0, BOX)
     assert np.allclose(here.normals @ turned[:3, :3].T, here.facing, atol=1e-6)
     axis = np.abs(here.facing).max(1)
-    assert np.quantile(axis, 0.05) > 0.9999
+    assert (axis > 0.9999).mean() > 0.97  # strips one pixel wide along a crease cannot tell
 
 
 def test_depth_is_decoded_only_for_who_asks() -> None:
