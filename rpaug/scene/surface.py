@@ -13,7 +13,7 @@ from rpaug.render.jit import kernel
 from rpaug.types import Body, Camera, CameraView, Gaussians
 
 GRAZING = 0.1  # cosine: a surface seen at a smaller angle is sampled as if at this one
-LONE = 1.0  # per metre: a side of one pixel is taken only where no longer one is there
+LONE = 0.5  # of its step: what a side of one pixel counts as bent, since none can see how straight it is
 EXTENT = 2.0  # standard deviations of a Gaussian that its one colour stands for
 
 Depth = Callable[[], Float32[np.ndarray, "h w"]]
@@ -173,7 +173,7 @@ def lift(
     one handle, so that neither a crease nor a silhouette bends a normal. A pixel with no neighbour of its handle faces
     the camera.
     """
-    height, width = depth.shape
+    width = depth.shape[1]
     points = np.empty((len(rows), 3), np.float32)
     normals = np.empty((len(rows), 3), np.float32)
     footprint = np.empty(len(rows), np.float32)
@@ -190,7 +190,7 @@ def lift(
                 if not _same(depth, ids, r, c, j, i):
                     continue
                 step = 1.0 / depth[j, i] - 1.0 / z
-                bend = LONE + abs(step)
+                bend = LONE * abs(step)
                 j, i = (r, c + 2 * side) if axis == 0 else (r + 2 * side, c)
                 if _same(depth, ids, r, c, j, i):
                     bend = abs(1.0 / depth[j, i] - 1.0 / z - 2.0 * step)

@@ -68,7 +68,7 @@ def test_facing_turns_with_the_body_and_normals_do_not() -> None:
     here = seen(replace(recorded, bodies=(box,)), "front", 0, BOX)
     assert np.allclose(here.normals @ turned[:3, :3].T, here.facing, atol=1e-6)
     axis = np.abs(here.facing).max(1)
-    assert (axis > 0.9999).mean() > 0.97  # strips one pixel wide along a crease cannot tell
+    assert (axis > 0.9999).mean() > 0.95  # strips one pixel wide along a crease cannot tell
 
 
 def test_depth_is_decoded_only_for_who_asks() -> None:
