@@ -173,7 +173,12 @@ def _recipe(name: str, overrides: list[str]) -> Any:
         if not shipped.is_file() or not shipped.resolve().is_relative_to(
             Path(rpaug_recipes.__file__).parent
         ):
-            known = sorted(p.stem for p in shipped.parent.glob("*.yaml"))
+            folder = Path(rpaug_recipes.__file__).parent
+            known = sorted(
+                path.relative_to(folder).with_suffix("").as_posix()
+                for path in folder.rglob("*.yaml")
+                if "tasks" not in path.parts
+            )
             raise BadInput(
                 name,
                 "--recipe",

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int, Int32
@@ -14,6 +14,7 @@ from rpaug.types import Body, Camera, CameraView, Gaussians
 
 GRAZING = 0.1  # cosine: a surface seen at a smaller angle is sampled as if at this one
 LONE = 0.5  # of its step: what a side of one pixel counts as bent, since none can see how straight it is
+SMOOTH = 0.5  # radians, about: a surface that turns by less within one pixel has no crease there
 EXTENT = 2.0  # standard deviations of a Gaussian that its one colour stands for
 
 Depth = Callable[[], Float32[np.ndarray, "h w"]]
@@ -74,8 +75,9 @@ def of_view(
     bodies: Sequence[Body],
     ids: Int32[np.ndarray, "h w"] | None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
-    """The surfaces that pixels of one recorded image show, by their flat index."""
+    """The surfaces that pixels of one recorded image show, by their flat index; its depth is decoded once at most."""
 
+    @cache
     def depth() -> Float32[np.ndarray, "h w"]:
         if view.depth is None:
             raise Unsupported("this edit needs recorded depth, and this source has none")
@@ -169,9 +171,8 @@ def lift(
 ) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n"]]:
     """World points, unit normals towards the camera, and footprints in metres of some pixels.
 
-    Along each image axis the side is taken on which 1/z, affine over the image of a plane, runs on straightest within
-    one handle, so that neither a crease nor a silhouette bends a normal. A pixel with no neighbour of its handle faces
-    the camera.
+    1/z is affine over the image of a plane. Its slopes are taken within one handle, and on one side of a crease. A
+    pixel with no neighbour of its handle faces the camera.
     """
     width = depth.shape[1]
     points = np.empty((len(rows), 3), np.float32)
@@ -184,20 +185,9 @@ def lift(
         x, y = (c - K[0, 2]) / K[0, 0], (r - K[1, 2]) / K[1, 1]
         found = 0
         for axis in range(2):
-            least = np.inf
-            for side in (-1, 1):
-                j, i = (r, c + side) if axis == 0 else (r + side, c)
-                if not _same(depth, ids, r, c, j, i):
-                    continue
-                step = 1.0 / depth[j, i] - 1.0 / z
-                bend = LONE * abs(step)
-                j, i = (r, c + 2 * side) if axis == 0 else (r + 2 * side, c)
-                if _same(depth, ids, r, c, j, i):
-                    bend = abs(1.0 / depth[j, i] - 1.0 / z - 2.0 * step)
-                if bend < least:
-                    least = bend
-                    slope[axis] = side * step
-            found += least < np.inf
+            focal = K[axis, axis]
+            slope[axis], known = _slope(depth, ids, r, c, axis, SMOOTH / (focal * z))
+            found += known
         a, b, d = x, y, 1.0
         if found == 2:
             # The plane 1/z = g . (x, y, 1) in the camera's frame has the normal g.
@@ -213,6 +203,36 @@ def lift(
         focal = np.sqrt(abs(K[0, 0] * K[1, 1]))
         footprint[n] = z / focal / np.sqrt(max(abs(cosine), GRAZING))
     return points, normals, footprint
+
+
+@kernel
+def _slope(
+    depth: np.ndarray, ids: np.ndarray, r: int, c: int, axis: int, smooth: float
+) -> tuple[float, bool]:
+    """Change of 1/z per pixel along an image axis, and whether there is any neighbour to tell it from.
+
+    The mean of both sides where they differ by less than `smooth`, as on a curved thing; else that of the side which
+    runs on straightest.
+    """
+    least, best, other, sides = np.inf, 0.0, 0.0, 0
+    for side in (-1, 1):
+        j, i = (r, c + side) if axis == 0 else (r + side, c)
+        if not _same(depth, ids, r, c, j, i):
+            continue
+        step = 1.0 / depth[j, i] - 1.0 / depth[r, c]
+        bend = LONE * abs(step)
+        j, i = (r, c + 2 * side) if axis == 0 else (r + 2 * side, c)
+        if _same(depth, ids, r, c, j, i):
+            bend = abs(1.0 / depth[j, i] - 1.0 / depth[r, c] - 2.0 * step)
+        sides += 1
+        other = best
+        if bend < least:
+            least, best = bend, side * step
+        else:
+            other = side * step
+    if sides == 2 and abs(best - other) < smooth:
+        return (best + other) / 2, True
+    return best, sides > 0
 
 
 @kernel
