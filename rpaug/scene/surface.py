@@ -60,8 +60,8 @@ class PixelSurface:
     def _in_bodies(self) -> tuple[np.ndarray, np.ndarray]:
         points, facing, _ = self._in_world
         points, normals, ids = points.copy(), facing.copy(), self.ids
-        for handles, pose in _moved(self.bodies, self.t):
-            held = np.isin(ids, list(handles))
+        for handle, pose in _moved(self.bodies, self.t):
+            held = ids == handle
             if held.any():
                 back = geometry.inverse(pose)
                 points[held] = geometry.transform(back, points[held])
@@ -135,8 +135,8 @@ class GaussianSurface:
         shortest = self.gaussians.scales[self.rows].argmin(1)
         normals = turned[np.arange(len(self.rows)), :, shortest].astype(np.float32)
         points, facing, ids = self.points.copy(), normals.copy(), self.ids
-        for handles, pose in _moved(self.bodies, self.t):
-            held = np.isin(ids, list(handles))
+        for handle, pose in _moved(self.bodies, self.t):
+            held = ids == handle
             points[held] = geometry.transform(pose, points[held])
             facing[held] = facing[held] @ pose[:3, :3].T
         away = ((points - self.camera.cam_to_world[self.t, :3, 3]) * facing).sum(1) > 0
@@ -151,13 +151,14 @@ def of_gaussians(
     return lambda rows: GaussianSurface(rows, gaussians, camera, t, bodies)
 
 
-def _moved(
-    bodies: Sequence[Body], t: int
-) -> list[tuple[frozenset[int], Float64[np.ndarray, "4 4"]]]:
-    """Handles and poses of the bodies that are not where their own frame is."""
+def _moved(bodies: Sequence[Body], t: int) -> list[tuple[int, Float64[np.ndarray, "4 4"]]]:
+    """Handles, and poses of their bodies, of what is not where its body's own frame is."""
     still = np.eye(4)
     return [
-        (body.handles, body.to_world[t]) for body in bodies if (body.to_world[t] != still).any()
+        (handle, body.to_world[t])
+        for body in bodies
+        if (body.to_world[t] != still).any()
+        for handle in body.handles
     ]
 
 

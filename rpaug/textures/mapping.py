@@ -149,6 +149,7 @@ def _sample(
     """Trilinear: u right and v down, in repeats of the image; `level` halvings, blended between whole ones."""
     out[:] = 0.0
     low = int(level)
+    u, v = _repeat(u, mirror), _repeat(v, mirror)
     for step in range(2):
         weight = level - low if step else 1.0 - (level - low)
         if weight == 0:
@@ -156,19 +157,33 @@ def _sample(
         start, rows, columns = sizes[low + step]
         x, y = u * columns - 0.5, v * rows - 0.5
         left, top = int(np.floor(x)), int(np.floor(y))
+        right_part, lower_part = x - left, y - top
         for j in range(2):
+            row = start + _inside(top + j, rows, mirror) * columns
+            down = weight * (lower_part if j else 1 - lower_part)
             for i in range(2):
-                part = (x - left if i else 1 - x + left) * (y - top if j else 1 - y + top)
-                row = _wrapped(top + j, rows, mirror)
-                texel = start + row * columns + _wrapped(left + i, columns, mirror)
+                part = down * (right_part if i else 1 - right_part)
+                texel = row + _inside(left + i, columns, mirror)
                 for k in range(3):
-                    out[k] += weight * part * texels[texel, k] / 255.0
+                    out[k] += part * texels[texel, k]
+    for k in range(3):
+        out[k] /= 255.0
 
 
 @kernel
-def _wrapped(index: int, size: int, mirror: bool) -> int:
-    """The texel of the image that stands at `index` of its endless repeats."""
-    if mirror:
-        index = index % (2 * size)
-        return 2 * size - 1 - index if index >= size else index
-    return index % size
+def _repeat(value: float, mirror: bool) -> float:
+    """Where in the image, 0..1, a coordinate of its endless repeats lies."""
+    if not mirror:
+        return value - np.floor(value)
+    value -= 2 * np.floor(value / 2)
+    return 2 - value if value > 1 else value
+
+
+@kernel
+def _inside(index: int, size: int, mirror: bool) -> int:
+    """The texel one step outside the image: of the next repeat, or of the same edge if that one is turned over."""
+    if index < 0:
+        return 0 if mirror else size - 1
+    if index >= size:
+        return size - 1 if mirror else 0
+    return index
