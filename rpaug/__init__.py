@@ -12,6 +12,8 @@ from rpaug.types import (
     Gaussians,
     Robot,
     Scene,
+    Sensor,
+    Surface,
 )
 
 __version__ = "0.1.0"
@@ -33,7 +35,9 @@ __all__ = [
     "Robot",
     "RpaugError",
     "Scene",
+    "Sensor",
     "Side",
+    "Surface",
     "TargetError",
     "Unsupported",
 ]

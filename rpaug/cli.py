@@ -182,7 +182,9 @@ def _recipe(name: str, overrides: list[str]) -> Any:
         shipped = folder / f"{name}.yaml"
         if not shipped.resolve().is_relative_to(folder.resolve()) or not shipped.is_file():
             known = sorted(
-                p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.yaml")
+                p.relative_to(folder).with_suffix("").as_posix()
+                for p in folder.rglob("*.yaml")
+                if "tasks" not in p.parts
             )
             raise BadInput(
                 name,

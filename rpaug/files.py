@@ -142,6 +142,44 @@ def _check_pixels(path: Path, data: bytes, header: Png) -> None:
         raise BadInput(path, "image data", found=count, expected=f"{wanted} bytes")
 
 
+def check_jpeg(path: Path, data: bytes) -> tuple[int, int]:
+    """Width and height of a JPEG that runs from its start to its end marker (ITU T.81, annex B). Raises BadInput."""
+    if data[:2] != b"\xff\xd8":
+        raise BadInput(path, "signature", found=repr(data[:2]), expected="a JPEG file")
+    if b"\xff\xd9" not in data[-64:]:  # some writers pad the end
+        raise BadInput(path, "end", found="no end marker", expected="a whole JPEG")
+    at = 2
+    while at + 9 <= len(data) and data[at] == 0xFF:
+        kind, length = data[at + 1], int.from_bytes(data[at + 2 : at + 4], "big")
+        if kind == 0xFF:  # a fill byte
+            at += 1
+            continue
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
+            height, width = struct.unpack_from(">HH", data, at + 5)
+            if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
+                raise BadInput(
+                    path,
+                    "size",
+                    found=f"{width}x{height}",
+                    expected=f"1 to {MAX_SIDE} pixels a side",
+                )
+            return width, height
+        at += 2 + length
+    raise BadInput(path, "frame header", found="none", expected="a JPEG with a size")
+
+
+def decode_image(path: Path) -> UInt8[np.ndarray, "h w ..."]:
+    """A checked PNG or JPEG: (h, w, 3) RGB or (h, w) single-channel, uint8. Raises BadInput."""
+    data = read_bytes(path)
+    if data[:2] != b"\xff\xd8":
+        return decode_png(path)
+    check_jpeg(path, data)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise BadInput(path, "image data", found="undecodable data", expected="a JPEG image")
+    return np.ascontiguousarray(image[..., ::-1])
+
+
 def encode_png(image: UInt8[np.ndarray, "h w ..."]) -> bytes:
     """PNG bytes of an RGB or single-channel uint8 image; the same pixels give the same bytes."""
     if image.ndim == 3:

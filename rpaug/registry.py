@@ -13,6 +13,13 @@ def _found(group: str) -> dict[str, EntryPoint]:
     return {point.name: point for point in sorted(entry_points(group=group), key=lambda p: p.name)}
 
 
+UNSEEN = {
+    name: f"{name} is left out: it changes no recorded pixel, only how things would have moved"
+    for name in ("object_mass", "object_friction")
+}
+"""COLOSSEUM's factors that no edit of a recording can show."""
+
+
 def operator_names() -> list[str]:
     """Names usable as `op:` in a recipe."""
     return list(_found("rpaug.operators"))
@@ -26,6 +33,8 @@ def adapter_names() -> list[str]:
 def operator(name: str) -> type[Operator]:
     """The operator class called `name`. Raises RpaugError listing the known ones."""
     found = _found("rpaug.operators")
+    if name in UNSEEN:
+        raise RpaugError(UNSEEN[name])
     if name not in found:
         raise RpaugError(f"no operator is called {name!r}; there are: {', '.join(found)}")
     return found[name].load()

@@ -111,17 +111,55 @@ class Body:
     copy_of: Mapping[int, int] = field(default_factory=dict)
 
 
+class Surface(Protocol):
+    """Where some colours lie, row by row; every part is worked out only when it is asked for.
+
+    `points` are metres in the frame of the row's own body (`Body.to_world` at that time undone), `normals` unit
+    vectors there, towards whoever looks; `facing` are the same normals in the world. `footprint` is the width in
+    metres that one pixel covers on the surface. `ids` are instance handles. Raises Unsupported where a source has no
+    depth to tell it from.
+    """
+
+    @property
+    def ids(self) -> Int32[np.ndarray, "n"]: ...
+    @property
+    def points(self) -> Float32[np.ndarray, "n 3"]: ...
+    @property
+    def normals(self) -> Float32[np.ndarray, "n 3"]: ...
+    @property
+    def facing(self) -> Float32[np.ndarray, "n 3"]: ...
+    @property
+    def footprint(self) -> Float32[np.ndarray, "n"]: ...
+
+
 class Appearance(Protocol):
     """A function on surfaces: recorded colour in, edited colour out.
 
-    `handles` are the instances it applies to, None for all. It is called with colours in display sRGB
-    0..1 and must treat every row alone, so that any carrier (pixels, surfels, Gaussians) can use it.
+    `handles` are the instances it applies to, None for all. It is called with colours in display sRGB 0..1 and
+    with where they lie, and must treat every row alone, so that any carrier (pixels, surfels, Gaussians) can use it.
+    What depends on `surface.points` and `surface.normals` alone is the same in all cameras and at all times.
     """
 
     @property
     def handles(self) -> frozenset[int] | None: ...
 
-    def __call__(self, colour: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]: ...
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]: ...
+
+
+class Sensor(Protocol):
+    """What the camera itself does to a finished image, after everything in the scene is settled.
+
+    All its randomness comes from `rng`, which is seeded by the draw's `seed`, the camera's name and the frame.
+    """
+
+    @property
+    def seed(self) -> int: ...
+
+    def __call__(
+        self, image: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator
+    ) -> UInt8[np.ndarray, "h w 3"]: ...
 
 
 @dataclass(frozen=True)
@@ -150,6 +188,7 @@ class Scene:
 
     Operators change a scene and nothing else. `episode` holds the recorded pixels, which are the scene's
     surfels; `gaussians` is there when the plan fitted some. `cameras` and `descriptions` start as recorded.
+    `appearance` is applied in order to what is seen, `sensor` in order to the finished images.
     `drift[camera][t]` put before a moving camera's recorded pose is where its image was truly taken from:
     recorders are off by millimetres. It is for rendering alike, and never written.
     An operator that moves, copies or removes bodies keeps the recorded ones in `recorded_bodies`
@@ -163,6 +202,7 @@ class Scene:
     antialiased: bool
     descriptions: tuple[str, ...]
     appearance: tuple[Appearance, ...] = ()
+    sensor: tuple[Sensor, ...] = ()
     gaussians: Gaussians | None = None
     drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(default_factory=dict)
     recorded_bodies: tuple[Body, ...] | None = None

@@ -79,11 +79,11 @@ def test_a_dry_run_writes_nothing(template: Path, tmp_path: Path, recipe: Path) 
 
 
 def test_a_shipped_recipe_goes_by_its_name() -> None:
-    for name in ("demo", "light_color", "object_color", "camera_pose"):
+    for name in ("demo", "light_color", "colosseum/all", "colosseum/tasks/open_drawer"):
         assert run("validate-recipe", name)[0] == 0
     code, _, err = run("validate-recipe", "no_such")
     assert code == 2
-    assert "light_color" in err
+    assert "colosseum/light_color" in err
 
 
 def test_the_schema_is_json() -> None:

@@ -157,3 +157,9 @@ def test_probability_and_weights_are_met() -> None:
 def test_selection_keeps_order_and_limit(keys: list[str], limit: int) -> None:
     taken = recipe.Select(episodes=["a/*"], limit=limit)(keys)
     assert taken == [key for key in keys if key.startswith("a/")][:limit]
+
+
+@pytest.mark.parametrize("name", ["object_mass", "object_friction"])
+def test_factors_that_change_no_pixel_are_refused_with_the_reason(name: str) -> None:
+    with pytest.raises(BadRecipe, match=f"{name}.*no recorded pixel"):
+        recipe.build({"version": 1, "edits": [{"op": name}]})

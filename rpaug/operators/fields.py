@@ -1,15 +1,32 @@
 """Values that recipes give to several operators."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from rpaug.scene import colours
 
 Unit = Annotated[float, Field(ge=0, le=1)]
 RGB = tuple[Unit, Unit, Unit]
+
+Number = TypeVar("Number", int, float)
+
+
+def _ordered(value: tuple[Number, Number]) -> tuple[Number, Number]:
+    if value[0] > value[1]:
+        raise ValueError(f"low {value[0]} exceeds high {value[1]}")
+    return value
+
+
+Interval = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
+"""Low and high of what is drawn uniformly."""
+
+
+def seed(rng: np.random.Generator) -> int:
+    """A seed to be stored with an edit, from which its noise is made again."""
+    return int(rng.integers(2**32))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from rpaug.interfaces import Edit, Operator
 from rpaug.scene import light
-from rpaug.types import Effect, Scene
+from rpaug.types import Effect, Scene, Surface
 
 Unit = Annotated[float, Field(ge=0, le=1)]
 Colour = tuple[Unit, Unit, Unit]
@@ -22,7 +22,9 @@ class Gain:
     gain: tuple[float, float, float]
     handles: frozenset[int] | None = None
 
-    def __call__(self, colour: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]:
         return np.minimum(colour * np.array(self.gain, np.float32), np.float32(1))
 
 

@@ -6,17 +6,14 @@ from typing import ClassVar, Literal
 import numpy as np
 from jaxtyping import Float32
 
-from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import RGB, Color
 from rpaug.scene import albedo, colours, targets
-from rpaug.types import Appearance, Effect, Scene
+from rpaug.types import Appearance, Effect, Scene, Surface
 
 # Per channel the pixel is divided by the old albedo only while that does not blow up its noise: a gain of 6 turns
 # half a grey level into 0.003 rms (50 dB); from 12 on the shading of the well-lit channels stands in.
 SAFE_GAIN, UNSAFE_GAIN = 6.0, 12.0
-BLACK = 0.01  # an albedo below this shows no shading above the images' rounding
-HIGHLIGHT = 0.05  # least whitish part of a plain surface's pixel that is taken for a highlight
 
 
 @dataclass(frozen=True)
@@ -33,10 +30,12 @@ class AlbedoRatio:
     new: tuple[float, float, float]
     plain: bool
 
-    def __call__(self, colour: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]:
         old, new = np.array(self.old, np.float32), np.array(self.new, np.float32)
         highlight = (
-            _highlight(colour, old) if self.plain else np.zeros((len(colour), 1), np.float32)
+            albedo.highlight(colour, old) if self.plain else np.zeros((len(colour), 1), np.float32)
         )
         matte = colour - highlight
         shading = matte @ old / max(float(old @ old), 1e-6)
@@ -54,7 +53,9 @@ class LabShift:
     old: tuple[float, float, float]
     new: tuple[float, float, float]
 
-    def __call__(self, colour: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]:
         old, new = colours.to_lab(np.array(self.old)), colours.to_lab(np.array(self.new))
         lab = colours.to_lab(colour)
         lab[:, 0] = np.clip(lab[:, 0] * new[0] / max(old[0], 1.0), 0, 100)
@@ -79,15 +80,7 @@ class Recolor(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         handles = sorted(targets.find(scene, self.target))
-        surfaces = []
-        for handle in handles:
-            found = albedo.estimate(albedo.pixels(scene.episode, handle))
-            rgb = self.albedo if self.albedo is not None else found.rgb
-            if max(rgb) < BLACK:
-                raise Unsupported(
-                    f"handle {handle} is black: no shading can be read off it, so it cannot be painted"
-                )
-            surfaces.append({"handle": handle, "albedo": list(rgb), "plain": found.plain})
+        surfaces = [albedo.describe(scene.episode, handle, self.albedo) for handle in handles]
         return {"color": self.color.draw(rng), "surfaces": surfaces}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
@@ -100,20 +93,3 @@ class Recolor(Operator):
             else:
                 painted.append(AlbedoRatio(handles, old, (red, green, blue), surface["plain"]))
         return replace(scene, appearance=(*scene.appearance, *painted))
-
-
-def _highlight(
-    colour: Float32[np.ndarray, "n 3"], old: Float32[np.ndarray, "3"]
-) -> Float32[np.ndarray, "n 1"]:
-    """The white part s of each pixel = d * old + s * (1, 1, 1), d and s >= 0; 0 where it may be noise.
-
-    An albedo that is itself nearly grey gives no way to tell: then 0.
-    """
-    white = np.ones(3, np.float32)
-    a, b, c = float(old @ old), float(old @ white), 3.0
-    determinant = a * c - b * b
-    if determinant <= 0.05 * a * c:
-        return np.zeros((len(colour), 1), np.float32)
-    on_old, on_white = colour @ old, colour @ white
-    part = np.minimum((a * on_white - b * on_old) / determinant, colour.min(1))
-    return np.where(part > HIGHLIGHT, part, 0).astype(np.float32)[:, None]

@@ -2,16 +2,21 @@
 
 Where the source is anti-aliased, a pixel on an object's outline is a mixture a F + (1 - a) B of the object's colour
 F and what lies behind, B. There the share a is found from the nearest pixels that are wholly inside and wholly
-outside, and the edit adds a (F' - F), so that no rim of the old colour is left and B stays what it was.
+outside, and the edit adds a (F' - F), so that no rim of the old colour is left and B stays what it was. Such a pixel
+lies where its nearest pixel inside lies: what is recorded at the pixel itself may be the depth of B.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int32, UInt8
+from jaxtyping import Bool, Float32, Int, Int32, UInt8
 
+from rpaug.render.jit import kernel
 from rpaug.render.matting import matte
-from rpaug.types import Appearance
+from rpaug.types import Appearance, Surface
+
+Surfaces = Callable[[Int[np.ndarray, "n"]], Surface]
+"""What pixels of the image show, by their flat index."""
 
 
 def composite(
@@ -19,18 +24,20 @@ def composite(
     ids: Int32[np.ndarray, "h w"] | None,
     appearance: Sequence[Appearance],
     antialiased: bool,
+    surfaces: Surfaces,
 ) -> UInt8[np.ndarray, "h w 3"]:
     """The recorded image with appearance edits applied in order. Pixels no edit covers come back bit for bit."""
     colour = rgb.astype(np.float32) / np.float32(255)
     touched = np.zeros(rgb.shape[:2], bool)
     for edit in appearance:
         if edit.handles is None:
-            colour = edit(colour.reshape(-1, 3)).reshape(colour.shape)
+            everywhere = surfaces(np.arange(touched.size))
+            colour = edit(colour.reshape(-1, 3), everywhere).reshape(colour.shape)
             touched[:] = True
         elif ids is not None:
             inside = np.isin(ids, list(edit.handles))
             if inside.any():
-                touched |= _apply(edit, colour, inside, antialiased)
+                touched |= _apply(edit, colour, inside, antialiased, surfaces)
     quantised = np.rint(np.clip(colour[touched], 0, 1) * 255).astype(np.uint8)
     out = rgb.copy()
     out[touched] = quantised
@@ -42,15 +49,33 @@ def _apply(
     colour: Float32[np.ndarray, "h w 3"],
     inside: Bool[np.ndarray, "h w"],
     antialiased: bool,
+    surfaces: Surfaces,
 ) -> Bool[np.ndarray, "h w"]:
     """Edit `colour` in place where `inside`, and on the outline by its mixture; the pixels touched."""
     if not antialiased:
-        colour[inside] = edit(colour[inside])
+        colour[inside] = edit(colour[inside], surfaces(np.flatnonzero(inside)))
         return inside
     share, foreground = matte(colour, inside)
     whole, mixed = share == 1, (share > 0) & (share < 1)
     front = foreground[mixed]
-    change = edit(front) - front
-    colour[whole] = edit(colour[whole])
+    change = edit(front, surfaces(_nearest(inside, np.flatnonzero(mixed)))) - front
+    colour[whole] = edit(colour[whole], surfaces(_nearest(inside, np.flatnonzero(whole))))
     colour[mixed] += share[mixed, None] * change
     return whole | mixed
+
+
+@kernel
+def _nearest(inside: Bool[np.ndarray, "h w"], rows: Int[np.ndarray, "n"]) -> Int[np.ndarray, "n"]:
+    """The pixel itself if it is inside, else the neighbour that is, straight ones first: flat indices."""
+    height, width = inside.shape
+    out = rows.copy()
+    for n in range(len(rows)):
+        y, x = rows[n] // width, rows[n] % width
+        least = 0 if inside[y, x] else 3
+        for j in range(max(0, y - 1), min(height, y + 2)):
+            for i in range(max(0, x - 1), min(width, x + 2)):
+                away = abs(j - y) + abs(i - x)
+                if inside[j, i] and away < least:
+                    least = away
+                    out[n] = j * width + i
+    return out

@@ -1,18 +1,22 @@
 """What colour a thing has under its shading: read off its pixels, or fitted to a given one."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float32, Float64
 
+from rpaug.errors import Unsupported
 from rpaug.scene import sampling
 from rpaug.types import Episode
 
 LEAST_PIXELS = 8
+BLACK = 0.01  # an albedo below this shows no shading above the images' rounding
 DARK, BRIGHT = (
     0.04,
     0.98,
 )  # of the brightest channel: darker pixels are noise, brighter ones are clipped
+HIGHLIGHT = 0.05  # least whitish part of a plain surface's pixel that is taken for a highlight
 LIT = 0.98  # quantile of shading that counts as fully lit: a new colour must not be clipped where the old was not
 PLAIN = 0.03  # colour distance within which a pixel is explained by one albedo and its shading
 PLAIN_SHARE = 0.8
@@ -62,6 +66,37 @@ def estimate(colour: Float64[np.ndarray, "n 3"]) -> Albedo:
     )  # clipped pixels too: they are the brightest
     red, green, blue = np.minimum(mean * np.quantile(shading, LIT), 1.0).tolist()
     return Albedo((red, green, blue), bool(_explained(good, mean).mean() >= PLAIN_SHARE))
+
+
+def describe(
+    episode: Episode, handle: int, known: tuple[float, float, float] | None = None
+) -> dict[str, Any]:
+    """What an edit stores of an instance's surface: handle, albedo (`known` if it is), and whether it is plain.
+
+    Raises Unsupported for a black one.
+    """
+    found = estimate(pixels(episode, handle))
+    rgb = found.rgb if known is None else known
+    if max(rgb) < BLACK:
+        raise Unsupported(f"handle {handle} is black: no shading can be read off it to paint with")
+    return {"handle": handle, "albedo": list(rgb), "plain": found.plain}
+
+
+def highlight(
+    colour: Float32[np.ndarray, "n 3"], old: Float32[np.ndarray, "3"]
+) -> Float32[np.ndarray, "n 1"]:
+    """The white part s of each pixel = d * old + s * (1, 1, 1), d and s >= 0; 0 where it may be noise.
+
+    An albedo that is itself nearly grey gives no way to tell: then 0.
+    """
+    white = np.ones(3, np.float32)
+    a, b, c = float(old @ old), float(old @ white), 3.0
+    determinant = a * c - b * b
+    if determinant <= 0.05 * a * c:
+        return np.zeros((len(colour), 1), np.float32)
+    on_old, on_white = colour @ old, colour @ white
+    part = np.minimum((a * on_white - b * on_old) / determinant, colour.min(1))
+    return np.where(part > HIGHLIGHT, part, 0).astype(np.float32)[:, None]
 
 
 def _explained(

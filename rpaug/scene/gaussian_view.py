@@ -7,7 +7,9 @@ from jaxtyping import Float32, Int32, UInt8
 
 from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
+from rpaug.render.composite import Surfaces
 from rpaug.render.splat import Rasteriser, Rendering, Settings, Splats, View
+from rpaug.scene import surface
 from rpaug.scene.gaussians import SH0, Placement
 from rpaug.types import Appearance, Camera, Gaussians, Scene
 
@@ -30,9 +32,10 @@ def render_view(
         raise TargetError(f"no camera is called {camera!r}; there are: {known}")
     if scene.gaussians is None:
         raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
-    painted = paint(scene.gaussians, scene.appearance)
-    splats = Placement.of(painted.ids, scene.bodies).place(Splats.of(painted), t)
     eye = standing(scene, camera)
+    surfaces = surface.of_gaussians(scene.gaussians, eye, t, scene.bodies)
+    painted = paint(scene.gaussians, scene.appearance, surfaces)
+    splats = Placement.of(painted.ids, scene.bodies).place(Splats.of(painted), t)
     drawn = Rasteriser(SHARP).forward(splats, view_of(eye, t))
     ids = np.where(drawn.surface_index >= 0, painted.ids[drawn.surface_index], 0)
     depth = plane_depth(drawn, splats, eye, t)
@@ -58,14 +61,17 @@ def to_bytes(colour: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]
     return (np.clip(colour, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
-def paint(gaussians: Gaussians, appearance: tuple[Appearance, ...]) -> Gaussians:
+def paint(
+    gaussians: Gaussians, appearance: tuple[Appearance, ...], surfaces: Surfaces
+) -> Gaussians:
     """Gaussians whose constant colours went through the edits, in order."""
     sh = gaussians.sh
     for edit in appearance:
         rows = np.arange(len(gaussians)) if edit.handles is None else _rows(gaussians, edit.handles)
         if len(rows):
             sh = sh.copy() if sh is gaussians.sh else sh
-            sh[rows, 0] = (edit(np.clip(0.5 + SH0 * sh[rows, 0], 0, 1)) - 0.5) / SH0
+            colour = np.clip(0.5 + SH0 * sh[rows, 0], 0, 1)
+            sh[rows, 0] = (edit(colour, surfaces(rows)) - 0.5) / SH0
     return replace(gaussians, sh=sh)
 
 

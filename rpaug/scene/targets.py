@@ -50,6 +50,9 @@ class Target(BaseModel):
         return f"role {self.role}" if self.role is not None else repr(self.text)
 
 
+TABLE, BACKGROUND = Target(role="table"), Target(role="background")
+
+
 def find(scene: Scene, target: Target) -> frozenset[int]:
     """Handles of the instances that the target names.
 

@@ -1,7 +1,8 @@
 """The edited scene as an episode: every camera's images, each rendered when asked for."""
 
+import hashlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Protocol
@@ -10,8 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
 from rpaug.render.composite import composite
-from rpaug.scene import surfels
-from rpaug.types import CameraView, Episode, Scene
+from rpaug.scene import surface, surfels
+from rpaug.types import CameraView, Episode, Scene, Sensor
 
 KEPT_FRAMES = 8  # a writer asks for rgb, depth and ids of one frame in turn
 
@@ -53,15 +54,27 @@ def edited(scene: Scene, carriers: Mapping[str, int], watch: Watch) -> Episode:
     return replace(scene.episode, views=views, descriptions=scene.descriptions)
 
 
+def sense(
+    sensor: Sequence[Sensor], image: UInt8[np.ndarray, "h w 3"], camera: str, t: int
+) -> UInt8[np.ndarray, "h w 3"]:
+    """The image as the camera's own faults would give it: the same whenever it is asked for again."""
+    name = int.from_bytes(hashlib.blake2b(camera.encode(), digest_size=8).digest(), "little")
+    for number, effect in enumerate(sensor):
+        image = effect(image, np.random.default_rng([effect.seed, name, t, number]))
+    return image
+
+
 def _composited(scene: Scene, name: str, watch: Watch) -> CameraView:
     view = scene.episode.views[name]
-    if not scene.appearance:
+    if not scene.appearance and not scene.sensor:
         return view
 
     def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
         start = time.thread_time()
         ids = view.ids(t) if view.ids else None
-        image = composite(view.rgb(t), ids, scene.appearance, scene.antialiased)
+        surfaces = surface.of_view(view, t, scene.bodies, ids)
+        image = composite(view.rgb(t), ids, scene.appearance, scene.antialiased, surfaces)
+        image = sense(scene.sensor, image, name, t)
         watch(name, t, image, None, time.thread_time() - start)
         return image
 
@@ -73,6 +86,7 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
     def frame(t: int) -> Frame:
         start = time.thread_time()
         made = render(t)
+        made = replace(made, rgb=sense(scene.sensor, made.rgb, name, t))
         watch(name, t, made.rgb, made.hole, time.thread_time() - start)
         return made
 
@@ -87,7 +101,10 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
 
 def _surfels(scene: Scene, shared: surfels.Surfels, name: str, t: int) -> Frame:
     drawn = surfels.view(shared, scene, name, t)
-    image = composite(drawn.image, drawn.ids, scene.appearance, scene.antialiased)
+    surfaces = surface.of_image(
+        lambda: drawn.depth, drawn.ids, scene.cameras[name], t, scene.bodies
+    )
+    image = composite(drawn.image, drawn.ids, scene.appearance, scene.antialiased, surfaces)
     return Frame(image, drawn.depth, drawn.ids, drawn.hole)
 
 

@@ -35,8 +35,10 @@ class TestContractOfTheLabMode(TestContract):
         return Recolor(target=Target(handle=BALL), color=Palette(((0.0, 0.0, 1.0),)), mode="lab")
 
 
-def edited(old, new, plain: bool = True) -> AlbedoRatio:  # type: ignore[no-untyped-def]
-    return AlbedoRatio(frozenset({1}), tuple(old), tuple(new), plain)
+def edited(old, new, plain: bool = True):  # type: ignore[no-untyped-def]
+    """The repainting as a function of colour alone: it does not ask where a pixel lies."""
+    ratio = AlbedoRatio(frozenset({1}), tuple(old), tuple(new), plain)
+    return lambda colour: ratio(colour, None)
 
 
 @given(COLOUR, COLOUR)

@@ -9,8 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from rpaug.render.composite import composite
+from rpaug.render import composite as compositing
 from rpaug.render.matting import matte
+
+
+def composite(rgb, ids, appearance, antialiased, surfaces=lambda rows: rows):  # type: ignore[no-untyped-def]
+    """Composited with surfaces that are their pixels' flat indices."""
+    return compositing.composite(rgb, ids, appearance, antialiased, surfaces)
+
 
 IMAGES = arrays(np.uint8, (9, 11, 3))
 LABELS = arrays(np.int32, (9, 11), elements=st.integers(0, 3))
@@ -23,7 +29,7 @@ class Paint:
     handles: frozenset[int] | None
     colour: tuple[float, float, float] = (0.0, 0.5, 1.0)
 
-    def __call__(self, colour: np.ndarray) -> np.ndarray:
+    def __call__(self, colour: np.ndarray, surface: object) -> np.ndarray:
         return np.broadcast_to(np.array(self.colour, np.float32), colour.shape)
 
 
@@ -33,7 +39,7 @@ class Same:
 
     handles: frozenset[int] | None
 
-    def __call__(self, colour: np.ndarray) -> np.ndarray:
+    def __call__(self, colour: np.ndarray, surface: object) -> np.ndarray:
         return colour
 
 
@@ -75,7 +81,7 @@ def test_edits_apply_in_order_and_are_rounded_once() -> None:
         handles: frozenset[int] | None
         factor: float
 
-        def __call__(self, colour: np.ndarray) -> np.ndarray:
+        def __call__(self, colour: np.ndarray, surface: object) -> np.ndarray:
             return colour * np.float32(self.factor)
 
     out = composite(rgb, ids, [Scale(None, 1 / 3), Scale(frozenset({1}), 3.0)], antialiased=False)
@@ -128,3 +134,28 @@ def test_nothing_to_tell_instances_apart_means_only_global_edits() -> None:
     rgb = np.full((2, 2, 3), 7, np.uint8)
     assert np.array_equal(composite(rgb, None, [Paint(frozenset({1}))], False), rgb)
     assert (composite(rgb, None, [Paint(None)], False) == [0, 128, 255]).all()
+
+
+@pytest.mark.parametrize("antialiased", [False, True])
+def test_each_row_is_told_its_own_pixel_and_mixed_ones_outside_the_nearest_inside(
+    antialiased: bool,
+) -> None:
+    _, mask = disc()
+    coverage = disc()[0]
+    told: list[tuple[int, int]] = []
+
+    @dataclass(frozen=True)
+    class Ask:
+        handles: frozenset[int] | None = frozenset({5})
+
+        def __call__(self, colour: np.ndarray, surface: np.ndarray) -> np.ndarray:
+            assert len(colour) == len(surface)
+            told.extend((int(row) // 32, int(row) % 32) for row in surface)
+            return 1 - colour
+
+    rgb = np.rint(255 * (0.2 + 0.6 * coverage[..., None].repeat(3, 2))).astype(np.uint8)
+    out = composite(rgb, np.where(mask, 5, 1).astype(np.int32), [Ask()], antialiased)
+    assert all(mask[pixel] for pixel in told)
+    outside = (out != rgb).any(-1) & ~mask
+    assert outside.any() == antialiased
+    assert len(told) >= mask.sum() + outside.sum()

@@ -1,0 +1,17 @@
+"""Give walls and floor another texture, as COLOSSEUM's `background_texture` does."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from rpaug.operators.texturing import Texturing
+from rpaug.scene.targets import BACKGROUND, Target
+
+
+@dataclass(frozen=True, kw_only=True)
+class BackgroundTexture(Texturing):
+    """Lay an image on all that stands around the table, found by its role."""
+
+    target: Target = BACKGROUND
+    scale: Annotated[float, Field(gt=0)] = 1.2

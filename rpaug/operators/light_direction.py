@@ -1,0 +1,112 @@
+"""Move the lamp: faces that turn towards where it now stands are lit, others are left to the ambient light."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float32, Float64
+from pydantic import Field
+
+from rpaug.errors import Unsupported
+from rpaug.interfaces import Edit, Operator
+from rpaug.operators.fields import Unit
+from rpaug.scene import light
+from rpaug.scene.light import Lamp
+from rpaug.types import Effect, Scene, Surface
+
+Direction = tuple[float, float, float]
+LOWEST = 0.15  # sine of the height above the horizon: no lamp is put lower
+MOST_GAIN = 3.0  # what the old lamp hardly lit was recorded as noise
+
+ROOM = 1.1  # times a thing's brightest: what noise and highlights may add
+
+
+@dataclass(frozen=True)
+class Relight:
+    """Every pixel times what the new lamp gives its face over what the old one gave it (Lambert, no shadows).
+
+    `brightest` is how bright each thing is straight below the lamp. A pixel brighter than its thing could be under the
+    old lamp lies on a face too narrow for its normal to be known, and is not made brighter still.
+    """
+
+    old: Lamp
+    new: Lamp
+    brightest: tuple[tuple[int, float], ...]
+    handles: frozenset[int] | None = None
+
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]:
+        facing = surface.facing
+        was = self.old.shading(facing)
+        known, most = np.array(self.brightest).T
+        place = np.minimum(np.searchsorted(known, surface.ids), len(known) - 1)
+        most = np.where(known[place] == surface.ids, most[place], np.inf)
+        doubtful = colour.mean(1) > ROOM * most * was
+        gain = np.minimum(self.new.shading(facing) / was, np.where(doubtful, 1.0, MOST_GAIN))
+        return np.clip(colour * gain[:, None], 0, 1).astype(np.float32)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightDirection(Operator):
+    """Turn the dominant lamp by up to `turn` about the scene, or set it at `to`, and scale every pixel accordingly.
+
+    `recorded` is the direction to the lamp the episode was lit by, in the world; `ambient` the share of the light that
+    comes from nowhere in particular. Both are estimated from how brightness depends on the faces' normals if not
+    given. Cast shadows and highlights stay where they were: they move no further than the recording knows.
+    """
+
+    turn: Annotated[float, Field(gt=0, le=np.pi)] = 0.8  # radians, at most
+    to: Direction | None = None
+    recorded: Direction | Literal["estimate"] = "estimate"
+    ambient: Unit | Literal["estimate"] = "estimate"
+
+    effect: ClassVar[Effect] = Effect.RGB
+
+    def __post_init__(self) -> None:
+        for name in ("to", "recorded"):
+            value = getattr(self, name)
+            if isinstance(value, tuple) and np.linalg.norm(value) < 1e-6:
+                raise ValueError(f"{name}: a direction has a length")
+        if self.ambient == 0:
+            raise ValueError("ambient: must exceed 0, or faces turned away were recorded black")
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        if all(view.depth is None for view in scene.episode.views.values()):
+            raise Unsupported("moving the light needs recorded depth, and this source has none")
+        found = light.dominant(scene.episode)
+        old = _unit(found.direction if self.recorded == "estimate" else self.recorded)
+        ambient = found.ambient if self.ambient == "estimate" else self.ambient
+        new = _unit(self.to) if self.to is not None else _near(old, self.turn, rng)
+        brightest = light.brightest(scene.episode, Lamp(tuple(old), ambient, 1.0))
+        return {
+            "brightest": [[handle, round(value, 4)] for handle, value in sorted(brightest.items())],
+            "recorded": old.tolist(),
+            "direction": new.tolist(),
+            "ambient": ambient,
+            "explained": round(found.explained, 4),
+        }
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        old = Lamp(tuple(edit["recorded"]), edit["ambient"], 1.0)
+        new = Lamp(tuple(edit["direction"]), edit["ambient"], 1.0)
+        brightest = tuple((handle, value) for handle, value in edit["brightest"])
+        return replace(scene, appearance=(*scene.appearance, Relight(old, new, brightest)))
+
+
+def _unit(direction: object) -> Float64[np.ndarray, "3"]:
+    vector = np.array(direction, float)
+    return vector / np.linalg.norm(vector)
+
+
+def _near(
+    axis: Float64[np.ndarray, "3"], turn: float, rng: np.random.Generator
+) -> Float64[np.ndarray, "3"]:
+    """A direction drawn evenly from those within `turn` of `axis` that are not too low."""
+    across = _unit(np.cross(axis, np.eye(3)[np.abs(axis).argmin()]))
+    while True:
+        cosine, around = rng.uniform(np.cos(turn), 1), rng.uniform(0, 2 * np.pi)
+        sideways = np.cos(around) * across + np.sin(around) * np.cross(axis, across)
+        drawn = cosine * axis + np.sqrt(1 - cosine**2) * sideways
+        if drawn[2] >= min(LOWEST, axis[2]):
+            return drawn

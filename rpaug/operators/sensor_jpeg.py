@@ -1,0 +1,47 @@
+"""What a camera's JPEG compression leaves of an image."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+from pydantic import Field
+
+from rpaug.interfaces import Edit, Operator
+from rpaug.operators.fields import Interval
+from rpaug.types import Effect, Scene
+
+
+@dataclass(frozen=True)
+class JPEG:
+    """Encoded and decoded again at one quality."""
+
+    quality: int
+    seed: int = 0
+
+    def __call__(
+        self, image: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator
+    ) -> UInt8[np.ndarray, "h w 3"]:
+        done, data = cv2.imencode(
+            ".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, self.quality]
+        )
+        assert done
+        decoded = cv2.imdecode(data, cv2.IMREAD_COLOR)
+        assert decoded is not None
+        return np.ascontiguousarray(decoded[..., ::-1], np.uint8)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorJPEG(Operator):
+    """Draw the quality (1 worst, 100 best) from `quality`, once for all cameras and frames."""
+
+    quality: Interval[Annotated[int, Field(ge=1, le=100)]] = (30, 90)
+
+    effect: ClassVar[Effect] = Effect.RGB
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        return {"quality": int(rng.integers(self.quality[0], self.quality[1] + 1))}
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        return replace(scene, sensor=(*scene.sensor, JPEG(**edit)))

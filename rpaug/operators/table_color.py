@@ -1,0 +1,45 @@
+"""Paint the table, as COLOSSEUM's `table_color` does."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from rpaug.interfaces import Edit, Operator
+from rpaug.operators.fields import RGB
+from rpaug.operators.recolor import AlbedoRatio
+from rpaug.scene import albedo, targets
+from rpaug.types import Effect, Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableColor(Operator):
+    """Draw the table's colour uniformly from `range` and swap its albedo for it; its grain and shadows stay.
+
+    `albedo` is the old colour where it is known; else it is estimated from the pixels of each instance.
+    """
+
+    target: targets.Target = targets.TABLE
+    range: tuple[RGB, RGB] = ((0.25, 0.25, 0.25), (1.0, 1.0, 1.0))
+    albedo: RGB | None = None
+
+    effect: ClassVar[Effect] = Effect.RGB
+
+    def __post_init__(self) -> None:
+        if any(low > high for low, high in zip(*self.range, strict=True)):
+            raise ValueError(f"range: low {self.range[0]} exceeds high {self.range[1]}")
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        handles = sorted(targets.find(scene, self.target))
+        surfaces = [albedo.describe(scene.episode, handle, self.albedo) for handle in handles]
+        return {"color": rng.uniform(*np.array(self.range)).tolist(), "surfaces": surfaces}
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        red, green, blue = edit["color"]
+        painted = [
+            AlbedoRatio(
+                frozenset([one["handle"]]), tuple(one["albedo"]), (red, green, blue), one["plain"]
+            )
+            for one in edit["surfaces"]
+        ]
+        return replace(scene, appearance=(*scene.appearance, *painted))

@@ -1,0 +1,17 @@
+"""Give the table another texture, as COLOSSEUM's `table_texture` does."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from rpaug.operators.texturing import Texturing
+from rpaug.scene.targets import TABLE, Target
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableTexture(Texturing):
+    """Lay an image on the table, found by its role."""
+
+    target: Target = TABLE
+    scale: Annotated[float, Field(gt=0)] = 0.6

@@ -1,0 +1,182 @@
+"""What the texture operators share: drawing a texture, finding its frame, and laying it under the recorded light."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float32, Float64
+from pydantic import BaseModel, ConfigDict, Field
+
+from rpaug import geometry
+from rpaug.errors import BadInput, TargetError
+from rpaug.interfaces import Edit, Operator
+from rpaug.operators.fields import RGB
+from rpaug.scene import albedo, shading, targets
+from rpaug.textures import folder, shipped
+from rpaug.textures.mapping import Mapping, Texture
+from rpaug.types import Appearance, Effect, Scene, Surface
+
+Triple = tuple[float, float, float]
+
+
+class Sample(BaseModel):
+    """Draw a texture: of one kind, or any."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    sample: Literal["all", "wood", "stone", "fabric", "checker", "noise"]
+
+
+ANY = Sample(sample="all")
+
+
+@dataclass(frozen=True)
+class Textured:
+    """Pixel = albedo x shading (+ highlight): the albedo comes from the texture at the pixel's place on its body.
+
+    Shading is what the old albedo leaves of the pixel; where the old surface was patterned, `smooth` tells the pattern
+    from the light. `to_texture` carries points from the body's frame into the texture's.
+    """
+
+    handles: frozenset[int]
+    texture: Texture
+    to_texture: Float64[np.ndarray, "4 4"]
+    scale: float
+    mapping: Mapping
+    old: Triple
+    plain: bool
+    smooth: shading.Smooth | None
+
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]:
+        new = self._albedo(surface)
+        old = np.array(self.old, np.float32)
+        if self.plain and self.smooth is None:
+            highlight = albedo.highlight(colour, old)
+        else:
+            highlight = np.zeros((len(colour), 1), np.float32)
+        shade = (colour - highlight) @ old / max(float(old @ old), 1e-4)
+        if self.smooth is not None:
+            shade = self.smooth.of(shade, surface.points, surface.facing)
+        return np.clip(new * shade[:, None] + highlight, 0, 1).astype(np.float32)
+
+    def _albedo(self, surface: Surface) -> Float32[np.ndarray, "n 3"]:
+        turn = self.to_texture[:3, :3].astype(np.float32)
+        points = surface.points @ turn.T + self.to_texture[:3, 3].astype(np.float32)
+        normals = surface.normals @ turn.T
+        return self.texture.on(points, normals, surface.footprint, self.scale, self.mapping)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Texturing(Operator):
+    """Base of the operators that lay an image on things; they differ in what they are laid on.
+
+    `texture` names an image of the shipped set, or of the folder `textures` if one is given, or draws one. `scale` is
+    the metres it is wide. Its frame stands in the target's middle, turned about the vertical to its side faces;
+    `origin` (metres) and `turn` (a rotation vector, radians) set it in the body's own frame instead.
+    """
+
+    target: targets.Target
+    texture: str | Sample = ANY
+    textures: Path | None = None
+    scale: Annotated[float, Field(gt=0)] = 0.25
+    mapping: Mapping = "triplanar"
+    repeat: Literal["wrap", "mirror"] | None = None
+    origin: Triple | None = None
+    turn: Triple | None = None
+    albedo: RGB | None = None
+
+    effect: ClassVar[Effect] = Effect.RGB
+
+    def __post_init__(self) -> None:
+        if self.textures is None and isinstance(self.texture, str):
+            if self.texture not in shipped.NAMES:
+                raise ValueError(
+                    f"no texture is called {self.texture!r}; there are: {', '.join(shipped.NAMES)}"
+                )
+        elif self.textures is not None and self.texture != ANY and isinstance(self.texture, Sample):
+            raise ValueError(
+                "kinds are of the shipped textures; from a folder sample all, or name one"
+            )
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        handles = sorted(targets.find(scene, self.target))
+        seen = shading.sample(scene, handles)
+        if not seen:
+            raise TargetError(f"{self.target}: no camera shows it at a known depth")
+        name = self._draw(rng)
+        return {
+            "texture": name,
+            "digest": folder.digest(self.textures, name) if self.textures else None,
+            "to_texture": self._frame(seen).tolist(),
+            "surfaces": [self._surface(scene, handle, seen[handle]) for handle in seen],
+        }
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        texture = self._texture(edit)
+        laid: list[Appearance] = []
+        for one in edit["surfaces"]:
+            smooth = shading.Smooth(**one["smooth"]) if one["smooth"] else None
+            laid.append(
+                Textured(
+                    handles=frozenset([one["handle"]]),
+                    texture=texture,
+                    to_texture=np.array(edit["to_texture"]),
+                    scale=self.scale,
+                    mapping=self.mapping,
+                    old=tuple(one["albedo"]),
+                    plain=one["plain"],
+                    smooth=smooth,
+                )
+            )
+        return replace(scene, appearance=(*scene.appearance, *laid))
+
+    def _draw(self, rng: np.random.Generator) -> str:
+        if isinstance(self.texture, str):
+            return self.texture
+        if self.textures is not None:
+            known = folder.names(self.textures)
+        elif self.texture.sample == "all":
+            known = list(shipped.NAMES)
+        else:
+            known = list(shipped.KINDS[self.texture.sample])
+        return known[int(rng.integers(len(known)))]
+
+    def _frame(self, seen: dict[int, shading.Samples]) -> Float64[np.ndarray, "4 4"]:
+        back = shading.frame(seen)
+        if self.origin is None and self.turn is None:
+            return back
+        pose = geometry.inverse(back)
+        if self.turn is not None:
+            pose[:3, :3] = geometry.rotation(np.array(self.turn))
+        if self.origin is not None:
+            pose[:3, 3] = self.origin
+        return geometry.inverse(pose)
+
+    def _surface(self, scene: Scene, handle: int, seen: shading.Samples) -> dict[str, Any]:
+        described = albedo.describe(scene.episode, handle, self.albedo)
+        smooth = shading.fit(seen, tuple(described["albedo"]))
+        return described | {"smooth": smooth.describe() if smooth else None}
+
+    def _texture(self, edit: Edit) -> Texture:
+        mirror = self.repeat == "mirror" or (self.repeat is None and self.textures is not None)
+        if (
+            self.textures is not None
+            and folder.digest(self.textures, edit["texture"]) != edit["digest"]
+        ):
+            raise BadInput(
+                self.textures / edit["texture"],
+                "texture",
+                found="another image",
+                expected="the one this edit was drawn with",
+            )
+        return _pyramid(self.textures, edit["texture"], edit["digest"], mirror)
+
+
+@lru_cache(8)
+def _pyramid(where: Path | None, name: str, digest: str | None, mirror: bool) -> Texture:
+    image = shipped.image(name) if where is None else folder.image(where, name)
+    return Texture.of(image, mirror)

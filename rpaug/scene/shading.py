@@ -1,0 +1,161 @@
+"""How light falls on a thing, told apart from the pattern that was on it: what a new texture is lit by.
+
+A pixel is albedo times shading, and the pixel alone does not say which of the two a dark spot is. On a thing of one
+colour everything that varies is shading. On a patterned one, shading is taken to be smooth: a quadratic in the normal
+(all that a matte surface keeps of distant light: Ramamoorthi and Hanrahan 2001) and in the place. What is then darker
+than the old pattern's contrast explains is a shadow, and stays.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from rpaug.errors import Unsupported
+from rpaug.scene import sampling, surface
+from rpaug.types import Scene
+
+FRAMES = 6
+MOST_PIXELS = 600  # of one thing, from one image
+PATTERN = 0.03  # spread of log brightness about the smooth fit from which a surface is taken for patterned
+SPREADS = 2.5  # of them, that a pattern may be darker than the fit
+DARK, BRIGHT = 0.02, 0.98  # of the brightest channel: outside, no shading is measured
+RIDGE = 1e-3
+PASSES = 6  # of the robust fit
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Some pixels of one thing from several cameras and frames, 0..1, and where they lie in its body's frame."""
+
+    colour: Float32[np.ndarray, "n 3"]
+    points: Float32[np.ndarray, "n 3"]
+    normals: Float32[np.ndarray, "n 3"]
+    facing: Float32[np.ndarray, "n 3"]
+
+
+def sample(scene: Scene, handles: Iterable[int]) -> dict[int, Samples]:
+    """Pixels of each thing that is seen at all. Raises Unsupported if no camera has depth."""
+    wanted = sorted(handles)
+    if all(view.depth is None for view in scene.episode.views.values()):
+        raise Unsupported("a texture needs recorded depth to lie on, and this source has none")
+    parts: dict[int, list[tuple[np.ndarray, ...]]] = {handle: [] for handle in wanted}
+    for name, t, rgb, ids in sampling.images(scene.episode, FRAMES):
+        view = scene.episode.views[name]
+        if ids is None or view.depth is None:
+            continue
+        at = surface.of_view(view, t, scene.bodies, ids)
+        for handle in wanted:
+            rows = np.flatnonzero(ids == handle)
+            rows = rows[:: max(1, len(rows) // MOST_PIXELS)]
+            if len(rows):
+                here = at(rows)
+                colour = rgb.reshape(-1, 3)[rows].astype(np.float32) / 255
+                parts[handle].append((colour, here.points, here.normals, here.facing))
+    return {
+        handle: Samples(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        for handle, found in parts.items()
+        if found
+    }
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """Shading as a smooth function of place and normal, fitted to a patterned surface.
+
+    `spread` is the old pattern's contrast: one standard deviation of log brightness about the fit.
+    """
+
+    middle: tuple[float, ...]
+    extent: float
+    weights: tuple[float, ...]
+    spread: float
+
+    def of(
+        self, measured: Float32[np.ndarray, "n"], points: np.ndarray, facing: np.ndarray
+    ) -> Float32[np.ndarray, "n"]:
+        """The shading where `measured` is what the pixels' brightness came to: without pattern, with shadows."""
+        fitted = np.maximum(_basis(points, facing, self.middle, self.extent) @ self.weights, 0.02)
+        darker = np.log(np.maximum(measured, 1e-3) / fitted) + SPREADS * self.spread
+        return (fitted * np.exp(np.minimum(darker, 0.0))).astype(np.float32)
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values, from which `Smooth(**values)` makes it again."""
+        return {
+            "middle": list(self.middle),
+            "extent": self.extent,
+            "weights": list(self.weights),
+            "spread": self.spread,
+        }
+
+
+def fit(samples: Samples, albedo: tuple[float, float, float]) -> Smooth | None:
+    """The smooth shading of a patterned thing, or None if its brightness varies no more than its shading does."""
+    old = np.array(albedo)
+    high = samples.colour.max(1)
+    good = (high > DARK) & (high < BRIGHT)
+    if good.sum() < 60 or old.max() < DARK:
+        return None
+    points, facing = samples.points[good], samples.facing[good]
+    shade = samples.colour[good] @ old / (old @ old)
+    low, top = np.percentile(points, [1, 99], axis=0)
+    middle, extent = (low + top) / 2, max(float((top - low).max()), 1e-3)
+    basis = _basis(points, facing, middle, extent)
+    weights = _robust(basis, shade)
+    fitted = np.maximum(basis @ weights, 0.02)
+    residual = np.log(np.maximum(shade, 1e-3) / fitted)
+    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    if spread < PATTERN:
+        return None
+    return Smooth(tuple(middle.tolist()), extent, tuple(weights.tolist()), spread)
+
+
+def _robust(
+    basis: Float64[np.ndarray, "n k"], value: Float64[np.ndarray, "n"]
+) -> Float64[np.ndarray, "k"]:
+    """Least squares with Cauchy weights: shadows and highlights are few and far off."""
+    trust = np.ones(len(value))
+    weights = np.zeros(basis.shape[1])
+    for _ in range(PASSES):
+        weighted = basis * trust[:, None]
+        normal = basis.T @ weighted + RIDGE * trust.sum() * np.diag(
+            [0.0] + [1.0] * (basis.shape[1] - 1)
+        )
+        weights = np.linalg.solve(normal, weighted.T @ value)
+        off = value - basis @ weights
+        scale = 1.4826 * np.median(np.abs(off)) + 1e-4
+        trust = 1 / (1 + (off / (2 * scale)) ** 2)
+    return weights
+
+
+def _basis(
+    points: np.ndarray, facing: np.ndarray, middle: np.ndarray | tuple[float, ...], extent: float
+) -> Float64[np.ndarray, "n 15"]:
+    """Quadratic in the normal and, more loosely, in the place."""
+    x, y, z = facing.astype(float).T
+    p, q, r = ((points - np.array(middle)) / extent).T
+    by_normal = [x * 0 + 1, x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1]
+    return np.stack([*by_normal, p, q, r, p * p, q * q, p * q], axis=-1)
+
+
+def frame(samples: Mapping[int, Samples]) -> Float64[np.ndarray, "4 4"]:
+    """From the bodies' frame to one that suits the thing: its middle, its side faces along x and y, z up.
+
+    The faces' bearing is the mean of their normals' with all quarter turns taken for the same; round things keep the
+    world's.
+    """
+    points = np.concatenate([one.points for one in samples.values()])
+    normals = np.concatenate([one.normals for one in samples.values()]).astype(float)
+    low, high = np.percentile(points, [1, 99], axis=0)
+    sides = normals[np.abs(normals[:, 2]) < 0.3]
+    bearing = 0.0
+    if len(sides):
+        quarter = np.exp(4j * np.arctan2(sides[:, 1], sides[:, 0])).mean()
+        bearing = float(np.angle(quarter)) / 4 if abs(quarter) > 0.5 else 0.0
+    back = np.eye(4)
+    cosine, sine = np.cos(bearing), np.sin(bearing)
+    back[:2, :2] = [[cosine, sine], [-sine, cosine]]
+    back[:3, 3] = -back[:3, :3] @ ((low + high) / 2)
+    return back

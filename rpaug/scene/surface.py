@@ -1,0 +1,244 @@
+"""Where recorded pixels and Gaussians lie on their bodies, worked out only when an edit asks for it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int, Int32
+
+from rpaug import geometry
+from rpaug.errors import Unsupported
+from rpaug.render.jit import kernel
+from rpaug.types import Body, Camera, CameraView, Gaussians
+
+GRAZING = 0.1  # cosine: a surface seen at a smaller angle is sampled as if at this one
+LONE = 0.5  # of its step: what a side of one pixel counts as bent, since none can see how straight it is
+SMOOTH = 0.5  # radians, about: a surface that turns by less within one pixel has no crease there
+EXTENT = 2.0  # standard deviations of a Gaussian that its one colour stands for
+
+Depth = Callable[[], Float32[np.ndarray, "h w"]]
+
+
+@dataclass(frozen=True)
+class PixelSurface:
+    """Pixels of one image, given by flat index; depth is decoded only if somebody asks where they lie."""
+
+    rows: Int[np.ndarray, "n"]
+    depth: Depth
+    handles: Int32[np.ndarray, "h w"]
+    camera: Camera
+    t: int
+    bodies: Sequence[Body]
+
+    @property
+    def ids(self) -> Int32[np.ndarray, "n"]:
+        return self.handles.reshape(-1)[self.rows]
+
+    @property
+    def points(self) -> Float32[np.ndarray, "n 3"]:
+        return self._in_bodies[0]
+
+    @property
+    def normals(self) -> Float32[np.ndarray, "n 3"]:
+        return self._in_bodies[1]
+
+    @property
+    def facing(self) -> Float32[np.ndarray, "n 3"]:
+        return self._in_world[1]
+
+    @property
+    def footprint(self) -> Float32[np.ndarray, "n"]:
+        return self._in_world[2]
+
+    @cached_property
+    def _in_world(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        depth = np.nan_to_num(self.depth(), posinf=0.0, neginf=0.0)
+        return lift(depth, self.handles, self.camera.K, self.camera.cam_to_world[self.t], self.rows)
+
+    @cached_property
+    def _in_bodies(self) -> tuple[np.ndarray, np.ndarray]:
+        points, facing, _ = self._in_world
+        points, normals, ids = points.copy(), facing.copy(), self.ids
+        for handle, pose in _moved(self.bodies, self.t):
+            held = ids == handle
+            if held.any():
+                back = geometry.inverse(pose)
+                points[held] = geometry.transform(back, points[held])
+                normals[held] = normals[held] @ back[:3, :3].T
+        return points, normals
+
+
+def of_view(
+    view: CameraView,
+    t: int,
+    bodies: Sequence[Body],
+    ids: Int32[np.ndarray, "h w"] | None,
+) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
+    """The surfaces that pixels of one recorded image show, by their flat index; its depth is decoded once at most."""
+
+    @cache
+    def depth() -> Float32[np.ndarray, "h w"]:
+        if view.depth is None:
+            raise Unsupported("this edit needs recorded depth, and this source has none")
+        return view.depth(t)
+
+    return of_image(depth, ids, view.camera, t, bodies)
+
+
+def of_image(
+    depth: Depth,
+    ids: Int32[np.ndarray, "h w"] | None,
+    camera: Camera,
+    t: int,
+    bodies: Sequence[Body],
+) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
+    """The surfaces behind pixels of an image that `camera` took at t, by their flat index."""
+    handles = np.zeros((camera.height, camera.width), np.int32) if ids is None else ids
+    return lambda rows: PixelSurface(rows, depth, handles, camera, t, bodies)
+
+
+@dataclass(frozen=True)
+class GaussianSurface:
+    """Gaussians, given by index, as a camera at t sees them: flat discs across their shortest axis."""
+
+    rows: Int[np.ndarray, "n"]
+    gaussians: Gaussians
+    camera: Camera
+    t: int
+    bodies: Sequence[Body]
+
+    @property
+    def ids(self) -> Int32[np.ndarray, "n"]:
+        return self.gaussians.ids[self.rows]
+
+    @property
+    def points(self) -> Float32[np.ndarray, "n 3"]:
+        return self.gaussians.means[self.rows]
+
+    @property
+    def normals(self) -> Float32[np.ndarray, "n 3"]:
+        return self._directions[0]
+
+    @property
+    def facing(self) -> Float32[np.ndarray, "n 3"]:
+        return self._directions[1]
+
+    @property
+    def footprint(self) -> Float32[np.ndarray, "n"]:
+        return EXTENT * np.median(self.gaussians.scales[self.rows], axis=1)
+
+    @cached_property
+    def _directions(self) -> tuple[np.ndarray, np.ndarray]:
+        xyzw = self.gaussians.quats[self.rows][:, [1, 2, 3, 0]]
+        turned = geometry.pose_of(np.zeros((len(self.rows), 3)), xyzw)[:, :3, :3]
+        shortest = self.gaussians.scales[self.rows].argmin(1)
+        normals = turned[np.arange(len(self.rows)), :, shortest].astype(np.float32)
+        points, facing, ids = self.points.copy(), normals.copy(), self.ids
+        for handle, pose in _moved(self.bodies, self.t):
+            held = ids == handle
+            points[held] = geometry.transform(pose, points[held])
+            facing[held] = facing[held] @ pose[:3, :3].T
+        away = ((points - self.camera.cam_to_world[self.t, :3, 3]) * facing).sum(1) > 0
+        sign = np.where(away, np.float32(-1), np.float32(1))[:, None]
+        return normals * sign, facing * sign
+
+
+def of_gaussians(
+    gaussians: Gaussians, camera: Camera, t: int, bodies: Sequence[Body]
+) -> Callable[[Int[np.ndarray, "n"]], GaussianSurface]:
+    """The surfaces that Gaussians stand for, by their index."""
+    return lambda rows: GaussianSurface(rows, gaussians, camera, t, bodies)
+
+
+def _moved(bodies: Sequence[Body], t: int) -> list[tuple[int, Float64[np.ndarray, "4 4"]]]:
+    """Handles, and poses of their bodies, of what is not where its body's own frame is."""
+    still = np.eye(4)
+    return [
+        (handle, body.to_world[t])
+        for body in bodies
+        if (body.to_world[t] != still).any()
+        for handle in body.handles
+    ]
+
+
+@kernel
+def lift(
+    depth: Float32[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+    K: Float64[np.ndarray, "3 3"],
+    pose: Float64[np.ndarray, "4 4"],
+    rows: Int[np.ndarray, "n"],
+) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n"]]:
+    """World points, unit normals towards the camera, and footprints in metres of some pixels.
+
+    1/z is affine over the image of a plane. Its slopes are taken within one handle, and on one side of a crease. A
+    pixel with no neighbour of its handle faces the camera.
+    """
+    width = depth.shape[1]
+    points = np.empty((len(rows), 3), np.float32)
+    normals = np.empty((len(rows), 3), np.float32)
+    footprint = np.empty(len(rows), np.float32)
+    slope = np.zeros(2)
+    for n in range(len(rows)):
+        r, c = rows[n] // width, rows[n] % width
+        z = depth[r, c]
+        x, y = (c - K[0, 2]) / K[0, 0], (r - K[1, 2]) / K[1, 1]
+        found = 0
+        for axis in range(2):
+            focal = K[axis, axis]
+            slope[axis], known = _slope(depth, ids, r, c, axis, SMOOTH / (focal * z))
+            found += known
+        a, b, d = x, y, 1.0
+        if found == 2:
+            # The plane 1/z = g . (x, y, 1) in the camera's frame has the normal g.
+            a, b = slope[0] * K[0, 0], slope[1] * K[1, 1]
+            d = 1.0 / z - a * x - b * y
+        length = np.sqrt(a * a + b * b + d * d)
+        cosine = (a * x + b * y + d) / (length * np.sqrt(x * x + y * y + 1.0))
+        flip = -1.0 / length if cosine > 0 else 1.0 / length
+        a, b, d = a * flip, b * flip, d * flip
+        for k in range(3):
+            points[n, k] = pose[k, 3] + z * (pose[k, 0] * x + pose[k, 1] * y + pose[k, 2])
+            normals[n, k] = pose[k, 0] * a + pose[k, 1] * b + pose[k, 2] * d
+        focal = np.sqrt(abs(K[0, 0] * K[1, 1]))
+        footprint[n] = z / focal / np.sqrt(max(abs(cosine), GRAZING))
+    return points, normals, footprint
+
+
+@kernel
+def _slope(
+    depth: np.ndarray, ids: np.ndarray, r: int, c: int, axis: int, smooth: float
+) -> tuple[float, bool]:
+    """Change of 1/z per pixel along an image axis, and whether there is any neighbour to tell it from.
+
+    The mean of both sides where they differ by less than `smooth`, as on a curved thing; else that of the side which
+    runs on straightest.
+    """
+    least, best, other, sides = np.inf, 0.0, 0.0, 0
+    for side in (-1, 1):
+        j, i = (r, c + side) if axis == 0 else (r + side, c)
+        if not _same(depth, ids, r, c, j, i):
+            continue
+        step = 1.0 / depth[j, i] - 1.0 / depth[r, c]
+        bend = LONE * abs(step)
+        j, i = (r, c + 2 * side) if axis == 0 else (r + 2 * side, c)
+        if _same(depth, ids, r, c, j, i):
+            bend = abs(1.0 / depth[j, i] - 1.0 / depth[r, c] - 2.0 * step)
+        sides += 1
+        other = best
+        if bend < least:
+            least, best = bend, side * step
+        else:
+            other = side * step
+    if sides == 2 and abs(best - other) < smooth:
+        return (best + other) / 2, True
+    return best, sides > 0
+
+
+@kernel
+def _same(depth: np.ndarray, ids: np.ndarray, r: int, c: int, j: int, i: int) -> bool:
+    """Are both pixels in the image, of one handle, and at a known depth?"""
+    if j < 0 or j >= depth.shape[0] or i < 0 or i >= depth.shape[1]:
+        return False
+    return ids[j, i] == ids[r, c] and depth[j, i] > 0 and depth[r, c] > 0

@@ -1,0 +1,1 @@
+"""Textures: a set that ships as code, the user's own images, and how either lies on a surface."""

@@ -1,0 +1,120 @@
+"""Sensor effects come last, change images only, and are the same whenever an image is asked for again."""
+
+import numpy as np
+import pytest
+from analytic import scene
+from pydantic import TypeAdapter, ValidationError
+
+from rpaug import Operator, Scene
+from rpaug.operators.sensor_blur import Blur, SensorBlur
+from rpaug.operators.sensor_exposure import Exposure, SensorExposure
+from rpaug.operators.sensor_jpeg import JPEG, SensorJPEG
+from rpaug.operators.sensor_noise import Noise, SensorNoise
+from rpaug.testing import OperatorContract, shown
+
+RNG = np.random.default_rng(0)
+
+
+def small() -> Scene:
+    return scene({"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}, length=2)
+
+
+class TestNoise(OperatorContract):
+    frames = (0, 1)
+
+    def operator(self) -> Operator:
+        return SensorNoise(read=(0.01, 0.02))
+
+    def scene(self) -> Scene:
+        return small()
+
+
+class TestBlur(TestNoise):
+    def operator(self) -> Operator:
+        return SensorBlur()
+
+
+class TestJPEG(TestNoise):
+    def operator(self) -> Operator:
+        return SensorJPEG()
+
+
+class TestExposure(TestNoise):
+    def operator(self) -> Operator:
+        return SensorExposure()
+
+
+def grey(value: int) -> np.ndarray:
+    return np.full((200, 200, 3), value, np.uint8)
+
+
+@pytest.mark.parametrize("value", [40, 128, 200])
+def test_noise_has_the_variance_it_says(value: int) -> None:
+    out = Noise(read=0.02, shot=0.001, seed=0)(grey(value), np.random.default_rng(1)) / 255
+    assert abs(out.mean() - value / 255) < 1e-3
+    assert out.var() == pytest.approx(0.02**2 + 0.001 * value / 255, rel=0.05)
+
+
+def test_noise_differs_between_cameras_and_frames_but_not_between_calls() -> None:
+    recorded, operator = small(), SensorNoise(read=(0.02, 0.02))
+    edit = operator.sample(recorded, np.random.default_rng(0))
+    after = shown(operator.apply(recorded, edit))
+
+    def noise(name: str, t: int) -> np.ndarray:
+        return after.views[name].rgb(t).astype(int) - recorded.episode.views[name].rgb(t)
+
+    assert np.array_equal(noise("front", 0), noise("front", 0))
+    smaller = min(noise(name, 0).shape[1] for name in after.views)
+    pairs = [("front", 0), ("front", 1), ("overhead", 0)]
+    samples = [noise(*pair)[:, :smaller].ravel() for pair in pairs]
+    assert np.abs(np.corrcoef(samples) - np.eye(3)).max() < 0.1
+
+
+def test_moved_cameras_have_the_same_sensor() -> None:
+    recorded, operator = small(), SensorExposure(stops=(-1.0, -1.0))
+    edit = operator.sample(recorded, np.random.default_rng(0))
+    fixed = shown(operator.apply(recorded, edit))
+    drawn = shown(operator.apply(recorded, edit), tier=1)
+    for name, view in fixed.views.items():
+        assert np.array_equal(view.rgb(0), drawn.views[name].rgb(0))
+
+
+def test_an_exposure_of_one_stop_doubles_the_light() -> None:
+    from rpaug.scene.colours import to_linear
+
+    image = RNG.integers(20, 120, (50, 50, 3)).astype(np.uint8)
+    brighter = Exposure(1.0)(image, RNG)
+    ratio = to_linear(brighter / 255.0) / to_linear(image / 255.0)
+    assert np.abs(ratio - 2).max() < 0.15
+    assert np.array_equal(Exposure(0.0)(image, RNG), image)
+
+
+def test_blur_keeps_the_mean_and_flattens() -> None:
+    image = RNG.integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    out = Blur(1.5)(image, RNG)
+    assert abs(out.mean() - image.mean()) < 1
+    assert out.std() < 0.4 * image.std()
+
+
+def test_jpeg_loses_more_at_lower_quality_and_keeps_red_red() -> None:
+    image = small().episode.views["front"].rgb(0)
+    errors = [np.abs(JPEG(q)(image, RNG).astype(int) - image).mean() for q in (95, 60, 15)]
+    assert errors == sorted(errors)
+    red = np.zeros((16, 16, 3), np.uint8)
+    red[..., 0] = 200
+    assert np.abs(JPEG(90)(red, RNG).astype(int) - red).max() < 6
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        (SensorNoise, {"read": [0.2, 0.1]}),
+        (SensorNoise, {"shot": [-0.1, 0.1]}),
+        (SensorBlur, {"sigma": [0, 1]}),
+        (SensorJPEG, {"quality": [0, 50]}),
+        (SensorExposure, {"stops": [1, -1]}),
+    ],
+)
+def test_senseless_fields_are_refused(kind: type, fields: dict) -> None:
+    with pytest.raises(ValidationError):
+        TypeAdapter(kind).validate_python(fields)

@@ -1,0 +1,49 @@
+"""The shipped textures: many, distinct, always the same, and without seams."""
+
+import numpy as np
+import pytest
+
+from rpaug import RpaugError
+from rpaug.textures import shipped
+
+
+def test_there_are_many_of_several_kinds() -> None:
+    assert len(shipped.NAMES) >= 40
+    assert set(shipped.KINDS) >= {"wood", "stone", "fabric", "checker", "noise"}
+    assert sum(map(len, shipped.KINDS.values())) == len(shipped.NAMES)
+
+
+@pytest.fixture(scope="module")
+def images() -> dict[str, np.ndarray]:
+    return {name: shipped.image(name) for name in shipped.NAMES}
+
+
+def test_each_is_a_picture_of_its_own(images: dict[str, np.ndarray]) -> None:
+    small = []
+    for name, image in images.items():
+        assert image.shape == (256, 256, 3), name
+        assert image.dtype == np.uint8
+        assert image.std() > 2, name
+        small.append(image[::16, ::16].astype(float).ravel())
+    apart = np.abs(np.array(small)[:, None] - np.array(small)[None]).mean(-1)
+    assert apart[~np.eye(len(small), dtype=bool)].min() > 3
+
+
+def test_they_repeat_without_a_seam(images: dict[str, np.ndarray]) -> None:
+    for name, image in images.items():
+        wide = image.astype(float)
+        for axis in (0, 1):
+            steps = np.abs(np.diff(np.concatenate([wide, wide.take([0], axis)], axis), axis=axis))
+            lines = steps.mean(tuple(k for k in range(3) if k != axis))
+            assert lines[-1] <= 1.3 * lines[:-1].max() + 2, (name, axis)
+
+
+def test_a_name_always_gives_the_same_texture(images: dict[str, np.ndarray]) -> None:
+    for name in ("oak", "terrazzo", "plaid_red"):
+        shipped.image.cache_clear()
+        assert np.array_equal(shipped.image(name), images[name])
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(RpaugError, match=r"oak.*checker_black"):
+        shipped.image("plywood")
