@@ -11,7 +11,7 @@ from rpaug import geometry
 from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats, View
 from rpaug.scene.gaussian_view import SHARP
 from rpaug.scene.gaussians import Placement, moved, quaternions
-from rpaug.scene.refine import Twists, about, corrected, twist_of
+from rpaug.scene.refine import CAMERA_STEP, Twists, about, corrected, twist_of
 from rpaug.types import Body, Camera, Gaussians, Scene
 
 PARAMETERS = ("means", "opacities", "sh", "quats", "scales")
@@ -86,7 +86,9 @@ class Descent:
         self._poses = {name: camera.cam_to_world.copy() for name, camera in cameras.items()}
         reach = 0.5  # metres: about what a hand camera looks at
         self._drifts = {
-            name: Twists.of(trained, reach) for name, camera in cameras.items() if not camera.fixed
+            name: Twists.of(trained, reach, CAMERA_STEP)
+            for name, camera in cameras.items()
+            if not camera.fixed
         }
 
     def step(self, shots: Sequence[Shot], factor: float, pool: ThreadPoolExecutor) -> None:

@@ -13,7 +13,8 @@ from jaxtyping import Float64, Int
 from rpaug import geometry
 from rpaug.render.splat import Gradients, Splats
 
-STEP = 3e-4  # metres a correction may move in one step, about
+BODY_STEP = 3e-4  # metres a correction may move in one step, about
+CAMERA_STEP = 1.2e-3  # the same for a camera, whose frames are seen by itself only
 DECAY = 0.02  # share of a correction forgotten in one step: what no image asks for stays small
 FADE, SPREAD = 0.8, 0.95  # Adam's memory: each frame is seen seldom
 
@@ -28,9 +29,10 @@ class Twists:
     second: Float64[np.ndarray, "k 6"]
     counts: Int[np.ndarray, "k"]
     radius: float  # metres: how far its points are from its middle
+    pace: float  # metres a step
 
     @staticmethod
-    def of(times: Sequence[int], radius: float) -> "Twists":
+    def of(times: Sequence[int], radius: float, pace: float = BODY_STEP) -> "Twists":
         """No correction yet."""
         k = len(times)
         return Twists(
@@ -40,6 +42,7 @@ class Twists:
             np.zeros((k, 6)),
             np.zeros(k, int),
             radius,
+            pace,
         )
 
     def step(self, t: int, gradient: Float64[np.ndarray, "6"], factor: float) -> None:
@@ -55,7 +58,7 @@ class Twists:
         mean = self.first[k] / (1 - FADE ** self.counts[k])
         size = np.sqrt(self.second[k] / (1 - SPREAD ** self.counts[k])) + 1e-15
         self.values[k] *= 1 - DECAY * factor
-        self.values[k] -= STEP * factor * mean / size / np.repeat([self.radius, 1.0], 3)
+        self.values[k] -= self.pace * factor * mean / size / np.repeat([self.radius, 1.0], 3)
 
     def at(self, t: int) -> Float64[np.ndarray, "6"]:
         """The correction of any frame."""

@@ -10,6 +10,7 @@ from rpaug.scene.motion import FULL_WEIGHT, GRIPPER, STATIC, Case, price
 
 # Costs are millimetres of mean distance per interval, as in `motion`.
 UNEXPLAINED = 2.0  # intervals explained worse than this are aligned
+JAW_MOVED = 5.0  # the same for a part of the gripper, which hangs on it but for its jaws
 TOLERATED = 0.3  # the same for a thing picked up by the gripper, which may slip
 ALIGNED = 0.3  # what an alignment must win by: it has six free numbers
 GAIN = 0.7  # and the share of the cost that it may leave
@@ -43,7 +44,7 @@ def slips(
         model = [*model[-MODEL:], np.concatenate([own, trust[:, None]], 1)]
         rows = np.concatenate(model)
         ahead = case.ahead(a, b)[:2]
-        limit = TOLERATED if known == GRIPPER and picked_up else UNEXPLAINED
+        limit = UNEXPLAINED if known == STATIC else TOLERATED if picked_up else JAW_MOVED
         if cost[i, known] > limit and len(rows) >= FULL_WEIGHT:
             rows[:, :3] = geometry.transform(at, rows[:, :3])
             motion, sure, least = _best(case, a, b, rows, [ahead[0], ahead[1], last], ahead[known])

@@ -38,7 +38,7 @@ def main() -> None:
     parser.add_argument(
         "--pictures", type=Path, help="recorded / rendered / difference x 4, as PNGs"
     )
-    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--json", action="store_true", help="print everything as JSON")
     given = parser.parse_args()
 
     adapter = registry.adapter_for(given.dataset)
