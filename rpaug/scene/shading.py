@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from rpaug.errors import Unsupported
+from rpaug.render.jit import kernel
 from rpaug.scene import sampling, surface
 from rpaug.types import Scene
 
@@ -77,7 +78,8 @@ class Smooth:
         self, measured: Float32[np.ndarray, "n"], points: np.ndarray, facing: np.ndarray
     ) -> Float32[np.ndarray, "n"]:
         """The shading where `measured` is what the pixels' brightness came to: without pattern, with shadows."""
-        fitted = np.maximum(_basis(points, facing, self.middle, self.extent) @ self.weights, 0.02)
+        weights = np.array(self.weights, np.float32)
+        fitted = np.maximum(_basis(points, facing, self.middle, self.extent) @ weights, 0.02)
         darker = np.log(np.maximum(measured, 1e-3) / fitted) + SPREADS * self.spread
         return (fitted * np.exp(np.minimum(darker, 0.0))).astype(np.float32)
 
@@ -102,7 +104,7 @@ def fit(samples: Samples, albedo: tuple[float, float, float]) -> Smooth | None:
     shade = samples.colour[good] @ old / (old @ old)
     low, top = np.percentile(points, [1, 99], axis=0)
     middle, extent = (low + top) / 2, max(float((top - low).max()), 1e-3)
-    basis = _basis(points, facing, middle, extent)
+    basis = _basis(points, facing, middle, extent).astype(float)
     weights = _robust(basis, shade)
     fitted = np.maximum(basis @ weights, 0.02)
     residual = np.log(np.maximum(shade, 1e-3) / fitted)
@@ -132,12 +134,30 @@ def _robust(
 
 def _basis(
     points: np.ndarray, facing: np.ndarray, middle: np.ndarray | tuple[float, ...], extent: float
-) -> Float64[np.ndarray, "n 15"]:
+) -> Float32[np.ndarray, "n 15"]:
     """Quadratic in the normal and, more loosely, in the place."""
-    x, y, z = facing.astype(float).T
-    p, q, r = ((points - np.array(middle)) / extent).T
-    by_normal = [x * 0 + 1, x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1]
-    return np.stack([*by_normal, p, q, r, p * p, q * q, p * q], axis=-1)
+    return _terms(
+        points.astype(np.float32), facing.astype(np.float32), np.array(middle, np.float32), extent
+    )
+
+
+@kernel
+def _terms(
+    points: Float32[np.ndarray, "n 3"],
+    facing: Float32[np.ndarray, "n 3"],
+    middle: Float32[np.ndarray, "3"],
+    extent: float,
+) -> Float32[np.ndarray, "n 15"]:
+    out = np.empty((len(points), 15), np.float32)
+    for n in range(len(points)):
+        x, y, z = facing[n]
+        p, q, r = (points[n] - middle) / np.float32(extent)
+        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = 1.0, x, y, z
+        out[n, 4], out[n, 5], out[n, 6] = x * y, y * z, z * x
+        out[n, 7], out[n, 8] = x * x - y * y, 3 * z * z - 1
+        out[n, 9], out[n, 10], out[n, 11] = p, q, r
+        out[n, 12], out[n, 13], out[n, 14] = p * p, q * q, p * q
+    return out
 
 
 def frame(samples: Mapping[int, Samples]) -> Float64[np.ndarray, "4 4"]:
