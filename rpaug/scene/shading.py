@@ -21,7 +21,8 @@ from rpaug.types import Scene
 FRAMES = 6
 MOST_PIXELS = 600  # of one thing, from one image
 PATTERN = 0.03  # spread of log brightness about the smooth fit from which a surface is taken for patterned
-SPREADS = 2.5  # of them, that a pattern may be darker than the fit
+SPREADS = (2.5, 4.0)  # of them, below the fit: from where a pixel may be, and is, in shadow
+SHADOW = (0.25, 0.5)  # the same in log brightness, at least: gaps between tiles are that dark too
 DARK, BRIGHT = 0.02, 0.98  # of the brightest channel: outside, no shading is measured
 RIDGE = 1e-3
 PASSES = 6  # of the robust fit
@@ -80,8 +81,13 @@ class Smooth:
         """The shading where `measured` is what the pixels' brightness came to: without pattern, with shadows."""
         weights = np.array(self.weights, np.float32)
         fitted = np.maximum(_basis(points, facing, self.middle, self.extent) @ weights, 0.02)
-        darker = np.log(np.maximum(measured, 1e-3) / fitted) + SPREADS * self.spread
-        return (fitted * np.exp(np.minimum(darker, 0.0))).astype(np.float32)
+        darker = np.log(np.maximum(measured, 1e-3) / fitted)
+        low, high = (
+            max(spreads * self.spread, least)
+            for spreads, least in zip(SPREADS, SHADOW, strict=True)
+        )
+        kept = np.clip((-darker - low) / (high - low), 0, 1)
+        return (fitted * np.exp(kept * darker)).astype(np.float32)
 
     def describe(self) -> dict[str, Any]:
         """Plain values, from which `Smooth(**values)` makes it again."""
