@@ -1,10 +1,11 @@
 """Move the lamp: faces that turn towards where it now stands are lit, others are left to the ambient light."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Float32, Float64, Int32
 from pydantic import Field
 
 from rpaug.errors import Unsupported
@@ -18,6 +19,7 @@ Direction = tuple[float, float, float]
 LOWEST = 0.15  # sine of the height above the horizon: no lamp is put lower
 MOST_GAIN = 3.0  # what the old lamp hardly lit was recorded as noise
 
+GREY = np.full(3, 1 / 3, np.float32)
 ROOM = 1.1  # times a thing's brightest: what noise and highlights may add
 
 
@@ -39,12 +41,19 @@ class Relight:
     ) -> Float32[np.ndarray, "n 3"]:
         facing = surface.facing
         was = self.old.shading(facing)
-        known, most = np.array(self.brightest).T
-        place = np.minimum(np.searchsorted(known, surface.ids), len(known) - 1)
-        most = np.where(known[place] == surface.ids, most[place], np.inf)
-        doubtful = colour.mean(1) > ROOM * most * was
+        doubtful = colour @ GREY > ROOM * self._most(surface.ids) * was
         gain = np.minimum(self.new.shading(facing) / was, np.where(doubtful, 1.0, MOST_GAIN))
         return np.clip(colour * gain[:, None], 0, 1).astype(np.float32)
+
+    def _most(self, ids: Int32[np.ndarray, "n"]) -> Float32[np.ndarray, "n"]:
+        known, most = self._table
+        place = np.minimum(np.searchsorted(known, ids), len(known) - 1)
+        return np.where(known[place] == ids, most[place], np.float32(np.inf))
+
+    @cached_property
+    def _table(self) -> tuple[Int32[np.ndarray, "k"], Float32[np.ndarray, "k"]]:
+        handles, most = zip(*self.brightest, strict=True)
+        return np.array(handles, np.int32), np.array(most, np.float32)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,13 +14,15 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from rpaug.errors import Unsupported
+from rpaug.render.jit import kernel
 from rpaug.scene import sampling, surface
 from rpaug.types import Scene
 
 FRAMES = 6
 MOST_PIXELS = 600  # of one thing, from one image
 PATTERN = 0.03  # spread of log brightness about the smooth fit from which a surface is taken for patterned
-SPREADS = 2.5  # of them, that a pattern may be darker than the fit
+SPREADS = (2.5, 4.0)  # of them, below the fit: from where a pixel may be, and is, in shadow
+SHADOW = (0.25, 0.5)  # the same in log brightness, at least: gaps between tiles are that dark too
 DARK, BRIGHT = 0.02, 0.98  # of the brightest channel: outside, no shading is measured
 RIDGE = 1e-3
 PASSES = 6  # of the robust fit
@@ -77,9 +79,15 @@ class Smooth:
         self, measured: Float32[np.ndarray, "n"], points: np.ndarray, facing: np.ndarray
     ) -> Float32[np.ndarray, "n"]:
         """The shading where `measured` is what the pixels' brightness came to: without pattern, with shadows."""
-        fitted = np.maximum(_basis(points, facing, self.middle, self.extent) @ self.weights, 0.02)
-        darker = np.log(np.maximum(measured, 1e-3) / fitted) + SPREADS * self.spread
-        return (fitted * np.exp(np.minimum(darker, 0.0))).astype(np.float32)
+        weights = np.array(self.weights, np.float32)
+        fitted = np.maximum(_basis(points, facing, self.middle, self.extent) @ weights, 0.02)
+        darker = np.log(np.maximum(measured, 1e-3) / fitted)
+        low, high = (
+            max(spreads * self.spread, least)
+            for spreads, least in zip(SPREADS, SHADOW, strict=True)
+        )
+        kept = np.clip((-darker - low) / (high - low), 0, 1)
+        return (fitted * np.exp(kept * darker)).astype(np.float32)
 
     def describe(self) -> dict[str, Any]:
         """Plain values, from which `Smooth(**values)` makes it again."""
@@ -102,7 +110,7 @@ def fit(samples: Samples, albedo: tuple[float, float, float]) -> Smooth | None:
     shade = samples.colour[good] @ old / (old @ old)
     low, top = np.percentile(points, [1, 99], axis=0)
     middle, extent = (low + top) / 2, max(float((top - low).max()), 1e-3)
-    basis = _basis(points, facing, middle, extent)
+    basis = _basis(points, facing, middle, extent).astype(float)
     weights = _robust(basis, shade)
     fitted = np.maximum(basis @ weights, 0.02)
     residual = np.log(np.maximum(shade, 1e-3) / fitted)
@@ -132,12 +140,30 @@ def _robust(
 
 def _basis(
     points: np.ndarray, facing: np.ndarray, middle: np.ndarray | tuple[float, ...], extent: float
-) -> Float64[np.ndarray, "n 15"]:
+) -> Float32[np.ndarray, "n 15"]:
     """Quadratic in the normal and, more loosely, in the place."""
-    x, y, z = facing.astype(float).T
-    p, q, r = ((points - np.array(middle)) / extent).T
-    by_normal = [x * 0 + 1, x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1]
-    return np.stack([*by_normal, p, q, r, p * p, q * q, p * q], axis=-1)
+    return _terms(
+        points.astype(np.float32), facing.astype(np.float32), np.array(middle, np.float32), extent
+    )
+
+
+@kernel
+def _terms(
+    points: Float32[np.ndarray, "n 3"],
+    facing: Float32[np.ndarray, "n 3"],
+    middle: Float32[np.ndarray, "3"],
+    extent: float,
+) -> Float32[np.ndarray, "n 15"]:
+    out = np.empty((len(points), 15), np.float32)
+    for n in range(len(points)):
+        x, y, z = facing[n]
+        p, q, r = (points[n] - middle) / np.float32(extent)
+        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = 1.0, x, y, z
+        out[n, 4], out[n, 5], out[n, 6] = x * y, y * z, z * x
+        out[n, 7], out[n, 8] = x * x - y * y, 3 * z * z - 1
+        out[n, 9], out[n, 10], out[n, 11] = p, q, r
+        out[n, 12], out[n, 13], out[n, 14] = p * p, q * q, p * q
+    return out
 
 
 def frame(samples: Mapping[int, Samples]) -> Float64[np.ndarray, "4 4"]:

@@ -162,7 +162,6 @@ def _moved(bodies: Sequence[Body], t: int) -> list[tuple[int, Float64[np.ndarray
     ]
 
 
-@kernel
 def lift(
     depth: Float32[np.ndarray, "h w"],
     ids: Int32[np.ndarray, "h w"],
@@ -175,25 +174,40 @@ def lift(
     1/z is affine over the image of a plane. Its slopes are taken within one handle, and on one side of a crease. A
     pixel with no neighbour of its handle faces the camera.
     """
-    width = depth.shape[1]
+    near = np.zeros(depth.shape)
+    np.divide(1.0, depth, out=near, where=depth > 0)
+    return _lift(near, ids, K, pose, rows)
+
+
+@kernel
+def _lift(
+    near: Float64[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+    K: Float64[np.ndarray, "3 3"],
+    pose: Float64[np.ndarray, "4 4"],
+    rows: Int[np.ndarray, "n"],
+) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n"]]:
+    """`lift` from 1/z, 0 where depth is not known."""
+    width = near.shape[1]
+    focal = np.sqrt(abs(K[0, 0] * K[1, 1]))
     points = np.empty((len(rows), 3), np.float32)
     normals = np.empty((len(rows), 3), np.float32)
     footprint = np.empty(len(rows), np.float32)
     slope = np.zeros(2)
     for n in range(len(rows)):
         r, c = rows[n] // width, rows[n] % width
-        z = depth[r, c]
+        z = 1.0 / near[r, c] if near[r, c] > 0 else 0.0
         x, y = (c - K[0, 2]) / K[0, 0], (r - K[1, 2]) / K[1, 1]
         found = 0
         for axis in range(2):
-            focal = K[axis, axis]
-            slope[axis], known = _slope(depth, ids, r, c, axis, SMOOTH / (focal * z))
+            smooth = SMOOTH * near[r, c] / K[axis, axis]
+            slope[axis], known = _slope(near, ids, r, c, axis, smooth)
             found += known
         a, b, d = x, y, 1.0
         if found == 2:
             # The plane 1/z = g . (x, y, 1) in the camera's frame has the normal g.
             a, b = slope[0] * K[0, 0], slope[1] * K[1, 1]
-            d = 1.0 / z - a * x - b * y
+            d = near[r, c] - a * x - b * y
         length = np.sqrt(a * a + b * b + d * d)
         cosine = (a * x + b * y + d) / (length * np.sqrt(x * x + y * y + 1.0))
         flip = -1.0 / length if cosine > 0 else 1.0 / length
@@ -201,14 +215,13 @@ def lift(
         for k in range(3):
             points[n, k] = pose[k, 3] + z * (pose[k, 0] * x + pose[k, 1] * y + pose[k, 2])
             normals[n, k] = pose[k, 0] * a + pose[k, 1] * b + pose[k, 2] * d
-        focal = np.sqrt(abs(K[0, 0] * K[1, 1]))
         footprint[n] = z / focal / np.sqrt(max(abs(cosine), GRAZING))
     return points, normals, footprint
 
 
 @kernel
 def _slope(
-    depth: np.ndarray, ids: np.ndarray, r: int, c: int, axis: int, smooth: float
+    near: np.ndarray, ids: np.ndarray, r: int, c: int, axis: int, smooth: float
 ) -> tuple[float, bool]:
     """Change of 1/z per pixel along an image axis, and whether there is any neighbour to tell it from.
 
@@ -218,13 +231,13 @@ def _slope(
     least, best, other, sides = np.inf, 0.0, 0.0, 0
     for side in (-1, 1):
         j, i = (r, c + side) if axis == 0 else (r + side, c)
-        if not _same(depth, ids, r, c, j, i):
+        if not _same(near, ids, r, c, j, i):
             continue
-        step = 1.0 / depth[j, i] - 1.0 / depth[r, c]
+        step = near[j, i] - near[r, c]
         bend = LONE * abs(step)
         j, i = (r, c + 2 * side) if axis == 0 else (r + 2 * side, c)
-        if _same(depth, ids, r, c, j, i):
-            bend = abs(1.0 / depth[j, i] - 1.0 / depth[r, c] - 2.0 * step)
+        if _same(near, ids, r, c, j, i):
+            bend = abs(near[j, i] - near[r, c] - 2.0 * step)
         sides += 1
         other = best
         if bend < least:
@@ -237,8 +250,8 @@ def _slope(
 
 
 @kernel
-def _same(depth: np.ndarray, ids: np.ndarray, r: int, c: int, j: int, i: int) -> bool:
+def _same(near: np.ndarray, ids: np.ndarray, r: int, c: int, j: int, i: int) -> bool:
     """Are both pixels in the image, of one handle, and at a known depth?"""
-    if j < 0 or j >= depth.shape[0] or i < 0 or i >= depth.shape[1]:
+    if j < 0 or j >= near.shape[0] or i < 0 or i >= near.shape[1]:
         return False
-    return ids[j, i] == ids[r, c] and depth[j, i] > 0 and depth[r, c] > 0
+    return ids[j, i] == ids[r, c] and near[j, i] > 0 and near[r, c] > 0
