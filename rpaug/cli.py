@@ -16,6 +16,7 @@ import typer
 from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 from rpaug.errors import BadInput, RpaugError
 
@@ -490,7 +491,7 @@ def bench_edits(
     return 0 if rows else 2
 
 
-BENCH_WIDTH = 118  # columns of the printed table
+BENCH_WIDTH = 130  # columns of the printed table
 BENCH_DIGITS = {
     "psnr": 1, "psnr_worst": 1, "ssim": 3, "ciede2000": 2, "outside_worst": 0, "flicker": 2, "holes": 3,
     "depth": 2, "iou": 3, "reprojection": 3, "seconds": 2,
@@ -502,8 +503,9 @@ def _print_bench(found: list[dict[str, Any]], skipped: dict[str, str], out: Path
 
     for name, reason in skipped.items():
         console.print(f"[yellow]skipped[/] {name}: {_plain(reason)}", highlight=False)
-    printer = Console()
-    printer.width = max(printer.width, BENCH_WIDTH)
+    terminal = Console()
+    # Both sides given: else a dumb terminal is taken for 80 columns, and figures are cut off.
+    printer = Console(width=max(terminal.width, BENCH_WIDTH), height=terminal.height)
     for factor in dict.fromkeys(entry["factor"] for entry in found):
         table = Table(title=factor, title_justify="left", box=box.SIMPLE_HEAD)
         for name in ("method", "dB", "worst", "lead", "SSIM", "ΔE00", "outside", "flicker"):

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from rpaug.operators.recolor import LabShift
 from rpaug.scene import colours
 from rpaug.types import CameraView, Episode
 
@@ -26,9 +25,9 @@ def lab(episode: Episode, old_to_new: Mapping[int | None, tuple[Any, Any]]) -> E
         image = view.rgb(t).astype(np.float32) / 255
         for handle, (old, new) in old_to_new.items():
             if handle is None:
-                image = _shifted(image, old, new)
+                image = _shifted(image, old, new, chroma=1.0)
             elif view.ids is not None and (mask := view.ids(t) == handle).any():
-                image[mask] = LabShift(frozenset([handle]), old, new)(image[mask])
+                image[mask] = _shifted(image[mask], old, new, chroma=0.0)
         return _quantised(image)
 
     return _mapped(episode, edit)
@@ -52,11 +51,12 @@ def jitter(episode: Episode, seed: int) -> Episode:
     return _mapped(episode, edit)
 
 
-def _shifted(image: Any, old: Any, new: Any) -> Any:
+def _shifted(image: Any, old: Any, new: Any, chroma: float) -> Any:
+    """L scaled by new over old; a and b the new colour's, with `chroma` of what set them apart from the old one's."""
     before, after = colours.to_lab(np.array(old)), colours.to_lab(np.array(new))
     pixels = colours.to_lab(image)
-    pixels[..., 0] *= after[0] / before[0]
-    pixels[..., 1:] += after[1:] - before[1:]
+    pixels[..., 0] = np.clip(pixels[..., 0] * after[0] / max(before[0], 1.0), 0, 100)
+    pixels[..., 1:] = after[1:] + chroma * (pixels[..., 1:] - before[1:])
     return np.clip(colours.from_lab(pixels), 0, 1)
 
 
