@@ -44,7 +44,7 @@ class Look:
     diffuse colour of every lamp; the ambient light goes with it. `bumps` moves cameras by name.
     `antialias` smooths the colour images, never depth or ids. `texture_seed` draws the textures;
     None takes the recording's own seed. `covers` lays images on parts, by name; `lamps` says where
-    the light comes from.
+    the light comes from. `headlight` is the brightness of a lamp on the camera itself.
     """
 
     tints: Mapping[str, Vector] = field(default_factory=dict)
@@ -56,12 +56,15 @@ class Look:
     texture_seed: int | None = None
     covers: Mapping[str, Cover] = field(default_factory=dict)
     lamps: tuple[Lamp, ...] = RIG
+    headlight: float = 0.0
 
     def describe(self) -> dict[str, Any]:
-        """The fields as plain values; covers and lamps only where they are not the usual ones."""
+        """The fields as plain values; covers, lamps and headlight only where they are not the usual ones."""
         facts = asdict(self)
         if not self.covers:
             del facts["covers"]
         if self.lamps == RIG:
             del facts["lamps"]
+        if not self.headlight:
+            del facts["headlight"]
         return facts

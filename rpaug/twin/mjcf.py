@@ -32,7 +32,9 @@ def to_xml(world: World, look: Look, size: int) -> str:
     Xml.SubElement(visual, "map", shadowclip="3")
     Xml.SubElement(root, "statistic", extent="1")
     ambient = AMBIENT * np.divide(look.light, LAMPS)
-    Xml.SubElement(visual, "headlight", ambient=_text(ambient), diffuse="0 0 0", specular="0 0 0")
+    carried = _text((look.headlight,) * 3)
+    shine = carried if look.specular else "0 0 0"
+    Xml.SubElement(visual, "headlight", ambient=_text(ambient), diffuse=carried, specular=shine)
     asset = Xml.SubElement(root, "asset")
     for name in world.textures:
         Xml.SubElement(asset, "texture", name=name, type="cube", file=f"{name}.png")

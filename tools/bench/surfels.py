@@ -20,12 +20,15 @@ import numpy as np
 from rpaug import geometry
 from rpaug.render import holes, zbuffer
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene import surfels
+from rpaug.scene import build, gaussian_view, surfels
+from rpaug.scene.descent import FitSettings
+from rpaug.scene.fit import fitted
 from rpaug.twin.look import Look
 from rpaug.twin.record import Take, perform
 from rpaug.types import Body, CameraView, Scene
 
 SAME_POINT = 0.004, 0.01  # metres and share of depth: a recorded pixel this close saw the point
+HEADLIGHT = 0.25  # half as bright as each of the twin's lamps
 OTHER_TIMES = 5  # frames between the recordings that may have seen a static point
 
 
@@ -56,19 +59,21 @@ def known_scene(take: Take) -> Scene:
 
 
 def cases(
-    task: str, seed: int, look: Look, frames: int, every: int, noise: float
+    task: str, seed: int, look: Look, frames: int, every: int, noise: float, tracked: bool
 ) -> Iterator[Case]:
     """Every bumped camera of one seed at every `every`-th frame."""
     recorded = perform(task, seed, look=look, frames=frames)
     moved = perform(task, seed, look=look, frames=frames, factor="camera_pose")
     exact = known_scene(recorded)
     scene = noisy(exact, noise, seed) if noise else exact
-    kept = surfels.build(scene)
+    if tracked:
+        scene = replace(scene, bodies=build.build(scene.episode, with_bodies=True).bodies)
+    kept, static = surfels.build(scene), surfels.build(exact).static
     for name in moved.truth.bumps:
         true = moved.episode.views[name]
         bumped = replace(scene, cameras={**scene.cameras, name: true.camera})
         for t in range(every // 2, frames, every):
-            seen = covisible(exact, kept.static, true, t)
+            seen = covisible(exact, static, true, t)
             yield Case(bumped, kept, name, t, true, seen)
 
 
@@ -121,21 +126,67 @@ def sources(case: Case, kept: surfels.Surfels, count: int | None, carve: bool = 
         found = [replace(source, carved=False) for source in found]
     camera = case.scene.cameras[case.name]
     size = (camera.width, camera.height)
-    return holes.fill(
-        zbuffer.render(camera.K, camera.cam_to_world[case.t], size, found, witness=found[0])
+    pose = camera.cam_to_world[case.t]
+    drawn = zbuffer.render(camera.K, pose, size, found, witness=found[0], tolerance=kept.tolerance)
+    return holes.fill(drawn)
+
+
+def fitted_frame(scene: Scene, t: int, steps: int) -> Scene:
+    """Gaussians fitted to what all cameras recorded at t alone."""
+
+    def at(view: CameraView) -> CameraView:
+        camera = replace(view.camera, cam_to_world=view.camera.cam_to_world[t : t + 1])
+        rgb, depth, ids = view.rgb(t), view.depth(t), view.ids(t)
+        return CameraView(camera, lambda _: rgb, lambda _: depth, lambda _: ids)
+
+    views = {name: at(view) for name, view in scene.episode.views.items()}
+    handles = frozenset().union(*(np.unique(view.ids(0)).tolist() for view in views.values()))
+    still = Scene(
+        replace(scene.episode, views=views, length=1),
+        {name: view.camera for name, view in views.items()},
+        (Body(handles, np.eye(4)[None], "static"),),
+        {},
+        False,
+        (),
     )
+    settings = FitSettings(steps=steps, threads=1, refine=False, checked_frames=1)
+    return fitted(still, settings=settings)[0]
+
+
+class PerFrame:
+    """Gaussians optimised for the very moment; fitted once for all cameras of a moment."""
+
+    def __init__(self, steps: int) -> None:
+        self.steps = steps
+        self.done: dict[tuple[int, int], Scene] = {}
+
+    def prepare(self, case: Case) -> Scene:
+        at = (id(case.kept), case.t)
+        if at not in self.done:
+            self.done[at] = fitted_frame(case.scene, case.t, self.steps)
+        return self.done[at]
+
+    def __call__(self, case: Case) -> Rendered:
+        camera = case.scene.cameras[case.name]
+        now = replace(camera, cam_to_world=camera.cam_to_world[case.t : case.t + 1])
+        there = replace(self.prepare(case), cameras={case.name: now})
+        rgb, depth, ids = gaussian_view.render_view(there, case.name, 0)
+        none = depth == 0
+        return Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none)
 
 
 METHODS: dict[str, Callable[[Case], Rendered]] = {
     "recorded image unchanged": unchanged,
     "own camera": lambda c: sources(c, c.kept, 1),
     "all cameras now": lambda c: sources(c, c.kept, len(c.scene.cameras)),
-    "all, plates, history": lambda c: surfels.view(c.kept, c.scene, c.name, c.t),
+    "all, plates, history, parts": lambda c: surfels.view(c.kept, c.scene, c.name, c.t),
     "the same, not carved": lambda c: sources(c, c.kept, None, carve=False),
 }
 
 
 def measure(method: Callable[[Case], Rendered], case: Case) -> dict[str, float]:
+    if isinstance(method, PerFrame):
+        method.prepare(case)
     start = time.thread_time()
     drawn = method(case)
     seconds = time.thread_time() - start
@@ -174,15 +225,28 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=12, help="frames between the views compared")
     parser.add_argument("--noise", type=float, default=0.0, help="depth noise as a share of depth")
     parser.add_argument("--antialiased", action="store_true")
-    parser.add_argument("--specular", action="store_true")
+    parser.add_argument("--specular", action="store_true", help="and a lamp on every camera")
+    parser.add_argument(
+        "--tracked", action="store_true", help="bodies as rpaug tracks them, not as the twin knows"
+    )
+    parser.add_argument(
+        "--gaussians", type=int, default=0, metavar="STEPS", help="also fit every frame by itself"
+    )
     parser.add_argument("--json", type=Path, help="write the table here too")
     told = parser.parse_args()
     numba.set_num_threads(1)
-    look = Look(antialias=told.antialiased, specular=told.specular)
-    rows: dict[str, list[dict[str, float]]] = {name: [] for name in METHODS}
+    look = Look(
+        antialias=told.antialiased,
+        specular=told.specular,
+        headlight=HEADLIGHT if told.specular else 0.0,
+    )
+    methods = dict(METHODS)
+    if told.gaussians:
+        methods[f"Gaussians, {told.gaussians} steps a frame"] = PerFrame(told.gaussians)
+    rows: dict[str, list[dict[str, float]]] = {name: [] for name in methods}
     for seed in range(told.seeds):
-        for case in cases(told.task, seed, look, told.frames, told.every, told.noise):
-            for name, method in METHODS.items():
+        for case in cases(told.task, seed, look, told.frames, told.every, told.noise, told.tracked):
+            for name, method in methods.items():
                 rows[name].append(measure(method, case))
     table = {name: summary(found) for name, found in rows.items()}
     if told.json:
@@ -190,10 +254,10 @@ def main() -> None:
             json.dumps({"views": len(rows["own camera"]), "table": table}, indent=1)
         )
     print(f"{len(rows['own camera'])} views")
-    print(f"{'':26}all / co-visible dB   depth mm  >20 mm   holes   ms")
+    print(f"{'':30}all / co-visible dB   depth mm  >20 mm   holes   ms")
     for name, row in table.items():
         print(
-            f"{name:26}{row['psnr_all_db']:5.1f} / {row['psnr_covisible_db']:4.1f}"
+            f"{name:30}{row['psnr_all_db']:5.1f} / {row['psnr_covisible_db']:4.1f}"
             f"{row['depth_median_mm']:17.3f}{row['depth_over_20mm_percent']:7.1f}%"
             f"{row['holes_percent']:7.1f}%{row['milliseconds_per_view']:6.1f}"
         )
