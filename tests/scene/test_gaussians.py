@@ -16,7 +16,7 @@ from rpaug.scene import gaussian_view, gaussians
 from rpaug.scene.fit import FitSettings, fit, psnr, ssim
 from rpaug.scene.gaussians import Picture, Placement
 from rpaug.scene.seeds import seeds
-from rpaug.types import Scene
+from rpaug.types import Scene, Surface
 
 angle = st.floats(-3.1, 3.1)
 
@@ -150,7 +150,7 @@ def test_appearance_edits_reach_their_handles_only(fitted: tuple[World, Scene, f
     class Red:
         handles = frozenset({BLOCK})
 
-        def __call__(self, colour: np.ndarray) -> np.ndarray:
+        def __call__(self, colour: np.ndarray, surface: Surface) -> np.ndarray:
             return np.tile(np.array([1, 0, 0], np.float32), (len(colour), 1))
 
     _, scene, _ = fitted
