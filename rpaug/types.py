@@ -190,7 +190,8 @@ class Scene:
     surfels; `gaussians` is there when the plan fitted some. `cameras` and `descriptions` start as recorded.
     `appearance` is applied in order to what is seen, `sensor` in order to the finished images.
     `drift[camera][t]` put before a moving camera's recorded pose is where its image was truly taken from:
-    recorders are off by millimetres. It is for rendering alike, and never written.
+    recorders are off by millimetres. It is for rendering alike, and never written. `irradiance` is the light that
+    Gaussians of moving bodies turn in, None for the same from everywhere.
     An operator that moves, copies or removes bodies keeps the recorded ones in `recorded_bodies`
     (`recorded_bodies=scene.tracked`): the recorded pixels are carried from there to where the bodies are now.
     """
@@ -205,6 +206,7 @@ class Scene:
     sensor: tuple[Sensor, ...] = ()
     gaussians: Gaussians | None = None
     drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(default_factory=dict)
+    irradiance: Float64[np.ndarray, "9"] | None = None
     recorded_bodies: tuple[Body, ...] | None = None
 
     @property

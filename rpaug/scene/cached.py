@@ -27,10 +27,14 @@ def fitted(
     name = store.key(scene.episode, settings, seed) if folder else ""
     found = store.load(folder, name) if folder else None
     if found:
-        known = replace(scene, gaussians=found.gaussians, bodies=found.bodies, drift=found.drift)
-        return known, found.report
+        known = replace(scene, gaussians=found.gaussians, bodies=found.bodies)
+        return replace(known, drift=found.drift, irradiance=found.irradiance), found.report
     made, full = fit.fitted(scene, settings=settings, seed=seed, progress=progress)
-    facts = {name: value for name, value in vars(full).items() if name not in ("bodies", "drift")}
+    facts = {
+        name: value
+        for name, value in vars(full).items()
+        if name not in ("bodies", "drift", "irradiance")
+    }
     if folder:
         store.save(folder, name, made, settings=asdict(settings), report=facts)
     return made, facts

@@ -11,6 +11,7 @@ from rpaug import geometry
 from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats, View
 from rpaug.scene.gaussian_view import SHARP
 from rpaug.scene.gaussians import Placement, moved, quaternions
+from rpaug.scene.irradiance import Learner
 from rpaug.scene.refine import CAMERA_STEP, Twists, about, corrected, twist_of
 from rpaug.types import Body, Camera, Gaussians, Scene
 
@@ -27,10 +28,7 @@ class FitSettings:
     train_frames: int = 40  # at most, spread over the episode; the frames between them are held out
     depth_weight: float = 3.0  # of squared relative depth error, beside squared colour error
     checked_frames: int = 16  # at most, of those trained on and of those held out each
-    whole: float = (
-        0.4  # share of the steps that look at whole views; the others at moving things only
-    )
-    last_rate: float = 0.03  # share of the rates left at the end of either (cosine schedule)
+    last_rate: float = 0.03  # share of the rates left at the end (cosine schedule)
     refine: bool = True  # let tracks and moving cameras give way
     rates: Rates = field(
         default_factory=lambda: Rates(means=0.08, quats=1e-2, scales=5e-2, opacities=0.15, sh=7e-2)
@@ -49,9 +47,10 @@ class Shot:
 
 @dataclass(frozen=True)
 class _Pull:
-    """What one view asks for: gradients in the bodies' frames, and twists of bodies and of the camera."""
+    """What one view asks for: gradients in the bodies' frames, of the light, and twists of bodies and camera."""
 
     gradients: Gradients
+    light: Float64[np.ndarray, "9"]
     bodies: tuple[Float64[np.ndarray, "6"], ...]
     camera: Float64[np.ndarray, "6"]
 
@@ -77,10 +76,12 @@ class Descent:
             for (_, rows), middle in zip(self._moving, self._middles, strict=True)
         ]
         tracks = [body.to_world.copy() for body, _ in self._moving]
+        self._light = Learner()
         self._placement = Placement(
             tuple(rows for _, rows in self._moving),
             tuple(tracks),
             tuple(quaternions(track[:, :3, :3]) for track in tracks),
+            self._light.light,
         )
         cameras = {name: view.camera for name, view in scene.episode.views.items()}
         self._poses = {name: camera.cam_to_world.copy() for name, camera in cameras.items()}
@@ -99,6 +100,7 @@ class Descent:
         ]
         pulls = [job.result() for job in jobs]
         self._adam.step(_mean([pull.gradients for pull in pulls]), factor)
+        self._light.step(np.mean([pull.light for pull in pulls], 0), factor)
         if self._settings.refine:
             for shot, pull in zip(shots, pulls, strict=True):
                 self._give_way(shot, pull, factor)
@@ -124,7 +126,8 @@ class Descent:
                 # Moving the camera one way is moving the world the other.
                 at = self._poses[shot.camera][t, :3, 3]
                 eye = -twist_of(placed, gradients, slice(None), at)
-        return _Pull(self._placement.pull_back(gradients, t), tuple(bodies), eye)
+        own, light = self._placement.pull_back(gradients, self._adam.splats, placed, t)
+        return _Pull(own, light, tuple(bodies), eye)
 
     def _give_way(self, shot: Shot, pull: _Pull, factor: float) -> None:
         t, placement = shot.t, self._placement
@@ -141,6 +144,11 @@ class Descent:
 
     def _camera(self, name: str) -> Camera:
         return self._scene.episode.views[name].camera
+
+    @property
+    def light(self) -> Float64[np.ndarray, "9"]:
+        """The light that moving bodies turn in, as `irradiance.shading` takes it."""
+        return self._light.light.copy()
 
     def result(self) -> tuple[Gaussians, tuple[Body, ...], dict[str, Float64[np.ndarray, "t 4 4"]]]:
         """Gaussians, and the tracks and drifts they belong to, of all frames."""

@@ -14,6 +14,7 @@ from rpaug.render.splat import Rasteriser, Splats
 from rpaug.scene.descent import Descent, FitSettings, Shot
 from rpaug.scene.gaussian_view import SHARP, plane_depth, standing, to_bytes, view_of
 from rpaug.scene.gaussians import Placement
+from rpaug.scene.irradiance import even
 from rpaug.scene.sampling import frames
 from rpaug.scene.seeds import seeds
 from rpaug.types import Body, Gaussians, Scene
@@ -39,6 +40,7 @@ class FitReport:
     seed: int
     bodies: tuple[Body, ...] = field(repr=False)  # with tracks as they settled
     drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(repr=False)
+    irradiance: Float64[np.ndarray, "9"] = field(repr=False)
 
 
 def fit(
@@ -52,7 +54,7 @@ def fit(
 
     Loss: squared colour error and, weighted, squared relative error of the expected depth; Adam; views in an
     order drawn from `seed`. Tracks of bodies and poses of moving cameras give way too: the Gaussians belong
-    to the report's `bodies` and `drift`, and `fitted` puts all into a scene. `progress` is told the share
+    to the report's `bodies`, `drift` and `irradiance`, and `fitted` puts all into a scene. `progress` is told the share
     done. Raises Unsupported without depth or bodies.
     """
     settings = settings or FitSettings()
@@ -70,7 +72,9 @@ def fit(
             if progress and step % 25 == 0:
                 progress(step / settings.steps)
     gaussians, bodies, drift = descent.result()
-    shown = replace(scene, gaussians=gaussians, bodies=bodies, drift=drift)
+    shown = replace(
+        scene, gaussians=gaussians, bodies=bodies, drift=drift, irradiance=descent.light
+    )
     return gaussians, _judge(shown, trained, settings, seed, start)
 
 
@@ -84,7 +88,13 @@ def fitted(
     """The scene with fitted Gaussians and the tracks and camera poses they belong to, and how well they do."""
     gaussians, report = fit(scene, settings=settings, seed=seed, progress=progress)
     return (
-        replace(scene, gaussians=gaussians, bodies=report.bodies, drift=report.drift),
+        replace(
+            scene,
+            gaussians=gaussians,
+            bodies=report.bodies,
+            drift=report.drift,
+            irradiance=report.irradiance,
+        ),
         report,
     )
 
@@ -125,7 +135,7 @@ def _judge(
     times = known | dict.fromkeys(_some(rest, settings.checked_frames), False)
     assert scene.gaussians is not None
     splats = Splats.of(scene.gaussians)
-    placement = Placement.of(scene.gaussians.ids, scene.bodies)
+    placement = Placement.of(scene.gaussians.ids, scene.bodies, scene.irradiance)
     names = list(scene.episode.views)
 
     def look(at: tuple[str, int]) -> tuple[float, float, float]:
@@ -155,6 +165,7 @@ def _judge(
         seed=seed,
         bodies=scene.bodies,
         drift=scene.drift,
+        irradiance=even() if scene.irradiance is None else scene.irradiance,
     )
 
 

@@ -35,7 +35,7 @@ def render_view(
     eye = standing(scene, camera)
     surfaces = surface.of_gaussians(scene.gaussians, eye, t, scene.bodies)
     painted = paint(scene.gaussians, scene.appearance, surfaces)
-    splats = Placement.of(painted.ids, scene.bodies).place(Splats.of(painted), t)
+    splats = Placement.of(painted.ids, scene.bodies, scene.irradiance).place(Splats.of(painted), t)
     drawn = Rasteriser(SHARP).forward(splats, view_of(eye, t))
     ids = np.where(drawn.surface_index >= 0, painted.ids[drawn.surface_index], 0)
     depth = plane_depth(drawn, splats, eye, t)

@@ -1,7 +1,7 @@
 """Gaussians lifted from recorded depth: flat on the surface, each as large as its pixel's footprint."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt8
@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt8
 from rpaug import geometry
 from rpaug.errors import Unsupported
 from rpaug.render.splat import Gradients, Splats
+from rpaug.scene import irradiance
 from rpaug.scene.looks import lift
 from rpaug.types import Body, Gaussians, Scene
 
@@ -97,6 +98,12 @@ def turned(by: Float[np.ndarray, "4"], quats: Float[np.ndarray, "n 4"]) -> Float
     return quats @ left.T
 
 
+def normals(quats: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3"]:
+    """The third axis of each rotation, of quaternions of any length: where a flat Gaussian faces."""
+    w, x, y, z = (quats / np.maximum(np.linalg.norm(quats, axis=-1, keepdims=True), 1e-12)).T
+    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], -1)
+
+
 def moved(gaussians: Gaussians, motion: Float[np.ndarray, "4 4"]) -> Gaussians:
     """The same Gaussians carried by one rigid motion (constant colours stay as they are)."""
     by = quaternions(motion[None, :3, :3])[0]
@@ -112,9 +119,10 @@ def placed(scene: Scene, t: int) -> Gaussians:
     """The scene's Gaussians in the world at t. Raises Unsupported if it has none."""
     if scene.gaussians is None:
         raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
-    where = Placement.of(scene.gaussians.ids, scene.bodies).place(Splats.of(scene.gaussians), t)
+    placement = Placement.of(scene.gaussians.ids, scene.bodies, scene.irradiance)
+    where = placement.place(Splats.of(scene.gaussians), t)
     assert where.quats is not None
-    return replace(scene.gaussians, means=where.means, quats=where.quats)
+    return replace(scene.gaussians, means=where.means, quats=where.quats, sh=where.sh)
 
 
 def joined(parts: Iterable[Gaussians]) -> Gaussians:
@@ -137,9 +145,14 @@ class Placement:
     rows: tuple[Int[np.ndarray, "m"], ...]
     motions: tuple[Float64[np.ndarray, "t 4 4"], ...]
     turns: tuple[Float64[np.ndarray, "t 4"], ...]
+    light: Float64[np.ndarray, "9"] = field(default_factory=irradiance.even)
 
     @staticmethod
-    def of(ids: Int32[np.ndarray, "n"], bodies: Sequence[Body]) -> "Placement":
+    def of(
+        ids: Int32[np.ndarray, "n"],
+        bodies: Sequence[Body],
+        light: Float64[np.ndarray, "9"] | None = None,
+    ) -> "Placement":
         """Bodies that stand still need no placing: their frame is the world."""
         moving = [body for body in bodies if (body.to_world != np.eye(4)).any()]
         rows = [np.flatnonzero(np.isin(ids, list(body.handles))) for body in moving]
@@ -148,21 +161,32 @@ class Placement:
             tuple(r for r, _ in kept),
             tuple(motion for _, motion in kept),
             tuple(quaternions(motion[:, :3, :3]) for _, motion in kept),
+            irradiance.even() if light is None else light,
         )
 
     def place(self, splats: Splats, t: int) -> Splats:
         """Splats given in their bodies' frames, in the world at t."""
         assert splats.quats is not None
-        means, quats = splats.means.copy(), splats.quats.copy()
+        means, quats, sh = splats.means.copy(), splats.quats.copy(), splats.sh.copy()
         for rows, motion, turn in zip(self.rows, self.motions, self.turns, strict=True):
             means[rows] = geometry.transform(motion[t].astype(means.dtype), means[rows])
             quats[rows] = turned(turn[t], quats[rows])
-        return replace(splats, means=means, quats=quats)
+            lit = irradiance.shading(irradiance.basis(normals(quats[rows])), self.light)
+            sh[rows, 0] = ((0.5 + SH0 * sh[rows, 0]) * lit[:, None] - 0.5) / SH0
+        return replace(splats, means=means, quats=quats, sh=sh)
 
-    def pull_back(self, gradients: Gradients, t: int) -> Gradients:
-        """Gradients by placed splats as gradients by those in their bodies' frames; changes its argument."""
+    def pull_back(
+        self, gradients: Gradients, splats: Splats, placed: Splats, t: int
+    ) -> tuple[Gradients, Float64[np.ndarray, "9"]]:
+        """Gradients by `placed` as gradients by `splats`, and by the light; changes its argument."""
         assert gradients.quats is not None
+        assert placed.quats is not None
+        light = np.zeros(irradiance.TERMS)
         for rows, motion, turn in zip(self.rows, self.motions, self.turns, strict=True):
             gradients.means[rows] = gradients.means[rows] @ motion[t, :3, :3].astype(np.float32)
             gradients.quats[rows] = turned(turn[t] * [1, -1, -1, -1], gradients.quats[rows])
-        return gradients
+            terms = irradiance.basis(normals(placed.quats[rows]))
+            by_lit = ((0.5 / SH0 + splats.sh[rows, 0]) * gradients.sh[rows, 0]).sum(-1)
+            light += by_lit @ terms
+            gradients.sh[rows, 0] *= irradiance.shading(terms, self.light)[:, None]
+        return gradients, light

@@ -30,6 +30,7 @@ class Stored:
     gaussians: Gaussians
     bodies: tuple[Body, ...]
     drift: Mapping[str, np.ndarray]
+    irradiance: np.ndarray | None
     settings: Mapping[str, Any]
     report: Mapping[str, Any]
 
@@ -79,6 +80,8 @@ def save(folder: Path, name: str, scene: Scene, *, settings: Any, report: Any) -
                 "ambiguous": body.ambiguous,
             }
         )
+    if scene.irradiance is not None:
+        arrays["irradiance"] = np.asarray(scene.irradiance)
     for camera, drift in scene.drift.items():
         arrays[f"drift/{camera}"] = np.asarray(drift)
     target = path_of(folder, name)
@@ -123,7 +126,8 @@ def load(folder: Path, name: str) -> Stored | None:
     cameras: Any = facts["cameras"]
     drift = {camera: _read(where, group, f"drift/{camera}", sums) for camera in cameras}
     plain: Any = facts
-    return Stored(Gaussians(**loaded), bodies, drift, plain["settings"], plain["report"])
+    light = _read(where, group, "irradiance", sums) if "irradiance" in sums else None
+    return Stored(Gaussians(**loaded), bodies, drift, light, plain["settings"], plain["report"])
 
 
 def _read(where: Path, group: zarr.Group, name: str, sums: Mapping[str, str]) -> np.ndarray:
@@ -154,5 +158,5 @@ def _plain(value: Any) -> Any:
     return {
         f.name: _plain(getattr(value, f.name))
         for f in fields(value)
-        if f.name not in ("bodies", "drift")
+        if f.name not in ("bodies", "drift", "irradiance")
     }

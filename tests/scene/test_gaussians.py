@@ -81,12 +81,18 @@ def test_placing_and_pulling_back_are_adjoint() -> None:
         placed = placement.place(Splats(m, flat[:, 0], flat[:, None], q, flat), 12)
         return float((placed.means * g_means).sum() + (placed.quats * g_quats).sum())
 
-    pulled = placement.pull_back(
-        Gradients(
-            g_means.copy(), flat[:, 0], flat[:, None], g_quats.copy(), flat, None, None, flat[:, 0]
-        ),
-        12,
+    own = Splats(means, flat[:, 0], flat[:, None], quats, flat)
+    by_placed = Gradients(
+        g_means.copy(),
+        flat[:, 0],
+        flat[:, None].copy(),
+        g_quats.copy(),
+        flat,
+        None,
+        None,
+        flat[:, 0],
     )
+    pulled, _ = placement.pull_back(by_placed, own, placement.place(own, 12), 12)
     for array, gradient in ((means, pulled.means), (quats, pulled.quats)):
         for row, column in ((1, 0), (3, 2), (4, 1)):
             nudged = [means.copy(), quats.copy()]
