@@ -18,6 +18,7 @@ Mapping = Literal["triplanar", "box", "planar"]
 
 MOST_TEXELS = 2048  # a side: larger images are scaled down first
 SHARPNESS = 6.0  # power of a normal's component with which its axis counts in triplanar mapping
+WIDTH = 0.75  # of a pixel's width, that is averaged over: reading between texels blurs by itself
 FAINT = 0.03  # share of one axis below which it is left out
 
 
@@ -89,7 +90,7 @@ def _on(
     tall = sizes[0, 2] / sizes[0, 1]
     for n in range(len(points)):
         _shares(normals[n], sharpness, share)
-        level = np.log2(max(footprint[n] * per_metre, 1.0))
+        level = np.log2(max(WIDTH * footprint[n] * per_metre, 1.0))
         level = min(level, len(sizes) - 1.0)
         for axis in range(3):
             if share[axis] == 0:
