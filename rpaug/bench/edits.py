@@ -235,11 +235,13 @@ def _methods(
 
 def _edited(episode: Episode, case: Case, ask: Ask, tier: int) -> tuple[Episode, Holes]:
     """The episode through the pipeline's own stages, every image rendered."""
-    operator = TypeAdapter(registry.operator(case.operator)).validate_python(dict(ask.fields))
-    made = plan.make([operator], episode, tier)
-    scene = pipeline.prepare(episode, made)
-    edit = ask.edit or operator.sample(scene, np.random.default_rng(0))
-    scene = operator.apply(scene, json.loads(json.dumps(edit)))
+    kind = TypeAdapter(registry.operator(case.operator))
+    operators = [kind.validate_python(dict(fields)) for fields in ask.steps]
+    made = plan.make(operators, episode, tier)
+    scene = recorded = pipeline.prepare(episode, made)
+    for operator in operators:
+        edit = ask.edit or operator.sample(recorded, np.random.default_rng(0))
+        scene = operator.apply(scene, json.loads(json.dumps(edit)))
     rendered = pipeline.render(scene, (), made)
     return _held(rendered.episode), rendered.tally.holes
 
