@@ -491,10 +491,10 @@ def bench_edits(
     return 0 if rows else 2
 
 
-BENCH_WIDTH = 130  # columns of the printed table
+BENCH_WIDTH = 140  # columns of the printed table
 BENCH_DIGITS = {
-    "psnr": 1, "psnr_worst": 1, "ssim": 3, "ciede2000": 2, "outside_worst": 0, "flicker": 2, "holes": 3,
-    "depth": 2, "iou": 3, "reprojection": 3, "seconds": 2,
+    "psnr": 1, "psnr_worst": 1, "psnr_scaled": 1, "ssim": 3, "ciede2000": 2, "outside_worst": 0, "flicker": 2,
+    "holes": 3, "depth": 2, "iou": 3, "reprojection": 3, "seconds": 2,
 }  # fmt: skip
 
 
@@ -508,7 +508,17 @@ def _print_bench(found: list[dict[str, Any]], skipped: dict[str, str], out: Path
     printer = Console(width=max(terminal.width, BENCH_WIDTH), height=terminal.height)
     for factor in dict.fromkeys(entry["factor"] for entry in found):
         table = Table(title=factor, title_justify="left", box=box.SIMPLE_HEAD)
-        for name in ("method", "dB", "worst", "lead", "SSIM", "ΔE00", "outside", "flicker"):
+        for name in (
+            "method",
+            "dB",
+            "worst",
+            "lead",
+            "scaled",
+            "SSIM",
+            "ΔE00",
+            "outside",
+            "flicker",
+        ):
             table.add_column(name, justify="left" if name == "method" else "right", no_wrap=True)
         for name in ("holes", "depth mm", "IoU", "across mm", "CPU s"):
             table.add_column(name, justify="right", no_wrap=True)

@@ -17,10 +17,11 @@ TOLD, ESTIMATED = "rpaug", "rpaug, estimated"
 
 @dataclass(frozen=True)
 class Ask:
-    """One way to ask for the true change: an operator's fields, and the edit where it is not the fields' own draw."""
+    """One way to ask for the true change: the operator's fields, once or several times, and the edit where no draw of
+    theirs is the true one."""
 
     method: str
-    fields: Mapping[str, Any]
+    steps: tuple[Mapping[str, Any], ...]
     edit: Edit | None = None
 
 
@@ -43,7 +44,7 @@ def _recolor(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     (handle,) = true.truth.changed
     fields = {"target": {"handle": handle}, "color": {"rgb": true.truth.albedos[handle]}}
     told = fields | {"albedo": recorded.truth.albedos[handle]}
-    return Ask(TOLD, told), Ask(ESTIMATED, fields)
+    return Ask(TOLD, (told,)), Ask(ESTIMATED, (fields,))
 
 
 def _table_color(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
@@ -51,17 +52,15 @@ def _table_color(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     new = true.truth.albedos[handle]
     fields = {"target": {"handle": handle}, "range": (new, new)}
     told = fields | {"albedo": recorded.truth.albedos[handle]}
-    return Ask(TOLD, told), Ask(ESTIMATED, fields)
+    return Ask(TOLD, (told,)), Ask(ESTIMATED, (fields,))
 
 
 def _texture(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
-    """The very image in its very place. Only one part's old albedo can be told; several are left to be found."""
+    """The very image in its very place, on the parts that some camera shows."""
     laid = next(iter(true.truth.covers.values()))
-    for name, data in true.side().items():
-        if name == laid.file:
-            (folder / name).write_bytes(data)
+    (folder / laid.file).write_bytes(true.side()[laid.file])
+    shown = sorted(_seen(recorded) & set(true.truth.changed))
     fields = {
-        "target": {"handle": sorted(_seen(recorded) & set(true.truth.changed))},
         "textures": str(folder),
         "texture": laid.file,
         "scale": laid.cover.side,
@@ -69,23 +68,25 @@ def _texture(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
         "repeat": "wrap",
         **_frame(laid),
     }
-    if len(true.truth.changed) > 1:
-        return (Ask(ESTIMATED, fields),)
-    told = fields | {"albedo": recorded.truth.albedos[true.truth.changed[0]]}
-    return Ask(TOLD, told), Ask(ESTIMATED, fields)
+    told = [
+        fields | {"target": {"handle": handle}, "albedo": recorded.truth.albedos[handle]}
+        for handle in shown
+    ]
+    return Ask(TOLD, tuple(told)), Ask(ESTIMATED, (fields | {"target": {"handle": shown}},))
 
 
 def _light_color(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     old, new = true.truth.light
     told, estimated = {"range": (new, new), "recorded": old}, {"range": (new, new)}
-    return Ask(TOLD, told), Ask(ESTIMATED, estimated)
+    return Ask(TOLD, (told,)), Ask(ESTIMATED, (estimated,))
 
 
 def _light_direction(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     (old,), (new,) = true.truth.old.lamps, true.truth.new.lamps
     fields = {"to": _towards(new)}
     share = AMBIENT / (AMBIENT + LAMPS[0])
-    return Ask(TOLD, fields | {"recorded": _towards(old), "ambient": share}), Ask(ESTIMATED, fields)
+    told = fields | {"recorded": _towards(old), "ambient": share}
+    return Ask(TOLD, (told,)), Ask(ESTIMATED, (fields,))
 
 
 def _camera_pose(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
@@ -93,7 +94,7 @@ def _camera_pose(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
         name: {"turn": list(bump.turn), "shift": list(bump.shift)}
         for name, bump in true.truth.bumps.items()
     }
-    return (Ask(TOLD, {"camera": list(edit)}, edit),)
+    return (Ask(TOLD, ({"camera": list(edit)},), edit),)
 
 
 def _albedos(recorded: Take, true: Take) -> dict[int | None, tuple[Any, Any]]:

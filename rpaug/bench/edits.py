@@ -167,12 +167,12 @@ def _one(
     recorded, true = _takes(setting, case, factor, seed)
     made: dict[str, Episode] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for method, edit in _methods(setting, case, recorded, true, seed, Path(folder)):
+        for method, make in _methods(setting, case, recorded, true, seed, Path(folder)):
             if method not in BASELINES and factor not in warm:
-                edit()  # compiles what it needs
+                make()  # compiles what it needs
                 warm.add(factor)
             start = time.process_time()
-            made[method], holes = edit()
+            made[method], holes = make()
             seconds = time.process_time() - start
             scores = measure(recorded, made[method], true, holes, setting.antialias, seconds)
             names = {handle: name for name, handle in true.truth.handles.items()}
@@ -214,12 +214,12 @@ def _recorded(setting: Setting, lamps: tuple[twin.Lamp, ...], task: str, seed: i
 Holes = Mapping[str, Bool[np.ndarray, "h w"]]
 """Masks of invented pixels, by camera/frame."""
 
-Edit = Callable[[], tuple[Episode, Holes]]
+Make = Callable[[], tuple[Episode, Holes]]
 
 
 def _methods(
     setting: Setting, case: Case, recorded: twin.Take, true: twin.Take, seed: int, folder: Path
-) -> Iterator[tuple[str, Edit]]:
+) -> Iterator[tuple[str, Make]]:
     episode = recorded.episode
     asks = case.ask(recorded, true, folder)
     for ask in asks:
@@ -235,11 +235,13 @@ def _methods(
 
 def _edited(episode: Episode, case: Case, ask: Ask, tier: int) -> tuple[Episode, Holes]:
     """The episode through the pipeline's own stages, every image rendered."""
-    operator = TypeAdapter(registry.operator(case.operator)).validate_python(dict(ask.fields))
-    made = plan.make([operator], episode, tier)
-    scene = pipeline.prepare(episode, made)
-    edit = ask.edit or operator.sample(scene, np.random.default_rng(0))
-    scene = operator.apply(scene, json.loads(json.dumps(edit)))
+    kind = TypeAdapter(registry.operator(case.operator))
+    operators = [kind.validate_python(dict(fields)) for fields in ask.steps]
+    made = plan.make(operators, episode, tier)
+    scene = recorded = pipeline.prepare(episode, made)
+    for operator in operators:
+        edit = ask.edit or operator.sample(recorded, np.random.default_rng(0))
+        scene = operator.apply(scene, json.loads(json.dumps(edit)))
     rendered = pipeline.render(scene, (), made)
     return _held(rendered.episode), rendered.tally.holes
 

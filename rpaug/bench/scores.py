@@ -17,17 +17,19 @@ STRIDE = 4  # every so many frames are compared across cameras, and by SSIM and 
 
 @dataclass(frozen=True)
 class Scores:
-    """Higher is better for the first four, lower for the others; nan where there was nothing to measure.
+    """Higher is better for the first five, lower for the others; nan where there was nothing to measure.
 
-    `psnr_seen` leaves invented pixels out, of which `holes` is the share. Errors are taken in the changed
-    region: of cameras that were moved every pixel, of the others the
-    handles that truly changed and whatever else truly looks different. `flicker` is the mean change of the
-    error between two frames, in grey levels, where a fixed camera sees the same handle; `outside` counts
-    pixels that the edit changes and that no true change reaches. `reprojection` is the median distance
-    between one camera's points and the surface another saw there.
+    Errors are taken in the changed region: of cameras that were moved every pixel, of the others the
+    handles that truly changed and whatever else truly looks different. `psnr_scaled` is taken after the
+    one factor on the edit that suits the truth best: no image tells how bright an albedo is, so estimates
+    are judged by it. `psnr_seen` leaves invented pixels out, of which `holes` is the share. `outside`
+    counts pixels that the edit changes and that no true change reaches. `flicker` is the mean change of
+    the error between two frames, in grey levels, where a fixed camera sees the same handle.
+    `reprojection` is the median distance between one camera's points and the surface another saw there.
     """
 
     psnr: float  # dB
+    psnr_scaled: float  # dB
     psnr_seen: float  # dB
     ssim: float
     iou: float
@@ -46,7 +48,7 @@ class Scores:
         return tuple(entry.name for entry in fields(cls))
 
 
-HIGHER = frozenset({"psnr", "psnr_seen", "ssim", "iou"})
+HIGHER = frozenset({"psnr", "psnr_scaled", "psnr_seen", "ssim", "iou"})
 
 
 def regions(
@@ -76,6 +78,7 @@ def measure(
 ) -> Scores:
     """The figures of one episode, all cameras and frames pooled; `holes` are masks by camera/frame."""
     squares, alike, colour, deep, flicker, invented = [], [], [], [], [], []
+    products = np.zeros(3)  # edit x edit, edit x truth, truth x truth
     outside, masks = 0, []
     before: dict[str, _Seen] = {}
     for name, t, inside, reach in regions(recorded, true, antialias):
@@ -93,6 +96,7 @@ def measure(
         if not inside.any():
             continue
         squares.append((off[inside] ** 2).mean(-1))
+        products += _products(image[inside], goal[inside])
         invented.append(holes.get(f"{name}/{t}", np.zeros_like(inside))[inside])
         if t % STRIDE == 0:
             alike.append(metrics.ssim(image, goal)[inside])
@@ -104,6 +108,7 @@ def measure(
     depth, square, hole = (np.concatenate(parts) for parts in (deep, squares, invented))
     return Scores(
         psnr=metrics.psnr(float(square.mean())),
+        psnr_scaled=metrics.psnr(_scaled(products) / (3 * len(square))),
         psnr_seen=metrics.psnr(float(square[~hole].mean())),
         holes=float(hole.mean()),
         ssim=_mean(alike),
@@ -116,6 +121,17 @@ def measure(
         reprojection=_across(edited),
         seconds=seconds,
     )
+
+
+def _products(mine: np.ndarray, truly: np.ndarray) -> np.ndarray:
+    a, b = mine.astype(np.float64).ravel(), truly.astype(np.float64).ravel()
+    return np.array([a @ a, a @ b, b @ b])
+
+
+def _scaled(products: np.ndarray) -> float:
+    """Least squared error of any multiple of the edit."""
+    own, cross, goal = products
+    return float(goal - cross**2 / max(own, 1.0))
 
 
 _Seen = tuple[np.ndarray, np.ndarray, np.ndarray]
