@@ -26,6 +26,7 @@ BEYOND = (
     1 << 16
 )  # added to the rank of what reaches past its own: it yields to every source's own pixels
 ENOUGH = 0.3  # of the taps' weight must be on the same thing, or its nearest pixel counts alone
+BLENDED = 3  # sources whose colours are averaged at most, where the first does not show the place
 ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel's colour unblended
 
 
@@ -114,12 +115,13 @@ def render(
     target = intrinsics(K)
     nobody = np.zeros((0, 0))
     near_seen = nobody if witness is None else np.maximum(_nearness(witness), 0.0)
-    for index, each in enumerate(sources):
+    lifted = [each if each.lifted else lift(each, tolerance) for each in sources]
+    for index, each in enumerate(lifted):
         seen, lens, back = nobody, target, np.zeros((3, 4))
         if each.carved and witness is not None:
             seen, lens = near_seen, intrinsics(witness.K)
             back = relative(cam_to_world, witness.cam_to_world)
-        prints = (each if each.lifted else lift(each, tolerance)).lifted
+        prints = each.lifted
         assert prints is not None
         near = prints.near
         if each.use is not None:
@@ -130,16 +132,31 @@ def render(
             index, seen, lens, back, tolerance, nearest, rank, source, pixel,
         )  # fmt: skip
     rgb = np.zeros((height, width, 3), np.float32)
-    ids = np.zeros((height, width), np.int32)
-    for index, each in enumerate(sources):
+    ids = _won_ids(source, pixel, sources)
+    weight = np.zeros((height, width), np.float32)
+    for index, each in enumerate(lifted):
+        assert each.lifted is not None
+        use = np.ones(each.ids.shape, bool) if each.use is None else each.use
         _colour(
-            each.rgb, each.ids, each.gains.handles, each.gains.factors, intrinsics(each.K),
-            relative(cam_to_world, each.cam_to_world), target, index,
-            nearest, source, pixel, rgb, ids,
+            each.rgb, each.ids, each.lifted.near, use, each.gains.handles, each.gains.factors, intrinsics(each.K),
+            relative(cam_to_world, each.cam_to_world), target, index, tolerance, nearest, source, pixel, ids, rgb,
+            weight,
         )  # fmt: skip
+    rgb /= np.maximum(weight, 1)[..., None]
     with np.errstate(divide="ignore", over="ignore"):
         depth = np.where(nearest > 0, 1.0 / nearest, 0.0).astype(np.float32)
     return Rendered(rgb=rgb, depth=depth, ids=ids, source=source, hole=source < 0)
+
+
+def _won_ids(
+    source: Int16[np.ndarray, "h w"], pixel: Int32[np.ndarray, "h w"], sources: Sequence[Source]
+) -> Int32[np.ndarray, "h w"]:
+    """The handle of the surfel that won each pixel, 0 where none did."""
+    ids = np.zeros(source.shape, np.int32)
+    for index, each in enumerate(sources):
+        won = source == index
+        ids[won] = each.ids.ravel()[pixel[won]]
+    return ids
 
 
 def intrinsics(K: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "4"]:
@@ -147,16 +164,32 @@ def intrinsics(K: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "4"]:
     return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
 
 
-def relative(
-    here: Float64[np.ndarray, "4 4"], there: Float64[np.ndarray, "4 4"]
-) -> Float64[np.ndarray, "3 4"]:
-    """From camera `here` into camera `there`.
+@kernel
+def relative(here, there):
+    """From camera `here` into camera `there`: two 4x4 poses in, the upper 3x4 of a rigid motion out.
 
-    Centres are subtracted first, to keep digits far from the origin; and the rotation is inverted rather than
-    transposed, since recorded ones are orthonormal to float32 only, and a camera must map onto itself exactly.
+    Centres are subtracted first, to keep digits far from the origin; and the rotation is inverted (by cofactors)
+    rather than transposed, since recorded ones are orthonormal to float32 only. A camera maps onto itself exactly.
     """
-    shift = here[:3, 3:] - there[:3, 3:]
-    return np.linalg.solve(there[:3, :3], np.concatenate([here[:3, :3], shift], 1))
+    out = np.zeros((3, 4))
+    if (here == there).all():
+        out[0, 0] = out[1, 1] = out[2, 2] = 1.0
+        return out
+    turn = there[:3, :3]
+    cofactors = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            cofactors[i, j] = turn[a, c] * turn[b, d] - turn[a, d] * turn[b, c]
+    scale = 1.0 / (
+        turn[0, 0] * cofactors[0, 0] + turn[0, 1] * cofactors[0, 1] + turn[0, 2] * cofactors[0, 2]
+    )
+    for i in range(3):
+        for k in range(3):
+            for j in range(4):
+                part = here[k, j] - there[k, 3] if j == 3 else here[k, j]
+                out[i, j] += scale * cofactors[k, i] * part
+    return out
 
 
 def _nearness(source: Source) -> Float64[np.ndarray, "h w"]:
@@ -314,54 +347,74 @@ def _cubic(offset, weights):
 
 @kernel
 def _colour(
-    rgb, ids, handles, factors, lens, back, target, index, nearest, source, pixel, out, out_ids
-):
-    """Look each pixel won by this source up where its point was recorded, blending only pixels of its own id."""
-    across = np.empty(4)
-    along = np.empty(4)
+    rgb, ids, near, use, handles, factors, lens, back, target, index, tolerance, nearest, source, pixel, won, out,
+    total,
+):  # fmt: skip
+    """Add this source's colour to each pixel that it won, or that another but the first won and it shows too."""
+    across, along, found = np.empty(4), np.empty(4), np.empty(3)
     height, width = ids.shape
     for v in range(nearest.shape[0]):
         for u in range(nearest.shape[1]):
-            if source[v, u] != index:
+            winner = source[v, u]
+            if winner != index and (winner <= 0 or index == 0 or total[v, u] >= BLENDED):
                 continue
-            row, column = pixel[v, u] // width, pixel[v, u] % width
-            handle = ids[row, column]
-            out_ids[v, u] = handle
+            handle = won[v, u]
+            x, y, ahead = map_pixel(u, v, nearest[v, u], target, back, lens)
+            if winner == index:
+                row, column = pixel[v, u] // width, pixel[v, u] % width
+            else:
+                if not ahead > NEAR or not (-0.5 < x < width - 0.5 and -0.5 < y < height - 0.5):
+                    continue
+                row, column = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
+                off = abs(near[row, column] * ahead - nearest[v, u])
+                if (
+                    not use[row, column]
+                    or ids[row, column] != handle
+                    or off > tolerance * nearest[v, u]
+                ):
+                    continue
+            if abs(x - column) < ON_PIXEL and abs(y - row) < ON_PIXEL:
+                for channel in range(3):
+                    found[channel] = rgb[row, column, channel] / 255.0
+            else:
+                _between(rgb, ids, x, y, row, column, across, along, found)
             gain = -1
             for k in range(len(handles)):
                 if handles[k] == handle:
                     gain = k
-            x, y, _ = map_pixel(u, v, nearest[v, u], target, back, lens)
-            if abs(x - column) < ON_PIXEL and abs(y - row) < ON_PIXEL:
-                for channel in range(3):
-                    seen = rgb[row, column, channel] / 255.0
-                    out[v, u, channel] = (
-                        min(seen * factors[gain, channel], 1.0) if gain >= 0 else seen
-                    )
-                continue
-            j, i = int(np.floor(x)), int(np.floor(y))
-            _cubic(x - j, across)
-            _cubic(y - i, along)
-            total = red = green = blue = 0.0
-            for a in range(4):
-                for b in range(4):
-                    r, c = i - 1 + a, j - 1 + b
-                    if not (0 <= r < height and 0 <= c < width) or ids[r, c] != handle:
-                        continue  # another thing's colour would make a halo
-                    weight = along[a] * across[b]
-                    total += weight
-                    red += weight * rgb[r, c, 0]
-                    green += weight * rgb[r, c, 1]
-                    blue += weight * rgb[r, c, 2]
-            if total < ENOUGH:
-                total, red, green, blue = (
-                    1.0,
-                    rgb[row, column, 0],
-                    rgb[row, column, 1],
-                    rgb[row, column, 2],
-                )
-            for channel, value in enumerate((red, green, blue)):
-                value = value / (255.0 * total)
-                if gain >= 0:
-                    value *= factors[gain, channel]
-                out[v, u, channel] = min(max(value, 0.0), 1.0)
+            for channel in range(3):
+                scale = factors[gain, channel] if gain >= 0 else 1.0
+                out[v, u, channel] += min(max(found[channel] * scale, 0.0), 1.0)
+            total[v, u] += 1.0
+
+
+@kernel
+def _between(rgb, ids, x, y, row, column, across, along, found):
+    """Colour in 0..1 at (x, y) between pixels, from those of the same thing as pixel (row, column) alone."""
+    height, width = ids.shape
+    j, i = int(np.floor(x)), int(np.floor(y))
+    _cubic(x - j, across)
+    _cubic(y - i, along)
+    total = red = green = blue = 0.0
+    for a in range(4):
+        for b in range(4):
+            r, c = i - 1 + a, j - 1 + b
+            if not (0 <= r < height and 0 <= c < width) or ids[r, c] != ids[row, column]:
+                continue  # another thing's colour would make a halo
+            weight = along[a] * across[b]
+            total += weight
+            red += weight * rgb[r, c, 0]
+            green += weight * rgb[r, c, 1]
+            blue += weight * rgb[r, c, 2]
+    if total < ENOUGH:
+        total = 1.0
+        red, green, blue = (
+            1.0 * rgb[row, column, 0],
+            1.0 * rgb[row, column, 1],
+            1.0 * rgb[row, column, 2],
+        )
+    found[0], found[1], found[2] = (
+        red / (255.0 * total),
+        green / (255.0 * total),
+        blue / (255.0 * total),
+    )
