@@ -158,7 +158,7 @@ class Texturing(Operator):
 
     def _surface(self, scene: Scene, handle: int, seen: shading.Samples) -> dict[str, Any]:
         described = albedo.describe(scene.episode, handle, self.albedo)
-        smooth = shading.fit(seen, tuple(described["albedo"]))
+        smooth = shading.fit(seen, tuple(described["albedo"]), known=self.albedo is not None)
         return described | {"smooth": smooth.describe() if smooth else None}
 
     def _texture(self, edit: Edit) -> Texture:

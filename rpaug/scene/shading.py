@@ -2,7 +2,8 @@
 
 A pixel is albedo times shading, and the pixel alone does not say which of the two a dark spot is. On a thing of one
 colour everything that varies is shading. On a patterned one, shading is taken to be smooth: a quadratic in the normal
-(all that a matte surface keeps of distant light: Ramamoorthi and Hanrahan 2001) and in the place. What is then darker
+(all that a matte surface keeps of distant light: Ramamoorthi and Hanrahan 2001) and, only if that explains most of what
+is left, in the place: else the broad parts of a pattern would pass for light. What is then darker
 than the old pattern's contrast explains is a shadow, and stays.
 """
 
@@ -24,6 +25,11 @@ PATTERN = 0.03  # spread of log brightness about the smooth fit from which a sur
 SPREADS = (2.5, 4.0)  # of them, below the fit: from where a pixel may be, and is, in shadow
 SHADOW = (0.25, 0.5)  # the same in log brightness, at least: gaps between tiles are that dark too
 DARK, BRIGHT = 0.02, 0.98  # of the brightest channel: outside, no shading is measured
+LIT = 0.98  # quantile of the fit that counts as fully lit, where the albedo is a guess
+BY_NORMAL = 9  # terms of the fit that know the normal only
+BY_PLACE = (
+    0.6  # of the spread: light is taken to vary over the place only if it leaves no more than this
+)
 RIDGE = 1e-3
 PASSES = 6  # of the robust fit
 
@@ -74,6 +80,7 @@ class Smooth:
     extent: float
     weights: tuple[float, ...]
     spread: float
+    level: float = 1.0  # of the shading that pixels measure, where the fit says 1
 
     def of(
         self, measured: Float32[np.ndarray, "n"], points: np.ndarray, facing: np.ndarray
@@ -81,7 +88,7 @@ class Smooth:
         """The shading where `measured` is what the pixels' brightness came to: without pattern, with shadows."""
         weights = np.array(self.weights, np.float32)
         fitted = np.maximum(_basis(points, facing, self.middle, self.extent) @ weights, 0.02)
-        darker = np.log(np.maximum(measured, 1e-3) / fitted)
+        darker = np.log(np.maximum(measured / self.level, 1e-3) / fitted)
         low, high = (
             max(spreads * self.spread, least)
             for spreads, least in zip(SPREADS, SHADOW, strict=True)
@@ -96,11 +103,15 @@ class Smooth:
             "extent": self.extent,
             "weights": list(self.weights),
             "spread": self.spread,
+            "level": self.level,
         }
 
 
-def fit(samples: Samples, albedo: tuple[float, float, float]) -> Smooth | None:
-    """The smooth shading of a patterned thing, or None if its brightness varies no more than its shading does."""
+def fit(samples: Samples, albedo: tuple[float, float, float], known: bool = True) -> Smooth | None:
+    """The smooth shading of a patterned thing, or None if its brightness varies no more than its shading does.
+
+    Unless the albedo is `known`, its brightness is a guess, and the best-lit part is taken to be fully lit.
+    """
     old = np.array(albedo)
     high = samples.colour.max(1)
     good = (high > DARK) & (high < BRIGHT)
@@ -111,31 +122,33 @@ def fit(samples: Samples, albedo: tuple[float, float, float]) -> Smooth | None:
     low, top = np.percentile(points, [1, 99], axis=0)
     middle, extent = (low + top) / 2, max(float((top - low).max()), 1e-3)
     basis = _basis(points, facing, middle, extent).astype(float)
-    weights = _robust(basis, shade)
-    fitted = np.maximum(basis @ weights, 0.02)
-    residual = np.log(np.maximum(shade, 1e-3) / fitted)
-    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    weights, spread = _robust(basis[:, :BY_NORMAL], shade)
+    everywhere, less = _robust(basis, shade)
+    if less < BY_PLACE * spread:
+        weights, spread = everywhere, less
+    else:
+        weights = np.pad(weights, (0, basis.shape[1] - BY_NORMAL))
     if spread < PATTERN:
         return None
-    return Smooth(tuple(middle.tolist()), extent, tuple(weights.tolist()), spread)
+    level = 1.0 if known else max(float(np.quantile(basis @ weights, LIT)), 0.05)
+    return Smooth(tuple(middle.tolist()), extent, tuple((weights / level).tolist()), spread, level)
 
 
 def _robust(
     basis: Float64[np.ndarray, "n k"], value: Float64[np.ndarray, "n"]
-) -> Float64[np.ndarray, "k"]:
-    """Least squares with Cauchy weights: shadows and highlights are few and far off."""
+) -> tuple[Float64[np.ndarray, "k"], float]:
+    """Least squares with Cauchy weights, since shadows and highlights are few and far off; and the log's spread."""
     trust = np.ones(len(value))
     weights = np.zeros(basis.shape[1])
+    ridge = RIDGE * np.diag([0.0] + [1.0] * (basis.shape[1] - 1))
     for _ in range(PASSES):
         weighted = basis * trust[:, None]
-        normal = basis.T @ weighted + RIDGE * trust.sum() * np.diag(
-            [0.0] + [1.0] * (basis.shape[1] - 1)
-        )
-        weights = np.linalg.solve(normal, weighted.T @ value)
+        weights = np.linalg.solve(basis.T @ weighted + trust.sum() * ridge, weighted.T @ value)
         off = value - basis @ weights
         scale = 1.4826 * np.median(np.abs(off)) + 1e-4
         trust = 1 / (1 + (off / (2 * scale)) ** 2)
-    return weights
+    residual = np.log(np.maximum(value, 1e-3) / np.maximum(basis @ weights, 0.02))
+    return weights, 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
 
 
 def _basis(

@@ -12,11 +12,13 @@ RNG = np.random.default_rng(0)
 ALBEDO = (0.8, 0.6, 0.4)
 
 
-def board(pattern: float, count: int = 4000) -> tuple[Samples, np.ndarray, np.ndarray]:
-    """A level board lit unevenly, a tenth of it in shadow: samples, true light, and where the shadow is."""
+def board(
+    pattern: float, fall: float = 0.0, count: int = 4000
+) -> tuple[Samples, np.ndarray, np.ndarray]:
+    """A level board whose light changes by `fall` a metre, a tenth of it in shadow: samples, light, shadow mask."""
     points = RNG.uniform([-0.5, -0.4, 0.7], [0.5, 0.4, 0.7], (count, 3)).astype(np.float32)
     normals = np.tile(np.float32([0, 0, 1]), (count, 1))
-    light = 0.7 + 0.2 * points[:, 0] - 0.2 * points[:, 1] ** 2
+    light = 0.6 + fall * (points[:, 0] - points[:, 1] ** 2)
     shadow = (np.abs(points[:, 0] - 0.2) < 0.1) & (points[:, 1] > 0)
     light = np.where(shadow, 0.3 * light, light)
     grain = np.exp(pattern * RNG.standard_normal(count))
@@ -28,9 +30,9 @@ def test_a_plain_surface_keeps_its_measured_shading() -> None:
     assert shading.fit(board(0.0)[0], ALBEDO) is None
 
 
-@pytest.mark.parametrize("pattern", [0.08, 0.2])
-def test_a_pattern_goes_and_light_and_shadow_stay(pattern: float) -> None:
-    samples, light, shadow = board(pattern)
+@pytest.mark.parametrize(("pattern", "fall"), [(0.08, 0.7), (0.08, 0.0), (0.2, 0.0)])
+def test_a_pattern_goes_and_light_and_shadow_stay(pattern: float, fall: float) -> None:
+    samples, light, shadow = board(pattern, fall)
     smooth = shading.fit(samples, ALBEDO)
     assert smooth is not None
     assert smooth.spread == pytest.approx(pattern, rel=0.25)
@@ -57,3 +59,25 @@ def test_the_frame_turns_to_the_side_faces(bearing: float) -> None:
     turned = normals @ back[:3, :3].T
     assert np.abs(np.abs(turned).max(1) - 1).max() < 1e-5
     assert np.allclose(back @ [*np.percentile(points, [1, 99], axis=0).mean(0), 1], [0, 0, 0, 1])
+
+
+def test_broad_grain_is_no_light() -> None:
+    samples, light, shadow = board(0.05)
+    grain = 1 + 0.2 * np.sin(9 * samples.points[:, :1])
+    smooth = shading.fit(
+        Samples(samples.colour * grain, samples.points, samples.normals, samples.facing), ALBEDO
+    )
+    assert smooth is not None
+    out = smooth.of(light.astype(np.float32), samples.points, samples.facing)
+    assert np.std(np.log(out)[~shadow]) < 0.03
+
+
+def test_the_best_lit_part_is_fully_lit_where_the_albedo_is_a_guess() -> None:
+    samples, _light, shadow = board(0.2)
+    guess = (0.4, 0.3, 0.2)  # half as bright as it is
+    smooth = shading.fit(samples, guess, known=False)
+    assert smooth is not None
+    measured = samples.colour @ np.array(guess) / np.dot(guess, guess)
+    out = smooth.of(measured, samples.points, samples.facing)
+    assert np.median(out[~shadow]) == pytest.approx(1, abs=0.03)
+    assert out[shadow].mean() < 0.75
