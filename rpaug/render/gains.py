@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from rpaug.render.jit import kernel
-from rpaug.render.zbuffer import NEAR, Gains, Source, intrinsics, map_pixel, relative
+from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
+from rpaug.render.zbuffer import Gains, Source
 
 STRIDE = 2  # pixels: every other one in each direction is compared
 FEWEST = 12  # points both must see of a thing, or it stays as it is

@@ -18,16 +18,12 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int16, Int32, UInt8
 
 from rpaug.render.jit import inlined, kernel
+from rpaug.render.lookup import add_colour
 from rpaug.render.outlines import BEFORE, BEHIND, HALF, INSIDE, WIDE, Footprints, footprints
+from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 
 SAME_SURFACE = 0.006  # of depth: closer than this, the earlier source is believed
-NEAR = 1e-3  # of a surfel's recorded depth: a corner nearer to the target camera than this is not drawn
-BEYOND = (
-    1 << 16
-)  # added to the rank of what reaches past its own: it yields to every source's own pixels
-ENOUGH = 0.3  # of the taps' weight must be on the same thing, or its nearest pixel counts alone
-BLENDED = 3  # sources whose colours are averaged at most, where the first does not show the place
-ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel's colour unblended
+BEYOND = 1 << 16  # added to the rank of what reaches past its own pixel: later than any source
 
 
 @dataclass(frozen=True)
@@ -137,7 +133,7 @@ def render(
     for index, each in enumerate(lifted):
         assert each.lifted is not None
         use = np.ones(each.ids.shape, bool) if each.use is None else each.use
-        _colour(
+        add_colour(
             each.rgb, each.ids, each.lifted.near, use, each.gains.handles, each.gains.factors, intrinsics(each.K),
             relative(cam_to_world, each.cam_to_world), target, index, tolerance, nearest, source, pixel, ids, rgb,
             weight,
@@ -157,39 +153,6 @@ def _won_ids(
         won = source == index
         ids[won] = each.ids.ravel()[pixel[won]]
     return ids
-
-
-def intrinsics(K: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "4"]:
-    """Focal lengths and principal point (fx, fy, cx, cy) in pixels."""
-    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
-
-
-@kernel
-def relative(here, there):
-    """From camera `here` into camera `there`: two 4x4 poses in, the upper 3x4 of a rigid motion out.
-
-    Centres are subtracted first, to keep digits far from the origin; and the rotation is inverted (by cofactors)
-    rather than transposed, since recorded ones are orthonormal to float32 only. A camera maps onto itself exactly.
-    """
-    out = np.zeros((3, 4))
-    if (here == there).all():
-        out[0, 0] = out[1, 1] = out[2, 2] = 1.0
-        return out
-    turn = there[:3, :3]
-    cofactors = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-            cofactors[i, j] = turn[a, c] * turn[b, d] - turn[a, d] * turn[b, c]
-    scale = 1.0 / (
-        turn[0, 0] * cofactors[0, 0] + turn[0, 1] * cofactors[0, 1] + turn[0, 2] * cofactors[0, 2]
-    )
-    for i in range(3):
-        for k in range(3):
-            for j in range(4):
-                part = here[k, j] - there[k, 3] if j == 3 else here[k, j]
-                out[i, j] += scale * cofactors[k, i] * part
-    return out
 
 
 def _nearness(source: Source) -> Float64[np.ndarray, "h w"]:
@@ -311,17 +274,6 @@ def _inside(u, v, x, y):
 
 
 @kernel
-def map_pixel(u, v, near, target, pose, lens):
-    """Pixel (column, row) and depth ratio, in another camera, of the target's pixel (u, v) at 1/z = near."""
-    p = (u - target[2]) / target[0]
-    q = (v - target[3]) / target[1]
-    ahead = pose[2, 0] * p + pose[2, 1] * q + pose[2, 2] + near * pose[2, 3]
-    column = pose[0, 0] * p + pose[0, 1] * q + pose[0, 2] + near * pose[0, 3]
-    row = pose[1, 0] * p + pose[1, 1] * q + pose[1, 2] + near * pose[1, 3]
-    return lens[0] * column / ahead + lens[2], lens[1] * row / ahead + lens[3], ahead
-
-
-@kernel
 def _seen_through(u, v, near, target, back, witness, seen, tolerance):
     """Whether the witness recorded something clearly farther where it would see this point."""
     column, row, ahead = map_pixel(u, v, near, target, back, witness)
@@ -332,89 +284,3 @@ def _seen_through(u, v, near, target, back, witness, seen, tolerance):
         return False
     recorded = seen[int(np.floor(row + 0.5)), int(np.floor(column + 0.5))]
     return recorded * (1.0 + tolerance) * ahead < near
-
-
-@inlined
-def _cubic(offset, weights):
-    """Catmull-Rom weights of the four pixels around a position (Keys 1981, a = -1/2)."""
-    for k in range(4):
-        d = abs(offset + 1.0 - k)
-        if d < 1.0:
-            weights[k] = (1.5 * d - 2.5) * d * d + 1.0
-        else:
-            weights[k] = ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0
-
-
-@kernel
-def _colour(
-    rgb, ids, near, use, handles, factors, lens, back, target, index, tolerance, nearest, source, pixel, won, out,
-    total,
-):  # fmt: skip
-    """Add this source's colour to each pixel that it won, or that another but the first won and it shows too."""
-    across, along, found = np.empty(4), np.empty(4), np.empty(3)
-    height, width = ids.shape
-    for v in range(nearest.shape[0]):
-        for u in range(nearest.shape[1]):
-            winner = source[v, u]
-            if winner != index and (winner <= 0 or index == 0 or total[v, u] >= BLENDED):
-                continue
-            handle = won[v, u]
-            x, y, ahead = map_pixel(u, v, nearest[v, u], target, back, lens)
-            if winner == index:
-                row, column = pixel[v, u] // width, pixel[v, u] % width
-            else:
-                if not ahead > NEAR or not (-0.5 < x < width - 0.5 and -0.5 < y < height - 0.5):
-                    continue
-                row, column = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
-                off = abs(near[row, column] * ahead - nearest[v, u])
-                if (
-                    not use[row, column]
-                    or ids[row, column] != handle
-                    or off > tolerance * nearest[v, u]
-                ):
-                    continue
-            if abs(x - column) < ON_PIXEL and abs(y - row) < ON_PIXEL:
-                for channel in range(3):
-                    found[channel] = rgb[row, column, channel] / 255.0
-            else:
-                _between(rgb, ids, x, y, row, column, across, along, found)
-            gain = -1
-            for k in range(len(handles)):
-                if handles[k] == handle:
-                    gain = k
-            for channel in range(3):
-                scale = factors[gain, channel] if gain >= 0 else 1.0
-                out[v, u, channel] += min(max(found[channel] * scale, 0.0), 1.0)
-            total[v, u] += 1.0
-
-
-@kernel
-def _between(rgb, ids, x, y, row, column, across, along, found):
-    """Colour in 0..1 at (x, y) between pixels, from those of the same thing as pixel (row, column) alone."""
-    height, width = ids.shape
-    j, i = int(np.floor(x)), int(np.floor(y))
-    _cubic(x - j, across)
-    _cubic(y - i, along)
-    total = red = green = blue = 0.0
-    for a in range(4):
-        for b in range(4):
-            r, c = i - 1 + a, j - 1 + b
-            if not (0 <= r < height and 0 <= c < width) or ids[r, c] != ids[row, column]:
-                continue  # another thing's colour would make a halo
-            weight = along[a] * across[b]
-            total += weight
-            red += weight * rgb[r, c, 0]
-            green += weight * rgb[r, c, 1]
-            blue += weight * rgb[r, c, 2]
-    if total < ENOUGH:
-        total = 1.0
-        red, green, blue = (
-            1.0 * rgb[row, column, 0],
-            1.0 * rgb[row, column, 1],
-            1.0 * rgb[row, column, 2],
-        )
-    found[0], found[1], found[2] = (
-        red / (255.0 * total),
-        green / (255.0 * total),
-        blue / (255.0 * total),
-    )

@@ -1,0 +1,96 @@
+"""Colours of drawn pixels, looked up where their points were recorded."""
+
+import numpy as np
+
+from rpaug.render.jit import inlined, kernel
+from rpaug.render.pinhole import NEAR, map_pixel
+
+ENOUGH = 0.3  # of the taps' weight must be on the same thing, or its nearest pixel counts alone
+BLENDED = 3  # sources whose colours are averaged at most, where the first does not show the place
+ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel's colour unblended
+
+
+@kernel
+def add_colour(
+    rgb, ids, near, use, handles, factors, lens, back, target, index, tolerance, nearest, source, pixel, won, out,
+    total,
+):  # fmt: skip
+    """Add this source's colour to each pixel that it won, or that another but the first won and it shows too."""
+    across, along, found = np.empty(4), np.empty(4), np.empty(3)
+    height, width = ids.shape
+    for v in range(nearest.shape[0]):
+        for u in range(nearest.shape[1]):
+            winner = source[v, u]
+            if winner != index and (winner <= 0 or index == 0 or total[v, u] >= BLENDED):
+                continue
+            handle = won[v, u]
+            x, y, ahead = map_pixel(u, v, nearest[v, u], target, back, lens)
+            if winner == index:
+                row, column = pixel[v, u] // width, pixel[v, u] % width
+            else:
+                if not ahead > NEAR or not (-0.5 < x < width - 0.5 and -0.5 < y < height - 0.5):
+                    continue
+                row, column = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
+                off = abs(near[row, column] * ahead - nearest[v, u])
+                if (
+                    not use[row, column]
+                    or ids[row, column] != handle
+                    or off > tolerance * nearest[v, u]
+                ):
+                    continue
+            if abs(x - column) < ON_PIXEL and abs(y - row) < ON_PIXEL:
+                for channel in range(3):
+                    found[channel] = rgb[row, column, channel] / 255.0
+            else:
+                _between(rgb, ids, x, y, row, column, across, along, found)
+            gain = -1
+            for k in range(len(handles)):
+                if handles[k] == handle:
+                    gain = k
+            for channel in range(3):
+                scale = factors[gain, channel] if gain >= 0 else 1.0
+                out[v, u, channel] += min(max(found[channel] * scale, 0.0), 1.0)
+            total[v, u] += 1.0
+
+
+@kernel
+def _between(rgb, ids, x, y, row, column, across, along, found):
+    """Colour in 0..1 at (x, y) between pixels, from those of the same thing as pixel (row, column) alone."""
+    height, width = ids.shape
+    j, i = int(np.floor(x)), int(np.floor(y))
+    _cubic(x - j, across)
+    _cubic(y - i, along)
+    total = red = green = blue = 0.0
+    for a in range(4):
+        for b in range(4):
+            r, c = i - 1 + a, j - 1 + b
+            if not (0 <= r < height and 0 <= c < width) or ids[r, c] != ids[row, column]:
+                continue  # another thing's colour would make a halo
+            weight = along[a] * across[b]
+            total += weight
+            red += weight * rgb[r, c, 0]
+            green += weight * rgb[r, c, 1]
+            blue += weight * rgb[r, c, 2]
+    if total < ENOUGH:
+        total = 1.0
+        red, green, blue = (
+            1.0 * rgb[row, column, 0],
+            1.0 * rgb[row, column, 1],
+            1.0 * rgb[row, column, 2],
+        )
+    found[0], found[1], found[2] = (
+        red / (255.0 * total),
+        green / (255.0 * total),
+        blue / (255.0 * total),
+    )
+
+
+@inlined
+def _cubic(offset, weights):
+    """Catmull-Rom weights of the four pixels around a position (Keys 1981, a = -1/2)."""
+    for k in range(4):
+        d = abs(offset + 1.0 - k)
+        if d < 1.0:
+            weights[k] = (1.5 * d - 2.5) * d * d + 1.0
+        else:
+            weights[k] = ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0
