@@ -22,7 +22,7 @@ PARAMETERS = ("means", "opacities", "sh", "quats", "scales")
 class FitSettings:
     """How a fit is done. One of the `steps` looks at `batch` views; results do not depend on `threads`."""
 
-    steps: int = 2000
+    steps: int = 1500
     batch: int = 2
     threads: int = 2
     train_frames: int = 40  # at most, spread over the episode; the frames between them are held out
