@@ -56,9 +56,10 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
 
 
 def settle(plan: Plan, scene: Scene) -> Plan:
-    """The plan of one edited scene: only what really moved is rendered anew."""
+    """The plan of one edited scene: rendered anew is only what shows a move, of its camera or of bodies."""
+    edited = scene.recorded_bodies is not None
     carriers = {
-        name: _carrier(scene.cameras[name] is not view.camera, plan.tier)
+        name: _carrier(edited or scene.cameras[name] is not view.camera, plan.tier)
         for name, view in scene.episode.views.items()
     }
     return Plan(plan.tier, carriers, plan.bodies)
