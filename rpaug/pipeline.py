@@ -87,9 +87,14 @@ def render(scene: Scene, draws: tuple[Draw, ...], plan: planning.Plan) -> Made:
     tally = report.Tally(list(scene.episode.views))
 
     def watch(
-        camera: str, t: int, image: np.ndarray, hole: np.ndarray | None, seconds: float
+        camera: str,
+        t: int,
+        before: np.ndarray,
+        image: np.ndarray,
+        hole: np.ndarray | None,
+        seconds: float,
     ) -> None:
-        tally.frame(camera, scene.episode.views[camera].rgb(t), image, seconds)
+        tally.frame(camera, before, image, seconds)
         if hole is not None:
             tally.hole(camera, t, hole)
 

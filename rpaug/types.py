@@ -13,7 +13,7 @@ from enum import Flag, auto
 from typing import Any, Protocol
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt8
+from jaxtyping import Float32, Float64, Int32, UInt8
 
 
 class Effect(Flag):
@@ -218,9 +218,3 @@ class Scene:
     def handles(self) -> frozenset[int]:
         """All instance handles the scene knows."""
         return frozenset().union(*(body.handles for body in self.bodies))
-
-
-Points = Float[np.ndarray, "... 3"]
-Pose = Float[np.ndarray, "*batch 4 4"]
-Mask = Bool[np.ndarray, "h w"]
-Ids = Int[np.ndarray, "h w"]

@@ -28,12 +28,14 @@ class Frame:
 
 
 class Watch(Protocol):
-    """Told of every frame rendered anew: its image, its hole mask if it can have one, and its thread's seconds."""
+    """Told of every frame rendered anew: what was recorded, what is seen now, its hole mask if it can have one, and
+    the seconds its thread took."""
 
     def __call__(
         self,
         camera: str,
         t: int,
+        before: UInt8[np.ndarray, "h w 3"],
         image: UInt8[np.ndarray, "h w 3"],
         hole: Bool[np.ndarray, "h w"] | None,
         seconds: float,
@@ -73,24 +75,26 @@ def _composited(scene: Scene, name: str, watch: Watch) -> CameraView:
         start = time.thread_time()
         ids = view.ids(t) if view.ids else None
         surfaces = surface.of_view(view, t, scene.bodies, ids)
-        image = composite(view.rgb(t), ids, scene.appearance, scene.antialiased, surfaces)
+        before = view.rgb(t)
+        image = composite(before, ids, scene.appearance, scene.antialiased, surfaces)
         image = sense(scene.sensor, image, name, t)
-        watch(name, t, image, None, time.thread_time() - start)
+        watch(name, t, before, image, None, time.thread_time() - start)
         return image
 
     return replace(view, rgb=rgb)
 
 
 def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Watch) -> CameraView:
+    recorded = scene.episode.views[name]
+
     @lru_cache(KEPT_FRAMES)
     def frame(t: int) -> Frame:
         start = time.thread_time()
         made = render(t)
         made = replace(made, rgb=sense(scene.sensor, made.rgb, name, t))
-        watch(name, t, made.rgb, made.hole, time.thread_time() - start)
+        watch(name, t, recorded.rgb(t), made.rgb, made.hole, time.thread_time() - start)
         return made
 
-    recorded = scene.episode.views[name]
     return CameraView(
         camera=scene.cameras[name],
         rgb=lambda t: frame(t).rgb,
