@@ -1,0 +1,40 @@
+"""The command line: all commands in one list, one file for each group of them."""
+
+from collections.abc import Callable
+
+import typer
+
+from rpaug.cli import augment, bench, doctor, fit, inspect, recipes, twin
+from rpaug.cli.console import guarded
+
+app = typer.Typer(
+    name="rpaug",
+    help="Multiplies robot demonstrations: recorded episodes in, edited and consistent episodes out.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+COMMANDS: dict[str, Callable[..., int]] = {
+    "augment": augment.augment,
+    "validate-recipe": recipes.validate_recipe,
+    "inspect": inspect.inspect,
+    "fit": fit.fit,
+    "doctor": doctor.doctor,
+}
+GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
+    "twin": ("A simulated tabletop that knows the truth.", {"record": twin.record}),
+    "bench": ("Error and seconds, measured against truth.", {"edits": bench.edits}),
+}
+for _name, _command in COMMANDS.items():
+    app.command(_name)(guarded(_command))
+for _name, (_help, _commands) in GROUPS.items():
+    _group = typer.Typer(help=_help, no_args_is_help=True)
+    for _inner, _command in _commands.items():
+        _group.command(_inner)(guarded(_command))
+    app.add_typer(_group, name=_name)
+
+
+def main() -> None:
+    """Entry point of the `rpaug` command."""
+    app()

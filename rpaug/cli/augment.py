@@ -1,0 +1,139 @@
+"""`rpaug augment`: write edited copies of a dataset."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rpaug.cli.console import AsJson, Dataset, console, plain, print_json, progress_bar, say
+from rpaug.cli.recipes import load_recipe
+from rpaug.errors import RpaugError
+
+
+def augment(
+    dataset: Dataset,
+    recipe: Annotated[
+        str,
+        typer.Option(help="Recipe file, or the name of one that ships (demo, light_color, ...)."),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder to write; must not exist unless --resume.")],
+    workers: Annotated[
+        int, typer.Option(min=1, help="Processes. Any number gives the same output.")
+    ] = 1,
+    tier: Annotated[
+        int, typer.Option(min=0, max=3, help="Least tier: 0 pixels, 1 surfels, 3 Gaussians.")
+    ] = 0,
+    scenes: Annotated[
+        Path | None, typer.Option(help="Store of fitted scenes, for tier 3: `rpaug fit --out`.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Instead of the recipe's.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help="Override a value: edits.0.color=red.")
+    ] = None,
+    resume: Annotated[bool, typer.Option(help="Go on with a run that was stopped.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option(help="Print the plan with time and disk, write nothing.")
+    ] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Write edited copies of a dataset's episodes, in the format they came in.
+
+    Example: [bold]rpaug augment data/train/open_drawer --recipe recipe.yaml --out augmented --workers 2[/]
+    """
+    from rpaug.augment import Run, execute
+
+    if tier == 2:
+        raise RpaugError("--tier 2: assets enter at any tier; the least tier is 0, 1 or 3")
+    loaded = load_recipe(recipe, [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])])
+    run = Run(dataset, loaded, out, tier, scenes)
+    if dry_run:
+        return _dry_run(run, resume, as_json)
+    with progress_bar("augmenting", as_json) as progress:
+        summary = execute(run, workers=workers, resume=resume, progress=progress)
+    code = summary.exit_code
+    described = {**vars(summary), "out": str(out)}
+    if summary.copies:
+        code = max(code, _contact_sheet(run, described))
+    elif summary.failures or summary.aborted:
+        described["error"] = summary.aborted or next(iter(summary.failures.values()))
+    if as_json:
+        print_json(described)
+    else:
+        _print_summary(described)
+    return code
+
+
+def _contact_sheet(run: Any, described: dict[str, Any]) -> int:
+    """Write the sheet; the episodes are done whether it can be or not."""
+    from rpaug import contact
+
+    try:
+        described["contact_sheet"] = str(contact.write(run.adapter, run.source, run.target))
+    except (RpaugError, OSError) as error:
+        described["contact_sheet"], described["contact_sheet_error"] = None, str(error)
+        return 1
+    return 0
+
+
+def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
+    """What a run would do. Everything is checked that can be without looking at images."""
+    from rpaug import pipeline, plan
+    from rpaug.augment import check
+
+    check(run, resume)
+    plans, total, failed = [], {"seconds": 0.0, "megabytes": 0.0}, {}
+    for key in run.keys:
+        try:
+            episode = run.adapter.read(run.source, key)
+        except RpaugError as error:
+            failed[key] = str(error)
+            continue
+        made = plan.make(pipeline.operators(run.recipe), episode, run.tier)
+        cost = made.cost(episode, len(run.copies))
+        total = {name: round(total[name] + cost[name], 1) for name in total}
+        plans.append(
+            {"episode": key, "frames": episode.length, **made.describe(), "estimate": cost}
+        )
+    described = {"copies": len(run.copies), "plans": plans, "unreadable": failed, "estimate": total}
+    if as_json:
+        print_json(described)
+        return 2 if not plans else 1 if failed else 0
+    for one in plans:
+        carriers = ", ".join(sorted(set(one["carriers"].values())))
+        bodies = "bodies tracked" if one["bodies"] else "bodies not needed"
+        about = f"about {one['estimate']['seconds']} s, {one['estimate']['megabytes']} MB"
+        say(f"{one['episode']}: {one['frames']} frames; at most {carriers}; {bodies}; {about}")
+    for key, reason in failed.items():
+        console.print(
+            f"[yellow]would skip[/] {plain(key)}: {plain(reason)}",
+            highlight=False,
+            soft_wrap=True,
+        )
+    say(
+        f"{len(plans) * len(run.copies)} copies, about {total['seconds']} s on one core and "
+        f"{total['megabytes']} MB. Nothing was written."
+    )
+    return 2 if not plans else 1 if failed else 0
+
+
+def _print_summary(described: dict[str, Any]) -> None:
+    for key, reason in described["failures"].items():
+        console.print(
+            f"[yellow]skipped[/] {plain(key)}: {plain(reason)}", highlight=False, soft_wrap=True
+        )
+    if described["aborted"]:
+        console.print(
+            f"[bold red]stopped[/] {plain(described['aborted'])}", highlight=False, soft_wrap=True
+        )
+    if not described["copies"]:
+        return
+    seconds = ", ".join(f"{stage} {value:.1f}" for stage, value in described["seconds"].items())
+    say(f"{described['copies']} episodes in {described['out']} (seconds: {seconds})")
+    say("If RVT trained on this path before, delete its replay folder: it would be reused.")
+    if described["contact_sheet"]:
+        say(f"contact sheet: {described['contact_sheet']}")
+    else:
+        console.print(
+            f"[yellow]no contact sheet[/] {plain(described['contact_sheet_error'])}",
+            soft_wrap=True,
+        )

@@ -1,0 +1,99 @@
+"""`rpaug bench`: error and seconds, measured."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from rpaug.cli.console import AsJson, console, plain, print_json, progress_bar
+
+
+def edits(
+    out: Annotated[Path, typer.Option(help="New folder for table, sheets and plot.")],
+    factor: Annotated[list[str] | None, typer.Option(help="Only these factors.")] = None,
+    task: Annotated[list[str] | None, typer.Option(help="Only these tasks, in turn.")] = None,
+    seeds: Annotated[int, typer.Option(min=1)] = 10,
+    frames: Annotated[int, typer.Option(min=2)] = 17,
+    size: Annotated[int, typer.Option(min=8, help="Pixels a side.")] = 128,
+    antialias: Annotated[bool, typer.Option(help="Anti-alias the colour images.")] = False,
+    specular: Annotated[bool, typer.Option(help="Give surfaces highlights.")] = False,
+    shadows: Annotated[bool, typer.Option(help="Let the lamps cast shadows.")] = False,
+    gaussians: Annotated[
+        bool, typer.Option(help="Also render fitted Gaussians alone: minutes a seed.")
+    ] = False,
+    plot: Annotated[bool, typer.Option(help="Also plot error against seconds.")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Measure every factor's edit, and baselines, against the factor truly changed.
+
+    Example: [bold]rpaug bench edits --factor object_color --seeds 10 --out edits[/]
+    """
+    from rpaug.bench import edits as measured
+    from rpaug.bench import sheets
+    from rpaug.files import atomic_folder
+
+    switches = {"antialias": antialias, "specular": specular, "shadows": shadows}
+    shape = {"seeds": seeds, "frames": frames, "size": size, "gaussians": gaussians}
+    chosen = {"factors": factor, "tasks": task}
+    named = {name: tuple(value) for name, value in chosen.items() if value}
+    setting = measured.Setting(**named, **shape, **switches)  # type: ignore[arg-type]
+    skipped = measured.missing(setting)
+    with atomic_folder(out) as folder:
+        kept = sheets.Sheets(folder, setting)
+        with progress_bar("measuring", as_json) as progress:
+            rows = measured.run(setting, kept.keep, progress)
+        found = measured.summary(rows)
+        images = list(kept.write().values())
+        if plot:
+            images.append(sheets.plot(folder / "edits.png", found))
+        (folder / "edits.json").write_bytes(measured.encoded(setting, rows))
+        (folder / "edits.csv").write_bytes(measured.table(rows))
+        sheets.page(folder, found, images)
+    if as_json:
+        print_json({"out": str(out), "skipped": skipped, "summary": found})
+    else:
+        _print_bench(found, skipped, out)
+    return 0 if rows else 2
+
+
+BENCH_WIDTH = 140  # columns of the printed table
+BENCH_DIGITS = {
+    "psnr": 1, "psnr_worst": 1, "psnr_scaled": 1, "ssim": 3, "ciede2000": 2, "outside_worst": 0, "flicker": 2,
+    "holes": 3, "depth": 2, "iou": 3, "reprojection": 3, "seconds": 2,
+}  # fmt: skip
+
+
+def _print_bench(found: list[dict[str, Any]], skipped: dict[str, str], out: Path) -> None:
+    from rpaug.bench.sheets import PAGE
+
+    for name, reason in skipped.items():
+        console.print(f"[yellow]skipped[/] {name}: {plain(reason)}", highlight=False)
+    terminal = Console()
+    # Both sides given: else a dumb terminal is taken for 80 columns, and figures are cut off.
+    printer = Console(width=max(terminal.width, BENCH_WIDTH), height=terminal.height)
+    for factor in dict.fromkeys(entry["factor"] for entry in found):
+        table = Table(title=factor, title_justify="left", box=box.SIMPLE_HEAD)
+        for name in (
+            "method",
+            "dB",
+            "worst",
+            "lead",
+            "scaled",
+            "SSIM",
+            "ΔE00",
+            "outside",
+            "flicker",
+        ):
+            table.add_column(name, justify="left" if name == "method" else "right", no_wrap=True)
+        for name in ("holes", "depth mm", "IoU", "across mm", "CPU s"):
+            table.add_column(name, justify="right", no_wrap=True)
+        for entry in found:
+            if entry["factor"] == factor:
+                figures = [f"{entry[name]:.{digits}f}" for name, digits in BENCH_DIGITS.items()]
+                lead = "" if entry["lead"] is None else f"{entry['lead']:+.1f}"
+                table.add_row(entry["method"], *figures[:2], lead, *figures[2:])
+        printer.print(table)
+    printer.print(f"sheets: {out / PAGE}", highlight=False, soft_wrap=True)

@@ -1,0 +1,113 @@
+"""What all commands share: where they print, how they fail, and the arguments they have in common.
+
+Every command prints for people, or with --json for programs. Exit codes: 0 done; 1 done, but some episodes were
+skipped; 2 nothing was done, and one line says why.
+"""
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from rpaug.errors import BadInput, RpaugError
+
+console = Console(stderr=True)
+
+Dataset = Annotated[Path, typer.Argument(help="Folder of a dataset.", show_default=False)]
+EpisodeKey = Annotated[str | None, typer.Option(help="Key of one episode; the first if not given.")]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON value on stdout, nothing else.")
+]
+
+
+def guarded(command: Callable[..., int]) -> Callable[..., None]:
+    """Expected failures become one line and exit code 2; a bug of ours says so, and how to see it."""
+
+    @wraps(command)
+    def run(*args: Any, **kwargs: Any) -> None:
+        try:
+            code = command(*args, **kwargs)
+        except RpaugError as error:
+            code = fail(str(error), kwargs.get("as_json", False))
+        except OSError as error:
+            place = f"{error.filename}: " if error.filename else ""
+            code = fail(f"{place}{error.strerror or error}", kwargs.get("as_json", False))
+        except KeyboardInterrupt:
+            code = fail(
+                "stopped; what is in an output folder is whole", kwargs.get("as_json", False)
+            )
+        except (typer.Exit, typer.Abort):
+            raise
+        except Exception as error:
+            if os.environ.get("RPAUG_DEBUG"):
+                raise
+            name = type(error).__name__
+            code = fail(
+                f"a fault in rpaug ({name}: {error}); RPAUG_DEBUG=1 shows where",
+                kwargs.get("as_json", False),
+            )
+        raise typer.Exit(code)
+
+    return run
+
+
+def fail(message: str, as_json: bool) -> int:
+    if as_json:
+        print_json({"error": message})
+    else:
+        console.print(f"[bold red]error[/] {plain(message)}", highlight=False, soft_wrap=True)
+    return 2
+
+
+def plain(text: str) -> str:
+    return text.replace("[", r"\[")
+
+
+def print_json(value: Any) -> None:
+    sys.stdout.write(json.dumps(value, indent=1, ensure_ascii=False) + "\n")
+
+
+@contextmanager
+def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, disable=quiet, transient=True) as bar:
+        task = bar.add_task(title, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def say(line: str) -> None:
+    """One line on stdout, never wrapped."""
+    Console().print(plain(line), highlight=False, soft_wrap=True)
+
+
+def read_episode(dataset: Path, key: str | None) -> Any:
+    from rpaug import registry
+
+    adapter = registry.adapter_for(dataset)
+    keys = adapter.episodes(dataset)
+    if key is not None and key not in keys:
+        raise BadInput(dataset, "--episode", found=key, expected=f"one of: {', '.join(keys[:20])}")
+    return adapter.read(dataset, key if key is not None else keys[0])
+
+
+def write_new(path: Path, data: bytes) -> None:
+    from rpaug.files import write_atomic
+
+    if path.exists():
+        raise BadInput(
+            path, "output", found="something there already", expected="a path that does not exist"
+        )
+    write_atomic(path, data)

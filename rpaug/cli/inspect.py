@@ -1,0 +1,52 @@
+"""`rpaug inspect`: what an episode holds."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rpaug.cli.console import AsJson, Dataset, EpisodeKey, print_json, read_episode, say, write_new
+
+
+def inspect(
+    dataset: Dataset,
+    episode: EpisodeKey = None,
+    html: Annotated[
+        Path | None, typer.Option(help="Also write a page with thumbnails to this new file.")
+    ] = None,
+    as_json: AsJson = False,
+) -> int:
+    """Show cameras, frames, instruction and every instance: handle, role, colour, size, motion.
+
+    Example: [bold]rpaug inspect data/train/open_drawer --html instances.html[/]
+    """
+    from rpaug import inspect as inspection
+
+    found = read_episode(dataset, episode)
+    described, rows = inspection.inspect(found)
+    if html is not None:
+        write_new(html, inspection.page(found, described, rows))
+        described["html"] = str(html)
+    if as_json:
+        print_json(described)
+        return 0
+    say(f"{described['episode']}: “{described['instruction']}”, {found.length} frames")
+    say(f"key frames: {', '.join(map(str, described['key_frames'])) or 'none'}")
+    for name, camera in described["cameras"].items():
+        kind = "fixed" if camera["fixed"] else "moving"
+        say(
+            f"  {name}: {camera['width']}x{camera['height']}, {kind}, {', '.join(camera['images'])}"
+        )
+    if not rows:
+        say("no instances: that takes masks and depth")
+        return 0
+    say(
+        f"{'handle':>8}  {'role':12}{'colour':9}{'size, cm':22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
+    )
+    for row in rows:
+        motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion
+        size = " x ".join(f"{side:.1f}" for side in row.size_cm)
+        body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
+        line = f"{row.handle:>8}  {row.role:12}{row.colour_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
+        say(f"{line}{row.frames:8d}  {body}")
+    return 0
