@@ -76,8 +76,8 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
 
 
 def key_frames(episode: Episode) -> list[int]:
-    """At most four frames worth seeing: the key frames, evenly thinned."""
-    found = sorted({0, *keyframes.find(episode.robot)})
+    """At most four frames worth seeing: the key frames (all frames where there are none), evenly thinned."""
+    found = sorted({0, *(keyframes.find(episode.robot) or range(episode.length))})
     picks = sorted(
         set(np.linspace(0, len(found) - 1, min(MOST_FRAMES, len(found))).round().astype(int))
     )

@@ -61,12 +61,16 @@ class CameraView:
 
 @dataclass(frozen=True)
 class Robot:
-    """What the robot recorded. Never edited, written back as it came."""
+    """What the robot recorded. Never edited, written back as it came.
+
+    Joints are (t, 0) and the gripper's pose and opening None where a source does not have them, or does not say
+    which of its numbers they are; `extra` has all its numbers by their own names.
+    """
 
     joint_positions: Float64[np.ndarray, "t j"]
     joint_velocities: Float64[np.ndarray, "t j"]
-    gripper_to_world: Float64[np.ndarray, "t 4 4"]
-    gripper_open: Float64[np.ndarray, "t"]
+    gripper_to_world: Float64[np.ndarray, "t 4 4"] | None
+    gripper_open: Float64[np.ndarray, "t"] | None
     extra: Mapping[str, Float64[np.ndarray, "t ..."]] = field(default_factory=dict)
 
 

@@ -58,6 +58,8 @@ def link_tracks(robot: Robot) -> Float64[np.ndarray, "j t 4 4"] | None:
     after Park and Martin 1994, then Gauss-Newton); an arm counts as known when it predicts the gripper to
     GOOD_FIT.
     """
+    if robot.gripper_to_world is None:
+        return None
     for arm in KNOWN:
         if robot.joint_positions.shape[1] != len(arm.a) or len(robot.joint_positions) < 10:
             continue
@@ -72,6 +74,7 @@ def _calibrated(
 ) -> tuple[Float64[np.ndarray, "4 4"], Float64[np.ndarray, "j"], float]:
     """The arm's base, what to add to its joint readings, and how far the gripper is then off (rms, metres)."""
     joints, gripper = robot.joint_positions, robot.gripper_to_world
+    assert gripper is not None
     zeros = np.zeros(len(arm.a))
     base = _first_base(forward(arm, joints)[-1], gripper)
     tool = geometry.inverse(base @ forward(arm, joints[:1])[-1][0]) @ gripper[0]

@@ -86,7 +86,12 @@ def track(episode: Episode, looks: Looks | None = None) -> tuple[Body, ...]:
 
 
 def _carriers(episode: Episode) -> Float64[np.ndarray, "m t 4 4"]:
-    """World poses of the world itself, the gripper, and the arm's links but the last, which is the gripper's."""
+    """World poses of the world itself, the gripper, and the arm's links but the last, which is the gripper's.
+
+    A gripper whose pose is unknown stands as still as the world, so that nothing is found to hang on it.
+    """
+    if episode.robot.gripper_to_world is None:
+        return np.tile(np.eye(4), (2, episode.length, 1, 1))
     gripper = episode.robot.gripper_to_world.copy()
     # Recorded rotations are rounded to float32: made exact, or their products over a track grow.
     left, _, right = np.linalg.svd(gripper[:, :3, :3])

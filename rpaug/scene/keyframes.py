@@ -12,12 +12,14 @@ REST = 4  # frames after a stop before another may count
 
 
 def find(robot: Robot) -> list[int]:
-    """Frames, ascending, the last one always among them.
+    """Frames, ascending, the last one always among them; none where the gripper's opening is unknown.
 
     A frame counts when the gripper is not as it was one frame before, when the arm stops while the gripper
     has been the same for three frames, or when it is the last. A second key frame right before the last one
     is the same stop seen twice and is dropped.
     """
+    if robot.gripper_open is None:
+        return []
     length = len(robot.gripper_open)
     found: list[int] = []
     rest = 0
@@ -37,6 +39,7 @@ def _stopped(robot: Robot, t: int) -> bool:
 
     The two first frames look back around the end of the recording, as the readers' own rule does.
     """
+    assert robot.gripper_open is not None
     if t >= len(robot.gripper_open) - 2:
         return False
     steady = len({float(robot.gripper_open[t + k]) for k in (-2, -1, 0, 1)}) == 1

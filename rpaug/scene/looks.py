@@ -39,8 +39,10 @@ class Looks:
         return found[found > 0]
 
 
-def events(gripper_open: Float64[np.ndarray, "t"]) -> Int[np.ndarray, "e"]:
-    """Frames t after which the gripper starts to open or close (it differs at t + 1)."""
+def events(gripper_open: Float64[np.ndarray, "t"] | None) -> Int[np.ndarray, "e"]:
+    """Frames t after which the gripper starts to open or close (it differs at t + 1); none where that is unknown."""
+    if gripper_open is None:
+        return np.zeros(0, int)
     state = gripper_open > 0.5
     return np.flatnonzero(state[1:] != state[:-1])
 

@@ -142,8 +142,10 @@ def _moves_first(body: Body, things: Mapping[int, _Thing]) -> bool:
 
 
 def _gripper_start(episode: Episode) -> int:
-    """The first frame at which the gripper is not where it began."""
+    """The first frame at which the gripper is not where it began; the episode's length if it never leaves."""
     poses = episode.robot.gripper_to_world
+    if poses is None:
+        return episode.length
     moved = np.abs(poses - poses[:1]).max((1, 2)) > 1e-4
     return int(np.argmax(moved)) if moved.any() else len(moved)
 

@@ -41,7 +41,8 @@ def key(episode: Episode, settings: Any, seed: int) -> str:
     digest.update(json.dumps(_plain(settings), sort_keys=True).encode())
     robot = episode.robot
     for array in (robot.joint_positions, robot.gripper_to_world, robot.gripper_open):
-        _add(digest, array)
+        if array is not None:
+            _add(digest, array)
     for name in sorted(episode.views):
         view = episode.views[name]
         digest.update(name.encode() + b"\0")

@@ -21,7 +21,7 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
     """Edited episodes of `dataset`, one coherent draw per (epoch, episode), shared by all cameras and frames.
 
     Item i is a dict: `key`, `instruction`, `frames` (n,) int64, `edits` (what was drawn, plain JSON values),
-    `joint_positions` (n, j), `gripper_to_world` (n, 4, 4), `gripper_open` (n,) float64 as recorded, and `cameras`, per
+    `joint_positions` (n, j), `gripper_to_world` (n, 4, 4), `gripper_open` (n,) float64 as recorded (where known), and `cameras`, per
     name a dict of `rgb` (n, h, w, 3) uint8, `depth` (n, h, w) float32 metres, `ids` (n, h, w) int32, `K` (3, 3) and
     `cam_to_world` (n, 4, 4) float64 (OpenCV axes, integer pixel centres).
 
@@ -87,15 +87,25 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
             "frames": torch.tensor(chosen),
             "edits": edits,
             "joint_positions": torch.from_numpy(robot.joint_positions[chosen]),
-            "gripper_to_world": torch.from_numpy(robot.gripper_to_world[chosen]),
-            "gripper_open": torch.from_numpy(robot.gripper_open[chosen]),
+            **{
+                name: torch.from_numpy(track[chosen])
+                for name in ("gripper_to_world", "gripper_open")
+                if (track := getattr(robot, name)) is not None
+            },
             "cameras": {name: _images(episode, name, chosen) for name in names},
         }
 
     def _chosen(self, episode: Episode) -> list[int]:
         if isinstance(self.frames, str):
             every = list(range(episode.length))
-            return every if self.frames == "all" else sorted({0, *keyframes.find(episode.robot)})
+            if self.frames == "all":
+                return every
+            if episode.robot.gripper_open is None:
+                reason = (
+                    f"{episode.key}: key frames need the gripper's opening; ask for frames='all'"
+                )
+                raise Unsupported(reason)
+            return sorted({0, *keyframes.find(episode.robot)})
         return list(self.frames)
 
 
