@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 TORCH ?= torch==2.13.0
 BIN := $(VENV)/bin
 
-.PHONY: demo test check unit wheel test-gpu gl clean
+.PHONY: demo test check unit wheel test-gpu test-tfds clean
 .DEFAULT_GOAL := test
 
 $(VENV)/.installed: pyproject.toml
@@ -32,6 +32,9 @@ wheel: $(VENV)/.installed
 
 test-gpu: $(VENV)/.installed
 	$(BIN)/python -m pytest -m gpu
+
+test-tfds: $(VENV)/.installed
+	$(BIN)/python -m pytest tests/readers/test_tfds_reader.py
 
 clean:
 	rm -rf $(VENV) build dist demo-output *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

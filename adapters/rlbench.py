@@ -31,6 +31,9 @@ class RLBench(Adapter):
     """Reads and writes RLBench-format datasets in every layout named above."""
 
     name: ClassVar[str] = "rlbench"
+    after: ClassVar[str] = (
+        "If RVT trained on this path before, delete its replay folder: it would be reused."
+    )
 
     def episodes(self, root: Path) -> Sequence[str]:
         keys, seen = [], set()

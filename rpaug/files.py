@@ -52,7 +52,7 @@ class Png:
     interlaced: bool
 
 
-def check_png(path: Path, data: bytes) -> Png:
+def check_png(path: Path | str, data: bytes) -> Png:
     """The header of a PNG whose chunks are all there and whole (PNG spec, section 5).
 
     OpenCV decodes a cut-off file into a half-grey picture without a word, so lengths and CRCs are checked here.
@@ -70,7 +70,7 @@ def check_png(path: Path, data: bytes) -> Png:
     return header
 
 
-def _chunks(path: Path, data: bytes) -> Iterator[tuple[bytes, int, int]]:
+def _chunks(path: Path | str, data: bytes) -> Iterator[tuple[bytes, int, int]]:
     """Kind, place and length of each chunk's data, up to IEND. Raises BadInput for a damaged one."""
     at, kind = 8, b""
     while kind != b"IEND":
@@ -100,7 +100,7 @@ def _chunks(path: Path, data: bytes) -> Iterator[tuple[bytes, int, int]]:
         at = end
 
 
-def _header(path: Path, data: bytes, at: int) -> Png:
+def _header(path: Path | str, data: bytes, at: int) -> Png:
     width, height, bits, colour, _, _, interlaced = struct.unpack_from(">IIBBBBB", data, at)
     if not all(0 < side <= MAX_SIDE for side in (width, height)):
         raise BadInput(
@@ -114,20 +114,23 @@ def _header(path: Path, data: bytes, at: int) -> Png:
 
 def decode_png(path: Path) -> UInt8[np.ndarray, "h w ..."]:
     """The checked image as stored: (h, w, 3) RGB or (h, w) grey, uint8; transparency is dropped. Raises BadInput."""
-    data = read_bytes(path)
-    header = check_png(path, data)
+    return _png_pixels(path, read_bytes(path))
+
+
+def _png_pixels(where: Path | str, data: bytes) -> UInt8[np.ndarray, "h w ..."]:
+    header = check_png(where, data)
     if header.bits > 8:
-        raise BadInput(path, "bit depth", found=f"{header.bits} bits", expected="8 bits a channel")
-    _check_pixels(path, data, header)
+        raise BadInput(where, "bit depth", found=f"{header.bits} bits", expected="8 bits a channel")
+    _check_pixels(where, data, header)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise BadInput(path, "image data", found="undecodable data", expected="a PNG image")
+        raise BadInput(where, "image data", found="undecodable data", expected="a PNG image")
     if image.ndim == 2:
         return image
     return np.ascontiguousarray(image[..., 2::-1] if image.shape[2] >= 3 else image[..., 0])
 
 
-def _check_pixels(path: Path, data: bytes, header: Png) -> None:
+def _check_pixels(path: Path | str, data: bytes, header: Png) -> None:
     """That the compressed pixels are as many as the header says, before a decoder complains in its own words."""
     if header.interlaced or header.bits != 8:
         return  # rows are packed otherwise; the decoder judges
@@ -142,7 +145,7 @@ def _check_pixels(path: Path, data: bytes, header: Png) -> None:
         raise BadInput(path, "image data", found=count, expected=f"{wanted} bytes")
 
 
-def check_jpeg(path: Path, data: bytes) -> tuple[int, int]:
+def check_jpeg(path: Path | str, data: bytes) -> tuple[int, int]:
     """Width and height of a JPEG that runs from its start to its end marker (ITU T.81, annex B). Raises BadInput."""
     if data[:2] != b"\xff\xd8":
         raise BadInput(path, "signature", found=repr(data[:2]), expected="a JPEG file")
@@ -168,16 +171,40 @@ def check_jpeg(path: Path, data: bytes) -> tuple[int, int]:
     raise BadInput(path, "frame header", found="none", expected="a JPEG with a size")
 
 
-def decode_image(path: Path) -> UInt8[np.ndarray, "h w ..."]:
-    """A checked PNG or JPEG: (h, w, 3) RGB or (h, w) single-channel, uint8. Raises BadInput."""
-    data = read_bytes(path)
+def decode_image(where: Path | str, data: bytes | None = None) -> UInt8[np.ndarray, "h w ..."]:
+    """A checked PNG or JPEG: (h, w, 3) RGB or (h, w) single-channel, uint8. Raises BadInput.
+
+    `where` is the file, or, with `data` given, what to call the place that the bytes came from.
+    """
+    data = read_bytes(Path(where)) if data is None else data
     if data[:2] != b"\xff\xd8":
-        return decode_png(path)
-    check_jpeg(path, data)
+        return _png_pixels(where, data)
+    check_jpeg(where, data)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
-        raise BadInput(path, "image data", found="undecodable data", expected="a JPEG image")
+        raise BadInput(where, "image data", found="undecodable data", expected="a JPEG image")
     return np.ascontiguousarray(image[..., ::-1])
+
+
+def check_image(where: Path | str, data: bytes) -> tuple[int, int]:
+    """Width and height of a whole PNG or JPEG. Raises BadInput."""
+    if data[:2] == b"\xff\xd8":
+        return check_jpeg(where, data)
+    header = check_png(where, data)
+    return header.width, header.height
+
+
+def encode_jpeg(image: UInt8[np.ndarray, "h w 3"]) -> bytes:
+    """JPEG bytes of an RGB image at the best quality with full chroma: what was not edited comes back nearly as it was
+    (docs/why/jpeg.md)."""
+    options = [
+        cv2.IMWRITE_JPEG_QUALITY, 100,
+        cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+    ]  # fmt: skip
+    done, data = cv2.imencode(".jpg", np.ascontiguousarray(image[..., ::-1]), options)
+    if not done:
+        raise ValueError(f"cannot encode an image of shape {image.shape}, {image.dtype}")
+    return data.tobytes()
 
 
 def encode_png(image: UInt8[np.ndarray, "h w ..."]) -> bytes:

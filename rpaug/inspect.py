@@ -75,6 +75,7 @@ def _camera(view: CameraView) -> dict[str, Any]:
         "height": camera.height,
         "focal": float(camera.K[0, 0]),
         "fixed": camera.fixed,
+        "assumed": camera.assumed,
         "images": images,
     }
 

@@ -46,6 +46,9 @@ class Adapter(ABC):
     """
 
     name: ClassVar[str]
+    after: ClassVar[str] = (
+        ""  # what whoever trains on the output should know, said at the end of a run
+    )
 
     @abstractmethod
     def episodes(self, root: Path) -> Sequence[str]:

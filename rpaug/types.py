@@ -31,12 +31,16 @@ class Effect(Flag):
 
 @dataclass(frozen=True)
 class Camera:
-    """Intrinsics and pose track of one camera (OpenCV axes, integer pixel centres)."""
+    """Intrinsics and pose track of one camera (OpenCV axes, integer pixel centres).
+
+    `assumed` is set where a source says neither and both are stand-ins that nothing may be measured by.
+    """
 
     K: Float64[np.ndarray, "3 3"]
     cam_to_world: Float64[np.ndarray, "t 4 4"]
     width: int
     height: int
+    assumed: bool = False
 
     @property
     def fixed(self) -> bool:

@@ -59,7 +59,7 @@ def augment(
     if as_json:
         print_json(described)
     else:
-        _print_summary(described)
+        _print_summary(described, run.adapter.after)
     return code
 
 
@@ -116,7 +116,7 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
     return 2 if not plans else 1 if failed else 0
 
 
-def _print_summary(described: dict[str, Any]) -> None:
+def _print_summary(described: dict[str, Any], hint: str) -> None:
     for key, reason in described["failures"].items():
         console.print(
             f"[yellow]skipped[/] {plain(key)}: {plain(reason)}", highlight=False, soft_wrap=True
@@ -129,7 +129,8 @@ def _print_summary(described: dict[str, Any]) -> None:
         return
     seconds = ", ".join(f"{stage} {value:.1f}" for stage, value in described["seconds"].items())
     say(f"{described['copies']} episodes in {described['out']} (seconds: {seconds})")
-    say("If RVT trained on this path before, delete its replay folder: it would be reused.")
+    if hint:
+        say(hint)
     if described["contact_sheet"]:
         say(f"contact sheet: {described['contact_sheet']}")
     else:

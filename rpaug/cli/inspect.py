@@ -33,7 +33,7 @@ def inspect(
     say(f"{described['episode']}: “{described['instruction']}”, {found.length} frames")
     say(f"key frames: {', '.join(map(str, described['key_frames'])) or 'none'}")
     for name, camera in described["cameras"].items():
-        kind = "fixed" if camera["fixed"] else "moving"
+        kind = "unknown pose" if camera["assumed"] else "fixed" if camera["fixed"] else "moving"
         say(
             f"  {name}: {camera['width']}x{camera['height']}, {kind}, {', '.join(camera['images'])}"
         )

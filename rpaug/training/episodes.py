@@ -21,9 +21,9 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
     """Edited episodes of `dataset`, one coherent draw per (epoch, episode), shared by all cameras and frames.
 
     Item i is a dict: `key`, `instruction`, `frames` (n,) int64, `edits` (what was drawn, plain JSON values),
-    `joint_positions` (n, j), `gripper_to_world` (n, 4, 4), `gripper_open` (n,) float64 as recorded (where known), and `cameras`, per
-    name a dict of `rgb` (n, h, w, 3) uint8, `depth` (n, h, w) float32 metres, `ids` (n, h, w) int32, `K` (3, 3) and
-    `cam_to_world` (n, 4, 4) float64 (OpenCV axes, integer pixel centres).
+    `joint_positions` (n, j), `gripper_to_world` (n, 4, 4), `gripper_open` (n,) float64 as recorded, where known, and
+    `cameras`, per name a dict of `rgb` (n, h, w, 3) uint8, `depth` (n, h, w) float32 metres, `ids` (n, h, w) int32,
+    `K` (3, 3) and `cam_to_world` (n, 4, 4) float64 (OpenCV axes, integer pixel centres).
 
     `frames` says which frames: the key frames (PerAct's rule, the first frame among them), all, or given numbers.
     The same recipe, epoch and episode give the same item in any worker and in any order; `set_epoch` before each

@@ -1,0 +1,212 @@
+"""Where the records of an RLDS dataset lie: packed in shards as TFDS lays them out, or one file each while it grows.
+
+A finished dataset has `dataset_info.json` and `<name>-<split>.tfrecord-<i>-of-<n>`. Until then each episode is a folder
+`<split>/<number>/` with one record in `episode.tfrecord`, so that it can appear by one rename; `pack` gathers them.
+"""
+
+import json
+import math
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rpaug_adapters import _tfrecord
+from rpaug_adapters._rlds_features import FEATURES
+
+from rpaug import BadInput
+from rpaug.files import PART, read_bytes, write_atomic
+
+INFO = "dataset_info.json"
+STAGED = "episode.tfrecord"
+TEMPLATE = "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}"
+
+
+@dataclass(frozen=True)
+class Split:
+    """One split of a finished dataset: how many records each of its files holds."""
+
+    name: str
+    files: tuple[Path, ...]
+    lengths: tuple[int, ...]
+
+    def find(self, number: int) -> tuple[Path, int]:
+        """The file of a record and its place there. Raises BadInput where file and `dataset_info.json` differ."""
+        for path, length in zip(self.files, self.lengths, strict=True):
+            if number < length:
+                held = len(_tfrecord.places(path))
+                if held != length:
+                    raise BadInput(
+                        path, "records", found=str(held), expected=f"{length}, as {INFO} says"
+                    )
+                return path, number
+            number -= length
+        raise IndexError(number)
+
+
+def datasets(root: Path) -> Iterator[Path]:
+    """Folders at or under `root` that hold a dataset's features."""
+    for folder, subfolders, files in os.walk(root):
+        subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
+        if FEATURES in files:
+            yield Path(folder)
+            subfolders.clear()
+
+
+def info(folder: Path) -> dict[str, Any]:
+    """What `dataset_info.json` says. Raises BadInput."""
+    path = folder / INFO
+    try:
+        described = json.loads(read_bytes(path))
+    except (ValueError, RecursionError) as error:
+        raise BadInput(path, "JSON", found=str(error), expected="a description by TFDS") from None
+    if not isinstance(described, dict) or not isinstance(described.get("splits"), list):
+        raise BadInput(path, "splits", found="none", expected="a list of splits")
+    kind = described.get("fileFormat", "tfrecord")
+    if kind != "tfrecord":
+        raise BadInput(path, "fileFormat", found=str(kind), expected="tfrecord")
+    return described
+
+
+def splits(folder: Path) -> dict[str, Split]:
+    """The packed splits of a dataset; none while it grows. Raises BadInput."""
+    if not (folder / INFO).is_file():
+        return {}
+    described, found = info(folder), {}
+    for entry in described["splits"]:
+        name, lengths = _named(folder, entry)
+        template = str(entry.get("filepathTemplate") or TEMPLATE)
+        files = tuple(
+            folder / _file(template, str(described.get("name")), name, i, len(lengths))
+            for i in range(len(lengths))
+        )
+        found[name] = Split(name, files, lengths)
+    return found
+
+
+def _named(folder: Path, entry: Any) -> tuple[str, tuple[int, ...]]:
+    name = entry.get("name") if isinstance(entry, dict) else None
+    try:
+        lengths = tuple(int(length) for length in entry["shardLengths"])
+    except (KeyError, TypeError, ValueError):
+        lengths = (-1,)
+    wrong = not isinstance(name, str) or not name or "/" in name or name.startswith(".")
+    if wrong or any(length < 0 for length in lengths):
+        expected = "a name and shardLengths"
+        raise BadInput(folder / INFO, "splits", found=str(entry)[:80], expected=expected)
+    assert isinstance(name, str)
+    return name, lengths
+
+
+def _file(template: str, dataset: str, split: str, i: int, count: int) -> str:
+    fields = {
+        "DATASET": dataset,
+        "SPLIT": split,
+        "FILEFORMAT": "tfrecord",
+        "SHARD_INDEX": f"{i:05d}",
+        "NUM_SHARDS": f"{count:05d}",
+        "SHARD_X_OF_Y": f"{i:05d}-of-{count:05d}",
+    }
+    name = template
+    for field, value in fields.items():
+        name = name.replace("{" + field + "}", value)
+    return Path(name).name  # never outside the dataset's folder
+
+
+def staged(folder: Path) -> dict[str, list[int]]:
+    """Numbers of the episodes that are not packed yet, by split, ascending."""
+    found: dict[str, list[int]] = {}
+    for path in folder.glob(f"*/*/{STAGED}"):
+        if path.parent.name.isdigit():
+            found.setdefault(path.parent.parent.name, []).append(int(path.parent.name))
+    return {split: sorted(numbers) for split, numbers in sorted(found.items())}
+
+
+def record(folder: Path, split: str, number: int) -> tuple[str, bytes]:
+    """What to call an episode's record, and its bytes. Raises BadInput."""
+    path = folder / split / str(number) / STAGED
+    place = 0
+    if not path.is_file():
+        path, place = splits(folder)[split].find(number)
+    return f"{path}: record {place}", _tfrecord.read(path, place)
+
+
+def pack(source: Path, folder: Path) -> None:
+    """Gather an output's episodes into shards like its source's and describe them, then drop the single files.
+
+    With as many episodes as the source's the shards are divided alike. Killed at any point, every record is still
+    there, packed or not.
+    """
+    numbers = staged(folder)
+    if not numbers:
+        return
+    if (folder / INFO).is_file():
+        _unpack(folder)
+        numbers = staged(folder)
+    described, like = info(source), splits(source)
+    entries = []
+    for entry in described["splits"]:
+        split = like[entry["name"]]
+        if split.name in numbers:
+            entries.append(entry | _shards(described, entry, split, folder, numbers[split.name]))
+    data = json.dumps(described | {"splits": entries}, indent=2).encode()
+    same = entries == described["splits"]
+    write_atomic(folder / INFO, read_bytes(source / INFO) if same else data)
+    _drop(folder, numbers)
+
+
+def _shards(
+    described: dict[str, Any], entry: dict[str, Any], like: Split, folder: Path, numbers: list[int]
+) -> dict[str, Any]:
+    lengths = _divided(len(numbers), like.lengths)
+    total, rest = 0, iter(numbers)
+    template = str(entry.get("filepathTemplate") or TEMPLATE)
+    for i, length in enumerate(lengths):
+        name = _file(template, str(described.get("name")), like.name, i, len(lengths))
+        work = folder / f".{name}{PART}"
+        with work.open("wb") as shard:
+            for _ in range(length):
+                path = folder / like.name / str(next(rest)) / STAGED
+                total += path.stat().st_size - _tfrecord.FRAME
+                with path.open("rb") as stream:
+                    shutil.copyfileobj(stream, shard, 2**20)
+        os.replace(work, folder / name)
+    return {"numBytes": str(total), "shardLengths": [str(length) for length in lengths]}
+
+
+def _divided(count: int, like: Sequence[int]) -> list[int]:
+    """How many records each shard gets: as in the source, or even shards of about its size."""
+    if count == sum(like):
+        return list(like)
+    usual = max(1, math.ceil(sum(like) / max(len(like), 1)))
+    shards = max(1, math.ceil(count / usual))
+    return [count // shards + (i < count % shards) for i in range(shards)]
+
+
+def _unpack(folder: Path) -> None:
+    """Back to one file an episode: a finished output is to grow."""
+    packed = splits(folder)
+    for split in packed.values():
+        for number in range(sum(split.lengths)):
+            path = folder / split.name / str(number) / STAGED
+            if not path.exists():
+                data = _tfrecord.read(*split.find(number))
+                write_atomic(path, _tfrecord.frame(data))
+    (folder / INFO).unlink()
+    for split in packed.values():
+        for path in split.files:
+            path.unlink()
+
+
+def _drop(folder: Path, numbers: dict[str, list[int]]) -> None:
+    """Remove the single files, and their folders where nothing lies beside them."""
+    for split, held in numbers.items():
+        for number in held:
+            path = folder / split / str(number) / STAGED
+            path.unlink()
+            if not any(path.parent.iterdir()):
+                path.parent.rmdir()
+        if not any((folder / split).iterdir()):
+            (folder / split).rmdir()

@@ -1,0 +1,96 @@
+"""RLDS episodes of Open X-Embodiment: one TFRecord record each, read and written without TensorFlow.
+
+`<dataset>/<version>/{features.json, dataset_info.json, <name>-<split>.tfrecord-<i>-of-<n>}`. Traps this file knows:
+
+- `steps` is flattened: `steps/observation/image_0` holds the encoded images of all steps, `steps/action` T x 7 floats;
+  which features are images, depth or words is told by their types in `features.json`, never by fixed names;
+- no record carries intrinsics or extrinsics: `cameras.yaml` beside `features.json` may, else the cameras are `assumed`
+  and whatever needs to measure in the world is refused;
+- `numBytes` in `dataset_info.json` counts the records alone, not their framing;
+- real files say is_last = 0 on every step, hold black dummy images, and describe their features wrongly.
+
+Keys are `<split>/<number>`, below the dataset's own path. Records keep every byte but those of features that changed.
+"""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+from typing import ClassVar
+
+from rpaug_adapters import _rlds_cameras, _rlds_files, _rlds_read, _rlds_write, _tfrecord
+from rpaug_adapters._rlds_features import FEATURES, leaves
+from rpaug_adapters._rlds_read import Recorded
+
+from rpaug import Adapter, BadInput, Episode, Side, Unsupported
+from rpaug.files import atomic_folder, read_bytes, write_atomic
+
+
+class RLDS(Adapter):
+    """Reads and writes TFDS datasets whose features have steps."""
+
+    name: ClassVar[str] = "rlds"
+
+    def episodes(self, root: Path) -> Sequence[str]:
+        keys = []
+        for folder in _rlds_files.datasets(root):
+            if leaves(folder) is None:
+                continue
+            counts = {
+                name: set(range(sum(split.lengths)))
+                for name, split in _rlds_files.splits(folder).items()
+            }
+            for name, numbers in _rlds_files.staged(folder).items():
+                counts.setdefault(name, set()).update(numbers)
+            at = PurePosixPath(folder.relative_to(root).as_posix())
+            keys += [
+                (at / name / str(i)).as_posix()
+                for name, held in counts.items()
+                for i in sorted(held)
+            ]
+        return keys
+
+    def read(self, root: Path, key: str) -> Episode:
+        folder, split, number = _place(root, key)
+        return _rlds_read.read(folder, split, number, key)
+
+    def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
+        if not isinstance(episode.source, Recorded):
+            raise Unsupported(f"{key}: the rlds adapter writes episodes that were read from RLDS")
+        recorded = episode.source
+        folder, split, number = _place(root, key)
+        if (split, number) in _packed(folder):
+            raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
+        with atomic_folder(root / key) as work:
+            record, files = _rlds_write.encoded(episode, recorded)
+            (work / _rlds_files.STAGED).write_bytes(_tfrecord.frame(record))
+            for name, data in {**files, **side()}.items():
+                (work / name).write_bytes(data)
+            for name in (FEATURES, _rlds_cameras.NAME):  # last: a write that failed leaves nothing
+                if (recorded.folder / name).is_file() and not (folder / name).exists():
+                    write_atomic(folder / name, read_bytes(recorded.folder / name))
+
+    def key_at(self, like: str, index: int) -> str:
+        return (PurePosixPath(like).parent / str(index)).as_posix()
+
+    def finish(self, source: Path, target: Path) -> None:
+        """Records into shards, `dataset_info.json`, and whatever else lies beside a dataset's features."""
+        for folder in _rlds_files.datasets(target):
+            like = source / folder.relative_to(target)
+            _rlds_files.pack(like, folder)
+            for path in like.iterdir():
+                # TFDS keeps label names and the like in files named after features.
+                if path.is_file() and path.suffix == ".txt" and not (folder / path.name).exists():
+                    shutil.copyfile(path, folder / path.name)
+
+
+def _place(root: Path, key: str) -> tuple[Path, str, int]:
+    *above, split, number = PurePosixPath(key).parts
+    return root.joinpath(*above), split, int(number)
+
+
+def _packed(folder: Path) -> set[tuple[str, int]]:
+    return {
+        (name, i)
+        for name, split in _rlds_files.splits(folder).items()
+        for i in range(sum(split.lengths))
+    }

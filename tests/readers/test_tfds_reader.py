@@ -1,0 +1,62 @@
+"""What the rlds adapter writes is read by stock TFDS under TensorFlow, in its own process."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from rpaug import recipe
+from rpaug.augment import Run, execute
+
+DRIVER = Path(__file__).with_name("read_with_tfds.py")
+PLACE = "bridge_dataset/1.0.0"
+
+
+def run_of(source: Path, target: Path, *edits: dict) -> Run:
+    told = {"version": 1, "edits": list(edits), "seed": 3}
+    return Run(source, recipe.build(told), target)
+
+
+@pytest.fixture(scope="module")
+def read():
+    """Runs the driver on two datasets and returns what it says."""
+    if "RPAUG_READERS" not in os.environ:
+        pytest.skip("RPAUG_READERS is not set: no TensorFlow here (docs/readers.md)")
+    python = Path(os.environ["RPAUG_READERS"]) / "tfds/bin/python"
+    if not python.exists():
+        pytest.skip(f"{python} is not there: no TensorFlow here (docs/readers.md)")
+
+    def run(one: Path, other: Path) -> dict:
+        done = subprocess.run(
+            [python, DRIVER, one / PLACE, other / PLACE],
+            env={"PATH": os.environ["PATH"], "CUDA_VISIBLE_DEVICES": "", "HOME": "/tmp"},
+            capture_output=True, text=True, timeout=600, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr[-2000:]
+        return json.loads(done.stdout.splitlines()[-1])
+
+    return run
+
+
+def test_an_edited_dataset_differs_in_its_images_alone(read, samples: Path, tmp_path: Path) -> None:
+    source = samples / "rlds_bridge"
+    edits = {"op": "light_color"}, {"op": "sensor_exposure"}
+    execute(run_of(source, tmp_path / "out", *edits))
+    said = read(source, tmp_path / "out")
+    assert not said["rpaug"]
+    assert said["counts"] == [{"train": 12, "val": 3}] * 2
+    assert said["steps"] == 150
+    assert said["values"] > 1500
+    images = {f"observation/image_{i}" for i in range(3)}  # the fourth is a black dummy
+    assert images <= set(said["differs"]) <= images | {"observation/image_3"}
+    assert all(said["mean_difference"][name] > 3 for name in images)
+
+
+def test_an_unedited_copy_is_the_same(read, samples: Path, tmp_path: Path) -> None:
+    source = samples / "rlds_bridge"
+    execute(run_of(source, tmp_path / "out"))
+    said = read(source, tmp_path / "out")
+    assert said["differs"] == {}
+    assert said["bytes"][0] == said["bytes"][1]
