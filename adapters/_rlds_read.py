@@ -1,20 +1,19 @@
 """Reading an RLDS episode: which features are what, and every image's header before it is believed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 from jaxtyping import Float32, Float64
-from rpaug_adapters import _rlds_cameras, _rlds_files
+from rpaug_adapters import _cameras, _rlds_files
+from rpaug_adapters._cameras import Beside
 from rpaug_adapters._example import Example
-from rpaug_adapters._rlds_cameras import Beside, Calibration, Gripper
 from rpaug_adapters._rlds_features import FEATURES, Leaf, leaves
 
-from rpaug import BadInput, Camera, CameraView, Episode, Robot
+from rpaug import BadInput, Camera, CameraView, Episode
 from rpaug.files import check_image, decode_image
-from rpaug.geometry import pose_of, rotation
 
 STEPS = "steps/"
 WORDS = (
@@ -22,7 +21,6 @@ WORDS = (
     "language",
     "task",
 )  # in the names of features that hold the words, best first
-FOCAL = 1.2  # longest sides: what COLMAP assumes of an unknown camera
 NUMBERS = frozenset({"float32", "float64", "int32", "int64", "bool", "uint8", "uint16", "uint32"})
 
 
@@ -46,14 +44,18 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
     if known is None:
         raise BadInput(folder / FEATURES, "steps", found="none", expected="an RLDS dataset")
     example = Example(*_rlds_files.record(folder, split, number))
-    beside = _rlds_cameras.load((folder / split / str(number), folder))
+    beside = _cameras.load((folder / split / str(number), folder))
     images = _images(folder, example, known, beside)
     length = len(example.blobs(next(iter(images.values())).key))
     sizes = {name: _check(example, leaf.key, length) for name, leaf in images.items()}
+    tracks = _tracks(example, known, length)
     depths = _depths(folder, example, known, beside, images, length)
     views = {
         name: _view(
-            example, leaf, depths.get(name), _camera(example, beside, name, sizes[name], length)
+            example,
+            leaf,
+            depths.get(name),
+            _cameras.camera(beside, name, sizes[name], length, tracks),
         )
         for name, leaf in images.items()
     }
@@ -62,7 +64,7 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
     return Episode(
         key=key,
         views=views,
-        robot=_robot(folder, example, known, beside, length),
+        robot=_cameras.robot(folder, beside, tracks, length),
         descriptions=descriptions,
         length=length,
         source=Recorded(folder, example, views, images, depths, beside, language, descriptions),
@@ -86,19 +88,13 @@ def _images(
     }
     if beside.views is not None:
         for name in beside.views:
-            _known(folder, f"views, {name}", name, views)
+            _cameras.known(folder, f"views, {name}", name, views)
         views = {name: views[name] for name in beside.views}
     for name in beside.cameras:
-        _known(folder, f"cameras.{name}", name, views)
+        _cameras.known(folder, f"cameras.{name}", name, views)
     if not views:
         raise BadInput(folder / FEATURES, "images", found="none", expected="a colour image a step")
     return dict(sorted(views.items()))
-
-
-def _known(folder: Path, field: str, name: str, among: Sequence[str] | dict[str, Leaf]) -> None:
-    if name not in among:
-        listed = ", ".join(sorted(among))
-        raise BadInput(folder / _rlds_cameras.NAME, field, found=name, expected=f"one of: {listed}")
 
 
 def _check(example: Example, key: str, length: int) -> tuple[int, int]:
@@ -132,7 +128,7 @@ def _depths(
             continue
         key = STEPS + calibration.depth
         among = sorted(k.removeprefix(STEPS) for k, leaf in known.items() if leaf.stepwise)
-        _known(folder, f"cameras.{name}.depth", calibration.depth, among)
+        _cameras.known(folder, f"cameras.{name}.depth", calibration.depth, among)
         leaf = known[key]
         if leaf.kind == "Image" and _check(example, key, length) != _check(
             example, images[name].key, length
@@ -140,22 +136,6 @@ def _depths(
             raise BadInput(example.where, key, found="another size", expected=f"that of {name}")
         found[name] = leaf, calibration.metres
     return found
-
-
-def _camera(
-    example: Example, beside: Beside, name: str, size: tuple[int, int], length: int
-) -> Camera:
-    width, height = size
-    calibration: Calibration | None = beside.cameras.get(name)
-    if calibration is None:
-        focal = FOCAL * max(size)
-        K = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
-        return Camera(K, np.tile(np.eye(4), (length, 1, 1)), width, height, assumed=True)
-    numbers = None
-    if calibration.pose_key is not None:
-        numbers = example.numbers(STEPS + calibration.pose_key).astype(float)
-    track = _rlds_cameras.poses(f"camera {name}", calibration, numbers, length)
-    return Camera(calibration.intrinsics(width, height), track, width, height)
 
 
 def _view(
@@ -202,7 +182,7 @@ def _language(example: Example, known: dict[str, Leaf], beside: Beside) -> str |
     """The feature that holds the instruction: named, or a text of one value a step whose name says so."""
     if beside.language is not None:
         key = STEPS + beside.language if STEPS + beside.language in known else beside.language
-        _known(Path(example.where), "language", key, known)
+        _cameras.known(Path(example.where), "language", key, known)
         return key
     texts = [
         leaf.key
@@ -223,25 +203,17 @@ def _descriptions(example: Example, language: str | None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(text for text in texts if text))
 
 
-def _robot(
-    folder: Path, example: Example, known: dict[str, Leaf], beside: Beside, length: int
-) -> Robot:
-    extra = {}
+def _tracks(
+    example: Example, known: dict[str, Leaf], length: int
+) -> dict[str, Float64[np.ndarray, "t k"]]:
+    """All numbers of the steps."""
+    found = {}
     for leaf in known.values():
-        if leaf.stepwise and leaf.kind in ("Tensor", "Scalar") and leaf.dtype in NUMBERS:
-            feature = example.features.get(leaf.key)
-            if feature is not None and feature.kind in ("float", "int"):
-                extra[leaf.key.removeprefix(STEPS)] = _track(example, leaf.key, length)
-    none = np.zeros((length, 0))
-    joints = none
-    if beside.joints is not None:
-        _known(folder, "joints", beside.joints, sorted(extra))
-        joints = extra[beside.joints]
-    pose, opening = None, None
-    if beside.gripper is not None:
-        _known(folder, "gripper.key", beside.gripper.key, sorted(extra))
-        pose, opening = _gripper(folder, beside.gripper, extra[beside.gripper.key])
-    return Robot(joints, np.zeros_like(joints), pose, opening, extra)
+        numeric = leaf.kind in ("Tensor", "Scalar") and leaf.dtype in NUMBERS
+        feature = example.features.get(leaf.key)
+        if leaf.stepwise and numeric and feature and feature.kind in ("float", "int"):
+            found[leaf.key.removeprefix(STEPS)] = _track(example, leaf.key, length)
+    return found
 
 
 def _track(example: Example, key: str, length: int) -> Float64[np.ndarray, "t k"]:
@@ -250,27 +222,3 @@ def _track(example: Example, key: str, length: int) -> Float64[np.ndarray, "t k"
         expected = f"a multiple of the {length} steps"
         raise BadInput(example.where, key, found=f"{len(numbers)} numbers", expected=expected)
     return numbers.reshape(length, -1)
-
-
-def _gripper(
-    folder: Path, told: Gripper, state: Float64[np.ndarray, "t k"]
-) -> tuple[Float64[np.ndarray, "t 4 4"], Float64[np.ndarray, "t"] | None]:
-    """The gripper's pose and opening from columns of the state. Euler angles turn about the fixed x, y, z in turn."""
-    columns = [*told.position, *told.rotation, *([] if told.opening is None else [told.opening])]
-    wanted = 3 if told.convention == "euler_xyz" else 4
-    if not all(0 <= c < state.shape[1] for c in columns) or len(told.rotation) != wanted:
-        found = f"columns {columns} of {state.shape[1]}, {len(told.rotation)} for the rotation"
-        expected = f"columns that are there, {wanted} for the rotation"
-        raise BadInput(folder / _rlds_cameras.NAME, "gripper", found=found, expected=expected)
-    position, turn = state[:, told.position], state[:, told.rotation]
-    if told.convention == "euler_xyz":
-        pose = np.tile(np.eye(4), (len(state), 1, 1))
-        axes = [
-            np.stack([rotation(a * axis) for a in angles])
-            for angles, axis in zip(turn.T, np.eye(3), strict=True)
-        ]
-        pose[:, :3, :3], pose[:, :3, 3] = axes[2] @ axes[1] @ axes[0], position
-    else:
-        order = [0, 1, 2, 3] if told.convention == "quaternion_xyzw" else [1, 2, 3, 0]
-        pose = pose_of(position, turn[:, order])
-    return pose, None if told.opening is None else state[:, told.opening]

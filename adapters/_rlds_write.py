@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import yaml
-from rpaug_adapters import _rlds_cameras
+from rpaug_adapters import _cameras
 from rpaug_adapters._rlds_features import Leaf
 from rpaug_adapters._rlds_read import Recorded
 
@@ -32,7 +31,8 @@ def encoded(episode: Episode, recorded: Recorded) -> tuple[bytes, dict[str, byte
             raise Unsupported(f"{episode.key}: the words changed, and no feature holds any")
         count = len(recorded.example.blobs(key))
         changes[key] = [episode.instruction.encode()] * count
-    return recorded.example.replaced(changes), _cameras(episode, recorded)
+    beside = _cameras.moved(episode, recorded.views, recorded.beside)
+    return recorded.example.replaced(changes), beside
 
 
 def _colours(
@@ -83,29 +83,3 @@ def _depths(
             data = cv2.imencode(".png", stored)[1].tobytes()
         images.append(data)
     return images
-
-
-def _cameras(episode: Episode, recorded: Recorded) -> dict[str, bytes]:
-    """The calibration of this episode alone, where an edit moved a camera."""
-    moved = {
-        name: view.camera
-        for name, view in episode.views.items()
-        if view.camera is not recorded.views[name].camera
-    }
-    if not moved:
-        return {}
-    beside = recorded.beside.model_dump(exclude_none=True)
-    for name, camera in moved.items():
-        track = camera.cam_to_world[:1] if camera.fixed else camera.cam_to_world
-        told = beside["cameras"].get(name, {})
-        told = {key: told[key] for key in ("depth", "metres") if key in told}
-        beside["cameras"][name] = told | {"K": camera.K.tolist(), "cam_to_world": track.tolist()}
-    # Through JSON-like values alone: tuples are lists in YAML's safe form.
-    text = yaml.safe_dump(_plain(beside), sort_keys=False)
-    return {_rlds_cameras.NAME: text.encode()}
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    return [_plain(inner) for inner in value] if isinstance(value, (list, tuple)) else value

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
-from rpaug_adapters import _rlds_cameras, _rlds_files, _rlds_read, _rlds_write, _tfrecord
+from rpaug_adapters import _cameras, _rlds_files, _rlds_read, _rlds_write, _tfrecord
 from rpaug_adapters._rlds_features import FEATURES, leaves
 from rpaug_adapters._rlds_read import Recorded
 
@@ -65,7 +65,7 @@ class RLDS(Adapter):
             (work / _rlds_files.STAGED).write_bytes(_tfrecord.frame(record))
             for name, data in {**files, **side()}.items():
                 (work / name).write_bytes(data)
-            for name in (FEATURES, _rlds_cameras.NAME):  # last: a write that failed leaves nothing
+            for name in (FEATURES, _cameras.NAME):  # last: a write that failed leaves nothing
                 if (recorded.folder / name).is_file() and not (folder / name).exists():
                     write_atomic(folder / name, read_bytes(recorded.folder / name))
 

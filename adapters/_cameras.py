@@ -1,0 +1,208 @@
+"""`cameras.yaml`: what records say nothing about, cameras and the robot's own numbers, said beside them.
+
+It lies beside the dataset's files (for all episodes) or in an episode's own folder (for that one, as rpaug writes it
+where a camera was moved). Keys are the names of an episode's features, as the adapter calls them.
+"""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import yaml
+from jaxtyping import Float64
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from rpaug import BadInput, Camera, CameraView, Episode, Robot
+from rpaug.files import read_bytes
+from rpaug.geometry import pose_of, rotation
+
+NAME = "cameras.yaml"
+FOCAL = 1.2  # longest sides: what COLMAP assumes of an unknown camera
+LARGEST = 2**22  # bytes: a track of ten thousand poses is smaller
+Row = Annotated[list[float], Field(min_length=3, max_length=4)]
+
+
+class Model(BaseModel):
+    """Strict: a misspelt key is an error."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Calibration(Model):
+    """One camera. `K` is in pixels, centres at integer coordinates; poses are camera to world, OpenCV axes, metres."""
+
+    K: list[Row] | None = None
+    field_of_view: float | None = Field(
+        default=None, gt=0, lt=180, description="horizontal, degrees"
+    )
+    cam_to_world: list[Any] | None = None
+    pose_key: str | None = None
+    depth: str | None = None
+    metres: float = Field(default=1.0, gt=0, description="of one unit of depth")
+
+    @model_validator(mode="after")
+    def _once(self) -> "Calibration":
+        if (self.K is None) == (self.field_of_view is None):
+            raise ValueError("give one of K and field_of_view")
+        if self.cam_to_world is not None and self.pose_key is not None:
+            raise ValueError("give one of cam_to_world and pose_key")
+        return self
+
+    def intrinsics(self, width: int, height: int) -> Float64[np.ndarray, "3 3"]:
+        """K in pixels; with a field of view the axis goes through the middle of the image."""
+        if self.K is not None:
+            return np.array(self.K, float)
+        assert self.field_of_view is not None
+        focal = width / 2 / np.tan(np.radians(self.field_of_view) / 2)
+        return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+
+
+class Gripper(Model):
+    """Which numbers are the gripper's pose and opening. Euler angles turn about the fixed x, then y, then z."""
+
+    key: str
+    position: tuple[int, int, int] = (0, 1, 2)
+    rotation: tuple[int, ...] = (3, 4, 5)
+    convention: Literal["euler_xyz", "quaternion_xyzw", "quaternion_wxyz"] = "euler_xyz"
+    opening: int | None = 6
+
+
+class Beside(Model):
+    """All of the file."""
+
+    version: Literal[1] = 1
+    cameras: dict[str, Calibration] = {}
+    gripper: Gripper | None = None
+    joints: str | None = None
+    language: str | None = None
+    views: list[str] | None = None
+
+
+def load(folders: tuple[Path, ...]) -> Beside:
+    """The first `cameras.yaml` there is, or an empty one. Raises BadInput."""
+    for path in (folder / NAME for folder in folders):
+        if path.is_file():
+            return parse(path)
+    return Beside()
+
+
+def parse(path: Path) -> Beside:
+    """One file. Raises BadInput, naming the key."""
+    if path.stat().st_size > LARGEST:
+        raise BadInput(path, "size", found="more than 4 MiB", expected="a list of cameras")
+    try:
+        told = yaml.safe_load(read_bytes(path))
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise BadInput(path, "YAML", found=str(error).split("\n")[0], expected="YAML") from None
+    try:
+        return Beside.model_validate(told)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "file"
+        found = str(first["input"])[:60]
+        raise BadInput(path, where, found=found, expected=first["msg"]) from None
+
+
+def known(folder: Path, field: str, name: str, among: Iterable[str]) -> None:
+    """See that a name in the side file is one of the episode's. Raises BadInput."""
+    if name not in (held := sorted(among)):
+        raise BadInput(folder / NAME, field, found=name, expected=f"one of: {', '.join(held)}")
+
+
+def camera(
+    beside: Beside,
+    name: str,
+    size: tuple[int, int],
+    length: int,
+    tracks: Mapping[str, Float64[np.ndarray, "t k"]],
+) -> Camera:
+    """A view's camera as told, its poses from the file or one of the `tracks`; else a stand-in. Raises BadInput."""
+    width, height = size
+    told = beside.cameras.get(name)
+    if told is None:
+        focal = FOCAL * max(size)
+        K = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+        return Camera(K, np.tile(np.eye(4), (length, 1, 1)), width, height, assumed=True)
+    values: Any = told.cam_to_world
+    if told.pose_key is not None:
+        known(Path(), f"cameras.{name}.pose_key", told.pose_key, tracks)
+        values = tracks[told.pose_key]
+    track = _poses(f"cameras.{name}", values, length)
+    return Camera(told.intrinsics(width, height), track, width, height)
+
+
+def _poses(field: str, values: Any, length: int) -> Float64[np.ndarray, "t 4 4"]:
+    if values is None:
+        return np.tile(np.eye(4), (length, 1, 1))
+    try:
+        track = np.asarray(values, float)
+        track = track.reshape((-1, 4, 4) if track.size % 16 == 0 else (-1, 3, 4))
+    except (TypeError, ValueError):
+        raise BadInput(NAME, field, found="no matrices", expected="4x4 or 3x4") from None
+    if track.shape[1] == 3:
+        last = np.broadcast_to([[[0.0, 0, 0, 1]]], (len(track), 1, 4))
+        track = np.concatenate([track, last], 1)
+    if len(track) not in (1, length):
+        raise BadInput(NAME, field, found=f"{len(track)} poses", expected=f"1 or {length}")
+    turn = track[:, :3, :3]
+    proper = np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max() < 1e-3
+    if not (proper and (np.linalg.det(turn) > 0).all()):
+        raise BadInput(NAME, field, found="no rigid motion", expected="a rotation, metres")
+    return np.repeat(track, length, 0) if len(track) == 1 else track
+
+
+def robot(
+    folder: Path, beside: Beside, tracks: Mapping[str, Float64[np.ndarray, "t k"]], length: int
+) -> Robot:
+    """What is told of the robot, and all numbers of the episode by their names. Raises BadInput."""
+    joints = np.zeros((length, 0))
+    if beside.joints is not None:
+        known(folder, "joints", beside.joints, tracks)
+        joints = tracks[beside.joints]
+    pose, opening = None, None
+    if beside.gripper is not None:
+        known(folder, "gripper.key", beside.gripper.key, tracks)
+        pose, opening = _gripper(folder, beside.gripper, tracks[beside.gripper.key])
+    return Robot(joints, np.zeros_like(joints), pose, opening, tracks)
+
+
+def _gripper(
+    folder: Path, told: Gripper, state: Float64[np.ndarray, "t k"]
+) -> tuple[Float64[np.ndarray, "t 4 4"], Float64[np.ndarray, "t"] | None]:
+    columns = [*told.position, *told.rotation, *([] if told.opening is None else [told.opening])]
+    wanted = 3 if told.convention == "euler_xyz" else 4
+    if not all(0 <= c < state.shape[1] for c in columns) or len(told.rotation) != wanted:
+        found = f"columns {columns} of {state.shape[1]}, {len(told.rotation)} for the rotation"
+        expected = f"columns that are there, {wanted} for the rotation"
+        raise BadInput(folder / NAME, "gripper", found=found, expected=expected)
+    position, turn = state[:, told.position], state[:, told.rotation]
+    if told.convention == "euler_xyz":
+        x, y, z = (
+            np.stack([rotation(angle * axis) for angle in angles])
+            for angles, axis in zip(turn.T, np.eye(3), strict=True)
+        )
+        pose = np.tile(np.eye(4), (len(state), 1, 1))
+        pose[:, :3, :3], pose[:, :3, 3] = z @ y @ x, position
+    else:
+        order = [0, 1, 2, 3] if told.convention == "quaternion_xyzw" else [1, 2, 3, 0]
+        pose = pose_of(position, turn[:, order])
+    return pose, None if told.opening is None else state[:, told.opening]
+
+
+def moved(episode: Episode, recorded: Mapping[str, CameraView], beside: Beside) -> dict[str, bytes]:
+    """The side file of this episode alone, where an edit moved a camera; else none."""
+    changed = {
+        name: view.camera
+        for name, view in episode.views.items()
+        if view.camera is not recorded[name].camera
+    }
+    if not changed:
+        return {}
+    told = beside.model_dump(mode="json", exclude_none=True)
+    for name, camera in changed.items():
+        track = camera.cam_to_world[:1] if camera.fixed else camera.cam_to_world
+        kept = told["cameras"].get(name, {})
+        kept = {key: kept[key] for key in ("depth", "metres") if key in kept}
+        told["cameras"][name] = kept | {"K": camera.K.tolist(), "cam_to_world": track.tolist()}
+    return {NAME: yaml.safe_dump(told, sort_keys=False).encode()}
