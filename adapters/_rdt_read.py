@@ -1,0 +1,223 @@
+"""Reading an ALOHA or RDT episode: one HDF5 file, nothing followed out of it, every image's header checked."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from jaxtyping import Float32, Float64, UInt8
+from rpaug_adapters import _cameras
+from rpaug_adapters._cameras import Beside
+
+from rpaug import BadInput, CameraView, Episode
+from rpaug.files import check_image, decode_image, read_bytes
+
+IMAGES = "observations/images"
+QPOS = "observations/qpos"
+WORDS = "expanded_instruction_gpt-4-turbo.json"
+TEXTS = ("instruction", "simplified_instruction", "expanded_instruction")
+MOST = 2**28  # numbers in one dataset: more is taken for damage, before anything is allocated
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Where an episode came from, its encoded images (None: stored as pixels), and what lies beside it."""
+
+    path: Path
+    views: dict[str, CameraView]
+    encoded: dict[str, list[bytes] | None]
+    depths: dict[str, tuple[str, float]]
+    words: dict[str, Any] | None
+    beside: Beside
+    descriptions: tuple[str, ...]
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[h5py.File]:
+    """The file, for reading. Raises BadInput for what is no HDF5 file or damaged where it is read."""
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
+        if isinstance(error, BadInput):
+            raise
+        raise BadInput(path, "HDF5", found=str(error)[:120], expected="a whole file") from None
+
+
+def dataset(path: Path, file: h5py.File, name: str) -> h5py.Dataset:
+    """A dataset that lies in the file itself and is not absurdly large. Raises BadInput."""
+    at: Any = file
+    for part in name.split("/"):
+        link = at.get(part, getlink=True) if isinstance(at, h5py.Group) else None
+        if link is None:
+            raise BadInput(path, name, found="nothing", expected="a dataset")
+        if not isinstance(link, h5py.HardLink):
+            raise BadInput(path, name, found="a link", expected="data in the file itself")
+        at = at[part]
+    if not isinstance(at, h5py.Dataset) or at.external or at.is_virtual:
+        raise BadInput(path, name, found="no data of its own", expected="a dataset in the file")
+    if at.size is None or at.size > MOST:
+        raise BadInput(path, name, found=f"{at.size} values", expected=f"at most {MOST}")
+    return at
+
+
+def read(path: Path, key: str) -> Episode:
+    """The episode in a file, images lazy. Raises BadInput."""
+    folder = path.parent
+    beside = _cameras.load((folder, folder.parent))
+    with opened(path) as file:
+        tracks = _tracks(path, file)
+        length = len(tracks[QPOS])
+        names = beside.views or _names(path, file)
+        encoded = {name: _encoded(path, file, name, length) for name in names}
+        sizes = {name: _size(path, file, name, images) for name, images in encoded.items()}
+        depths = _depths(path, file, beside, sizes, length)
+    for name in beside.cameras:
+        _cameras.known(folder, f"cameras.{name}", name, names)
+    views = {
+        name: CameraView(
+            _cameras.camera(beside, name, sizes[name], length, tracks),
+            _colours(path, name, images),
+            None if name not in depths else _depth(path, *depths[name]),
+        )
+        for name, images in encoded.items()
+    }
+    words = _words(folder / WORDS)
+    told = beside if beside.joints else beside.model_copy(update={"joints": QPOS})
+    descriptions = _descriptions(words)
+    return Episode(
+        key=key,
+        views=views,
+        robot=_cameras.robot(folder, told, tracks, length),
+        descriptions=descriptions,
+        length=length,
+        source=Recorded(path, views, encoded, depths, words, beside, descriptions),
+    )
+
+
+def _tracks(path: Path, file: h5py.File) -> dict[str, Float64[np.ndarray, "t k"]]:
+    """Every dataset of numbers with one row a step, by its path."""
+    length = len(dataset(path, file, QPOS))
+    if dataset(path, file, QPOS).ndim != 2 or not length:
+        raise BadInput(
+            path, QPOS, found=str(dataset(path, file, QPOS).shape), expected="one row a step"
+        )
+    names: list[str] = []
+    file.visit(names.append)  # hard links alone are visited
+    found = {}
+    for name in names:
+        if not isinstance(file[name], h5py.Dataset) or name.startswith(IMAGES):
+            continue
+        held = dataset(path, file, name)
+        if held.dtype.kind in "fiub" and held.ndim in (1, 2) and len(held) == length:
+            found[name] = np.asarray(held, np.float64).reshape(length, -1)
+            if not np.isfinite(found[name]).all():
+                raise BadInput(path, name, found="NaN or infinity", expected="finite numbers")
+    return found
+
+
+def _names(path: Path, file: h5py.File) -> list[str]:
+    group = file.get(IMAGES)
+    names = sorted(group) if isinstance(group, h5py.Group) else []
+    if not names:
+        raise BadInput(path, IMAGES, found="no cameras", expected="a dataset of images each")
+    return names
+
+
+def _encoded(path: Path, file: h5py.File, name: str, length: int) -> list[bytes] | None:
+    """A camera's encoded images; None if pixels are stored."""
+    where = f"{IMAGES}/{name}"
+    held = dataset(path, file, where)
+    if len(held.shape) == 0 or len(held) != length:
+        found = f"shape {held.shape}"
+        raise BadInput(path, where, found=found, expected=f"{length} images, as {QPOS} has rows")
+    if held.ndim == 4 and held.dtype == np.uint8 and held.shape[3] == 3:
+        return None
+    padded = held.ndim == 2 and held.dtype == np.uint8
+    if not padded and held.ndim != 1:
+        expected = "encoded images, or height x width x 3 bytes each"
+        raise BadInput(path, where, found=f"shape {held.shape}", expected=expected)
+    rows = held[:]
+    if padded or rows.dtype.kind == "O":
+        return [np.asarray(row, np.uint8).tobytes().rstrip(b"\0") for row in rows]
+    return [bytes(row) for row in rows]
+
+
+def _size(path: Path, file: h5py.File, name: str, images: list[bytes] | None) -> tuple[int, int]:
+    """Width and height that all images of a camera share."""
+    if images is None:
+        _, height, width, _ = dataset(path, file, f"{IMAGES}/{name}").shape
+        return width, height
+    sizes = [check_image(f"{path}: {IMAGES}/{name}[{t}]", data) for t, data in enumerate(images)]
+    odd = next((t for t, size in enumerate(sizes) if size != sizes[0]), None)
+    if odd is not None:
+        found = "{}x{}".format(*sizes[odd])
+        expected = "{}x{} as in the first".format(*sizes[0])
+        raise BadInput(path, f"{IMAGES}/{name}[{odd}]", found=found, expected=expected)
+    return sizes[0]
+
+
+def _depths(
+    path: Path, file: h5py.File, beside: Beside, sizes: dict[str, tuple[int, int]], length: int
+) -> dict[str, tuple[str, float]]:
+    found = {}
+    for name, told in beside.cameras.items():
+        if told.depth is not None and name in sizes:
+            held = dataset(path, file, told.depth)
+            wanted = (length, *sizes[name][::-1])
+            if held.shape != wanted or held.dtype.kind not in "fiu":
+                raise BadInput(path, told.depth, found=str(held.shape), expected=str(wanted))
+            found[name] = told.depth, told.metres
+    return found
+
+
+def _colours(
+    path: Path, name: str, images: list[bytes] | None
+) -> Callable[[int], UInt8[np.ndarray, "h w 3"]]:
+    def from_file(t: int) -> UInt8[np.ndarray, "h w 3"]:
+        with opened(path) as file:
+            return dataset(path, file, f"{IMAGES}/{name}")[t]
+
+    def decoded(t: int) -> UInt8[np.ndarray, "h w 3"]:
+        assert images is not None
+        image = decode_image(f"{path}: {IMAGES}/{name}[{t}]", images[t])
+        # RDT takes what OpenCV decodes for RGB as it is: its files hold red where a JPEG has blue.
+        return np.ascontiguousarray(image[..., ::-1]) if image.ndim == 3 else np.dstack([image] * 3)
+
+    return from_file if images is None else decoded
+
+
+def _depth(path: Path, name: str, metres: float) -> Callable[[int], Float32[np.ndarray, "h w"]]:
+    def metric(t: int) -> Float32[np.ndarray, "h w"]:
+        with opened(path) as file:
+            stored = dataset(path, file, name)[t]
+        return np.nan_to_num(stored.astype(np.float32) * np.float32(metres), posinf=0, neginf=0)
+
+    return metric
+
+
+def _words(path: Path) -> dict[str, Any] | None:
+    """The instruction's file, or None where there is none. Raises BadInput."""
+    if not path.is_file():
+        return None
+    try:
+        told = json.loads(read_bytes(path))
+    except (ValueError, RecursionError) as error:
+        raise BadInput(path, "JSON", found=str(error), expected="instructions") from None
+    if not isinstance(told, dict) or not isinstance(told.get("instruction"), (str, list)):
+        raise BadInput(path, "instruction", found="none", expected="a text or a list of texts")
+    return told
+
+
+def _descriptions(words: dict[str, Any] | None) -> tuple[str, ...]:
+    texts: list[str] = []
+    for name in TEXTS:
+        value = (words or {}).get(name, [])
+        texts += (
+            [value] if isinstance(value, str) else [text for text in value if isinstance(text, str)]
+        )
+    return tuple(dict.fromkeys(text for text in texts if text))

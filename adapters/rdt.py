@@ -1,0 +1,70 @@
+"""RDT and ALOHA episodes: one HDF5 file each, images as JPEG, instructions in a JSON file beside them.
+
+`<anywhere>/<name>.hdf5` with `observations/qpos` (T, 14), `action` (T, 14) and `observations/images/<camera>`, and
+`expanded_instruction_gpt-4-turbo.json` in its folder. What rpaug writes is `<anywhere>/<name>/<name>.hdf5`, so that
+each episode has words and a report of its own; RDT's reader walks folders and finds it. Traps this file knows:
+
+- RDT never turns OpenCV's BGR into RGB, so its JPEGs hold red and blue swapped (they look wrong in a viewer);
+- its reader drops episodes of fewer than 128 steps without a word, and fails on one where no joint moves;
+- it divides grippers by constants of its own arms; files made from other sources are multiplied by them first;
+- it wants all three cameras: one that is not there is black. A single arm is the right one.
+"""
+
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+from typing import ClassVar
+
+from rpaug_adapters import _rdt_read, _rdt_write
+from rpaug_adapters._rdt_read import Recorded
+
+from rpaug import Adapter, BadInput, Episode, Side
+from rpaug.files import atomic_folder
+
+ENDING = ".hdf5"
+
+
+class RDT(Adapter):
+    """Reads and writes RDT's HDF5 files."""
+
+    name: ClassVar[str] = "rdt"
+    after: ClassVar[str] = "RDT's reader drops episodes of fewer than 128 steps without a word."
+
+    def episodes(self, root: Path) -> Sequence[str]:
+        keys = []
+        for folder, subfolders, files in os.walk(root):
+            subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
+            for name in files:
+                path = Path(folder) / name
+                if path.suffix == ENDING and not name.startswith("."):
+                    own = path.parent.name == path.stem and path.parent != root
+                    at = path.parent if own else path.with_suffix("")
+                    keys.append(at.relative_to(root).as_posix())
+        return sorted(keys, key=_natural)
+
+    def read(self, root: Path, key: str) -> Episode:
+        return _rdt_read.read(_path(root, key), key)
+
+    def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
+        if _path(root, key).exists():
+            raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
+        recorded = episode.source if isinstance(episode.source, Recorded) else None
+        with atomic_folder(root / key) as work:
+            path = work / (PurePosixPath(key).name + ENDING)
+            files = _rdt_write.write(episode, recorded, path)
+            for name, data in {**files, **side()}.items():
+                (work / name).write_bytes(data)
+
+    def key_at(self, like: str, index: int) -> str:
+        return (PurePosixPath(like).parent / f"episode_{index}").as_posix()
+
+
+def _path(root: Path, key: str) -> Path:
+    """The file of an episode: in a folder of its own, or among others."""
+    own = root / key / (PurePosixPath(key).name + ENDING)
+    return own if own.is_file() else root / (key + ENDING)
+
+
+def _natural(key: str) -> list[tuple[int, str]]:
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", key)]

@@ -1,0 +1,209 @@
+"""RDT's HDF5 files: colours as its reader takes them, storage kept, nothing followed out of a file."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+import yaml
+from rpaug_adapters.rdt import RDT
+from rpaug_adapters.rlbench import RLBench
+
+from rpaug import BadInput, CameraView, Episode, Unsupported
+from rpaug.testing import AdapterContract
+
+KEY = "pour/episode_0"
+STEPS, HEIGHT, WIDTH = 4, 12, 16
+WORDS = "expanded_instruction_gpt-4-turbo.json"
+
+
+def picture(seed: int) -> np.ndarray:
+    """Smooth and colourful: what is stored must be told from its mirror in red and blue."""
+    rng = np.random.default_rng(seed)
+    return cv2.resize(rng.integers(0, 255, (3, 3, 3), np.uint8), (WIDTH, HEIGHT))
+
+
+def jpeg(rgb: np.ndarray) -> bytes:
+    return cv2.imencode(".jpg", rgb, [cv2.IMWRITE_JPEG_QUALITY, 100])[
+        1
+    ].tobytes()  # as RDT: not turned
+
+
+def dataset(folder: Path) -> Path:
+    """Two episodes among others in one folder, as RDT has them; every way to store images is there."""
+    (folder / "pour").mkdir(parents=True)
+    told = {
+        "instruction": "pour the water",
+        "simplified_instruction": ["pour"],
+        "expanded_instruction": ["pour it"],
+    }
+    (folder / "pour" / WORDS).write_text(json.dumps(told))
+    for i in range(2):
+        with h5py.File(folder / "pour" / f"episode_{i}.hdf5", "w") as file:
+            file.attrs["sim"] = False
+            rng = np.random.default_rng(i)
+            file["observations/qpos"] = rng.normal(size=(STEPS, 14))
+            file["action"] = rng.normal(size=(STEPS, 14))
+            images = [jpeg(picture(t)) for t in range(STEPS)]
+            file["observations/images/cam_high"] = np.array(images, "S")
+            width = max(map(len, images)) + 5
+            rows = [np.frombuffer(data.ljust(width, b"\0"), np.uint8) for data in images]
+            file["observations/images/cam_left_wrist"] = np.stack(rows)
+            kind = h5py.vlen_dtype(np.uint8)
+            vary = file.create_dataset("observations/images/cam_right_wrist", (STEPS,), kind)
+            for t, data in enumerate(images):
+                vary[t] = np.frombuffer(data, np.uint8)
+            file["observations/images/raw"] = np.stack([picture(t) for t in range(STEPS)])
+            file["observations/images_depth/cam_high"] = np.full(
+                (STEPS, HEIGHT, WIDTH), 1500, np.uint16
+            )
+            file["compress_len"] = np.array([[len(data) for data in images]])
+            file["observations"].attrs["hand"] = "left"
+    return folder
+
+
+class TestContract(AdapterContract):
+    def adapter(self) -> RDT:
+        return RDT()
+
+    def dataset(self, folder: Path) -> Path:
+        return dataset(folder)
+
+
+def halved(view: CameraView) -> CameraView:
+    return replace(view, rgb=lambda t: view.rgb(t) // 2 if t == 1 else view.rgb(t))
+
+
+def test_colours_are_what_opencv_decodes_unturned(tmp_path: Path) -> None:
+    episode = RDT().read(dataset(tmp_path), KEY)
+    for name, view in episode.views.items():
+        shown = view.rgb(2).astype(int)
+        assert np.abs(shown - picture(2)).mean() < 8, name
+        assert np.abs(shown - picture(2)[..., ::-1]).mean() > 20, name
+    assert episode.descriptions == ("pour the water", "pour", "pour it")
+
+
+def test_an_unedited_episode_has_its_bytes(tmp_path: Path) -> None:
+    root = dataset(tmp_path / "in")
+    RDT().write(RDT().read(root, KEY), tmp_path / "out", KEY, dict)
+    written = tmp_path / "out" / KEY / "episode_0.hdf5"
+    assert written.read_bytes() == (root / f"{KEY}.hdf5").read_bytes()
+    assert json.loads((written.parent / WORDS).read_text())["simplified_instruction"] == ["pour"]
+
+
+def test_an_edit_keeps_how_images_are_stored(tmp_path: Path) -> None:
+    root = dataset(tmp_path / "in")
+    episode = RDT().read(root, KEY)
+    views = {name: halved(view) for name, view in episode.views.items()}
+    RDT().write(replace(episode, views=views), tmp_path / "out", KEY, dict)
+    again = RDT().read(tmp_path / "out", KEY)
+    old, new = h5py.File(root / f"{KEY}.hdf5"), h5py.File(tmp_path / "out" / KEY / "episode_0.hdf5")
+    with old, new:
+        for name, view in views.items():
+            place = f"observations/images/{name}"
+            assert old[place].ndim == new[place].ndim
+            assert old[place].dtype.kind == new[place].dtype.kind
+            for t in range(STEPS):
+                off = again.views[name].rgb(t).astype(int) - view.rgb(t)
+                assert np.abs(off).max() <= (3 if t == 1 else 0)
+        assert (
+            new["compress_len"][...] >= new["observations/images/cam_left_wrist"].shape[1]
+        ).all()
+        assert np.array_equal(old["action"], new["action"])
+        assert not new.attrs["sim"]
+        assert new["observations"].attrs["hand"] == "left"
+
+
+def test_depth_and_cameras_by_the_side_file(tmp_path: Path) -> None:
+    root = dataset(tmp_path / "in")
+    camera = {"field_of_view": 60, "depth": "observations/images_depth/cam_high", "metres": 0.001}
+    told = {"cameras": {"cam_high": camera}, "views": ["cam_high", "cam_right_wrist"]}
+    (root / "pour/cameras.yaml").write_text(yaml.safe_dump(told))
+    episode = RDT().read(root, KEY)
+    view = episode.views["cam_high"]
+    assert list(episode.views) == ["cam_high", "cam_right_wrist"]
+    assert view.depth is not None
+    assert view.depth(0) == pytest.approx(1.5)
+    near = replace(view, depth=lambda t: view.depth(t) - 0.25)  # type: ignore[misc]
+    RDT().write(
+        replace(episode, views={**episode.views, "cam_high": near}), tmp_path / "out", KEY, dict
+    )
+    again = RDT().read(tmp_path / "out", KEY).views["cam_high"]
+    assert again.depth is not None
+    assert again.depth(3) == pytest.approx(1.25)
+
+
+def test_links_out_of_a_file_are_not_followed(tmp_path: Path) -> None:
+    root = dataset(tmp_path)
+    with h5py.File(root / f"{KEY}.hdf5", "a") as file:
+        del file["observations/images/raw"]
+        file["observations/images/raw"] = h5py.ExternalLink(
+            "episode_1.hdf5", "observations/images/raw"
+        )
+    with pytest.raises(BadInput, match="a link"):
+        RDT().read(root, KEY)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "wanted"),
+    [
+        ("observations/qpos", np.full((STEPS, 14), np.nan), "finite"),
+        ("observations/images/cam_high", np.array([b"no"] * STEPS, "S"), "cam_high[0]"),
+        ("observations/images/cam_high", np.array([b"no"] * 2, "S"), "4 images"),
+        ("observations/images/cam_high", np.zeros((STEPS, 3, 3, 3, 3)), "encoded images"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, name: str, value: np.ndarray, wanted: str) -> None:
+    root = dataset(tmp_path)
+    with h5py.File(root / f"{KEY}.hdf5", "a") as file:
+        del file[name]
+        file[name] = value
+    with pytest.raises(BadInput) as caught:
+        RDT().read(root, KEY)
+    assert wanted in str(caught.value)
+    assert "episode_0.hdf5" in str(caught.value)
+
+
+def test_a_cut_off_file_is_refused(tmp_path: Path) -> None:
+    root = dataset(tmp_path)
+    path = root / f"{KEY}.hdf5"
+    path.write_bytes(path.read_bytes()[:700])
+    with pytest.raises(BadInput, match=r"episode_0\.hdf5"):
+        RDT().read(root, KEY)
+
+
+def recorded_elsewhere(template: Path) -> Episode:
+    return RLBench().read(template, RLBench().episodes(template)[0])
+
+
+def test_an_episode_of_another_source_gets_rdts_layout(template: Path, tmp_path: Path) -> None:
+    episode = recorded_elsewhere(template)
+    RDT().write(episode, tmp_path, KEY, dict)
+    with h5py.File(tmp_path / KEY / "episode_0.hdf5") as file:
+        qpos, action = file["observations/qpos"][:], file["action"][:]
+        assert qpos.shape == action.shape == (episode.length, 14)
+        assert np.array_equal(qpos[:, 7:13], episode.robot.joint_positions[:, :6])
+        assert np.array_equal(action[:-1, 7:13], qpos[1:, 7:13])
+        opening = episode.robot.gripper_open
+        assert np.allclose(qpos[:, 13] / 4.7888, opening)
+        assert np.array_equal(file["unified/state"][:, :7], episode.robot.joint_positions[:, :7])
+        stored = cv2.imdecode(np.frombuffer(file["observations/images/cam_high"][0], np.uint8), 1)
+    (name,) = {"front", "cam_high"} & set(episode.views) or {next(iter(episode.views))}
+    assert np.abs(stored.astype(int) - episode.views[name].rgb(0)).max() <= 8
+    again = RDT().read(tmp_path, KEY)
+    assert again.descriptions == episode.descriptions
+    view = again.views["cam_high"]
+    assert view.depth is not None
+    assert np.array_equal(view.depth(0), episode.views[name].depth(0))  # type: ignore[misc]
+    assert np.allclose(view.camera.cam_to_world, episode.views[name].camera.cam_to_world)
+
+
+def test_a_robot_without_joints_cannot_be_written(template: Path, tmp_path: Path) -> None:
+    episode = recorded_elsewhere(template)
+    none = replace(episode.robot, joint_positions=np.zeros((episode.length, 0)))
+    with pytest.raises(Unsupported, match="joint positions"):
+        RDT().write(replace(episode, robot=none), tmp_path, KEY, dict)
+    assert not list(tmp_path.rglob("*.hdf5"))

@@ -1,0 +1,83 @@
+"""What the rdt adapter writes is read by RDT's own dataset class, in its own process, in the right colours."""
+
+import json
+import os
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rpaug import CameraView, Episode, registry
+
+DRIVER = Path(__file__).with_name("read_with_rdt.py")
+KEY = "all_variations/episodes/episode0"
+RIGHT_ARM, GRIPPER = slice(0, 6), 10  # in RDT's unified vector
+
+
+@pytest.fixture(scope="module")
+def read():
+    """Runs the driver on a folder; returns what it says and the frames it drew."""
+    if "RPAUG_READERS" not in os.environ:
+        pytest.skip("RPAUG_READERS is not set: no RDT here (docs/readers.md)")
+    readers = Path(os.environ["RPAUG_READERS"])
+    repository = readers / "RoboticsDiffusionTransformer"
+    if not repository.is_dir():
+        pytest.skip(f"{repository} is not there: no RDT here (docs/readers.md)")
+
+    def run(folder: Path) -> tuple[dict, dict[str, np.ndarray]]:
+        out = folder.parent / "frames.npz"
+        done = subprocess.run(
+            [readers / "rdt/bin/python", DRIVER, repository, folder, out],
+            env={"PATH": os.environ["PATH"]},
+            capture_output=True, text=True, timeout=300, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr[-2000:]
+        return json.loads(done.stdout), dict(np.load(out))
+
+    return run
+
+
+def lengthened(episode: Episode, length: int) -> Episode:
+    """The episode with its last frame held: RDT drops what is shorter than 128 steps."""
+    at = np.minimum(np.arange(length), episode.length - 1)
+
+    def longer(view: CameraView) -> CameraView:
+        camera = replace(view.camera, cam_to_world=view.camera.cam_to_world[at])
+        return CameraView(camera, lambda t: view.rgb(int(at[t])))
+
+    robot = episode.robot
+    assert robot.gripper_to_world is not None
+    assert robot.gripper_open is not None
+    held = replace(
+        robot,
+        joint_positions=robot.joint_positions[at],
+        joint_velocities=robot.joint_velocities[at],
+        gripper_to_world=robot.gripper_to_world[at],
+        gripper_open=robot.gripper_open[at],
+    )
+    views = {name: longer(view) for name, view in episode.views.items()}
+    return replace(episode, views=views, robot=held, length=length, source=None)
+
+
+def test_rdts_own_dataset_reads_an_exported_episode(read, samples: Path, tmp_path: Path) -> None:
+    source = samples / "rlbench_open_drawer"
+    episode = lengthened(registry.adapter("rlbench").read(source, KEY), 140)
+    root = tmp_path / "out"
+    registry.adapter("rdt").write(episode, root, "open_drawer/episode_0", dict)
+    said, frames = read(root)
+    assert not said["rpaug"]
+    assert len(said["samples"]) == 6
+    for sample in said["samples"]:
+        t = sample["step"]
+        assert sample["steps"] == 140
+        assert sample["instruction"] in episode.descriptions
+        joints = episode.robot.joint_positions
+        assert np.allclose(np.array(sample["state"])[RIGHT_ARM], joints[t, :6])
+        assert np.allclose(np.array(sample["next"])[RIGHT_ARM], joints[min(t + 1, 139), :6])
+        assert sample["state"][GRIPPER] == pytest.approx(episode.robot.gripper_open[t])
+        for name, drawn in (("front", sample["frame"]), ("wrist", sample["frame"] + "_wrist")):
+            truth = episode.views[name].rgb(t).astype(int)
+            assert np.abs(frames[drawn] - truth).mean() < 1.5
+            assert np.abs(frames[drawn] - truth[..., ::-1]).mean() > 4
