@@ -16,6 +16,7 @@ from rpaug.render.splat import (
 from rpaug.render.splat._pinhole import DEPTH_CHANNEL, MOMENTS
 from rpaug.render.splat._simd import WIDTH
 from rpaug.render.splat._threads import ranges, together
+from rpaug.render.splat.loss import Errors, Loss, pull
 from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
 
 TILE_BITS = (
@@ -107,6 +108,25 @@ class Rasteriser:
         )  # fmt: skip
         return self._backward(d_out, d_left_over)
 
+    def backward_loss(
+        self,
+        loss: Loss,
+        target: Float32[np.ndarray, "h w 3"],
+        weight: Float32[np.ndarray, "h w"] | None = None,
+        depth: Float32[np.ndarray, "h w"] | None = None,
+    ) -> tuple[Errors, Gradients]:
+        """Errors of the latest `forward`'s images, and the gradients of the loss, with no gradient image in between.
+
+        `weight` scales each pixel's errors. Depth (metres) counts where `depth` > 0 and at least half is covered,
+        as (expected - depth) / depth: it has no unit.
+        """
+        d_out, d_left_over = self._channel_buffers()
+        errors = pull(
+            loss, self._out, self._left_over, self._background, plain(target, 0), plain(weight, 0),
+            plain(depth, 0), d_out, d_left_over, self.threads,
+        )  # fmt: skip
+        return errors, self._backward(d_out, d_left_over)
+
     def backward_squared_error(
         self,
         target: Float32[np.ndarray, "h w 3"],
@@ -114,18 +134,10 @@ class Rasteriser:
         depth: Float32[np.ndarray, "h w"] | None = None,
         depth_weight: float = 0.0,
     ) -> tuple[float, float, Gradients]:
-        """Mean squared colour error, mean squared relative depth error, and the gradients of
-        colour error + depth_weight * depth error, with no gradient image in between.
-
-        `weight` scales each pixel's errors. Depth counts where `depth` > 0 and at least half is covered, as
-        (expected - depth) / depth: it has no unit.
-        """
-        d_out, d_left_over = self._channel_buffers()
-        colour_error, depth_error = _images.squared_error(
-            self._out, self._left_over, self._background, plain(target, 0), plain(weight, 0),
-            plain(depth, 0), float(depth_weight), d_out, d_left_over,
-        )  # fmt: skip
-        return colour_error, depth_error, self._backward(d_out, d_left_over)
+        """`backward_loss` of squared errors: that of colour, that of depth, and the gradients."""
+        loss = Loss(depth=depth_weight)
+        errors, gradients = self.backward_loss(loss, target, weight, depth)
+        return errors.l2, errors.depth, gradients
 
     def _take(self, splats: Splats, view: View, background: np.ndarray | float) -> None:
         self._splats, self._view = splats, view
