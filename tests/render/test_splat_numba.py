@@ -102,11 +102,12 @@ def test_covariances_instead_of_quaternions_and_scales():
         assert relative(found[name], expected[name]) < 1e-4, name
 
 
-def test_threads_do_not_change_a_bit():
-    given, at = splats(500, 8, harmonics=4), view(150, 130)
+@pytest.mark.parametrize("size", [(90, 70), (150, 130)])  # few tiles, and many
+def test_threads_do_not_change_a_bit(size):
+    given, at = splats(500, 8, harmonics=4), view(*size)
     images = pulls(at)
     results = []
-    for threads in (1, 2, 3):
+    for threads in (1, 2, 3, 8):
         engine = Rasteriser(threads=threads)
         picture = engine.forward(given, at)
         results.append((picture, engine.backward(**images)))

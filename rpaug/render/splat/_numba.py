@@ -19,10 +19,9 @@ from rpaug.render.splat._threads import ranges, together
 from rpaug.render.splat.loss import Errors, Loss, pull
 from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
 
-TILE_BITS = (
-    5  # tiles are 32 pixels wide, or 16 where they would be fewer than TILES_A_THREAD for a thread
-)
-TILES_A_THREAD = 8
+# Tiles are 32 pixels wide, or 16 where they would be few. The number of threads has no say: gradients are summed
+# tile by tile, so they would round differently.
+TILE_BITS, FEW_TILES = 5, 16
 CHANNELS = (
     4,
     8,
@@ -176,7 +175,7 @@ class Rasteriser:
     def _bin(self) -> None:
         width, height, count = self._view.width, self._view.height, len(self._splats)
         shift = TILE_BITS
-        if (-(-width >> shift)) * (-(-height >> shift)) < TILES_A_THREAD * self.threads:
+        if (-(-width >> shift)) * (-(-height >> shift)) < FEW_TILES:
             shift -= 1
         self._grid = (width, height, 1 << shift)
         across, tiles = -(-width >> shift), (-(-width >> shift)) * (-(-height >> shift))

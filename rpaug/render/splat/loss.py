@@ -63,7 +63,17 @@ def pull(
     if loss.ssim > 0:
         structure = np.empty(target.shape, np.float32)
         workers = min(threads, 3)
-        given = (workers, out, left_over, background, target, weight, loss.ssim, structure, shortfall)
+        given = (
+            workers,
+            out,
+            left_over,
+            background,
+            target,
+            weight,
+            loss.ssim,
+            structure,
+            shortfall,
+        )
         together(_ssim.structural_error, [(k, *given) for k in range(workers)])
     l2, l1, by_depth = _images.pixel_errors(
         out, left_over, background, target, weight, depth, float(loss.l2), float(loss.l1),
