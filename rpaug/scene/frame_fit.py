@@ -30,7 +30,7 @@ class FrameFitSettings:
     batch: int = 2  # views an iteration
     rate: float = 1.7  # factor on all of `rates`
     threads: int = 2
-    loss: Loss = Loss()
+    loss: Loss = field(default_factory=Loss)
     stop: str = "heldout"
     target_db: float = 40.0
     patience: int = 3
@@ -38,7 +38,7 @@ class FrameFitSettings:
     last_rate: float = 0.03  # share of the rates left at the end
     backend: str = "auto"  # numba, reference (slow), gsplat
     dtype: str = "float32"  # float64 with backend reference
-    model: Settings = Settings()
+    model: Settings = field(default_factory=Settings)
     rates: Rates = field(default_factory=Rates)
 
     def __post_init__(self) -> None:
@@ -168,7 +168,7 @@ class _Crew:
             sums = (error[fitted].sum(), fitted.sum(), error[shot.judged].sum(), shot.judged.sum())
             return np.array(sums, np.float64)
 
-        error, fitted, unseen, judged = sum(pool.map(one, range(len(self._shots))))
+        error, fitted, unseen, judged = np.sum(list(pool.map(one, range(len(self._shots)))), 0)
         return Checkpoint(
             step, time.perf_counter() - begun[0], time.process_time() - begun[1], len(splats),
             decibels(error / fitted), decibels(unseen / judged) if judged else None,

@@ -39,8 +39,8 @@ def shots_at(
     """Gaussians to begin with and what to fit them to: all cameras of an episode at one time.
 
     A share `hold_out` of the pixels, drawn from `seed`, is kept back: from the fit, and from the start as well.
-    Judged are those of them that another camera sees too. Every `stride`-th pixel of every `stride`-th row becomes a Gaussian on its
-    recorded depth. Raises Unsupported without depth.
+    Judged are those of them that another camera sees too. Every `stride`-th pixel of every `stride`-th row becomes
+    a Gaussian on its recorded depth. Raises Unsupported without depth.
     """
     rng = np.random.default_rng(seed)
     shots, parts = [], []
