@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from splat_cases import (
     assert_close,
+    composited_alike,
     draw,
     finite,
     gradients,
     one,
+    pulls,
     relative,
     splats,
     together_of,
@@ -23,21 +25,49 @@ backends = pytest.mark.parametrize("backend", BACKENDS)
 PLAIN_QUAT = (1.0, 0.0, 0.0, 0.0)
 
 
+def solid_pulls(given: Splats, at: View, settings: Settings | None = None) -> dict:
+    """Random image gradients, that by depth only where a tenth of a pixel is covered at least."""
+    images = pulls(at, 0 if given.features is None else given.features.shape[1])
+    alpha = draw(given, at, "reference", settings).alpha
+    return images | {"depth": np.where(alpha >= 0.1, images["depth"], np.float32(0))}
+
+
 def same_as_reference(
     given: Splats, at: View, backend: str, settings: Settings | None = None
 ) -> None:
-    """Image and gradients are finite and those of the reference."""
-    picture, found = draw(given, at, backend, settings), gradients(given, at, backend, settings)
+    """Image and gradients are finite and those of the reference: end to end, and given the same projection."""
+    images = solid_pulls(given, at, settings)
+    picture, found = (
+        draw(given, at, backend, settings),
+        gradients(given, at, backend, settings, images),
+    )
     assert np.isfinite(picture.colour).all()
     assert np.isfinite(picture.depth_expected).all()
     assert finite(found)
     if backend == "reference":
         return
     assert_close(picture, draw(given, at, "reference", settings))
-    truth = gradients(given, at, "reference", settings)
+    error, flips = composited_alike(given, at, settings)
+    assert error <= 1e-5
+    assert flips <= 0.001 * at.width * at.height
+    truth = gradients(given, at, "reference", settings, images)
     for name, gradient in truth.items():
+        # Below 1e-6 there is nothing but rounding: these losses' gradients are about 1.
         if gradient is not None and np.linalg.norm(gradient) > 1e-6:
-            assert relative(found[name], gradient) < 1e-3, name
+            assert relative(found[name], gradient) < 1e-4, name
+
+
+def test_depth_gradients_at_faint_rims_are_bounded():
+    """Expected depth is D / A with A = 1 - light left over: where A is 1/255, float32 knows it to 2e-5 only.
+
+    One splat's depth does not depend on its alpha at all; what is left of two terms of 255 z that cancel is
+    noise of 0.01 a pixel. Fits compare depth where half is covered, where this is 1e-7.
+    """
+    for given in (one(scale=0.02), one(scale=(0.3, 0.1, 0.05), quat=(0.7, -0.2, 0.5, 0.4))):
+        found, truth = (gradients(given, view(), name) for name in BACKENDS[::-1])
+        for name, gradient in truth.items():
+            if gradient is not None:
+                assert relative(found[name], gradient) < 5e-4, name
 
 
 @backends

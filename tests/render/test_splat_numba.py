@@ -5,11 +5,20 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from splat_cases import NAMES, assert_close, draw, gradients, pulls, relative, splats, view
+from splat_cases import (
+    NAMES,
+    assert_close,
+    composited_alike,
+    draw,
+    gradients,
+    pulls,
+    relative,
+    splats,
+    view,
+)
 
 from rpaug.errors import Unsupported
 from rpaug.render.splat import Rasteriser, Settings, Splats, View, _compositing, _reference
-from rpaug.render.splat._pinhole import COLUMN, HALF_WIDTH, L11, L22, OPACITY, ROW
 
 
 def posed(at: View) -> View:
@@ -50,21 +59,10 @@ def test_images_end_to_end(harmonics, antialiased):
 
 def test_colour_given_the_same_projection():
     """Compositing alone, from the very records the kernels made: 1e-5, threshold flips counted apart."""
-    given, at, settings = splats(400, 4), view(64, 64), Settings()
-    engine = Rasteriser(settings)
-    found = engine.forward(given, at)
-    rows = np.flatnonzero(engine._records[:, HALF_WIDTH] >= 0)
-    record = torch.as_tensor(engine._records[rows].astype(np.float64))
-    values = torch.as_tensor(engine._values[rows].astype(np.float64))
-    seen = _reference.Projected(
-        torch.as_tensor(rows), record[:, COLUMN : ROW + 1], record[:, L11 : L22 + 1], record[:, OPACITY],
-        values[:, 3], values[:, :3], 0,
-    )  # fmt: skip
-    expected = _reference.composite(seen, values[:, :3], 64, 64, settings).values.numpy()
-    error = np.abs(found.colour - expected).max(-1)
-    flips = (error > 1e-5).sum()
-    assert flips <= 0.001 * error.size
-    assert error.max() < 1 / 255 * 4
+    given, at = splats(400, 4), view(64, 64)
+    error, flips = composited_alike(given, at)
+    assert error <= 1e-5
+    assert flips <= 0.001 * at.width * at.height
 
 
 @pytest.mark.parametrize("harmonics", [1, 4, 9, 16])
@@ -102,11 +100,12 @@ def test_covariances_instead_of_quaternions_and_scales():
         assert relative(found[name], expected[name]) < 1e-4, name
 
 
-def test_threads_do_not_change_a_bit():
-    given, at = splats(500, 8, harmonics=4), view(150, 130)
+@pytest.mark.parametrize("size", [(90, 70), (150, 130)])  # few tiles, and many
+def test_threads_do_not_change_a_bit(size):
+    given, at = splats(500, 8, harmonics=4), view(*size)
     images = pulls(at)
     results = []
-    for threads in (1, 2, 3):
+    for threads in (1, 2, 3, 8):
         engine = Rasteriser(threads=threads)
         picture = engine.forward(given, at)
         results.append((picture, engine.backward(**images)))

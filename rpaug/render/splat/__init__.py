@@ -11,13 +11,16 @@ from rpaug.render.splat._autograd import Images, rasterise
 from rpaug.render.splat._numba import Rasteriser
 from rpaug.render.splat._threads import cores
 from rpaug.render.splat.adam import Adam, Rates
+from rpaug.render.splat.loss import Errors, Loss
 from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
 from rpaug.types import Gaussians
 
 __all__ = [
     "Adam",
+    "Errors",
     "Gradients",
     "Images",
+    "Loss",
     "Rasteriser",
     "Rates",
     "Rendering",
@@ -43,7 +46,7 @@ def warm(features: int = 0) -> None:
     )
     engine = Rasteriser()
     picture = engine.forward(splats, View(np.eye(3), np.eye(4), 1, 1))
-    engine.backward_squared_error(picture.colour)
+    engine.backward_loss(Loss(), picture.colour)
     Adam(splats).step(engine.backward(picture.colour))
 
 

@@ -60,40 +60,45 @@ def channel_gradients(
 
 
 @kernel
-def squared_error(
-    out, left_over, background, target, weight, depth, depth_weight, d_out, d_left_over
-):
-    """Mean squared colour error and mean squared relative depth error, and their gradient by the channels.
+def pixel_errors(
+    out, left_over, background, target, weight, depth, by_square, by_size, by_depth, structure, d_out,
+    d_left_over,
+):  # fmt: skip
+    """Mean squared and mean absolute colour error, mean squared relative depth error; the loss's gradient.
 
-    Returns (colour error, depth error). `weight` (h, w) scales
-    a pixel's errors; empty means 1 everywhere. Depth counts where `depth` > 0 and at least half is drawn, as
-    (expected - depth) / depth so that it has no unit; an empty `depth` means none. The gradient is that of
-    colour error + depth_weight * depth error.
+    `weight` (h, w) scales a pixel's errors; empty means 1 everywhere. Depth counts where `depth` > 0 and at least
+    half is drawn, as (expected - depth) / depth so that it has no unit; an empty `depth` means none. The gradient
+    by the channels is that of the three errors times `by_square`, `by_size` and `by_depth`, plus `structure`, a
+    gradient by the colour, if not empty.
     """
     height, width = left_over.shape
     share = 1.0 / (width * height)
-    colour_error = depth_error = 0.0
+    squared = absolute = depth_error = 0.0
     d_out[:] = 0.0
     for row in range(height):
         for column in range(width):
             left = left_over[row, column]
             alpha = np.float32(1) - left
             pixel = np.float32(share) * (weight[row, column] if len(weight) else np.float32(1))
+            third = pixel * np.float32(1 / 3)
             d_left = np.float32(0)
             for channel in range(3):
                 seen = out[row, column, channel] + left * background[channel]
                 error = seen - target[row, column, channel]
-                pull = np.float32(2.0 / 3.0) * pixel * error
+                pull = third * np.float32(2 * by_square * error + by_size * np.sign(error))
+                if len(structure):
+                    pull += structure[row, column, channel]
                 d_out[row, column, channel] = pull
                 d_left += pull * background[channel]
-                colour_error += pixel * error * error / 3.0
+                squared += third * error * error
+                absolute += third * abs(error)
             if len(depth) and depth[row, column] > 0.0 and alpha >= HALF_COVERED:
                 expected = out[row, column, DEPTH_CHANNEL] / alpha
                 error = expected / depth[row, column] - np.float32(1)
-                slope = np.float32(2.0 * depth_weight) * pixel * error
+                slope = np.float32(2.0 * by_depth) * pixel * error
                 pull = slope / (depth[row, column] * alpha)
                 d_out[row, column, DEPTH_CHANNEL] = pull
                 d_left += pull * expected
                 depth_error += pixel * error * error
             d_left_over[row, column] = d_left
-    return colour_error, depth_error
+    return squared, absolute, depth_error

@@ -16,12 +16,12 @@ from rpaug.render.splat import (
 from rpaug.render.splat._pinhole import DEPTH_CHANNEL, MOMENTS
 from rpaug.render.splat._simd import WIDTH
 from rpaug.render.splat._threads import ranges, together
+from rpaug.render.splat.loss import Errors, Loss, pull
 from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
 
-TILE_BITS = (
-    5  # tiles are 32 pixels wide, or 16 where they would be fewer than TILES_A_THREAD for a thread
-)
-TILES_A_THREAD = 8
+# Tiles are 32 pixels wide, or 16 where they would be few. The number of threads has no say: gradients are summed
+# tile by tile, so they would round differently.
+TILE_BITS, FEW_TILES = 5, 16
 CHANNELS = (
     4,
     8,
@@ -107,6 +107,25 @@ class Rasteriser:
         )  # fmt: skip
         return self._backward(d_out, d_left_over)
 
+    def backward_loss(
+        self,
+        loss: Loss,
+        target: Float32[np.ndarray, "h w 3"],
+        weight: Float32[np.ndarray, "h w"] | None = None,
+        depth: Float32[np.ndarray, "h w"] | None = None,
+    ) -> tuple[Errors, Gradients]:
+        """Errors of the latest `forward`'s images, and the gradients of the loss, with no gradient image in between.
+
+        `weight` scales each pixel's errors. Depth (metres) counts where `depth` > 0 and at least half is covered,
+        as (expected - depth) / depth: it has no unit.
+        """
+        d_out, d_left_over = self._channel_buffers()
+        errors = pull(
+            loss, self._out, self._left_over, self._background, plain(target, 0), plain(weight, 0),
+            plain(depth, 0), d_out, d_left_over, self.threads,
+        )  # fmt: skip
+        return errors, self._backward(d_out, d_left_over)
+
     def backward_squared_error(
         self,
         target: Float32[np.ndarray, "h w 3"],
@@ -114,18 +133,10 @@ class Rasteriser:
         depth: Float32[np.ndarray, "h w"] | None = None,
         depth_weight: float = 0.0,
     ) -> tuple[float, float, Gradients]:
-        """Mean squared colour error, mean squared relative depth error, and the gradients of
-        colour error + depth_weight * depth error, with no gradient image in between.
-
-        `weight` scales each pixel's errors. Depth counts where `depth` > 0 and at least half is covered, as
-        (expected - depth) / depth: it has no unit.
-        """
-        d_out, d_left_over = self._channel_buffers()
-        colour_error, depth_error = _images.squared_error(
-            self._out, self._left_over, self._background, plain(target, 0), plain(weight, 0),
-            plain(depth, 0), float(depth_weight), d_out, d_left_over,
-        )  # fmt: skip
-        return colour_error, depth_error, self._backward(d_out, d_left_over)
+        """`backward_loss` of squared errors: that of colour, that of depth, and the gradients."""
+        loss = Loss(depth=depth_weight)
+        errors, gradients = self.backward_loss(loss, target, weight, depth)
+        return errors.l2, errors.depth, gradients
 
     def _take(self, splats: Splats, view: View, background: np.ndarray | float) -> None:
         self._splats, self._view = splats, view
@@ -164,7 +175,7 @@ class Rasteriser:
     def _bin(self) -> None:
         width, height, count = self._view.width, self._view.height, len(self._splats)
         shift = TILE_BITS
-        if (-(-width >> shift)) * (-(-height >> shift)) < TILES_A_THREAD * self.threads:
+        if (-(-width >> shift)) * (-(-height >> shift)) < FEW_TILES:
             shift -= 1
         self._grid = (width, height, 1 << shift)
         across, tiles = -(-width >> shift), (-(-width >> shift)) * (-(-height >> shift))
