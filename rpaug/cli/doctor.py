@@ -1,22 +1,43 @@
-"""`rpaug doctor`: what this machine can do."""
+"""`rpaug doctor`: what this machine can do, and its kernels compiled ahead."""
 
+from typing import Annotated
+
+import typer
 from rich.console import Console
 
-from rpaug.cli.console import AsJson, plain, print_json
+from rpaug.cli.console import AsJson, plain, print_json, progress_bar, say
 
 
-def doctor(as_json: AsJson = False) -> int:
+def doctor(
+    warm: Annotated[
+        bool,
+        typer.Option("--warm", help="First compile all kernels into the cache: about a minute."),
+    ] = False,
+    as_json: AsJson = False,
+) -> int:
     """Check what this machine can do: packages, operators, OpenGL, GPU, kernel cache.
 
-    Example: [bold]rpaug doctor[/]
+    With --warm, --json gives the seconds under `warmed` and the findings under `findings`.
+
+    Example: [bold]rpaug doctor --warm[/]
     """
     from dataclasses import asdict
 
-    from rpaug.doctor import examine
+    from rpaug import doctor as asked
 
-    findings = examine()
+    warmed = []
+    if warm:
+        with progress_bar("compiling", as_json) as progress:
+            for made in asked.warm(progress=progress):
+                warmed.append(asdict(made))
+                if not as_json:
+                    channels = "" if made.channels is None else f", {made.channels} channels"
+                    spent = f"{made.seconds:.1f} s, {made.cpu_seconds:.1f} s of the processor"
+                    say(f"ready: {made.name}{channels}: {spent}")
+    findings = asked.examine()
     if as_json:
-        print_json([asdict(finding) for finding in findings])
+        told = [asdict(finding) for finding in findings]
+        print_json({"warmed": warmed, "findings": told} if warm else told)
     else:
         colour = {"ok": "green", "note": "yellow", "bad": "bold red"}
         for finding in findings:

@@ -1,0 +1,69 @@
+"""What the machine can do, and kernels made ready before they are needed."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from rpaug import doctor
+from rpaug.cli import app
+from rpaug.errors import Unsupported
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """A kernel cache of the test's own."""
+    monkeypatch.setattr("rpaug.render.jit.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(doctor, "_gl", lambda: doctor.Finding("ok", "OpenGL", "not tried here"))
+    return tmp_path
+
+
+def kernel_cache() -> doctor.Finding:
+    (found,) = (one for one in doctor.examine() if one.topic == "kernel cache")
+    return found
+
+
+def test_an_empty_cache_says_what_fills_it(cache):
+    found = kernel_cache()
+    assert found.level == "note"
+    assert "rpaug doctor --warm" in found.message
+
+
+def test_a_filled_cache_says_how_much_it_holds(cache):
+    (cache / "kernels" / "splat-0").mkdir(parents=True)
+    for name in ("a", "b"):
+        (cache / "kernels" / "splat-0" / f"{name}.nbc").write_bytes(bytes(2_000_000))
+    found = kernel_cache()
+    assert found.level == "ok"
+    assert found.message == f"{cache}: 2 kernels, 4 MB"
+
+
+def test_a_cache_nobody_can_write_to_is_a_note(cache, monkeypatch):
+    monkeypatch.setattr("os.access", lambda path, mode: False)
+    found = kernel_cache()
+    assert found.level == "note"
+    assert "not writable" in found.message
+
+
+def test_warming_tells_the_seconds_of_each_channel_count():
+    steps = []
+    warmed = list(doctor.warm(progress=lambda done, total: steps.append((done, total))))
+    assert [one.channels for one in warmed] == [None, 4, 20]
+    assert all(one.cpu_seconds > 0 for one in warmed)
+    assert steps == [(0, 3), (1, 3), (2, 3), (3, 3)]
+
+
+def test_more_features_than_the_rasteriser_takes_are_refused():
+    with pytest.raises(Unsupported, match="at most 64"):
+        list(doctor.warm([65]))
+
+
+def test_the_command_gives_seconds_and_findings(monkeypatch):
+    made = doctor.Warmed("Gaussians, colour and depth", 4, 2.0, 1.5)
+    monkeypatch.setattr(doctor, "warm", lambda progress: iter([made]))
+    monkeypatch.setattr(doctor, "examine", lambda: [doctor.Finding("ok", "rpaug", "here")])
+    result = CliRunner().invoke(app, ["doctor", "--warm", "--json"])
+    described = json.loads(result.stdout)
+    assert described["warmed"] == [vars(made)]
+    assert described["findings"][0]["topic"] == "rpaug"
+    assert "1.5 s of the processor" in CliRunner().invoke(app, ["doctor", "--warm"]).stdout
