@@ -10,10 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import torch
 from jaxtyping import Bool, Float32, Int, Int32
-from torch import Tensor
-from torch.nn import functional
 
 from rpaug.scene.semantic.labels import UNKNOWN, Labelled, Stage, recorded
 from rpaug.types import Scene
@@ -89,64 +86,92 @@ def descend(
 ) -> Identities:
     """Lower cross-entropy and KL by Adam. With `rows` only those Gaussians' encodings move, and with `head` only
     those rows of the head; everything else comes back bit for bit."""
-    moved = np.arange(len(begun.encodings)) if rows is None else rows
-    whole = torch.tensor(begun.encodings)
-    own = whole[moved].clone().requires_grad_()
-    weight = torch.tensor(begun.weight, requires_grad=True)
-    offset = torch.tensor(begun.offset, requires_grad=True)
-    free = torch.ones(len(begun.handles)) if head is None else torch.tensor(head, dtype=torch.float)
-    descent = torch.optim.Adam([own, weight, offset], lr=settings.rate, betas=(0.9, 0.99))
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(descent, settings.steps)
-    targets = [torch.tensor(_classes(picture, begun.handles)) for picture in pictures]
+    rows = np.arange(len(begun.encodings)) if rows is None else rows
+    encodings, weight, offset = (
+        array.copy() for array in (begun.encodings, begun.weight, begun.offset)
+    )
+    free = np.ones(len(weight), np.float32) if head is None else head.astype(np.float32)
+    own = encodings[rows]
+    adam = _Adam([own, weight, offset])
+    targets = [_classes(picture, begun.handles) for picture in pictures]
     order: list[int] = []
-    for _ in range(settings.steps):
+    for step in range(settings.steps):
         order = order or rng.permutation(len(pictures)).tolist()
         at = order.pop()
-        with torch.no_grad():
-            whole[moved] = own
-        drawn = stage.draw(pictures[at].camera, pictures[at].t, whole.numpy()).features
-        picture = torch.tensor(drawn, requires_grad=True)
-        entropy = functional.cross_entropy(
-            (picture @ weight.T + offset).flatten(0, 1), targets[at].flatten(), ignore_index=-1
-        )
-        sample = torch.as_tensor(rng.choice(len(moved), min(settings.sampled, len(moved)), False))
-        gap = _divergence(own, whole, moved, sample, near, weight, offset)
-        descent.zero_grad()
-        (entropy + settings.smoothness * gap).backward()
-        assert picture.grad is not None
-        pulled = stage.rasteriser.backward(features=picture.grad.numpy()).features
+        drawn = stage.draw(pictures[at].camera, pictures[at].t, encodings).features
+        assert drawn is not None
+        by_picture, by_weight, by_offset = entropy_pull(drawn, targets[at], weight, offset)
+        pulled = stage.rasteriser.backward(features=by_picture).features
         assert pulled is not None
-        assert own.grad is not None
-        own.grad += torch.as_tensor(pulled[moved])
-        for part in (weight, offset):
-            assert part.grad is not None
-            part.grad *= free.reshape(-1, *([1] * (part.dim() - 1)))
-        descent.step()
-        schedule.step()
-    with torch.no_grad():
-        whole[moved] = own
-    return Identities(
-        whole.numpy(), weight.detach().numpy(), offset.detach().numpy(), begun.handles
-    )
+        by_own = pulled[rows]
+        sample = rng.choice(len(rows), min(settings.sampled, len(rows)), replace=False)
+        beside = encodings[near[rows[sample]]]
+        by_sample, more_weight, more_offset = divergence_pull(own[sample], beside, weight, offset)
+        by_own[sample] += settings.smoothness * by_sample
+        by_weight = free[:, None] * (by_weight + settings.smoothness * more_weight)
+        by_offset = free * (by_offset + settings.smoothness * more_offset)
+        fall = 0.5 + 0.5 * np.cos(np.pi * step / settings.steps)
+        adam.step([by_own, by_weight, by_offset], settings.rate * fall)
+        encodings[rows] = own
+    return Identities(encodings, weight, offset, begun.handles)
 
 
-def _divergence(
-    own: Tensor,
-    whole: Tensor,
-    moved: Int[np.ndarray, "m"],
-    sample: Tensor,
-    near: Int[np.ndarray, "n k"],
-    weight: Tensor,
-    offset: Tensor,
-) -> Tensor:
-    """Mean over sampled Gaussians j and neighbours i of KL(F(e_j) || F(e_i)), F the head's softmax.
+class _Adam:
+    """Adam (Kingma and Ba 2015, arXiv 1412.6980) on plain arrays, in place."""
 
-    RoboPearls (arXiv 2506.22756), the 3D term of its semantic loss. Neighbours are held still.
+    def __init__(self, values: Sequence[Float32[np.ndarray, "..."]]) -> None:
+        self._values, self._steps = values, 0
+        self._moments = [(np.zeros_like(value), np.zeros_like(value)) for value in values]
+
+    def step(self, slopes: Sequence[Float32[np.ndarray, "..."]], rate: float) -> None:
+        self._steps += 1
+        late = np.sqrt(1 - 0.99**self._steps) / (1 - 0.9**self._steps)
+        for value, slope, (first, second) in zip(self._values, slopes, self._moments, strict=True):
+            first += np.float32(0.1) * (slope - first)
+            second += np.float32(0.01) * (slope * slope - second)
+            value -= np.float32(rate * late) * first / (np.sqrt(second) + np.float32(1e-15))
+
+
+def entropy_pull(
+    drawn: Float32[np.ndarray, "h w 16"],
+    classes: Int[np.ndarray, "h w"],
+    weight: Float32[np.ndarray, "c 16"],
+    offset: Float32[np.ndarray, "c"],
+) -> tuple[
+    Float32[np.ndarray, "h w 16"], Float32[np.ndarray, "c 16"], Float32[np.ndarray, "c"]
+]:
+    """Gradients of the mean cross-entropy over pixels of a class >= 0, by the drawn encodings and by the head."""
+    known = classes >= 0
+    features = drawn[known]
+    slope = np.exp(_log_softmax(features @ weight.T + offset))
+    slope[np.arange(len(slope)), classes[known]] -= 1
+    slope /= max(len(slope), 1)
+    out = np.zeros_like(drawn)
+    out[known] = slope @ weight
+    return out, slope.T @ features, slope.sum(0)
+
+
+def divergence_pull(
+    own: Float32[np.ndarray, "m 16"],
+    beside: Float32[np.ndarray, "m k 16"],
+    weight: Float32[np.ndarray, "c 16"],
+    offset: Float32[np.ndarray, "c"],
+) -> tuple[Float32[np.ndarray, "m 16"], Float32[np.ndarray, "c 16"], Float32[np.ndarray, "c"]]:
+    """Gradients of the mean of KL(F(e_j) || F(e_i)) over Gaussians j and their neighbours i, F the head's softmax.
+
+    The 3D term of RoboPearls' semantic loss (arXiv 2506.22756). The neighbours' side is held still.
     """
-    beside = whole[torch.as_tensor(near[moved[sample.numpy()]])].detach()
-    here = functional.log_softmax(own[sample] @ weight.T + offset, -1)
-    there = functional.log_softmax(beside @ weight.T + offset, -1)
-    return (here.exp()[:, None] * (here[:, None] - there)).sum(-1).mean()
+    here = _log_softmax(own @ weight.T + offset)
+    there = _log_softmax(beside @ weight.T + offset).mean(1)
+    share = np.exp(here)
+    gap = share * (here - there)
+    slope = (gap - share * gap.sum(-1, keepdims=True)) / max(len(own), 1)
+    return slope @ weight, slope.T @ own, slope.sum(0)
+
+
+def _log_softmax(logits: Float32[np.ndarray, "*n c"]) -> Float32[np.ndarray, "*n c"]:
+    logits = logits - logits.max(-1, keepdims=True)
+    return logits - np.log(np.exp(logits).sum(-1, keepdims=True))
 
 
 def neighbours(means: Float32[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, "n k"]:
