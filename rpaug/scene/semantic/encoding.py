@@ -137,9 +137,7 @@ def entropy_pull(
     classes: Int[np.ndarray, "h w"],
     weight: Float32[np.ndarray, "c 16"],
     offset: Float32[np.ndarray, "c"],
-) -> tuple[
-    Float32[np.ndarray, "h w 16"], Float32[np.ndarray, "c 16"], Float32[np.ndarray, "c"]
-]:
+) -> tuple[Float32[np.ndarray, "h w 16"], Float32[np.ndarray, "c 16"], Float32[np.ndarray, "c"]]:
     """Gradients of the mean cross-entropy over pixels of a class >= 0, by the drawn encodings and by the head."""
     known = classes >= 0
     features = drawn[known]

@@ -59,8 +59,12 @@ class Stage:
         self, camera: str, t: int, features: Float32[np.ndarray, "n f"], *, surface: bool = False
     ) -> Rendering:
         """One view with these features blended; `rasteriser.backward` belongs to it afterwards."""
+        splats = self.placed(camera, t).with_features(features)
+        return self.rasteriser.forward(splats, self._views[camera, t][1], surface=surface)
+
+    def placed(self, camera: str, t: int) -> Splats:
+        """The Gaussians as they stand in the world at t."""
         if (camera, t) not in self._views:
             view = view_of(standing(self._scene, camera), t)
             self._views[camera, t] = (self._placement.place(self._splats, t), view)
-        splats, view = self._views[camera, t]
-        return self.rasteriser.forward(splats.with_features(features), view, surface=surface)
+        return self._views[camera, t][0]
