@@ -13,7 +13,8 @@ def record(
     task: Annotated[
         str,
         typer.Option(
-            help="open_drawer, pick_block, push_button, slide_block, stack_cups, put_in_box."
+            help="open_drawer, pick_block, push_button, slide_block, stack_cups, put_in_box,"
+            " put_on_stove."
         ),
     ] = "open_drawer",
     seed: Annotated[int, typer.Option(min=0)] = 0,

@@ -1,4 +1,4 @@
-"""The tabletop: a Panda, table, walls and floor, and what a task puts there: cabinet, blocks, cups, button, box."""
+"""The tabletop: a Panda, table, walls and floor, and what tasks put there: cabinet, stove, blocks, cups, button, box."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -22,6 +22,11 @@ CUP_SMALL, CUP_LARGE = (0.026, 0.003, 0.100), (0.044, 0.004, 0.060)  # radius, w
 FLOOR_OF_CUP = 0.006
 BUTTON_TOP, BUTTON_TRAVEL = 0.042, 0.010  # above the table, and how far down it is pressed
 BOX, BOX_FLOOR = (0.090, 0.095, 0.070), 0.008  # outer half extents and height; thickness
+STOVE, PLATE = (
+    (0.130, 0.150, 0.060),
+    (-0.030, 0.070, 0.004),
+)  # half extents, height; x, radius, height
+KNOB_AT, KNOB = (0.095, 0.060), (0.024, 0.026)  # x and +-y on the stove; radius, height
 BLOCK = (0.032, 0.055, 0.045)  # half extents: the narrow side fits the gripper
 RED = (0.80, 0.07, 0.06)
 
@@ -34,6 +39,7 @@ def build(
         _room(),
         *panda.bodies(ARM.base),
         *(_cabinet(placing["cabinet"]) if "cabinet" in placing else ()),
+        *((_stove(placing["stove"]),) if "stove" in placing else ()),
         *(
             Body(name, (part,), placing[name], movable=True)
             for name, part in _things().items()
@@ -139,6 +145,28 @@ def _cabinet(pose: Float[np.ndarray, "4 4"]) -> tuple[Body, Body]:
             movable=True,
         ),
     )
+
+
+def _stove(pose: Float[np.ndarray, "4 4"]) -> Body:
+    """A cooktop with one hot plate, and two knobs on its far edge that have handles of their own."""
+    x, y, height = STOVE
+    at, radius, thick = PLATE
+    steel = Geom("box", (x, y, height / 2), (0, 0, height / 2), colour=(0.80, 0.81, 0.83))
+    plate = Geom(
+        "cylinder", (radius,), (at, 0, height), (at, 0, height + thick), colour=(0.16, 0.15, 0.15)
+    )
+    knobs = tuple(
+        Part(
+            name,
+            (Geom("cylinder", KNOB[:1], foot, (*foot[:2], height + KNOB[1])),),
+            (0.20, 0.20, 0.22),
+        )
+        for name, foot in (
+            ("knob_left", (KNOB_AT[0], KNOB_AT[1], height)),
+            ("knob_right", (KNOB_AT[0], -KNOB_AT[1], height)),
+        )
+    )
+    return Body("stove", (Part("stove", (steel, plate)), *knobs), pose, movable=True)
 
 
 def _things() -> dict[str, Part]:

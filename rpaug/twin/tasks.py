@@ -19,6 +19,8 @@ from rpaug.twin.tabletop import (
     FLOOR_OF_CUP,
     GRIP,
     GRIP_RADIUS,
+    PLATE,
+    STOVE,
     resting_height,
     upright,
 )
@@ -247,6 +249,35 @@ def put_in_box(rng: np.random.Generator) -> Job:
     )
 
 
+def put_on_stove(rng: np.random.Generator) -> Job:
+    """Take the small cup and set it down on the stove's hot plate."""
+    cup = upright(
+        0.08 + rng.uniform(-0.03, 0.03),
+        -0.16 + rng.uniform(-0.03, 0.03),
+        0.0,
+        rng.uniform(-0.5, 0.5),
+    )
+    yaw = rng.uniform(-0.2, 0.2)
+    stove = upright(0.34 + rng.uniform(-0.03, 0.03), 0.08 + rng.uniform(-0.03, 0.03), 0.0, yaw)
+    high = np.array([0, 0, CUP_SMALL[2] - 0.015])
+    plate = geometry.transform(stove, np.array([PLATE[0], 0, STOVE[2] + PLATE[2]]))
+    grasp = _gripper(cup[:3, 3] + high, _DOWN, opens_along=cup[:3, 0])
+    place = _gripper(plate + high, _DOWN, opens_along=cup[:3, 0])
+    spots = [(0.00, -0.38), (0.22, -0.38), (0.44, -0.32), (-0.04, 0.28), (0.14, 0.38)]
+    return Job(
+        {
+            "cup_small": cup,
+            "stove": stove,
+            **_scatter(tuple(n for n in _LOOSE if n != "block_textured"), spots, rng),
+        },
+        _carry("cup_small", grasp, place, CUP_SMALL[0]),
+        "cup_small",
+        ("put the blue cup on the stove", "pick up the cup and set it down on the hot plate"),
+        0,
+        "stove",
+    )
+
+
 TASKS: Mapping[str, Callable[[np.random.Generator], Job]] = {
     "open_drawer": open_drawer,
     "pick_block": pick_block,
@@ -254,6 +285,7 @@ TASKS: Mapping[str, Callable[[np.random.Generator], Job]] = {
     "slide_block": slide_block,
     "stack_cups": stack_cups,
     "put_in_box": put_in_box,
+    "put_on_stove": put_on_stove,
 }
 
 _LOOSE = ("block_plain", "block_two_coloured", "block_textured", "block_small", "cylinder", "pad")

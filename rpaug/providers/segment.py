@@ -1,0 +1,180 @@
+"""Segmenters: an image and a box in it, and the mask of the thing that the box is about.
+
+`GrabCut` needs no weights. `Sam` and `Sam2` are the real models, loaded from a folder that you name.
+"""
+
+from pathlib import Path
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, UInt8
+
+from rpaug.errors import Unsupported
+from rpaug.providers.models import load, picture
+
+Box = tuple[float, float, float, float]
+"""Left, top, right, bottom in pixels, edges of the box; pixel centres lie at integer coordinates."""
+
+
+class Segmenter(Protocol):
+    """Finds the mask of what a box holds. `within` marks the pixels that can belong to it at all."""
+
+    def __call__(
+        self,
+        image: UInt8[np.ndarray, "h w 3"],
+        box: Box,
+        within: Bool[np.ndarray, "h w"] | None = None,
+    ) -> Bool[np.ndarray, "h w"]: ...
+
+
+class GrabCut:
+    """GrabCut (Rother et al. 2004) in the box and a margin around it, enlarged so that small things have pixels.
+
+    What lies in the box is foreground if its colours are unlike those around the box. The same input gives the
+    same mask.
+    """
+
+    margin = 0.75  # of the box's sides, looked at on each side of it
+    least = 96  # pixels across the box that it is enlarged to, at most four times
+    rounds = 5
+
+    def __call__(
+        self,
+        image: UInt8[np.ndarray, "h w 3"],
+        box: Box,
+        within: Bool[np.ndarray, "h w"] | None = None,
+    ) -> Bool[np.ndarray, "h w"]:
+        """The mask; empty if the box lies outside the image or nothing in it stands out."""
+        height, width = image.shape[:2]
+        out = np.zeros((height, width), bool)
+        left, top, right, bottom = whole_pixels(box, width, height)
+        if left >= right or top >= bottom:
+            return out
+        wide, high = right - left, bottom - top
+        around = int(np.ceil(self.margin * max(wide, high))) + 2
+        rows = slice(max(0, top - around), min(height, bottom + around))
+        columns = slice(max(0, left - around), min(width, right + around))
+        grown = int(np.clip(self.least // max(wide, high, 1), 1, 4))
+        known = np.full((height, width), cv2.GC_BGD, np.uint8)
+        known[top:bottom, left:right] = cv2.GC_PR_FGD
+        if within is not None:
+            known[~within] = cv2.GC_BGD
+        known = np.ascontiguousarray(known[rows, columns]).repeat(grown, 0).repeat(grown, 1)
+        if not (known == cv2.GC_PR_FGD).any() or not (known == cv2.GC_BGD).any():
+            return out
+        shown = np.ascontiguousarray(image[rows, columns, ::-1])
+        shown = cv2.resize(shown, known.shape[::-1], interpolation=cv2.INTER_CUBIC)
+        models = np.zeros((1, 65)), np.zeros((1, 65))
+        cv2.setRNGSeed(0)  # its first clusters are drawn from OpenCV's global generator
+        cv2.grabCut(shown, known, None, *models, self.rounds, cv2.GC_INIT_WITH_MASK)
+        found = np.isin(known, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
+        small = (rows.stop - rows.start, columns.stop - columns.start)
+        share = found.reshape(small[0], grown, small[1], grown).mean((1, 3))
+        out[rows, columns] = _largest(share > 0.5)
+        return out
+
+
+def whole_pixels(box: Box, width: int, height: int) -> tuple[int, int, int, int]:
+    """The pixels whose centres lie in the box, as bounds of slices: first and one past the last."""
+    left, top, right, bottom = box
+    return (
+        int(np.clip(np.ceil(left), 0, width)),
+        int(np.clip(np.ceil(top), 0, height)),
+        int(np.clip(np.floor(right) + 1, 0, width)),
+        int(np.clip(np.floor(bottom) + 1, 0, height)),
+    )
+
+
+def _largest(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """The largest connected piece."""
+    count, labels, facts, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    if count < 2:
+        return mask
+    return labels == 1 + int(facts[1:, cv2.CC_STAT_AREA].argmax())
+
+
+class Sam:
+    """Segment Anything (Kirillov et al. 2023, arXiv 2304.02643) from a local folder in transformers' layout.
+
+    Raises MissingExtra without transformers, Unsupported for a folder that holds no such model.
+    """
+
+    def __init__(self, folder: Path | str, device: str = "cpu") -> None:
+        self._model = load("SamModel", folder, "--segmenter sam:FOLDER", device)
+
+    def __call__(
+        self,
+        image: UInt8[np.ndarray, "h w 3"],
+        box: Box,
+        within: Bool[np.ndarray, "h w"] | None = None,
+    ) -> Bool[np.ndarray, "h w"]:
+        """The mask that the model trusts most, cut to `within`."""
+        side = int(self._model.config.vision_config.image_size)
+        scale = side / max(image.shape[:2])  # the longer side fills the square, the rest is zeros
+        high, wide = (max(1, round(scale * edge)) for edge in image.shape[:2])
+        pixels = picture(image, (high, wide), (side, side))
+        logits = _best(self._model, pixels, [scale * edge for edge in box])
+        logits = cv2.resize(logits, (side, side), interpolation=cv2.INTER_LINEAR)
+        return _cut(logits[:high, :wide], image, within)
+
+
+class Sam2:
+    """SAM 2 (Ravi et al. 2024, arXiv 2408.00714) from a local folder in transformers' layout. Raises as `Sam` does."""
+
+    def __init__(self, folder: Path | str, device: str = "cpu") -> None:
+        self._model = load("Sam2Model", folder, "--segmenter sam2:FOLDER", device)
+
+    def __call__(
+        self,
+        image: UInt8[np.ndarray, "h w 3"],
+        box: Box,
+        within: Bool[np.ndarray, "h w"] | None = None,
+    ) -> Bool[np.ndarray, "h w"]:
+        """The mask that the model trusts most, cut to `within`."""
+        side = int(self._model.config.prompt_encoder_config.image_size)
+        height, width = image.shape[:2]  # SAM 2 squeezes every image into its square
+        pixels = picture(image, (side, side), (side, side))
+        scale = (side / width, side / height) * 2
+        logits = _best(self._model, pixels, [s * edge for s, edge in zip(scale, box, strict=True)])
+        return _cut(logits, image, within)
+
+
+def _best(
+    model: Any, pixels: Float32[np.ndarray, "1 3 s s"], box: list[float]
+) -> Float32[np.ndarray, "a b"]:
+    """Logits of the mask with the highest predicted overlap. The models shift the box to pixel centres themselves."""
+    import torch
+
+    with torch.inference_mode():
+        found = model(
+            pixel_values=torch.from_numpy(pixels).to(model.device),
+            input_boxes=torch.tensor([[box]], dtype=torch.float32, device=model.device),
+            multimask_output=True,
+        )
+    scores = found.iou_scores[0, 0].float().cpu().numpy()
+    return found.pred_masks[0, 0].float().cpu().numpy()[scores.argmax()]
+
+
+def _cut(
+    logits: Float32[np.ndarray, "a b"],
+    image: UInt8[np.ndarray, "h w 3"],
+    within: Bool[np.ndarray, "h w"] | None,
+) -> Bool[np.ndarray, "h w"]:
+    """Where resized logits are positive."""
+    size = (image.shape[1], image.shape[0])
+    mask = cv2.resize(np.ascontiguousarray(logits), size, interpolation=cv2.INTER_LINEAR) > 0
+    return mask if within is None else mask & within
+
+
+def segmenter(name: str = "grabcut") -> Segmenter:
+    """The segmenter that a flag names: `grabcut`, `sam:FOLDER` or `sam2:FOLDER`. Raises Unsupported."""
+    kind, _, folder = name.partition(":")
+    made: dict[str, Any] = {"sam": Sam, "sam2": Sam2}
+    if name == "grabcut":
+        return GrabCut()
+    if kind in made and folder:
+        return made[kind](folder)
+    raise Unsupported(
+        f"no segmenter is called {name!r}; there are: grabcut, sam:FOLDER, sam2:FOLDER"
+    )

@@ -1,0 +1,31 @@
+"""Masks drawn from the Gaussians' handles: at each pixel the one that most of its light comes from."""
+
+import numpy as np
+from jaxtyping import Int32
+
+from rpaug.scene.semantic.labels import Stage
+from rpaug.scene.semantic.vote import CHANNELS
+
+COVERED = 0.5  # of a pixel, from which it shows something
+
+
+def mask(
+    ids: Int32[np.ndarray, "n"], stage: Stage, camera: str, t: int
+) -> Int32[np.ndarray, "h w"]:
+    """Handles of one view, given one for each Gaussian; 0 where less than half of a pixel is covered."""
+    labels, which = np.unique(ids, return_inverse=True)
+    best = share = None
+    for start in range(0, max(len(labels), 1), CHANNELS):
+        member = (which >= start) & (which < start + CHANNELS)
+        features = np.zeros((len(ids), CHANNELS), np.float32)
+        features[member, which[member] - start] = 1.0
+        drawn = stage.draw(camera, t, features)
+        assert drawn.features is not None
+        top = drawn.features.argmax(-1)
+        weight = np.take_along_axis(drawn.features, top[..., None], -1)[..., 0]
+        named = labels[np.minimum(top + start, len(labels) - 1)] if len(labels) else 0 * top
+        if best is None or share is None:
+            best, share, alpha = named, weight, drawn.alpha
+        else:
+            best, share = np.where(weight > share, named, best), np.maximum(weight, share)
+    return np.where(alpha >= COVERED, best, 0).astype(np.int32)
