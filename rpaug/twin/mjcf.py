@@ -9,14 +9,16 @@ from jaxtyping import Float, Int32
 from rpaug.files import encode_png
 from rpaug.twin import covers
 from rpaug.twin.look import LAMPS, Lamp, Look
-from rpaug.twin.world import WHITE, Body, Geom, Part, World
+from rpaug.twin.world import WHITE, Body, Flex, Geom, Part, Print, World
 
+SKIN = 0.0015  # metres: half the thickness of a sheet
 AMBIENT = 0.3  # display intensity, at the lamps' own brightness
 
 
 def compile_model(world: World, look: Look, size: int) -> mujoco.MjModel:
     """The model of `world` under `look`, with offscreen buffers of `size` x `size` pixels."""
-    images = {**world.textures, **{_cover(name): c.image for name, c in look.covers.items()}}
+    laid = {_cover(name): cover.image for name, cover in _laid(world, look).items()}
+    images = {**world.textures, **laid}
     pictures = {f"{name}.png": encode_png(image) for name, image in images.items()}
     return mujoco.MjModel.from_xml_string(to_xml(world, look, size), pictures)
 
@@ -38,7 +40,7 @@ def to_xml(world: World, look: Look, size: int) -> str:
     asset = Xml.SubElement(root, "asset")
     for name in world.textures:
         Xml.SubElement(asset, "texture", name=name, type="cube", file=f"{name}.png")
-    for name in map(_cover, look.covers):
+    for name in map(_cover, _laid(world, look)):
         Xml.SubElement(asset, "texture", name=name, type="2d", file=f"{name}.png")
     scene = Xml.SubElement(root, "worldbody")
     for lamp in look.lamps:
@@ -48,6 +50,8 @@ def to_xml(world: World, look: Look, size: int) -> str:
         element = _add_body(elements, body)
         for part in body.parts:
             _add_part(asset, element, part, look)
+            if part.flex:
+                _add_flex(root, asset, part, part.flex, look)
     return Xml.tostring(root, encoding="unicode")
 
 
@@ -56,6 +60,48 @@ def part_of_geoms(model: mujoco.MjModel, world: World) -> Int32[np.ndarray, "g"]
     return np.array(
         [world.handles[model.geom(g).name.split("/")[0]] for g in range(model.ngeom)], np.int32
     )
+
+
+def part_of_flexes(model: mujoco.MjModel, world: World) -> Int32[np.ndarray, "f"]:
+    """The mask handle of every flex of the model."""
+    kind = mujoco.mjtObj.mjOBJ_FLEX
+    names = [mujoco.mj_id2name(model, kind, f) for f in range(model.nflex)]
+    return np.array([world.handles[name] for name in names], np.int32)
+
+
+def _laid(world: World, look: Look) -> dict[str, covers.Cover | Print]:
+    """The images laid on parts: what bends has one of its own."""
+    parts = [part for body in world.bodies for part in body.parts]
+    own: dict[str, covers.Cover | Print] = {p.name: p.flex.printed for p in parts if p.flex}
+    return own | dict(look.covers)
+
+
+def _add_flex(root: Xml.Element, asset: Xml.Element, part: Part, flex: Flex, look: Look) -> None:
+    """A mesh whose vertices are put in place frame by frame."""
+    tint = look.tints.get(part.name, part.tint)
+    Xml.SubElement(
+        asset,
+        "material",
+        name=part.name,
+        rgba=_text((*tint, 1)),
+        texture=_cover(part.name),
+        specular="0.5" if look.specular else "0",
+        shininess="0.2",
+    )
+    group = root.find("deformable")
+    element = Xml.SubElement(
+        Xml.SubElement(root, "deformable") if group is None else group,
+        "flex",
+        name=part.name,
+        dim=str(flex.dim),
+        body="world",
+        radius=str(SKIN),
+        material=part.name,
+        vertex=_text(flex.points.ravel()),
+        element=" ".join(map(str, flex.elements.ravel())),
+        texcoord=_text(flex.tiles.ravel()),
+    )
+    Xml.SubElement(element, "contact", contype="0", conaffinity="0")
 
 
 def _add_lamp(scene: Xml.Element, lamp: Lamp, look: Look) -> None:

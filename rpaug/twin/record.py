@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,15 @@ from jaxtyping import Float
 from rpaug import registry
 from rpaug.errors import RpaugError
 from rpaug.files import encode_png
-from rpaug.twin import cameras, factors, tabletop, tasks
+from rpaug.twin import cameras, factors, tabletop
 from rpaug.twin.look import Look
 from rpaug.twin.motion import Motion, play
 from rpaug.twin.panda import OPEN
 from rpaug.twin.renderer import Renderer
+from rpaug.twin.soft_tasks import SOFT_TASKS
+from rpaug.twin.tasks import TASKS
 from rpaug.twin.truth import Truth, changed_tints, laid, mean_albedos
-from rpaug.twin.world import World
+from rpaug.twin.world import Part, World
 from rpaug.types import Camera, CameraView, Episode, Robot
 
 LARGEST = 2048  # pixels a side
@@ -27,11 +29,13 @@ _OPEN_FROM = 0.95  # of the full opening: RLBench's rule for gripper_open
 
 @dataclass(frozen=True)
 class Take:
-    """An episode in memory with the truth about it; `poses` are body-to-world tracks by body name."""
+    """An episode in memory with the truth about it: `poses` are body-to-world tracks by body name, `shapes` the
+    vertices in the world of what bends, by part name."""
 
     episode: Episode
     truth: Truth
     poses: Mapping[str, Float[np.ndarray, "t 4 4"]]
+    shapes: Mapping[str, Float[np.ndarray, "t v 3"]] = field(default_factory=dict)
 
     def side(self) -> dict[str, bytes]:
         """The files that lie beside the episode's own: the facts, and the images laid on parts."""
@@ -61,16 +65,20 @@ def perform(
     or "receiver" (None: the factor's usual parts), to `value` or, where that is None, to a draw from
     the seed. Raises RpaugError for unknown names, Unsupported without OpenGL or with too few frames.
     """
-    if task not in tasks.TASKS:
-        raise RpaugError(f"no task is called {task!r}; there are: {', '.join(tasks.TASKS)}")
+    known = {**TASKS, **SOFT_TASKS}
+    if task not in known:
+        raise RpaugError(f"no task is called {task!r}; there are: {', '.join(known)}")
     if not 8 <= size <= LARGEST:
         raise RpaugError(f"size {size}: the twin renders 8 to {LARGEST} pixels a side")
     old = look or Look()
     layout, handles, textures, drawn = (np.random.default_rng([seed, episode, k]) for k in range(4))
-    job = tasks.TASKS[task](layout)
+    job = known[task](layout)
     motion = play(tabletop.ARM, job.script, job.placing, frames)
     texture_seed = int(textures.integers(2**32)) if old.texture_seed is None else old.texture_seed
-    world = tabletop.build(job.placing, handles, texture_seed)
+    soft = job.soft
+    parts = [] if soft is None else [Part(soft.name, (), flex=soft.flex)]
+    shapes = {} if soft is None else {soft.name: soft.track(motion)}
+    world = tabletop.build(job.placing, handles, texture_seed, parts)
     changed: tuple[str, ...] = ()
     new = old
     if factor:
@@ -97,12 +105,12 @@ def perform(
     )
     made = Episode(
         key=f"{task}/all_variations/episodes/episode{episode}",
-        views=_film(world, new, motion, size),
+        views=_film(world, new, motion, shapes, size),
         robot=_robot(motion),
         descriptions=job.descriptions,
         length=motion.length,
     )
-    return Take(made, truth, motion.objects)
+    return Take(made, truth, motion.objects, shapes)
 
 
 def record(
@@ -142,7 +150,13 @@ def record(
     return takes
 
 
-def _film(world: World, look: Look, motion: Motion, size: int) -> dict[str, CameraView]:
+def _film(
+    world: World,
+    look: Look,
+    motion: Motion,
+    shapes: Mapping[str, Float[np.ndarray, "t v 3"]],
+    size: int,
+) -> dict[str, CameraView]:
     rig = cameras.rig(motion.gripper_to_world, size, look.bumps)
     reels = {name: _blank(motion.length, size) for name in rig}
     with Renderer(world, look, size) as renderer:
@@ -151,6 +165,7 @@ def _film(world: World, look: Look, motion: Motion, size: int) -> dict[str, Came
                 motion.joint_positions[t],
                 motion.opening[t],
                 {name: track[t] for name, track in motion.objects.items()},
+                {name: track[t] for name, track in shapes.items()},
             )
             for name, camera in rig.items():
                 frame = renderer.render(camera, t, cameras.NEAR, cameras.FAR[name])

@@ -1,7 +1,8 @@
 """Pictures of the world by OpenGL in software: colour, depth in metres, and the handle under each pixel."""
 
 import os
-from types import TracebackType
+from collections.abc import Mapping
+from types import MappingProxyType, TracebackType
 from typing import Any
 
 import mujoco
@@ -42,10 +43,14 @@ class Renderer:
         self.model = mjcf.compile_model(world, look, size)
         self.data = mujoco.MjData(self.model)
         self._handles = mjcf.part_of_geoms(self.model, world)
-        self._scene = mujoco.MjvScene(self.model, maxgeom=self.model.ngeom + 8)
+        self._soft = mjcf.part_of_flexes(self.model, world)
+        self._scene = mujoco.MjvScene(self.model, maxgeom=self.model.ngeom + self.model.nflex + 8)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = look.shadows
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._option = mujoco.MjvOption()
+        for flag in ("VERT", "EDGE", "FACE"):
+            self._option.flags[getattr(mujoco.mjtVisFlag, f"mjVIS_FLEX{flag}")] = False
+        self._option.flags[mujoco.mjtVisFlag.mjVIS_FLEXSKIN] = True
         self._whole = mujoco.MjrRect(0, 0, size, size)
         self._gl = open_gl(size)
         self._colour = self._buffer(4 if look.antialias else 0)
@@ -59,8 +64,9 @@ class Renderer:
         q: Float64[np.ndarray, "7"],
         opening: float,
         objects: dict[str, Float64[np.ndarray, "4 4"]],
+        shapes: Mapping[str, Float64[np.ndarray, "v 3"]] = MappingProxyType({}),
     ) -> None:
-        """Put arm, fingers (metres each from the middle) and movable bodies where they belong."""
+        """Put arm, fingers (metres each from the middle), movable bodies and vertices of what bends where they belong."""
         self.data.qpos[:] = (*q, opening, opening)
         for name, where in objects.items():
             slot = self.model.body(name).mocapid[0]
@@ -68,6 +74,10 @@ class Renderer:
             mujoco.mju_mat2Quat(self.data.mocap_quat[slot], where[:3, :3].ravel())
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
+        for name, points in shapes.items():
+            number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_FLEX, name)
+            first = self.model.flex_vertadr[number]
+            self.data.flexvert_xpos[first : first + len(points)] = points
         mujoco.mjv_updateScene(
             self.model,
             self.data,
@@ -137,11 +147,14 @@ class Renderer:
         for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
             self._scene.flags[flag] = False
         number = self._rgb[::-1].astype(np.int32) @ (1, 1 << 8, 1 << 16)
-        names = [0] + [
-            int(self._handles[self._scene.geoms[g].objid]) for g in range(self._scene.ngeom)
-        ]
-        ids = np.array(names, np.int32)[number]
+        ids = np.array([0, *map(self._handle, range(self._scene.ngeom))], np.int32)[number]
         # Reversed depth is 1 at near and 0 at far: solved for z in double, as 32-bit floats are
         # densest at far.
         z = near * far / (near + self._depth[::-1].astype(np.float64) * (far - near))
         return np.where(ids > 0, z, 0).astype(np.float32), ids
+
+    def _handle(self, drawn: int) -> int:
+        """The handle of one thing in OpenGL's list."""
+        thing = self._scene.geoms[drawn]
+        bends = thing.objtype == mujoco.mjtObj.mjOBJ_FLEX
+        return int((self._soft if bends else self._handles)[thing.objid])

@@ -1,6 +1,6 @@
 """The tabletop: a Panda, table, walls and floor, and what tasks put there: cabinet, stove, blocks, cups, button, box."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -28,13 +28,19 @@ STOVE, PLATE = (
 )  # half extents, height; x, radius, height
 KNOB_AT, KNOB = (0.095, 0.060), (0.024, 0.026)  # x and +-y on the stove; radius, height
 BLOCK = (0.032, 0.055, 0.045)  # half extents: the narrow side fits the gripper
+RACK = (0.009, 0.16, 0.36)  # radius of its bars, half its width, height
+POST = (0.030, 0.10)  # radius and height
 RED = (0.80, 0.07, 0.06)
 
 
 def build(
-    placing: Mapping[str, Float[np.ndarray, "4 4"]], rng: np.random.Generator, texture_seed: int
+    placing: Mapping[str, Float[np.ndarray, "4 4"]],
+    rng: np.random.Generator,
+    texture_seed: int,
+    soft: Sequence[Part] = (),
 ) -> World:
-    """The furnished world: of the things, those that `placing` says where to stand; `rng` draws the handles."""
+    """The furnished world: of the things, those that `placing` says where to stand, and all `soft` parts; `rng`
+    draws the handles."""
     bodies = (
         _room(),
         *panda.bodies(ARM.base),
@@ -45,6 +51,7 @@ def build(
             for name, part in _things().items()
             if name in placing
         ),
+        *(Body(part.name, (part,)) for part in soft),
     )
     return World(bodies, _pictures(texture_seed), draw_handles(bodies, rng))
 
@@ -190,6 +197,8 @@ def _things() -> dict[str, Part]:
             ("box", _frame(*BOX, 0.008, BOX_FLOOR, texture="oak"), (0.92, 0.86, 0.76)),
             ("cup_small", _cup(*CUP_SMALL), (0.20, 0.42, 0.78)),
             ("cup_large", _cup(*CUP_LARGE), (0.90, 0.62, 0.18)),
+            ("rack", _rack(*RACK), (0.45, 0.47, 0.52)),
+            ("post", (Geom("cylinder", POST[:1], (0, 0, 0), (0, 0, POST[1])),), (0.35, 0.36, 0.40)),
         )
     }
 
@@ -226,6 +235,17 @@ def _cup(radius: float, wall: float, height: float, staves: int = 12) -> tuple[G
         for turn in 2 * np.pi * np.arange(staves) / staves
     )
     return (Geom("cylinder", (radius - wall,), (0, 0, 0), (0, 0, 2 * base)), *ring)
+
+
+def _rack(radius: float, half: float, height: float) -> tuple[Geom, ...]:
+    """A bar on two feet."""
+    top = height + radius
+    ends = [(0.0, -half, top), (0.0, half, top)]
+    return (
+        Geom("capsule", (radius,), *ends),
+        *(Geom("cylinder", (radius,), (0, y, 0), (0, y, top)) for _, y, _ in ends),
+        *(Geom("box", (0.06, 0.015, 0.006), (0, y, 0.006)) for _, y, _ in ends),
+    )
 
 
 @lru_cache(4)  # a motion is often recorded again with one factor changed

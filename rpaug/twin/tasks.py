@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rpaug import geometry
-from rpaug.twin.motion import Key
+from rpaug.twin.motion import Key, Motion
 from rpaug.twin.panda import FINGER_END, FINGER_HALF, OPEN
 from rpaug.twin.tabletop import (
     BLOCK,
@@ -24,6 +24,7 @@ from rpaug.twin.tabletop import (
     resting_height,
     upright,
 )
+from rpaug.twin.world import Flex
 
 Pose = Float[np.ndarray, "4 4"]
 
@@ -38,7 +39,7 @@ class Job:
 
     `manipulated` is the part that moves (its name is also the default target of a change),
     `receiver` the one it is brought to. `descriptions` are RLBench's kind of instructions, the first
-    one the main one.
+    one the main one. `soft` is what bends in it, if anything does.
     """
 
     placing: Mapping[str, Pose]
@@ -47,6 +48,16 @@ class Job:
     descriptions: tuple[str, ...]
     variation: int
     receiver: str | None = None
+    soft: "Soft | None" = None
+
+
+@dataclass(frozen=True)
+class Soft:
+    """The part of a job that bends, and how: its vertices over time, worked out from the robot's motion."""
+
+    name: str
+    flex: Flex
+    track: Callable[[Motion], Float[np.ndarray, "t v 3"]]
 
 
 def open_drawer(rng: np.random.Generator) -> Job:
@@ -63,14 +74,14 @@ def open_drawer(rng: np.random.Generator) -> Job:
     ]
     out = cabinet[:3, 0]
     approach = -np.sin(_LEAN) * out - np.array([0, 0, np.cos(_LEAN)])
-    grasp = _gripper(geometry.transform(cabinet, GRIP), approach, opens_along=out)
+    grasp = gripper_pose(geometry.transform(cabinet, GRIP), approach, opens_along=out)
     script = (
-        Key(share=0.36, tip=_moved(grasp, -_REACH * approach)),
+        Key(share=0.36, tip=moved(grasp, -_REACH * approach)),
         Key(share=0.16, tip=grasp, straight=True),
         Key(share=0.08, opening=GRIP_RADIUS),
         Key(
             share=0.34,
-            tip=_moved(grasp, PULL * out),
+            tip=moved(grasp, PULL * out),
             opening=GRIP_RADIUS,
             straight=True,
             holds="drawer",
@@ -78,7 +89,7 @@ def open_drawer(rng: np.random.Generator) -> Job:
         Key(share=0.06, opening=GRIP_RADIUS, holds="drawer"),
     )
     return Job(
-        {"cabinet": cabinet, "drawer": cabinet, **_scatter(_LOOSE, spots, rng)},
+        {"cabinet": cabinet, "drawer": cabinet, **scattered(LOOSE, spots, rng)},
         script,
         "drawer",
         ("open the drawer", "grip the handle and pull the drawer open", "slide the drawer open"),
@@ -102,23 +113,23 @@ def pick_block(rng: np.random.Generator) -> Job:
         BLOCK[2],
         rng.uniform(-0.6, 0.6),
     )
-    grasp = _gripper(block[:3, 3] + [0, 0, 0.015], _DOWN, opens_along=block[:3, 0])
+    grasp = gripper_pose(block[:3, 3] + [0, 0, 0.015], _DOWN, opens_along=block[:3, 0])
     pad_top = pad[2, 3] + resting_height("pad")
-    place = _gripper(
+    place = gripper_pose(
         np.array([pad[0, 3], pad[1, 3], pad_top + BLOCK[2] + 0.015]),
         _DOWN,
         opens_along=block[:3, 0],
     )
     script = _carry(name, grasp, place, BLOCK[0])
     spots = [(0.06, -0.35), (0.23, -0.38), (0.41, -0.33), (0.08, 0.25)]
-    others = tuple(thing for thing in _LOOSE if thing not in (name, "pad"))
+    others = tuple(thing for thing in LOOSE if thing not in (name, "pad"))
     return Job(
         {
             "cabinet": cabinet,
             "drawer": cabinet,
             "pad": pad,
             name: block,
-            **_scatter(others, spots, rng),
+            **scattered(others, spots, rng),
         },
         script,
         name,
@@ -136,9 +147,9 @@ def push_button(rng: np.random.Generator) -> Job:
     x, y = np.array([0.20, 0.0]) + rng.uniform(-0.06, 0.06, 2)
     button = upright(x, y, 0.0, rng.uniform(-0.5, 0.5))
     touch = np.array([0, 0, FINGER_END])  # of the finger ends below the tip
-    top = _gripper(button[:3, 3] + [0, 0, BUTTON_TOP] + touch, _DOWN, opens_along=button[:3, 1])
-    pressed = _moved(top, np.array([0, 0, -BUTTON_TRAVEL]))
-    above = _moved(top, np.array([0, 0, _REACH]))
+    top = gripper_pose(button[:3, 3] + [0, 0, BUTTON_TOP] + touch, _DOWN, opens_along=button[:3, 1])
+    pressed = moved(top, np.array([0, 0, -BUTTON_TRAVEL]))
+    above = moved(top, np.array([0, 0, _REACH]))
     script = (
         Key(share=0.40, tip=above, opening=0.0),
         Key(share=0.20, tip=top, opening=0.0, straight=True),
@@ -148,7 +159,7 @@ def push_button(rng: np.random.Generator) -> Job:
     )
     spots = [(0.02, -0.28), (0.24, -0.34), (0.42, -0.22), (0.06, 0.27), (0.26, 0.33), (0.44, 0.20)]
     return Job(
-        {"button": button, "button_base": button, **_scatter(_LOOSE, spots, rng)},
+        {"button": button, "button_base": button, **scattered(LOOSE, spots, rng)},
         script,
         "button",
         ("push the red button", "press the button down", "push down the button with the red top"),
@@ -167,21 +178,21 @@ def slide_block(rng: np.random.Generator) -> Job:
     patch = upright(x + way[0], y + way[1], resting_height("patch"), turn)
     # High enough that the hand, wider than the fingers, stays above the block.
     behind = block[:3, 3] - (BLOCK[1] + FINGER_HALF) * along + [0, 0, 0.02]
-    touch = _gripper(behind, _DOWN, opens_along=block[:3, 0])
+    touch = gripper_pose(behind, _DOWN, opens_along=block[:3, 0])
     back, over = -0.05 * along, np.array([0, 0, _REACH])
     script = (
-        Key(share=0.34, tip=_moved(touch, back + over), opening=0.0),
-        Key(share=0.12, tip=_moved(touch, back), opening=0.0, straight=True),
+        Key(share=0.34, tip=moved(touch, back + over), opening=0.0),
+        Key(share=0.12, tip=moved(touch, back), opening=0.0, straight=True),
         Key(share=0.10, tip=touch, opening=0.0, straight=True),
-        Key(share=0.30, tip=_moved(touch, way), opening=0.0, straight=True, holds="block_plain"),
-        Key(share=0.14, tip=_moved(touch, way + back), opening=0.0, straight=True),
+        Key(share=0.30, tip=moved(touch, way), opening=0.0, straight=True, holds="block_plain"),
+        Key(share=0.14, tip=moved(touch, way + back), opening=0.0, straight=True),
     )
     spots = [(0.00, -0.36), (0.40, -0.36), (0.44, -0.08), (0.46, 0.18), (-0.02, 0.32)]
     return Job(
         {
             "block_plain": block,
             "patch": patch,
-            **_scatter(tuple(n for n in _LOOSE if n != "block_plain"), spots, rng),
+            **scattered(tuple(n for n in LOOSE if n != "block_plain"), spots, rng),
         },
         script,
         "block_plain",
@@ -206,12 +217,12 @@ def stack_cups(rng: np.random.Generator) -> Job:
         rng.uniform(-0.5, 0.5),
     )
     high = np.array([0, 0, CUP_SMALL[2] - 0.015])
-    grasp = _gripper(small[:3, 3] + high, _DOWN, opens_along=small[:3, 0])
+    grasp = gripper_pose(small[:3, 3] + high, _DOWN, opens_along=small[:3, 0])
     inside = large[:3, 3] + high + [0, 0, FLOOR_OF_CUP]
-    script = _carry("cup_small", grasp, _gripper(inside, _DOWN, small[:3, 0]), CUP_SMALL[0])
+    script = _carry("cup_small", grasp, gripper_pose(inside, _DOWN, small[:3, 0]), CUP_SMALL[0])
     spots = [(0.00, -0.36), (0.22, -0.38), (0.44, -0.30), (0.02, 0.22), (0.20, 0.34), (0.46, 0.26)]
     return Job(
-        {"cup_small": small, "cup_large": large, **_scatter(_LOOSE, spots, rng)},
+        {"cup_small": small, "cup_large": large, **scattered(LOOSE, spots, rng)},
         script,
         "cup_small",
         ("stack the cups", "put the small blue cup into the large one"),
@@ -231,15 +242,15 @@ def put_in_box(rng: np.random.Generator) -> Job:
     yaw = rng.uniform(-0.15, 0.15)
     box = upright(0.33 + rng.uniform(-0.03, 0.03), 0.10 + rng.uniform(-0.03, 0.03), 0.0, yaw)
     grip = np.array([0, 0, 0.025])
-    grasp = _gripper(block[:3, 3] + grip, _DOWN, opens_along=block[:3, 0])
+    grasp = gripper_pose(block[:3, 3] + grip, _DOWN, opens_along=block[:3, 0])
     inside = box[:3, 3] + grip + [0, 0, BOX_FLOOR + BLOCK[2]]
-    place = _gripper(inside, _DOWN, opens_along=block[:3, 0])
+    place = gripper_pose(inside, _DOWN, opens_along=block[:3, 0])
     spots = [(0.00, -0.36), (0.22, -0.38), (0.44, -0.28), (0.00, 0.26), (0.16, 0.36)]
     return Job(
         {
             "block_plain": block,
             "box": box,
-            **_scatter(tuple(n for n in _LOOSE if n != "block_plain"), spots, rng),
+            **scattered(tuple(n for n in LOOSE if n != "block_plain"), spots, rng),
         },
         _carry("block_plain", grasp, place, BLOCK[0]),
         "block_plain",
@@ -288,7 +299,7 @@ TASKS: Mapping[str, Callable[[np.random.Generator], Job]] = {
     "put_on_stove": put_on_stove,
 }
 
-_LOOSE = ("block_plain", "block_two_coloured", "block_textured", "block_small", "cylinder", "pad")
+LOOSE = ("block_plain", "block_two_coloured", "block_textured", "block_small", "cylinder", "pad")
 
 
 _DOWN = np.array([0.0, 0.0, -1.0])
@@ -299,18 +310,18 @@ def _carry(name: str, grasp: Pose, place: Pose, opening: float) -> tuple[Key, ..
     over = np.array([0, 0, _REACH])
     carry = partial(Key, straight=True, opening=opening, holds=name)
     return (
-        Key(share=0.34, tip=_moved(grasp, over)),
+        Key(share=0.34, tip=moved(grasp, over)),
         Key(share=0.10, tip=grasp, straight=True),
         Key(share=0.05, opening=opening),
-        carry(share=0.11, tip=_moved(grasp, over)),
-        carry(share=0.16, tip=_moved(place, over)),
+        carry(share=0.11, tip=moved(grasp, over)),
+        carry(share=0.16, tip=moved(place, over)),
         carry(share=0.10, tip=place),
         Key(share=0.05, opening=OPEN),
-        Key(share=0.09, tip=_moved(place, over), straight=True),
+        Key(share=0.09, tip=moved(place, over), straight=True),
     )
 
 
-def _scatter(
+def scattered(
     names: tuple[str, ...], spots: list[tuple[float, float]], rng: np.random.Generator
 ) -> dict[str, Pose]:
     """One thing a spot, in drawn order, each a little off and turned."""
@@ -322,7 +333,7 @@ def _scatter(
     return places
 
 
-def _gripper(
+def gripper_pose(
     at: Float[np.ndarray, "3"],
     approach: Float[np.ndarray, "3"],
     opens_along: Float[np.ndarray, "3"],
@@ -335,7 +346,8 @@ def _gripper(
     return pose
 
 
-def _moved(pose: Pose, shift: Float[np.ndarray, "3"]) -> Pose:
+def moved(pose: Pose, shift: Float[np.ndarray, "3"]) -> Pose:
+    """The pose shifted by metres along the world's axes."""
     out = pose.copy()
     out[:3, 3] += shift
     return out

@@ -99,7 +99,8 @@ def mean_albedos(world: World, look: Look) -> dict[int, Vector]:
     """Tint times the mean of colour and texture over a part's shapes, rounded to 1e-6, by handle."""
     out = {}
     for part in (part for body in world.bodies for part in body.parts):
-        if cover := look.covers.get(part.name):
+        cover = look.covers.get(part.name) or (part.flex.printed if part.flex else None)
+        if cover:
             mean, tint = cover.image.mean((0, 1)) / 255, look.tints.get(part.name, WHITE)
         else:
             mean, tint = _own_colour(world, part), look.tints.get(part.name, part.tint)

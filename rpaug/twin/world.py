@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
+
+from rpaug.twin import textures
 
 Vector = tuple[float, float, float]
 Pose = Float[np.ndarray, "4 4"]
@@ -32,12 +34,45 @@ class Geom:
 
 
 @dataclass(frozen=True)
+class Print:
+    """An image that repeats every `side` metres: one of `textures.KINDS`, drawn from `seed`."""
+
+    kind: str
+    seed: int
+    side: float
+
+    @property
+    def image(self) -> UInt8[np.ndarray, "n n 3"]:
+        """The tile, its first row uppermost."""
+        return textures.picture(self.kind, self.seed)
+
+
+@dataclass(frozen=True)
+class Flex:
+    """What bends: vertices at rest in the world, triangles (of a sheet) or tetrahedra (of a body), and its image.
+
+    `tiles` are image coordinates of each vertex, in repeats of the image.
+    """
+
+    points: Float[np.ndarray, "v 3"]
+    elements: Int[np.ndarray, "e k"]
+    tiles: Float[np.ndarray, "v 2"]
+    printed: Print
+
+    @property
+    def dim(self) -> int:
+        """2 for a sheet, 3 for a body."""
+        return self.elements.shape[1] - 1
+
+
+@dataclass(frozen=True)
 class Part:
-    """What one mask handle names; `tint` multiplies the albedo of all its shapes."""
+    """What one mask handle names; `tint` multiplies the albedo of all its shapes. What bends is a flex, not geoms."""
 
     name: str
     geoms: tuple[Geom, ...]
     tint: Vector = WHITE
+    flex: Flex | None = None
 
 
 @dataclass(frozen=True)
