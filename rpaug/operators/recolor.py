@@ -30,6 +30,11 @@ class AlbedoRatio:
     new: tuple[float, float, float]
     plain: bool
 
+    @property
+    def asked(self) -> tuple[float, float, float]:
+        """The colour it was asked for, by which gates judge it."""
+        return self.new
+
     def __call__(
         self, colour: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
@@ -52,6 +57,11 @@ class LabShift:
     handles: frozenset[int]
     old: tuple[float, float, float]
     new: tuple[float, float, float]
+
+    @property
+    def asked(self) -> tuple[float, float, float]:
+        """The colour it was asked for, by which gates judge it."""
+        return self.new
 
     def __call__(
         self, colour: Float32[np.ndarray, "n 3"], surface: Surface

@@ -3,8 +3,8 @@
 A pixel is albedo times shading, and the pixel alone does not say which of the two a dark spot is. On a thing of one
 colour everything that varies is shading. On a patterned one, shading is taken to be smooth: a quadratic in the normal
 (all that a matte surface keeps of distant light: Ramamoorthi and Hanrahan 2001) and, only if that explains most of what
-is left, in the place: else the broad parts of a pattern would pass for light. What is then darker
-than the old pattern's contrast explains is a shadow, and stays.
+is left and falls off all around as the light of a near lamp does, in the place: else the broad parts of a pattern would
+pass for light. What is then darker than the old pattern's contrast explains is a shadow, and stays.
 """
 
 from collections.abc import Iterable, Mapping
@@ -30,6 +30,7 @@ BY_NORMAL = 9  # terms of the fit that know the normal only
 BY_PLACE = (
     0.6  # of the spread: light is taken to vary over the place only if it leaves no more than this
 )
+HOLLOW = 0.1  # of full light, per squared extent: by how much a lamp's pool of light may curve upwards
 RIDGE = 1e-3
 PASSES = 6  # of the robust fit
 
@@ -124,7 +125,7 @@ def fit(samples: Samples, albedo: tuple[float, float, float], known: bool = True
     basis = _basis(points, facing, middle, extent).astype(float)
     weights, spread = _robust(basis[:, :BY_NORMAL], shade)
     everywhere, less = _robust(basis, shade)
-    if less < BY_PLACE * spread:
+    if less < BY_PLACE * spread and _falls_off(everywhere):
         weights, spread = everywhere, less
     else:
         weights = np.pad(weights, (0, basis.shape[1] - BY_NORMAL))
@@ -132,6 +133,13 @@ def fit(samples: Samples, albedo: tuple[float, float, float], known: bool = True
         return None
     level = 1.0 if known else max(float(np.quantile(basis @ weights, LIT)), 0.05)
     return Smooth(tuple(middle.tolist()), extent, tuple((weights / level).tolist()), spread, level)
+
+
+def _falls_off(weights: Float64[np.ndarray, "15"]) -> bool:
+    """Whether the fit curves downwards over the place, in every direction: brightest in one spot."""
+    p, q, cross = weights[BY_NORMAL + 3 :]
+    bend = np.linalg.eigvalsh([[2 * p, cross], [cross, 2 * q]])
+    return bool(bend.max() < HOLLOW)
 
 
 def _robust(
