@@ -181,7 +181,7 @@ def _still(view: CameraView, t: int) -> Bool[np.ndarray, "h w"]:
 
 
 def _color(scene: Scene) -> float | None:
-    """The largest difference of any thing that was painted, in the recorded views, without the edits that come after."""
+    """The largest difference of any thing that was painted, in the recorded views, without the edits after it."""
     found = []
     for number, edit in enumerate(scene.appearance):
         if isinstance(edit, Paint):

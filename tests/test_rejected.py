@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from rpaug_adapters.rlbench import RLBench
-from test_augment import GROUP, augment, contents
+from test_augment import augment, contents
 
 from rpaug import pipeline, recipe, report
 from rpaug.files import REJECTED

@@ -125,8 +125,8 @@ def measure(
 
 
 def _products(mine: np.ndarray, truly: np.ndarray) -> np.ndarray:
-    a, b = mine.astype(np.float64).ravel(), truly.astype(np.float64).ravel()
-    return np.array([a @ a, a @ b, b @ b])
+    a, b = mine.astype(np.float64), truly.astype(np.float64)
+    return np.array([(a * a).sum(), (a * b).sum(), (b * b).sum()])
 
 
 def _scaled(products: np.ndarray) -> float:

@@ -8,7 +8,7 @@ from jaxtyping import Float32
 
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import RGB, Color
-from rpaug.scene import albedo, colours, targets
+from rpaug.scene import albedo, colours, shading, targets
 from rpaug.types import Appearance, Effect, Scene, Surface
 
 # Per channel the pixel is divided by the old albedo only while that does not blow up its noise: a gain of 6 turns
@@ -90,7 +90,7 @@ class Recolor(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         handles = sorted(targets.find(scene, self.target))
-        surfaces = [albedo.describe(scene.episode, handle, self.albedo) for handle in handles]
+        surfaces = shading.describe(scene, handles, self.albedo)
         return {"color": self.color.draw(rng), "surfaces": surfaces}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:

@@ -16,7 +16,7 @@ from jaxtyping import Float32, Float64
 
 from rpaug.errors import Unsupported
 from rpaug.render.jit import kernel
-from rpaug.scene import sampling, surface
+from rpaug.scene import albedo, sampling, surface
 from rpaug.types import Scene
 
 FRAMES = 6
@@ -30,7 +30,9 @@ BY_NORMAL = 9  # terms of the fit that know the normal only
 BY_PLACE = (
     0.6  # of the spread: light is taken to vary over the place only if it leaves no more than this
 )
-HOLLOW = 0.1  # of full light, per squared extent: by how much a lamp's pool of light may curve upwards
+HOLLOW = (
+    0.1  # of full light, per squared extent: by how much a lamp's pool of light may curve upwards
+)
 RIDGE = 1e-3
 PASSES = 6  # of the robust fit
 
@@ -108,12 +110,32 @@ class Smooth:
         }
 
 
-def fit(samples: Samples, albedo: tuple[float, float, float], known: bool = True) -> Smooth | None:
+def describe(
+    scene: Scene, handles: Iterable[int], known: tuple[float, float, float] | None = None
+) -> list[dict[str, Any]]:
+    """What an edit stores of each thing's surface, as `albedo.describe` does.
+
+    An albedo's brightness is that of the best-lit pixels; where depth tells light from pattern, that of the best-lit
+    part of the fit, since the brightest pixels of a patterned thing are its palest spots.
+    """
+    found = [albedo.describe(scene.episode, handle, known) for handle in handles]
+    if known is None and any(view.depth is not None for view in scene.episode.views.values()):
+        seen = sample(scene, [one["handle"] for one in found])
+        for one in found:
+            here = seen.get(one["handle"])
+            smooth = fit(here, tuple(one["albedo"]), known=False) if here else None
+            if smooth:
+                one["albedo"] = [min(value * smooth.level, 1.0) for value in one["albedo"]]
+    return found
+
+
+def fit(samples: Samples, colour: tuple[float, float, float], known: bool = True) -> Smooth | None:
     """The smooth shading of a patterned thing, or None if its brightness varies no more than its shading does.
 
-    Unless the albedo is `known`, its brightness is a guess, and the best-lit part is taken to be fully lit.
+    `colour` is the thing's albedo. Unless it is `known`, its brightness is a guess, and the best-lit part is taken to
+    be fully lit.
     """
-    old = np.array(albedo)
+    old = np.array(colour)
     high = samples.colour.max(1)
     good = (high > DARK) & (high < BRIGHT)
     if good.sum() < 60 or old.max() < DARK:
