@@ -22,7 +22,7 @@ from rpaug_adapters import _rlbench_read, _rlbench_write
 from rpaug_adapters._rlbench_read import DESCRIPTIONS, LOW_DIM, Recorded
 
 from rpaug import Adapter, BadInput, Episode, Side
-from rpaug.files import atomic_folder
+from rpaug.files import REJECTED, atomic_folder
 
 EPISODE = re.compile(r"episode(\d+)$")
 
@@ -47,6 +47,8 @@ class RLBench(Adapter):
             if LOW_DIM in files or (EPISODE.search(here.name) and here != root):
                 keys.append(here.relative_to(root).as_posix())
                 subfolders.clear()
+            if here == root and REJECTED in subfolders:
+                subfolders.remove(REJECTED)
             subfolders[:] = [name for name in subfolders if not name.startswith(".")]
         return sorted(keys, key=_natural)
 

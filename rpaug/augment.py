@@ -3,7 +3,7 @@
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path, PurePosixPath
@@ -12,7 +12,7 @@ from typing import Any
 from rpaug import registry, report
 from rpaug.engine import local
 from rpaug.errors import BadInput
-from rpaug.files import PART, write_atomic
+from rpaug.files import PART, REJECTED, write_atomic
 from rpaug.interfaces import Adapter
 from rpaug.pipeline import ORIGINAL, Job
 from rpaug.recipe import Recipe
@@ -73,16 +73,17 @@ class Summary:
     copies: int = 0
     resumed: int = 0
     failures: dict[str, str] = field(default_factory=dict)
+    rejected: dict[str, str] = field(default_factory=dict)  # by key in that folder: why
     aborted: str | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     changed_share: dict[str, float] = field(default_factory=dict)
 
     @property
     def exit_code(self) -> int:
-        """0: all done; 1: some episodes were skipped; 2: nothing was made."""
-        if not self.failures and not self.aborted:
+        """0: all done; 1: some episodes were skipped, or copies rejected; 2: nothing was made."""
+        if not self.failures and not self.aborted and not self.rejected:
             return 0
-        return 1 if self.copies else 2
+        return 1 if self.copies or self.rejected else 2
 
 
 def check(run: Run, resume: bool = False) -> None:
@@ -126,21 +127,25 @@ def execute(
     made_folders = _missing(run.target)
     write_atomic(run.target / report.SUMMARY, report.encode(run.marker))
     _sweep(run.target)
-    done = {key: (one["source"], one["copy"]) for key, one in _reports(run).items()}
+    written = [*_reports(run).items(), *_reports(run, REJECTED).items()]
+    done = [(key, one["source"], one["copy"]) for key, one in written]
     todo = jobs(run, done)
     summary = Summary(resumed=len(done))
-    total, written = sum(len(job.copies) for job in todo), 0
+    total, finished = sum(len(job.copies) for job in todo), 0
     progress(0, total)
     for outcome in local.run(todo, workers):
-        written += len(outcome.reports)
+        finished += len(outcome.reports)
         if outcome.fatal:
             summary.aborted = outcome.error
         elif outcome.error:
             summary.failures[outcome.job.key] = outcome.error
-        progress(written, total)
-    if run.adapter.episodes(run.target):
+        progress(finished, total)
+    kept, rejected = _keys(run), _keys(run, REJECTED)
+    if kept or rejected:
         _close_gaps(run)
-        run.adapter.finish(run.source, run.target)
+        for keys, root in ((kept, run.target), (rejected, run.target / REJECTED)):
+            if keys:
+                run.adapter.finish(run.source, root)
         _total(summary, run)
         write_atomic(run.target / report.SUMMARY, report.encode(vars(summary) | run.marker))
     elif made_folders:
@@ -148,12 +153,13 @@ def execute(
     return summary
 
 
-def jobs(run: Run, done: dict[str, tuple[str, int]]) -> list[Job]:
+def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
     """One job per source episode: its missing copies and the keys they get, numbered from 0 in each group.
 
-    `done` maps keys already in the target to (source key, copy).
+    `done` are keys already given, to rejected copies too, with the source key and the copy of each.
     """
-    finished = set(done.values())
+    taken = {key for key, _, _ in done}
+    finished = {(source, copy) for _, source, copy in done}
     free: dict[str, int] = {}
     copies: dict[str, list[tuple[int, str]]] = {key: [] for key in run.keys}
     for copy in run.copies:
@@ -161,7 +167,7 @@ def jobs(run: Run, done: dict[str, tuple[str, int]]) -> list[Job]:
             if (key, copy) in finished:
                 continue
             group = _group(run.adapter, key)
-            while run.adapter.key_at(key, free.setdefault(group, 0)) in done:
+            while run.adapter.key_at(key, free.setdefault(group, 0)) in taken:
                 free[group] += 1
             copies[key].append((copy, run.adapter.key_at(key, free[group])))
             free[group] += 1
@@ -181,11 +187,18 @@ def jobs(run: Run, done: dict[str, tuple[str, int]]) -> list[Job]:
     ]
 
 
-def _reports(run: Run) -> dict[str, dict[str, Any]]:
-    """The report of every episode in the target. Raises BadInput for an episode without one."""
+def _keys(run: Run, folder: str = "") -> list[str]:
+    """The episodes in the target, or in a folder of it; rejected copies are none of the target's own."""
+    root = run.target / folder
+    keys = run.adapter.episodes(root) if root.is_dir() else ()
+    return [key for key in keys if PurePosixPath(key).parts[0] != REJECTED]
+
+
+def _reports(run: Run, folder: str = "") -> dict[str, dict[str, Any]]:
+    """The report of every episode there. Raises BadInput for an episode without one."""
     found = {}
-    for key in run.adapter.episodes(run.target):
-        path = run.target / key / report.NAME
+    for key in _keys(run, folder):
+        path = run.target / folder / key / report.NAME
         try:
             found[key] = json.loads(path.read_bytes())
         except (OSError, ValueError):
@@ -222,7 +235,7 @@ def _group(adapter: Adapter, key: str) -> str:
 def _close_gaps(run: Run) -> None:
     """Renumber so that each group counts from 0 without holes: readers walk the numbers until one is missing."""
     counts: dict[str, int] = {}
-    for key in run.adapter.episodes(run.target):
+    for key in _keys(run):
         group = _group(run.adapter, key)
         wanted = run.adapter.key_at(key, counts.get(group, 0))
         counts[group] = counts.get(group, 0) + 1
@@ -234,6 +247,8 @@ def _total(summary: Summary, run: Run) -> None:
     """Fill in what the reports in the target say."""
     reports = list(_reports(run).values())
     summary.copies = len(reports)
+    for key, described in _reports(run, REJECTED).items():
+        summary.rejected[key] = "; ".join(described["gates"]["faults"])
     for described in reports:
         for stage, seconds in described["seconds"].items():
             summary.seconds[stage] = round(summary.seconds.get(stage, 0.0) + seconds, 4)

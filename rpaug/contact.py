@@ -4,7 +4,7 @@ import base64
 import html
 import json
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import cv2
@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug import report
-from rpaug.files import encode_png, write_atomic
+from rpaug.files import REJECTED, encode_png, write_atomic
 from rpaug.interfaces import Adapter
 from rpaug.scene import keyframes
 from rpaug.types import Episode
@@ -50,6 +50,8 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
     """The sheet of a finished output folder; returns its path."""
     described = {}
     for key in adapter.episodes(target):
+        if PurePosixPath(key).parts[0] == REJECTED:
+            continue
         path = target / key / report.NAME
         if path.is_file():
             one = json.loads(path.read_bytes())

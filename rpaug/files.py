@@ -18,6 +18,7 @@ from rpaug.errors import BadInput
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PART = ".part"  # ending of the hidden folders in which output grows
+REJECTED = "rejected"  # folder beside the episodes: copies that failed their gates
 CHANNELS = {
     0: (1, 1),
     2: (3, 3),

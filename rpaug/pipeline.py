@@ -3,14 +3,16 @@
 import json
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rpaug import gates as gating
 from rpaug import plan as planning
 from rpaug import registry, report
+from rpaug.files import REJECTED
 from rpaug.interfaces import Adapter, Operator
 from rpaug.recipe import Option, Recipe, option
 from rpaug.recipe import build as build_recipe
@@ -50,16 +52,22 @@ class Made:
     tally: report.Tally
 
 
+class Rejected(Exception):
+    """A copy that exceeds a limit of its gates, told once all its frames are rendered and before it appears."""
+
+
 def operators(recipe: Recipe) -> list[Operator]:
     """Every operator the recipe may use."""
     return [option.operator for step in recipe.steps for option in step.options]
 
 
-def draw(scene: Scene, recipe: Recipe, copy: int) -> tuple[Scene, tuple[Draw, ...]]:
+def draw(
+    scene: Scene, recipe: Recipe, copy: int, attempt: int = 0
+) -> tuple[Scene, tuple[Draw, ...]]:
     """The scene after this copy's edits, and what was drawn. Raises TargetError."""
     draws = []
     for number, step in enumerate(recipe.steps):
-        rng = recipe.generator(scene.episode.key, copy, number)
+        rng = recipe.generator(scene.episode.key, copy, number, attempt)
         chosen = step.draw(rng)
         edit = None
         if chosen:
@@ -81,8 +89,13 @@ def redraw(scene: Scene, described: Sequence[dict[str, Any]]) -> tuple[Scene, tu
     return scene, tuple(draws)
 
 
-def render(scene: Scene, draws: tuple[Draw, ...], plan: planning.Plan) -> Made:
-    """The edited episode, every image still to be rendered when a writer or a trainer asks for it."""
+def render(
+    scene: Scene, draws: tuple[Draw, ...], plan: planning.Plan, counted: bool = False
+) -> Made:
+    """The edited episode, every image still to be rendered when a writer or a trainer asks for it.
+
+    `counted` counts changed pixels that no edit reaches, for the gates, as frames pass by.
+    """
     settled = planning.settle(plan, scene)
     tally = report.Tally(list(scene.episode.views))
 
@@ -94,9 +107,12 @@ def render(scene: Scene, draws: tuple[Draw, ...], plan: planning.Plan) -> Made:
         hole: np.ndarray | None,
         seconds: float,
     ) -> None:
-        tally.frame(camera, before, image, seconds)
+        tally.frame(camera, t, before, image, seconds)
         if hole is not None:
             tally.hole(camera, t, hole)
+        elif counted:
+            ids = scene.episode.views[camera].ids
+            tally.outside[camera, t] = gating.beyond(scene, before, image, ids(t) if ids else None)
 
     return Made(views.edited(scene, settled.carriers, watch), scene, draws, settled, tally)
 
@@ -134,13 +150,50 @@ def augment(job: Job) -> Iterator[dict[str, Any]]:
     with watch("ground"):
         ground(scene, recipe)
     shared = {stage: seconds / len(job.copies) for stage, seconds in watch.seconds.items()}
-    for copy, target in job.copies:
-        watch = report.Stopwatch()
+    for copy, key in job.copies:
+        place = Place(copy, job.target, key)
+        if copy == ORIGINAL:
+            write(adapter, render(scene, (), plan), job, place, shared)
+        else:
+            place = _augmented(adapter, scene, recipe, plan, job, place, shared)
+        yield json.loads((place.root / key / report.NAME).read_bytes())
+
+
+def _augmented(
+    adapter: Adapter,
+    scene: Scene,
+    recipe: Recipe,
+    plan: planning.Plan,
+    job: Job,
+    place: "Place",
+    shared: dict[str, float],
+) -> "Place":
+    """Write one copy and say where.
+
+    While it fails its gates it is drawn again; a draw that failed before is not tried twice. The last draw to fail
+    goes to the folder of the rejected.
+    """
+    watch, gates = report.Stopwatch(), recipe.gates
+    failed: dict[int, Made] = {}
+    for attempt in range(gates.tries if gates else 1):
         with watch("draw"):
-            edited, draws = (scene, ()) if copy == ORIGINAL else draw(scene, recipe, copy)
-        made = render(edited, draws, plan)
-        write(adapter, made, job, copy, target, shared, watch)
-        yield json.loads((job.target / target / report.NAME).read_bytes())
+            edited, draws = draw(scene, recipe, place.copy, attempt)
+        if any(draws == one.draws for one in failed.values()):
+            continue
+        made = render(edited, draws, plan, counted=gates is not None)
+        trial = Trial(gates, attempt, strict=True) if gates else None
+        try:
+            write(adapter, made, job, place, shared | watch.seconds, trial)
+        except Rejected:
+            failed[attempt] = made
+        else:
+            return place
+    assert gates is not None
+    attempt, made = failed.popitem()
+    place = replace(place, root=job.target / REJECTED)
+    trial = Trial(gates, attempt, strict=False)
+    write(adapter, made, job, place, shared | watch.seconds, trial)
+    return place
 
 
 def ground(scene: Scene, recipe: Recipe) -> None:
@@ -159,38 +212,67 @@ def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -
     return scene
 
 
+@dataclass(frozen=True)
+class Place:
+    """Which copy is written, and where: as `key` in the dataset at `root`."""
+
+    copy: int
+    root: Path
+    key: str
+
+
+@dataclass(frozen=True)
+class Trial:
+    """How a copy is held to its gates: `attempt` counts its draws from 0; not `strict`, it is written all the same."""
+
+    gates: gating.Gates
+    attempt: int
+    strict: bool
+
+    def judge(self, made: Made) -> dict[str, Any]:
+        """What the report says of it. Raises Rejected."""
+        outside = sum(made.tally.outside.values())
+        figures = gating.measure(
+            made.scene, made.episode, made.plan.carriers, outside, made.tally.holes
+        )
+        faults = self.gates.faults(figures)
+        if faults and self.strict:
+            raise Rejected
+        return gating.described(figures, faults, self.attempt)
+
+
 def write(
     adapter: Adapter,
     made: Made,
     job: Job,
-    copy: int,
-    target: str,
-    shared: dict[str, float],
-    watch: report.Stopwatch,
+    place: Place,
+    before: dict[str, float],
+    trial: Trial | None = None,
 ) -> None:
-    """Write one copy with its report; frames are rendered as the adapter asks for them."""
+    """Write one copy with its report; frames are rendered as the adapter asks for them. Raises Rejected.
+
+    `before` are the seconds of the stages before this one.
+    """
     start = time.perf_counter()
 
     def side() -> dict[str, bytes]:
-        seconds = (
-            shared
-            | watch.seconds
-            | {"render": made.tally.seconds, "write": time.perf_counter() - start}
-        )
+        judged = trial.judge(made) if trial else None
+        spent = {"render": made.tally.seconds, "write": time.perf_counter() - start}
         return report.side_files(
             source=job.key,
-            copy=copy,
-            synthetic=copy != ORIGINAL,
+            copy=place.copy,
+            synthetic=place.copy != ORIGINAL,
             recipe=job.recipe,
             draws=[draw.describe() for draw in made.draws],
             plan=made.plan.describe(),
             tally=made.tally,
             surfels=surfels(made),
             gaussians=len(made.scene.gaussians or ()),
-            seconds=seconds,
+            gates=judged,
+            seconds=before | spent,
         )
 
-    adapter.write(made.episode, job.target, target, side)
+    adapter.write(made.episode, place.root, place.key, side)
 
 
 def surfels(made: Made) -> int:
@@ -206,17 +288,21 @@ def replay(
     adapter: Adapter, source: Path, described: dict[str, Any], target: Path, key: str
 ) -> None:
     """Write again the episode that a report describes, from the recorded one. Raises RpaugError."""
-    recipe = described["recipe"]
+    recipe = build_recipe(described["recipe"])
     job = Job(
         adapter.name,
         source,
         described["source"],
         target,
         ((described["copy"], key),),
-        recipe,
+        described["recipe"],
         described["plan"]["tier"],
     )
     episode = adapter.read(source, job.key)
-    plan = planning.make(operators(build_recipe(recipe)), episode, job.tier)
+    plan = planning.make(operators(recipe), episode, job.tier)
     scene, draws = redraw(prepare(episode, plan), described["draws"])
-    write(adapter, render(scene, draws, plan), job, described["copy"], key, {}, report.Stopwatch())
+    trial = None
+    if recipe.gates and "gates" in described:
+        trial = Trial(recipe.gates, described["gates"]["attempt"], strict=False)
+    made = render(scene, draws, plan, counted=trial is not None)
+    write(adapter, made, job, Place(described["copy"], target, key), {}, trial)

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from rpaug import registry
 from rpaug.errors import BadRecipe, RpaugError
 from rpaug.files import read_bytes
+from rpaug.gates import Gates
 from rpaug.interfaces import Operator
 
 MAX_BYTES = 2**20
@@ -48,6 +49,7 @@ class _Top(BaseModel):
     keep_originals: bool = False
     select: Select = Select()
     edits: list[dict[str, Any]] = []
+    gates: Gates | None = None
 
 
 class _Chance(BaseModel):
@@ -101,14 +103,17 @@ class Recipe:
     select: Select
     steps: tuple[Step, ...]
     source: dict[str, Any]
+    gates: Gates | None = None
 
-    def generator(self, key: str, copy: int, step: int) -> np.random.Generator:
+    def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.
 
-        `key` is relative to the dataset's root: two datasets with the same keys draw alike under one seed.
+        A copy that failed its gates is drawn again with the next `attempt`. `key` is relative to the dataset's root:
+        two datasets with the same keys draw alike under one seed.
         """
         name = int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8).digest(), "little")
-        return np.random.default_rng([self.seed, name, copy, step])
+        again = [attempt] if attempt else []
+        return np.random.default_rng([self.seed, name, copy, step, *again])
 
 
 def load(path: Path, overrides: Sequence[str] = ()) -> Recipe:
@@ -131,9 +136,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
     faults = _Faults(name, lines or {})
     if not isinstance(tree, dict):
         raise BadRecipe(f"{name}: found {_kind(tree)}; expected keys such as version, seed, edits")
-    if "gates" in tree:
-        faults.add(("gates",), "gates are not available yet; remove this section")
-    top = faults.check((), _Top, {key: value for key, value in tree.items() if key != "gates"})
+    top = faults.check((), _Top, tree)
     entries = tree.get("edits") if isinstance(tree.get("edits"), list) else []
     steps = [_step(faults, ("edits", i), entry) for i, entry in enumerate(entries or [])]
     faults.raise_any()
@@ -145,6 +148,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         select=top.select,
         steps=tuple(step for step in steps if step),
         source=json.loads(json.dumps(tree)),
+        gates=top.gates,
     )
 
 

@@ -25,8 +25,9 @@ class Tally:
     """Counts what changes while frames are rendered; safe to use from several threads."""
 
     cameras: list[str]
-    changed: dict[str, int] = field(default_factory=dict)
-    total: dict[str, int] = field(default_factory=dict)
+    changed: dict[tuple[str, int], int] = field(default_factory=dict)
+    total: dict[tuple[str, int], int] = field(default_factory=dict)
+    outside: dict[tuple[str, int], int] = field(default_factory=dict)
     holes: dict[str, Bool[np.ndarray, "h w"]] = field(default_factory=dict)
     seconds: float = 0.0
     lock: Any = field(default_factory=Lock)
@@ -34,16 +35,18 @@ class Tally:
     def frame(
         self,
         camera: str,
+        t: int,
         before: UInt8[np.ndarray, "h w 3"],
         after: UInt8[np.ndarray, "h w 3"],
         seconds: float,
     ) -> None:
-        """Count the pixels of one frame whose colour changed, and the thread seconds it took."""
+        """Count the pixels of one frame whose colour changed, once however often it is rendered, and add up the
+        thread seconds."""
         differs = int((before != after).any(-1).sum())
         with self.lock:
             self.seconds += seconds
-            self.changed[camera] = self.changed.get(camera, 0) + differs
-            self.total[camera] = self.total.get(camera, 0) + before.shape[0] * before.shape[1]
+            self.changed[camera, t] = differs
+            self.total[camera, t] = before.shape[0] * before.shape[1]
 
     def hole(self, camera: str, t: int, mask: Bool[np.ndarray, "h w"]) -> None:
         """Keep one frame's mask of pixels nobody ever saw."""
@@ -52,8 +55,8 @@ class Tally:
 
     def summary(self) -> dict[str, Any]:
         """Changed and invented pixels per camera."""
-        changed = {name: self.changed.get(name, 0) for name in self.cameras}
-        share = {name: round(n / self.total.get(name, 1), 6) for name, n in changed.items()}
+        changed = {name: _sum(self.changed, name) for name in self.cameras}
+        share = {name: round(n / max(_sum(self.total, name), 1), 6) for name, n in changed.items()}
         out: dict[str, Any] = {"changed_pixels": changed, "changed_share": share}
         if self.holes:
             per_camera: dict[str, list[float]] = {}
@@ -75,6 +78,11 @@ class Tally:
                     zipfile.ZipInfo(f"{key}.npy"), data.getvalue(), zipfile.ZIP_DEFLATED
                 )
         return buffer.getvalue()
+
+
+def _sum(counts: dict[tuple[str, int], int], camera: str) -> int:
+    """Over all frames of one camera."""
+    return sum(count for (name, _), count in counts.items() if name == camera)
 
 
 class Stopwatch:
@@ -103,6 +111,7 @@ def side_files(
     tally: Tally,
     surfels: int,
     gaussians: int,
+    gates: dict[str, Any] | None,
     seconds: dict[str, float],
 ) -> dict[str, bytes]:
     """The report, and the hole masks where a camera moved. All but `seconds` is the same for the same seed.
@@ -122,6 +131,7 @@ def side_files(
         "surfels": surfels,
         "gaussians": gaussians,
         **tally.summary(),
+        **({"gates": gates} if gates else {}),
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
     }
     files = {NAME: encode(described)}

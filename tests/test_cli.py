@@ -120,7 +120,7 @@ def test_doctor_finds_what_is_installed() -> None:
         (GOOD.replace("300", "4711"), ["4711", "there is", "300"]),
         (GOOD.replace("{handle: 300}", "{role: receiver}"), ["receiver"]),
         (GOOD.replace("{handle: 300}", "{text: the red cup}"), ["red"]),
-        (GOOD + "gates: {}\n", ["gates"]),
+        (GOOD + "gates: {holes: -1}\n", ["gates.holes"]),
     ],
 )
 def test_a_recipe_that_cannot_be_met_is_one_line_and_code_2(

@@ -57,7 +57,7 @@ def test_a_good_recipe_is_understood(tmp_path: Path) -> None:
         ("copies: 2", "copies: 0", ["r.yaml:3: copies"]),
         ("version: 1", "version: 2", ["r.yaml:1: version"]),
         ("seed: 7", "sed: 7", ["r.yaml:2: sed", "unknown key"]),
-        ("copies: 2", "gates: {}", ["r.yaml:3: gates", "not available yet"]),
+        ("copies: 2", "gates: {tries: 0}", ["r.yaml:3: gates.tries", "greater than or equal to 1"]),
         ("copies: 2", "copies: 2\ncopies: 3", ["r.yaml:4: copies", "given twice"]),
         ("role: manipulated", "roll: manipulated", ["edits[0].target"]),
         ("weight: 3", "weight: 0", ["edits[1].one_of[0].weight"]),

@@ -9,10 +9,15 @@ import numpy as np
 
 from rpaug import geometry
 from rpaug.interfaces import Edit
+from rpaug.scene import albedo, light
 from rpaug.twin import LAMPS, RIG, Laid, Lamp, Take
 from rpaug.twin.mjcf import AMBIENT
 
 TOLD, ESTIMATED = "rpaug", "rpaug, estimated"
+
+
+Colours = dict[int | None, tuple[Any, Any]]
+"""Old and new colour by handle; None stands for all pixels."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +34,14 @@ class Ask:
 class Case:
     """A factor's operator, what it is asked, and which parts are changed under which lamps.
 
-    `ask` gets the recording, its truly changed version, and a folder for images. `colours` gives what a
-    2D recolouring would be told, old and new by handle; `targets` are taken in turn.
+    `ask` gets the recording, its truly changed version, and a folder for images. `colours` gives what a 2D recolouring
+    goes by, old and new by handle: the old ones known, or read off the recording as `rpaug, estimated` does.
+    `targets` are taken in turn.
     """
 
     operator: str
     ask: Callable[[Take, Take, Path], tuple[Ask, ...]]
-    colours: Callable[[Take, Take], dict[int | None, tuple[Any, Any]]] | None = None
+    colours: Callable[[Take, Take, bool], Colours] | None = None
     lamps: tuple[Lamp, ...] = RIG
     targets: tuple[str | None, ...] = (None,)
 
@@ -97,14 +103,25 @@ def _camera_pose(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     return (Ask(TOLD, ({"camera": list(edit)},), edit),)
 
 
-def _albedos(recorded: Take, true: Take) -> dict[int | None, tuple[Any, Any]]:
+def _albedos(recorded: Take, true: Take, known: bool) -> Colours:
     old, new = recorded.truth.albedos, true.truth.albedos
-    return {handle: (old[handle], new[handle]) for handle in true.truth.changed}
+    shown = [handle for handle in true.truth.changed if known or handle in _seen(recorded)]
+    return {
+        handle: (old[handle] if known else _guess(recorded, handle), new[handle])
+        for handle in shown
+    }
 
 
-def _lights(recorded: Take, true: Take) -> dict[int | None, tuple[Any, Any]]:
+def _guess(recorded: Take, handle: int) -> tuple[float, float, float]:
+    return albedo.estimate(albedo.pixels(recorded.episode, handle)).rgb
+
+
+def _lights(recorded: Take, true: Take, known: bool) -> Colours:
     """What a white surface, fully lit, looks like before and after."""
     old, new = true.truth.light
+    if not known:
+        red, green, blue = light.estimate(recorded.episode).tolist()
+        old = (red, green, blue)
     return {None: ((1.0, 1.0, 1.0), tuple(np.divide(new, old)))}
 
 

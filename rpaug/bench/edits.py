@@ -17,14 +17,16 @@ from pydantic import TypeAdapter
 
 from rpaug import pipeline, plan, registry, twin
 from rpaug.bench import baselines
-from rpaug.bench.cases import CASES, Ask, Case
+from rpaug.bench.cases import CASES, ESTIMATED, Ask, Case
 from rpaug.bench.scores import HIGHER, Scores, measure
 from rpaug.errors import RpaugError
 from rpaug.types import CameraView, Episode
 
 GAUSSIANS = "Gaussian render"
 NONE, LAB, JITTER = "no edit", "CIELAB in the mask", "colour jitter"
-BASELINES = frozenset({GAUSSIANS, NONE, LAB, JITTER})
+LAB_ESTIMATED = "CIELAB in the mask, estimated"
+BASELINES = frozenset({GAUSSIANS, NONE, LAB, LAB_ESTIMATED, JITTER})
+TOLD_MORE = frozenset({GAUSSIANS, LAB})  # than an operator that is left to estimate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +114,8 @@ def run(
 
 
 def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Mean and worst of every figure by factor and method, and `lead`: dB over the best baseline's mean."""
+    """Mean and worst of every figure by factor and method, and `lead`: dB over the mean of the best baseline that
+    knows no more than the method does."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row.factor, row.method), []).append(row)
@@ -126,18 +129,20 @@ def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
             figures[name] = float(values.mean()) if len(values) else None
             figures[f"{name}_worst"] = float(worst(values)) if len(values) else None
         out.append(figures)
-    best = {
-        factor: max(
-            entry["psnr"]
-            for entry in out
-            if entry["factor"] == factor and entry["method"] in BASELINES
-        )
-        for factor in {entry["factor"] for entry in out}
-    }
     for entry in out:
         ours = entry["method"] not in BASELINES
-        entry["lead"] = entry["psnr"] - best[entry["factor"]] if ours else None
+        entry["lead"] = entry["psnr"] - _best(out, entry) if ours else None
     return out
+
+
+def _best(entries: Sequence[Mapping[str, Any]], ours: Mapping[str, Any]) -> float:
+    """The mean PSNR of the best baseline for the factor of `ours`, of those that know no more."""
+    fair = BASELINES - (TOLD_MORE if ours["method"] == ESTIMATED else set())
+    return max(
+        entry["psnr"]
+        for entry in entries
+        if entry["factor"] == ours["factor"] and entry["method"] in fair
+    )
 
 
 def encoded(setting: Setting, rows: Sequence[Row]) -> bytes:
@@ -226,8 +231,9 @@ def _methods(
         yield ask.method, partial(_edited, episode, case, ask, 0)
     yield NONE, lambda: (episode, {})
     if case.colours is not None:
-        colours = case.colours(recorded, true)
-        yield LAB, lambda: (_held(baselines.lab(episode, colours)), {})
+        told, guessed = (case.colours(recorded, true, known) for known in (True, False))
+        yield LAB, lambda: (_held(baselines.lab(episode, told)), {})
+        yield LAB_ESTIMATED, lambda: (_held(baselines.lab(episode, guessed)), {})
     yield JITTER, lambda: (_held(baselines.jitter(episode, seed)), {})
     if setting.gaussians:
         yield GAUSSIANS, partial(_edited, episode, case, asks[0], 3)

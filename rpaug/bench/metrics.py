@@ -4,11 +4,9 @@ from collections.abc import Iterable
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float64, Int, Int32, UInt8
+from jaxtyping import Bool, Float64, Int32, UInt8
 
-from rpaug import geometry
 from rpaug.scene import colours
-from rpaug.types import Camera
 
 LEAST_ERROR = 1e-4  # squared grey levels: equal images score 88 dB, not infinity
 _WINDOW, _SIGMA = 11, 1.5  # pixels: Wang et al. 2004
@@ -37,38 +35,7 @@ def difference(
     first: UInt8[np.ndarray, "n 3"], second: UInt8[np.ndarray, "n 3"]
 ) -> Float64[np.ndarray, "n"]:
     """CIEDE2000 between display colours of 0..255."""
-    return ciede2000(colours.to_lab(first / 255.0), colours.to_lab(second / 255.0))
-
-
-def ciede2000(
-    first: Float[np.ndarray, "*n 3"], second: Float[np.ndarray, "*n 3"]
-) -> Float64[np.ndarray, "*n"]:
-    """Colour difference of CIELAB colours, all weights 1 (CIE 142-2001, as Sharma, Wu and Dalal 2005 state it)."""
-    (l1, a1, b1), (l2, a2, b2) = (np.moveaxis(np.asarray(c, float), -1, 0) for c in (first, second))
-    chroma = (np.hypot(a1, b1) + np.hypot(a2, b2)) / 2
-    stretch = 1.5 - 0.5 * np.sqrt(chroma**7 / (chroma**7 + 25.0**7))
-    a1, a2 = a1 * stretch, a2 * stretch
-    c1, c2 = np.hypot(a1, b1), np.hypot(a2, b2)
-    h1, h2 = (np.degrees(np.arctan2(b, a)) % 360 for a, b in ((a1, b1), (a2, b2)))
-    grey = c1 * c2 == 0
-    turn = np.where(grey, 0, (h2 - h1 + 180) % 360 - 180)
-    turn = np.where((turn == -180) & (h2 > h1), 180, turn)
-    dl, dc = l2 - l1, c2 - c1
-    dh = 2 * np.sqrt(c1 * c2) * np.sin(np.radians(turn / 2))
-    middle_l, middle_c = (l1 + l2) / 2, (c1 + c2) / 2
-    far = np.abs(h1 - h2) > 180
-    middle_h = (h1 + h2) / 2 + np.where(far, np.where(h1 + h2 < 360, 180, -180), 0)
-    middle_h = np.where(grey, h1 + h2, middle_h)
-    t = 1 + sum(
-        weight * np.cos(np.radians(times * middle_h + off))
-        for weight, times, off in ((-0.17, 1, -30), (0.24, 2, 0), (0.32, 3, 6), (-0.20, 4, -63))
-    )
-    sl = 1 + 0.015 * (middle_l - 50) ** 2 / np.sqrt(20 + (middle_l - 50) ** 2)
-    sc, sh = 1 + 0.045 * middle_c, 1 + 0.015 * middle_c * t
-    blue = 60 * np.exp(-(((middle_h - 275) / 25) ** 2))
-    cross = -2 * np.sqrt(middle_c**7 / (middle_c**7 + 25.0**7)) * np.sin(np.radians(blue))
-    light, saturation, hue = dl / sl, dc / sc, dh / sh
-    return np.sqrt(light**2 + saturation**2 + hue**2 + cross * saturation * hue)
+    return colours.ciede2000(colours.to_lab(first / 255.0), colours.to_lab(second / 255.0))
 
 
 def mean_iou(pairs: Iterable[tuple[Int32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]]) -> float:
@@ -81,35 +48,6 @@ def mean_iou(pairs: Iterable[tuple[Int32[np.ndarray, "h w"], Int32[np.ndarray, "
             shared[handle] = shared.get(handle, 0) + int((a & b).sum())
             either[handle] = either.get(handle, 0) + int((a | b).sum())
     return float(np.mean([shared[handle] / either[handle] for handle in either]))
-
-
-def reprojection(
-    depths: tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]],
-    ids: tuple[Int[np.ndarray, "h w"], Int[np.ndarray, "h w"]],
-    cameras: tuple[Camera, Camera],
-    t: int,
-    hidden: float = 0.02,
-) -> Float64[np.ndarray, "n"]:
-    """Metres between the first camera's points and the surface the second saw there, on handles both name.
-
-    Points that lie `hidden` metres or more behind that surface are taken for unseen by the second. The inverse of depth
-    is interpolated, which is exact on planes, and only between four pixels of one handle.
-    """
-    points = geometry.world_points(depths[0], cameras[0], t)
-    at, z = geometry.project(points, cameras[1], t)
-    corner = np.floor(np.nan_to_num(at, nan=-1.0, posinf=-1.0, neginf=-1.0)).astype(np.int64)
-    limit = np.array([cameras[1].width, cameras[1].height]) - 1
-    inside = ((corner >= 0) & (corner < limit)).all(-1) & (z > 0) & (depths[0] > 0)
-    (column, row), (x, y) = corner[inside].T, (at - corner)[inside].T
-    inverse, same = np.zeros(len(x)), np.ones(len(x), bool)
-    for down in (0, 1):
-        for right in (0, 1):
-            place = row + down, column + right
-            weight = (y if down else 1 - y) * (x if right else 1 - x)
-            inverse += weight / np.maximum(depths[1][place], 1e-6)
-            same &= (ids[1][place] == ids[0][inside]) & (depths[1][place] > 0)
-    apart = np.abs(1 / inverse - z[inside])
-    return apart[same & (apart < hidden)]
 
 
 def grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from rpaug.bench import metrics
+from rpaug.scene import agreement
 from rpaug.twin import Take
 from rpaug.types import CameraView, Episode
 
@@ -124,8 +125,8 @@ def measure(
 
 
 def _products(mine: np.ndarray, truly: np.ndarray) -> np.ndarray:
-    a, b = mine.astype(np.float64).ravel(), truly.astype(np.float64).ravel()
-    return np.array([a @ a, a @ b, b @ b])
+    a, b = mine.astype(np.float64), truly.astype(np.float64)
+    return np.array([(a * a).sum(), (a * b).sum(), (b * b).sum()])
 
 
 def _scaled(products: np.ndarray) -> float:
@@ -161,7 +162,7 @@ def _across(episode: Episode) -> float:
             assert first.ids is not None
             assert second.ids is not None
             depths, ids = (first.depth(t), second.depth(t)), (first.ids(t), second.ids(t))
-            found.append(metrics.reprojection(depths, ids, (first.camera, second.camera), t))
+            found.append(agreement.reprojection(depths, ids, (first.camera, second.camera), t))
     return 1000 * float(np.median(np.concatenate(found)))
 
 

@@ -121,6 +121,10 @@ def _print_summary(described: dict[str, Any], hint: str) -> None:
         console.print(
             f"[yellow]skipped[/] {plain(key)}: {plain(reason)}", highlight=False, soft_wrap=True
         )
+    for key, reason in described["rejected"].items():
+        console.print(
+            f"[yellow]rejected[/] {plain(key)}: {plain(reason)}", highlight=False, soft_wrap=True
+        )
     if described["aborted"]:
         console.print(
             f"[bold red]stopped[/] {plain(described['aborted'])}", highlight=False, soft_wrap=True

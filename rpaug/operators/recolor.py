@@ -8,7 +8,7 @@ from jaxtyping import Float32
 
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import RGB, Color
-from rpaug.scene import albedo, colours, targets
+from rpaug.scene import albedo, colours, shading, targets
 from rpaug.types import Appearance, Effect, Scene, Surface
 
 # Per channel the pixel is divided by the old albedo only while that does not blow up its noise: a gain of 6 turns
@@ -29,6 +29,11 @@ class AlbedoRatio:
     old: tuple[float, float, float]
     new: tuple[float, float, float]
     plain: bool
+
+    @property
+    def asked(self) -> tuple[float, float, float]:
+        """The colour it was asked for, by which gates judge it."""
+        return self.new
 
     def __call__(
         self, colour: Float32[np.ndarray, "n 3"], surface: Surface
@@ -52,6 +57,11 @@ class LabShift:
     handles: frozenset[int]
     old: tuple[float, float, float]
     new: tuple[float, float, float]
+
+    @property
+    def asked(self) -> tuple[float, float, float]:
+        """The colour it was asked for, by which gates judge it."""
+        return self.new
 
     def __call__(
         self, colour: Float32[np.ndarray, "n 3"], surface: Surface
@@ -80,7 +90,7 @@ class Recolor(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         handles = sorted(targets.find(scene, self.target))
-        surfaces = [albedo.describe(scene.episode, handle, self.albedo) for handle in handles]
+        surfaces = shading.describe(scene, handles, self.albedo)
         return {"color": self.color.draw(rng), "surfaces": surfaces}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:

@@ -8,7 +8,7 @@ import numpy as np
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import RGB
 from rpaug.operators.recolor import AlbedoRatio
-from rpaug.scene import albedo, targets
+from rpaug.scene import shading, targets
 from rpaug.types import Effect, Scene
 
 
@@ -31,7 +31,7 @@ class TableColor(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         handles = sorted(targets.find(scene, self.target))
-        surfaces = [albedo.describe(scene.episode, handle, self.albedo) for handle in handles]
+        surfaces = shading.describe(scene, handles, self.albedo)
         return {"color": rng.uniform(*np.array(self.range)).tolist(), "surfaces": surfaces}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:

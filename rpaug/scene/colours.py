@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Float64, UInt8
 
 # RLBench's task colours are COLOSSEUM's too; values are display sRGB.
 RLBENCH: Mapping[str, tuple[float, float, float]] = {
@@ -98,6 +98,37 @@ def from_lab(lab: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
     f = np.stack([middle + lab[..., 1] / 500, middle, middle - lab[..., 2] / 200], -1)
     xyz = np.where(f > BEND, f**3, 3 * BEND**2 * (f - 4 / 29)) * D65
     return from_linear(xyz @ FROM_XYZ.T)
+
+
+def ciede2000(
+    first: Float[np.ndarray, "*n 3"], second: Float[np.ndarray, "*n 3"]
+) -> Float64[np.ndarray, "*n"]:
+    """Colour difference of CIELAB colours, all weights 1 (CIE 142-2001, as Sharma, Wu and Dalal 2005 state it)."""
+    (l1, a1, b1), (l2, a2, b2) = (np.moveaxis(np.asarray(c, float), -1, 0) for c in (first, second))
+    chroma = (np.hypot(a1, b1) + np.hypot(a2, b2)) / 2
+    stretch = 1.5 - 0.5 * np.sqrt(chroma**7 / (chroma**7 + 25.0**7))
+    a1, a2 = a1 * stretch, a2 * stretch
+    c1, c2 = np.hypot(a1, b1), np.hypot(a2, b2)
+    h1, h2 = (np.degrees(np.arctan2(b, a)) % 360 for a, b in ((a1, b1), (a2, b2)))
+    grey = c1 * c2 == 0
+    turn = np.where(grey, 0, (h2 - h1 + 180) % 360 - 180)
+    turn = np.where((turn == -180) & (h2 > h1), 180, turn)
+    dl, dc = l2 - l1, c2 - c1
+    dh = 2 * np.sqrt(c1 * c2) * np.sin(np.radians(turn / 2))
+    middle_l, middle_c = (l1 + l2) / 2, (c1 + c2) / 2
+    far = np.abs(h1 - h2) > 180
+    middle_h = (h1 + h2) / 2 + np.where(far, np.where(h1 + h2 < 360, 180, -180), 0)
+    middle_h = np.where(grey, h1 + h2, middle_h)
+    t = 1 + sum(
+        weight * np.cos(np.radians(times * middle_h + off))
+        for weight, times, off in ((-0.17, 1, -30), (0.24, 2, 0), (0.32, 3, 6), (-0.20, 4, -63))
+    )
+    sl = 1 + 0.015 * (middle_l - 50) ** 2 / np.sqrt(20 + (middle_l - 50) ** 2)
+    sc, sh = 1 + 0.045 * middle_c, 1 + 0.015 * middle_c * t
+    blue = 60 * np.exp(-(((middle_h - 275) / 25) ** 2))
+    cross = -2 * np.sqrt(middle_c**7 / (middle_c**7 + 25.0**7)) * np.sin(np.radians(blue))
+    light, saturation, hue = dl / sl, dc / sc, dh / sh
+    return np.sqrt(light**2 + saturation**2 + hue**2 + cross * saturation * hue)
 
 
 def canonical(word: str) -> str | None:

@@ -3,8 +3,8 @@
 A pixel is albedo times shading, and the pixel alone does not say which of the two a dark spot is. On a thing of one
 colour everything that varies is shading. On a patterned one, shading is taken to be smooth: a quadratic in the normal
 (all that a matte surface keeps of distant light: Ramamoorthi and Hanrahan 2001) and, only if that explains most of what
-is left, in the place: else the broad parts of a pattern would pass for light. What is then darker
-than the old pattern's contrast explains is a shadow, and stays.
+is left and falls off all around as the light of a near lamp does, in the place: else the broad parts of a pattern would
+pass for light. What is then darker than the old pattern's contrast explains is a shadow, and stays.
 """
 
 from collections.abc import Iterable, Mapping
@@ -16,7 +16,7 @@ from jaxtyping import Float32, Float64
 
 from rpaug.errors import Unsupported
 from rpaug.render.jit import kernel
-from rpaug.scene import sampling, surface
+from rpaug.scene import albedo, sampling, surface
 from rpaug.types import Scene
 
 FRAMES = 6
@@ -29,6 +29,9 @@ LIT = 0.98  # quantile of the fit that counts as fully lit, where the albedo is 
 BY_NORMAL = 9  # terms of the fit that know the normal only
 BY_PLACE = (
     0.6  # of the spread: light is taken to vary over the place only if it leaves no more than this
+)
+HOLLOW = (
+    0.1  # of full light, per squared extent: by how much a lamp's pool of light may curve upwards
 )
 RIDGE = 1e-3
 PASSES = 6  # of the robust fit
@@ -107,12 +110,32 @@ class Smooth:
         }
 
 
-def fit(samples: Samples, albedo: tuple[float, float, float], known: bool = True) -> Smooth | None:
+def describe(
+    scene: Scene, handles: Iterable[int], known: tuple[float, float, float] | None = None
+) -> list[dict[str, Any]]:
+    """What an edit stores of each thing's surface, as `albedo.describe` does.
+
+    An albedo's brightness is that of the best-lit pixels; where depth tells light from pattern, that of the best-lit
+    part of the fit, since the brightest pixels of a patterned thing are its palest spots.
+    """
+    found = [albedo.describe(scene.episode, handle, known) for handle in handles]
+    if known is None and any(view.depth is not None for view in scene.episode.views.values()):
+        seen = sample(scene, [one["handle"] for one in found])
+        for one in found:
+            here = seen.get(one["handle"])
+            smooth = fit(here, tuple(one["albedo"]), known=False) if here else None
+            if smooth:
+                one["albedo"] = [min(value * smooth.level, 1.0) for value in one["albedo"]]
+    return found
+
+
+def fit(samples: Samples, colour: tuple[float, float, float], known: bool = True) -> Smooth | None:
     """The smooth shading of a patterned thing, or None if its brightness varies no more than its shading does.
 
-    Unless the albedo is `known`, its brightness is a guess, and the best-lit part is taken to be fully lit.
+    `colour` is the thing's albedo. Unless it is `known`, its brightness is a guess, and the best-lit part is taken to
+    be fully lit.
     """
-    old = np.array(albedo)
+    old = np.array(colour)
     high = samples.colour.max(1)
     good = (high > DARK) & (high < BRIGHT)
     if good.sum() < 60 or old.max() < DARK:
@@ -124,7 +147,7 @@ def fit(samples: Samples, albedo: tuple[float, float, float], known: bool = True
     basis = _basis(points, facing, middle, extent).astype(float)
     weights, spread = _robust(basis[:, :BY_NORMAL], shade)
     everywhere, less = _robust(basis, shade)
-    if less < BY_PLACE * spread:
+    if less < BY_PLACE * spread and _falls_off(everywhere):
         weights, spread = everywhere, less
     else:
         weights = np.pad(weights, (0, basis.shape[1] - BY_NORMAL))
@@ -132,6 +155,13 @@ def fit(samples: Samples, albedo: tuple[float, float, float], known: bool = True
         return None
     level = 1.0 if known else max(float(np.quantile(basis @ weights, LIT)), 0.05)
     return Smooth(tuple(middle.tolist()), extent, tuple((weights / level).tolist()), spread, level)
+
+
+def _falls_off(weights: Float64[np.ndarray, "15"]) -> bool:
+    """Whether the fit curves downwards over the place, in every direction: brightest in one spot."""
+    p, q, cross = weights[BY_NORMAL + 3 :]
+    bend = np.linalg.eigvalsh([[2 * p, cross], [cross, 2 * q]])
+    return bool(bend.max() < HOLLOW)
 
 
 def _robust(

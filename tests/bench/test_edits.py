@@ -89,8 +89,9 @@ def test_what_an_operator_is_asked_is_plain(factor, tmp_path):
     assert asks[0].method in (TOLD, ESTIMATED)
     for ask in asks:
         json.dumps([ask.steps, ask.edit])
-    for old, new in (case.colours(recorded, true) if case.colours else {}).values():
-        assert np.shape(old) == np.shape(new) == (3,)
+    for known in (True, False):
+        for old, new in (case.colours(recorded, true, known) if case.colours else {}).values():
+            assert np.shape(old) == np.shape(new) == (3,)
     if true.truth.covers:
         fields = asks[0].steps[0]
         laid = true.truth.covers[true.truth.changed[0]]

@@ -1,6 +1,7 @@
 """Shading is told from an old pattern: light and shadow stay, the pattern goes, and a plain surface needs no fit."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,6 +43,16 @@ def test_a_pattern_goes_and_light_and_shadow_stay(pattern: float, fall: float) -
     assert np.median(np.abs(out / light - 1)[~shadow]) < 0.06
     assert np.std(np.log(out / light)[~shadow]) < 0.4 * pattern + 0.02
     assert out[shadow].mean() < 0.75 * light[~shadow].mean()
+
+
+@pytest.mark.parametrize("bend", [-1.0, 1.0])
+def test_only_what_falls_off_all_around_is_taken_for_light(bend: float) -> None:
+    """A lamp's pool is brightest in one spot; broad grain may as well be darkest there."""
+    samples, *_ = board(0.05)
+    curve = 1 + bend * (samples.points[:, :1] ** 2 + samples.points[:, 1:2] ** 2)
+    smooth = shading.fit(replace(samples, colour=samples.colour * curve), ALBEDO)
+    assert smooth is not None
+    assert any(smooth.weights[shading.BY_NORMAL :]) == (bend < 0)
 
 
 def test_it_can_be_stored_as_plain_values() -> None:
