@@ -9,10 +9,9 @@ import hashlib
 import io
 import pickle
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -91,71 +90,83 @@ def load(path: Path | None = None) -> VGG16:
             found="nothing",
             expected="the file that `rpaug weights vgg16` fetches, or a state dict of your own",
         )
-    data = read_bytes(where)
-    read, intake, origin = _kind(where)
-    try:
-        arrays = read(data)
-    except (ValueError, KeyError, EOFError, OSError, RuntimeError, zipfile.BadZipFile,
-            pickle.UnpicklingError) as error:  # fmt: skip
-        raise BadInput(
-            where, "VGG16 weights", found=_first_line(error), expected="undamaged arrays by name"
-        ) from None
-    digest = hashlib.sha256(data).hexdigest()[:16]
-    return VGG16(_convolutions(where, arrays), intake, origin, digest)
+    arrays = state(where)
+    if where.suffix == ".npz":
+        return VGG16(_convolutions(where, arrays), CAFFE, weights.ORIGIN, _digest(arrays))
+    return imagenet(where, arrays)
 
 
-Read = Callable[[bytes], Mapping[str, Any]]
-
-
-def _kind(where: Path) -> tuple[Read, Intake, str]:
-    """Reader, intake and origin of a file, by its ending."""
-    readers: dict[str, tuple[Read, Intake, str]] = {
-        ".npz": (_npz, CAFFE, weights.ORIGIN),
-        ".pth": (_torch, IMAGENET, "ImageNet"),
-        ".pt": (_torch, IMAGENET, "ImageNet"),
-        ".safetensors": (_safetensors, IMAGENET, "ImageNet"),
+def imagenet(where: Path, arrays: Mapping[str, Tensor]) -> VGG16:
+    """VGG16 of a torchvision state dict that `where` held; what follows the convolutions is left out."""
+    named = {
+        f"{layer}.{part}": arrays[f"features.{number}.{part}"]
+        for layer, number in TORCHVISION.items()
+        for part in ("weight", "bias")
+        if f"features.{number}.{part}" in arrays
     }
+    return VGG16(_convolutions(where, named), IMAGENET, "ImageNet", _digest(named))
+
+
+def state(where: Path) -> dict[str, Tensor]:
+    """The tensors of a `.npz`, `.pt`, `.pth` or `.safetensors` file by name. Raises BadInput or MissingExtra."""
+    readers = {".npz": _npz, ".pth": _torch, ".pt": _torch, ".safetensors": _safetensors}
     if where.suffix not in readers:
         raise BadInput(
             where, "ending", found=repr(where.suffix), expected=f"one of {', '.join(readers)}"
         )
-    return readers[where.suffix]
+    data = read_bytes(where)
+    try:
+        return {
+            str(name): value
+            for name, value in readers[where.suffix](data).items()
+            if isinstance(value, Tensor)
+        }
+    except (
+        ValueError,
+        KeyError,
+        AttributeError,
+        EOFError,
+        OSError,
+        RuntimeError,
+        zipfile.BadZipFile,
+        pickle.UnpicklingError,
+    ) as error:
+        found = (str(error).splitlines() or [type(error).__name__])[0][:120]
+        raise BadInput(
+            where, "weights", found=found, expected="undamaged tensors by name"
+        ) from None
 
 
-def _npz(data: bytes) -> Mapping[str, Any]:
+def _npz(data: bytes) -> Mapping[str, Tensor]:
     with np.load(io.BytesIO(data), allow_pickle=False) as stored:
         return {name: torch.from_numpy(stored[name]) for name in stored.files}
 
 
-def _torch(data: bytes) -> Mapping[str, Any]:
-    return _named(torch.load(io.BytesIO(data), map_location="cpu", weights_only=True))
+def _torch(data: bytes) -> Mapping[str, Tensor]:
+    return torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
 
 
-def _safetensors(data: bytes) -> Mapping[str, Any]:
+def _safetensors(data: bytes) -> Mapping[str, Tensor]:
     try:
         from safetensors import SafetensorError
         from safetensors.torch import load as decode
     except ImportError:
         raise MissingExtra("safetensors", "models") from None
     try:
-        return _named(decode(data))
+        return decode(data)
     except SafetensorError as error:
         raise ValueError(str(error)) from None
 
 
-def _named(state: Any) -> Mapping[str, Any]:
-    """A torchvision state dict under our layer names; what follows the convolutions is left out."""
-    if not isinstance(state, Mapping):
-        raise ValueError(f"a {type(state).__name__} instead of a state dict")
-    return {
-        f"{layer}.{part}": state[f"features.{number}.{part}"]
-        for layer, number in TORCHVISION.items()
-        for part in ("weight", "bias")
-        if f"features.{number}.{part}" in state
-    }
+def _digest(arrays: Mapping[str, Tensor]) -> str:
+    """What tells one set of weights from another, whatever file they lay in."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        digest.update(name.encode() + arrays[name].float().numpy().tobytes())
+    return digest.hexdigest()[:16]
 
 
-def _convolutions(where: Path, arrays: Mapping[str, Any]) -> dict[str, tuple[Tensor, Tensor]]:
+def _convolutions(where: Path, arrays: Mapping[str, Tensor]) -> dict[str, tuple[Tensor, Tensor]]:
     """The thirteen layers, each of which takes what the one before it gives. Raises BadInput."""
     found, channels = {}, 3
     for layer in LAYERS:
@@ -171,7 +182,3 @@ def _convolutions(where: Path, arrays: Mapping[str, Any]) -> dict[str, tuple[Ten
         found[layer] = (kernel.float(), bias.float())
         channels = len(bias)
     return found
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:120]

@@ -64,7 +64,7 @@ def test_every_format_holds_the_same_network(tmp_path):
             ):
                 assert torch.equal(mine, other)
     assert loaded[0].origin == weights.ORIGIN != loaded[1].origin
-    assert len({network.digest for network in loaded}) == len(loaded)
+    assert len({network.digest for network in loaded}) == 1
 
 
 def test_caffe_and_imagenet_pixels(tmp_path):
@@ -106,14 +106,14 @@ def test_damaged_files_are_named(tmp_path, ending):
         pytest.importorskip("safetensors")
     path = tmp_path / f"broken{ending}"
     path.write_bytes(b"not weights at all" * 9)
-    with pytest.raises(BadInput, match="VGG16 weights"):
+    with pytest.raises(BadInput, match="undamaged"):
         features.load(path)
 
 
 def test_code_in_a_file_is_never_run(tmp_path):
     """A pickle that is more than tensors is refused."""
     torch.save({"features.0.weight": pytest.raises}, tmp_path / "evil.pth")
-    with pytest.raises(BadInput, match="VGG16 weights"):
+    with pytest.raises(BadInput, match="undamaged"):
         features.load(tmp_path / "evil.pth")
 
 
