@@ -6,7 +6,7 @@ import json
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from jaxtyping import Bool
 from pydantic import TypeAdapter
 
 from rpaug import pipeline, plan, registry, twin
-from rpaug.bench import baselines
+from rpaug.bench import baselines, perceptual
 from rpaug.bench.cases import CASES, ESTIMATED, Ask, Case
 from rpaug.bench.scores import HIGHER, Scores, measure
 from rpaug.errors import RpaugError
@@ -42,6 +42,7 @@ class Setting:
     shadows: bool = False
     specular: bool = False
     gaussians: bool = False  # a fit of its own for each seed
+    eyes: perceptual.Eyes = field(default_factory=perceptual.Eyes)  # networks that judge too
 
     def __post_init__(self) -> None:
         for kind, names, known in (
@@ -55,7 +56,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Row:
-    """One method's figures on one seed; `changed` names what was truly changed."""
+    """One method's figures on one seed; `changed` names what was truly changed, `perceived` are networks' figures."""
 
     factor: str
     method: str
@@ -63,17 +64,17 @@ class Row:
     task: str
     changed: str
     scores: Scores
+    perceived: Mapping[str, float] = field(default_factory=dict)
 
-    @classmethod
-    def names(cls) -> tuple[str, ...]:
-        """The keys of a flat row."""
-        own = tuple(entry.name for entry in fields(cls) if entry.name != "scores")
-        return own + Scores.names()
+    @property
+    def figures(self) -> dict[str, float]:
+        """All that was measured, by name."""
+        return {**asdict(self.scores), **self.perceived}
 
     def flat(self) -> dict[str, Any]:
         """The row as plain values."""
-        facts = {name: value for name, value in vars(self).items() if name != "scores"}
-        return facts | asdict(self.scores)
+        facts = {k: v for k, v in vars(self).items() if k not in ("scores", "perceived")}
+        return facts | self.figures
 
 
 @dataclass(frozen=True)
@@ -122,10 +123,10 @@ def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
     out = []
     for (factor, method), members in groups.items():
         figures: dict[str, Any] = {"factor": factor, "method": method, "seeds": len(members)}
-        for name in Scores.names():
-            values = np.array([getattr(row.scores, name) for row in members])
+        for name in members[0].figures:
+            values = np.array([row.figures[name] for row in members])
             values = values[~np.isnan(values)]
-            worst = np.min if name in HIGHER else np.max
+            worst = np.min if name in HIGHER | perceptual.HIGHER else np.max
             figures[name] = float(values.mean()) if len(values) else None
             figures[f"{name}_worst"] = float(worst(values)) if len(values) else None
         out.append(figures)
@@ -159,16 +160,17 @@ def encoded(setting: Setting, rows: Sequence[Row]) -> bytes:
 def table(rows: Sequence[Row]) -> bytes:
     """One line a row, as CSV."""
     text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, Row.names(), lineterminator="\n")
+    flat = [row.flat() for row in rows]
+    writer = csv.DictWriter(text, list(flat[0]) if flat else [], lineterminator="\n")
     writer.writeheader()
-    writer.writerows(row.flat() for row in rows)
+    writer.writerows(flat)
     return text.getvalue().encode()
 
 
 def _one(
     setting: Setting, factor: str, seed: int, warm: set[str], keep: Callable[[Shot], None]
 ) -> Iterator[Row]:
-    case = CASES[factor]
+    case, judge = CASES[factor], perceptual.opened(setting.eyes)
     recorded, true = _takes(setting, case, factor, seed)
     made: dict[str, Episode] = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -180,10 +182,11 @@ def _one(
             made[method], holes = make()
             seconds = time.process_time() - start
             scores = measure(recorded, made[method], true, holes, setting.antialias, seconds)
+            perceived = judge.measure(recorded, made[method], true, setting.antialias)
             names = {handle: name for name, handle in true.truth.handles.items()}
             everything = len(true.truth.changed) == len(names)
             changed = "all" if everything else "+".join(names[h] for h in true.truth.changed)
-            yield Row(factor, method, seed, true.truth.task, changed, scores)
+            yield Row(factor, method, seed, true.truth.task, changed, scores, perceived)
     keep(Shot(factor, seed, recorded, true, made))
 
 

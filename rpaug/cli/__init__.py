@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rpaug.cli import augment, bench, doctor, fit, inspect, recipes, twin
+from rpaug.cli import augment, bench, doctor, fit, inspect, recipes, twin, weights
 from rpaug.cli.console import guarded
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
 GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
     "twin": ("A simulated tabletop that knows the truth.", {"record": twin.record}),
     "bench": ("Error and seconds, measured against truth.", {"edits": bench.edits}),
+    "weights": ("Weights of networks, fetched only on request.", {"vgg16": weights.vgg16}),
 }
 for _name, _command in COMMANDS.items():
     app.command(_name)(guarded(_command))

@@ -25,6 +25,12 @@ def edits(
         bool, typer.Option(help="Also render fitted Gaussians alone: minutes a seed.")
     ] = False,
     plot: Annotated[bool, typer.Option(help="Also plot error against seconds.")] = False,
+    vgg: Annotated[
+        Path | None,
+        typer.Option(help="VGG16 weights; the cache's (rpaug weights vgg16) if not given."),
+    ] = None,
+    lpips: Annotated[Path | None, typer.Option(help="LPIPS' state dict for VGG16.")] = None,
+    clip: Annotated[Path | None, typer.Option(help="Folder of a CLIP model.")] = None,
     as_json: AsJson = False,
 ) -> int:
     """Measure every factor's edit, and baselines, against the factor truly changed.
@@ -32,14 +38,17 @@ def edits(
     Example: [bold]rpaug bench edits --factor object_color --seeds 10 --out edits[/]
     """
     from rpaug.bench import edits as measured
-    from rpaug.bench import sheets
+    from rpaug.bench import perceptual, sheets
     from rpaug.files import atomic_folder
 
     switches = {"antialias": antialias, "specular": specular, "shadows": shadows}
     shape = {"seeds": seeds, "frames": frames, "size": size, "gaussians": gaussians}
+    files = {"vgg": vgg, "lpips": lpips, "clip": clip}
+    eyes = perceptual.Eyes(**{name: str(path) for name, path in files.items() if path})
+    judged = perceptual.opened(eyes).names
     chosen = {"factors": factor, "tasks": task}
     named = {name: tuple(value) for name, value in chosen.items() if value}
-    setting = measured.Setting(**named, **shape, **switches)  # type: ignore[arg-type]
+    setting = measured.Setting(**named, **shape, **switches, eyes=eyes)  # type: ignore[arg-type]
     skipped = measured.missing(setting)
     with atomic_folder(out) as folder:
         kept = sheets.Sheets(folder, setting)
@@ -55,7 +64,7 @@ def edits(
     if as_json:
         print_json({"out": str(out), "skipped": skipped, "summary": found})
     else:
-        _print_bench(found, skipped, out)
+        _print_bench(found, skipped, out, judged)
     return 0 if rows else 2
 
 
@@ -66,14 +75,17 @@ BENCH_DIGITS = {
 }  # fmt: skip
 
 
-def _print_bench(found: list[dict[str, Any]], skipped: dict[str, str], out: Path) -> None:
+def _print_bench(
+    found: list[dict[str, Any]], skipped: dict[str, str], out: Path, judged: tuple[str, ...]
+) -> None:
     from rpaug.bench.sheets import PAGE
 
     for name, reason in skipped.items():
         console.print(f"[yellow]skipped[/] {name}: {plain(reason)}", highlight=False)
     terminal = Console()
     # Both sides given: else a dumb terminal is taken for 80 columns, and figures are cut off.
-    printer = Console(width=max(terminal.width, BENCH_WIDTH), height=terminal.height)
+    width = max(terminal.width, BENCH_WIDTH + 8 * len(judged))
+    printer = Console(width=width, height=terminal.height)
     for factor in dict.fromkeys(entry["factor"] for entry in found):
         table = Table(title=factor, title_justify="left", box=box.SIMPLE_HEAD)
         for name in (
@@ -88,11 +100,12 @@ def _print_bench(found: list[dict[str, Any]], skipped: dict[str, str], out: Path
             "flicker",
         ):
             table.add_column(name, justify="left" if name == "method" else "right", no_wrap=True)
-        for name in ("holes", "depth mm", "IoU", "across mm", "CPU s"):
+        for name in ("holes", "depth mm", "IoU", "across mm", "CPU s", *judged):
             table.add_column(name, justify="right", no_wrap=True)
         for entry in found:
             if entry["factor"] == factor:
-                figures = [f"{entry[name]:.{digits}f}" for name, digits in BENCH_DIGITS.items()]
+                digits = BENCH_DIGITS | dict.fromkeys(judged, 3)
+                figures = [f"{entry[name]:.{places}f}" for name, places in digits.items()]
                 lead = "" if entry["lead"] is None else f"{entry['lead']:+.1f}"
                 table.add_row(entry["method"], *figures[:2], lead, *figures[2:])
         printer.print(table)

@@ -1,4 +1,4 @@
 """Outside knowledge behind small interfaces: an offline default that works, and real models by local path.
 
-Nothing here downloads anything. Providers know images and words, never scenes.
+Nothing here downloads anything unasked. Providers know images and words, never scenes.
 """

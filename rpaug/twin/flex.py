@@ -89,7 +89,9 @@ def simulate(
     `pinned` vertices stay where they are or, if `driven` is given, go where that says. `forces` are newtons on
     each vertex. A `rod` from one end to the other, `radius` thick, pushes what it runs into.
     """
-    model = mujoco.MjModel.from_xml_string(_xml(flex, physics, pinned & (driven is None), rod, radius))
+    model = mujoco.MjModel.from_xml_string(
+        _xml(flex, physics, pinned & (driven is None), rod, radius)
+    )
     data = mujoco.MjData(model)
     body = model.flex_vertbodyid
     slots = model.jnt_qposadr[np.maximum(model.body_jntadr[body], 0)][:, None] + np.arange(3)

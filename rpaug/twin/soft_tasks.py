@@ -27,7 +27,11 @@ def push_towel(rng: np.random.Generator) -> Job:
     rack = upright(x, y)
     corner = rack[:3, 3] + [0, TOWEL[0] / 2, RACK[2]]
     towel = flex.sheet(
-        corner, np.array([0, -TOWEL[0], 0]), np.array([0, 0, -TOWEL[1]]), (11, 12), _print(rng, 0.11)
+        corner,
+        np.array([0, -TOWEL[0], 0]),
+        np.array([0, 0, -TOWEL[1]]),
+        (11, 12),
+        _print(rng, 0.11),
     )
     draught = np.random.default_rng(rng.integers(2**32))
 
@@ -44,7 +48,9 @@ def push_towel(rng: np.random.Generator) -> Job:
 
     approach = np.array([np.sin(LEAN), 0, -np.cos(LEAN)])
     touch = gripper_pose(
-        corner + [-0.03, -TOWEL[0] / 2 + rng.uniform(-0.03, 0.03), -0.18], approach, np.array([0, 1.0, 0])
+        corner + [-0.03, -TOWEL[0] / 2 + rng.uniform(-0.03, 0.03), -0.18],
+        approach,
+        np.array([0, 1.0, 0]),
     )
     script = (
         Key(share=0.22, tip=moved(touch, np.array([-0.06, 0, 0])), opening=0.0),
@@ -115,5 +121,8 @@ SOFT_TASKS: Mapping[str, Callable[[np.random.Generator], Job]] = {
 
 
 def _print(rng: np.random.Generator, side: float) -> Print:
-    return Print(kind=str(rng.choice(("checks", "marble", "spots"))), seed=int(rng.integers(2**32)), side=side)
-
+    return Print(
+        kind=str(rng.choice(("checks", "marble", "spots"))),
+        seed=int(rng.integers(2**32)),
+        side=side,
+    )

@@ -1,0 +1,54 @@
+"""How alike two pictures are to CLIP (Radford et al. 2021, arXiv 2103.00020), from a model folder of your own."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch.nn import functional
+
+from rpaug.errors import BadInput, MissingExtra
+
+MEAN, DEVIATION = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A `transformers.CLIPModel`, shown pictures as it was trained on them."""
+
+    model: Any
+
+    @classmethod
+    def load(cls, folder: Path) -> "Clip":
+        """The model saved in a folder (`save_pretrained`); nothing is downloaded. Raises BadInput or MissingExtra."""
+        if not (folder / "config.json").is_file():
+            raise BadInput(
+                folder, "CLIP", found="no config.json", expected="a folder with a CLIPModel in it"
+            )
+        try:
+            from transformers import CLIPModel
+        except ImportError:
+            raise MissingExtra("transformers", "models") from None
+        try:
+            model = CLIPModel.from_pretrained(folder, local_files_only=True)
+        except (OSError, ValueError) as error:
+            found = (str(error).splitlines() or ["an unreadable model"])[0][:120]
+            raise BadInput(folder, "CLIP", found=found, expected="a saved CLIPModel") from None
+        return cls(model.eval())
+
+    def embed(self, image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "d"]:
+        """The unit vector that stands for a picture: its middle square, of the model's own size."""
+        size = self.model.config.vision_config.image_size
+        pixels = torch.from_numpy(image.astype(np.float32) / 255).permute(2, 0, 1)[None]
+        factor = size / min(image.shape[:2])
+        shape = [round(side * factor) for side in image.shape[:2]]
+        pixels = functional.interpolate(pixels, shape, mode="bicubic", antialias=True).clamp(0, 1)
+        top, left = ((side - size) // 2 for side in shape)
+        pixels = pixels[:, :, top : top + size, left : left + size]
+        mean, deviation = (pixels.new_tensor(v)[:, None, None] for v in (MEAN, DEVIATION))
+        with torch.no_grad():
+            seen = self.model.vision_model(pixel_values=(pixels - mean) / deviation)
+            found = self.model.visual_projection(seen.pooler_output)[0].double()
+        return (found / found.norm()).numpy()
