@@ -242,7 +242,7 @@ def _rack(radius: float, half: float, height: float) -> tuple[Geom, ...]:
     top = height + radius
     ends = [(0.0, -half, top), (0.0, half, top)]
     return (
-        Geom("capsule", (radius,), *ends),
+        Geom("capsule", (radius,), ends[0], ends[1]),
         *(Geom("cylinder", (radius,), (0, y, 0), (0, y, top)) for _, y, _ in ends),
         *(Geom("box", (0.06, 0.015, 0.006), (0, y, 0.006)) for _, y, _ in ends),
     )

@@ -272,14 +272,14 @@ def put_on_stove(rng: np.random.Generator) -> Job:
     stove = upright(0.34 + rng.uniform(-0.03, 0.03), 0.08 + rng.uniform(-0.03, 0.03), 0.0, yaw)
     high = np.array([0, 0, CUP_SMALL[2] - 0.015])
     plate = geometry.transform(stove, np.array([PLATE[0], 0, STOVE[2] + PLATE[2]]))
-    grasp = _gripper(cup[:3, 3] + high, _DOWN, opens_along=cup[:3, 0])
-    place = _gripper(plate + high, _DOWN, opens_along=cup[:3, 0])
+    grasp = gripper_pose(cup[:3, 3] + high, _DOWN, opens_along=cup[:3, 0])
+    place = gripper_pose(plate + high, _DOWN, opens_along=cup[:3, 0])
     spots = [(0.00, -0.38), (0.22, -0.38), (0.44, -0.32), (-0.04, 0.28), (0.14, 0.38)]
     return Job(
         {
             "cup_small": cup,
             "stove": stove,
-            **_scatter(tuple(n for n in _LOOSE if n != "block_textured"), spots, rng),
+            **scattered(tuple(n for n in LOOSE if n != "block_textured"), spots, rng),
         },
         _carry("cup_small", grasp, place, CUP_SMALL[0]),
         "cup_small",
