@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
+import numpy as np
 from rpaug_adapters import _rdt_read, _rdt_write
 from rpaug_adapters._rdt_read import Recorded
 
@@ -23,6 +24,7 @@ from rpaug import Adapter, BadInput, Episode, Side
 from rpaug.files import atomic_folder
 
 ENDING = ".hdf5"
+SHORTEST, MOVED = 128, 0.01  # steps; radians
 
 
 class RDT(Adapter):
@@ -55,6 +57,16 @@ class RDT(Adapter):
             files = _rdt_write.write(episode, recorded, path)
             for name, data in {**files, **side()}.items():
                 (work / name).write_bytes(data)
+
+    def traps(self, episode: Episode) -> Sequence[str]:
+        """RDT's `HDF5VLADataset` (thu-ml/RoboticsDiffusionTransformer)."""
+        found = []
+        if episode.length < SHORTEST:
+            found.append(f"RDT's reader drops episodes of fewer than {SHORTEST} steps")
+        joints = episode.robot.joint_positions
+        if not (np.abs(joints - joints[:1]) > MOVED).any():
+            found.append(f"RDT's reader fails where no joint moves by {MOVED}")
+        return found
 
     def key_at(self, like: str, index: int) -> str:
         return (PurePosixPath(like).parent / f"episode_{index}").as_posix()

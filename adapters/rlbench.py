@@ -24,6 +24,7 @@ from rpaug_adapters._rlbench_read import DESCRIPTIONS, LOW_DIM, Recorded
 from rpaug import Adapter, BadInput, Episode, Side
 from rpaug.files import REJECTED, atomic_folder
 
+CAMERAS = ("front", "left_shoulder", "right_shoulder", "overhead", "wrist")
 EPISODE = re.compile(r"episode(\d+)$")
 
 
@@ -65,6 +66,20 @@ class RLBench(Adapter):
 
     def key_at(self, like: str, index: int) -> str:
         return (PurePosixPath(like).parent / f"episode{index}").as_posix()
+
+    def traps(self, episode: Episode) -> Sequence[str]:
+        """RVT and the fork of RLBench that it reads with (NVlabs/RVT)."""
+        found = []
+        missing = [name for name in CAMERAS if name not in episode.views]
+        if missing:
+            found.append(f"RVT's reader wants all five cameras; missing: {', '.join(missing)}")
+        sizes = {(v.camera.width, v.camera.height) for v in episode.views.values()} - {(128, 128)}
+        if sizes:
+            listed = ", ".join(f"{width}x{height}" for width, height in sorted(sizes))
+            found.append(f"RVT takes images of 128x128; there are some of {listed}")
+        if any(view.depth is None for view in episode.views.values()):
+            found.append("RVT builds its point clouds from depth; there are cameras without")
+        return found
 
     def finish(self, source: Path, target: Path) -> None:
         """Descriptions that upstream RLBench keeps beside the `episodes` folder."""

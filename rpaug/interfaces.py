@@ -71,5 +71,9 @@ class Adapter(ABC):
     def key_at(self, like: str, index: int) -> str:
         """The key of episode number `index` in the group that `like` belongs to; keys of a group count from 0."""
 
+    def traps(self, episode: Episode) -> Sequence[str]:  # noqa: ARG002  # most layouts have none
+        """What known readers of this layout would trip over in an episode, in words."""
+        return ()
+
     def finish(self, source: Path, target: Path) -> None:  # noqa: B027  # nothing to do for most layouts
         """Bring along what belongs to the dataset and to no single episode."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rpaug.cli import augment, bench, doctor, fit, inspect, recipes, twin, weights
+from rpaug.cli import augment, bench, doctor, fit, inspect, recipes, twin, verify, weights
 from rpaug.cli.console import guarded
 
 app = typer.Typer(
@@ -20,6 +20,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "validate-recipe": recipes.validate_recipe,
     "inspect": inspect.inspect,
     "fit": fit.fit,
+    "verify": verify.verify,
     "doctor": doctor.doctor,
 }
 GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {

@@ -1,0 +1,52 @@
+"""`rpaug verify`: what must not have changed, and what trips an output's readers."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rpaug.cli.console import AsJson, Dataset, console, plain, print_json, progress_bar, say
+
+
+def verify(
+    dataset: Dataset,
+    against: Annotated[Path, typer.Option(help="The dataset that it was made from.")],
+    every_frame: Annotated[
+        bool, typer.Option(help="Compare the images of all frames, not of six.")
+    ] = False,
+    replay: Annotated[
+        Path | None,
+        typer.Option(help="RVT's replay folder: one from an earlier training is reused."),
+    ] = None,
+    as_json: AsJson = False,
+) -> int:
+    """Compare an augmented dataset with its source: counts, kinds, actions bit for bit, untouched images, cameras
+    that agree, splits, numbering, and what its readers trip over. Exit code 1 if something is wrong.
+
+    Example: [bold]rpaug verify augmented --against data/train/open_drawer[/]
+    """
+    from dataclasses import replace
+
+    from rpaug.verify import LOOKED_AT, Finding
+    from rpaug.verify import verify as compared
+
+    with progress_bar("verifying", as_json) as progress:
+        verdict = compared(
+            dataset, against, frames=None if every_frame else LOOKED_AT, progress=progress
+        )
+    if replay is not None and replay.is_dir() and any(replay.iterdir()):
+        stale = "not empty: RVT would train on what an earlier run left there; delete it"
+        finding = Finding("bad", str(replay), "replay folder", stale)
+        verdict = replace(verdict, findings=(*verdict.findings, finding))
+    if as_json:
+        print_json(verdict.describe())
+    else:
+        for finding in verdict.findings:
+            colour = {"bad": "bold red", "note": "yellow"}[finding.level]
+            line = f"[{colour}]{finding.level:4}[/] {plain(f'{finding.episode}: {finding.topic}: {finding.message}')}"
+            console.print(line, highlight=False, soft_wrap=True)
+        for name, figures in verdict.statistics.items():
+            say(f"{name}: " + ", ".join(f"{key} {value:.1f}" for key, value in figures.items()))
+        outcome = "as it should be" if verdict.passed else "something is wrong"
+        say(f"{verdict.episodes} episodes compared: {outcome}")
+    return 0 if verdict.passed else 1

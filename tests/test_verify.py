@@ -1,0 +1,156 @@
+"""`rpaug verify` passes what augment writes, and names each thing that was tampered with."""
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from analytic import scene
+from rpaug_adapters._pickles import dump, load
+from typer.testing import CliRunner
+
+from rpaug import recipe
+from rpaug.augment import Run, execute
+from rpaug.cli import app
+from rpaug.verify import Finding, compare, verify
+
+EPISODES = "roll_ball/all_variations/episodes"
+RECIPE = {"version": 1, "edits": [{"op": "recolor", "target": {"handle": 300}, "color": "blue"}]}
+
+
+@pytest.fixture(scope="module")
+def augmented(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("verify") / "out"
+    execute(Run(template, recipe.build(RECIPE), out))
+    return out
+
+
+@pytest.fixture
+def output(augmented: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(augmented, tmp_path / "out"))
+
+
+def bad(target: Path, source: Path) -> list[Finding]:
+    return [finding for finding in verify(target, source).findings if finding.level == "bad"]
+
+
+def change_pickle(episode: Path) -> None:
+    demo = load(episode / "low_dim_obs.pkl")
+    demo._observations[1].joint_velocities[0] += 1e-9
+    (episode / "low_dim_obs.pkl").write_bytes(dump(demo))
+
+
+def change_words(episode: Path) -> None:
+    (episode / "variation_descriptions.pkl").write_bytes(dump(["do something else"]))
+
+
+def change_depth(episode: Path) -> None:
+    path = sorted(episode.glob("*_depth"))[0] / "0.png"
+    image = cv2.imread(str(path))
+    image[0, 0] ^= 1
+    cv2.imwrite(str(path), image)
+
+
+def change_size(episode: Path) -> None:
+    for path in (sorted(episode.glob("*_rgb"))[0]).parent.glob("*_*/*.png"):
+        image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(path), image[:-2])
+
+
+def change_camera(episode: Path) -> None:
+    demo = load(episode / "low_dim_obs.pkl")
+    for observation in demo._observations:
+        for name, value in observation.misc.items():
+            if name.endswith("_extrinsics"):
+                value[:3, 3] += 0.01
+    (episode / "low_dim_obs.pkl").write_bytes(dump(demo))
+
+
+def change_source(episode: Path) -> None:
+    told = json.loads((episode / "rpaug.json").read_bytes())
+    (episode / "rpaug.json").write_text(json.dumps(told | {"source": "nowhere"}))
+
+
+def lose_report(episode: Path) -> None:
+    (episode / "rpaug.json").unlink()
+
+
+def leave_gap(episode: Path) -> None:
+    episode.rename(episode.with_name("episode7"))
+
+
+def test_what_augment_writes_passes(augmented: Path, template: Path) -> None:
+    verdict = verify(augmented, template, frames=None)
+    assert verdict.passed, verdict.findings
+    assert verdict.episodes == 2
+    assert verdict.statistics["rgb, output"] != verdict.statistics["rgb, source"]
+    assert any("128x128" in finding.message for finding in verdict.findings)  # RVT's trap
+
+
+@pytest.mark.parametrize(
+    ("tamper", "topic"),
+    [
+        (change_pickle, "robot"),
+        (change_words, "instruction"),
+        (change_depth, "untouched images"),
+        (change_size, "size"),
+        (change_camera, "camera"),
+        (change_source, "source"),
+        (lose_report, "report"),
+        (leave_gap, "numbering"),
+    ],
+)
+def test_tampering_is_found(
+    output: Path, template: Path, tamper: Callable[[Path], None], topic: str
+) -> None:
+    tamper(output / EPISODES / "episode1")
+    assert topic in {finding.topic for finding in bad(output, template)}
+
+
+def test_a_copy_in_another_split_is_a_leak(augmented: Path, template: Path, tmp_path: Path) -> None:
+    shutil.copytree(augmented, tmp_path / "data" / "train")
+    shutil.copytree(template, tmp_path / "source" / "val")
+    for path in (tmp_path / "data").rglob("rpaug.json"):
+        told = json.loads(path.read_bytes())
+        path.write_text(json.dumps(told | {"source": f"val/{told['source']}"}))
+    found = {finding.topic for finding in bad(tmp_path / "data", tmp_path / "source")}
+    assert found == {"splits"}
+
+
+def test_the_command_says_what_is_wrong(output: Path, template: Path, tmp_path: Path) -> None:
+    def run(*more: object) -> tuple[int, str, str]:
+        told = ["verify", output, "--against", template, *more]
+        result = CliRunner().invoke(app, [str(argument) for argument in told])
+        return result.exit_code, result.stdout, result.stderr
+
+    assert run()[0] == 0
+    replay = tmp_path / "replay"
+    replay.mkdir()
+    assert run("--replay", replay)[0] == 0
+    (replay / "0.replay").touch()
+    code, _, words = run("--replay", replay)
+    assert code == 1
+    assert "delete it" in words
+    change_pickle(output / EPISODES / "episode0")
+    code, out, _ = run("--json")
+    assert code == 1
+    described = json.loads(out)
+    assert not described["passed"]
+    assert [one["topic"] for one in described["findings"] if one["level"] == "bad"] == ["robot"]
+
+
+def test_depth_that_no_longer_fits_the_cameras_is_found() -> None:
+    episode = scene({"front": (1.6, 0.3, 1.0), "left": (1.2, 1.0, 1.0)}, length=2).episode
+    left = episode.views["left"]
+    assert left.depth is not None
+    farther = replace(left, depth=lambda t: left.depth(t) + np.float32(0.008))  # type: ignore[misc]
+    told = {"source": "x", "draws": [{"op": "camera_pose"}]}  # which may change depth
+    assert not list(compare("x", episode, episode, told))
+    found = list(
+        compare("x", episode, replace(episode, views={**episode.views, "left": farther}), told)
+    )
+    assert [finding.topic for finding in found] == ["depth and cameras"]
