@@ -39,6 +39,7 @@ class Calibration(Model):
     cam_to_world: list[Any] | None = None
     pose_key: str | None = None
     depth: str | None = None
+    ids: str | None = Field(default=None, description="instance handles, a whole number a pixel")
     metres: float = Field(default=1.0, gt=0, description="of one unit of depth")
 
     @model_validator(mode="after")
@@ -75,6 +76,7 @@ class Beside(Model):
     cameras: dict[str, Calibration] = {}
     gripper: Gripper | None = None
     joints: str | None = None
+    joint_velocities: str | None = None
     language: str | None = None
     views: list[str] | None = None
 
@@ -156,15 +158,18 @@ def robot(
     folder: Path, beside: Beside, tracks: Mapping[str, Float64[np.ndarray, "t k"]], length: int
 ) -> Robot:
     """What is told of the robot, and all numbers of the episode by their names. Raises BadInput."""
-    joints = np.zeros((length, 0))
+    joints, velocities = np.zeros((length, 0)), np.zeros((length, 0))
     if beside.joints is not None:
         known(folder, "joints", beside.joints, tracks)
         joints = tracks[beside.joints]
+    if beside.joint_velocities is not None:
+        known(folder, "joint_velocities", beside.joint_velocities, tracks)
+        velocities = tracks[beside.joint_velocities]
     pose, opening = None, None
     if beside.gripper is not None:
         known(folder, "gripper.key", beside.gripper.key, tracks)
         pose, opening = _gripper(folder, beside.gripper, tracks[beside.gripper.key])
-    return Robot(joints, np.zeros_like(joints), pose, opening, tracks)
+    return Robot(joints, velocities, pose, opening, tracks)
 
 
 def _gripper(
@@ -203,6 +208,6 @@ def moved(episode: Episode, recorded: Mapping[str, CameraView], beside: Beside) 
     for name, camera in changed.items():
         track = camera.cam_to_world[:1] if camera.fixed else camera.cam_to_world
         kept = told["cameras"].get(name, {})
-        kept = {key: kept[key] for key in ("depth", "metres") if key in kept}
+        kept = {key: kept[key] for key in ("depth", "metres", "ids") if key in kept}
         told["cameras"][name] = kept | {"K": camera.K.tolist(), "cam_to_world": track.tolist()}
     return {NAME: yaml.safe_dump(told, sort_keys=False).encode()}

@@ -15,6 +15,7 @@ from jaxtyping import Float32, Int64
 from rpaug import BadInput
 
 VARINT, FIXED64, LENGTH, FIXED32 = 0, 1, 2, 5
+LONGEST = 10  # bytes of a varint
 KINDS = {1: "bytes", 2: "float", 3: "int"}
 Span = tuple[int, int]
 
@@ -135,15 +136,21 @@ class Example:
 
     def integers(self, name: str) -> Int64[np.ndarray, "n"]:
         """The integers of a feature. Raises BadInput."""
-        found = []
-        for wire, (start, end) in self._of(name, "int").values:
+        feature = self._of(name, "int")
+        for wire, (start, _) in feature.values:
             if wire not in (LENGTH, VARINT):
                 self._wrong(start, "integers that are not varints")
-            at = start
-            while at < end:
-                value, at = self._varint(at, end)
-                found.append(value & (2**64 - 1))
-        return np.array(found, np.uint64).astype(np.int64)
+        packed = b"".join(self.data[slice(*span)] for _, span in feature.values)
+        raw = np.frombuffer(packed, np.uint8)
+        ends = np.flatnonzero(raw < 0x80)
+        if not len(raw):
+            return np.zeros(0, np.int64)
+        starts = np.concatenate([[0], ends[:-1] + 1])
+        if not len(ends) or ends[-1] != len(raw) - 1 or (ends - starts).max() >= LONGEST:
+            self._wrong(feature.entry[0], "a cut-off or endless integer")
+        shift = 7 * (np.arange(len(raw)) - np.repeat(starts, ends - starts + 1))
+        parts = (raw & 0x7F).astype(np.uint64) << shift.astype(np.uint64)
+        return np.add.reduceat(parts, starts).astype(np.int64)
 
     def numbers(self, name: str) -> Float32[np.ndarray, "n"] | Int64[np.ndarray, "n"]:
         """Floats or integers, as the feature holds them. Raises BadInput."""

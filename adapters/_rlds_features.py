@@ -68,7 +68,7 @@ def _walk(path: Path, node: Any, at: tuple[str, ...], stepwise: bool, depth: int
             stepwise,
             _shape(path, where, about.get("shape", {})),
             str(about.get("dtype", "")),
-            str(about.get("encodingFormat", "")),
+            str(about.get("encodingFormat") or about.get("encoding", "")),
         )
 
 

@@ -21,6 +21,7 @@ from rpaug.files import PART, read_bytes, write_atomic
 
 INFO = "dataset_info.json"
 STAGED = "episode.tfrecord"
+USUAL = 256  # records of a shard where no source says
 TEMPLATE = "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}"
 
 
@@ -145,7 +146,9 @@ def pack(source: Path, folder: Path) -> None:
     if (folder / INFO).is_file():
         _unpack(folder)
         numbers = staged(folder)
-    described, like = info(source), splits(source)
+    packed = (source / INFO).is_file()
+    described = info(source) if packed else _described(folder, numbers)
+    like = splits(source) if packed else {name: Split(name, (), ()) for name in numbers}
     entries = []
     for entry in described["splits"]:
         split = like[entry["name"]]
@@ -153,8 +156,18 @@ def pack(source: Path, folder: Path) -> None:
             entries.append(entry | _shards(described, entry, split, folder, numbers[split.name]))
     data = json.dumps(described | {"splits": entries}, indent=2).encode()
     same = entries == described["splits"]
-    write_atomic(folder / INFO, read_bytes(source / INFO) if same else data)
+    write_atomic(folder / INFO, read_bytes(source / INFO) if packed and same else data)
     _drop(folder, numbers)
+
+
+def _described(folder: Path, numbers: dict[str, list[int]]) -> dict[str, Any]:
+    """A dataset that was none of TFDS's before: called after its folder, `<name>/<version>`."""
+    return {
+        "fileFormat": "tfrecord",
+        "name": folder.parent.name,
+        "splits": [{"filepathTemplate": TEMPLATE, "name": name} for name in numbers],
+        "version": folder.name,
+    }
 
 
 def _shards(
@@ -180,7 +193,7 @@ def _divided(count: int, like: Sequence[int]) -> list[int]:
     """How many records each shard gets: as in the source, or even shards of about its size."""
     if count == sum(like):
         return list(like)
-    usual = max(1, math.ceil(sum(like) / max(len(like), 1)))
+    usual = math.ceil(sum(like) / len(like)) if sum(like) else USUAL
     shards = max(1, math.ceil(count / usual))
     return [count // shards + (i < count % shards) for i in range(shards)]
 

@@ -4,13 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Float64
 from rpaug_adapters import _cameras, _rlds_files
 from rpaug_adapters._cameras import Beside
 from rpaug_adapters._example import Example
 from rpaug_adapters._rlds_features import FEATURES, Leaf, leaves
+from rpaug_adapters._rlds_pixels import decoder
 
 from rpaug import BadInput, Camera, CameraView, Episode
 from rpaug.files import check_image, decode_image
@@ -33,6 +33,7 @@ class Recorded:
     views: dict[str, CameraView]
     images: dict[str, Leaf]
     depths: dict[str, tuple[Leaf, float]]
+    ids: dict[str, Leaf]
     beside: Beside
     language: str | None
     descriptions: tuple[str, ...]
@@ -49,13 +50,17 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
     length = len(example.blobs(next(iter(images.values())).key))
     sizes = {name: _check(example, leaf.key, length) for name, leaf in images.items()}
     tracks = _tracks(example, known, length)
-    depths = _depths(folder, example, known, beside, images, length)
+    named = _beside(folder, example, known, beside, "depth")
+    depths = {name: (leaf, beside.cameras[name].metres) for name, leaf in named.items()}
+    ids = _beside(folder, example, known, beside, "ids")
     views = {
         name: _view(
             example,
             leaf,
             depths.get(name),
+            ids.get(name),
             _cameras.camera(beside, name, sizes[name], length, tracks),
+            length,
         )
         for name, leaf in images.items()
     }
@@ -67,7 +72,9 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
         robot=_cameras.robot(folder, beside, tracks, length),
         descriptions=descriptions,
         length=length,
-        source=Recorded(folder, example, views, images, depths, beside, language, descriptions),
+        source=Recorded(
+            folder, example, views, images, depths, ids, beside, language, descriptions
+        ),
     )
 
 
@@ -113,69 +120,49 @@ def _check(example: Example, key: str, length: int) -> tuple[int, int]:
     return size
 
 
-def _depths(
-    folder: Path,
-    example: Example,
-    known: dict[str, Leaf],
-    beside: Beside,
-    images: dict[str, Leaf],
-    length: int,
-) -> dict[str, tuple[Leaf, float]]:
-    """The depth feature of each calibrated camera that names one, and how many metres its unit is."""
+def _beside(
+    folder: Path, example: Example, known: dict[str, Leaf], beside: Beside, which: str
+) -> dict[str, Leaf]:
+    """The feature of depth, or of handles, that each calibrated camera names."""
     found = {}
     for name, calibration in beside.cameras.items():
-        if calibration.depth is None:
-            continue
-        key = STEPS + calibration.depth
-        among = sorted(k.removeprefix(STEPS) for k, leaf in known.items() if leaf.stepwise)
-        _cameras.known(folder, f"cameras.{name}.depth", calibration.depth, among)
-        leaf = known[key]
-        if leaf.kind == "Image" and _check(example, key, length) != _check(
-            example, images[name].key, length
-        ):
-            raise BadInput(example.where, key, found="another size", expected=f"that of {name}")
-        found[name] = leaf, calibration.metres
+        told = getattr(calibration, which)
+        if told is not None:
+            among = [k.removeprefix(STEPS) for k, leaf in known.items() if leaf.stepwise]
+            _cameras.known(folder, f"cameras.{name}.{which}", told, among)
+            found[name] = known[STEPS + told]
     return found
 
 
 def _view(
-    example: Example, leaf: Leaf, depth: tuple[Leaf, float] | None, camera: Camera
+    example: Example,
+    leaf: Leaf,
+    depth: tuple[Leaf, float] | None,
+    ids: Leaf | None,
+    camera: Camera,
+    length: int,
 ) -> CameraView:
+    shape = camera.height, camera.width
+    blobs = example.blobs(leaf.key)
+
     def rgb(t: int) -> np.ndarray:
-        image = decode_image(f"{example.where}, {leaf.key}, step {t}", example.blobs(leaf.key)[t])
+        image = decode_image(f"{example.where}, {leaf.key}, step {t}", blobs[t])
         return image if image.ndim == 3 else np.repeat(image[..., None], 3, 2)
 
-    return CameraView(camera, rgb, None if depth is None else _depth(example, *depth, camera))
+    def metric(stored: Callable[[int], np.ndarray], unit: float) -> Callable[[int], np.ndarray]:
+        return lambda t: np.nan_to_num(
+            stored(t).astype(np.float32) * np.float32(unit), posinf=0, neginf=0
+        )
 
+    def whole(stored: Callable[[int], np.ndarray]) -> Callable[[int], np.ndarray]:
+        return lambda t: stored(t).astype(np.int32)
 
-def _depth(
-    example: Example, leaf: Leaf, metres: float, camera: Camera
-) -> Callable[[int], Float32[np.ndarray, "h w"]]:
-    shape = camera.height, camera.width
-
-    def from_image(t: int) -> Float32[np.ndarray, "h w"]:
-        data = np.frombuffer(example.blobs(leaf.key)[t], np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-        if image is not None and leaf.dtype == "float32" and image.ndim == 3:
-            # TFDS stores float images as the four bytes of each number, in RGBA.
-            image = np.ascontiguousarray(image[..., [2, 1, 0, 3]]).view("<f4")[..., 0]
-        if image is None or image.shape[:2] != shape or image.ndim != 2:
-            where = f"{leaf.key}, step {t}"
-            raise BadInput(example.where, where, found="no such image", expected="one of depth")
-        return np.nan_to_num(image.astype(np.float32) * np.float32(metres), posinf=0, neginf=0)
-
-    def from_numbers(t: int) -> Float32[np.ndarray, "h w"]:
-        values = example.floats(leaf.key)
-        try:
-            frames = values.reshape(-1, *shape)
-        except ValueError:
-            expected = f"{shape[0]}x{shape[1]} a step"
-            raise BadInput(
-                example.where, leaf.key, found=f"{len(values)} numbers", expected=expected
-            ) from None
-        return np.nan_to_num(frames[t] * np.float32(metres), posinf=0, neginf=0)
-
-    return from_image if leaf.kind == "Image" else from_numbers
+    return CameraView(
+        camera,
+        rgb,
+        None if depth is None else metric(decoder(example, depth[0], shape, length), depth[1]),
+        None if ids is None else whole(decoder(example, ids, shape, length)),
+    )
 
 
 def _language(example: Example, known: dict[str, Leaf], beside: Beside) -> str | None:
@@ -206,10 +193,11 @@ def _descriptions(example: Example, language: str | None) -> tuple[str, ...]:
 def _tracks(
     example: Example, known: dict[str, Leaf], length: int
 ) -> dict[str, Float64[np.ndarray, "t k"]]:
-    """All numbers of the steps."""
+    """All numbers of the steps that are no images."""
     found = {}
     for leaf in known.values():
-        numeric = leaf.kind in ("Tensor", "Scalar") and leaf.dtype in NUMBERS
+        row = leaf.kind in ("Tensor", "Scalar") and len(leaf.shape) < 2
+        numeric = row and leaf.dtype in NUMBERS
         feature = example.features.get(leaf.key)
         if leaf.stepwise and numeric and feature and feature.kind in ("float", "int"):
             found[leaf.key.removeprefix(STEPS)] = _track(example, leaf.key, length)

@@ -1,11 +1,12 @@
 """Writing an RLDS episode: its record with only what changed encoded anew, in the encoding it had."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
 from rpaug_adapters import _cameras
 from rpaug_adapters._rlds_features import Leaf
+from rpaug_adapters._rlds_pixels import encoded as encoded_pixels
 from rpaug_adapters._rlds_read import Recorded
 
 from rpaug import CameraView, Episode, Unsupported
@@ -24,7 +25,16 @@ def encoded(episode: Episode, recorded: Recorded) -> tuple[bytes, dict[str, byte
             changes[leaf.key] = _colours(recorded, leaf, view, before, episode.length)
         if name in recorded.depths and view.depth is not before.depth:
             leaf, metres = recorded.depths[name]
-            changes[leaf.key] = _depths(recorded, leaf, metres, view, before, episode.length)
+            assert view.depth
+            assert before.depth
+            changes[leaf.key] = _pixels(
+                recorded, leaf, view.depth, before.depth, metres, episode.length
+            )
+        if name in recorded.ids and view.ids is not before.ids:
+            assert view.ids
+            assert before.ids
+            leaf = recorded.ids[name]
+            changes[leaf.key] = _pixels(recorded, leaf, view.ids, before.ids, 1, episode.length)
     if episode.descriptions != recorded.descriptions:
         key = recorded.language
         if key is None:
@@ -56,30 +66,20 @@ def _like_png(image: np.ndarray, data: bytes) -> bytes:
     return encode_png(image)
 
 
-def _depths(
+def _pixels(
     recorded: Recorded,
     leaf: Leaf,
-    metres: float,
-    view: CameraView,
-    before: CameraView,
+    after: Callable[[int], np.ndarray],
+    before: Callable[[int], np.ndarray],
+    unit: float,
     length: int,
 ) -> Sequence[bytes] | np.ndarray:
-    assert view.depth is not None
-    assert before.depth is not None
-    if leaf.kind != "Image":
-        frames = [(view.depth(t) / np.float32(metres)).astype(np.float32) for t in range(length)]
-        return np.concatenate([frame.ravel() for frame in frames])
-    images = []
-    for t, data in enumerate(recorded.example.blobs(leaf.key)[:length]):
-        depth = view.depth(t)
-        if not np.array_equal(depth, before.depth(t)):
-            units = depth / np.float32(metres)
-            if leaf.dtype == "float32":
-                rgba = np.ascontiguousarray(units, "<f4")[..., None].view(np.uint8)
-                stored = np.ascontiguousarray(rgba[..., [2, 1, 0, 3]])
-            else:
-                kind = np.dtype(leaf.dtype or "uint16")
-                stored = np.clip(np.rint(units), 0, np.iinfo(kind).max).astype(kind)
-            data = cv2.imencode(".png", stored)[1].tobytes()
-        images.append(data)
-    return images
+    """A feature of depth or handles, in its own unit."""
+    old = [before(t) for t in range(length)]
+    new = [after(t) for t in range(length)]
+    frames = [
+        None if np.array_equal(a, b) else (b / np.float32(unit) if unit != 1 else b)
+        for a, b in zip(old, new, strict=True)
+    ]
+    stored = [a / np.float32(unit) if unit != 1 else a for a in old]
+    return encoded_pixels(recorded.example, leaf, frames, stored)

@@ -25,6 +25,7 @@ from rpaug import Adapter, BadInput, Episode, Side
 from rpaug.files import REJECTED, atomic_folder
 
 CAMERAS = ("front", "left_shoulder", "right_shoulder", "overhead", "wrist")
+VERSION = re.compile(r"\d+\.\d+\.\d+")
 EPISODE = re.compile(r"episode(\d+)$")
 
 
@@ -66,6 +67,16 @@ class RLBench(Adapter):
 
     def key_at(self, like: str, index: int) -> str:
         return (PurePosixPath(like).parent / f"episode{index}").as_posix()
+
+    def key_for(self, like: str, index: int) -> str:
+        """`<split>/<task>/all_variations/episodes/episode<i>`, as RVT wants it; keys that are like ours stay so."""
+        parts = PurePosixPath(like).parts
+        if EPISODE.search(parts[-1]):
+            return self.key_at(like, index)
+        split = [part for part in parts[:-1] if part in ("train", "val", "test")]
+        task = [part for part in parts[:-1] if part not in split and not VERSION.fullmatch(part)]
+        place = PurePosixPath(*split[:1], "_".join(task) or "task", "all_variations", "episodes")
+        return (place / f"episode{index}").as_posix()
 
     def traps(self, episode: Episode) -> Sequence[str]:
         """RVT and the fork of RLBench that it reads with (NVlabs/RVT)."""

@@ -12,17 +12,21 @@
 Keys are `<split>/<number>`, below the dataset's own path. Records keep every byte but those of features that changed.
 """
 
+import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
-from rpaug_adapters import _cameras, _rlds_files, _rlds_read, _rlds_write, _tfrecord
+from rpaug_adapters import _cameras, _rlds_files, _rlds_fresh, _rlds_read, _rlds_write, _tfrecord
 from rpaug_adapters._rlds_features import FEATURES, leaves
 from rpaug_adapters._rlds_read import Recorded
 
 from rpaug import Adapter, BadInput, Episode, Side, Unsupported
 from rpaug.files import atomic_folder, read_bytes, write_atomic
+
+SPLITS = ("train", "val", "validation", "test")
+PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 
 
 class RLDS(Adapter):
@@ -54,30 +58,49 @@ class RLDS(Adapter):
         return _rlds_read.read(folder, split, number, key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
-        if not isinstance(episode.source, Recorded):
-            raise Unsupported(f"{key}: the rlds adapter writes episodes that were read from RLDS")
-        recorded = episode.source
+        recorded = episode.source if isinstance(episode.source, Recorded) else None
         folder, split, number = _place(root, key)
         if (split, number) in _packed(folder):
             raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
+        tree = (
+            json.dumps(_rlds_fresh.features(episode), indent=4).encode()
+            if recorded is None
+            else b""
+        )
+        if tree and (folder / FEATURES).exists() and read_bytes(folder / FEATURES) != tree:
+            reason = "its cameras or numbers are not those of the episodes before it"
+            raise Unsupported(f"{key}: {reason}: an RLDS dataset has one kind of episode")
         with atomic_folder(root / key) as work:
-            record, files = _rlds_write.encoded(episode, recorded)
+            if recorded is None:
+                record = _rlds_fresh.record(episode)
+                files = {_cameras.NAME: _rlds_fresh.beside(episode)}
+                common = {FEATURES: tree}
+            else:
+                record, files = _rlds_write.encoded(episode, recorded)
+                common = _common(recorded.folder)
             (work / _rlds_files.STAGED).write_bytes(_tfrecord.frame(record))
             for name, data in {**files, **side()}.items():
                 (work / name).write_bytes(data)
-            for name in (FEATURES, _cameras.NAME):  # last: a write that failed leaves nothing
-                if (recorded.folder / name).is_file() and not (folder / name).exists():
-                    write_atomic(folder / name, read_bytes(recorded.folder / name))
+            for name, data in common.items():  # last: a write that failed leaves nothing
+                if not (folder / name).exists():
+                    write_atomic(folder / name, data)
 
     def key_at(self, like: str, index: int) -> str:
         return (PurePosixPath(like).parent / str(index)).as_posix()
+
+    def key_for(self, like: str, index: int) -> str:
+        """`<task>/1.0.0/<split>/<number>`; without a split in its key an episode is for training."""
+        parts = PurePosixPath(like).parts
+        split = next((part for part in parts if part in SPLITS), "train")
+        named = [part for part in parts[:-1] if part not in SPLITS and part not in PLACES]
+        return f"{'_'.join(named) or 'episodes'}/1.0.0/{split}/{index}"
 
     def finish(self, source: Path, target: Path) -> None:
         """Records into shards, `dataset_info.json`, and whatever else lies beside a dataset's features."""
         for folder in _rlds_files.datasets(target):
             like = source / folder.relative_to(target)
             _rlds_files.pack(like, folder)
-            for path in like.iterdir():
+            for path in like.iterdir() if like.is_dir() else ():
                 # TFDS keeps label names and the like in files named after features.
                 if path.is_file() and path.suffix == ".txt" and not (folder / path.name).exists():
                     shutil.copyfile(path, folder / path.name)
@@ -86,6 +109,12 @@ class RLDS(Adapter):
 def _place(root: Path, key: str) -> tuple[Path, str, int]:
     *above, split, number = PurePosixPath(key).parts
     return root.joinpath(*above), split, int(number)
+
+
+def _common(folder: Path) -> dict[str, bytes]:
+    """What lies beside a dataset's shards and belongs to every episode."""
+    names = (FEATURES, _cameras.NAME)
+    return {name: read_bytes(folder / name) for name in names if (folder / name).is_file()}
 
 
 def _packed(folder: Path) -> set[tuple[str, int]]:

@@ -71,6 +71,10 @@ class Adapter(ABC):
     def key_at(self, like: str, index: int) -> str:
         """The key of episode number `index` in the group that `like` belongs to; keys of a group count from 0."""
 
+    def key_for(self, like: str, index: int) -> str:
+        """The key here of episode number `index` of the group that another layout's key `like` belongs to."""
+        return self.key_at(like, index)
+
     def traps(self, episode: Episode) -> Sequence[str]:  # noqa: ARG002  # most layouts have none
         """What known readers of this layout would trip over in an episode, in words."""
         return ()

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rpaug.cli import augment, bench, doctor, fit, inspect, recipes, twin, verify, weights
+from rpaug.cli import augment, bench, convert, doctor, fit, inspect, recipes, twin, verify, weights
 from rpaug.cli.console import guarded
 
 app = typer.Typer(
@@ -21,6 +21,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "inspect": inspect.inspect,
     "fit": fit.fit,
     "verify": verify.verify,
+    "convert": convert.convert,
     "doctor": doctor.doctor,
 }
 GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {

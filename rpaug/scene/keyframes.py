@@ -35,11 +35,13 @@ def find(robot: Robot) -> list[int]:
 
 
 def _stopped(robot: Robot, t: int) -> bool:
-    """Joints at rest, not near the end, gripper the same from two frames before to one after.
+    """Joints known to be at rest, not near the end, gripper the same from two frames before to one after.
 
     The two first frames look back around the end of the recording, as the readers' own rule does.
     """
     assert robot.gripper_open is not None
+    if not robot.joint_velocities.shape[1]:
+        return False
     if t >= len(robot.gripper_open) - 2:
         return False
     steady = len({float(robot.gripper_open[t + k]) for k in (-2, -1, 0, 1)}) == 1

@@ -39,6 +39,7 @@ def main():
         "bytes": [
             {name: split.num_bytes for name, split in splits[f].items()} for f in (one, other)
         ],
+        "names": [],
         "steps": 0,
         "values": 0,
         "differs": {},
@@ -48,6 +49,7 @@ def main():
         for before, after in zip(episodes(one, split), episodes(other, split), strict=True):
             for old, new in zip(before, after, strict=True):
                 said["steps"] += 1
+                said["names"] = sorted(old)
                 for name, value in old.items():
                     said["values"] += 1
                     if not np.array_equal(value, new[name]):

@@ -9,6 +9,7 @@ import pytest
 
 from rpaug import recipe
 from rpaug.augment import Run, execute
+from rpaug.convert import convert
 
 DRIVER = Path(__file__).with_name("read_with_tfds.py")
 PLACE = "bridge_dataset/1.0.0"
@@ -30,7 +31,7 @@ def read():
 
     def run(one: Path, other: Path) -> dict:
         done = subprocess.run(
-            [python, DRIVER, one / PLACE, other / PLACE],
+            [python, DRIVER, one, other],
             env={"PATH": os.environ["PATH"], "CUDA_VISIBLE_DEVICES": "", "HOME": "/tmp"},
             capture_output=True, text=True, timeout=600, check=False,
         )  # fmt: skip
@@ -44,7 +45,7 @@ def test_an_edited_dataset_differs_in_its_images_alone(read, samples: Path, tmp_
     source = samples / "rlds_bridge"
     edits = {"op": "light_color"}, {"op": "sensor_exposure"}
     execute(run_of(source, tmp_path / "out", *edits))
-    said = read(source, tmp_path / "out")
+    said = read(source / PLACE, tmp_path / "out" / PLACE)
     assert not said["rpaug"]
     assert said["counts"] == [{"train": 12, "val": 3}] * 2
     assert said["steps"] == 150
@@ -57,6 +58,21 @@ def test_an_edited_dataset_differs_in_its_images_alone(read, samples: Path, tmp_
 def test_an_unedited_copy_is_the_same(read, samples: Path, tmp_path: Path) -> None:
     source = samples / "rlds_bridge"
     execute(run_of(source, tmp_path / "out"))
-    said = read(source, tmp_path / "out")
+    said = read(source / PLACE, tmp_path / "out" / PLACE)
     assert said["differs"] == {}
     assert said["bytes"][0] == said["bytes"][1]
+
+
+def test_an_episode_of_another_layout_can_be_read(read, samples: Path, tmp_path: Path) -> None:
+    convert(samples / "rlbench_open_drawer", tmp_path / "out", "rlds")
+    (place,) = (path.parent for path in (tmp_path / "out").rglob("features.json"))
+    said = read(place, place)
+    assert said["counts"] == [{"train": 2}] * 2
+    assert said["steps"] == 125 + 96
+    assert said["differs"] == {}
+    assert {
+        "action",
+        "observation/front",
+        "observation/front_depth",
+        "observation/front_mask",
+    } <= set(said["names"])

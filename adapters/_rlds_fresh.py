@@ -1,0 +1,157 @@
+"""An RLDS episode from another source: a record of everything the episode holds, and the features that describe it.
+
+Colour is PNG and depth a float image of TFDS, so that both come back exactly; numbers are float32, as all numbers in an
+Example are. The action is where the gripper is in the next step: position, quaternion (x, y, z, w), opening.
+"""
+
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import yaml
+from rpaug_adapters import _cameras
+from rpaug_adapters._example import example
+from rpaug_adapters._rlds_features import Leaf
+from rpaug_adapters._rlds_pixels import packed
+
+from rpaug import Episode
+from rpaug.files import encode_png
+from rpaug.geometry import quaternion_of
+
+CORE = "tensorflow_datasets.core.features."
+STATE = "observation/state"
+DEPTH = Leaf("depth", "Image", True, (None, None, 1), "float32", "png")
+
+
+def record(episode: Episode) -> bytes:
+    """The episode as one Example."""
+    length = episode.length
+    first, last = np.zeros(length, int), np.zeros(length, int)
+    first[0], last[-1] = 1, 1
+    values: dict[str, Any] = {
+        "steps/is_first": first,
+        "steps/is_last": last,
+        "steps/is_terminal": last,
+        "steps/discount": np.ones(length, np.float32),
+        "steps/reward": last.astype(np.float32),
+        "steps/language_instruction": [episode.instruction.encode()] * length,
+        "episode_metadata/descriptions": [text.encode() for text in episode.descriptions],
+    }
+    for name, track in _tracks(episode).items():
+        values[f"steps/{name}"] = track.astype(np.float32).ravel()
+    for name, view in episode.views.items():
+        at = f"steps/observation/{name}"
+        values[at] = [encode_png(view.rgb(t)) for t in range(length)]
+        if view.depth is not None:
+            values[f"{at}_depth"] = [packed(DEPTH, view.depth(t)) for t in range(length)]
+        if view.ids is not None:
+            values[f"{at}_mask"] = [zlib.compress(view.ids(t).tobytes()) for t in range(length)]
+    return example(values)
+
+
+def features(episode: Episode) -> dict[str, Any]:
+    """The tree of `features.json` for such a record."""
+    observation: dict[str, Any] = {}
+    steps: dict[str, Any] = {
+        "is_first": _tensor("bool"),
+        "is_last": _tensor("bool"),
+        "is_terminal": _tensor("bool"),
+        "discount": _tensor("float32"),
+        "reward": _tensor("float32"),
+        "language_instruction": _text(),
+    }
+    for name, track in _tracks(episode).items():
+        where = observation if name.startswith("observation/") else steps
+        where[name.removeprefix("observation/")] = _tensor("float32", track.shape[1])
+    for name, view in episode.views.items():
+        size = view.camera.height, view.camera.width
+        observation[name] = _image("uint8", *size, 3)
+        if view.depth is not None:
+            observation[f"{name}_depth"] = _image("float32", *size, 1)
+        if view.ids is not None:
+            observation[f"{name}_mask"] = _tensor("int32", *size, encoding="zlib")
+    texts = {
+        "pythonClassName": f"{CORE}sequence_feature.Sequence",
+        "sequence": {"feature": _text(), "length": "-1"},
+    }
+    steps["observation"] = _several(observation)
+    sequence = {"feature": _several(steps), "length": "-1"}
+    every = {"pythonClassName": f"{CORE}dataset_feature.Dataset", "sequence": sequence}
+    return _several({"steps": every, "episode_metadata": _several({"descriptions": texts})})
+
+
+def beside(episode: Episode) -> bytes:
+    """What `cameras.yaml` says of the episode."""
+    told: dict[str, Any] = {"version": 1, "cameras": {}}
+    for name, view in episode.views.items():
+        camera = view.camera
+        if camera.assumed:
+            continue
+        track = camera.cam_to_world[:1] if camera.fixed else camera.cam_to_world
+        entry = {"K": camera.K.tolist(), "cam_to_world": track.tolist()}
+        if view.depth is not None:
+            entry["depth"] = f"observation/{name}_depth"
+        if view.ids is not None:
+            entry["ids"] = f"observation/{name}_mask"
+        told["cameras"][name] = entry
+    robot = episode.robot
+    if robot.gripper_to_world is not None:
+        told["gripper"] = {
+            "key": STATE, "rotation": [3, 4, 5, 6], "convention": "quaternion_xyzw",
+            "opening": None if robot.gripper_open is None else 7,
+        }  # fmt: skip
+    if robot.joint_positions.shape[1]:
+        told["joints"] = "observation/joint_positions"
+        told["joint_velocities"] = "observation/joint_velocities"
+    _cameras.Beside.model_validate(told)
+    return yaml.safe_dump(told, sort_keys=False).encode()
+
+
+def _tracks(episode: Episode) -> dict[str, np.ndarray]:
+    """All numbers of the robot, by the names they get."""
+    robot, found = episode.robot, {}
+    if robot.joint_positions.shape[1]:
+        found["observation/joint_positions"] = robot.joint_positions
+        still = np.zeros_like(robot.joint_positions)
+        found["observation/joint_velocities"] = (
+            robot.joint_velocities if robot.joint_velocities.shape[1] else still
+        )
+    if robot.gripper_to_world is not None:
+        pose = robot.gripper_to_world
+        parts = [pose[:, :3, 3], quaternion_of(pose)]
+        if robot.gripper_open is not None:
+            parts.append(robot.gripper_open[:, None])
+        found[STATE] = np.concatenate(parts, 1)
+        found["action"] = found[STATE][np.minimum(np.arange(len(pose)) + 1, len(pose) - 1)]
+    for name, track in robot.extra.items():
+        rows = np.asarray(track).reshape(episode.length, -1)
+        if rows.shape[1]:
+            found.setdefault(
+                name if name == "action" else f"observation/{name.rpartition('/')[2]}", rows
+            )
+    return found
+
+
+def _tensor(dtype: str, *shape: int, encoding: str = "none") -> dict[str, Any]:
+    kind = "tensor_feature.Tensor" if shape else "scalar.Scalar"
+    dimensions = {"dimensions": [str(side) for side in shape]} if shape else {}
+    about = {"shape": dimensions, "dtype": dtype, "encoding": encoding}
+    return {"pythonClassName": CORE + kind, "tensor": about}
+
+
+def _image(dtype: str, *shape: int) -> dict[str, Any]:
+    dimensions = {"dimensions": [str(side) for side in shape]}
+    about = {"shape": dimensions, "dtype": dtype, "encodingFormat": "png"}
+    return {"pythonClassName": f"{CORE}image_feature.Image", "image": about}
+
+
+def _text() -> dict[str, Any]:
+    return {"pythonClassName": f"{CORE}text_feature.Text", "text": {}}
+
+
+def _several(inner: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "pythonClassName": f"{CORE}features_dict.FeaturesDict",
+        "featuresDict": {"features": dict(inner)},
+    }

@@ -1,0 +1,66 @@
+"""Write a dataset in another layout."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePosixPath
+
+from rpaug import registry
+from rpaug.errors import BadInput, RpaugError
+
+NAMED = 3  # slashes of a key that names its dataset
+
+
+@dataclass
+class Conversion:
+    """How many episodes were written, those that could not be with the reason, and what readers may trip over."""
+
+    episodes: int = 0
+    failures: dict[str, str] = field(default_factory=dict)
+    traps: dict[str, int] = field(
+        default_factory=dict
+    )  # words, and how many episodes they are about
+
+    @property
+    def exit_code(self) -> int:
+        """0: all done; 1: some were skipped; 2: nothing was made."""
+        return 0 if not self.failures else 1 if self.episodes else 2
+
+
+def convert(
+    source: Path,
+    target: Path,
+    layout: str,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Conversion:
+    """Write every episode of `source` into the new folder `target` in another layout.
+
+    Episodes appear whole, one by one. Raises BadInput where the source is no dataset or the target is there already.
+    """
+    reader, writer = registry.adapter_for(source), registry.adapter(layout)
+    if target.exists():
+        raise BadInput(target, "--out", found="something there already", expected="a new path")
+    keys, done = list(reader.episodes(source)), Conversion()
+    free: dict[str, int] = {}
+    for number, key in enumerate(keys):
+        progress(number, len(keys))
+        # A short key does not say what the dataset is called: its folder does.
+        like = key if key.count("/") >= NAMED else f"{source.resolve().name}/{key}"
+        group = PurePosixPath(writer.key_for(like, 0)).parent.as_posix()
+        try:
+            # Another layout takes the values alone: what was recorded beside them stays behind.
+            episode = replace(reader.read(source, key), source=None)
+            writer.write(episode, target, writer.key_for(like, free.get(group, 0)), dict)
+        except RpaugError as error:
+            done.failures[key] = str(error)
+            continue
+        free[group] = free.get(group, 0) + 1
+        done.episodes += 1
+        for words in writer.traps(episode):
+            done.traps[words] = done.traps.get(words, 0) + 1
+    progress(len(keys), len(keys))
+    if done.episodes:
+        writer.finish(source, target)
+    else:
+        shutil.rmtree(target, ignore_errors=True)
+    return done
