@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float32, Int
 
+from rpaug import geometry
 from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats, View
 from rpaug.scene import moments
 from rpaug.scene.descent import cosine, shot_of
@@ -85,8 +86,8 @@ def _windows(
         shown = np.isin(recorded.ids(t), handles) | (not recorded.camera.fixed)
         if not shown.any():
             continue
-        part = _around(shown)
         shot, view = shot_of(scene.episode, name, t), view_of(standing(scene, name), t)
+        part = _around(shown | _projected(then.means[moving], view))
         K = view.K.copy()
         K[:2, 2] -= part[1].start, part[0].start
         rgb, depth = shot.rgb[part], shot.depth[part]
@@ -94,6 +95,18 @@ def _windows(
         eye.forward(grey, window, surface=False)
         light = eye.backward(np.ones_like(rgb)).sh[:, 0, 0]
         yield _Window(window, rgb, depth, np.flatnonzero(light > SEEN))
+
+
+def _projected(points: Float32[np.ndarray, "n 3"], view: View) -> Bool[np.ndarray, "h w"]:
+    """Pixels that the points fall on, hidden or not: what is hidden must stay so."""
+    local = geometry.transform(view.world_to_camera, points.astype(np.float64))
+    marked = np.zeros((view.height, view.width), bool)
+    local = local[local[:, 2] > SHARP.near]
+    pixels = np.rint(local @ view.K.T / local[:, 2:])[:, :2]
+    inside = ((pixels >= 0) & (pixels < [view.width, view.height])).all(-1)
+    column, row = pixels[inside].astype(int).T
+    marked[row, column] = True
+    return marked
 
 
 def _around(shown: Bool[np.ndarray, "h w"]) -> tuple[slice, slice]:

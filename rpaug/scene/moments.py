@@ -94,3 +94,28 @@ def moved(
         )
         for t, moment in moments.items()
     }
+
+
+def packed(moments: Mapping[int, Moment]) -> dict[str, np.ndarray]:
+    """All moments as a few long arrays, for a store: `times`, how many `rows` each has, and the rest in that order."""
+    if not moments:
+        return {}
+    several = list(moments.values())
+    arrays = {
+        "times": np.array(list(moments), np.int32),
+        "counts": np.array([len(moment.rows) for moment in several], np.int32),
+    }
+    for name in ("rows", *PARTS):
+        arrays[name] = np.concatenate([getattr(moment, name) for moment in several])
+    return arrays
+
+
+def unpacked(arrays: Mapping[str, np.ndarray]) -> dict[int, Moment]:
+    """What `packed` packed."""
+    if not arrays:
+        return {}
+    cuts = np.cumsum(arrays["counts"])[:-1]
+    columns = [np.split(arrays[name], cuts) for name in ("rows", *PARTS)]
+    return {
+        int(t): Moment(*parts) for t, *parts in zip(arrays["times"], *columns, strict=True)
+    }
