@@ -18,7 +18,7 @@ def fit_episode(
     *,
     export: Path | None = None,
     seed: int = 0,
-    steps: int | None = None,
+    settings: FitSettings | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, Any]:
     """Fit, store under `folder`, export to `.ply` if asked, and return plain values.
@@ -27,7 +27,7 @@ def fit_episode(
     """
     if export is not None and export.exists():
         raise BadInput(export, "--ply", found="something there already", expected="a new path")
-    settings = FitSettings() if steps is None else FitSettings(steps=steps)
+    settings = settings or FitSettings()
     scene = build(episode, with_bodies=True)
     name = store.key(episode, settings, seed)
     again = store.path_of(folder, name).is_dir()

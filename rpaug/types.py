@@ -13,7 +13,7 @@ from enum import Flag, auto
 from typing import Any, Protocol
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32, UInt8
+from jaxtyping import Float16, Float32, Float64, Int32, UInt8
 
 
 class Effect(Flag):
@@ -171,12 +171,29 @@ class Sensor(Protocol):
 
 
 @dataclass(frozen=True)
+class Moment:
+    """What some Gaussians differ by at one recorded time: the residual that no rigid body explains.
+
+    `rows` name them, ascending. Each array is added to that of `Gaussians`; `means` come in multiples of the
+    Gaussian's largest standard deviation and `scales` as differences of logarithms.
+    """
+
+    rows: Int32[np.ndarray, "m"]
+    means: Float16[np.ndarray, "m 3"]
+    quats: Float16[np.ndarray, "m 4"]
+    scales: Float16[np.ndarray, "m 3"]
+    opacities: Float16[np.ndarray, "m"]
+    sh: Float16[np.ndarray, "m k 3"]
+
+
+@dataclass(frozen=True)
 class Gaussians:
     """3D Gaussians in their bodies' frames (Kerbl et al. 2023, arXiv 2308.04079).
 
     `quats` are (w, x, y, z), of any length but zero. `scales` are standard deviations in metres along the
     Gaussian's own axes. `opacities` are in 0..1. `sh` holds real spherical-harmonics coefficients in 3DGS
     order: colour = 0.5 + 0.28209479 * sh[:, 0] for degree 0. `ids` are instance handles (0: none).
+    `moments[t]` is how they differ at time t alone; `moments.at` applies it.
     """
 
     means: Float32[np.ndarray, "n 3"]
@@ -185,6 +202,7 @@ class Gaussians:
     opacities: Float32[np.ndarray, "n"]
     sh: Float32[np.ndarray, "n k 3"]
     ids: Int32[np.ndarray, "n"]
+    moments: Mapping[int, Moment] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.means)

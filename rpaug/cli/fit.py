@@ -1,5 +1,6 @@
 """`rpaug fit`: Gaussians of one episode."""
 
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,14 @@ from rpaug.cli.console import (
     read_episode,
     say,
 )
+from rpaug.errors import RpaugError
+
+
+class Stop(Enum):
+    """When a fit ends."""
+
+    HELDOUT = "heldout"
+    FIDELITY = "fidelity"
 
 
 def fit(
@@ -23,9 +32,19 @@ def fit(
     ply: Annotated[
         Path | None, typer.Option(help="Also export to this new file, in 3DGS layout.")
     ] = None,
+    stop: Annotated[
+        Stop,
+        typer.Option(
+            help="Until held-out views stop improving, or until recorded views are shown to --target."
+        ),
+    ] = Stop.HELDOUT,
+    target: Annotated[
+        float | None,
+        typer.Option(min=0, max=60, help="Decibels that --stop fidelity is to reach; 35."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Steps of the fit; more is slower and better.")
+        int | None, typer.Option(min=1, help="Most steps of the fit; more is slower and better.")
     ] = None,
     as_json: AsJson = False,
 ) -> int:
@@ -34,10 +53,16 @@ def fit(
     Example: [bold]rpaug fit data/train/open_drawer --out scenes --ply drawer.ply[/]
     """
     from rpaug.fitting import fit_episode
+    from rpaug.scene.descent import settings_for
 
+    if target is not None and stop is Stop.HELDOUT:
+        raise RpaugError("--target: only --stop fidelity has one")
+    settings = settings_for(stop.value, target=target, steps=steps)
     found = read_episode(dataset, episode)
     with progress_bar("fitting", as_json) as progress:
-        described = fit_episode(found, out, export=ply, seed=seed, steps=steps, progress=progress)
+        described = fit_episode(
+            found, out, export=ply, seed=seed, settings=settings, progress=progress
+        )
     if as_json:
         print_json(described)
     else:

@@ -13,8 +13,10 @@ from rpaug.scene.gaussian_view import SHARP
 from rpaug.scene.gaussians import Placement, moved, quaternions
 from rpaug.scene.irradiance import Learner
 from rpaug.scene.refine import CAMERA_STEP, Twists, about, corrected, twist_of
-from rpaug.types import Body, Camera, Gaussians, Scene
+from rpaug.scene.stops import Kind, Stop
+from rpaug.types import Body, Camera, Episode, Gaussians, Scene
 
+FIDELITY_STEPS = 1000  # before moments, which do the rest
 PARAMETERS = ("means", "opacities", "sh", "quats", "scales")
 
 
@@ -22,7 +24,8 @@ PARAMETERS = ("means", "opacities", "sh", "quats", "scales")
 class FitSettings:
     """How a fit is done. One of the `steps` looks at `batch` views; results do not depend on `threads`."""
 
-    steps: int = 1500
+    steps: int = 1500  # at most
+    stop: Stop = field(default_factory=Stop)
     batch: int = 2
     threads: int = 2
     train_frames: int = 40  # at most, spread over the episode; the frames between them are held out
@@ -30,9 +33,20 @@ class FitSettings:
     checked_frames: int = 16  # at most, of those trained on and of those held out each
     last_rate: float = 0.03  # share of the rates left at the end (cosine schedule)
     refine: bool = True  # let tracks and moving cameras give way
+    moment_steps: int = 10  # of one pass over the moments, each on all views of a time
+    moment_passes: int = 4  # at most
     rates: Rates = field(
         default_factory=lambda: Rates(means=0.08, quats=1e-2, scales=5e-2, opacities=0.15, sh=7e-2)
     )
+
+
+def settings_for(
+    stop: Kind = "heldout", *, target: float | None = None, steps: int | None = None
+) -> FitSettings:
+    """The settings that suit a stopping rule; `target` is the decibels that `fidelity` is to reach."""
+    rule = Stop(kind=stop) if target is None else Stop(kind=stop, target=target)
+    plain = FitSettings(steps=FIDELITY_STEPS) if stop == "fidelity" else FitSettings()
+    return replace(plain, stop=rule, steps=plain.steps if steps is None else steps)
 
 
 @dataclass(frozen=True)
@@ -43,6 +57,19 @@ class Shot:
     t: int
     rgb: Float32[np.ndarray, "h w 3"]
     depth: Float32[np.ndarray, "h w"]
+
+
+def shot_of(episode: Episode, name: str, t: int) -> Shot:
+    """One view of an episode with depth."""
+    view = episode.views[name]
+    assert view.depth is not None
+    depth = np.nan_to_num(view.depth(t), nan=0.0, posinf=0.0, neginf=0.0)
+    return Shot(name, t, view.rgb(t).astype(np.float32) / 255, depth)
+
+
+def cosine(done: float, last: float) -> float:
+    """From 1 to `last` as `done` goes from 0 to 1 (Loshchilov and Hutter 2017)."""
+    return float(last + (1 - last) * 0.5 * (1 + np.cos(np.pi * done)))
 
 
 @dataclass(frozen=True)
@@ -149,6 +176,13 @@ class Descent:
     def light(self) -> Float64[np.ndarray, "9"]:
         """The light that moving bodies turn in, as `irradiance.shading` takes it."""
         return self._light.light.copy()
+
+    def scene(self) -> Scene:
+        """The scene as the fit has it by now."""
+        gaussians, bodies, drift = self.result()
+        return replace(
+            self._scene, gaussians=gaussians, bodies=bodies, drift=drift, irradiance=self.light
+        )
 
     def result(self) -> tuple[Gaussians, tuple[Body, ...], dict[str, Float64[np.ndarray, "t 4 4"]]]:
         """Gaussians, and the tracks and drifts they belong to, of all frames."""

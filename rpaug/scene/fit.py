@@ -5,35 +5,42 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
-from jaxtyping import Float, Float64, UInt8
+from jaxtyping import Float64
 
 from rpaug.errors import Unsupported
-from rpaug.render.splat import Rasteriser, Splats
-from rpaug.scene.descent import Descent, FitSettings, Shot
-from rpaug.scene.gaussian_view import SHARP, plane_depth, standing, to_bytes, view_of
-from rpaug.scene.gaussians import Placement
+from rpaug.scene.descent import Descent, FitSettings, Shot, cosine, shot_of
 from rpaug.scene.irradiance import even
+from rpaug.scene.judging import fixed_cameras, judged, psnr, ssim
+from rpaug.scene.moment_fit import fit_moments
 from rpaug.scene.sampling import frames
 from rpaug.scene.seeds import seeds
+from rpaug.scene.stops import Check
 from rpaug.types import Body, Gaussians, Scene
 
+__all__ = ["FitReport", "FitSettings", "fit", "fitted", "psnr", "ssim"]
+
 Progress = Callable[[float], None]
+WATCHED = 2  # times looked at by each check, of those fitted and of those held out each
 
 
 @dataclass(frozen=True)
 class FitReport:
     """How well the Gaussians show the recorded views, in decibels of PSNR (up) and SSIM (up), means over views.
 
-    `train` are views at times that were fitted, `held_out` at times that were not. `per_camera` is over both.
+    `train` are views at times that were fitted; `held_out` those at times that were not, before moments were fitted
+    to them too. `per_camera` is over both, as finally shown; `fixed` are the means of cameras that stand still.
     """
 
     gaussians: int
+    moments: int  # times at which the Gaussians have residuals of their own
+    stop: str
     steps: int
     seconds: float
     train_db: float
     held_out_db: float | None
+    fixed_db: float
+    fixed_ssim: float
     per_camera_db: dict[str, float]
     per_camera_ssim: dict[str, float]
     depth_error_mm: float  # median over pixels, of the surface's depth
@@ -54,28 +61,44 @@ def fit(
 
     Loss: squared colour error and, weighted, squared relative error of the expected depth; Adam; views in an
     order drawn from `seed`. Tracks of bodies and poses of moving cameras give way too: the Gaussians belong
-    to the report's `bodies`, `drift` and `irradiance`, and `fitted` puts all into a scene. `progress` is told the share
-    done. Raises Unsupported without depth or bodies.
+    to the report's `bodies`, `drift` and `irradiance`, and `fitted` puts all into a scene. `progress` is told the
+    share done. With the `fidelity` stop, moments at all recorded times follow until the target is met. Raises
+    Unsupported without depth or bodies.
     """
-    settings = settings or FitSettings()
+    settings, tell = settings or FitSettings(), progress or (lambda share: None)
     start = time.perf_counter()
     if not scene.bodies:
         raise Unsupported("fitting Gaussians needs depth and instance masks, which give the bodies")
-    begun = seeds(scene)
     trained = frames(scene.episode.length, settings.train_frames)
-    shots = [_shot(scene, name, t) for t in trained for name in scene.episode.views]
-    descent = Descent(begun, scene, trained, settings)
-    rng = np.random.default_rng(seed)
-    with ThreadPoolExecutor(settings.threads) as pool:
-        for step, batch in enumerate(_batches(shots, settings.steps, settings.batch, rng)):
-            descent.step(batch, _cosine(step / settings.steps, settings.last_rate), pool)
-            if progress and step % 25 == 0:
-                progress(step / settings.steps)
-    gaussians, bodies, drift = descent.result()
-    shown = replace(
-        scene, gaussians=gaussians, bodies=bodies, drift=drift, irradiance=descent.light
+    share = 1 / 2 if settings.stop.kind == "fidelity" else 1.0
+    shown, steps = _descended(scene, trained, settings, seed, lambda done: tell(share * done))
+    rest = sorted(set(range(scene.episode.length)) - set(trained))
+    known, unseen = _some(trained, settings.checked_frames), _some(rest, settings.checked_frames)
+    found = judged(shown, [*known, *unseen], settings.threads)
+    held_out = float(found[len(known) :, :, 0].mean()) if unseen else None
+    if settings.stop.kind == "fidelity":
+        shown, found = _refined(shown, known, unseen, found, settings, tell)
+    assert shown.gaussians is not None
+    fixed, names = fixed_cameras(scene), list(scene.episode.views)
+    report = FitReport(
+        gaussians=len(shown.gaussians),
+        moments=len(shown.gaussians.moments),
+        stop=settings.stop.kind,
+        steps=steps,
+        seconds=time.perf_counter() - start,
+        train_db=float(found[: len(known), :, 0].mean()),
+        held_out_db=held_out,
+        fixed_db=float(found[:, fixed, 0].mean()),
+        fixed_ssim=float(found[:, fixed, 1].mean()),
+        per_camera_db=dict(zip(names, found[..., 0].mean(0).tolist(), strict=True)),
+        per_camera_ssim=dict(zip(names, found[..., 1].mean(0).tolist(), strict=True)),
+        depth_error_mm=1e3 * float(np.median(found[..., 2])),
+        seed=seed,
+        bodies=shown.bodies,
+        drift=shown.drift,
+        irradiance=even() if shown.irradiance is None else shown.irradiance,
     )
-    return gaussians, _judge(shown, trained, settings, seed, start)
+    return shown.gaussians, report
 
 
 def fitted(
@@ -99,11 +122,63 @@ def fitted(
     )
 
 
-def _shot(scene: Scene, name: str, t: int) -> Shot:
-    view = scene.episode.views[name]
-    assert view.depth is not None
-    depth = np.nan_to_num(view.depth(t), nan=0.0, posinf=0.0, neginf=0.0)
-    return Shot(name, t, view.rgb(t).astype(np.float32) / 255, depth)
+def _descended(
+    scene: Scene, trained: Sequence[int], settings: FitSettings, seed: int, tell: Progress
+) -> tuple[Scene, int]:
+    """The scene with Gaussians of all times, and the steps it took."""
+    shots = [shot_of(scene.episode, name, t) for t in trained for name in scene.episode.views]
+    descent = Descent(seeds(scene), scene, trained, settings)
+    rng, checks, step = np.random.default_rng(seed), [], 0
+    with ThreadPoolExecutor(settings.threads) as pool:
+        for step, batch in enumerate(_batches(shots, settings.steps, settings.batch, rng)):
+            if settings.stop.due(step):
+                checks.append(_check(descent.scene(), trained, step, settings.threads))
+                if settings.stop.reached(checks):
+                    return descent.scene(), step
+            descent.step(batch, cosine(step / settings.steps, settings.last_rate), pool)
+            if step % 25 == 0:
+                tell(step / settings.steps)
+    return descent.scene(), settings.steps
+
+
+def _check(scene: Scene, trained: Sequence[int], step: int, threads: int) -> Check:
+    """A look at a few views of the fixed cameras."""
+    seen = _some(trained, WATCHED)
+    unseen = _some(sorted(set(range(scene.episode.length)) - set(trained)), WATCHED)
+    found = judged(scene, [*seen, *unseen], threads)[:, fixed_cameras(scene), 0]
+    recorded = float(found[: len(seen)].mean())
+    return Check(step, recorded, float(found[len(seen) :].mean()) if unseen else recorded)
+
+
+def _refined(
+    scene: Scene,
+    known: Sequence[int],
+    unseen: Sequence[int],
+    found: Float64[np.ndarray, "times cameras 3"],
+    settings: FitSettings,
+    tell: Progress,
+) -> tuple[Scene, Float64[np.ndarray, "times cameras 3"]]:
+    """The scene with moments at every recorded time, in passes until its fixed cameras show the target."""
+    fixed, everywhere = fixed_cameras(scene), range(scene.episode.length)
+    for number in range(settings.moment_passes):
+        recorded = float(found[:, fixed, 0].mean())
+        if settings.stop.reached([Check(number, recorded, recorded)]):
+            break
+        before = 1 + number / settings.moment_passes
+        residuals = fit_moments(
+            scene,
+            everywhere,
+            steps=settings.moment_steps,
+            depth_weight=settings.depth_weight,
+            threads=settings.threads,
+            progress=lambda done, before=before: tell(
+                (before + done / settings.moment_passes) / 2
+            ),
+        )
+        assert scene.gaussians is not None
+        scene = replace(scene, gaussians=replace(scene.gaussians, moments=residuals))
+        found = judged(scene, [*known, *unseen], settings.threads)
+    return scene, found
 
 
 def _batches(
@@ -118,76 +193,5 @@ def _batches(
         order = order[size:]
 
 
-def _cosine(done: float, last: float) -> float:
-    """From 1 to `last` as `done` goes from 0 to 1 (Loshchilov and Hutter 2017)."""
-    return float(last + (1 - last) * 0.5 * (1 + np.cos(np.pi * done)))
-
-
-def _judge(
-    scene: Scene,
-    trained: Sequence[int],
-    settings: FitSettings,
-    seed: int,
-    start: float,
-) -> FitReport:
-    rest = sorted(set(range(scene.episode.length)) - set(trained))
-    known = dict.fromkeys(_some(trained, settings.checked_frames), True)
-    times = known | dict.fromkeys(_some(rest, settings.checked_frames), False)
-    assert scene.gaussians is not None
-    splats = Splats.of(scene.gaussians)
-    placement = Placement.of(scene.gaussians.ids, scene.bodies, scene.irradiance)
-    names = list(scene.episode.views)
-
-    def look(at: tuple[str, int]) -> tuple[float, float, float]:
-        name, t = at
-        eye, placed = standing(scene, name), placement.place(splats, t)
-        drawn = Rasteriser(SHARP).forward(placed, view_of(eye, t))
-        depth = plane_depth(drawn, placed, eye, t)
-        shot = _shot(scene, name, t)
-        off = np.abs(depth - shot.depth)[(depth > 0) & (shot.depth > 0)]
-        truth = to_bytes(shot.rgb)
-        image = to_bytes(drawn.colour)
-        return psnr(image, truth), ssim(image, truth), float(np.median(off)) if len(off) else 0.0
-
-    views = [(name, t) for t in times for name in names]
-    with ThreadPoolExecutor(settings.threads) as pool:
-        found = np.array(list(pool.map(look, views))).reshape(len(times), len(names), 3)
-    which = np.array(list(times.values()))
-    return FitReport(
-        gaussians=len(scene.gaussians),
-        steps=settings.steps,
-        seconds=time.perf_counter() - start,
-        train_db=float(found[which, :, 0].mean()),
-        held_out_db=float(found[~which, :, 0].mean()) if rest else None,
-        per_camera_db=dict(zip(names, found[..., 0].mean(0).tolist(), strict=True)),
-        per_camera_ssim=dict(zip(names, found[..., 1].mean(0).tolist(), strict=True)),
-        depth_error_mm=1e3 * float(np.median(found[..., 2])),
-        seed=seed,
-        bodies=scene.bodies,
-        drift=scene.drift,
-        irradiance=even() if scene.irradiance is None else scene.irradiance,
-    )
-
-
 def _some(times: Sequence[int], most: int) -> list[int]:
     return [times[i] for i in frames(len(times), most)] if times else []
-
-
-def psnr(image: UInt8[np.ndarray, "h w 3"], truth: UInt8[np.ndarray, "h w 3"]) -> float:
-    """Peak signal-to-noise ratio in decibels, at most 100."""
-    error = np.mean((image.astype(np.float64) - truth) ** 2)
-    return float(10 * np.log10(255.0**2 / max(error, 255.0**2 * 1e-10)))
-
-
-def ssim(image: UInt8[np.ndarray, "h w 3"], truth: UInt8[np.ndarray, "h w 3"]) -> float:
-    """Structural similarity (Wang et al. 2004): 11x11 Gaussian window, sigma 1.5, mean over channels."""
-    x, y = image.astype(np.float64), truth.astype(np.float64)
-
-    def blur(a: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w 3"]:
-        return cv2.GaussianBlur(a, (11, 11), 1.5)[5:-5, 5:-5]
-
-    mx, my = blur(x), blur(y)
-    vx, vy, both = blur(x * x) - mx * mx, blur(y * y) - my * my, blur(x * y) - mx * my
-    a, b = (0.01 * 255) ** 2, (0.03 * 255) ** 2
-    value = (2 * mx * my + a) * (2 * both + b) / ((mx * mx + my * my + a) * (vx + vy + b))
-    return float(value.mean()) if value.size else 1.0

@@ -9,7 +9,7 @@ from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
 from rpaug.render.composite import Surfaces
 from rpaug.render.splat import Rasteriser, Rendering, Settings, Splats, View
-from rpaug.scene import surface
+from rpaug.scene import moments, surface
 from rpaug.scene.gaussians import SH0, Placement
 from rpaug.types import Appearance, Camera, Gaussians, Scene
 
@@ -32,9 +32,9 @@ def render_view(
         raise TargetError(f"no camera is called {camera!r}; there are: {known}")
     if scene.gaussians is None:
         raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
-    eye = standing(scene, camera)
-    surfaces = surface.of_gaussians(scene.gaussians, eye, t, scene.bodies)
-    painted = paint(scene.gaussians, scene.appearance, surfaces)
+    eye, then = standing(scene, camera), moments.at(scene.gaussians, t)
+    surfaces = surface.of_gaussians(then, eye, t, scene.bodies)
+    painted = paint(then, scene.appearance, surfaces)
     splats = Placement.of(painted.ids, scene.bodies, scene.irradiance).place(Splats.of(painted), t)
     drawn = Rasteriser(SHARP).forward(splats, view_of(eye, t))
     ids = np.where(drawn.surface_index >= 0, painted.ids[drawn.surface_index], 0)

@@ -9,15 +9,17 @@ from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt8
 from rpaug import geometry
 from rpaug.errors import Unsupported
 from rpaug.render.splat import Gradients, Splats
-from rpaug.scene import irradiance
+from rpaug.scene import carrying, irradiance, moments
+from rpaug.scene.carrying import SH0
 from rpaug.scene.looks import lift
 from rpaug.types import Body, Gaussians, Scene
 
-SH0 = 0.28209479  # the constant spherical harmonic
+CONJUGATE = np.array([1.0, -1, -1, -1])  # of a unit quaternion: its inverse
 SPREAD = 0.5  # standard deviation over the spacing of the pixels: neighbours blend, gaps close
 THIN = 0.1  # thickness over that
 GRAZING = 0.25  # cosine below which a footprint is not stretched further
 OPACITY = 0.95
+ARRAYS = (*moments.PARTS, "ids")
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,7 @@ def moved(gaussians: Gaussians, motion: Float[np.ndarray, "4 4"]) -> Gaussians:
         gaussians,
         means=means.astype(np.float32),
         quats=turned(by, gaussians.quats).astype(np.float32),
+        moments=moments.moved(gaussians.moments, motion[:3, :3], turned(by, np.eye(4))),
     )
 
 
@@ -119,23 +122,25 @@ def placed(scene: Scene, t: int) -> Gaussians:
     """The scene's Gaussians in the world at t. Raises Unsupported if it has none."""
     if scene.gaussians is None:
         raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
-    placement = Placement.of(scene.gaussians.ids, scene.bodies, scene.irradiance)
-    where = placement.place(Splats.of(scene.gaussians), t)
+    then = moments.at(scene.gaussians, t)
+    placement = Placement.of(then.ids, scene.bodies, scene.irradiance)
+    where = placement.place(Splats.of(then), t)
     assert where.quats is not None
-    return replace(scene.gaussians, means=where.means, quats=where.quats, sh=where.sh)
+    return replace(then, means=where.means, quats=where.quats, sh=where.sh)
 
 
 def joined(parts: Iterable[Gaussians]) -> Gaussians:
     """All Gaussians of several sets."""
     parts = list(parts)
-    names = ("means", "quats", "scales", "opacities", "sh", "ids")
-    return Gaussians(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
+    return Gaussians(**arrays, moments=moments.joined(parts))
 
 
 def chosen(gaussians: Gaussians, keep: np.ndarray) -> Gaussians:
     """The Gaussians that `keep` (mask or indices) names."""
-    names = ("means", "quats", "scales", "opacities", "sh", "ids")
-    return Gaussians(**{name: getattr(gaussians, name)[keep] for name in names})
+    arrays = {name: getattr(gaussians, name)[keep] for name in ARRAYS}
+    rows = np.arange(len(gaussians))[keep]
+    return Gaussians(**arrays, moments=moments.kept(gaussians.moments, rows, len(gaussians)))
 
 
 @dataclass(frozen=True)
@@ -169,11 +174,17 @@ class Placement:
         assert splats.quats is not None
         means, quats, sh = splats.means.copy(), splats.quats.copy(), splats.sh.copy()
         for rows, motion, turn in zip(self.rows, self.motions, self.turns, strict=True):
-            means[rows] = geometry.transform(motion[t].astype(means.dtype), means[rows])
-            quats[rows] = turned(turn[t], quats[rows])
-            lit = irradiance.shading(irradiance.basis(normals(quats[rows])), self.light)
-            sh[rows, 0] = ((0.5 + SH0 * sh[rows, 0]) * lit[:, None] - 0.5) / SH0
+            carrying.carry(rows, motion[t], turn[t], self.light, means, quats, sh)
         return replace(splats, means=means, quats=quats, sh=sh)
+
+    def take_back(self, placed: Splats, t: int) -> Splats:
+        """Splats in the world at t, in their bodies' frames: undoes `place`."""
+        assert placed.quats is not None
+        means, quats, sh = placed.means.copy(), placed.quats.copy(), placed.sh.copy()
+        for rows, motion, turn in zip(self.rows, self.motions, self.turns, strict=True):
+            back, turn_back = geometry.inverse(motion[t]), turn[t] * CONJUGATE
+            carrying.carry_back(rows, back, turn_back, self.light, means, quats, sh)
+        return replace(placed, means=means, quats=quats, sh=sh)
 
     def pull_back(
         self, gradients: Gradients, splats: Splats, placed: Splats, t: int
@@ -183,10 +194,9 @@ class Placement:
         assert placed.quats is not None
         light = np.zeros(irradiance.TERMS)
         for rows, motion, turn in zip(self.rows, self.motions, self.turns, strict=True):
-            gradients.means[rows] = gradients.means[rows] @ motion[t, :3, :3].astype(np.float32)
-            gradients.quats[rows] = turned(turn[t] * [1, -1, -1, -1], gradients.quats[rows])
-            terms = irradiance.basis(normals(placed.quats[rows]))
-            by_lit = ((0.5 / SH0 + splats.sh[rows, 0]) * gradients.sh[rows, 0]).sum(-1)
-            light += by_lit @ terms
-            gradients.sh[rows, 0] *= irradiance.shading(terms, self.light)[:, None]
+            back = np.ascontiguousarray(motion[t, :3, :3].T)
+            carrying.pull(
+                rows, back, turn[t] * CONJUGATE, self.light, splats.sh, placed.quats,
+                gradients.means, gradients.quats, gradients.sh, light,
+            )  # fmt: skip
         return gradients, light

@@ -12,6 +12,7 @@ from jaxtyping import Float64, Int
 
 from rpaug import geometry
 from rpaug.render.splat import Gradients, Splats
+from rpaug.scene import carrying
 
 BODY_STEP = 3e-4  # metres a correction may move in one step, about
 CAMERA_STEP = 1.2e-3  # the same for a camera, whose frames are seen by itself only
@@ -83,17 +84,13 @@ def twist_of(
     """Derivative of the loss by a twist of some placed splats about `middle`, world axes."""
     assert placed.quats is not None
     assert gradients.quats is not None
-    pull = gradients.means[rows]
-    arm = placed.means[rows] - middle.astype(placed.means.dtype)
-    # Sums of products as small matrix products: many times faster than the cross products they stand for.
-    lever = (arm.T @ pull).astype(np.float64)
-    spin = (placed.quats[rows].T @ gradients.quats[rows]).astype(np.float64)
-    turn = [
-        lever[1, 2] - lever[2, 1] + 0.5 * (spin[0, 1] - spin[1, 0] + spin[2, 3] - spin[3, 2]),
-        lever[2, 0] - lever[0, 2] + 0.5 * (spin[0, 2] - spin[2, 0] + spin[3, 1] - spin[1, 3]),
-        lever[0, 1] - lever[1, 0] + 0.5 * (spin[0, 3] - spin[3, 0] + spin[1, 2] - spin[2, 1]),
-    ]
-    return np.concatenate([turn, pull.sum(0, dtype=np.float64)])
+    if isinstance(rows, slice):
+        rows = np.arange(len(placed))[rows]
+    out = np.empty(6)
+    carrying.twist(
+        rows, middle, placed.means, placed.quats, gradients.means, gradients.quats, out
+    )
+    return out
 
 
 def corrected(

@@ -17,9 +17,10 @@ import zarr
 
 from rpaug.errors import BadInput
 from rpaug.files import atomic_folder
+from rpaug.scene import moments
 from rpaug.types import Body, Episode, Gaussians, Scene
 
-FORMAT, VERSION = "rpaug scene", 1
+FORMAT, VERSION = "rpaug scene", 2
 ARRAYS = ("means", "quats", "scales", "opacities", "sh", "ids")
 
 
@@ -69,6 +70,8 @@ def save(folder: Path, name: str, scene: Scene, *, settings: Any, report: Any) -
         raise BadInput(folder, "scene", found="no Gaussians", expected="a fitted scene")
     facts: dict[str, Any] = {"format": FORMAT, "version": VERSION, "key": name}
     arrays = {f"gaussians/{n}": np.asarray(getattr(scene.gaussians, n)) for n in ARRAYS}
+    residuals = moments.packed(scene.gaussians.moments)
+    arrays |= {f"moments/{n}": array for n, array in residuals.items()}
     bodies = []
     for number, body in enumerate(scene.bodies):
         arrays[f"bodies/{number}"] = np.asarray(body.to_world)
@@ -128,7 +131,10 @@ def load(folder: Path, name: str) -> Stored | None:
     drift = {camera: _read(where, group, f"drift/{camera}", sums) for camera in cameras}
     plain: Any = facts
     light = _read(where, group, "irradiance", sums) if "irradiance" in sums else None
-    return Stored(Gaussians(**loaded), bodies, drift, light, plain["settings"], plain["report"])
+    held = [name[len("moments/") :] for name in sums if name.startswith("moments/")]
+    residuals = moments.unpacked({n: _read(where, group, f"moments/{n}", sums) for n in held})
+    gaussians = Gaussians(**loaded, moments=residuals)
+    return Stored(gaussians, bodies, drift, light, plain["settings"], plain["report"])
 
 
 def _read(where: Path, group: zarr.Group, name: str, sums: Mapping[str, str]) -> np.ndarray:

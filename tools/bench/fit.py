@@ -1,6 +1,6 @@
 """How well and how fast Gaussians show a recorded episode: decibels, SSIM, depth, seconds.
 
-    python tools/bench/fit.py DATASET [--episode KEY] [--leave-out CAMERA] [--pictures FOLDER] [--json]
+    python tools/bench/fit.py DATASET [--episode KEY] [--leave-out CAMERA] [--stop fidelity] [--pictures FOLDER] [--json]
 
 PSNR and SSIM (up) are means over views of the re-rendered against the recorded image, with moving cameras
 where the fit found them to stand; `recorded pose` is the same with their poses as recorded. Fit seconds
@@ -10,6 +10,7 @@ include seeds and are wall time; CPU seconds are summed over threads, for machin
 
 import argparse
 import json
+import resource
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from rpaug import registry
 from rpaug.files import encode_png, write_atomic
 from rpaug.scene import fit, gaussian_view
 from rpaug.scene.build import build
+from rpaug.scene.descent import settings_for
 from rpaug.scene.sampling import frames
 from rpaug.types import Scene
 
@@ -31,7 +33,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--episode", help="key; the first if not given")
-    parser.add_argument("--steps", type=int, default=fit.FitSettings().steps)
+    parser.add_argument("--stop", choices=("heldout", "fidelity"), default="heldout")
+    parser.add_argument("--target", type=float, help="dB, of --stop fidelity")
+    parser.add_argument("--steps", type=int, help="at most")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--leave-out", metavar="CAMERA")
@@ -49,17 +53,20 @@ def main() -> None:
         views = {n: v for n, v in scene.episode.views.items() if n != given.leave_out}
         used = replace(scene, episode=replace(scene.episode, views=views))
     start, cpu = time.perf_counter(), time.process_time()
-    settings = fit.FitSettings(steps=given.steps, threads=given.threads)
+    settings = settings_for(given.stop, target=given.target, steps=given.steps)
+    settings = replace(settings, threads=given.threads)
     shown, report = fit.fitted(used, settings=settings, seed=given.seed)
     facts = {n: v for n, v in asdict(replace(report, bodies=(), drift={})).items() if v}
     facts["wall_seconds"] = time.perf_counter() - start
     facts["cpu_seconds"] = time.process_time() - cpu
+    facts["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     shown = replace(shown, episode=scene.episode, cameras=scene.cameras)
     facts["views"] = {name: _camera(shown, name) for name in scene.episode.views}
     still = [n for n, v in scene.episode.views.items() if v.camera.fixed and n != given.leave_out]
     facts["fixed_cameras_db"] = float(np.mean([facts["views"][n]["db"] for n in still]))
     kept = [facts["views"][n]["db"] for n in scene.episode.views if n != given.leave_out]
     facts["all_cameras_db"] = float(np.mean(kept))
+    facts["fixed_cameras_ssim"] = float(np.mean([facts["views"][n]["ssim"] for n in still]))
     if given.pictures:
         _pictures(shown, given.pictures)
     print(json.dumps(facts, indent=1) if given.json else _table(facts))
@@ -100,9 +107,10 @@ def _pictures(scene: Scene, folder: Path) -> None:
 def _table(facts: dict) -> str:
     lines = [
         f"{facts['gaussians']} Gaussians, {facts['steps']} steps, {facts['wall_seconds']:.1f} s wall, "
-        f"{facts['cpu_seconds']:.1f} s CPU",
+        f"{facts['cpu_seconds']:.1f} s CPU, {facts['moments']} moments, peak {facts['peak_mb']:.0f} MB",
         f"fitted times {facts['train_db']:.2f} dB, held-out times {facts.get('held_out_db', 0):.2f} dB, "
-        f"all cameras {facts['all_cameras_db']:.2f} dB, fixed cameras {facts['fixed_cameras_db']:.2f} dB",
+        f"all cameras {facts['all_cameras_db']:.2f} dB, fixed cameras {facts['fixed_cameras_db']:.2f} dB, "
+        f"SSIM {facts['fixed_cameras_ssim']:.3f}",
         f"{'camera':18}{'dB':>8}{'SSIM':>8}{'recorded pose dB':>18}{'wrong ids %':>13}{'depth mm':>10}",
     ]
     for name, row in facts["views"].items():

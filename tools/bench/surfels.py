@@ -21,7 +21,7 @@ from rpaug import geometry
 from rpaug.render import holes, zbuffer
 from rpaug.render.zbuffer import Rendered
 from rpaug.scene import build, gaussian_view, surfels
-from rpaug.scene.descent import FitSettings
+from rpaug.scene.descent import FitSettings, settings_for
 from rpaug.scene.fit import fitted
 from rpaug.twin.look import Look
 from rpaug.twin.record import Take, perform
@@ -175,6 +175,24 @@ class PerFrame:
         return Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none)
 
 
+class WholeEpisode:
+    """Tier 3 as `rpaug fit` makes it: Gaussians fitted to all of an episode, on the bodies that the scene has."""
+
+    def __init__(self, steps: int) -> None:
+        self.steps = steps
+        self.done: dict[int, Scene] = {}
+
+    def prepare(self, case: Case) -> None:
+        if id(case.kept) not in self.done:
+            self.done[id(case.kept)] = fitted(case.scene, settings=settings_for(steps=self.steps))[0]
+
+    def __call__(self, case: Case) -> Rendered:
+        there = replace(self.done[id(case.kept)], cameras=case.scene.cameras)
+        rgb, depth, ids = gaussian_view.render_view(there, case.name, case.t)
+        none = depth == 0
+        return Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none)
+
+
 METHODS: dict[str, Callable[[Case], Rendered]] = {
     "recorded image unchanged": unchanged,
     "own camera": lambda c: sources(c, c.kept, 1),
@@ -185,7 +203,7 @@ METHODS: dict[str, Callable[[Case], Rendered]] = {
 
 
 def measure(method: Callable[[Case], Rendered], case: Case) -> dict[str, float]:
-    if isinstance(method, PerFrame):
+    if isinstance(method, PerFrame | WholeEpisode):
         method.prepare(case)
     start = time.thread_time()
     drawn = method(case)
@@ -232,6 +250,9 @@ def main() -> None:
     parser.add_argument(
         "--gaussians", type=int, default=0, metavar="STEPS", help="also fit every frame by itself"
     )
+    parser.add_argument(
+        "--fit", type=int, default=0, metavar="STEPS", help="also fit the whole episode, once a seed"
+    )
     parser.add_argument("--json", type=Path, help="write the table here too")
     told = parser.parse_args()
     numba.set_num_threads(1)
@@ -243,6 +264,8 @@ def main() -> None:
     methods = dict(METHODS)
     if told.gaussians:
         methods[f"Gaussians, {told.gaussians} steps a frame"] = PerFrame(told.gaussians)
+    if told.fit:
+        methods[f"Gaussians, {told.fit} steps an episode"] = WholeEpisode(told.fit)
     rows: dict[str, list[dict[str, float]]] = {name: [] for name in methods}
     for seed in range(told.seeds):
         for case in cases(told.task, seed, look, told.frames, told.every, told.noise, told.tracked):
