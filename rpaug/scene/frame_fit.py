@@ -36,6 +36,7 @@ class FrameFitSettings:
     patience: int = 3
     check_every: int = 20  # iterations
     last_rate: float = 0.03  # share of the rates left at the end
+    keep_order: int = 1  # steps of one view that share an order of the Gaussians
     backend: str = "auto"  # numba, reference (slow), gsplat
     dtype: str = "float32"  # float64 with backend reference
     model: Settings = field(default_factory=Settings)
@@ -134,7 +135,8 @@ class _Crew:
         self.side_by_side = min(settings.batch, settings.threads)
         each = max(1, settings.threads // self.side_by_side)
         self._workers = [
-            worker(settings.backend, settings.dtype, settings.model, each) for _ in shots
+            worker(settings.backend, settings.dtype, settings.model, each, settings.keep_order)
+            for _ in shots
         ]
         self._weights = [shot.weight for shot in shots]
 

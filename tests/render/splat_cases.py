@@ -1,6 +1,9 @@
 """Scenes and comparisons that the splat tests share."""
 
+import importlib.util
+
 import numpy as np
+import pytest
 import torch
 
 from rpaug.render.splat import (
@@ -19,6 +22,18 @@ from rpaug.render.splat._pinhole import COLUMN, HALF_WIDTH, L11, L22, OPACITY, R
 torch.set_num_threads(1)  # images of a few thousand pixels: more threads only wait for each other
 
 NAMES = ("means", "opacities", "sh", "quats", "scales", "covariances", "features")
+
+
+ON_GPU = pytest.param(
+    "gsplat",
+    marks=[
+        pytest.mark.gpu,
+        pytest.mark.skipif(
+            not torch.cuda.is_available() or importlib.util.find_spec("gsplat") is None,
+            reason="needs a CUDA GPU and gsplat",
+        ),
+    ],
+)
 
 
 def view(width: int = 48, height: int = 40, focal: float = 50.0, **pose: np.ndarray) -> View:

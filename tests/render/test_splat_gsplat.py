@@ -1,13 +1,12 @@
 """The CUDA backend: what it says where it cannot run, and agreement with the CPU where it can."""
 
 import builtins
-import importlib.util
 import types
 
 import numpy as np
 import pytest
 import torch
-from splat_cases import NAMES, assert_close, draw, gradients, relative, splats, view
+from splat_cases import NAMES, ON_GPU, assert_close, draw, gradients, relative, splats, view
 
 from rpaug.errors import MissingExtra, Unsupported
 from rpaug.render.splat import Settings, _gsplat
@@ -60,13 +59,9 @@ def test_an_unknown_backend_is_refused():
         draw(splats(3), view(), "opengl")
 
 
-@pytest.mark.gpu
-@pytest.mark.skipif(
-    not torch.cuda.is_available() or importlib.util.find_spec("gsplat") is None,
-    reason="needs a CUDA GPU and gsplat",
-)
+@pytest.mark.parametrize("backend", [ON_GPU])
 @pytest.mark.parametrize("antialiased", [False, True])
-def test_agrees_with_the_reference(antialiased):
+def test_agrees_with_the_reference(backend, antialiased):
     given, at, settings = (
         splats(300, 1, harmonics=4),
         view(70, 50),
@@ -74,12 +69,12 @@ def test_agrees_with_the_reference(antialiased):
     )
     # gsplat bounds its splats at 3.33 standard deviations at most, so faint rims may differ.
     assert_close(
-        draw(given, at, "gsplat", settings),
+        draw(given, at, backend, settings),
         draw(given, at, "reference", settings),
         atol=5e-3,
         flips=0.01,
     )
-    found, expected = (gradients(given, at, name, settings) for name in ("gsplat", "reference"))
+    found, expected = (gradients(given, at, name, settings) for name in (backend, "reference"))
     for name in NAMES:
         if expected[name] is not None:
             assert np.isfinite(found[name]).all()

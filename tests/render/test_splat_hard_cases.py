@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from splat_cases import (
+    ON_GPU,
     assert_close,
     composited_alike,
     draw,
@@ -20,8 +21,9 @@ from splat_cases import (
 
 from rpaug.render.splat import Settings, Splats, View
 
-BACKENDS = ["reference", "numba"]
-backends = pytest.mark.parametrize("backend", BACKENDS)
+backends = pytest.mark.parametrize("backend", ["reference", "numba", ON_GPU])
+# gsplat cuts its splats at 3.33 standard deviations, works in float32 and sums gradients by atomics.
+LOOSE = {"atol": 5e-3, "flips": 0.01}
 PLAIN_QUAT = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -46,15 +48,22 @@ def same_as_reference(
     assert finite(found)
     if backend == "reference":
         return
-    assert_close(picture, draw(given, at, "reference", settings))
-    error, flips = composited_alike(given, at, settings)
-    assert error <= 1e-5
-    assert flips <= 0.001 * at.width * at.height
+    assert_close(
+        picture,
+        draw(given, at, "reference", settings),
+        **(LOOSE if backend == "gsplat" else {}),
+    )
+    limit = 2e-2
+    if backend == "numba":
+        limit = 1e-4
+        error, flips = composited_alike(given, at, settings)
+        assert error <= 1e-5
+        assert flips <= 0.001 * at.width * at.height
     truth = gradients(given, at, "reference", settings, images)
     for name, gradient in truth.items():
         # Below 1e-6 there is nothing but rounding: these losses' gradients are about 1.
         if gradient is not None and np.linalg.norm(gradient) > 1e-6:
-            assert relative(found[name], gradient) < 1e-4, name
+            assert relative(found[name], gradient) < limit, name
 
 
 def test_depth_gradients_at_faint_rims_are_bounded():
@@ -64,7 +73,7 @@ def test_depth_gradients_at_faint_rims_are_bounded():
     noise of 0.01 a pixel. Fits compare depth where half is covered, where this is 1e-7.
     """
     for given in (one(scale=0.02), one(scale=(0.3, 0.1, 0.05), quat=(0.7, -0.2, 0.5, 0.4))):
-        found, truth = (gradients(given, view(), name) for name in BACKENDS[::-1])
+        found, truth = (gradients(given, view(), name) for name in ("numba", "reference"))
         for name, gradient in truth.items():
             if gradient is not None:
                 assert relative(found[name], gradient) < 5e-4, name
@@ -247,14 +256,15 @@ def test_one_bad_splat_changes_nothing_else(backend, name, value):
         given, **{n: np.delete(a, 17, 0) for n, a in vars(given).items() if a is not None}
     )
     found, expected = draw(bad, at, backend), draw(without, at, backend)
-    np.testing.assert_array_equal(found.colour, expected.colour)
-    np.testing.assert_array_equal(found.features, expected.features)
+    same = {"rtol": 1e-4 if backend == "gsplat" else 0, "atol": 1e-6 if backend == "gsplat" else 0}
+    np.testing.assert_allclose(found.colour, expected.colour, **same)
+    np.testing.assert_allclose(found.features, expected.features, **same)
     assert (found.nonfinite, expected.nonfinite) == (1, 0)
     slopes, truth = gradients(bad, at, backend), gradients(without, at, backend)
     for key, slope in slopes.items():
         if slope is not None:
             assert not slope[17].any(), key
-            np.testing.assert_array_equal(np.delete(slope, 17, 0), truth[key])
+            np.testing.assert_allclose(np.delete(slope, 17, 0), truth[key], **same)
 
 
 def none_at_all() -> Splats:
@@ -296,4 +306,4 @@ def test_far_away_origin(backend):
     here = draw(given, at, backend)
     np.testing.assert_allclose(draw(moved, there, backend).colour, here.colour, atol=1e-5)
     found, truth = gradients(moved, there, backend), gradients(given, at, backend)
-    assert relative(found["means"], truth["means"]) < 1e-5
+    assert relative(found["means"], truth["means"]) < (1e-3 if backend == "gsplat" else 1e-5)

@@ -23,12 +23,13 @@ LEFT, RIGHT, TOP, BOTTOM = range(
 
 
 @inlined
-def _tiles_touched(records, i, width, height, shift, spans):
+def _tiles_touched(records, i, width, height, shift, margin, spans):
     """Write a Gaussian's span of tiles; the last column lies before the first if it touches none."""
     spans[i, LEFT], spans[i, RIGHT] = 0, -1
     if not records[i, HALF_WIDTH] >= 0.0:
         return
     half_width, half_height = half_size(records, i)
+    half_width, half_height = half_width + margin, half_height + margin
     column, row = records[i, COLUMN], records[i, ROW]
     # Compared as floats first: a huge splat's bounds would not fit the integers.
     if column + half_width < 0 or column - half_width > width - 1:
@@ -45,16 +46,16 @@ def _tiles_touched(records, i, width, height, shift, spans):
 
 
 @kernel
-def count_entries(start, stop, records, width, height, shift, spans, counts):
+def count_entries(start, stop, records, width, height, shift, margin, spans, counts):
     """Fill `spans` of Gaussians start..stop and add their entries to `counts`, one number a tile.
 
-    A tile is 2**shift pixels wide. Returns the number of entries.
+    A tile is 2**shift pixels wide; `margin` (float32, pixels) widens every Gaussian. Returns the number of entries.
     """
     across = ((width - 1) >> shift) + 1
     counts[:] = 0
     total = 0
     for i in range(start, stop):
-        _tiles_touched(records, i, width, height, shift, spans)
+        _tiles_touched(records, i, width, height, shift, margin, spans)
         if spans[i, RIGHT] < 0:
             continue
         left, right = int(spans[i, LEFT]), int(spans[i, RIGHT])

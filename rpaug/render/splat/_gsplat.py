@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from rpaug.errors import MissingExtra, Unsupported
 from rpaug.render.splat import _reference
 from rpaug.render.splat._reference import Images
-from rpaug.render.splat.settings import Rendering, Settings, Splats, View
+from rpaug.render.splat.settings import LARGEST, Rendering, Settings, Splats, View
 
 BUILT_IN = ("alpha_max", "alpha_floor", "transmittance_stop", "frustum_margin")
 
@@ -46,6 +46,12 @@ def _check(settings: Settings) -> None:
         raise Unsupported(f"backend gsplat: {', '.join(changed)} cannot differ from the defaults")
 
 
+def _usable(scales: Tensor | None, *others: Tensor | None) -> Bool[Tensor, "n"]:
+    """Rows of finite numbers whose squares are finite too."""
+    finite = _reference.finite_rows(scales, *others)
+    return finite if scales is None else finite & (scales**2 < LARGEST).all(1)
+
+
 def rasterise(
     means: Float[Tensor, "n 3"],
     opacities: Float[Tensor, "n"],
@@ -64,8 +70,7 @@ def rasterise(
     """
     run = rasterization()
     _check(settings)
-    finite = _reference.finite_rows(means, opacities, sh, quats, scales, covariances, features)
-    rows = torch.nonzero(finite)[:, 0]
+    rows = torch.nonzero(_usable(scales, means, opacities, sh, quats, covariances, features))[:, 0]
     kind: dict[str, Any] = {"dtype": torch.float32, "device": means.device}
     pose = torch.as_tensor(view.world_to_camera, dtype=means.dtype, device=means.device)
     # Relative to the camera in the precision given, then float32.
@@ -84,7 +89,10 @@ def rasterise(
     else:
         assert quats is not None
         assert scales is not None
-        shape = {"quats": quats[rows].float(), "scales": scales[rows].float()}
+        turn_of = quats[rows].float()
+        plain = torch.tensor([1.0, 0, 0, 0], **kind)  # a quaternion of zeros turns nothing
+        turn_of = torch.where((turn_of == 0).all(1, keepdim=True), plain, turn_of)
+        shape = {"quats": turn_of, "scales": scales[rows].float()}
     drawn, alphas, _ = run(
         means=offset.float(),
         opacities=opacities[rows].float().clamp(max=1.0),
@@ -120,7 +128,7 @@ def render(splats: Splats, view: View, settings: Settings, background: np.ndarra
     colour, depth, alpha, features = (
         np.zeros(0, np.float32) if image is None else image.cpu().numpy() for image in made
     )
-    finite = _reference.finite_rows(*tensors.values())
+    usable = _usable(tensors.pop("scales"), *tensors.values())
     return Rendering(
         colour=colour,
         depth_expected=depth,
@@ -128,5 +136,5 @@ def render(splats: Splats, view: View, settings: Settings, background: np.ndarra
         surface_index=np.full(depth.shape, -1, np.int32),
         alpha=alpha,
         features=None if splats.features is None else features,
-        nonfinite=int((~finite).sum()),
+        nonfinite=int((~usable).sum()),
     )

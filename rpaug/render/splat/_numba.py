@@ -1,5 +1,7 @@
 """The CPU backend: one object that renders a view and remembers what its backward pass needs."""
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float32
 
@@ -32,6 +34,9 @@ CHANNELS = (
 )  # colour, depth and features are padded to one of these: few kernels
 
 CACHE_LINE = 64  # bytes
+STALE_MARGIN = (
+    1.0  # pixels a Gaussian may move or grow before a kept order cuts it at a tile's edge
+)
 
 
 def plain(array: np.ndarray | None, columns: int, dtype: type = np.float32) -> np.ndarray:
@@ -63,10 +68,17 @@ class Rasteriser:
     `threads=1`: kernels hold no GIL. Results do not depend on the number of threads.
     """
 
-    def __init__(self, settings: Settings | None = None, threads: int = 1) -> None:
+    def __init__(
+        self, settings: Settings | None = None, threads: int = 1, keep_order: int = 1
+    ) -> None:
+        """`keep_order` renders of the same view in a row share one order of the Gaussians, for fits that move them
+        little: by then some blend in an order that is out of date, or end at a tile's edge.
+        """
         self.settings = settings or Settings()
-        self.threads = threads
+        self.threads, self.keep_order = threads, keep_order
         self._buffers: dict[str, np.ndarray] = {}
+        self._ordered: tuple[Any, ...] = ()  # what the order was made for
+        self._uses = 0
 
     def _buffer(self, name: str, shape: tuple[int, ...], dtype: type = np.float32) -> np.ndarray:
         """An array of this shape whose content is anything; kept from call to call while it is large enough."""
@@ -172,8 +184,24 @@ class Rasteriser:
             )
         )
 
+    def _order_serves(self) -> bool:
+        """Whether the order at hand is for this view and not used up."""
+        view = self._view
+        wanted = (
+            len(self._splats), view.width, view.height, view.K.tobytes(),
+            view.world_to_camera.tobytes(),
+        )  # fmt: skip
+        self._uses = self._uses + 1 if wanted == self._ordered else 1
+        self._ordered = wanted
+        if self._uses > self.keep_order:
+            self._uses = 1
+        return self._uses > 1
+
     def _bin(self) -> None:
+        if self._order_serves():
+            return
         width, height, count = self._view.width, self._view.height, len(self._splats)
+        margin = np.float32(STALE_MARGIN if self.keep_order > 1 else 0)
         shift = TILE_BITS
         if (-(-width >> shift)) * (-(-height >> shift)) < FEW_TILES:
             shift -= 1
@@ -185,7 +213,7 @@ class Rasteriser:
         totals = together(
             _binning.count_entries,
             [
-                (*part, self._records, width, height, shift, spans, counts[k])
+                (*part, self._records, width, height, shift, margin, spans, counts[k])
                 for k, part in enumerate(parts)
             ],
         )

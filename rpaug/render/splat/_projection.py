@@ -37,6 +37,7 @@ from rpaug.render.splat._pinhole import (
 from rpaug.render.splat.settings import LARGEST
 
 ROWS = 11
+NOWHERE = -1e9  # pixels
 # More rows of `lanes`: z, the centre on the image, variances, determinant, L, share of opacity kept, and a
 # number that is 0 if the geometry was given in finite numbers.
 DEPTH, CENTRE_X, CENTRE_Y, WIDE, HIGH, DETERMINANT, P11, P21, P22, KEPT, POISON = (
@@ -54,6 +55,15 @@ def _finite(lane, i, lanes, opacities, sh, features):
     for k in range(features.shape[1]):
         total += np.float32(0) * features[i, k]
     return total + lanes[POISON + lane] == 0.0
+
+
+@inlined
+def _leave_out(records, i):
+    """A record that nothing sees, even where an older order still lists it."""
+    records[i, COLUMN] = records[i, ROW] = NOWHERE
+    records[i, L11], records[i, L21], records[i, L22] = 0.0, 0.0, 1.0
+    records[i, OPACITY] = records[i, FARTHEST] = 0.0
+    records[i, HALF_WIDTH] = -1.0
 
 
 @inlined
@@ -105,7 +115,7 @@ def project(
         _flatten(lanes, eye)
         for i in range(begin, end):
             lane = i - begin
-            records[i, HALF_WIDTH] = -1.0
+            _leave_out(records, i)
             if not _finite(lane, i, lanes, opacities, sh, features):
                 bad += 1
                 continue

@@ -10,6 +10,7 @@ from rpaug.render.splat._pinhole import (
     CHUNK,
     DEPTH_CHANNEL,
     FREE,
+    HALF_WIDTH,
     MOMENTS,
     OPACITY,
     SMALLEST_RATIO,
@@ -182,11 +183,8 @@ def _colour_backward(sh, i, offset, gradient, at, harmonic, weight, d_sh):
 
 @inlined
 def _summed(slots, first, last, stride, out, at):
-    """out[at:at + stride] = the sum of slots first..last, in order; zeros if there are none."""
+    """out[at:at + stride] = the sum of slots first..last, in order; there is one at least."""
     for k in range(0, stride, WIDTH):
-        if first == last:
-            out[at + k : at + k + WIDTH] = 0.0
-            continue
         total = load(slots, first * stride + k)
         for slot in range(first + 1, last):
             total = total + load(slots, slot * stride + k)
@@ -208,48 +206,54 @@ def project_backward(
     totals = np.empty(CHUNK * stride, np.float32)
     harmonic, weight = np.empty(16, np.float64), np.empty(16, np.float64)
     lanes = np.ones(ROWS * CHUNK, np.float64)
-    for begin in range(start, stop, CHUNK):
-        end = min(begin + CHUNK, stop)
-        for i in range(begin, end):
-            lane, at = i - begin, (i - begin) * stride
-            _summed(slots, first_slot[i], first_slot[i + 1], stride, totals, at)
-            gather(lanes, lane, i, means, quats, scales, covariances, eye)
-            for k in range(1, MOMENTS):
-                lanes[MU + (k - 1) * CHUNK + lane] = totals[at + k]
-            lanes[DEPTH + lane] = totals[at + MOMENTS + DEPTH_CHANNEL]
-            lanes[GIVEN + lane] = min(opacities[i], np.float32(1))
-            lanes[DRAWN + lane] = -totals[at] / records[i, OPACITY]
-        if not len(covariances):
-            covariances_of(lanes)
-        _flatten_backward(lanes, eye)
-        if not len(covariances):
-            _shapes_backward(lanes)
-        for i in range(begin, end):
-            lane, at = i - begin, (i - begin) * stride
-            if first_slot[i] == first_slot[i + 1]:  # not seen: its numbers may make no sense
+    who = np.empty(CHUNK, np.int64)  # the Gaussians in the lanes: those that were seen
+    i = start
+    while i < stop:
+        count = 0
+        while i < stop and count < CHUNK:
+            if first_slot[i] < first_slot[i + 1] and records[i, HALF_WIDTH] >= 0:
+                who[count] = i
+                count += 1
+            else:  # its numbers may make no sense
                 d_opacities[i] = motion[i] = 0.0
                 d_means[i], d_sh[i], d_features[i] = 0.0, 0.0, 0.0
                 if len(covariances):
                     d_covariances[i] = 0.0
                 else:
                     d_quats[i], d_scales[i] = 0.0, 0.0
-                continue
+            i += 1
+        for lane in range(count):
+            seen, at = who[lane], lane * stride
+            _summed(slots, first_slot[seen], first_slot[seen + 1], stride, totals, at)
+            gather(lanes, lane, seen, means, quats, scales, covariances, eye)
+            for k in range(1, MOMENTS):
+                lanes[MU + (k - 1) * CHUNK + lane] = totals[at + k]
+            lanes[DEPTH + lane] = totals[at + MOMENTS + DEPTH_CHANNEL]
+            lanes[GIVEN + lane] = min(opacities[seen], np.float32(1))
+            lanes[DRAWN + lane] = -totals[at] / records[seen, OPACITY]
+        if not len(covariances):
+            covariances_of(lanes)
+        _flatten_backward(lanes, eye)
+        if not len(covariances):
+            _shapes_backward(lanes)
+        for lane in range(count):
+            seen, at = who[lane], lane * stride
             kept = lanes[KEPT + lane] if eye.antialiased else 1.0
-            d_opacities[i] = lanes[DRAWN + lane] * kept if opacities[i] <= 1.0 else 0.0
-            motion[i] = lanes[MOTION + lane]
+            d_opacities[seen] = lanes[DRAWN + lane] * kept if opacities[seen] <= 1.0 else 0.0
+            motion[seen] = lanes[MOTION + lane]
             if len(covariances):
                 for k in range(6):
                     twice = 1.0 if k == 0 or k == 3 or k == 5 else 2.0  # xy stands for two entries
-                    d_covariances[i, k] = twice * lanes[D_XX + k * CHUNK + lane]
+                    d_covariances[seen, k] = twice * lanes[D_XX + k * CHUNK + lane]
             else:
                 for k in range(4):
-                    d_quats[i, k] = lanes[D_QW + k * CHUNK + lane]
+                    d_quats[seen, k] = lanes[D_QW + k * CHUNK + lane]
                 for k in range(3):
-                    d_scales[i, k] = lanes[D_SX + k * CHUNK + lane]
+                    d_scales[seen, k] = lanes[D_SX + k * CHUNK + lane]
             offset = (lanes[X + lane], lanes[Y + lane], lanes[Z + lane])
-            ex, ey, ez = _colour_backward(sh, i, offset, totals, at, harmonic, weight, d_sh)
-            d_means[i, 0] = lanes[D_X + lane] + ex
-            d_means[i, 1] = lanes[D_Y + lane] + ey
-            d_means[i, 2] = lanes[D_Z + lane] + ez
+            ex, ey, ez = _colour_backward(sh, seen, offset, totals, at, harmonic, weight, d_sh)
+            d_means[seen, 0] = lanes[D_X + lane] + ex
+            d_means[seen, 1] = lanes[D_Y + lane] + ey
+            d_means[seen, 2] = lanes[D_Z + lane] + ez
             for k in range(features.shape[1]):
-                d_features[i, k] = totals[at + MOMENTS + DEPTH_CHANNEL + 1 + k]
+                d_features[seen, k] = totals[at + MOMENTS + DEPTH_CHANNEL + 1 + k]

@@ -5,11 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rpaug.render.jit import kernel
+from rpaug.render.jit import inlined, kernel
 from rpaug.render.splat._threads import ranges, together
 from rpaug.render.splat.settings import Gradients, Splats
 
 PLAIN, LOGARITHM, LOGIT = range(3)  # what is stepped in: the value itself, its logarithm, its logit
+LARGEST = 1e18  # gradients beyond, infinite or NaN move nothing
+SMALLEST = np.float32(1e-15)
+PERIOD = 1024  # elements, about, for which rates are laid out: long enough for vectors
 
 
 @dataclass(frozen=True)
@@ -30,38 +33,70 @@ class Rates:
     features: float = 1e-2
 
 
+@inlined
+def _exp(x):
+    """exp(x) to 1e-7 for |x| < 1/2, as a step is; a smooth positive rise to |x| = 2, where longer ones end."""
+    x = min(max(x, np.float32(-2)), np.float32(2)) * np.float32(0.25)
+    total = np.float32(1)
+    for k in range(6, 0, -1):
+        total = np.float32(1) + x * total * np.float32(1.0 / k)
+    total *= total
+    return total * total
+
+
+@inlined
+def _moves(slopes, first, second, rates, fade, spread, late, moves):
+    """Update the moments by `slopes`; `moves` gets how far to step down."""
+    late_first, late_second = late
+    one = np.float32(1)
+    for k in range(len(slopes)):
+        slope = slopes[k] if abs(slopes[k]) <= LARGEST else np.float32(0)  # NaN compares as false
+        first[k] = fade * first[k] + (one - fade) * slope
+        second[k] = spread * second[k] + (one - spread) * slope * slope
+        # A tiny epsilon: gradients by metres shrink as a scene's unit grows.
+        moves[k] = (
+            rates[k] * first[k] * late_first / (math.sqrt(second[k] * late_second) + SMALLEST)
+        )
+
+
 @kernel
-def _update(
-    start, stop, value, stepped, gradient, first, second, rates, space, fade, spread, steps
-):
-    """One step on rows start..stop; `rates` holds one number per column, `stepped` the value as stepped in."""
-    late_first = 1.0 / (1.0 - fade**steps)
-    late_second = 1.0 / (1.0 - spread**steps)
-    for i in range(start, stop):
-        for k in range(value.shape[1]):
-            slope = gradient[i, k]
-            if space == LOGARITHM:
-                slope *= value[i, k]
-            elif space == LOGIT:
-                slope *= value[i, k] * (1 - value[i, k])
-            if not math.isfinite(slope):
-                slope = 0.0
-            first[i, k] = fade * first[i, k] + (1 - fade) * slope
-            second[i, k] = spread * second[i, k] + (1 - spread) * slope * slope
-            # A tiny epsilon: gradients by metres shrink as a scene's unit grows.
-            move = first[i, k] * late_first / (math.sqrt(second[i, k] * late_second) + 1e-15)
-            stepped[i, k] -= rates[k] * move
-            if space == LOGARITHM:
-                value[i, k] = math.exp(stepped[i, k])
-            elif space == LOGIT:
-                value[i, k] = 1 / (1 + math.exp(-stepped[i, k]))
-            else:
-                value[i, k] = stepped[i, k]
+def _update(start, stop, value, stepped, gradient, first, second, rates, space, fade, spread, late):
+    """One step on elements start..stop of flat arrays; element k has the rate `rates[k % len(rates)]`.
+
+    `stepped` holds the logits where `space` is LOGIT. `late` are the two corrections for moments that began at zero.
+    Short loops over few arrays, a period of rates at a time: LLVM turns those into vectors.
+    """
+    period, one = len(rates), np.float32(1)
+    slopes, moves = np.empty_like(rates), np.empty_like(rates)
+    for begin in range(start // period * period, stop, period):
+        low, high = max(begin, start), min(begin + period, stop)
+        now, slope, move = value[low:high], slopes[: high - low], moves[: high - low]
+        slope[:] = gradient[low:high]
+        if space == LOGARITHM:
+            slope *= now
+        elif space == LOGIT:
+            slope *= now * (one - now)
+        _moves(
+            slope, first[low:high], second[low:high], rates[low - begin :], fade, spread, late, move
+        )
+        if space == PLAIN:
+            for k in range(len(now)):
+                now[k] -= move[k]
+        elif space == LOGARITHM:
+            for k in range(len(now)):
+                now[k] *= _exp(-move[k])
+        else:
+            logit = stepped[low:high]
+            for k in range(len(now)):
+                logit[k] -= move[k]
+                now[k] = one / (one + math.exp(-logit[k]))
 
 
 @dataclass(frozen=True)
 class _Group:
-    value: np.ndarray  # (n, columns), float64 moments would double the memory for nothing
+    """Flat arrays: values, what is stepped in (logits; else the values), moments, and one period of rates."""
+
+    value: np.ndarray
     stepped: np.ndarray
     first: np.ndarray
     second: np.ndarray
@@ -102,9 +137,7 @@ class Adam:
             array = getattr(splats, name)
             if array is None:
                 continue
-            copies[name] = np.array(
-                array, np.float32 if name != "means" else array.dtype, order="C"
-            )
+            copies[name] = np.array(array, order="C")
             flat = copies[name].reshape(len(splats), -1)
             if name == "sh":
                 rate = np.full(flat.shape[1], rates.sh_rest)
@@ -118,11 +151,14 @@ class Adam:
     def step(self, gradients: Gradients, factor: float = 1.0) -> None:
         """One step against `gradients`, every rate times `factor` (a schedule's)."""
         self._steps += 1
+        late = tuple(1 / (1 - decay**self._steps) for decay in (self._fade, self._spread))
         for name, group in self._groups.items():
-            slope = getattr(gradients, name).reshape(group.value.shape)
+            kind = group.value.dtype.type
+            slope = _flat(getattr(gradients, name), group.value.dtype)
             given = (
-                group.value, group.stepped, slope, group.first, group.second, factor * group.rates,
-                group.space, self._fade, self._spread, self._steps,
+                group.value, group.stepped, slope, group.first, group.second,
+                (factor * group.rates).astype(kind), group.space, kind(self._fade), kind(self._spread),
+                (kind(late[0]), kind(late[1])),
             )  # fmt: skip
             parts = ranges(len(group.value), self._threads)
             together(_update, [(*part, *given) for part in parts])
@@ -138,11 +174,20 @@ def _typical_size(splats: Splats) -> float:
 
 
 def _group(name: str, flat: np.ndarray, rates: np.ndarray) -> _Group:
-    space, stepped = PLAIN, flat
+    space, values = PLAIN, flat.reshape(-1)
+    stepped = values
     if name == "scales":
-        space, stepped = LOGARITHM, np.log(np.maximum(flat, np.float32(1e-30)))
+        space = LOGARITHM
+        np.maximum(values, values.dtype.type(1e-30), out=values)
     elif name == "opacities":
-        inside = np.clip(flat, 1e-6, 1 - 1e-6)
-        space, stepped = LOGIT, np.log(inside / (1 - inside))
-    zeros = np.zeros(flat.shape, np.float32)
-    return _Group(flat, stepped, zeros, zeros.copy(), rates.astype(np.float64), space)
+        space = LOGIT
+        inside = np.clip(values, 1e-6, 1 - 1e-6)
+        stepped = np.log(inside / (1 - inside))
+    zeros = np.zeros_like(values)
+    period = np.tile(rates, -(-PERIOD // len(rates)))
+    return _Group(values, stepped, zeros, zeros.copy(), period, space)
+
+
+def _flat(array: np.ndarray, dtype: np.dtype) -> np.ndarray:
+    """An array's numbers in a row, in the precision of what they step."""
+    return np.require(array.reshape(-1), dtype, ["C", "A"])

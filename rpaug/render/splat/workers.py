@@ -42,10 +42,12 @@ def worker(
     dtype: str = "float32",
     settings: Settings | None = None,
     threads: int = 1,
+    keep_order: int = 1,
 ) -> Worker:
     """A worker on the CPU kernels ("numba", "auto"), on torch ("reference", either dtype) or on CUDA ("gsplat").
 
-    Raises Unsupported for a backend that does not compute in `dtype`, or that cannot run here.
+    `keep_order` is the CPU kernels' alone. Raises Unsupported for a backend that does not compute in `dtype`, or
+    that cannot run here.
     """
     if backend not in BACKENDS:
         raise ValueError(f"backend is {backend!r}; expected {', '.join(BACKENDS)}")
@@ -57,14 +59,14 @@ def worker(
         raise Unsupported(f"backend {backend} computes in float32; backend reference in {dtype}")
     if backend == "gsplat":
         return _Torch(backend, dtype, settings or Settings())
-    return _Native(settings, threads)
+    return _Native(settings, threads, keep_order)
 
 
 class _Native:
     """The CPU kernels."""
 
-    def __init__(self, settings: Settings | None, threads: int) -> None:
-        self._engine = Rasteriser(settings, threads)
+    def __init__(self, settings: Settings | None, threads: int, keep_order: int) -> None:
+        self._engine = Rasteriser(settings, threads, keep_order)
 
     def look(self, splats: Splats, view: View) -> Float32[np.ndarray, "h w 3"]:
         return self._engine.forward(splats, view, surface=False).colour
