@@ -45,7 +45,8 @@ def plot(
     """A panel beside another: a colour for each value of `group`, the front's rows ringed, joined and labelled.
 
     With `within`, only rows that agree in it are compared, so that each of its values has a front of its own.
-    Rows that lack one of a panel's two figures, or that its logarithm cannot show, are left out of it. Raises MissingExtra without matplotlib.
+    Rows that lack one of a panel's two figures, or that its logarithm cannot show, are left out of it. Raises
+    MissingExtra without matplotlib.
     """
     try:
         import matplotlib as mpl
@@ -88,7 +89,7 @@ def _front(axes: Any, rows: Sequence[Mapping[str, Any]], panel: Panel, label: st
     best = best[np.argsort(seconds[best])]
     axes.plot(seconds[best], quality[best], "-", color="0.45", lw=1, zorder=0)
     axes.plot(seconds[best], quality[best], "o", ms=10, mfc="none", mec="0.2", lw=1)
-    for row in best:
+    for row in best.tolist():
         axes.annotate(
             str(rows[row][label]), (seconds[row], quality[row]), fontsize=7, xytext=(6, -9),
             textcoords="offset points",

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32
+from jaxtyping import Float32
 
 from rpaug import geometry
 from rpaug.bench.pareto import Panel
@@ -195,7 +195,7 @@ class _Truth:
         image, gradients = engine.both(self.pull)
         off = np.abs(image.astype(np.float64) - self.image)
         apart = [
-            float(np.linalg.norm(gradients[name] - true) / max(np.linalg.norm(true), 1e-300))
+            float(np.linalg.norm(gradients[name] - true)) / max(float(np.linalg.norm(true)), 1e-300)
             for name, true in self.gradients.items()
         ]
         return float(off.max()), float((off > CLOSE).mean()), max(apart)
@@ -205,7 +205,8 @@ def _row(setting: Setting, scene: Scene, truth: _Truth, name: str) -> Row:
     view, count = scene.view, len(scene.splats)
     worst, over, gradient = truth.errors(_engine(scene.splats, truth.view, name, setting.threads))
     pixels = view.width * view.height
-    forward = both = (None, None)
+    forward: tuple[float | None, float | None] = (None, None)
+    both = forward
     if not name.startswith("reference") or pixels * count <= AFFORDABLE:
         engine = _engine(scene.splats, view, name, setting.threads)
         pull = np.ones((view.height, view.width, 3), np.float32)
