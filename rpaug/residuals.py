@@ -66,9 +66,7 @@ def _there_and_back(
 ) -> tuple[Float64[np.ndarray, "n"], Float64[np.ndarray, "n"], Int32[np.ndarray, "n"]]:
     """Each recorded pixel's squared colour error of full scale 1, depth error in metres, and handle."""
     recorded = scene.episode.views[name]
-    there = surfels.view(
-        kept, replace(scene, cameras={**scene.cameras, name: camera}), name, t
-    )
+    there = surfels.view(kept, replace(scene, cameras={**scene.cameras, name: camera}), name, t)
     rgb, depth, ids = there.image, there.depth, there.ids
     seen = CameraView(camera, lambda _: rgb, lambda _: depth, lambda _: ids)
     episode = replace(scene.episode, views={**scene.episode.views, name: seen})

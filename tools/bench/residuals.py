@@ -56,7 +56,10 @@ def main() -> None:
     for kind in ("background", "body"):
         some = [r for r in found if r["region"].startswith(kind) and r["pixels"] >= LARGE]
         above = np.array([r["psnr"] - r["true_psnr"] for r in some])
-        print(f"{kind}: {len(some)} regions, true {np.mean([r['true_psnr'] for r in some]):.1f} dB, ", end="")
+        print(
+            f"{kind}: {len(some)} regions, true {np.mean([r['true_psnr'] for r in some]):.1f} dB, ",
+            end="",
+        )
         print(f"foretold {above.mean():+.1f} dB from that, rms {above.std():.1f} dB")
     if told.json:
         told.json.write_text(json.dumps(found, indent=1))
