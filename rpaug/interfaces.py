@@ -71,7 +71,7 @@ class Adapter(ABC):
     def key_at(self, like: str, index: int) -> str:
         """The key of episode number `index` in the group that `like` belongs to; keys of a group count from 0."""
 
-    def traps(self, episode: Episode) -> Sequence[str]:  # noqa: ARG002  # most layouts have none
+    def traps(self, episode: Episode) -> Sequence[str]:  # most layouts have none
         """What known readers of this layout would trip over in an episode, in words."""
         return ()
 

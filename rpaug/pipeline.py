@@ -216,7 +216,9 @@ def made_ready(
         return scene, plan
     with watch("fit"):
         scene, facts = _with_gaussians(scene, scenes)
-    return scene, planning.fitted(plan, facts)
+        risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
+        measured = residuals.of_gaussians(scene, risen)
+    return scene, planning.fitted(plan, facts, measured)
 
 
 def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planning.Plan]:

@@ -168,24 +168,31 @@ def weigh(
             met = error.meets(accuracy)
             found.append(Region(name, EVERYTHING, carrier, error, met=met))
         found += [_weighed(one, regions[one.region], accuracy) for one in here if carrier == 1]
-    carriers = dict(plan.carriers)
-    for name in carriers:
-        tiers = {region.tier for region in found if region.camera == name}
-        carriers[name] = 3 if tiers == {3} else min(carriers[name], max(tiers))
-    return replace(plan, carriers=carriers, regions=tuple(found))
+    return replace(plan, carriers=_carriers(plan.carriers, found), regions=tuple(found))
 
 
-def fitted(plan: Plan, facts: Mapping[str, Any]) -> Plan:
-    """The plan with what a fit says of its own recorded views, in the regions that Gaussians show."""
+def fitted(plan: Plan, facts: Mapping[str, Any], measured: Sequence[Residual]) -> Plan:
+    """The plan with what a fit came to, and what was measured of its Gaussians in the recorded views.
+
+    A region that rose goes back where Gaussians show even what they were fitted to no better than surfels would.
+    """
+    errors = {(one.camera, one.region): _error(one) for one in measured}
 
     def known(region: Region) -> Region:
         if region.tier != 3:
             return region
-        error = Error(facts["per_camera_db"].get(region.camera), facts["depth_error_mm"], "fit")
-        return replace(region, error=error)
+        if region.name == EVERYTHING:
+            psnr = facts["per_camera_db"].get(region.camera)
+            return replace(region, error=Error(psnr, facts["depth_error_mm"], "fit"))
+        error = errors[region.camera, region.name]
+        assert region.lower is not None
+        if (error.psnr or 0.0) > (region.lower.psnr or 0.0):
+            return replace(region, error=replace(error, known="fit"))
+        return replace(region, tier=1, error=region.lower, lower=None, met=False)
 
+    regions = tuple(known(region) for region in plan.regions)
     told = {name: facts[name] for name in FIT if name in facts}
-    return replace(plan, regions=tuple(known(region) for region in plan.regions), fit=told)
+    return replace(plan, carriers=_carriers(plan.carriers, regions), regions=regions, fit=told)
 
 
 def settle(plan: Plan, scene: Scene) -> Plan:
@@ -206,10 +213,21 @@ def _whole(carriers: Mapping[str, int]) -> tuple[Region, ...]:
     return tuple(Region(name, EVERYTHING, tier, TABLE[tier]) for name, tier in carriers.items())
 
 
+def _carriers(before: Mapping[str, int], regions: Sequence[Region]) -> dict[str, int]:
+    """What draws each camera: Gaussians where they show all of it, surfels where they show some."""
+    carriers = {}
+    for name in before:
+        tiers = {region.tier for region in regions if region.camera == name}
+        carriers[name] = tiers.pop() if len(tiers) == 1 else 1
+    return carriers
+
+
+def _error(one: Residual) -> Error:
+    return Error(round(one.psnr, 2), round(one.depth_mm, 3), "measured")
+
+
 def _weighed(one: Residual, handles: frozenset[int], accuracy: Accuracy) -> Region:
-    error = Error(round(one.psnr, 2), round(one.depth_mm, 3), "measured")
-    if one.pixels < FEWEST:
-        error = TABLE[1]
+    error = TABLE[1] if one.pixels < FEWEST else _error(one)
     met = error.meets(accuracy)
     if met or error.known != "measured" or not TABLE[3].meets(accuracy):
         return Region(one.camera, one.region, 1, error, handles, met=met)

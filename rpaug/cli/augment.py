@@ -95,7 +95,7 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
         plans.append(
             {"episode": key, "frames": episode.length, **made.describe(), "estimate": cost}
         )
-        lines[key] = [str(region) for region in made.regions]
+        lines[key] = [str(region) for region in made.regions if region.met is not None]
     described = {"copies": len(run.copies), "plans": plans, "unreadable": failed, "estimate": total}
     if as_json:
         print_json(described)
