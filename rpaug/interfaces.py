@@ -75,7 +75,7 @@ class Adapter(ABC):
         """The key here of episode number `index` of the group that another layout's key `like` belongs to."""
         return self.key_at(like, index)
 
-    def traps(self, episode: Episode) -> Sequence[str]:  # noqa: ARG002  # most layouts have none
+    def traps(self, episode: Episode) -> Sequence[str]:  # most layouts have none
         """What known readers of this layout would trip over in an episode, in words."""
         return ()
 

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,14 +11,14 @@ import numpy as np
 
 from rpaug import gates as gating
 from rpaug import plan as planning
-from rpaug import registry, report
+from rpaug import registry, report, residuals
 from rpaug.files import REJECTED
 from rpaug.interfaces import Adapter, Operator
 from rpaug.recipe import Option, Recipe, option
 from rpaug.recipe import build as build_recipe
 from rpaug.scene import views
 from rpaug.scene.build import build
-from rpaug.types import Episode, Scene
+from rpaug.types import Camera, Effect, Episode, Scene
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,8 @@ def render(
             ids = scene.episode.views[camera].ids
             tally.outside[camera, t] = gating.beyond(scene, before, image, ids(t) if ids else None)
 
-    return Made(views.edited(scene, settled.carriers, watch), scene, draws, settled, tally)
+    episode = views.edited(scene, settled.carriers, watch, settled.blended)
+    return Made(episode, scene, draws, settled, tally)
 
 
 ORIGINAL = 0
@@ -144,9 +145,7 @@ def augment(job: Job) -> Iterator[dict[str, Any]]:
     watch = report.Stopwatch()
     with watch("read"):
         episode = adapter.read(job.source, job.key)
-    plan = planning.make(operators(recipe), episode, job.tier)
-    with watch("build"):
-        scene = prepare(episode, plan, job.scenes)
+    scene, plan = made_ready(episode, recipe, job.tier, job.scenes, watch)
     with watch("ground"):
         ground(scene, recipe)
     shared = {stage: seconds / len(job.copies) for stage, seconds in watch.seconds.items()}
@@ -202,14 +201,66 @@ def ground(scene: Scene, recipe: Recipe) -> None:
         operator.sample(scene, np.random.default_rng(0))
 
 
+def made_ready(
+    episode: Episode,
+    recipe: Recipe,
+    tier: int,
+    scenes: Path | None = None,
+    watch: report.Stopwatch | None = None,
+) -> tuple[Scene, planning.Plan]:
+    """Plan and build: errors are measured if the recipe states an accuracy, Gaussians fitted if the plan has any."""
+    watch = watch or report.Stopwatch()
+    with watch("build"):
+        scene, plan = surveyed(episode, recipe, tier)
+    if not plan.gaussians:
+        return scene, plan
+    with watch("fit"):
+        scene, facts = _with_gaussians(scene, scenes)
+        risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
+        measured = residuals.of_gaussians(scene, risen)
+    return scene, planning.fitted(plan, facts, measured)
+
+
+def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planning.Plan]:
+    """The recorded scene without Gaussians, and the plan with errors measured where the recipe asks for an accuracy."""
+    plan = planning.make(operators(recipe), episode, tier)
+    scene = build(episode, with_bodies=plan.bodies)
+    if recipe.accuracy is None:
+        return scene, plan
+    moved = {name: camera for name, camera in _moved(scene, recipe) if plan.carriers[name] == 1}
+    measured = residuals.measure(scene, moved) if moved else []
+    return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
+
+
+def planned(episode: Episode, recipe: Recipe, tier: int) -> planning.Plan:
+    """The plan, with no more work than it takes: images are looked at only where the recipe asks for an accuracy."""
+    if recipe.accuracy is None:
+        return planning.make(operators(recipe), episode, tier)
+    return surveyed(episode, recipe, tier)[1]
+
+
+def _moved(scene: Scene, recipe: Recipe) -> Iterator[tuple[str, Camera]]:
+    """Where one draw of the recipe's camera edits puts cameras."""
+    edited = scene
+    for operator in operators(recipe):
+        if operator.effect & Effect.CAMERA:
+            edit = operator.sample(scene, np.random.default_rng(0))
+            edited = operator.apply(edited, json.loads(json.dumps(edit)))
+    for name, camera in edited.cameras.items():
+        if camera is not scene.cameras[name]:
+            yield name, camera
+
+
 def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -> Scene:
     """The recorded scene with what the plan asks for, Gaussians among it: from the store `scenes`, or fitted."""
     scene = build(episode, with_bodies=plan.bodies)
-    if 3 in plan.carriers.values():
-        from rpaug.scene import cached  # only here: it brings torch and the rasteriser
+    return _with_gaussians(scene, scenes)[0] if plan.gaussians else scene
 
-        scene = cached.fitted(scene, scenes)[0]
-    return scene
+
+def _with_gaussians(scene: Scene, scenes: Path | None) -> tuple[Scene, Mapping[str, Any]]:
+    from rpaug.scene import cached  # only here: it brings torch and the rasteriser
+
+    return cached.fitted(scene, scenes)
 
 
 @dataclass(frozen=True)
@@ -299,8 +350,8 @@ def replay(
         described["plan"]["tier"],
     )
     episode = adapter.read(source, job.key)
-    plan = planning.make(operators(recipe), episode, job.tier)
-    scene, draws = redraw(prepare(episode, plan), described["draws"])
+    scene, plan = made_ready(episode, recipe, job.tier)
+    scene, draws = redraw(scene, described["draws"])
     trial = None
     if recipe.gates and "gates" in described:
         trial = Trial(recipe.gates, described["gates"]["attempt"], strict=False)

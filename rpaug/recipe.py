@@ -38,6 +38,15 @@ class Select(BaseModel):
         return taken[: self.limit]
 
 
+class Accuracy(BaseModel):
+    """How good rendered regions shall be: at least `psnr` dB, and a median depth error of at most `depth_mm`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    psnr: Annotated[float, Field(gt=0, le=100)] | None = None
+    depth_mm: Annotated[float, Field(gt=0)] | None = None
+
+
 class _Top(BaseModel):
     """The keys of a recipe file; each entry of `edits` is validated by its own operator."""
 
@@ -48,6 +57,7 @@ class _Top(BaseModel):
     copies: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 1
     keep_originals: bool = False
     select: Select = Select()
+    accuracy: Accuracy | None = None
     edits: list[dict[str, Any]] = []
     gates: Gates | None = None
 
@@ -104,6 +114,7 @@ class Recipe:
     steps: tuple[Step, ...]
     source: dict[str, Any]
     gates: Gates | None = None
+    accuracy: Accuracy | None = None
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.
@@ -149,6 +160,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         steps=tuple(step for step in steps if step),
         source=json.loads(json.dumps(tree)),
         gates=top.gates,
+        accuracy=top.accuracy,
     )
 
 

@@ -4,7 +4,19 @@ from collections.abc import Callable
 
 import typer
 
-from rpaug.cli import augment, bench, convert, doctor, fit, inspect, recipes, twin, verify, weights
+from rpaug.cli import (
+    augment,
+    bench,
+    convert,
+    doctor,
+    fit,
+    inspect,
+    recipes,
+    speed,
+    twin,
+    verify,
+    weights,
+)
 from rpaug.cli.console import guarded
 
 app = typer.Typer(
@@ -26,7 +38,10 @@ COMMANDS: dict[str, Callable[..., int]] = {
 }
 GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
     "twin": ("A simulated tabletop that knows the truth.", {"record": twin.record}),
-    "bench": ("Error and seconds, measured against truth.", {"edits": bench.edits}),
+    "bench": (
+        "Error and seconds, measured against truth.",
+        {"edits": bench.edits, "render": speed.render},
+    ),
     "weights": ("Weights of networks, fetched only on request.", {"vgg16": weights.vgg16}),
 }
 for _name, _command in COMMANDS.items():

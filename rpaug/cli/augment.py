@@ -76,24 +76,26 @@ def _contact_sheet(run: Any, described: dict[str, Any]) -> int:
 
 
 def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
-    """What a run would do. Everything is checked that can be without looking at images."""
-    from rpaug import pipeline, plan
+    """What a run would do. Images are looked at only to measure errors, where the recipe states an accuracy."""
+    from rpaug import pipeline
     from rpaug.augment import check
 
     check(run, resume)
     plans, total, failed = [], {"seconds": 0.0, "megabytes": 0.0}, {}
+    lines: dict[str, list[str]] = {}
     for key in run.keys:
         try:
             episode = run.adapter.read(run.source, key)
+            made = pipeline.planned(episode, run.recipe, run.tier)
         except RpaugError as error:
             failed[key] = str(error)
             continue
-        made = plan.make(pipeline.operators(run.recipe), episode, run.tier)
         cost = made.cost(episode, len(run.copies))
         total = {name: round(total[name] + cost[name], 1) for name in total}
         plans.append(
             {"episode": key, "frames": episode.length, **made.describe(), "estimate": cost}
         )
+        lines[key] = [str(region) for region in made.regions if region.met is not None]
     described = {"copies": len(run.copies), "plans": plans, "unreadable": failed, "estimate": total}
     if as_json:
         print_json(described)
@@ -103,6 +105,8 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
         bodies = "bodies tracked" if one["bodies"] else "bodies not needed"
         about = f"about {one['estimate']['seconds']} s, {one['estimate']['megabytes']} MB"
         say(f"{one['episode']}: {one['frames']} frames; at most {carriers}; {bodies}; {about}")
+        for line in lines[one["episode"]]:
+            say(f"  {line}")
     for key, reason in failed.items():
         console.print(
             f"[yellow]would skip[/] {plain(key)}: {plain(reason)}",

@@ -42,15 +42,26 @@ class Watch(Protocol):
     ) -> None: ...
 
 
-def edited(scene: Scene, carriers: Mapping[str, int], watch: Watch) -> Episode:
-    """The episode the scene now shows. Images that no edit reaches keep their recorded accessors."""
+def edited(
+    scene: Scene,
+    carriers: Mapping[str, int],
+    watch: Watch,
+    blended: Mapping[str, frozenset[int]] | None = None,
+) -> Episode:
+    """The episode the scene now shows. Images that no edit reaches keep their recorded accessors.
+
+    `blended` names the handles that Gaussians show in a camera whose other pixels are surfels.
+    """
     shared = surfels.build(scene) if 1 in carriers.values() else None
     views = {}
     for name in scene.episode.views:
         if carriers[name] == 0:
             views[name] = _composited(scene, name, watch)
         elif shared is not None and carriers[name] == 1:
-            views[name] = _rendered(scene, name, partial(_surfels, scene, shared, name), watch)
+            render = partial(_surfels, scene, shared, name)
+            if blended and blended.get(name):
+                render = partial(_blended, scene, shared, name, blended[name])
+            views[name] = _rendered(scene, name, render, watch)
         else:
             views[name] = _rendered(scene, name, partial(_gaussians, scene, name), watch)
     return replace(scene.episode, views=views, descriptions=scene.descriptions)
@@ -110,6 +121,20 @@ def _surfels(scene: Scene, shared: surfels.Surfels, name: str, t: int) -> Frame:
     )
     image = composite(drawn.image, drawn.ids, scene.appearance, scene.antialiased, surfaces)
     return Frame(image, drawn.depth, drawn.ids, drawn.hole)
+
+
+def _blended(
+    scene: Scene, shared: surfels.Surfels, name: str, handles: frozenset[int], t: int
+) -> Frame:
+    """Surfels, but where both carriers show one of the handles everything is the Gaussians'."""
+    base, over = _surfels(scene, shared, name, t), _gaussians(scene, name, t)
+    ours = np.isin(base.ids, list(handles)) & (over.ids == base.ids) & ~over.hole
+    return Frame(
+        np.where(ours[..., None], over.rgb, base.rgb),
+        np.where(ours, over.depth, base.depth),
+        base.ids,
+        base.hole & ~ours,
+    )
 
 
 def _gaussians(scene: Scene, name: str, t: int) -> Frame:

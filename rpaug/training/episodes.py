@@ -125,8 +125,7 @@ class _Hashed:
 @lru_cache(KEPT_SCENES)
 def _scene(adapter: str, root: Path, key: str, made: _Hashed, tier: int) -> tuple[Scene, plan.Plan]:
     episode = registry.adapter(adapter).read(root, key)
-    made_plan = plan.make(pipeline.operators(made.value), episode, tier)
-    return pipeline.prepare(episode, made_plan), made_plan
+    return pipeline.made_ready(episode, made.value, tier)
 
 
 def _images(episode: Episode, name: str, frames: list[int]) -> dict[str, torch.Tensor]:

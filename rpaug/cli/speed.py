@@ -1,0 +1,146 @@
+"""`rpaug bench render`, `fit`, `tiers`: speed against error."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from rpaug.cli.console import AsJson, EpisodeKey, console, plain, print_json, progress_bar
+from rpaug.errors import RpaugError
+
+WIDTH = 140  # columns of a printed table
+
+OutFolder = Annotated[Path, typer.Option(help="New folder for table, JSON and plot.")]
+MaybeDataset = Annotated[
+    Path | None, typer.Argument(help="Folder of a dataset.", show_default=False)
+]
+TwinTask = Annotated[
+    str | None,
+    typer.Option("--twin", help="Record this task of the twin instead: open_drawer, ..."),
+]
+TwinSeed = Annotated[int, typer.Option("--seed", min=0, help="The twin's.")]
+Plot = Annotated[bool, typer.Option(help="Also plot, which needs matplotlib.")]
+
+
+def render(
+    out: OutFolder,
+    dataset: MaybeDataset = None,
+    twin: TwinTask = None,
+    seed: TwinSeed = 0,
+    episode: EpisodeKey = None,
+    frame: Annotated[int, typer.Option(min=0, help="Of the episode.")] = 0,
+    stride: Annotated[
+        list[int] | None, typer.Option(min=1, help="Of an episode: every so-many-th pixel.")
+    ] = None,
+    size: Annotated[
+        list[str] | None, typer.Option(help="Of strewn Gaussians' images: 640x480.")
+    ] = None,
+    gaussians: Annotated[list[int] | None, typer.Option(min=1, help="Strewn ones.")] = None,
+    features: Annotated[int, typer.Option(min=0, max=64, help="Beside the colours.")] = 0,
+    engine: Annotated[
+        list[str] | None, typer.Option(help="Backend and precision: numba/float32, ...")
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1)] = 2,
+    repeats: Annotated[int, typer.Option(min=1)] = 7,
+    plot: Plot = True,
+    as_json: AsJson = False,
+) -> int:
+    """Milliseconds of rendering Gaussians, forward and backward, against the error to the float64 reference.
+
+    Without a dataset or --twin, Gaussians are strewn. Repeat --size, --gaussians, --stride, --engine to sweep them.
+
+    Example: [bold]rpaug bench render --size 640x480 --gaussians 50000 --out speed[/]
+    """
+    from rpaug.bench import renders, sources
+
+    named: dict[str, Any] = {
+        "sizes": tuple(map(_size, size or ())),
+        "counts": tuple(gaussians or ()),
+        "engines": tuple(engine or ()),
+    }
+    named = {name: value for name, value in named.items() if value}
+    setting = renders.Setting(**named, features=features, threads=threads, repeats=repeats)
+    asked: dict[str, Any] = vars(setting)
+    if dataset is None and twin is None:
+        shown = renders.strewn_scenes(setting)
+    else:
+        origin = sources.Origin(dataset=dataset, episode=episode, task=twin, seed=seed)
+        found = origin.read()
+        if frame >= found.length:
+            raise RpaugError(f"--frame {frame}: the episode has frames 0 to {found.length - 1}")
+        shown = renders.recorded_scenes(found, frame, stride or [2])
+        asked = asked | origin.describe() | {"frame": frame}
+    with progress_bar("rendering", as_json) as progress:
+        rows, skipped = renders.run(setting, shown, progress)
+    plain_rows = [vars(row) for row in rows]
+    drawn = {"group": "engine", "label": "scene", "within": "scene"}
+    _write(out, "render", asked, plain_rows, renders.PANELS if plot else (), drawn)
+    columns = {
+        "scene": "scene", "engine": "engine", "forward_ms": "forward ms", "both_ms": "with backward",
+        "both_cpu_ms": "processor ms", "colour_worst": "colour error", "colour_over": "over 1e-5",
+        "gradient_error": "gradients",
+    }  # fmt: skip
+    _print(out, plain_rows, columns, skipped, as_json)
+    return 0 if rows else 2
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise RpaugError(f"--size {text}: expected WIDTHxHEIGHT, such as 640x480")
+    return int(width), int(height)
+
+
+def _write(
+    out: Path,
+    name: str,
+    setting: dict[str, Any],
+    rows: list[dict[str, Any]],
+    panels: Any,
+    drawn: dict[str, Any],
+) -> None:
+    """The rows as CSV and JSON, and the plot if there are panels, in a new folder."""
+    from rpaug.bench import pareto, tables
+    from rpaug.files import atomic_folder
+
+    with atomic_folder(out) as folder:
+        (folder / f"{name}.csv").write_bytes(tables.as_csv(rows))
+        (folder / f"{name}.json").write_bytes(tables.as_json(setting, rows))
+        if panels and rows:
+            pareto.plot(folder / f"{name}.png", rows, panels, **drawn)
+
+
+def _print(
+    out: Path,
+    rows: list[dict[str, Any]],
+    columns: dict[str, str],
+    skipped: dict[str, str],
+    as_json: bool,
+) -> None:
+    if as_json:
+        print_json({"out": str(out), "skipped": skipped, "rows": rows})
+        return
+    for name, reason in skipped.items():
+        console.print(f"[yellow]skipped[/] {name}: {plain(reason)}", highlight=False)
+    terminal = Console()
+    printer = Console(width=max(terminal.width, WIDTH), height=terminal.height)
+    table = Table(box=box.SIMPLE_HEAD)
+    for number, title in enumerate(columns.values()):
+        table.add_column(title, justify="left" if number < 2 else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*(_figure(row[name]) for name in columns))
+    printer.print(table)
+    printer.print(f"written: {out}", highlight=False, soft_wrap=True)
+
+
+def _figure(value: Any) -> str:
+    if value is None:
+        return "-"
+    if not isinstance(value, float):
+        return plain(str(value))
+    if value == 0 or 0.01 <= abs(value) < 1e4:
+        return f"{value:.3g}" if abs(value) < 1 else f"{value:.1f}"
+    return f"{value:.1e}"
