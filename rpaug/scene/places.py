@@ -84,9 +84,7 @@ def places(
     return out
 
 
-def _points(
-    scene: Scene, looks: Looks, handles: Iterable[int]
-) -> Float64[np.ndarray, "n 3"]:
+def _points(scene: Scene, looks: Looks, handles: Iterable[int]) -> Float64[np.ndarray, "n 3"]:
     """Surface points in the world at the first frame."""
     body_of: dict[int, Body] = {h: body for body in scene.bodies for h in body.handles}
     found = [np.zeros((0, 3))]
@@ -97,9 +95,7 @@ def _points(
     return np.concatenate(found)
 
 
-def related(
-    name: str, candidates: Sequence[Place], anchors: Sequence[Place]
-) -> list[Place]:
+def related(name: str, candidates: Sequence[Place], anchors: Sequence[Place]) -> list[Place]:
     """The candidates that stand in a relation (a name of `relations.RELATIONS`) to the anchors.
 
     "closest to" and "farthest from" leave one, or those that are as close as it.
@@ -108,9 +104,7 @@ def related(
         sign = 1.0 if name == "closest to" else -1.0
         distance = [sign * gap(one, anchors[0]) for one in candidates]
         least = min(distance, default=0.0)
-        return [
-            one for one, d in zip(candidates, distance, strict=True) if d <= least + TIE
-        ]
+        return [one for one, d in zip(candidates, distance, strict=True) if d <= least + TIE]
     return [one for one in candidates if _holds(name, one, anchors)]
 
 

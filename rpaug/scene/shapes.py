@@ -19,7 +19,7 @@ WORDS: dict[str, frozenset[str]] = {
     **dict.fromkeys(("pad", "plate", "mat", "patch", "coaster", "sheet"), frozenset({"pad"})),
 }
 FEWEST = 40  # points from which a shape is told
-LARGEST = 0.35  # metres: what is longer is furniture, of no shape
+LARGEST = 0.25  # metres: what is longer is furniture, of no shape
 THIN = 0.02  # metres: what is lower, and four times as wide, is a pad
 SIDE, TOP = 0.5, 0.9  # |z| of a normal: at most on a side face, at least on a top face
 NEAR = np.deg2rad(12.0)  # of an axis of a box

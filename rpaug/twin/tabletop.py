@@ -1,4 +1,4 @@
-"""The tabletop: a Panda, a table, walls, a floor, and what tasks put there: from cabinet and stove to cups and blocks."""
+"""The tabletop: a Panda, a table, walls, a floor, and what tasks put there: cabinet, stove, blocks, cups and more."""
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
