@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rpaug.cli import augment, bench, doctor, fit, inspect, recipes, twin, verify, weights
+from rpaug.cli import augment, bench, doctor, fit, inspect, recipes, scenes, twin, verify, weights
 from rpaug.cli.console import guarded
 
 app = typer.Typer(
@@ -25,6 +25,10 @@ COMMANDS: dict[str, Callable[..., int]] = {
 }
 GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
     "twin": ("A simulated tabletop that knows the truth.", {"record": twin.record}),
+    "scenes": (
+        "Fitted scenes in a store.",
+        {"ls": scenes.ls, "rm": scenes.rm, "export": scenes.export},
+    ),
     "bench": ("Error and seconds, measured against truth.", {"edits": bench.edits}),
     "weights": ("Weights of networks, fetched only on request.", {"vgg16": weights.vgg16}),
 }

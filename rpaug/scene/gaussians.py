@@ -119,10 +119,19 @@ def placed(scene: Scene, t: int) -> Gaussians:
     """The scene's Gaussians in the world at t. Raises Unsupported if it has none."""
     if scene.gaussians is None:
         raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
-    placement = Placement.of(scene.gaussians.ids, scene.bodies, scene.irradiance)
-    where = placement.place(Splats.of(scene.gaussians), t)
+    return standing_at(scene.gaussians, scene.bodies, t, scene.irradiance)
+
+
+def standing_at(
+    gaussians: Gaussians,
+    bodies: Sequence[Body],
+    t: int,
+    light: Float64[np.ndarray, "9"] | None = None,
+) -> Gaussians:
+    """Gaussians of these bodies in the world at t, lit as they stand there."""
+    where = Placement.of(gaussians.ids, bodies, light).place(Splats.of(gaussians), t)
     assert where.quats is not None
-    return replace(scene.gaussians, means=where.means, quats=where.quats, sh=where.sh)
+    return replace(gaussians, means=where.means, quats=where.quats, sh=where.sh)
 
 
 def joined(parts: Iterable[Gaussians]) -> Gaussians:
