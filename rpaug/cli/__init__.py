@@ -12,6 +12,7 @@ from rpaug.cli import (
     fit,
     inspect,
     recipes,
+    scenes,
     speed,
     twin,
     verify,
@@ -41,6 +42,10 @@ GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
     "bench": (
         "Error and seconds, measured against truth.",
         {"edits": bench.edits, "render": speed.render},
+    ),
+    "scenes": (
+        "Fitted scenes in a store.",
+        {"ls": scenes.ls, "rm": scenes.rm, "export": scenes.export},
     ),
     "weights": ("Weights of networks, fetched only on request.", {"vgg16": weights.vgg16}),
 }

@@ -24,6 +24,7 @@ def transformers(extra: str = EXTRA) -> Any:
         import transformers as package
     except ImportError:
         raise MissingExtra("transformers", extra) from None
+    package.utils.logging.disable_progress_bar()
     return package
 
 

@@ -67,7 +67,8 @@ class GrabCut:
         shown = cv2.resize(shown, known.shape[::-1], interpolation=cv2.INTER_CUBIC)
         models = np.zeros((1, 65)), np.zeros((1, 65))
         cv2.setRNGSeed(0)  # its first clusters are drawn from OpenCV's global generator
-        cv2.grabCut(shown, known, None, *models, self.rounds, cv2.GC_INIT_WITH_MASK)
+        nowhere = (0, 0, 1, 1)  # unused where a mask is given
+        cv2.grabCut(shown, known, nowhere, *models, self.rounds, cv2.GC_INIT_WITH_MASK)
         found = np.isin(known, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
         small = (rows.stop - rows.start, columns.stop - columns.start)
         share = found.reshape(small[0], grown, small[1], grown).mean((1, 3))

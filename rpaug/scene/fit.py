@@ -171,9 +171,7 @@ def _refined(
             steps=settings.moment_steps,
             depth_weight=settings.depth_weight,
             threads=settings.threads,
-            progress=lambda done, before=before: tell(
-                (before + done / settings.moment_passes) / 2
-            ),
+            progress=lambda done, before=before: tell((before + done / settings.moment_passes) / 2),
         )
         assert scene.gaussians is not None
         scene = replace(scene, gaussians=replace(scene.gaussians, moments=residuals))

@@ -122,9 +122,18 @@ def placed(scene: Scene, t: int) -> Gaussians:
     """The scene's Gaussians in the world at t. Raises Unsupported if it has none."""
     if scene.gaussians is None:
         raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
-    then = moments.at(scene.gaussians, t)
-    placement = Placement.of(then.ids, scene.bodies, scene.irradiance)
-    where = placement.place(Splats.of(then), t)
+    return standing_at(scene.gaussians, scene.bodies, t, scene.irradiance)
+
+
+def standing_at(
+    gaussians: Gaussians,
+    bodies: Sequence[Body],
+    t: int,
+    light: Float64[np.ndarray, "9"] | None = None,
+) -> Gaussians:
+    """Gaussians of these bodies in the world at t, lit as they stand there."""
+    then = moments.at(gaussians, t)
+    where = Placement.of(then.ids, bodies, light).place(Splats.of(then), t)
     assert where.quats is not None
     return replace(then, means=where.means, quats=where.quats, sh=where.sh)
 

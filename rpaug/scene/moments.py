@@ -44,7 +44,9 @@ def difference(usual: Gaussians, there: Gaussians, rows: Int[np.ndarray, "m"]) -
     )
 
 
-def kept(moments: Mapping[int, Moment], keep: Int[np.ndarray, "m"], count: int) -> dict[int, Moment]:
+def kept(
+    moments: Mapping[int, Moment], keep: Int[np.ndarray, "m"], count: int
+) -> dict[int, Moment]:
     """The moments of the Gaussians `keep` names, of `count`, in that order."""
     if not moments:
         return {}
@@ -116,6 +118,4 @@ def unpacked(arrays: Mapping[str, np.ndarray]) -> dict[int, Moment]:
         return {}
     cuts = np.cumsum(arrays["counts"])[:-1]
     columns = [np.split(arrays[name], cuts) for name in ("rows", *PARTS)]
-    return {
-        int(t): Moment(*parts) for t, *parts in zip(arrays["times"], *columns, strict=True)
-    }
+    return {int(t): Moment(*parts) for t, *parts in zip(arrays["times"], *columns, strict=True)}

@@ -15,6 +15,7 @@ from rpaug.types import Gaussians
 
 NEARLY_ONE = 1e-6  # opacities are kept this far from 0 and 1, where a logit is infinite
 MOST_HEADER = 1 << 16  # bytes
+DEGREES = (0, 9, 24, 45)  # f_rest properties of SH degree 0 to 3
 SIZES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
     "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4",
@@ -63,7 +64,7 @@ def encoded(gaussians: Gaussians) -> bytes:
 
 
 def read(path: Path) -> Gaussians:
-    """Gaussians of a 3DGS file; handles are 0 where it has no `id`. Raises BadInput."""
+    """Gaussians of a 3DGS file, as they are in it; handles are 0 where it has no `id`. Raises BadInput."""
     data = read_bytes(path)
     end = data[:MOST_HEADER].find(b"end_header\n")
     if not data.startswith(b"ply\n") or end < 0:
@@ -81,7 +82,12 @@ def read(path: Path) -> Gaussians:
         raise BadInput(
             path, "properties", found=f"no {', '.join(sorted(missing))}", expected="the 3DGS layout"
         )
-    rest = sum(name.startswith("f_rest_") for name in names) // 3
+    rest = sum(name.startswith("f_rest_") for name in names)
+    if rest not in DEGREES:
+        raise BadInput(
+            path, "f_rest", found=f"{rest} of them", expected="0, 9, 24 or 45: SH degree 0 to 3"
+        )
+    rest //= 3
 
     def columns(*wanted: str) -> np.ndarray:
         return np.stack([rows[name].astype(np.float32) for name in wanted], -1)
@@ -90,14 +96,24 @@ def read(path: Path) -> Gaussians:
     if rest:
         more = columns(*(f"f_rest_{i}" for i in range(3 * rest)))
         sh = np.concatenate([sh, more.reshape(count, 3, rest).swapaxes(1, 2)], 1)
-    return Gaussians(
-        means=columns("x", "y", "z"),
-        quats=columns(*(f"rot_{i}" for i in range(4))),
-        scales=np.exp(columns(*(f"scale_{i}" for i in range(3)))),
-        opacities=1 / (1 + np.exp(-rows["opacity"].astype(np.float32))),
-        sh=np.ascontiguousarray(sh),
-        ids=rows["id"].astype(np.int32) if "id" in names else np.zeros(count, np.int32),
-    )
+    with np.errstate(over="ignore"):  # exp(-logit) of a closed one is infinite, and its opacity 0
+        found = Gaussians(
+            means=columns("x", "y", "z"),
+            quats=columns(*(f"rot_{i}" for i in range(4))),
+            scales=np.exp(columns(*(f"scale_{i}" for i in range(3)))),
+            opacities=1 / (1 + np.exp(-rows["opacity"].astype(np.float32))),
+            sh=np.ascontiguousarray(sh),
+            ids=rows["id"].astype(np.int32) if "id" in names else np.zeros(count, np.int32),
+        )
+    for name in ("means", "quats", "scales", "opacities", "sh"):
+        values = getattr(found, name)
+        broken = ~np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+        if broken.any():
+            what = (
+                f"{broken.sum()} Gaussians that are not finite, the first in row {broken.argmax()}"
+            )
+            raise BadInput(path, name, found=what, expected="finite numbers")
+    return found
 
 
 def _header(path: Path, lines: list[str]) -> tuple[int, np.dtype]:

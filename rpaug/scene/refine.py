@@ -87,9 +87,7 @@ def twist_of(
     if isinstance(rows, slice):
         rows = np.arange(len(placed))[rows]
     out = np.empty(6)
-    carrying.twist(
-        rows, middle, placed.means, placed.quats, gradients.means, gradients.quats, out
-    )
+    carrying.twist(rows, middle, placed.means, placed.quats, gradients.means, gradients.quats, out)
     return out
 
 

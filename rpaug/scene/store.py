@@ -1,12 +1,14 @@
 """Fitted scenes on disk: one zarr 3 group each, whole or absent, named by what it was made from.
 
 A group holds the Gaussians' arrays, each body's handles and track, and attributes: format, version, key,
-settings, report, and a SHA-256 of every array. The key is a hash of the recorded content and the settings,
+settings, report, and a SHA-256 of every array and of the attributes themselves. Arrays are compressed (zstd). The key is a hash of the recorded content and the settings,
 so that a fit is found again for the same episode wherever it lies, and never for another.
 """
 
 import hashlib
 import json
+import os
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -14,13 +16,15 @@ from typing import Any
 
 import numpy as np
 import zarr
+from zarr.codecs import ZstdCodec
 
 from rpaug.errors import BadInput
-from rpaug.files import atomic_folder
+from rpaug.files import PART, atomic_folder
 from rpaug.scene import moments
 from rpaug.types import Body, Episode, Gaussians, Scene
 
 FORMAT, VERSION = "rpaug scene", 2
+ENDING = ".zarr"
 ARRAYS = ("means", "quats", "scales", "opacities", "sh", "ids")
 
 
@@ -58,7 +62,7 @@ def key(episode: Episode, settings: Any, seed: int) -> str:
 
 def path_of(folder: Path, name: str) -> Path:
     """Where a store keeps the scene called by its key."""
-    return folder / f"{name}.zarr"
+    return folder / f"{name}{ENDING}"
 
 
 def save(folder: Path, name: str, scene: Scene, *, settings: Any, report: Any) -> Path:
@@ -92,12 +96,49 @@ def save(folder: Path, name: str, scene: Scene, *, settings: Any, report: Any) -
     with atomic_folder(target) as work:
         group = zarr.open_group(work, mode="w", zarr_format=3)
         for where, array in arrays.items():
-            group.create_array(where, data=np.ascontiguousarray(array))
+            group.create_array(where, data=np.ascontiguousarray(array), compressors=ZstdCodec())
         facts |= {"settings": _plain(settings), "report": _plain(report), "bodies": bodies}
         facts |= {"cameras": sorted(scene.drift)}
         facts |= {"sha256": {where: _checksum(array) for where, array in arrays.items()}}
-        group.attrs.update(facts)
+        group.attrs.update(facts | {"sha256_of_facts": _fingerprint(facts)})
     return target
+
+
+def names(folder: Path) -> list[str]:
+    """Keys of all scenes in a store, sorted; damaged ones among them. Raises BadInput if there is no such folder."""
+    if not folder.is_dir():
+        raise BadInput(folder, "store", found="no folder", expected="a folder of stored scenes")
+    return sorted(p.name.removesuffix(ENDING) for p in folder.glob(f"[!.]*{ENDING}") if p.is_dir())
+
+
+def named(folder: Path, start: str) -> str:
+    """The one key in a store that begins with `start`. Raises BadInput if there is none or several."""
+    found = [name for name in names(folder) if name.startswith(start)]
+    if start in found or len(found) == 1:
+        return start if start in found else found[0]
+    few = ", ".join((found or names(folder))[:8]) or "none: the store is empty"
+    told = f"{len(found)} scenes that begin with it" if found else "no such scene"
+    raise BadInput(folder, f"scene {start!r}", found=told, expected=f"one of: {few}")
+
+
+def remove(folder: Path, name: str) -> None:
+    """Take a scene out of a store: gone at once, by one rename, before its files are deleted."""
+    where = path_of(folder, name)
+    doomed = folder / f".{name}-{os.getpid()}{PART}"
+    os.replace(where, doomed)
+    shutil.rmtree(doomed, ignore_errors=True)
+
+
+def described(folder: Path, name: str) -> dict[str, Any]:
+    """What is known of a stored scene without reading its arrays: facts, and bytes on disk.
+
+    Raises BadInput for one whose facts are damaged or foreign.
+    """
+    where = path_of(folder, name)
+    group, facts = _open(where)
+    size = sum(path.stat().st_size for path in where.rglob("*") if path.is_file())
+    count: Any = group["gaussians/means"]
+    return {**facts, "gaussians": int(count.shape[0]), "bytes": size}
 
 
 def load(folder: Path, name: str) -> Stored | None:
@@ -105,14 +146,7 @@ def load(folder: Path, name: str) -> Stored | None:
     where = path_of(folder, name)
     if not where.is_dir():
         return None
-    try:
-        group = zarr.open_group(where, mode="r", zarr_format=3)
-        facts = dict(group.attrs)
-    except (OSError, ValueError, KeyError) as error:
-        raise BadInput(where, "scene", found=str(error), expected="a stored scene") from None
-    if facts.get("format") != FORMAT or facts.get("version") != VERSION:
-        found = f"{facts.get('format')} {facts.get('version')}"
-        raise BadInput(where, "format", found=found, expected=f"{FORMAT} {VERSION}")
+    group, facts = _open(where)
     sums: Any = facts["sha256"]
     loaded = {n: _read(where, group, f"gaussians/{n}", sums) for n in ARRAYS}
     described: Any = facts["bodies"]
@@ -135,6 +169,29 @@ def load(folder: Path, name: str) -> Stored | None:
     residuals = moments.unpacked({n: _read(where, group, f"moments/{n}", sums) for n in held})
     gaussians = Gaussians(**loaded, moments=residuals)
     return Stored(gaussians, bodies, drift, light, plain["settings"], plain["report"])
+
+
+def _open(where: Path) -> tuple[zarr.Group, dict[str, Any]]:
+    """The group and its attributes, checked. Raises BadInput."""
+    try:
+        group = zarr.open_group(where, mode="r", zarr_format=3)
+        facts: dict[str, Any] = dict(group.attrs)
+    except (OSError, ValueError, KeyError) as error:
+        raise BadInput(where, "scene", found=str(error), expected="a stored scene") from None
+    if facts.get("format") != FORMAT or facts.get("version") != VERSION:
+        found = f"{facts.get('format')} {facts.get('version')}"
+        raise BadInput(where, "format", found=found, expected=f"{FORMAT} {VERSION}")
+    if facts.pop("sha256_of_facts", None) != _fingerprint(facts):
+        raise BadInput(
+            where, "attributes", found="a wrong checksum", expected="undamaged attributes"
+        )
+    return group, facts
+
+
+def _fingerprint(facts: Mapping[str, Any]) -> str:
+    """Of the attributes as JSON brings them back."""
+    plain = json.loads(json.dumps(facts))  # keys become text before they are sorted
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 
 def _read(where: Path, group: zarr.Group, name: str, sums: Mapping[str, str]) -> np.ndarray:

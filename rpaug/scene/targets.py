@@ -1,26 +1,39 @@
 """Which instances an edit is meant for: by handle, by role, or by a few words."""
 
-import re
 from collections.abc import Iterable, Sequence
-from typing import Self
+from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StrictInt, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    StrictInt,
+    model_validator,
+)
 
 from rpaug.errors import TargetError
-from rpaug.scene import colours, roles
+from rpaug.scene import colours, places, relations, roles, shapes
+from rpaug.scene.looks import Looks, look
+from rpaug.scene.nouns import Meaning, understood
+from rpaug.scene.relations import Phrase
 from rpaug.scene.survey import InstanceSummary, survey
 from rpaug.types import Scene
 
-ANYTHING = frozenset({"object", "thing", "part", "item", "one"})
-FILLERS = frozenset({"the", "a", "an", "all", "every", "some", "of", "that", "is", "which"})
+APART = (
+    "robot",
+    "table",
+    "background",
+)  # roles that a phrase with a place in it means only by name
 
 
 class Target(BaseModel):
     """Exactly one of `handle`, `role` and `text`.
 
-    `text` is a colour word, a role word, or both ("the red receiver", "the blue thing"). Any other noun is
-    taken only beside a colour word, and then the colour decides alone: nouns need a detector. Where several
-    things fit, `all` takes them; a body of several handles that move as one is one thing.
+    `text` says what the thing is and where ("the red receiver", "the cup closest to the drawer", "the second
+    largest block left of the bowl"): the grammar is that of `relations`, nouns mean what `nouns` says. A noun
+    that means nothing here is taken only beside a colour word, and then the colour decides alone. A plain string
+    is a `text`. Where several things fit, `all` takes them; a body of several handles that move as one is one thing.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -29,6 +42,16 @@ class Target(BaseModel):
     role: str | None = None
     text: str | None = Field(default=None, min_length=1)
     all: bool = False
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_text(cls, value: Any) -> Any:
+        return {"text": value} if isinstance(value, str) else value
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: GetJsonSchemaHandler) -> Any:
+        """A mapping, or its text alone."""
+        return {"anyOf": [{"type": "string", "minLength": 1}, handler(schema)]}
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -41,7 +64,7 @@ class Target(BaseModel):
         if self.handle == []:
             raise ValueError("give at least one handle")
         if self.text is not None:
-            _parse(self.text)
+            relations.parse(self.text)
         return self
 
     def __str__(self) -> str:
@@ -74,42 +97,138 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
 
 
 def _by_words(scene: Scene, target: Target) -> frozenset[int]:
-    colour, role = _parse(target.text or "")
     rows = _rows(scene)
-    fits = [row for row in rows if role is None or row.role == role]
-    if role is not None and not fits:
-        raise TargetError(f"{target}: {_why(scene, role)}; {_there_is(rows)}")
-    if colour is not None:
-        exact = [row for row in fits if row.colour_name == colour]
-        fits = exact or [row for row in fits if colours.means(colour, row.colour_name)]
-    if not fits:
-        raise TargetError(f"{target}: nothing fits; {_there_is(rows)}")
-    if role is not None:
-        return frozenset(row.handle for row in fits)
-    things = {row.body: row for row in fits}
-    if len(things) > 1 and not target.all:
+    found = _Finder(scene, rows, str(target)).things(relations.parse(target.text or ""))
+    if len(found) > 1 and not target.all:
         raise TargetError(
-            f"{target}: {len(things)} things fit: {_list(things.values())}; "
-            "name one, or set all: true to take them all"
+            f"{target}: {len(found)} things fit: {_list(_firsts(rows, found))}; "
+            "say more, or set all: true to take them all"
         )
-    return frozenset().union(*things)
+    return frozenset().union(*found)
 
 
-def _parse(text: str) -> tuple[str | None, str | None]:
-    """Colour name and role in a text. Raises ValueError if neither is in it."""
-    words = [word for word in re.findall(r"[a-z_]+", text.lower()) if word not in FILLERS]
-    tints = [name for word in words if (name := colours.canonical(word))]
-    tasks = [word for word in words if word in roles.NAMES]
-    if len(set(tints)) > 1 or len(set(tasks)) > 1:
-        raise ValueError(
-            f"{text!r} names several colours or several roles; give one of each at most"
-        )
-    if not tints and not tasks and not (len(words) == 1 and words[0] in ANYTHING):
-        raise ValueError(
-            f"{text!r} has no colour and no role in it; nouns need a detector. "
-            f"Colours: {', '.join(sorted(colours.NAMES))}; roles: {', '.join(roles.NAMES)}"
-        )
-    return (tints[0] if tints else None), (tasks[0] if tasks else None)
+class _Finder:
+    """Finds what a phrase and the phrases inside it mean. A thing is a group of handles: those of a role together,
+    else those of a body. Surfaces are looked at only if a shape or a place is asked for."""
+
+    def __init__(self, scene: Scene, rows: Sequence[InstanceSummary], said: str) -> None:
+        self._scene, self._rows, self._said = scene, rows, said
+        self._looks: Looks | None = None
+
+    def things(self, phrase: Phrase) -> list[frozenset[int]]:
+        """One thing or several that the phrase fits. Raises TargetError if it fits none."""
+        found = self._described(phrase)
+        if phrase.spatial:
+            found = self._placed(phrase, found)
+        if not found:
+            raise TargetError(f"{self._said}: nothing fits; {_there_is(self._rows)}")
+        return found
+
+    def _described(self, phrase: Phrase) -> list[frozenset[int]]:
+        """Things with the phrase's role, colour and noun, wherever they are."""
+        role = phrase.role
+        for word in phrase.nouns[:-1]:
+            if phrase.colour is None:
+                raise TargetError(
+                    f"{self._said}: {word!r} is nothing that masks and depth can tell"
+                )
+        if role is not None:
+            return _as_one(self._coloured(phrase, self._of_role(role)))
+        meanings = self._meanings(phrase)
+        for meaning in meanings:
+            if meaning.role is not None:
+                fits = _as_one(self._coloured(phrase, self._of_role(meaning.role)))
+            else:
+                shaped = [row for row in self._movable() if self._shape(row) in meaning.shapes]
+                fits = _bodies(self._coloured(phrase, shaped))
+            if fits:
+                return fits
+        if meanings and phrase.colour is None:
+            return []
+        return _bodies(self._coloured(phrase, self._movable() if phrase.spatial else self._rows))
+
+    def _meanings(self, phrase: Phrase) -> list[Meaning]:
+        """What the head noun means here. Raises TargetError if it means nothing and there is no colour to go by."""
+        if not phrase.nouns:
+            return []
+        noun = phrase.nouns[-1]
+        found = understood(noun, self._scene.descriptions, self._scene.roles)
+        if not found and phrase.colour is None:
+            raise TargetError(
+                f"{self._said}: {noun!r} is no role, no shape and not in the instruction: such nouns need a detector"
+                f" (the extra rpaug[words] brings synonyms). Roles: {', '.join(roles.NAMES)}; "
+                f"shapes: {', '.join(sorted(shapes.WORDS))}; {_there_is(self._rows)}"
+            )
+        return found
+
+    def _of_role(self, role: str) -> list[InstanceSummary]:
+        known = self._scene.roles.get(role)
+        if not known:
+            raise TargetError(f"{self._said}: {_why(self._scene, role)}; {_there_is(self._rows)}")
+        return [row for row in self._rows if row.handle in known]
+
+    def _movable(self) -> list[InstanceSummary]:
+        """All but robot, table and background, which are meant only by name."""
+        return [row for row in self._rows if row.role not in APART]
+
+    def _coloured(
+        self, phrase: Phrase, rows: Sequence[InstanceSummary]
+    ) -> Sequence[InstanceSummary]:
+        colour = phrase.colour
+        if colour is None:
+            return rows
+        exact = [row for row in rows if row.colour_name == colour]
+        return exact or [row for row in rows if colours.means(colour, row.colour_name)]
+
+    def _shape(self, row: InstanceSummary) -> str:
+        body = next(body for body in self._scene.bodies if row.handle in body.handles)
+        return shapes.shape(*roles.surface(self._look(), row.handle, body))
+
+    def _look(self) -> Looks:
+        if self._looks is None:
+            self._looks = look(self._scene.episode)
+        return self._looks
+
+    def _placed(self, phrase: Phrase, found: list[frozenset[int]]) -> list[frozenset[int]]:
+        """Of these things those that stand as the phrase says, ranked and counted."""
+        anchors = [tuple(map(self._anchor, relation.anchors)) for relation in phrase.relations]
+        taken = frozenset[int]().union(*(group for some in anchors for group in some))
+        found = [group for group in found if not group & taken]
+        groups = [*found, *(group for some in anchors for group in some)]
+        where = places.places(self._scene, self._look(), groups)
+        for group in groups:
+            if group in where:
+                continue
+            raise TargetError(f"{self._said}: no camera shows handle {_numbers(group)} with depth")
+        left = [where[group] for group in found]
+        for relation, some in zip(phrase.relations, anchors, strict=True):
+            left = places.related(relation.name, left, [where[group] for group in some])
+        if phrase.rank is not None:
+            left = places.ranked(phrase.rank, left)[phrase.ordinal : phrase.ordinal + 1]
+        return [place.handles for place in left]
+
+    def _anchor(self, phrase: Phrase) -> frozenset[int]:
+        """The one thing that an inner phrase means."""
+        found = self.things(phrase)
+        if len(found) > 1:
+            listed = _list(_firsts(self._rows, found))
+            raise TargetError(f"{self._said}: of which? {len(found)} things fit there: {listed}")
+        return found[0]
+
+
+def _as_one(rows: Sequence[InstanceSummary]) -> list[frozenset[int]]:
+    return [frozenset(row.handle for row in rows)] if rows else []
+
+
+def _bodies(rows: Sequence[InstanceSummary]) -> list[frozenset[int]]:
+    return list(dict.fromkeys(row.body for row in rows))
+
+
+def _firsts(
+    rows: Sequence[InstanceSummary], things: Sequence[frozenset[int]]
+) -> list[InstanceSummary]:
+    """One row to show for each thing."""
+    return [next(row for row in rows if row.handle in group) for group in things]
 
 
 def _rows(scene: Scene) -> tuple[InstanceSummary, ...]:

@@ -1,4 +1,4 @@
-"""The tabletop: a Panda, table, walls and floor, and what tasks put there: cabinet, stove, blocks, cups, button, box."""
+"""The tabletop: a Panda, a table, walls, a floor, and what tasks put there: cabinet, stove, blocks, cups and more."""
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache

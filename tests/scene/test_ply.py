@@ -25,7 +25,7 @@ def some(n: int, bands: int = 1, seed: int = 0) -> Gaussians:
     )
 
 
-@pytest.mark.parametrize("bands", [1, 4, 16])
+@pytest.mark.parametrize("bands", [1, 4, 9, 16])
 def test_there_and_back(tmp_path: Path, bands: int) -> None:
     before = some(50, bands)
     ply.write(tmp_path / "a.ply", before)
@@ -91,6 +91,11 @@ def test_files_in_the_way_are_kept(tmp_path: Path) -> None:
         ),
         (lambda data: data.replace(b"vertex 9", b"face 9"), "element"),
         (lambda data: data.replace(b"property float x", b"property list uchar int x"), "list"),
+        (lambda data: data.replace(b"float nx", b"float f_rest_0"), "f_rest: found 1 of them"),
+        (
+            lambda data: data[:-8] + struct.pack("<fi", np.inf, 0),
+            "quats: found 1 Gaussians .*row 8",
+        ),
     ],
 )
 def test_damaged_files_are_refused(tmp_path: Path, spoil, message: str) -> None:

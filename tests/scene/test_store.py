@@ -71,6 +71,53 @@ def test_another_version_is_refused(tmp_path: Path, fitted: Scene) -> None:
         store.load(tmp_path, "abc")
 
 
+def test_damaged_attributes_are_found(tmp_path: Path, fitted: Scene) -> None:
+    facts = store.save(tmp_path, "abc", fitted, settings={}, report={}) / "zarr.json"
+    facts.write_text(facts.read_text().replace('"residual": 0.0', '"residual": 0.5', 1))
+    with pytest.raises(BadInput, match="attributes: found a wrong checksum"):
+        store.load(tmp_path, "abc")
+
+
+def test_arrays_are_compressed(tmp_path: Path, fitted: Scene) -> None:
+    assert fitted.gaussians is not None
+    flat = replace(fitted.gaussians, means=np.zeros_like(fitted.gaussians.means).repeat(500, 0))
+    where = store.save(tmp_path, "abc", replace(fitted, gaussians=flat), settings={}, report={})
+    files = [path for path in (where / "gaussians/means").rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) < flat.means.nbytes / 20
+    assert '"zstd"' in (where / "gaussians/means/zarr.json").read_text()
+
+
+def test_a_failing_save_leaves_nothing(
+    tmp_path: Path, fitted: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("zarr.Group.create_array", full)
+    with pytest.raises(OSError, match="No space"):
+        store.save(tmp_path, "abc", fitted, settings={}, report={})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_listing_naming_removing(tmp_path: Path, fitted: Scene) -> None:
+    for name in ("abc", "abd"):
+        store.save(tmp_path, name, fitted, settings={}, report={"db": 3})
+    (tmp_path / ".half-x.part").mkdir()
+    assert store.names(tmp_path) == ["abc", "abd"]
+    told = store.described(tmp_path, "abd")
+    assert (told["gaussians"], told["report"]) == (30, {"db": 3})
+    assert store.named(tmp_path, "abd") == "abd"
+    with pytest.raises(BadInput, match="2 scenes that begin with it; expected one of: abc, abd"):
+        store.named(tmp_path, "ab")
+    with pytest.raises(BadInput, match="no such scene"):
+        store.named(tmp_path, "x")
+    store.remove(tmp_path, "abc")
+    assert store.names(tmp_path) == ["abd"]
+    assert store.load(tmp_path, "abc") is None
+    with pytest.raises(BadInput, match="no folder"):
+        store.names(tmp_path / "elsewhere")
+
+
 def test_the_key_follows_content_settings_and_seed_only() -> None:
     def name(world: World, settings: FitSettings, seed: int = 0) -> str:
         return store.key(world.episode(), settings, seed)

@@ -28,7 +28,7 @@ SAME_DEPTH = (0.01, 0.01)  # metres, and share of the depth: what a view shows i
 VISIBLE = 0.6  # share of the part's points that a view must show to be asked
 HELD = 0.6  # share of the part's points that the segmenter's mask must hold to be believed
 TIMES = 4  # frames of each camera that are asked
-FINE_TUNING = Learning(steps=60, smoothness=0.1)
+FINE_TUNING = Learning(steps=60, rate=0.1, smoothness=0.02)
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def finer(
     settings: Learning = FINE_TUNING,
     seed: int = 0,
 ) -> Identities:
-    """Encodings of `rows` fine-tuned with one new row of the head, which begins as a copy of the whole's.
+    """Encodings of `rows` fine-tuned with one new row of the head, which begins near the whole's.
 
     All other encodings and rows of the head come back bit for bit.
     """
@@ -124,7 +124,8 @@ def finer(
     like = int(np.flatnonzero(identities.handles == whole)[0])
     rng = np.random.default_rng(seed)
     order = np.argsort(np.append(identities.handles, part), kind="stable")
-    nudge = rng.normal(0, 0.1, identities.weight.shape[1]).astype(np.float32)
+    spread = float(identities.weight.std())  # the part must be tellable, as other handles are
+    nudge = rng.normal(0, spread, identities.weight.shape[1]).astype(np.float32)
     begun = Identities(
         identities.encodings,
         np.concatenate([identities.weight, (identities.weight[like] + nudge)[None]])[order],
