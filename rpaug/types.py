@@ -50,13 +50,15 @@ class CameraView:
 
     `rgb(t)` is (h, w, 3) uint8; `depth(t)` (h, w) float32 metres, 0 where the sensor saw nothing;
     `ids(t)` (h, w) int32 instance handles, 0 for nothing. `depth` and `ids` are None where a source has none.
-    Views that share an accessor share its images: a writer may then copy the recorded file.
+    Views that share an accessor share its images: a writer may then copy the recorded file. `inferred` handles were
+    not recorded but found by motion: a scene may use them, and no dataset gets them.
     """
 
     camera: Camera
     rgb: Callable[[int], UInt8[np.ndarray, "h w 3"]]
     depth: Callable[[int], Float32[np.ndarray, "h w"]] | None = None
     ids: Callable[[int], Int32[np.ndarray, "h w"]] | None = None
+    inferred: bool = False
 
 
 @dataclass(frozen=True)

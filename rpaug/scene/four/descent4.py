@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64, Int
+from jaxtyping import Float, Float32, Float64, Int
 
 from rpaug.render.splat import Gradients, Rasteriser, Splats, View
 from rpaug.scene.four import gaussians4
@@ -33,6 +33,7 @@ class Crop:
     """One recorded view of the region: the window around it, what it should show, and what else is there.
 
     `target` is the recording inside the region and the other Gaussians' own picture outside; `depth` is 0 outside.
+    `weight` is 0 where something that the other Gaussians do not show may hide the region.
     """
 
     camera: str
@@ -40,7 +41,7 @@ class Crop:
     view: View
     target: Float32[np.ndarray, "h w 3"]
     depth: Float32[np.ndarray, "h w"]
-    inside: Bool[np.ndarray, "h w"]
+    weight: Float32[np.ndarray, "h w"]
     rest: Splats  # all else, by covariances
 
 
@@ -84,7 +85,7 @@ class Descent4:
         for crop in crops:
             self._engine.forward(drawn(g, cut, crop.rest), crop.view, surface=False)
             off, _, pull = self._engine.backward_squared_error(
-                crop.target, None, crop.depth, self.depth_weight
+                crop.target, crop.weight, crop.depth, self.depth_weight
             )
             error += off / len(crops)
             self._blame[cut.rows] += pull.image_motion[:m]

@@ -18,6 +18,7 @@ from rpaug.scene.sampling import frames
 from rpaug.types import Body, Scene
 
 Progress = Callable[[float], None]
+UNLIKE = 0.08  # difference in display colour that shows something else there
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,10 +187,12 @@ def _crops(scene: Scene, handles: frozenset[int], t: int, margin: int) -> Iterat
         alone = engine.forward(near, cut, surface=False).colour
         recorded = view.rgb(t)[window].astype(np.float32) / 255
         depth = np.nan_to_num(view.depth(t)[window], nan=0.0, posinf=0.0, neginf=0.0)
+        unlike = np.abs(recorded - alone).max(-1) > UNLIKE
+        hiding = ~inside & unlike & (depth < depth[inside].max(initial=0.0))
         yield Crop(
             name, t, cut,
             np.where(inside[..., None], recorded, alone).astype(np.float32),
-            np.where(inside, depth, 0).astype(np.float32), inside, near,
+            np.where(inside, depth, 0).astype(np.float32), (~hiding).astype(np.float32), near,
         )  # fmt: skip
 
 
