@@ -54,13 +54,15 @@ class CameraView:
 
     `rgb(t)` is (h, w, 3) uint8; `depth(t)` (h, w) float32 metres, 0 where the sensor saw nothing;
     `ids(t)` (h, w) int32 instance handles, 0 for nothing. `depth` and `ids` are None where a source has none.
-    Views that share an accessor share its images: a writer may then copy the recorded file.
+    Views that share an accessor share its images: a writer may then copy the recorded file. `inferred` handles were
+    not recorded but found by motion: a scene may use them, and no dataset gets them.
     """
 
     camera: Camera
     rgb: Callable[[int], UInt8[np.ndarray, "h w 3"]]
     depth: Callable[[int], Float32[np.ndarray, "h w"]] | None = None
     ids: Callable[[int], Int32[np.ndarray, "h w"]] | None = None
+    inferred: bool = False
 
 
 @dataclass(frozen=True)
@@ -209,12 +211,37 @@ class Gaussians:
 
 
 @dataclass(frozen=True)
+class Gaussians4:
+    """Gaussians in space and time (Yang et al. 2023, arXiv 2310.10642), for what no rigid motion explains.
+
+    `means` are (x, y, z, t) in metres, space relative to `origin` in the world, time with `pace` metres to a frame.
+    `left` and `right` are the quaternions (w, x, y, z) of the rotation v -> left * v * right, t being the real part,
+    of any length but zero. `scales` are standard deviations in metres along the Gaussian's own four axes. The rest
+    is as in `Gaussians` and does not depend on time.
+    """
+
+    means: Float32[np.ndarray, "n 4"]
+    left: Float32[np.ndarray, "n 4"]
+    right: Float32[np.ndarray, "n 4"]
+    scales: Float32[np.ndarray, "n 4"]
+    opacities: Float32[np.ndarray, "n"]
+    sh: Float32[np.ndarray, "n k 3"]
+    ids: Int32[np.ndarray, "n"]
+    origin: Float64[np.ndarray, "3"]
+    pace: float
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+
+@dataclass(frozen=True)
 class Scene:
     """An episode rebuilt: bodies with pose tracks, cameras, and how their surfaces look.
 
     Operators change a scene and nothing else. `episode` holds the recorded pixels, which are the scene's
     surfels; `gaussians` is there when the plan fitted some. `cameras` and `descriptions` start as recorded.
     `appearance` is applied in order to what is seen, `sensor` in order to the finished images.
+    `flowing` are the Gaussians of instances that bend; `gaussians` then lacks those.
     `drift[camera][t]` put before a moving camera's recorded pose is where its image was truly taken from:
     recorders are off by millimetres. It is for rendering alike, and never written. `irradiance` is the light that
     Gaussians of moving bodies turn in, None for the same from everywhere.
@@ -231,6 +258,7 @@ class Scene:
     appearance: tuple[Appearance, ...] = ()
     sensor: tuple[Sensor, ...] = ()
     gaussians: Gaussians | None = None
+    flowing: Gaussians4 | None = None
     drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(default_factory=dict)
     irradiance: Float64[np.ndarray, "9"] | None = None
     recorded_bodies: tuple[Body, ...] | None = None

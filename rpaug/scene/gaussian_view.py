@@ -10,6 +10,7 @@ from rpaug.errors import TargetError, Unsupported
 from rpaug.render.composite import Surfaces
 from rpaug.render.splat import Rasteriser, Rendering, Settings, Splats, View
 from rpaug.scene import moments, surface
+from rpaug.scene.four import flowing
 from rpaug.scene.gaussians import SH0, Placement
 from rpaug.types import Appearance, Camera, Gaussians, Scene
 
@@ -36,8 +37,15 @@ def render_view(
     surfaces = surface.of_gaussians(then, eye, t, scene.bodies)
     painted = paint(then, scene.appearance, surfaces)
     splats = Placement.of(painted.ids, scene.bodies, scene.irradiance).place(Splats.of(painted), t)
+    names = painted.ids
+    if scene.flowing is not None:
+        now = flowing.standing(scene.flowing, t)
+        middle = scene.flowing.origin
+        where = replace(now, means=(now.means + middle).astype(np.float32))
+        now = paint(now, scene.appearance, surface.of_gaussians(where, eye, t, scene.tracked))
+        splats, names = flowing.beside(splats, names, flowing.edited(now, scene, t, middle), middle)
     drawn = Rasteriser(SHARP).forward(splats, view_of(eye, t))
-    ids = np.where(drawn.surface_index >= 0, painted.ids[drawn.surface_index], 0)
+    ids = np.where(drawn.surface_index >= 0, names[drawn.surface_index], 0)
     depth = plane_depth(drawn, splats, eye, t)
     return to_bytes(drawn.colour), depth, ids.astype(np.int32)
 

@@ -1,0 +1,1 @@
+"""Gaussians in space and time, for what no rigid motion explains."""

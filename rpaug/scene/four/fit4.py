@@ -1,0 +1,207 @@
+"""Fit Gaussians in space and time to the instances that rigid motion leaves unexplained, and to those alone."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rpaug.errors import Unsupported
+from rpaug.render.splat import Rasteriser, View
+from rpaug.scene import gaussian_view
+from rpaug.scene.four import seeds4
+from rpaug.scene.four.descent4 import Crop, Descent4
+from rpaug.scene.four.flowing import seen_by
+from rpaug.scene.gaussian_view import SHARP
+from rpaug.scene.gaussians import chosen, placed
+from rpaug.scene.sampling import frames
+from rpaug.types import Body, Scene
+
+Progress = Callable[[float], None]
+UNLIKE = 0.08  # difference in display colour that shows something else there
+
+
+@dataclass(frozen=True, kw_only=True)
+class FourSettings:
+    """What is fitted in four dimensions, and how.
+
+    `target_db` is the PSNR on its own pixels, over times that were not fitted, from which on an instance stays
+    rigid; only the `most` worst ones below are taken. A fit goes `rounds` times over all fitted frames.
+    """
+
+    target_db: float = 26.0
+    least_pixels: int = 60  # in the view that shows most of it: smaller instances stay rigid
+    rounds: int = 16
+    train_frames: int = 40  # as of the rigid fit, so that the same times are held out
+    checked_frames: int = 12
+    densify_rounds: tuple[int, ...] = (4, 8)
+    densify_share: float = 0.1
+    last_rate: float = 0.05
+    margin: int = 6  # pixels around the region that are looked at with it
+
+
+@dataclass(frozen=True)
+class FourReport:
+    """What was fitted in four dimensions and how well: decibels of PSNR on its own pixels (up), by handle.
+
+    `rigid_db` and `db` are over times that were not fitted, where there are such; `gaussians` counts those in 4D.
+    """
+
+    handles: tuple[int, ...]
+    rigid_db: Mapping[int, float]
+    db: Mapping[int, float]
+    gaussians: int
+    frames: int
+    seconds: float
+    reason: str = ""
+
+
+def fitted(
+    scene: Scene,
+    *,
+    settings: FourSettings | None = None,
+    handles: frozenset[int] | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> tuple[Scene, FourReport]:
+    """A scene with rigid Gaussians, those of its badly explained instances replaced by 4D ones; the rest untouched.
+
+    `handles` names the instances instead of the residual. Nothing is fitted, and the report says why, where every
+    instance meets the target or there is one frame only. Raises Unsupported if the scene has no Gaussians.
+    """
+    settings, start = settings or FourSettings(), time.perf_counter()
+    if scene.gaussians is None:
+        raise Unsupported("4D Gaussians take over from rigid ones: this scene has none (--tier 3)")
+    length = scene.episode.length
+    trained = frames(length, settings.train_frames)
+    if len(trained) == length > 2:
+        trained = trained[::2]  # some times must be left to judge by
+    if len(trained) < 2:
+        reason = f"{length} frame: motion needs two or more"
+        return scene, FourReport((), {}, {}, 0, length, 0.0, reason)
+    checked = _checked(length, trained, settings.checked_frames)
+    rigid = instance_db(scene, checked, settings.least_pixels)
+    if handles is None:
+        handles = frozenset(h for h, db in rigid.items() if db < settings.target_db)
+        handles &= moving(scene)
+    if not handles:
+        reason = f"every moving instance is shown with {settings.target_db:.0f} dB or more"
+        return scene, FourReport((), rigid, {}, 0, length, time.perf_counter() - start, reason)
+    rest = without(scene, handles)
+    crops = {t: found for t in trained if (found := list(_crops(rest, handles, t, settings.margin)))}
+    begun = seeds4.seeds(scene, handles, sorted(crops))
+    descent = Descent4(begun, float(np.median(begun.scales)))
+    rng = np.random.default_rng(seed)
+    times = sorted(crops)
+    for number in range(settings.rounds):
+        if number in settings.densify_rounds:
+            descent.densify(settings.densify_share)
+        for k, t in enumerate(rng.permutation(times).tolist()):
+            done = (number + k / len(times)) / settings.rounds
+            descent.step(crops[t], _cosine(done, settings.last_rate))
+            if progress:
+                progress(done)
+    made = replace(rest, flowing=descent.gaussians)
+    after = instance_db(made, checked, settings.least_pixels)
+    return made, FourReport(
+        handles=tuple(sorted(handles)),
+        rigid_db=rigid,
+        db=after,
+        gaussians=len(descent.gaussians),
+        frames=len(times),
+        seconds=time.perf_counter() - start,
+    )
+
+
+def instance_db(
+    scene: Scene, times: Sequence[int], least: int = 1
+) -> dict[int, float]:
+    """PSNR in decibels of each instance on its own recorded pixels, all cameras and the given times together.
+
+    Instances that no view shows with `least` pixels or more are left out.
+    """
+    errors: dict[int, float] = {}
+    counts: dict[int, int] = {}
+    shown: set[int] = set()
+    for name, view in scene.episode.views.items():
+        if view.ids is None:
+            continue
+        for t in times:
+            image = gaussian_view.render_view(scene, name, t)[0]
+            off = ((image.astype(float) - view.rgb(t)) ** 2).mean(-1).ravel()
+            ids = view.ids(t).ravel()
+            for handle in np.unique(ids).tolist():
+                mine = off[ids == handle]
+                errors[handle] = errors.get(handle, 0.0) + float(mine.sum())
+                counts[handle] = counts.get(handle, 0) + len(mine)
+                if len(mine) >= least:
+                    shown.add(handle)
+    return {
+        handle: float(10 * np.log10(255.0**2 / max(errors[handle] / counts[handle], 1e-6)))
+        for handle in sorted(shown - {0})
+    }
+
+
+def moving(scene: Scene) -> frozenset[int]:
+    """Instances that do not stand still, as far as their bodies' tracks tell."""
+    return frozenset(
+        handle for body in scene.bodies if body.motion != "static" for handle in body.handles
+    )
+
+
+def without(scene: Scene, handles: frozenset[int]) -> Scene:
+    """The scene less the rigid Gaussians of some instances, whose bodies stand still from now on."""
+    assert scene.gaussians is not None
+    still = np.tile(np.eye(4), (scene.episode.length, 1, 1))
+    bodies: list[Body] = []
+    for body in scene.bodies:
+        stay, go = body.handles - handles, body.handles & handles
+        if stay:
+            bodies.append(replace(body, handles=stay))
+        if go:
+            # Their frame is the world: what bends has none of its own.
+            bodies.append(Body(go, still, "unknown", residual=body.residual, ambiguous=True))
+    kept = chosen(scene.gaussians, ~np.isin(scene.gaussians.ids, list(handles)))
+    return replace(scene, gaussians=kept, bodies=tuple(bodies))
+
+
+def _crops(scene: Scene, handles: frozenset[int], t: int, margin: int) -> Iterator[Crop]:
+    """The region in every view that shows it at t."""
+    rest = placed(scene, t)
+    engine = Rasteriser(SHARP)
+    for name, view in scene.episode.views.items():
+        if view.ids is None or view.depth is None:
+            continue
+        inside = np.isin(view.ids(t), list(handles))
+        if not inside.any():
+            continue
+        rows, columns = np.nonzero(inside)
+        top, left = max(rows.min() - margin, 0), max(columns.min() - margin, 0)
+        window = np.s_[top : rows.max() + margin + 1, left : columns.max() + margin + 1]
+        inside = inside[window]
+        eye = gaussian_view.standing(scene, name)
+        whole = gaussian_view.view_of(eye, t)
+        K = whole.K - np.array([[0, 0, left], [0, 0, top], [0, 0, 0]])
+        cut = View(K, whole.world_to_camera, inside.shape[1], inside.shape[0])
+        near = seen_by(rest, cut)
+        alone = engine.forward(near, cut, surface=False).colour
+        recorded = view.rgb(t)[window].astype(np.float32) / 255
+        depth = np.nan_to_num(view.depth(t)[window], nan=0.0, posinf=0.0, neginf=0.0)
+        unlike = np.abs(recorded - alone).max(-1) > UNLIKE
+        hiding = ~inside & unlike & (depth < depth[inside].max(initial=0.0))
+        yield Crop(
+            name, t, cut,
+            np.where(inside[..., None], recorded, alone).astype(np.float32),
+            np.where(inside, depth, 0).astype(np.float32), (~hiding).astype(np.float32), near,
+        )  # fmt: skip
+
+
+def _checked(length: int, trained: Sequence[int], most: int) -> list[int]:
+    """Times that are not fitted, or fitted ones where there are no others."""
+    others = sorted(set(range(length)) - set(trained)) or list(trained)
+    return [others[i] for i in frames(len(others), most)]
+
+
+def _cosine(done: float, last: float) -> float:
+    """From 1 to `last` as `done` goes from 0 to 1 (Loshchilov and Hutter 2017)."""
+    return float(last + (1 - last) * 0.5 * (1 + np.cos(np.pi * done)))

@@ -1,0 +1,1 @@
+"""Instances from motion, for episodes that were recorded without masks."""

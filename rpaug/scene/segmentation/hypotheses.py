@@ -1,0 +1,62 @@
+"""The motions that a point of an unmasked episode may follow."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from rpaug import geometry
+from rpaug.scene.arms import link_tracks
+from rpaug.scene.looks import events
+from rpaug.types import Robot
+
+STATIC = 0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A named track: `to_world[t]` carries points of the moving thing's own frame to the world."""
+
+    name: str
+    to_world: Float64[np.ndarray, "t 4 4"]
+
+
+def known(robot: Robot, length: int) -> tuple[Motion, ...]:
+    """Standing still first; then the gripper, its two fingers, a known arm's links, and what is held between the
+    gripper's closing and its opening."""
+    still = np.tile(np.eye(4), (length, 1, 1))
+    found = [Motion("static", still)]
+    if robot.gripper_to_world is None:
+        return tuple(found)
+    gripper = robot.gripper_to_world
+    found.append(Motion("gripper", gripper))
+    openings = robot.extra.get("gripper_joint_positions")
+    if openings is not None and openings.shape == (length, 2) and np.ptp(openings) > 1e-3:
+        for name, sign in (("finger", 1.0), ("other finger", -1.0)):
+            aside = still.copy()
+            aside[:, 1, 3] = sign * openings[:, 0]
+            found.append(Motion(name, gripper @ aside))
+    links = link_tracks(robot)
+    if links is not None:
+        found += [Motion(f"link {k + 1}", track) for k, track in enumerate(links[:-1])]
+    found += held(robot, length)
+    return tuple(found)
+
+
+def held(robot: Robot, length: int) -> list[Motion]:
+    """What rests, is carried from a closing of the gripper to its next opening (or the end), and rests again."""
+    if robot.gripper_open is None or robot.gripper_to_world is None:
+        return []
+    out = []
+    happens = events(robot.gripper_open)
+    for start in happens[robot.gripper_open[happens] > 0.5].tolist():
+        later = happens[(happens > start) & (robot.gripper_open[happens] <= 0.5)]
+        stop = int(later[0]) if len(later) else length - 1
+        out.append(Motion(f"held from {start}", carried(robot.gripper_to_world, start, stop)))
+    return out
+
+
+def carried(gripper: Float64[np.ndarray, "t 4 4"], start: int, stop: int) -> Float64[np.ndarray, "t 4 4"]:
+    """At rest, then rigid to the gripper from frame `start` to frame `stop`, then at rest."""
+    when = np.clip(np.arange(len(gripper)), start, stop)
+    return gripper[when] @ geometry.inverse(gripper[start])
