@@ -12,7 +12,7 @@ from rpaug.scene import colours
 
 ROOT = Path(rpaug_recipes.__file__).parent / "colosseum"
 
-# Factors on things that a task defines and switches on: colour and texture of what moves (mc, mt) and receives (rc, rt).
+# Factors on things that a task defines and enables: colour and texture of what moves (mc, mt) and receives (rc, rt).
 TASKS = {
     "basketball_in_hoop": "mc mt rc",
     "close_box": "mc",
