@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from rpaug.geometry import pose_of
 
 KINDS = ("rgb", "depth", "mask")
 DEPTH_STEPS = 2**24 - 1
+KEPT_FRAMES = 4  # of each camera's colour images
 LOW_DIM = "low_dim_obs.pkl"
 DESCRIPTIONS = "variation_descriptions.pkl"
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])  # CoppeliaSim's camera axes <-> OpenCV's; its own inverse
@@ -208,7 +210,8 @@ def _view(folder: Path, name: str, observations: list[Observation]) -> CameraVie
     has = {kind: (folder / f"{name}_{kind}").is_dir() for kind in KINDS}
     return CameraView(
         camera=Camera(intrinsics, extrinsics @ FLIP, *size),
-        rgb=lambda t: decode_png(folder / f"{name}_rgb" / f"{t}.png"),
+        # Kept for a moment: a writer compares an edited frame with the recorded one.
+        rgb=lru_cache(KEPT_FRAMES)(lambda t: decode_png(folder / f"{name}_rgb" / f"{t}.png")),
         depth=(lambda t: _metres(read_code(folder / f"{name}_depth" / f"{t}.png"), near[t], far[t]))
         if has["depth"]
         else None,

@@ -58,6 +58,16 @@ def test_every_operator_has_its_heading_and_fields() -> None:
             assert f"`{field}`" in section, f"{name}: {field}"
 
 
+def test_every_drawn_operator_shows_its_picture() -> None:
+    text = (ROOT / "docs/operators.md").read_text()
+    pictures = sorted((ROOT / "docs/images/operators").glob("*.png"))
+    assert len(pictures) >= 12
+    for picture in pictures:
+        section = text.split(f"## {picture.stem}\n")[1].split("\n## ")[0]
+        assert f"(images/operators/{picture.name})" in section
+        assert picture.stat().st_size < 250_000
+
+
 def test_every_shipped_recipe_is_valid_and_named() -> None:
     text = (ROOT / "docs/recipes.md").read_text()
     for path in Path(rpaug_recipes.__file__).parent.rglob("*.yaml"):

@@ -35,13 +35,10 @@ def composite(
             colour = edit(colour.reshape(-1, 3), everywhere).reshape(colour.shape)
             touched[:] = True
         elif ids is not None:
-            inside = np.isin(ids, list(edit.handles))
+            inside = _among(ids, np.array(sorted(edit.handles), ids.dtype))
             if inside.any():
                 touched |= _apply(edit, colour, inside, antialiased, surfaces)
-    quantised = np.rint(np.clip(colour[touched], 0, 1) * 255).astype(np.uint8)
-    out = rgb.copy()
-    out[touched] = quantised
-    return out
+    return _quantised(rgb, colour, touched)
 
 
 def _apply(
@@ -62,6 +59,38 @@ def _apply(
     colour[whole] = edit(colour[whole], surfaces(_nearest(inside, np.flatnonzero(whole))))
     colour[mixed] += share[mixed, None] * change
     return whole | mixed
+
+
+@kernel
+def _quantised(
+    rgb: UInt8[np.ndarray, "h w 3"],
+    colour: Float32[np.ndarray, "h w 3"],
+    touched: Bool[np.ndarray, "h w"],
+) -> UInt8[np.ndarray, "h w 3"]:
+    """The image with the colours of touched pixels rounded to its levels."""
+    out = rgb.copy()
+    for y in range(rgb.shape[0]):
+        for x in range(rgb.shape[1]):
+            if touched[y, x]:
+                for k in range(3):
+                    value = min(max(colour[y, x, k], np.float32(0)), np.float32(1))
+                    out[y, x, k] = np.uint8(np.rint(value * np.float32(255)))
+    return out
+
+
+@kernel
+def _among(
+    ids: Int32[np.ndarray, "h w"], handles: Int32[np.ndarray, "k"]
+) -> Bool[np.ndarray, "h w"]:
+    """Which pixels show one of the handles, which ascend."""
+    out = np.zeros(ids.shape, np.bool_)
+    if len(handles) == 0:
+        return out
+    for y in range(ids.shape[0]):
+        for x in range(ids.shape[1]):
+            here = ids[y, x]
+            out[y, x] = handles[min(np.searchsorted(handles, here), len(handles) - 1)] == here
+    return out
 
 
 @kernel

@@ -1,6 +1,7 @@
 """A few frames of an episode, decoded once: depth, instance handles and surface normals of every camera."""
 
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from rpaug.types import Episode
 
 MOST_FRAMES = 32  # looked at per episode, beside the frames where the gripper opens or closes
 MOST_PIXELS = 160  # wide; larger images are thinned to about this
+THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -75,20 +77,22 @@ def look(episode: Episode, frames: Iterable[int] | None = None) -> Looks:
     K = np.zeros((len(names), 3, 3))
     poses = np.zeros((len(chosen), len(names), 4, 4))
     points, normals = np.zeros((*shape, 3), np.float32), np.zeros((*shape, 3), np.float32)
-    for c, (name, camera, step) in enumerate(zip(names, cameras, steps, strict=True)):
+    for c, (camera, step) in enumerate(zip(cameras, steps, strict=True)):
         # Integer pixel centres: every step-th pixel is the image of a camera with K / step, exactly.
         K[c] = np.diag([1 / step, 1 / step, 1.0]) @ camera.K
         poses[:, c] = camera.cam_to_world[chosen]
-        view = episode.views[name]
+
+    def fill(s: int, c: int) -> None:
+        view, step, t = episode.views[names[c]], steps[c], int(chosen[s])
         assert view.depth is not None
         assert view.ids is not None
-        for s, t in enumerate(chosen):
-            near = view.depth(int(t))[::step, ::step]
-            depth[s, c, : near.shape[0], : near.shape[1]] = np.nan_to_num(
-                near, posinf=0.0, neginf=0.0
-            )
-            ids[s, c, : near.shape[0], : near.shape[1]] = view.ids(int(t))[::step, ::step]
-            lift(depth[s, c], ids[s, c], K[c], poses[s, c], points[s, c], normals[s, c])
+        near = view.depth(t)[::step, ::step]
+        depth[s, c, : near.shape[0], : near.shape[1]] = np.nan_to_num(near, posinf=0.0, neginf=0.0)
+        ids[s, c, : near.shape[0], : near.shape[1]] = view.ids(t)[::step, ::step]
+        lift(depth[s, c], ids[s, c], K[c], poses[s, c], points[s, c], normals[s, c])
+
+    with ThreadPoolExecutor(THREADS) as pool:  # decoding and lifting release the interpreter
+        list(pool.map(fill, *np.indices(shape[:2]).reshape(2, -1).tolist()))
     fixed = np.array([camera.fixed for camera in cameras], bool)
     return Looks(chosen, names, fixed, K, poses, depth, ids, points, normals)
 
