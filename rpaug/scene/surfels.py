@@ -6,13 +6,15 @@ A view at time t draws, in this order (an earlier source keeps a pixel that a la
 2. what the other cameras recorded at t;
 3. *plates*: what a fixed camera saw of static bodies where something moving hides them at t;
 4. *history*: what a moving camera saw of static bodies at other times;
-5. *parts*: what any camera saw of moving bodies at other times, carried along by their poses.
+5. *parts*: what any camera saw of moving bodies at other times, carried along by their poses;
+6. *patches*: what nobody ever saw behind edited bodies, painted.
 
 All but the first are carved by the first: a surfel where the own camera saw farther is not there. And all but the
 first take on the first's light, thing by thing.
 
 Bodies that were edited are cut out of all of these and drawn once more from the same recordings, carried from where
-they were recorded to where they are now.
+they were recorded to where they are now. They come before all others, to keep their pixels where they touch what they
+stand on.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,7 +26,7 @@ from rpaug.errors import TargetError, Unsupported
 from rpaug.render import denoise, holes, zbuffer
 from rpaug.render.gains import matched
 from rpaug.render.zbuffer import Rendered, Source
-from rpaug.scene import parts
+from rpaug.scene import parts, unseen
 from rpaug.scene.carry import carried
 from rpaug.scene.parts import Part
 from rpaug.scene.plates import Plate, among, plate, source_at, spread
@@ -39,6 +41,7 @@ class Surfels:
     """What is kept of an episode between views.
 
     `static` are the handles that never move; `noise` is the standard deviation of recorded depth as a share of it.
+    `patches` stand for what nobody saw.
     """
 
     static: frozenset[int]
@@ -46,6 +49,7 @@ class Surfels:
     history: Mapping[str, tuple[Source, ...]]
     parts: tuple[Part, ...] = ()
     noise: float = 0.0
+    patches: tuple[Source, ...] = ()
 
     @property
     def tolerance(self) -> float:
@@ -78,7 +82,21 @@ def build(scene: Scene) -> Surfels:
     history = {
         name: tuple(_history(view, length, static, noise, near)) for name, view in moving.items()
     }
-    return Surfels(static, plates, history, parts.recorded(scene, noise, near), noise)
+    kept = Surfels(static, plates, history, parts.recorded(scene, noise, near), noise)
+    return replace(kept, patches=_patches(kept, scene))
+
+
+def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:
+    """Painted surfels behind the static bodies that were edited."""
+    edits = carried(scene, 0)
+    handles = (handle for edit in edits for handle in edit.handles)
+    edited = frozenset(handles) & surfels.static
+    if not edited:
+        return ()
+    cameras = {name: scene.episode.views[name].camera for name in surfels.plates}
+    plates = {name: (cameras[name], kept) for name, kept in surfels.plates.items()}
+    past = [_without(source, edited) for kept in surfels.history.values() for source in kept]
+    return unseen.patches(plates, past, edited, scene.inpaint, surfels.tolerance)
 
 
 def _noise(scene: Scene) -> float:
@@ -108,6 +126,8 @@ def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
         witness=shown[0], tolerance=surfels.tolerance,
     )  # fmt: skip
     filled = holes.fill(drawn)
+    # Patches come last, and what they show was invented as much as what single views are filled with.
+    filled = replace(filled, hole=drawn.hole | (drawn.source >= len(shown) - len(surfels.patches)))
     if _stands(camera, recorded.camera, t) and recorded.depth is not None:
         # Smoothing, and surfaces without depth, would change what was recorded.
         return replace(filled, depth=np.where(drawn.source == 0, recorded.depth(t), filled.depth))
@@ -124,16 +144,16 @@ def sources(surfels: Surfels, scene: Scene, own: str, t: int) -> Iterator[Source
     edits = carried(scene, t)
     edited = frozenset(handle for edit in edits for handle in edit.handles)
     whole = list(_recordings(surfels, scene, own, t, edited))
-    if not edits:
-        yield from whole
-        return
-    yield from (_without(source, edited) for source in whole)
+    yield from (_without(source, edited) for source in whole) if edits else whole
     for edit in edits:
-        for source in whole:
+        for source in whole if edit.shows else ():
             use = among(source.ids, frozenset(edit.shows))
             use = use if source.use is None else use & source.use
-            if edit.shows and use.any():
-                yield edit.carry(replace(source, use=use))
+            if use.any():
+                yield edit.carry(replace(source, use=use, before=True))
+    for patch in surfels.patches:
+        lit = matched(replace(patch, use=None), whole[0], surfels.tolerance)
+        yield replace(lit, use=patch.use)
 
 
 def _recordings(

@@ -1,0 +1,1 @@
+"""Knowledge from outside the episode, behind small functions: each has a way that works offline."""
