@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from rpaug.cli import augment, bench, doctor, fit, inspect, recipes, twin
+from rpaug.cli import assets, augment, bench, doctor, fit, inspect, recipes, twin
 from rpaug.cli.console import guarded
 
 app = typer.Typer(
@@ -23,6 +23,10 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "doctor": doctor.doctor,
 }
 GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
+    "assets": (
+        "The library of things to insert.",
+        {"ls": assets.ls, "add": assets.add, "show": assets.show},
+    ),
     "twin": ("A simulated tabletop that knows the truth.", {"record": twin.record}),
     "bench": ("Error and seconds, measured against truth.", {"edits": bench.edits}),
 }

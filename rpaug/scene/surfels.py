@@ -21,7 +21,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Bool
 
+from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
 from rpaug.render import denoise, holes, zbuffer
 from rpaug.render.gains import matched
@@ -33,6 +35,7 @@ from rpaug.scene.plates import Plate, among, plate, source_at, spread
 from rpaug.types import Camera, CameraView, Scene
 
 HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
+SAME_PLACE = 0.01  # metres: what another camera saw this close to what the own one shows of a body is the same
 NOISES = 3.0  # standard deviations of depth noise within which two depths are one surface
 
 
@@ -149,6 +152,8 @@ def sources(surfels: Surfels, scene: Scene, own: str, t: int) -> Iterator[Source
         for source in whole if edit.shows else ():
             use = among(source.ids, frozenset(edit.shows))
             use = use if source.use is None else use & source.use
+            if source is not whole[0] and use.any():
+                use = use & ~_shown(whole[0], source, use)
             if use.any():
                 yield edit.carry(replace(source, use=use, before=True))
     for patch in surfels.patches:
@@ -176,6 +181,25 @@ def _recordings(
     poses = {body.handles: body.to_world[t] for body in scene.tracked}
     for part in surfels.parts:
         yield matched(part.at(poses[part.handles]), recorded, near)
+
+
+def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Which pixels of another recording show a place that one's own shows as well, and usually better."""
+    rows, columns = np.nonzero(use)
+    z = other.depth[rows, columns].astype(np.float64)
+    ray = np.stack([columns, rows, np.ones(len(rows))], -1) @ np.linalg.inv(other.K).T
+    back = geometry.inverse(own.cam_to_world) @ other.cam_to_world
+    local = geometry.transform(back, ray * z[:, None])
+    ahead = np.maximum(local[:, 2], 1e-6)
+    pixel = np.rint((local / ahead[:, None]) @ own.K.T)[:, :2].clip(-1, 1 << 20).astype(int)
+    height, width = own.ids.shape
+    inside = (local[:, 2] > 0) & (pixel >= 0).all(1) & (pixel < [width, height]).all(1)
+    x, y = np.where(inside[:, None], pixel, 0).T
+    same = inside & (own.ids[y, x] == other.ids[rows, columns])
+    same &= np.abs(own.depth[y, x] - local[:, 2]) < SAME_PLACE
+    out = np.zeros_like(use)
+    out[rows[same], columns[same]] = True
+    return out
 
 
 def _without(source: Source, handles: frozenset[int]) -> Source:
