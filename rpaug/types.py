@@ -101,6 +101,21 @@ class Episode:
         return self.descriptions[0] if self.descriptions else ""
 
 
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A thing that was never recorded: triangles with an image laid on them, in metres of their own frame.
+
+    `points` and unit `normals` belong together, and `uv` says where in `image` each lies: (0, 0) is its lower left,
+    (1, 1) its upper right, and it repeats. `faces` run counter-clockwise seen from outside. The image holds albedos.
+    """
+
+    points: Float64[np.ndarray, "v 3"]
+    normals: Float64[np.ndarray, "v 3"]
+    uv: Float64[np.ndarray, "v 2"]
+    faces: Int32[np.ndarray, "f 3"]
+    image: UInt8[np.ndarray, "h w 3"]
+
+
 @dataclass(frozen=True)
 class Body:
     """A rigid set of instances and where it is over time.
@@ -109,7 +124,8 @@ class Body:
     that `to_world[reference]` is the identity) to world at t. `motion` says which hypothesis explains the
     track; `residual` is its median point-to-plane distance in metres, and `ambiguous` is set where another
     hypothesis explains the pixels as well. `copy_of` is set for a duplicate: it maps
-    each recorded handle whose pixels show it to the handle it has here.
+    each recorded handle whose pixels show it to the handle it has here. `scale` is the size of a resized body over
+    its recorded one: a recorded point p of its frame is shown at scale * p. An inserted body has a `mesh` in its frame.
     """
 
     handles: frozenset[int]
@@ -119,6 +135,8 @@ class Body:
     residual: float = 0.0
     ambiguous: bool = False
     copy_of: Mapping[int, int] = field(default_factory=dict)
+    scale: float = 1.0
+    mesh: Mesh | None = None
 
 
 class Surface(Protocol):
@@ -235,6 +253,19 @@ class Gaussians4:
 
 
 @dataclass(frozen=True)
+class Ambience:
+    """The light that inserted things are shown in, and how far colours reach in the recording.
+
+    `light` are the nine terms of `rpaug.scene.irradiance`, 1 on the best-lit face, and `tint` its colour. `gamut` is
+    the darkest and brightest lightness and the strongest chroma recorded (CIELAB), None to leave colours alone.
+    """
+
+    light: tuple[float, ...]
+    tint: tuple[float, float, float]
+    gamut: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
 class Scene:
     """An episode rebuilt: bodies with pose tracks, cameras, and how their surfaces look.
 
@@ -247,6 +278,8 @@ class Scene:
     Gaussians of moving bodies turn in, None for the same from everywhere.
     An operator that moves, copies or removes bodies keeps the recorded ones in `recorded_bodies`
     (`recorded_bodies=scene.tracked`): the recorded pixels are carried from there to where the bodies are now.
+    `inpaint` names what paints the places that this uncovers and nobody ever saw (`rpaug.providers.inpaint`).
+    `ambience` is the light that inserted bodies are shown in.
     """
 
     episode: Episode
@@ -262,6 +295,8 @@ class Scene:
     drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(default_factory=dict)
     irradiance: Float64[np.ndarray, "9"] | None = None
     recorded_bodies: tuple[Body, ...] | None = None
+    inpaint: str = "fsr"
+    ambience: Ambience | None = None
 
     @property
     def tracked(self) -> tuple[Body, ...]:

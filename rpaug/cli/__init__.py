@@ -5,6 +5,7 @@ from collections.abc import Callable
 import typer
 
 from rpaug.cli import (
+    assets,
     augment,
     bench,
     convert,
@@ -38,6 +39,10 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "doctor": doctor.doctor,
 }
 GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
+    "assets": (
+        "The library of things to insert.",
+        {"ls": assets.ls, "add": assets.add, "show": assets.show},
+    ),
     "twin": ("A simulated tabletop that knows the truth.", {"record": twin.record}),
     "bench": (
         "Error and seconds, measured against truth.",

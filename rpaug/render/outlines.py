@@ -6,7 +6,7 @@ straight line to a fraction of a pixel. The near thing's surfels end at that lin
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64, Int8, Int32
@@ -40,6 +40,14 @@ class Footprints:
     slope: Float64[np.ndarray, "h w 2"]
     edge: Int8[np.ndarray, "h w"]
     line: Float64[np.ndarray, "h w 3"]
+
+
+def grown(prints: Footprints, scale: float) -> Footprints:
+    """The footprints of the same image if camera and world were `scale` times as large."""
+    if scale == 1.0:
+        return prints
+    near = np.where(prints.near > 0, prints.near / scale, prints.near)
+    return replace(prints, near=near, slope=prints.slope / scale)
 
 
 def footprints(

@@ -43,7 +43,8 @@ class Source:
 
     `depth` is in metres, 0 or non-finite where the sensor saw nothing. `use` picks the pixels to draw (None: all);
     `distant` also draws those without depth, as infinitely far; `carved` drops what the witness saw through.
-    `lifted` are the footprints, if they were worked out before (with `lift`), and `gains` factors on its colours.
+    `before` draws it as if it came earlier than all that are not. `lifted` are the footprints, if they were worked out
+    before (with `lift`), and `gains` factors on its colours.
     """
 
     K: Float64[np.ndarray, "3 3"]
@@ -54,6 +55,7 @@ class Source:
     use: Bool[np.ndarray, "h w"] | None = None
     distant: bool = False
     carved: bool = False
+    before: bool = False
     lifted: Footprints | None = None
     gains: Gains = NO_GAINS
 
@@ -125,7 +127,7 @@ def render(
         _draw(
             near, prints.slope, prints.edge, prints.line, intrinsics(each.K),
             relative(each.cam_to_world, cam_to_world), relative(cam_to_world, each.cam_to_world), target,
-            index, seen, lens, back, tolerance, nearest, rank, source, pixel,
+            index, index - len(lifted) * each.before, seen, lens, back, tolerance, nearest, rank, source, pixel,
         )  # fmt: skip
     rgb = np.zeros((height, width, 3), np.float32)
     ids = _won_ids(source, pixel, sources)
@@ -166,8 +168,8 @@ def _nearness(source: Source) -> Float64[np.ndarray, "h w"]:
 
 @kernel
 def _draw(
-    near, slope, edge, line, lens, pose, home, target, index, seen, witness, back, tolerance, nearest, rank, source,
-    pixel,
+    near, slope, edge, line, lens, pose, home, target, index, place, seen, witness, back, tolerance, nearest, rank,
+    source, pixel,
 ):  # fmt: skip
     """Draw one source's surfels: rasterise each footprint, keep the nearest, leave out what was seen through."""
     height, width = nearest.shape
@@ -198,7 +200,7 @@ def _draw(
                     hit = w[0] + dx * (u - x[0]) + dy * (v - y[0]) if here > 0.0 else 0.0
                     if hit < 0.0 or (here > 0.0 and hit == 0.0):
                         continue
-                    order = index
+                    order = place
                     if ends != INSIDE:
                         p, q, _ = map_pixel(u, v, hit, target, home, lens)
                         if not _covers(p - column, q - row, ends, line[row, column]):

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from rpaug import geometry
+from rpaug.render.outlines import grown
 from rpaug.render.zbuffer import Source
 from rpaug.types import Body, Scene
 
@@ -16,23 +17,28 @@ class Carried:
     """One edited body at one time.
 
     `handles` are recorded handles to be cut out where they were; `shows` maps recorded handles to those drawn
-    anew, empty for a removed body; `motion` carries recorded world points to where they are drawn.
+    anew, empty for a removed body; `motion` carries recorded world points, scaled by `scale` about the world's origin,
+    to where they are drawn.
     """
 
     handles: frozenset[int]
     shows: Mapping[int, int]
     motion: Float64[np.ndarray, "4 4"]
+    scale: float = 1.0
 
     def carry(self, source: Source) -> Source:
         """A recording of the body, its surfels moved and named anew; nothing there was seen through."""
-        ids = source.ids
+        ids, pose = source.ids, source.cam_to_world.copy()
+        pose[:3, 3] *= self.scale  # a world and a camera that grow alike give the same image
         for old, new in self.shows.items():
             if old != new:
                 ids = np.where(source.ids == old, np.int32(new), ids)
         return replace(
             source,
             ids=ids,
-            cam_to_world=self.motion @ source.cam_to_world,
+            depth=source.depth * np.float32(self.scale),
+            lifted=None if source.lifted is None else grown(source.lifted, self.scale),
+            cam_to_world=self.motion @ pose,
             carved=False,
             distant=False,
         )
@@ -47,16 +53,22 @@ def carried(scene: Scene, t: int) -> tuple[Carried, ...]:
     gone = frozenset(recorded) - present
     edits = [Carried(gone, {}, np.eye(4))] if gone else []
     for body in scene.bodies:
+        if body.mesh is not None:
+            continue  # never recorded, so not carried from anywhere
         names = body.copy_of or {handle: handle for handle in body.handles}
-        motion = _motion(body, recorded[next(iter(names))], t)
+        step = motion(body, recorded[next(iter(names))], t)
         if body.copy_of:
-            edits.append(Carried(frozenset(), names, motion))
-        elif not np.array_equal(motion, np.eye(4)):
-            edits.append(Carried(body.handles, names, motion))
+            edits.append(Carried(frozenset(), names, step, body.scale))
+        elif body.scale != 1.0 or not np.array_equal(step, np.eye(4)):
+            edits.append(Carried(body.handles, names, step, body.scale))
     return tuple(edits)
 
 
-def _motion(body: Body, recorded: Body, t: int) -> Float64[np.ndarray, "4 4"]:
-    if np.array_equal(body.to_world[t], recorded.to_world[t]):
+def motion(body: Body, recorded: Body, t: int) -> Float64[np.ndarray, "4 4"]:
+    """From recorded world points, scaled about the world's origin, to where they are now."""
+    if body.scale == 1.0 and np.array_equal(body.to_world[t], recorded.to_world[t]):
         return np.eye(4)
-    return body.to_world[t] @ geometry.inverse(recorded.to_world[t])
+    # scale * (R p + c) has to become R' (scale * p) + c'.
+    grown_track = recorded.to_world[t].copy()
+    grown_track[:3, 3] *= body.scale
+    return body.to_world[t] @ geometry.inverse(grown_track)

@@ -63,10 +63,10 @@ def dominant(episode: Episode, count: int = 3) -> Lamp:
     Every direction of a grid over the upper half space is tried with several shares of ambient light; each thing has
     one albedo, fitted along. Raises Unsupported without depth.
     """
-    facing, level, things = _seen(episode, count)
+    facing, level, things = seen(episode, count)
     _, owner = np.unique(things, return_inverse=True)
     level = level / (np.bincount(owner, level) / np.bincount(owner))[owner]
-    axes = _upper_half()
+    axes = upper_half()
     towards = np.maximum(facing @ axes.T, 0)
     best = (np.inf, 0, 0.0)
     for ambient in AMBIENTS:
@@ -84,12 +84,12 @@ def dominant(episode: Episode, count: int = 3) -> Lamp:
 
 def brightest(episode: Episode, lamp: Lamp, count: int = 3) -> dict[int, float]:
     """Per thing, the mean of the channels that its well-lit parts would have straight below the lamp."""
-    facing, level, things = _seen(episode, count)
+    facing, level, things = seen(episode, count)
     albedo = level / lamp.shading(facing)
     return {int(h): float(np.quantile(albedo[things == h], WELL_LIT)) for h in np.unique(things)}
 
 
-def _seen(
+def seen(
     episode: Episode, count: int
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], Int[np.ndarray, "n"]]:
     """World normals, brightness and handle of some pixels. Raises Unsupported without depth."""
@@ -111,7 +111,7 @@ def _seen(
     return np.concatenate(normals), np.concatenate(light), np.concatenate(things)
 
 
-def _upper_half() -> Float64[np.ndarray, "n 3"]:
+def upper_half() -> Float64[np.ndarray, "n 3"]:
     """Directions spread evenly over the upper half space (a Fibonacci lattice)."""
     number = np.arange(DIRECTIONS) + 0.5
     z = number / DIRECTIONS

@@ -6,31 +6,36 @@ A view at time t draws, in this order (an earlier source keeps a pixel that a la
 2. what the other cameras recorded at t;
 3. *plates*: what a fixed camera saw of static bodies where something moving hides them at t;
 4. *history*: what a moving camera saw of static bodies at other times;
-5. *parts*: what any camera saw of moving bodies at other times, carried along by their poses.
+5. *parts*: what any camera saw of moving bodies at other times, carried along by their poses;
+6. *patches*: what nobody ever saw behind edited bodies, painted.
 
 All but the first are carved by the first: a surfel where the own camera saw farther is not there. And all but the
 first take on the first's light, thing by thing.
 
 Bodies that were edited are cut out of all of these and drawn once more from the same recordings, carried from where
-they were recorded to where they are now.
+they were recorded to where they are now. They come before all others, to keep their pixels where they touch what they
+stand on.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Bool
 
+from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
 from rpaug.render import denoise, holes, zbuffer
 from rpaug.render.gains import matched
 from rpaug.render.zbuffer import Rendered, Source
-from rpaug.scene import parts
+from rpaug.scene import parts, unseen
 from rpaug.scene.carry import carried
 from rpaug.scene.parts import Part
 from rpaug.scene.plates import Plate, among, plate, source_at, spread
 from rpaug.types import Camera, CameraView, Scene
 
 HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
+SAME_PLACE = 0.01  # metres: what another camera saw this close to what the own one shows of a body is the same
 NOISES = 3.0  # standard deviations of depth noise within which two depths are one surface
 
 
@@ -39,6 +44,7 @@ class Surfels:
     """What is kept of an episode between views.
 
     `static` are the handles that never move; `noise` is the standard deviation of recorded depth as a share of it.
+    `patches` stand for what nobody saw.
     """
 
     static: frozenset[int]
@@ -46,6 +52,7 @@ class Surfels:
     history: Mapping[str, tuple[Source, ...]]
     parts: tuple[Part, ...] = ()
     noise: float = 0.0
+    patches: tuple[Source, ...] = ()
 
     @property
     def tolerance(self) -> float:
@@ -78,7 +85,21 @@ def build(scene: Scene) -> Surfels:
     history = {
         name: tuple(_history(view, length, static, noise, near)) for name, view in moving.items()
     }
-    return Surfels(static, plates, history, parts.recorded(scene, noise, near), noise)
+    kept = Surfels(static, plates, history, parts.recorded(scene, noise, near), noise)
+    return replace(kept, patches=_patches(kept, scene))
+
+
+def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:
+    """Painted surfels behind the static bodies that were edited."""
+    edits = carried(scene, 0)
+    handles = (handle for edit in edits for handle in edit.handles)
+    edited = frozenset(handles) & surfels.static
+    if not edited:
+        return ()
+    cameras = {name: scene.episode.views[name].camera for name in surfels.plates}
+    plates = {name: (cameras[name], kept) for name, kept in surfels.plates.items()}
+    past = [_without(source, edited) for kept in surfels.history.values() for source in kept]
+    return unseen.patches(plates, past, edited, scene.inpaint, surfels.tolerance)
 
 
 def _noise(scene: Scene) -> float:
@@ -108,6 +129,8 @@ def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
         witness=shown[0], tolerance=surfels.tolerance,
     )  # fmt: skip
     filled = holes.fill(drawn)
+    # Patches come last, and what they show was invented as much as what single views are filled with.
+    filled = replace(filled, hole=drawn.hole | (drawn.source >= len(shown) - len(surfels.patches)))
     if _stands(camera, recorded.camera, t) and recorded.depth is not None:
         # Smoothing, and surfaces without depth, would change what was recorded.
         return replace(filled, depth=np.where(drawn.source == 0, recorded.depth(t), filled.depth))
@@ -124,16 +147,18 @@ def sources(surfels: Surfels, scene: Scene, own: str, t: int) -> Iterator[Source
     edits = carried(scene, t)
     edited = frozenset(handle for edit in edits for handle in edit.handles)
     whole = list(_recordings(surfels, scene, own, t, edited))
-    if not edits:
-        yield from whole
-        return
-    yield from (_without(source, edited) for source in whole)
+    yield from (_without(source, edited) for source in whole) if edits else whole
     for edit in edits:
-        for source in whole:
+        for source in whole if edit.shows else ():
             use = among(source.ids, frozenset(edit.shows))
             use = use if source.use is None else use & source.use
-            if edit.shows and use.any():
-                yield edit.carry(replace(source, use=use))
+            if source is not whole[0] and use.any():
+                use = use & ~_shown(whole[0], source, use)
+            if use.any():
+                yield edit.carry(replace(source, use=use, before=True))
+    for patch in surfels.patches:
+        lit = matched(replace(patch, use=None), whole[0], surfels.tolerance)
+        yield replace(lit, use=patch.use)
 
 
 def _recordings(
@@ -156,6 +181,25 @@ def _recordings(
     poses = {body.handles: body.to_world[t] for body in scene.tracked}
     for part in surfels.parts:
         yield matched(part.at(poses[part.handles]), recorded, near)
+
+
+def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Which pixels of another recording show a place that one's own shows as well, and usually better."""
+    rows, columns = np.nonzero(use)
+    z = other.depth[rows, columns].astype(np.float64)
+    ray = np.stack([columns, rows, np.ones(len(rows))], -1) @ np.linalg.inv(other.K).T
+    back = geometry.inverse(own.cam_to_world) @ other.cam_to_world
+    local = geometry.transform(back, ray * z[:, None])
+    ahead = np.maximum(local[:, 2], 1e-6)
+    pixel = np.rint((local / ahead[:, None]) @ own.K.T)[:, :2].clip(-1, 1 << 20).astype(int)
+    height, width = own.ids.shape
+    inside = (local[:, 2] > 0) & (pixel >= 0).all(1) & (pixel < [width, height]).all(1)
+    x, y = np.where(inside[:, None], pixel, 0).T
+    same = inside & (own.ids[y, x] == other.ids[rows, columns])
+    same &= np.abs(own.depth[y, x] - local[:, 2]) < SAME_PLACE
+    out = np.zeros_like(use)
+    out[rows[same], columns[same]] = True
+    return out
 
 
 def _without(source: Source, handles: frozenset[int]) -> Source:

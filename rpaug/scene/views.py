@@ -10,8 +10,9 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
+from rpaug.errors import Unsupported
 from rpaug.render.composite import composite
-from rpaug.scene import surface, surfels
+from rpaug.scene import inserted, surface, surfels
 from rpaug.types import CameraView, Episode, Scene, Sensor
 
 KEPT_FRAMES = 8  # a writer asks for rgb, depth and ids of one frame in turn
@@ -55,7 +56,9 @@ def edited(
     shared = surfels.build(scene) if 1 in carriers.values() else None
     views = {}
     for name in scene.episode.views:
-        if carriers[name] == 0:
+        if carriers[name] == 0 and inserted.bodies(scene):
+            views[name] = _rendered(scene, name, partial(_recorded, scene, name), watch)
+        elif carriers[name] == 0:
             views[name] = _composited(scene, name, watch)
         elif shared is not None and carriers[name] == 1:
             render = partial(_surfels, scene, shared, name)
@@ -114,13 +117,32 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
     )
 
 
+def _recorded(scene: Scene, name: str, t: int) -> Frame:
+    """What was recorded, with what was inserted."""
+    view = scene.episode.views[name]
+    if view.depth is None:
+        raise Unsupported(
+            f"{name}: inserting things needs recorded depth, and this source has none"
+        )
+    rgb, depth = view.rgb(t), view.depth(t)
+    ids = view.ids(t) if view.ids else np.zeros(depth.shape, np.int32)
+    return _finished(scene, name, t, (rgb, depth, ids), np.zeros(depth.shape, bool))
+
+
 def _surfels(scene: Scene, shared: surfels.Surfels, name: str, t: int) -> Frame:
     drawn = surfels.view(shared, scene, name, t)
-    surfaces = surface.of_image(
-        lambda: drawn.depth, drawn.ids, scene.cameras[name], t, scene.bodies
-    )
-    image = composite(drawn.image, drawn.ids, scene.appearance, scene.antialiased, surfaces)
-    return Frame(image, drawn.depth, drawn.ids, drawn.hole)
+    return _finished(scene, name, t, (drawn.image, drawn.depth, drawn.ids), drawn.hole)
+
+
+def _finished(
+    scene: Scene, name: str, t: int, before: inserted.Image, hole: Bool[np.ndarray, "h w"]
+) -> Frame:
+    """The image with what was inserted, and every appearance edit on all of it."""
+    camera = scene.cameras[name]
+    rgb, depth, ids = inserted.draw(scene, camera, t, before)
+    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies)
+    image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces)
+    return Frame(image, depth, ids, hole & (ids == before[2]))
 
 
 def _blended(
@@ -141,4 +163,5 @@ def _gaussians(scene: Scene, name: str, t: int) -> Frame:
     from rpaug.scene import gaussian_view  # only here: it brings torch and the rasteriser
 
     rgb, depth, ids = gaussian_view.render_view(scene, name, t)
+    rgb, depth, ids = inserted.draw(scene, scene.cameras[name], t, (rgb, depth, ids))
     return Frame(rgb, depth, ids, depth == 0)

@@ -24,6 +24,7 @@ FURTHEST_SHIFT = 0.1  # metres, each way along each axis
 FURTHEST_TURN = 0.05  # radians
 FURTHEST_LAMP = np.pi / 3  # radians the lamps are turned by, each way
 LOWEST_LAMP = 0.6  # times their height: a lamp that rises would light upward faces beyond 1
+SIZES = (0.75, 1.25)  # COLOSSEUM's widest usual range
 _DARKEST_TINT = 0.1  # darker ones leave too little light to measure an error by
 
 NO_RECEIVER = "in this task nothing receives what is moved"
@@ -83,6 +84,22 @@ def camera_pose(look: Look, names: Names, value: Any, rng: np.random.Generator) 
     return replace(look, bumps={**look.bumps, **(drawn if value is None else value)})
 
 
+def object_size(look: Look, names: Names, value: Any, rng: np.random.Generator) -> Look:
+    """The named parts larger or smaller by one factor, each about its foot."""
+    scale = float(rng.uniform(*SIZES)) if value is None else float(value)
+    return replace(look, scales={**look.scales, **dict.fromkeys(names, scale)})
+
+
+def removal(look: Look, names: Names, value: Any, rng: np.random.Generator) -> Look:
+    """The named parts are not there."""
+    return replace(look, absent=look.absent | set(names))
+
+
+def distractor(look: Look, names: Names, value: Any, rng: np.random.Generator) -> Look:
+    """More things stand there; a value is the tuple of `Extra`s."""
+    return replace(look, extras=look.extras + tuple(value or ()))
+
+
 Change = Callable[[Look, Names, Any, np.random.Generator], Look]
 
 
@@ -107,6 +124,9 @@ FACTORS: Mapping[str, Factor] = {
     "table_texture": Factor(texture(0.3, 0.8), ("table",)),
     "background_texture": Factor(texture(0.8, 1.6), BACKGROUND),
     "camera_pose": Factor(camera_pose, None),
+    "object_size": Factor(object_size, ("manipulated",)),
+    "removal": Factor(removal, ("cylinder",)),
+    "distractor": Factor(distractor, None),
 }
 
 

@@ -1,10 +1,11 @@
 """Everything about a recording that can be changed while its motion stays the same."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int, UInt8
 
 from rpaug.twin.covers import Cover
 from rpaug.twin.world import Vector
@@ -36,6 +37,27 @@ class Bump:
     shift: Vector = (0.0, 0.0, 0.0)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Extra:
+    """A mesh that is no part of the world: its pose, the handle its pixels get, and an image laid on it.
+
+    `uv` are one coordinate a point, (0, 0) at the image's lower left.
+    """
+
+    name: str
+    handle: int
+    points: Float[np.ndarray, "v 3"]
+    normals: Float[np.ndarray, "v 3"]
+    uv: Float[np.ndarray, "v 2"]
+    faces: Int[np.ndarray, "f 3"]
+    image: UInt8[np.ndarray, "h w 3"]
+    pose: Float[np.ndarray, "4 4"]
+
+    def describe(self) -> dict[str, Any]:
+        """What it is and where it stands, as plain values."""
+        return {"name": self.name, "handle": self.handle, "pose": self.pose.tolist()}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Look:
     """How the world looks.
@@ -44,7 +66,8 @@ class Look:
     diffuse colour of every lamp; the ambient light goes with it. `bumps` moves cameras by name.
     `antialias` smooths the colour images, never depth or ids. `texture_seed` draws the textures;
     None takes the recording's own seed. `covers` lays images on parts, by name; `lamps` says where
-    the light comes from. `headlight` is the brightness of a lamp on the camera itself.
+    the light comes from. `headlight` is the brightness of a lamp on the camera itself. Parts named in `absent` are not
+    there; `scales` makes parts larger or smaller about their foot. `extras` are meshes that stand there as well.
     """
 
     tints: Mapping[str, Vector] = field(default_factory=dict)
@@ -57,10 +80,18 @@ class Look:
     covers: Mapping[str, Cover] = field(default_factory=dict)
     lamps: tuple[Lamp, ...] = RIG
     headlight: float = 0.0
+    absent: frozenset[str] = frozenset()
+    scales: Mapping[str, float] = field(default_factory=dict)
+    extras: tuple[Extra, ...] = ()
 
     def describe(self) -> dict[str, Any]:
-        """The fields as plain values; covers, lamps and headlight only where they are not the usual ones."""
-        facts = asdict(self)
+        """The fields as plain values; those from covers on only where they are not the usual ones."""
+        facts = asdict(replace(self, extras=()))
+        facts["absent"] = sorted(self.absent)
+        facts["extras"] = [extra.describe() for extra in self.extras]
+        for name in ("absent", "scales", "extras"):
+            if not facts[name]:
+                del facts[name]
         if not self.covers:
             del facts["covers"]
         if self.lamps == RIG:

@@ -1,14 +1,16 @@
 """The world as MuJoCo's XML, and the compiled model."""
 
+from dataclasses import replace
 from xml.etree import ElementTree as Xml
 
 import mujoco
 import numpy as np
 from jaxtyping import Float, Int32
 
+from rpaug import geometry
 from rpaug.files import encode_png
 from rpaug.twin import covers
-from rpaug.twin.look import LAMPS, Lamp, Look
+from rpaug.twin.look import LAMPS, Extra, Lamp, Look
 from rpaug.twin.world import WHITE, Body, Flex, Geom, Part, Print, World
 
 SKIN = 0.0015  # metres: half the thickness of a sheet
@@ -19,6 +21,7 @@ def compile_model(world: World, look: Look, size: int) -> mujoco.MjModel:
     """The model of `world` under `look`, with offscreen buffers of `size` x `size` pixels."""
     laid = {_cover(name): cover.image for name, cover in _laid(world, look).items()}
     images = {**world.textures, **laid}
+    images |= {f"extra-{extra.name}": extra.image for extra in look.extras}
     pictures = {f"{name}.png": encode_png(image) for name, image in images.items()}
     return mujoco.MjModel.from_xml_string(to_xml(world, look, size), pictures)
 
@@ -49,16 +52,21 @@ def to_xml(world: World, look: Look, size: int) -> str:
     for body in world.bodies:
         element = _add_body(elements, body)
         for part in body.parts:
-            _add_part(asset, element, part, look)
+            if part.name in look.absent:
+                continue
+            _add_part(asset, element, resized(part, look.scales.get(part.name, 1.0)), look)
             if part.flex:
                 _add_flex(root, asset, part, part.flex, look)
+    for extra in look.extras:
+        _add_extra(asset, scene, extra)
     return Xml.tostring(root, encoding="unicode")
 
 
-def part_of_geoms(model: mujoco.MjModel, world: World) -> Int32[np.ndarray, "g"]:
+def part_of_geoms(model: mujoco.MjModel, world: World, look: Look) -> Int32[np.ndarray, "g"]:
     """The mask handle of every geom of the model."""
+    handles = {**world.handles, **{f"extra-{extra.name}": extra.handle for extra in look.extras}}
     return np.array(
-        [world.handles[model.geom(g).name.split("/")[0]] for g in range(model.ngeom)], np.int32
+        [handles[model.geom(g).name.split("/")[0]] for g in range(model.ngeom)], np.int32
     )
 
 
@@ -102,6 +110,38 @@ def _add_flex(root: Xml.Element, asset: Xml.Element, part: Part, flex: Flex, loo
         texcoord=_text(flex.tiles.ravel()),
     )
     Xml.SubElement(element, "contact", contype="0", conaffinity="0")
+
+
+def foot(part: Part) -> float:
+    """The lowest z of a part's boxes and upright cylinders in its body's frame."""
+    return min(
+        geom.start[2] - geom.size[2]
+        if geom.shape == "box"
+        else min(geom.start[2], (geom.end or geom.start)[2])
+        for geom in part.geoms
+    )
+
+
+def resized(part: Part, scale: float) -> Part:
+    """The part `scale` times as large, about the point of its frame's z axis that it stands on."""
+    if scale == 1.0:
+        return part
+    middle = np.array([0.0, 0.0, foot(part)])
+
+    def moved(point: tuple[float, float, float]) -> tuple[float, float, float]:
+        x, y, z = middle + scale * (np.array(point) - middle)
+        return float(x), float(y), float(z)
+
+    geoms = tuple(
+        replace(
+            geom,
+            size=tuple(scale * side for side in geom.size),
+            start=moved(geom.start),
+            end=None if geom.end is None else moved(geom.end),
+        )
+        for geom in part.geoms
+    )
+    return replace(part, geoms=geoms)
 
 
 def _add_lamp(scene: Xml.Element, lamp: Lamp, look: Look) -> None:
@@ -176,6 +216,17 @@ def _add_mesh(asset: Xml.Element, body: Xml.Element, mesh: covers.Mesh, name: st
         face=" ".join(map(str, mesh.faces.ravel())),
     )
     _add_shape(body, name, type="mesh", mesh=name)
+
+
+def _add_extra(asset: Xml.Element, scene: Xml.Element, extra: Extra) -> None:
+    name = f"extra-{extra.name}"
+    Xml.SubElement(asset, "texture", name=name, type="2d", file=f"{name}.png")
+    Xml.SubElement(asset, "material", name=f"{name}/0", texture=name, specular="0")
+    points = geometry.transform(extra.pose, extra.points)
+    tiles = np.asarray(extra.uv, float)
+    body = Xml.SubElement(scene, "body", name=name)
+    mesh = covers.Mesh(points, extra.normals @ extra.pose[:3, :3].T, tiles, extra.faces)
+    _add_mesh(asset, body, mesh, f"{name}/0")
 
 
 def _add_geom(body: Xml.Element, geom: Geom, name: str) -> None:

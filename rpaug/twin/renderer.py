@@ -42,7 +42,7 @@ class Renderer:
         self.size = size
         self.model = mjcf.compile_model(world, look, size)
         self.data = mujoco.MjData(self.model)
-        self._handles = mjcf.part_of_geoms(self.model, world)
+        self._handles = mjcf.part_of_geoms(self.model, world, look)
         self._soft = mjcf.part_of_flexes(self.model, world)
         self._scene = mujoco.MjvScene(self.model, maxgeom=self.model.ngeom + self.model.nflex + 8)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = look.shadows

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from analytic import BALL, BOX, TABLE, ball_at, scene, shoot
 
-from rpaug.scene import surfels
+from rpaug import geometry
+from rpaug.scene import carry, surfels
 from rpaug.scene.carry import carried
 from rpaug.types import Body
 
@@ -103,3 +104,27 @@ def test_what_stands_as_recorded_is_not_carried(recorded):
     one = carried(edited(recorded, table, shifted(box), ball), T)
     assert [edit.handles for edit in one] == [frozenset({BOX})]
     np.testing.assert_allclose(one[0].motion[:3, 3], STEP)
+
+
+def test_a_larger_body_is_seen_where_it_ends_now(recorded, kept):
+    """The box 1.2 times as large about the middle of its foot, which is the world's origin."""
+    table, box, ball = recorded.bodies
+    large = replace(box, scale=1.2)
+    drawn = surfels.view(kept, edited(recorded, table, large, ball), "side", T)
+    points = geometry.world_points(drawn.depth.astype(float), recorded.cameras["side"], T)[
+        drawn.ids == BOX
+    ]
+    low, high = np.quantile(points, [0.02, 0.98], axis=0)
+    assert high[2] == pytest.approx(1.2 * 0.25, abs=0.01)
+    assert high[0] == pytest.approx(1.2 * 0.15, abs=0.015)
+    assert low[2] >= -2e-3
+
+
+def test_scaling_about_a_moving_frame():
+    track = np.tile(np.eye(4), (2, 1, 1))
+    track[1, :3, 3] = 0.1, 0.2, 0.3
+    body = Body(frozenset({BALL}), track, "gripper")
+    motion = carry.motion(replace(body, scale=2.0), body, 1)
+    point = np.array([0.3, -0.1, 0.2])
+    shown = geometry.transform(motion, 2.0 * geometry.transform(track[1], point))
+    np.testing.assert_allclose(shown, geometry.transform(track[1], 2.0 * point), atol=1e-12)

@@ -101,9 +101,7 @@ class Descent4:
         g, rows = self.gaussians, cut.rows
         by_means, by_covariances, by_opacities, by_sh = total
         opacity = g.opacities[rows].astype(np.float64)
-        pull = gaussians4.pull_back(
-            g, t, rows, by_means, by_covariances, by_opacities * opacity
-        )
+        pull = gaussians4.pull_back(g, t, rows, by_means, by_covariances, by_opacities * opacity)
         slopes = {
             "means": pull.means,
             "left": pull.left,
@@ -120,7 +118,9 @@ class Descent4:
             old = getattr(g, name)
             value = old.copy()
             flat = value.reshape(len(value), -1)
-            flat[rows] = _stepped(name, flat[rows], rate * self._direction(name, rows, slope, steps))
+            flat[rows] = _stepped(
+                name, flat[rows], rate * self._direction(name, rows, slope, steps)
+            )
             moved[name] = value
         self.gaussians = replace(g, **moved)
 

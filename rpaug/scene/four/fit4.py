@@ -88,7 +88,9 @@ def fitted(
         reason = f"every moving instance is shown with {settings.target_db:.0f} dB or more"
         return scene, FourReport((), rigid, {}, 0, length, time.perf_counter() - start, reason)
     rest = without(scene, handles)
-    crops = {t: found for t in trained if (found := list(_crops(rest, handles, t, settings.margin)))}
+    crops = {
+        t: found for t in trained if (found := list(_crops(rest, handles, t, settings.margin)))
+    }
     begun = seeds4.seeds(scene, handles, sorted(crops))
     descent = Descent4(begun, float(np.median(begun.scales)))
     rng = np.random.default_rng(seed)
@@ -113,9 +115,7 @@ def fitted(
     )
 
 
-def instance_db(
-    scene: Scene, times: Sequence[int], least: int = 1
-) -> dict[int, float]:
+def instance_db(scene: Scene, times: Sequence[int], least: int = 1) -> dict[int, float]:
     """PSNR in decibels of each instance on its own recorded pixels, all cameras and the given times together.
 
     Instances that no view shows with `least` pixels or more are left out.

@@ -46,7 +46,10 @@ def _carried(now: Gaussians, edit: Carried, origin: Float64[np.ndarray, "3"]) ->
 
 
 def beside(
-    splats: Splats, ids: Int32[np.ndarray, "n"], flowing: Gaussians, origin: Float64[np.ndarray, "3"]
+    splats: Splats,
+    ids: Int32[np.ndarray, "n"],
+    flowing: Gaussians,
+    origin: Float64[np.ndarray, "3"],
 ) -> tuple[Splats, Int32[np.ndarray, "m"]]:
     """Splats in the world and their handles, with those of one time of the flowing Gaussians after them."""
     assert splats.quats is not None

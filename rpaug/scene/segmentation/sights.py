@@ -52,7 +52,10 @@ def see(episode: Episode, frames: Sequence[int]) -> Sights:
         for name, view in episode.views.items()
         if view.depth is not None and view.camera.fixed
     }
-    sizes = [(-(-v.camera.height // step_of(v)), -(-v.camera.width // step_of(v))) for v in views.values()]
+    sizes = [
+        (-(-v.camera.height // step_of(v)), -(-v.camera.width // step_of(v)))
+        for v in views.values()
+    ]
     shape = (
         len(frames),
         len(views),
@@ -77,4 +80,6 @@ def see(episode: Episode, frames: Sequence[int]) -> Sights:
                 cv2.erode(colour, BLOCK),
                 cv2.dilate(colour, BLOCK),
             )
-    return Sights(np.array(frames), tuple(views), K, poses, depths, nearest, farthest, darkest, brightest)
+    return Sights(
+        np.array(frames), tuple(views), K, poses, depths, nearest, farthest, darkest, brightest
+    )

@@ -1,0 +1,1 @@
+"""Things to put into scenes: shapes that ship, and meshes and Gaussians of one's own."""

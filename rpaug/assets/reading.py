@@ -1,0 +1,121 @@
+"""Meshes and Gaussians from files, as things of the library: glb, gltf, obj, stl, ply."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from rpaug import geometry
+from rpaug.errors import BadInput
+from rpaug.files import read_bytes
+from rpaug.scene import ply
+from rpaug.types import Gaussians, Mesh
+
+ENDINGS = (".glb", ".gltf", ".obj", ".stl", ".ply")
+FAINT = 0.3  # opacity: a Gaussian below shows too little to count as a surface
+DISC = 1.6  # standard deviations: half a side of the square that stands for a Gaussian
+LARGEST_IMAGE = 1024  # texels a side
+MOST_METRES = 3.0
+EVEN = 0.28209479  # of the harmonics' first coefficient, above 0.5
+
+
+def read(path: Path, scale: float = 1.0, up: str = "z") -> Mesh:
+    """The thing in a file, `scale` metres to its unit, its `up` axis ("y" or "z") made z. Raises BadInput."""
+    if path.suffix.lower() not in ENDINGS:
+        raise BadInput(path, "format", found=path.suffix, expected=", ".join(ENDINGS))
+    data = read_bytes(path)
+    splats = path.suffix.lower() == ".ply" and b"f_dc_0" in data[:4096]
+    thing = discs(ply.read(path)) if splats else _triangles(path)
+    turn = np.eye(3) if up == "z" else geometry.rotation(np.array([np.pi / 2, 0.0, 0.0]))
+    points = scale * thing.points @ turn.T
+    if not len(points) or not np.isfinite(points).all():
+        raise BadInput(
+            path, "vertices", found="none, or some that are not finite", expected="a surface"
+        )
+    extent = float(np.ptp(points, axis=0).max())
+    if not 1e-3 < extent < MOST_METRES:
+        raise BadInput(
+            path,
+            "size",
+            found=f"{extent:.3g} m",
+            expected=f"0.001 to {MOST_METRES:g} m: give --scale, metres to a unit",
+        )
+    return Mesh(points, thing.normals @ turn.T, thing.uv, thing.faces, thing.image)
+
+
+def discs(gaussians: Gaussians) -> Mesh:
+    """Gaussians as the small squares that they mostly are: across their shortest axis, in their even colour."""
+    keep = gaussians.opacities > FAINT
+    means, scales = gaussians.means[keep].astype(float), gaussians.scales[keep].astype(float)
+    xyzw = gaussians.quats[keep][:, [1, 2, 3, 0]].astype(float)
+    axes = geometry.pose_of(means, xyzw)[:, :3, :3]
+    order = scales.argsort(1)
+    rows = np.arange(len(means))
+    normal, wide, long = (axes[rows, :, order[:, k]] for k in range(3))
+    a = DISC * scales[rows, order[:, 1]][:, None] * wide
+    b = DISC * scales[rows, order[:, 2]][:, None] * long
+    outwards = np.sign(((means - means.mean(0)) * normal).sum(1))[:, None] if len(means) else 1.0
+    points = np.stack([means - a - b, means + a - b, means + a + b, means - a + b], 1).reshape(
+        -1, 3
+    )
+    normals = np.repeat(normal * np.where(outwards == 0, 1.0, outwards), 4, 0)
+    first = 4 * rows[:, None]
+    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]]).astype(np.int32)
+    colour = np.clip(0.5 + EVEN * gaussians.sh[keep][:, 0], 0, 1)
+    image, uv = palette(np.rint(colour * 255).astype(np.uint8))
+    return Mesh(points, normals, np.repeat(uv, 4, 0), faces, image)
+
+
+def palette(
+    colours: UInt8[np.ndarray, "n 3"],
+) -> tuple[UInt8[np.ndarray, "h w 3"], Float[np.ndarray, "n 2"]]:
+    """An image with one texel a colour, and where each lies."""
+    side = max(1, int(np.ceil(np.sqrt(len(colours)))))
+    image = np.zeros((side * side, 3), np.uint8)
+    image[: len(colours)] = colours
+    rows, columns = np.divmod(np.arange(len(colours)), side)
+    uv = np.stack([(columns + 0.5) / side, 1 - (rows + 0.5) / side], -1)
+    return image.reshape(side, side, 3), uv
+
+
+def _triangles(path: Path) -> Mesh:
+    import trimesh  # only here: it takes half a second to load
+
+    try:
+        loaded = trimesh.load(path, force="mesh", process=False)
+    except Exception as error:  # trimesh's readers raise whatever their formats' libraries do
+        raise BadInput(
+            path, "mesh", found=str(error).splitlines()[0][:120], expected="a readable mesh"
+        ) from None
+    if not isinstance(loaded, trimesh.Trimesh) or not len(loaded.faces):
+        raise BadInput(path, "mesh", found="no triangles", expected="a surface")
+    points = np.asarray(loaded.vertices, float)
+    normals = np.asarray(loaded.vertex_normals, float)
+    faces = np.asarray(loaded.faces, np.int32)
+    image, uv = _picture(loaded)
+    return Mesh(points, normals, uv, faces, image)
+
+
+def _picture(loaded) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def]  # trimesh is loaded late
+    """The image on a mesh and where its vertices lie in it; a palette where it has colours and no image."""
+    import cv2
+
+    visual, count = loaded.visual, len(loaded.vertices)
+    material = getattr(visual, "material", None)
+    found = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    uv = getattr(visual, "uv", None)
+    if found is not None and uv is not None and len(uv) == count:
+        image = np.asarray(found.convert("RGB"))
+        if max(image.shape[:2]) > LARGEST_IMAGE:
+            share = LARGEST_IMAGE / max(image.shape[:2])
+            image = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+        return image, np.asarray(uv, float)
+    if getattr(visual, "kind", None) == "vertex":
+        return palette(np.asarray(visual.vertex_colors)[:, :3].astype(np.uint8))
+    plain = (
+        getattr(visual, "main_color", None)
+        if material is None
+        else getattr(material, "main_color", None)
+    )
+    colour = np.asarray(plain if plain is not None else (160, 160, 160, 255))[:3].astype(np.uint8)
+    return np.tile(colour, (2, 2, 1)), np.full((count, 2), 0.5)

@@ -1,0 +1,93 @@
+"""`rpaug assets`: the library of things that `insert` and `distractors` put into scenes."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rpaug.cli.console import AsJson, print_json, say
+
+
+def ls(
+    category: Annotated[str | None, typer.Option(help="Only of this category.")] = None,
+    color: Annotated[str | None, typer.Option(help="Only of this colour word.")] = None,
+    smallest: Annotated[float, typer.Option(min=0, help="Longest side in metres, at least.")] = 0.0,
+    largest: Annotated[float, typer.Option(min=0, help="Longest side in metres, at most.")] = 10.0,
+    as_json: AsJson = False,
+) -> int:
+    """List the things that fit.
+
+    Example: [bold]rpaug assets ls --category mug --color red[/]
+    """
+    from rpaug.assets import library
+
+    found = library.find(category, color, (smallest, largest))
+    if as_json:
+        print_json([asdict(asset) for asset in found])
+        return 0
+    for asset in found:
+        say(_line(asset))
+    return 0
+
+
+def add(
+    file: Annotated[
+        Path, typer.Argument(help="A glb, gltf, obj, stl or ply mesh, or a .ply of Gaussians.")
+    ],
+    name: Annotated[str | None, typer.Option(help="Its name; the file's if not given.")] = None,
+    category: Annotated[str, typer.Option(help="What kind of thing it is.")] = "thing",
+    scale: Annotated[float, typer.Option(min=1e-6, help="Metres to one unit of the file.")] = 1.0,
+    up: Annotated[str, typer.Option(help="The file's upward axis: y or z.")] = "z",
+    as_json: AsJson = False,
+) -> int:
+    """Add a mesh, or Gaussians, to your library.
+
+    Example: [bold]rpaug assets add teapot.glb --category teapot --scale 0.01 --up y[/]
+    """
+    from rpaug.assets import library, reading
+    from rpaug.errors import RpaugError
+
+    if up not in ("y", "z"):
+        raise RpaugError(f"--up {up}: give y or z")
+    asset = library.add(
+        name or file.stem.replace("-", "_"), category, reading.read(file, scale, up), file.name
+    )
+    if as_json:
+        print_json(asdict(asset))
+        return 0
+    say(f"added to {library.folder()}:")
+    say(_line(asset))
+    return 0
+
+
+def show(
+    name: Annotated[str, typer.Argument(help="The thing's name.")],
+    out: Annotated[Path | None, typer.Option(help="Also draw it into this PNG.")] = None,
+    as_json: AsJson = False,
+) -> int:
+    """Tell what is known of one thing, and draw it.
+
+    Example: [bold]rpaug assets show mug_red --out mug.png[/]
+    """
+    from rpaug.assets import library, picture
+    from rpaug.files import encode_png, write_atomic
+
+    asset = library.get(name)
+    thing = library.mesh(name)
+    if out is not None:
+        write_atomic(out, encode_png(picture.portrait(thing)))
+    facts = asdict(asset) | {"points": len(thing.points), "triangles": len(thing.faces)}
+    if as_json:
+        print_json(facts)
+        return 0
+    say(_line(asset))
+    say(f"{len(thing.points)} points, {len(thing.faces)} triangles, from: {asset.source}")
+    return 0
+
+
+def _line(asset) -> str:  # type: ignore[no-untyped-def]  # the library is loaded late
+    x, y, z = (100 * side for side in asset.size)
+    return (
+        f"{asset.name:16} {asset.category:10} {asset.colour:10} {x:5.1f} x {y:4.1f} x {z:4.1f} cm"
+    )

@@ -1,0 +1,71 @@
+"""Put more of a thing on the table."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from rpaug.errors import Unsupported
+from rpaug.interfaces import Edit, Operator
+from rpaug.scene import standing, targets, untouched
+from rpaug.scene.placing import room
+from rpaug.types import Body, Effect, Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Duplicate(Operator):
+    """Put `count` copies of `target` on free places of the table, each turned by up to `turn`.
+
+    Copies have handles of their own. They show what was recorded of the original: sides that nobody saw are
+    missing, so `turn` is best kept small where cameras stand on one side. Things that the robot acts on are refused.
+    """
+
+    target: targets.Target
+    count: Annotated[int, Field(ge=1, le=20)] = 1
+    turn: Annotated[float, Field(ge=0, le=np.pi)] = 0.5  # radians, at most
+
+    effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        handles = untouched.find_untouched(scene, self.target, "duplicating")
+        around = room(scene)
+        one = standing.thing(scene, handles, around, "duplicating")
+        copies: list[Edit] = []
+        free = max(scene.handles) + 1
+        for _ in range(self.count):
+            found = standing.settle(one, around, self.turn, rng)
+            if found is None:
+                raise Unsupported(
+                    f"duplicating {self.target}: no free place for copy {len(copies) + 1} of {self.count}"
+                )
+            spot, turn = found
+            around = around.with_thing(standing.turned(one.outline, turn) + spot)
+            names = {str(old): free + k for k, old in enumerate(sorted(handles))}
+            free += len(names)
+            copies.append({"handles": names, "motion": one.placing(spot, turn).tolist()})
+        return {"copies": copies}
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        bodies = list(scene.bodies)
+        for copy in edit["copies"]:
+            names = {int(old): new for old, new in copy["handles"].items()}
+            bodies += [
+                _copy(
+                    body,
+                    {old: new for old, new in names.items() if old in body.handles},
+                    copy["motion"],
+                )
+                for body in scene.bodies
+                if not body.copy_of and body.handles & names.keys()
+            ]
+        return replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
+
+
+def _copy(body: Body, names: dict[int, int], motion: list[list[float]]) -> Body:
+    return replace(
+        body,
+        handles=frozenset(names.values()),
+        to_world=np.array(motion) @ body.to_world,
+        copy_of=names,
+    )

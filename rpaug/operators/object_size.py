@@ -1,0 +1,113 @@
+"""Make a thing larger or smaller where it stands, or about the place where it is gripped."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float64
+from pydantic import AfterValidator, Field
+
+from rpaug import geometry
+from rpaug.errors import Unsupported
+from rpaug.interfaces import Edit, Operator
+from rpaug.operators.fields import Interval
+from rpaug.scene import grip, placing, targets, untouched
+from rpaug.scene.looks import look
+from rpaug.types import Body, Effect, Scene
+
+
+def _positive(value: tuple[float, float]) -> tuple[float, float]:
+    if not 0.1 <= value[0] <= value[1] <= 10:
+        raise ValueError(f"{list(value)} is not within 0.1..10")
+    return value
+
+
+Scales = Annotated[Interval[float], AfterValidator(_positive)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectSize(Operator):
+    """Scale `target` by a factor drawn from `range`, the same along all axes.
+
+    `about` is what stays in place: the middle of its foot, or where the gripper holds it. Only factors are drawn at
+    which every contact with the robot, and with what it moves, still holds to within `contact` metres; if `range` has
+    none, the edit is refused with the number.
+    """
+
+    target: targets.Target
+    range: Scales = (0.75, 1.25)
+    about: Literal["support", "grasp"] = "support"
+    contact: Annotated[float, Field(gt=0, le=0.1)] = 0.004  # metres
+
+    effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        handles = targets.find(scene, self.target)
+        untouched.check_seen(scene, self.target, "resizing")
+        looks = look(scene.episode)
+        pivot = self._pivot(scene, handles)
+        low, high = self.range
+        worst = None
+        for touched in grip.contacts(scene, looks, handles, pivot):
+            bears = self.contact / max(abs(touched.growth), 1e-9)
+            if 1 - bears > high or 1 + bears < low:
+                worst = touched
+            low, high = max(low, 1 - bears), min(high, 1 + bears)
+        if worst is not None or low > high:
+            raise Unsupported(self._reason(worst, handles))
+        return {
+            "handles": sorted(handles),
+            "scale": float(rng.uniform(low, high)),
+            "pivot": pivot.tolist(),
+            "allowed": [low, high],
+        }
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        handles, scale = frozenset(edit["handles"]), edit["scale"]
+        # Scaling is about the frame's origin; this puts the pivot back.
+        shift = geometry.rigid(np.zeros(3), (1 - scale) * np.array(edit["pivot"]))
+        bodies: list[Body] = []
+        for body in scene.bodies:
+            held = body.handles & handles
+            if not held or body.copy_of:
+                bodies.append(body)
+                continue
+            grown = replace(
+                body, handles=held, scale=body.scale * scale, to_world=body.to_world @ shift
+            )
+            bodies.append(grown)
+            if rest := body.handles - held:
+                bodies.append(replace(body, handles=rest))
+        return replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
+
+    def _pivot(self, scene: Scene, handles: frozenset[int]) -> Float64[np.ndarray, "3"]:
+        """What stays in place, in the bodies' own frames."""
+        points = placing.points_of(scene, handles)
+        if len(points) < grip.FEW:
+            raise Unsupported(f"resizing {self.target}: too little of it was seen")
+        body = next(body for body in scene.bodies if body.handles & handles)
+        if self.about == "support":
+            outline = placing.hull(points)
+            x, y = (outline.min(0) + outline.max(0)) / 2
+            return geometry.transform(
+                geometry.inverse(body.to_world[0]),
+                np.array([x, y, np.quantile(points[:, 2], 0.005)]),
+            )
+        taken = grip.grasps(scene, body.to_world)
+        if not taken:
+            raise Unsupported(f"resizing {self.target} about its grasp: the robot does not move it")
+        poses = scene.episode.robot.gripper_to_world
+        assert poses is not None
+        return geometry.transform(geometry.inverse(body.to_world[taken[0]]), poses[taken[0], :3, 3])
+
+    def _reason(self, worst: grip.Contact | None, handles: frozenset[int]) -> str:
+        names = ", ".join(map(str, sorted(handles)))
+        if worst is None:
+            return f"resizing {names}: no factor in {list(self.range)} suits all its contacts"
+        nearest = min(self.range, key=lambda scale: abs(scale - 1))
+        off = 1000 * (nearest - 1) * worst.growth
+        what = "the contact is lost" if off < 0 else "it sinks in"
+        return (
+            f"resizing {names}: even at {nearest:g} times its size the contact with {worst.with_} at frame {worst.t} "
+            f"no longer holds: {what} by {abs(off):.1f} mm, and {1000 * self.contact:g} mm are allowed"
+        )

@@ -1,0 +1,44 @@
+"""Take a thing out of the scene and show what lies behind it."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import AfterValidator
+
+from rpaug.errors import RpaugError
+from rpaug.interfaces import Edit, Operator
+from rpaug.providers import inpaint
+from rpaug.scene import targets, untouched
+from rpaug.types import Effect, Scene
+
+
+def _known(method: str) -> str:
+    try:
+        inpaint.check(method)
+    except RpaugError as error:
+        raise ValueError(str(error)) from None
+    return method
+
+
+Inpainting = Annotated[str, AfterValidator(_known)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remove(Operator):
+    """Remove `target`: what other cameras and times saw behind it is shown, and only what nobody saw is painted.
+
+    What is painted is the same in all cameras and frames, and marked as invented. Things that the robot acts on are
+    refused, since the recorded actions would be untrue.
+    """
+
+    target: targets.Target
+    inpaint: Inpainting = "fsr"
+
+    effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        return {"handles": sorted(untouched.find_untouched(scene, self.target, "removing"))}
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        return replace(untouched.without(scene, edit["handles"]), inpaint=self.inpaint)

@@ -1,0 +1,78 @@
+"""Rearrange what lies around: everything that the robot leaves alone gets another place."""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from rpaug.errors import RpaugError, Unsupported
+from rpaug.interfaces import Edit, Operator
+from rpaug.scene import standing, untouched
+from rpaug.scene.placing import Room, room
+from rpaug.scene.targets import Target
+from rpaug.types import Effect, Scene
+
+LARGEST = 0.4  # metres: what is wider is furniture
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread(Operator):
+    """Give each of `targets` another free place within `shift`, and a turn of up to `turn`.
+
+    None means all that stands on the table and is neither large nor acted on by the robot. A named target that the
+    robot acts on is refused.
+    """
+
+    targets: tuple[Target, ...] | None = None
+    shift: Annotated[float, Field(gt=0, le=10)] = 0.2  # metres, at most
+    turn: Annotated[float, Field(ge=0, le=np.pi)] = 0.5  # radians, at most
+
+    effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        around = room(scene)
+        things = self._named(scene, around) if self.targets else _loose(scene, around)
+        if not things:
+            raise Unsupported("spreading: nothing stands on the table that the robot leaves alone")
+        around = room(scene, leaving=frozenset().union(*(one.handles for one in things)))
+        moves = []
+        for one in sorted(things, key=lambda one: -float(np.ptp(one.outline, axis=0).max())):
+            found = standing.settle(one, around, self.turn, rng, within=self.shift)
+            spot, turn = found or (one.middle, 0.0)  # where there is no room it stays
+            around = around.with_thing(standing.turned(one.outline, turn) + spot)
+            if found:
+                moves.append(
+                    {"handles": sorted(one.handles), "motion": one.placing(spot, turn).tolist()}
+                )
+        if not moves:
+            raise Unsupported(
+                f"spreading: no free place within {100 * self.shift:.0f} cm for anything"
+            )
+        return {"moves": moves}
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        for move in edit["moves"]:
+            scene = standing.moved(scene, frozenset(move["handles"]), np.array(move["motion"]))
+        return scene
+
+    def _named(self, scene: Scene, around: Room) -> list[standing.Thing]:
+        named = [untouched.find_untouched(scene, each, "spreading") for each in self.targets or ()]
+        return [standing.thing(scene, handles, around, "spreading") for handles in named]
+
+
+def _loose(scene: Scene, around: Room) -> list[standing.Thing]:
+    """Small things on the table that no role is known of."""
+    taken = frozenset().union(*scene.roles.values()) if scene.roles else frozenset()
+    found = []
+    for body in scene.bodies:
+        if body.motion != "static" or body.copy_of or body.handles & taken:
+            continue
+        try:
+            untouched.check(scene, body.handles, "", "spreading")
+            one = standing.thing(scene, body.handles, around, "spreading")
+        except RpaugError:
+            continue
+        if np.ptp(one.outline, axis=0).max() < LARGEST:
+            found.append(one)
+    return found

@@ -1,0 +1,156 @@
+"""Triangles drawn as a camera sees them: which one is nearest at each pixel, and where in it the pixel's ray hits."""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, Float64
+
+from rpaug import geometry
+from rpaug.render.jit import kernel
+from rpaug.types import Mesh
+
+NEAREST = 0.005  # metres before the camera: a triangle that reaches nearer is not drawn
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What one camera sees of a mesh, per pixel; only where `hit` does the rest mean anything.
+
+    `depth` is in metres, `normals` are unit vectors in the world towards the camera, `albedo` display sRGB in 0..1.
+    """
+
+    hit: Bool[np.ndarray, "h w"]
+    depth: Float64[np.ndarray, "h w"]
+    normals: Float32[np.ndarray, "h w 3"]
+    albedo: Float32[np.ndarray, "h w 3"]
+
+
+def draw(
+    mesh: Mesh,
+    to_world: Float64[np.ndarray, "4 4"],
+    K: Float64[np.ndarray, "3 3"],
+    cam_to_world: Float64[np.ndarray, "4 4"],
+    size: tuple[int, int],
+) -> Drawn:
+    """The mesh as the camera `K`, `cam_to_world` of `size` (width, height) sees it, one sample at each pixel's centre."""
+    width, height = size
+    pose = geometry.inverse(cam_to_world) @ to_world
+    local = geometry.transform(pose, mesh.points)
+    near = np.zeros((height, width))
+    face = np.full((height, width), -1, np.int32)
+    weights = np.zeros((height, width, 3))
+    _rasterise(local, mesh.faces, K, near, face, weights)
+    hit = face >= 0
+    normals, albedo = (
+        np.zeros((height, width, 3), np.float32),
+        np.zeros((height, width, 3), np.float32),
+    )
+    if hit.any():
+        corners = mesh.faces[face[hit]]
+        share = weights[hit][..., None]
+        world = ((mesh.normals[corners] * share).sum(1)) @ to_world[:3, :3].T
+        rows, columns = np.nonzero(hit)
+        ray = np.stack(
+            [(columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1], np.ones(len(rows))], -1
+        )
+        away = (world * (ray @ cam_to_world[:3, :3].T)).sum(-1) > 0
+        world *= np.where(away, -1.0, 1.0)[:, None]
+        normals[hit] = world / np.maximum(np.linalg.norm(world, axis=-1, keepdims=True), 1e-9)
+        spread = _texels(mesh)[face[hit]] / (near[hit] * math.sqrt(K[0, 0] * K[1, 1]))
+        albedo[hit] = _look_up(mesh, (mesh.uv[corners] * share).sum(1), spread)
+    depth = np.divide(1.0, near, out=np.zeros_like(near), where=hit)
+    return Drawn(hit, depth, normals, albedo)
+
+
+@kernel
+def _rasterise(points, faces, K, near, face, weights):
+    """Per pixel the largest 1/z of all triangles, whose it is, and the hit's weights of its corners."""
+    height, width = near.shape
+    x, y, w = np.empty(3), np.empty(3), np.empty(3)
+    for f in range(len(faces)):
+        behind = False
+        for k in range(3):
+            p = points[faces[f, k]]
+            if p[2] < NEAREST:
+                behind = True
+                break
+            w[k] = 1.0 / p[2]
+            x[k] = K[0, 0] * p[0] * w[k] + K[0, 2]
+            y[k] = K[1, 1] * p[1] * w[k] + K[1, 2]
+        if behind:
+            continue
+        area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+        if area == 0.0:
+            continue
+        left, right = max(math.ceil(x.min()), 0), min(math.floor(x.max()), width - 1)
+        top, bottom = max(math.ceil(y.min()), 0), min(math.floor(y.max()), height - 1)
+        for v in range(top, bottom + 1):
+            for u in range(left, right + 1):
+                a = ((x[1] - u) * (y[2] - v) - (x[2] - u) * (y[1] - v)) / area
+                b = ((x[2] - u) * (y[0] - v) - (x[0] - u) * (y[2] - v)) / area
+                c = 1.0 - a - b
+                if a < 0.0 or b < 0.0 or c < 0.0:
+                    continue
+                hit = a * w[0] + b * w[1] + c * w[2]
+                if hit > near[v, u]:
+                    near[v, u] = hit
+                    face[v, u] = f
+                    weights[v, u, 0] = a * w[0] / hit
+                    weights[v, u, 1] = b * w[1] / hit
+                    weights[v, u, 2] = c * w[2] / hit
+
+
+@lru_cache(64)
+def _texels(mesh: Mesh) -> Float64[np.ndarray, "f"]:
+    """Texels of the image to a metre on each face."""
+    corners, tiles = mesh.points[mesh.faces], mesh.uv[mesh.faces] * mesh.image.shape[1::-1]
+    sides = corners[:, 1:] - corners[:, :1]
+    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=-1)
+    flat = tiles[:, 1:] - tiles[:, :1]
+    covered = np.abs(flat[:, 0, 0] * flat[:, 1, 1] - flat[:, 0, 1] * flat[:, 1, 0])
+    return np.sqrt(covered / np.maximum(area, 1e-12))
+
+
+@lru_cache(64)
+def _pyramid(mesh: Mesh) -> tuple[Float32[np.ndarray, "h w 3"], ...]:
+    """The image, and the same ever half as large."""
+    levels = [mesh.image.astype(np.float32) / 255]
+    while min(levels[-1].shape[:2]) > 1:
+        height, width = levels[-1].shape[:2]
+        levels.append(
+            cv2.resize(
+                levels[-1], (max(width // 2, 1), max(height // 2, 1)), interpolation=cv2.INTER_AREA
+            )
+        )
+    return tuple(levels)
+
+
+def _look_up(
+    mesh: Mesh, uv: Float64[np.ndarray, "n 2"], spread: Float64[np.ndarray, "n"]
+) -> Float32[np.ndarray, "n 3"]:
+    """The image at those places, linear between texels of the size of the pixels; `spread` texels go on a pixel."""
+    levels = _pyramid(mesh)
+    wanted = np.clip(np.log2(np.maximum(spread, 1.0)).round().astype(int), 0, len(levels) - 1)
+    out = np.zeros((len(uv), 3), np.float32)
+    for level in np.unique(wanted):
+        rows = wanted == level
+        out[rows] = _bilinear(levels[level], uv[rows])
+    return out
+
+
+def _bilinear(
+    image: Float32[np.ndarray, "h w 3"], uv: Float64[np.ndarray, "n 2"]
+) -> Float32[np.ndarray, "n 3"]:
+    height, width = image.shape[:2]
+    at = np.stack([uv[:, 0] * width, (1 - uv[:, 1]) * height], -1) - 0.5
+    corner = np.floor(at).astype(int)
+    out = np.zeros((len(uv), 3), np.float32)
+    for right in (0, 1):
+        for down in (0, 1):
+            step = corner + np.array([right, down])
+            weight = (1 - np.abs(at - step)).prod(1)
+            out += weight[:, None] * image[step[:, 1] % height, step[:, 0] % width]
+    return out

@@ -1,0 +1,269 @@
+"""Where on the scene's support there is room: seen, and free of other things and of all that moves, at all times.
+
+The support is looked at from above in cells of a centimetre. What stands still keeps its cells from its foot up.
+What moves keeps the cells it is ever above, from its lowest point there down by `UNDERNEATH`: undersides of arms are
+seldom seen.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Float64
+
+from rpaug import geometry
+from rpaug.errors import TargetError, Unsupported
+from rpaug.scene import sampling
+from rpaug.types import Body, Scene
+
+CELL = 0.01  # metres
+MARGIN = 0.05  # metres to other things, as COLOSSEUM keeps them apart
+SWEEPS = 64  # frames looked at for what moves
+STILLS = 4  # frames looked at for what stands
+LEVEL = 0.01  # metres: what is nearer to the plane than this is the support
+REACH = 0.06  # metres: radius of an arm's link, whose sides are seen but not its underside
+UNDERNEATH = 0.06  # metres
+FINGERS = 0.06  # metres around the gripper's tip, whether it is seen or not
+CLOSED = 3  # cells: gaps between pixels of the support that count as seen
+
+
+@dataclass(frozen=True)
+class Room:
+    """The support from above; cell (row, column) has its middle at `origin + CELL * (column, row)`.
+
+    `seen` is where the support itself was seen, `still` the height from which a standing thing takes the cell, and
+    `swept` that of what moves: both inf where there is none, in metres above the support at world z = `level`.
+    """
+
+    origin: Float64[np.ndarray, "2"]
+    level: float
+    seen: Bool[np.ndarray, "r c"]
+    still: Float32[np.ndarray, "r c"]
+    swept: Float32[np.ndarray, "r c"]
+
+    def spots(self, outline: Float[np.ndarray, "k 2"], height: float) -> Bool[np.ndarray, "r c"]:
+        """Cells onto which the middle of a thing may be put; `outline` is convex, in metres around that middle."""
+        close = (self.still < height) | (self.swept < height + MARGIN)
+        taken = cv2.dilate(close.astype(np.uint8), _disc(MARGIN))
+        shape = _stamp(outline)
+        blocked = cv2.dilate(taken, shape, borderValue=1)
+        beside = cv2.dilate((~self.seen).astype(np.uint8), shape, borderValue=1)
+        return (blocked == 0) & (beside == 0)
+
+    def free(
+        self, outline: Float[np.ndarray, "k 2"], height: float, middle: Float[np.ndarray, "2"]
+    ) -> bool:
+        """Whether there is room for a thing at that very place."""
+        column, row = np.rint((middle - self.origin) / CELL).astype(int)
+        inside = 0 <= row < self.seen.shape[0] and 0 <= column < self.seen.shape[1]
+        return inside and bool(self.spots(outline, height)[row, column])
+
+    def at(self, cells: np.ndarray) -> Float64[np.ndarray, "n 2"]:
+        """World (x, y) of (row, column) cells."""
+        return self.origin + CELL * cells[:, ::-1]
+
+    def draw(
+        self,
+        outline: Float[np.ndarray, "k 2"],
+        height: float,
+        rng: np.random.Generator,
+        near: tuple[Float[np.ndarray, "2"], float] | None = None,
+    ) -> Float64[np.ndarray, "2"] | None:
+        """A place for the thing's middle, any free one as likely, within a distance of a point if given."""
+        cells = np.argwhere(self.spots(outline, height))
+        if near is not None:
+            cells = cells[np.linalg.norm(self.at(cells) - near[0], axis=1) <= near[1]]
+        if not len(cells):
+            return None
+        return self.at(cells[rng.integers(len(cells)), None])[0]
+
+    def with_thing(self, outline: Float[np.ndarray, "k 2"]) -> "Room":
+        """The room once something stands there; `outline` is convex, in world metres."""
+        corners = np.rint((outline - self.origin) / CELL).astype(np.int32)
+        mask = np.zeros(self.seen.shape, np.uint8)
+        cv2.fillConvexPoly(mask, corners, 1)
+        return replace(self, still=np.where(mask > 0, np.float32(0), self.still))
+
+
+def room(scene: Scene, leaving: Iterable[int] = ()) -> Room:
+    """The room on the scene's table. `leaving` are handles that do not count: they will stand elsewhere.
+
+    Things that an edit put elsewhere count where they are now, and removed ones no more. Raises TargetError if there is
+    no table, Unsupported without depth and masks.
+    """
+    support = scene.roles.get("table")
+    if not support:
+        raise TargetError("nothing was seen to be the table, so there is nowhere to put things")
+    points = _support(scene, support)
+    level = float(np.median(points[:, 2]))
+    points = points[np.abs(points[:, 2] - level) < LEVEL]
+    low, high = points[:, :2].min(0), points[:, :2].max(0)
+    shape = tuple((np.ceil((high - low) / CELL).astype(int) + 1)[::-1])
+    seen = np.zeros(shape, np.uint8)
+    rows, columns, inside = _cells(points, low, shape)
+    seen[rows[inside], columns[inside]] = 1
+    seen = cv2.morphologyEx(seen, cv2.MORPH_CLOSE, np.ones((CLOSED, CLOSED), np.uint8))
+    empty = Room(
+        low, level, seen > 0, np.full(shape, np.inf, np.float32), np.full(shape, np.inf, np.float32)
+    )
+    gone = frozenset(leaving) | support
+    return _swept(_standing(empty, scene, gone), scene, gone)
+
+
+def hull(points: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, "k 2"]:
+    """The convex outline of points seen from above."""
+    flat = np.ascontiguousarray(points[:, :2], np.float32)
+    return cv2.convexHull(flat)[:, 0].astype(np.float64)
+
+
+def points_of(
+    scene: Scene, handles: Iterable[int], count: int = STILLS
+) -> Float64[np.ndarray, "n 3"]:
+    """What fixed cameras saw of some recorded instances, in the world of frame 0."""
+    wanted = list(handles)
+    poses = {handle: body.to_world for body in scene.tracked for handle in body.handles}
+    found = []
+    for name, view in scene.episode.views.items():
+        if view.depth is None or view.ids is None:
+            continue
+        for t in sampling.frames(scene.episode.length, count):
+            ids, depth = view.ids(t), view.depth(t)
+            for handle in wanted:
+                use = (ids == handle) & (depth > 0) & np.isfinite(depth)
+                if use.any():
+                    world = _lifted(scene, name, t, use)
+                    found.append(
+                        geometry.transform(
+                            poses[handle][0] @ geometry.inverse(poses[handle][t]), world
+                        )
+                    )
+    return np.concatenate(found) if found else np.zeros((0, 3))
+
+
+def _support(scene: Scene, support: frozenset[int]) -> Float64[np.ndarray, "n 3"]:
+    """Points of the support as cameras saw it over the episode."""
+    found = []
+    for name, view in scene.episode.views.items():
+        if view.depth is None or view.ids is None:
+            raise Unsupported(f"{name}: finding room needs recorded depth and masks")
+        for t in sampling.frames(scene.episode.length, STILLS if view.camera.fixed else 1):
+            depth = view.depth(t)
+            use = np.isin(view.ids(t), list(support)) & (depth > 0) & np.isfinite(depth)
+            if use.any():
+                found.append(_lifted(scene, name, t, use))
+    if not found:
+        raise TargetError("the table was never seen, so there is nowhere to put things")
+    return np.concatenate(found)
+
+
+def _standing(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
+    """Each standing thing takes its cells from its lowest point up."""
+    still = room.still.copy()
+    for body in scene.bodies:
+        if body.mesh is not None and not body.handles & gone:
+            placed = replace(room, still=still).with_thing(
+                hull(geometry.transform(body.to_world[0], body.mesh.points))
+            )
+            still = placed.still.copy()
+    for body, handle, source in _things(scene):
+        if source in gone or handle in gone or body.motion != "static":
+            continue
+        recorded = next(b for b in scene.tracked if source in b.handles)
+        points = points_of(scene, [source], 2)
+        own = geometry.transform(geometry.inverse(recorded.to_world[0]), points)
+        points = geometry.transform(body.to_world[0], body.scale * own)
+        height = points[:, 2] - room.level
+        rows, columns, inside = _cells(points, room.origin, still.shape)
+        # Of the support's own kind: a floor below, a wall beside.
+        inside &= height > -LEVEL
+        if inside.any():
+            base = max(float(np.quantile(height[inside], 0.02)), 0.0)
+            np.minimum.at(still, (rows[inside], columns[inside]), np.float32(base))
+    return replace(room, still=_closed(still))
+
+
+def _things(scene: Scene) -> list[tuple[Body, int, int]]:
+    """Bodies as they stand now, with a handle and the recorded handle whose pixels show it."""
+    found = []
+    for body in scene.bodies:
+        if body.mesh is not None:
+            continue
+        names = body.copy_of or {handle: handle for handle in body.handles}
+        found += [(body, new, old) for old, new in names.items()]
+    return found
+
+
+def _closed(height: Float32[np.ndarray, "r c"]) -> Float32[np.ndarray, "r c"]:
+    """The same with gaps between pixels filled by what is around them."""
+    finite = np.where(np.isfinite(height), height, np.float32(1e3))
+    square = np.ones((CLOSED, CLOSED), np.uint8)
+    closed = cv2.dilate(cv2.erode(finite, square), square)
+    return np.where(closed < 1e2, closed, np.float32(np.inf))
+
+
+def _swept(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
+    """What moves takes the cells it is ever above, from its lowest point there, and a little less."""
+    moving = [h for body in scene.tracked if body.motion != "static" for h in body.handles]
+    moving += list(scene.roles.get("robot", ()))
+    whole = scene.roles.get("manipulated", frozenset())
+    swept = np.full(room.swept.shape, 1e3, np.float32)
+    for t in sampling.frames(scene.episode.length, SWEEPS):
+        for name, view in scene.episode.views.items():
+            assert view.depth is not None
+            assert view.ids is not None
+            ids, depth = view.ids(t), view.depth(t)
+            for handle in np.intersect1d(ids, moving).tolist():
+                if handle in gone:
+                    continue
+                points = _lifted(scene, name, t, (ids == handle) & (depth > 0) & np.isfinite(depth))
+                height = points[:, 2] - room.level
+                if handle in whole and len(height):
+                    height = np.full_like(height, height.min())
+                rows, columns, inside = _cells(points, room.origin, swept.shape)
+                np.minimum.at(
+                    swept, (rows[inside], columns[inside]), height[inside].astype(np.float32)
+                )
+    poses = scene.episode.robot.gripper_to_world
+    if poses is not None:
+        rows, columns, inside = _cells(poses[:, :3, 3], room.origin, swept.shape)
+        height = (poses[:, 2, 3] - room.level).astype(np.float32)
+        tips = np.full_like(swept, 1e3)
+        np.minimum.at(tips, (rows[inside], columns[inside]), height[inside])
+        swept = np.minimum(swept, cv2.erode(tips, _disc(FINGERS)))
+    swept = cv2.erode(swept, _disc(REACH)) - np.float32(UNDERNEATH)
+    return replace(room, swept=np.where(swept < 1e2, swept, np.float32(np.inf)))
+
+
+def _lifted(
+    scene: Scene, name: str, t: int, use: Bool[np.ndarray, "h w"]
+) -> Float64[np.ndarray, "n 3"]:
+    """World points of the pixels in `use`."""
+    view = scene.episode.views[name]
+    assert view.depth is not None
+    rows, columns = np.nonzero(use)
+    z = view.depth(t)[rows, columns].astype(np.float64)
+    K = view.camera.K
+    local = np.stack([(columns - K[0, 2]) / K[0, 0] * z, (rows - K[1, 2]) / K[1, 1] * z, z], -1)
+    return geometry.transform(view.camera.cam_to_world[t], local)
+
+
+def _cells(
+    points: Float[np.ndarray, "n k"], origin: Float[np.ndarray, "2"], shape: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows and columns of the points' cells, and which of them lie in the room."""
+    columns, rows = np.rint((points[:, :2] - origin) / CELL).astype(int).T
+    return rows, columns, (rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1])
+
+
+def _disc(radius: float) -> np.ndarray:
+    size = 2 * int(np.ceil(radius / CELL)) + 1
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+
+
+def _stamp(outline: Float[np.ndarray, "k 2"]) -> np.ndarray:
+    """The cells that a thing covers around its middle, a little too many."""
+    reach = int(np.ceil(np.abs(outline).max() / CELL)) + 1
+    mask = np.zeros((2 * reach + 1, 2 * reach + 1), np.uint8)
+    cv2.fillConvexPoly(mask, np.rint(outline / CELL).astype(np.int32) + reach, 1)
+    return cv2.dilate(mask, np.ones((3, 3), np.uint8))

@@ -1,0 +1,78 @@
+"""A resized thing keeps its foot or its grip, and a grasp that would no longer hold is refused with the number."""
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+from tabletop import handle, scene
+
+from rpaug.errors import Unsupported
+from rpaug.operators.object_size import ObjectSize
+from rpaug.scene import placing
+from rpaug.scene.targets import Target
+from rpaug.testing import OperatorContract, shown
+
+pytestmark = pytest.mark.gl
+
+
+class TestObjectSize(OperatorContract):
+    def operator(self):
+        return ObjectSize(target=Target(handle=handle("cylinder")), range=(1.2, 1.3))
+
+    def scene(self):
+        return scene()
+
+
+def test_the_foot_stays_and_the_top_rises():
+    operator = ObjectSize(target=Target(handle=handle("cylinder")), range=(1.25, 1.25))
+    edit = operator.sample(scene(), np.random.default_rng(0))
+    after = operator.apply(scene(), edit)
+    body = next(b for b in after.bodies if handle("cylinder") in b.handles)
+    points = placing.points_of(scene(), [handle("cylinder")])
+    grown = (body.scale * points) @ body.to_world[0, :3, :3].T + body.to_world[0, :3, 3]
+    assert grown[:, 2].min() == pytest.approx(points[:, 2].min(), abs=2e-3)
+    assert np.ptp(grown[:, 2]) == pytest.approx(1.25 * np.ptp(points[:, 2]), rel=1e-6)
+    before, view = scene().episode.views["front"], shown(after).views["front"]
+    assert (view.ids(0) == handle("cylinder")).sum() > 1.2 * (before.ids(0) == handle("cylinder")).sum()
+
+
+def test_a_grasp_that_no_longer_holds_is_refused_with_the_number():
+    held = Target(role="manipulated")
+    with pytest.raises(Unsupported, match=r"0\.6 times its size.*the gripper.*lost by \d+\.\d mm"):
+        ObjectSize(target=held, range=(0.5, 0.6)).sample(scene(), np.random.default_rng(0))
+    with pytest.raises(Unsupported, match=r"1\.5 times its size.*sinks in by \d+\.\d mm"):
+        ObjectSize(target=held, range=(1.5, 1.6)).sample(scene(), np.random.default_rng(0))
+
+
+def test_only_factors_at_which_the_grasp_holds_are_drawn():
+    edit = ObjectSize(target=Target(role="manipulated")).sample(scene(), np.random.default_rng(0))
+    low, high = edit["allowed"]
+    # The block is 64 mm wide between the fingers, and 4 mm are allowed.
+    assert low == pytest.approx(1 - 4 / 32, abs=0.03)
+    assert high == pytest.approx(1 + 4 / 32, abs=0.03)
+    assert low <= edit["scale"] <= high
+
+
+def test_about_the_grasp_the_tip_stays():
+    operator = ObjectSize(target=Target(role="manipulated"), range=(0.95, 0.95), about="grasp")
+    after = operator.apply(scene(), operator.sample(scene(), np.random.default_rng(0)))
+    body = next(b for b in after.bodies if b.scale != 1)
+    was = next(b for b in scene().bodies if b.handles == body.handles)
+    moves = np.abs(np.diff(was.to_world, axis=0)).max((1, 2)) > 1e-5
+    t = int(np.argmax(moves))
+    tip = scene().episode.robot.gripper_to_world[t, :3, 3]
+    own = np.linalg.inv(was.to_world[t]) @ [*tip, 1]
+    again = body.to_world[t] @ [*(body.scale * own[:3]), 1]
+    np.testing.assert_allclose(again[:3], tip, atol=1e-6)
+
+
+def test_what_is_not_moved_has_no_grasp():
+    with pytest.raises(Unsupported, match="the robot does not move it"):
+        ObjectSize(target=Target(handle=handle("cylinder")), about="grasp").sample(
+            scene(), np.random.default_rng(0)
+        )
+
+
+@pytest.mark.parametrize("wrong", [(0.0, 1.0), (1.2, 1.1), (1, 20)])
+def test_ranges_out_of_bounds_are_refused(wrong):
+    with pytest.raises(ValidationError):
+        TypeAdapter(ObjectSize).validate_python({"target": {"handle": 1}, "range": wrong})

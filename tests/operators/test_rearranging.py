@@ -1,0 +1,122 @@
+"""Things that the robot leaves alone stand elsewhere, apart from all others, or twice; what it touches is refused."""
+
+import numpy as np
+import pytest
+from tabletop import handle, scene, take
+
+from rpaug.errors import Unsupported
+from rpaug.operators.duplicate import Duplicate
+from rpaug.operators.move import Move
+from rpaug.operators.spread import Spread
+from rpaug.scene import placing, standing
+from rpaug.scene.targets import Target
+from rpaug.testing import OperatorContract, shown
+
+pytestmark = pytest.mark.gl
+
+
+class TestMove(OperatorContract):
+    def operator(self):
+        return Move(target=Target(handle=handle("cylinder")))
+
+    def scene(self):
+        return scene()
+
+
+class TestDuplicate(OperatorContract):
+    def operator(self):
+        return Duplicate(target=Target(handle=handle("block_textured")))
+
+    def scene(self):
+        return scene()
+
+
+class TestSpread(OperatorContract):
+    def operator(self):
+        return Spread()
+
+    def scene(self):
+        return scene()
+
+
+def middle(points):
+    return (points.min(0) + points.max(0)) / 2
+
+
+def test_a_moved_thing_stands_where_it_was_put():
+    corners = 0.06 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
+    spot = placing.room(scene()).draw(corners, 0.15, np.random.default_rng(0), near=(np.array([0.3, 0.0]), 0.5))
+    operator = Move(target=Target(handle=handle("cylinder")), to=tuple(spot), turn=0)
+    after = operator.apply(scene(), operator.sample(scene(), np.random.default_rng(0)))
+    view = shown(after).views["overhead"]
+    held = view.ids(0) == handle("cylinder")
+    assert held.any()
+    room = placing.room(after)
+    at = placing.points_of(scene(), [handle("cylinder")])
+    body = next(b for b in after.bodies if handle("cylinder") in b.handles)
+    np.testing.assert_allclose(middle(at @ body.to_world[0, :3, :3].T + body.to_world[0, :3, 3])[:2], spot, atol=0.01)
+    cell = np.rint((spot - room.origin) / placing.CELL).astype(int)
+    assert room.still[cell[1], cell[0]] < 0.01
+
+
+def test_a_place_that_is_taken_is_refused():
+    with pytest.raises(Unsupported, match="there is no room at"):
+        Move(target=Target(handle=handle("cylinder")), to=(0.34, 0.26)).sample(scene(), np.random.default_rng(0))
+
+
+def test_places_keep_their_distance():
+    room = placing.room(scene())
+    corners = 0.03 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
+    rng = np.random.default_rng(0)
+    true = [take().poses[name][0, :2, 3] for name in ("pad", "cylinder", "block_small", "block_textured")]
+    for _ in range(40):
+        spot = room.draw(corners, 0.1, rng)
+        assert min(np.linalg.norm(spot - other) for other in true) > 0.08
+    tall = room.spots(corners, 1.0).sum()
+    assert tall < room.spots(corners, 0.1).sum()
+
+
+def test_a_thing_that_stands_there_takes_the_room():
+    room = placing.room(scene())
+    corners = 0.03 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
+    spot = room.draw(corners, 0.1, np.random.default_rng(0))
+    assert spot is not None
+    assert room.draw(corners, 0.1, np.random.default_rng(0), near=(spot, 0.02)) is not None
+    assert room.with_thing(corners + spot).draw(corners, 0.1, np.random.default_rng(0), near=(spot, 0.05)) is None
+
+
+def test_copies_have_handles_of_their_own_and_stay():
+    operator = Duplicate(target=Target(handle=handle("block_textured")), count=2)
+    edit = operator.sample(scene(), np.random.default_rng(1))
+    new = {handle for copy in edit["copies"] for handle in copy["handles"].values()}
+    assert len(new) == 2
+    assert not new & scene().handles
+    after = shown(operator.apply(scene(), edit))
+    seen = {h for view in after.views.values() for h in np.unique(view.ids(0)).tolist()}
+    assert seen >= new
+    assert handle("block_textured") in seen
+
+
+def test_spread_leaves_alone_what_has_a_role():
+    edit = Spread().sample(scene(), np.random.default_rng(0))
+    moved = {handle for move in edit["moves"] for handle in move["handles"]}
+    assert moved
+    assert not moved & frozenset().union(*scene().roles.values())
+
+
+@pytest.mark.parametrize("operator", [Move, Duplicate])
+@pytest.mark.parametrize("role", ["manipulated", "robot", "table"])
+def test_what_the_robot_acts_on_is_refused(operator, role):
+    with pytest.raises(Unsupported, match="recorded actions would be untrue|carries the rest"):
+        operator(target=Target(role=role)).sample(scene(), np.random.default_rng(0))
+
+
+def test_no_room_is_said():
+    with pytest.raises(Unsupported, match="no free place within 1 cm"):
+        Move(target=Target(handle=handle("cabinet")), shift=0.01, turn=0).sample(scene(), np.random.default_rng(0))
+
+
+def test_what_does_not_stand_on_the_table_is_refused():
+    room = placing.room(scene())
+    with pytest.raises(Unsupported, match="does not stand on the table"):
+        standing.thing(scene(), frozenset({handle("floor")}), room, "moving")

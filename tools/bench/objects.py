@@ -1,0 +1,190 @@
+"""Removed, resized and inserted things against the twin's true re-recording of the same motion.
+
+    python tools/bench/objects.py --what remove --seeds 3 --json remove.json
+
+remove: dB and depth where the thing was, where some camera saw the background at any time and where none did, beside
+direct deletion (holes stay black) and inpainting each picture by itself. size: mask IoU, dB and depth of the resized
+thing. insert: the same of a mesh that stands there, harmonised and not. placements: how many of 1000 random ones
+intersect the swept robot, float or sink.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from rpaug import geometry, twin
+from rpaug.bench import metrics
+from rpaug.operators.remove import Remove
+from rpaug.providers import inpaint
+from rpaug.scene import build
+from rpaug.scene.targets import Target
+from rpaug.types import CameraView, Episode, Scene
+
+SAME_POINT = 0.004, 0.01  # metres and share of depth: a recorded pixel this close saw the point
+EVERY = 4  # frames
+TASKS = ("pick_block", "stack_cups", "push_button")
+LOOSE = ("cylinder", "block_textured", "block_small", "block_plain")
+
+
+@dataclass
+class Pool:
+    """Errors of pixels, gathered over images."""
+
+    squares: list[np.ndarray] = field(default_factory=list)
+    depths: list[np.ndarray] = field(default_factory=list)
+
+    def add(
+        self, rgb: np.ndarray, depth: np.ndarray, true: CameraView, t: int, where: np.ndarray
+    ) -> None:
+        off = rgb[where].astype(np.float64) - true.rgb(t)[where]
+        self.squares.append((off**2).mean(-1))
+        self.depths.append(np.abs(depth.astype(np.float64) - true.depth(t))[where])
+
+    def row(self) -> dict[str, float]:
+        square, depth = np.concatenate(self.squares), np.concatenate(self.depths)
+        if not len(square):
+            return {"pixels": 0, "psnr": np.nan, "depth_mm": np.nan}
+        return {
+            "pixels": len(square),
+            "psnr": round(metrics.psnr(float(square.mean())), 2),
+            "depth_mm": round(1000 * float(np.median(depth)), 3),
+        }
+
+
+def seen_before(episode: Episode, true: CameraView, t: int, gone: set[int]) -> np.ndarray:
+    """Which pixels of the true view show a static point that some camera recorded at some time."""
+    points = geometry.world_points(true.depth(t).astype(np.float64), true.camera, t)
+    ids = true.ids(t)
+    seen = np.zeros(ids.shape, bool)
+    for view in episode.views.values():
+        for when in {t, *range(0, episode.length, EVERY)}:
+            pixel, z = geometry.project(points, view.camera, when)
+            columns, rows = np.rint(np.nan_to_num(pixel)).astype(int).transpose(2, 0, 1)
+            inside = (z > 0) & (columns >= 0) & (rows >= 0)
+            inside &= (columns < view.camera.width) & (rows < view.camera.height)
+            rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
+            near = np.abs(view.depth(when)[rows, columns] - z) < SAME_POINT[0] + SAME_POINT[1] * z
+            seen |= inside & near & (view.ids(when)[rows, columns] == ids)
+    return seen & ~np.isin(ids, list(gone))
+
+
+def remove(seeds: int, look: twin.Look, frames: int, method: str) -> Iterator[dict]:
+    for seed in range(seeds):
+        task = TASKS[seed % len(TASKS)]
+        recorded = twin.perform(task, seed, look=look, frames=frames)
+        name = next(
+            n
+            for n in LOOSE[seed % len(LOOSE) :] + LOOSE
+            if n in recorded.truth.handles and n != recorded.truth.manipulated
+        )
+        handle = recorded.truth.handles[name]
+        true = twin.perform(task, seed, look=look, frames=frames, factor="removal", target=name)
+        start = time.process_time()
+        scene = build.build(recorded.episode, with_bodies=True)
+        operator = Remove(target=Target(handle=handle), inpaint=method)
+        edit = operator.sample(scene, np.random.default_rng(0))
+        held: dict[str, np.ndarray] = {}
+        made = _rendered(operator.apply(scene, edit), held)
+        pools: dict[tuple[str, str], Pool] = {}
+        rest = 0
+        images = 0
+        for camera, view in true.episode.views.items():
+            before = recorded.episode.views[camera]
+            for t in range(0, frames, EVERY):
+                was = before.ids(t) == handle
+                rest += int(
+                    (
+                        (made.views[camera].rgb(t) != before.rgb(t)).any(-1)
+                        & ~was
+                        & ~(before.rgb(t) != view.rgb(t)).any(-1)
+                    ).sum()
+                )
+                images += 1
+                if not was.any():
+                    continue
+                known = seen_before(recorded.episode, view, t, {handle})
+                ways = {
+                    "rpaug": (made.views[camera].rgb(t), made.views[camera].depth(t)),
+                    "direct deletion": _deleted(made.views[camera], t, held[f"{camera}/{t}"] & was),
+                    "inpainting each picture": _painted(before, t, was),
+                }
+                for way, (rgb, depth) in ways.items():
+                    for kind, where in (("seen", was & known), ("never seen", was & ~known)):
+                        pools.setdefault((way, kind), Pool()).add(rgb, depth, view, t, where)
+        seconds = time.process_time() - start
+        for (way, kind), pool in pools.items():
+            yield (
+                {
+                    "what": "remove",
+                    "seed": seed,
+                    "task": task,
+                    "part": name,
+                    "method": way,
+                    "where": kind,
+                }
+                | pool.row()
+                | {"other_pixels": rest if way == "rpaug" else 0, "seconds": round(seconds, 1)}
+            )
+
+
+def _rendered(scene: Scene, holes: dict[str, np.ndarray]) -> Episode:
+    """The episode an edited scene shows; its hole masks are kept by camera/frame."""
+    from rpaug import plan
+    from rpaug.scene import views
+
+    settled = plan.settle(plan.Plan(0, dict.fromkeys(scene.episode.views, 0), True), scene)
+
+    def watch(
+        camera: str, t: int, before: object, image: object, hole: np.ndarray | None, seconds: float
+    ) -> None:
+        if hole is not None:
+            holes[f"{camera}/{t}"] = hole
+
+    return views.edited(scene, settled.carriers, watch)
+
+
+def _deleted(view: CameraView, t: int, hole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.where(hole[..., None], 0, view.rgb(t)).astype(np.uint8), np.where(
+        hole, 0, view.depth(t)
+    )
+
+
+def _painted(view: CameraView, t: int, hole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    import cv2
+
+    fine = np.clip(view.depth(t) * 8000, 0, 65535).astype(np.uint16)  # eighths of a millimetre
+    depth = cv2.inpaint(fine, hole.astype(np.uint8), 3, cv2.INPAINT_TELEA) / 8000
+    return inpaint.paint("fsr", view.rgb(t), hole), depth
+
+
+WHAT: dict[str, Callable[..., Iterator[dict]]] = {"remove": remove}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--what", choices=WHAT, required=True)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--frames", type=int, default=17)
+    parser.add_argument("--method", default="fsr")
+    parser.add_argument("--shadows", action="store_true")
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    rows = []
+    for row in WHAT[given.what](
+        given.seeds, twin.Look(shadows=given.shadows), given.frames, given.method
+    ):
+        rows.append(row)
+        print("  ".join(f"{value}" for value in row.values()), flush=True)
+    if given.json:
+        given.json.write_text(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    main()
