@@ -1,21 +1,26 @@
 """What a camera sees of a scene's Gaussians: colour by blending, depth and handle from one surface."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
 from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
-from rpaug.render.composite import Surfaces
+from rpaug.render import denoise
+from rpaug.render.composite import Surfaces, composite
 from rpaug.render.splat import Rasteriser, Rendering, Settings, Splats, View
 from rpaug.scene import moments, surface
 from rpaug.scene.four import flowing
-from rpaug.scene.gaussians import SH0, Placement
-from rpaug.types import Appearance, Camera, Gaussians, Scene
+from rpaug.scene.gaussians import Placement
+from rpaug.types import Body, Camera, Scene
 
 # Recorded images are sharp: the usual 0.3 px^2 would blur every outline by half a pixel.
 SHARP = Settings(dilation=0.1)
+ROUGH = 2e-3  # of depth: how much, at least, the planes of neighbouring Gaussians stand apart
+ROUNDS = 3  # of smoothing over 5x5 pixels, for normals that light can fall on
 REACH = 3.0  # standard deviations: how far from its middle a Gaussian's plane is followed
 
 
@@ -25,29 +30,59 @@ def render_view(
     """Image, surface depth and handles of `scene.cameras[camera]` at t; depth 0 and handle 0 where nothing is.
 
     Depth and handle are those of the one Gaussian at which half of the light is gone, never blended; depth is
-    where the pixel's ray meets its plane. Appearance edits are applied to the Gaussians' constant colours.
+    where the pixel's ray meets its plane. Appearance edits are functions on the surface, applied to what each pixel
+    shows: an edited thing does not shine through what stands before it.
     Raises TargetError for a camera that is not there and Unsupported if the scene has no Gaussians.
     """
+    image, depth, ids = blended(scene, camera, t)
+    if scene.appearance:
+        where = surfaces(depth, ids, standing(scene, camera), t, scene.bodies)
+        # Gaussians blend, so an outline's pixel is a mixture however sharp the recording was.
+        image = composite(image, ids, scene.appearance, True, where)
+    return image, depth, ids
+
+
+def blended(
+    scene: Scene, camera: str, t: int
+) -> tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]:
+    """What `render_view` shows before appearance edits: the Gaussians with their bodies where they are now."""
     if camera not in scene.cameras:
         known = ", ".join(scene.cameras)
         raise TargetError(f"no camera is called {camera!r}; there are: {known}")
     if scene.gaussians is None:
         raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
     eye, then = standing(scene, camera), moments.at(scene.gaussians, t)
-    surfaces = surface.of_gaussians(then, eye, t, scene.bodies)
-    painted = paint(then, scene.appearance, surfaces)
-    splats = Placement.of(painted.ids, scene.bodies, scene.irradiance).place(Splats.of(painted), t)
-    names = painted.ids
+    placement = Placement.of(then.ids, scene.tracked, scene.irradiance)
+    there = placement.place(Splats.of(then), t)
+    assert there.quats is not None
+    then = replace(then, means=there.means, quats=there.quats, sh=there.sh)
+    then = flowing.edited(then, scene, t, np.zeros(3))
+    splats, names = Splats.of(then), then.ids
     if scene.flowing is not None:
-        now = flowing.standing(scene.flowing, t)
-        middle = scene.flowing.origin
-        where = replace(now, means=(now.means + middle).astype(np.float32))
-        now = paint(now, scene.appearance, surface.of_gaussians(where, eye, t, scene.tracked))
+        now, middle = flowing.standing(scene.flowing, t), scene.flowing.origin
         splats, names = flowing.beside(splats, names, flowing.edited(now, scene, t, middle), middle)
     drawn = Rasteriser(SHARP).forward(splats, view_of(eye, t))
     ids = np.where(drawn.surface_index >= 0, names[drawn.surface_index], 0)
-    depth = plane_depth(drawn, splats, eye, t)
-    return to_bytes(drawn.colour), depth, ids.astype(np.int32)
+    return to_bytes(drawn.colour), plane_depth(drawn, splats, eye, t), ids.astype(np.int32)
+
+
+def surfaces(
+    depth: Float32[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+    camera: Camera,
+    t: int,
+    bodies: Sequence[Body],
+) -> Surfaces:
+    """Where the pixels of a rendering lie: neighbouring Gaussians' planes, brought to one surface."""
+
+    @cache
+    def even() -> Float32[np.ndarray, "h w"]:
+        level, smooth = max(denoise.noise(depth, ids), ROUGH), depth
+        for _ in range(ROUNDS):
+            smooth = denoise.smooth(smooth, ids, level)
+        return smooth
+
+    return surface.of_image(even, ids, camera, t, bodies)
 
 
 def standing(scene: Scene, name: str) -> Camera:
@@ -67,24 +102,6 @@ def view_of(camera: Camera, t: int) -> View:
 def to_bytes(colour: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
     """Display colours 0..1 as 8-bit pixels."""
     return (np.clip(colour, 0, 1) * 255 + 0.5).astype(np.uint8)
-
-
-def paint(
-    gaussians: Gaussians, appearance: tuple[Appearance, ...], surfaces: Surfaces
-) -> Gaussians:
-    """Gaussians whose constant colours went through the edits, in order."""
-    sh = gaussians.sh
-    for edit in appearance:
-        rows = np.arange(len(gaussians)) if edit.handles is None else _rows(gaussians, edit.handles)
-        if len(rows):
-            sh = sh.copy() if sh is gaussians.sh else sh
-            colour = np.clip(0.5 + SH0 * sh[rows, 0], 0, 1)
-            sh[rows, 0] = (edit(colour, surfaces(rows)) - 0.5) / SH0
-    return replace(gaussians, sh=sh)
-
-
-def _rows(gaussians: Gaussians, handles: frozenset[int]) -> np.ndarray:
-    return np.flatnonzero(np.isin(gaussians.ids, list(handles)))
 
 
 def plane_depth(

@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
 from rpaug.errors import Unsupported
+from rpaug.render import holes
 from rpaug.render.composite import composite
+from rpaug.render.zbuffer import Rendered
 from rpaug.scene import inserted, surface, surfels
 from rpaug.types import CameraView, Episode, Scene, Sensor
 
@@ -162,6 +164,13 @@ def _blended(
 def _gaussians(scene: Scene, name: str, t: int) -> Frame:
     from rpaug.scene import gaussian_view  # only here: it brings torch and the rasteriser
 
-    rgb, depth, ids = gaussian_view.render_view(scene, name, t)
-    rgb, depth, ids = inserted.draw(scene, scene.cameras[name], t, (rgb, depth, ids))
-    return Frame(rgb, depth, ids, depth == 0)
+    rgb, depth, ids = gaussian_view.blended(scene, name, t)
+    empty = depth == 0
+    drawn = Rendered(rgb.astype(np.float32) / 255, depth, ids, -empty.astype(np.int16), empty)
+    filled = holes.fill(drawn)
+    camera = gaussian_view.standing(scene, name)
+    rgb, depth, ids = inserted.draw(scene, camera, t, (filled.image, filled.depth, filled.ids))
+    where = gaussian_view.surfaces(depth, ids, camera, t, scene.bodies)
+    # Gaussians blend, so an outline's pixel is a mixture however sharp the recording was.
+    image = composite(rgb, ids, scene.appearance, True, where)
+    return Frame(image, depth, ids, empty & (ids == filled.ids))

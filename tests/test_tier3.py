@@ -1,0 +1,65 @@
+"""Every recipe that ships, with Gaussians alone: the edit shows as it does on recorded pixels and on surfels."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rpaug_recipes
+
+import rpaug
+from rpaug import pipeline, plan, registry
+from rpaug.errors import TargetError
+from rpaug.recipe import load
+from rpaug.scene.build import build
+from rpaug.scene.descent import settings_for
+from rpaug.scene.fit import fitted, psnr
+from rpaug.types import Scene
+
+FOLDER = Path(rpaug_recipes.__file__).parent
+RECIPES = sorted(
+    path.relative_to(FOLDER).as_posix()
+    for path in (*FOLDER.glob("*.yaml"), *FOLDER.glob("colosseum/*.yaml"))
+)
+RECIPES += ["colosseum/tasks/open_drawer.yaml"]
+
+
+@pytest.fixture(scope="module")
+def sample() -> Scene:
+    """The sample that ships with Gaussians of a short fit."""
+    folder = Path(rpaug.__file__).parent / "sample"
+    adapter = registry.adapter_for(folder)
+    scene = build(adapter.read(folder, adapter.episodes(folder)[0]), with_bodies=True)
+    return fitted(scene, settings=replace(settings_for(steps=120), checked_frames=1), seed=0)[0]
+
+
+def frames(scene: Scene, recipe: str, tier: int) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    loaded = load(FOLDER / recipe)
+    edited, draws = pipeline.draw(scene, loaded, 1)
+    planned = plan.make(pipeline.operators(loaded), scene.episode, tier)
+    made = pipeline.render(edited, draws, planned)
+    for name, view in made.episode.views.items():
+        assert tier < 3 or made.plan.carriers[name] == 3
+        yield name, view.rgb(6), scene.episode.views[name].rgb(6)
+
+
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_a_recipe_works_on_gaussians_alone(sample: Scene, recipe: str) -> None:
+    try:
+        usual = list(frames(sample, recipe, 0))
+    except TargetError as error:
+        with pytest.raises(TargetError, match="."):
+            list(frames(sample, recipe, 3))
+        pytest.skip(f"not in this scene: {error}")
+    for (name, expected, recorded), (_, found, _) in zip(
+        usual, frames(sample, recipe, 3), strict=True
+    ):
+        assert psnr(found, expected) > 17, name
+        changed = np.abs(expected.astype(int) - recorded).max(-1) > 40
+        if changed.mean() > 0.01:
+            # Where the edit shows, the Gaussians agree with it and not with the recording.
+            off = [
+                ((found.astype(float) - image)[changed] ** 2).mean() for image in (expected, recorded)
+            ]
+            assert off[0] < 0.5 * off[1], name
