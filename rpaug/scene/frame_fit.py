@@ -4,15 +4,18 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
 
 import numpy as np
 
 from rpaug.errors import Unsupported
 from rpaug.render.splat import Adam, Gradients, Loss, Rates, Settings, Splats, warm
 from rpaug.render.splat.workers import worker
+from rpaug.scene.densify import Densify, densified
 from rpaug.scene.shots import Shot
+from rpaug.scene.stops import Check, Stop
 
-OPTIMISERS, STOPS = ("adam",), ("heldout", "fidelity", "iterations")
+Ending = Literal["heldout", "fidelity", "iterations"]
 Progress = Callable[["Checkpoint"], None]
 
 
@@ -20,22 +23,22 @@ Progress = Callable[["Checkpoint"], None]
 class FrameFitSettings:
     """How a fit is done. Results do not depend on `threads`.
 
-    `stop` is "heldout": pixels kept back have not improved for `patience` checks, and the best state is
-    returned; "fidelity": the fitted pixels reach `target_db`; or "iterations": all of them are made. Rates fall as a
-    cosine over `iterations`, whichever stop ends them.
+    `stop` is "heldout": pixels kept back have not improved for `patience` checks; "fidelity": the fitted pixels reach
+    `target_db` (both as `stops.Stop` has it, and the state that was best by it is returned); or "iterations": all of
+    them are made. Rates fall as a cosine over `iterations`, whichever stop ends the fit.
     """
 
     iterations: int = 360  # at most
-    optimiser: str = "adam"
     batch: int = 2  # views an iteration
     rate: float = 1.7  # factor on all of `rates`
     threads: int = 2
     loss: Loss = field(default_factory=Loss)
-    stop: str = "heldout"
+    stop: Ending = "heldout"
     target_db: float = 40.0
     patience: int = 3
     check_every: int = 20  # iterations
     last_rate: float = 0.03  # share of the rates left at the end
+    densify: Densify | None = field(default_factory=Densify)  # None: as many as given
     keep_order: int = 1  # steps of one view that share an order of the Gaussians
     backend: str = "auto"  # numba, reference (slow), gsplat
     dtype: str = "float32"  # float64 with backend reference
@@ -43,12 +46,10 @@ class FrameFitSettings:
     rates: Rates = field(default_factory=Rates)
 
     def __post_init__(self) -> None:
-        for name, value, known in (
-            ("optimiser", self.optimiser, OPTIMISERS),
-            ("stop", self.stop, STOPS),
-        ):
-            if value not in known:
-                raise ValueError(f"{name} is {value!r}; expected one of {', '.join(known)}")
+        if self.stop not in get_args(Ending):
+            raise ValueError(
+                f"stop is {self.stop!r}; expected one of {', '.join(get_args(Ending))}"
+            )
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,8 @@ def fit_views(
     begun = time.perf_counter(), time.process_time()
     crew = _Crew(shots, settings)
     adam = Adam(splats, _scaled(settings.rates, settings.rate), threads=settings.threads)
-    trace: list[Checkpoint] = []
+    rule, trace, checks = _rule(settings), list[Checkpoint](), list[Check]()
+    motion = np.zeros(len(splats), np.float32)
     best, kept, stopped = 0, adam.splats, "iterations"
     with ThreadPoolExecutor(crew.side_by_side) as pool:
         for step in range(settings.iterations + 1):
@@ -105,26 +107,38 @@ def fit_views(
                 trace.append(crew.check(adam.splats, step, begun, pool))
                 if progress:
                     progress(trace[-1])
-                if settings.stop != "heldout" or _held_out(trace[-1]) >= _held_out(trace[best]):
+                checks.append(_check(trace[-1]))
+                if rule is None or rule.best(checks) == len(checks) - 1:
                     best, kept = len(trace) - 1, _copied(adam.splats)
-                if _reached(settings, trace, best):
-                    stopped = settings.stop
+                if rule is not None and rule.reached(checks):
+                    stopped = rule.kind
                     break
             if step < settings.iterations:
                 wave = 0.5 * (1 + np.cos(np.pi * step / settings.iterations))
                 factor = settings.last_rate + (1 - settings.last_rate) * wave
-                adam.step(crew.pull(adam.splats, step, pool), factor)
+                slopes = crew.pull(adam.splats, step, pool)
+                adam.step(slopes, factor)
+                motion = motion + slopes.image_motion
+                if settings.densify and settings.densify.due(step, settings.iterations):
+                    adam.take(*densified(adam.splats, motion, settings.densify))
+                    motion = np.zeros(len(adam.splats), np.float32)
     return FrameFit(kept, tuple(trace), stopped, best)
 
 
-def _held_out(point: Checkpoint) -> float:
-    return -np.inf if point.held_out_db is None else point.held_out_db
+def _rule(settings: FrameFitSettings) -> Stop | None:
+    if settings.stop == "iterations":
+        return None
+    return Stop(
+        kind=settings.stop,
+        target=settings.target_db,
+        every=settings.check_every,
+        patience=settings.patience,
+    )
 
 
-def _reached(settings: FrameFitSettings, trace: list[Checkpoint], best: int) -> bool:
-    if settings.stop == "fidelity":
-        return trace[-1].recorded_db >= settings.target_db
-    return settings.stop == "heldout" and len(trace) - 1 - best >= settings.patience
+def _check(point: Checkpoint) -> Check:
+    held_out = -np.inf if point.held_out_db is None else point.held_out_db
+    return Check(point.iteration, point.recorded_db, held_out)
 
 
 class _Crew:

@@ -1,85 +1,38 @@
-"""Fit Gaussians to the recorded views of one frame: decibels against seconds.
+"""Fit Gaussians to one frame of a recording: decibels against seconds.
 
-    RPAUG_TEST_DATA=... python tools/bench/raster_fit.py [--episode episode0] [--frame 0] [--stride 2]
-        [--iterations 400] [--batch 5] [--workers 2] [--hold-out 0.1] [--json FILE] [--png FILE]
+    python tools/bench/raster_fit.py DATASET [--episode episode0] [--frame 0] [--stride 2] [--iterations 160]
+        [--stop iterations] [--target 40.6] [--hold-out 0.1] [--json FILE] [--png FILE]
 
-Every `stride`-th recorded pixel becomes a Gaussian, lifted by its depth; each iteration takes the gradient
-of the squared colour error over `batch` cameras and makes one Adam step, rates falling as a cosine. Views are
-shared between `workers` threads, one thread a view. A share of the pixels is held out (weight 0) and
-judged apart. Seconds exclude compiling, reading and judging, once on the wall and once as processor time of all
-threads (halve it for two idle cores); decibels are PSNR over all cameras' pixels together.
+Every `stride`-th recorded pixel of every camera becomes a Gaussian on its depth; a share of the pixels is held
+out, from the start and from the fit. Decibels are PSNR over all cameras' pixels together: fitted ones, and held-out
+ones that another camera sees. Seconds exclude compiling and reading and include the checks: on the wall, and as processor
+time of all threads (halve it for two idle cores).
 """
 
 import argparse
+import dataclasses
 import json
-import os
 import sys
-import time
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from rpaug import geometry
 from rpaug.registry import adapter
-from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats, View
-from rpaug.scene.gaussians import Picture, joined, lifted
+from rpaug.render.splat import Rasteriser
+from rpaug.scene.densify import Densify
+from rpaug.scene.frame_fit import Checkpoint, FrameFitSettings, fit_views
+from rpaug.scene.shots import shots_at
 
 
-@dataclass(frozen=True)
-class Shot:
-    """One camera's image with its pixels split in two."""
-
-    view: View
-    target: np.ndarray
-    trained: np.ndarray  # weights: 0 where held out
-
-
-def shots(
-    root: Path, episode: str, t: int, stride: int, held_out: float
-) -> tuple[Splats, list[Shot]]:
-    """The Gaussians to start from and the images to fit."""
-    rng = np.random.default_rng(0)
-    reader = adapter("rlbench")
-    key = next(key for key in reader.episodes(root) if key.endswith(episode))
-    recorded = reader.read(root, key)
-    parts, made = [], []
-    for view in recorded.views.values():
-        camera, rgb, depth = view.camera, view.rgb(t), view.depth(t)
-        use = np.zeros(depth.shape, bool)
-        use[::stride, ::stride] = True
-        ids = np.zeros(depth.shape, np.int32) if view.ids is None else view.ids(t)
-        parts.append(
-            lifted(Picture(rgb, depth, ids, camera.K, camera.cam_to_world[t], use), stride)
-        )
-        pose = geometry.inverse(camera.cam_to_world[t])
-        target = rgb.astype(np.float32) / 255
-        weight = (rng.uniform(size=depth.shape) >= held_out).astype(np.float32)
-        made.append(Shot(View(camera.K, pose, camera.width, camera.height), target, weight))
-    return Splats.of(joined(parts)), made
-
-
-def total(several: list[Gradients]) -> Gradients:
-    """The sum over views, in their order."""
-    first, *rest = several
-    for name in ("means", "opacities", "sh", "quats", "scales"):
-        for other in rest:
-            np.add(getattr(first, name), getattr(other, name), out=getattr(first, name))
-    return first
-
-
-def decibels(splats: Splats, given: list[Shot]) -> tuple[float, float | None]:
-    """PSNR of the trained and of the held-out pixels."""
-    errors, weights = [], []
-    for shot in given:
-        colour = np.clip(Rasteriser().forward(splats, shot.view, surface=False).colour, 0, 1)
-        errors.append(((colour - shot.target) ** 2).mean(-1).ravel())
-        weights.append(shot.trained.ravel())
-    error, trained = np.concatenate(errors), np.concatenate(weights) > 0
-    held = None if trained.all() else float(-10 * np.log10(error[~trained].mean()))
-    return float(-10 * np.log10(error[trained].mean())), held
+def show(point: Checkpoint) -> None:
+    """One line of the trace."""
+    unseen = "" if point.held_out_db is None else f"{point.held_out_db:6.2f}"
+    print(
+        f"{point.iteration:5d} {point.seconds:7.2f} {point.processor_seconds:7.2f} {point.gaussians:7d}"
+        f" {point.recorded_db:6.2f} {unseen}",
+        flush=True,
+    )
 
 
 def main() -> None:
@@ -87,64 +40,43 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
+    parser.add_argument("dataset", type=Path)
     parser.add_argument("--episode", default="episode0")
     parser.add_argument("--frame", type=int, default=0)
     parser.add_argument("--stride", type=int, default=2)
-    parser.add_argument("--iterations", type=int, default=400)
-    parser.add_argument("--batch", type=int, default=5)
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--iterations", type=int, default=160)
+    parser.add_argument("--batch", type=int, default=2)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--stop", default="iterations")
+    parser.add_argument("--target", type=float, default=40.6, help="dB, of --stop fidelity")
     parser.add_argument("--hold-out", type=float, default=0.1)
-    parser.add_argument("--rate", type=float, default=1.0, help="factor on all learning rates")
+    parser.add_argument("--keep-order", type=int, default=1)
+    parser.add_argument("--no-densify", action="store_true")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--png", type=Path)
     given = parser.parse_args()
-    data = os.environ.get("RPAUG_TEST_DATA")
-    if data is None:
-        sys.exit("set RPAUG_TEST_DATA to the folder of recorded samples")
-    start, views = shots(
-        Path(data) / "rlbench_open_drawer", given.episode, given.frame, given.stride, given.hold_out
-    )
-    engines = [Rasteriser() for _ in views]
-
-    def pull(at: int, splats: Splats) -> Gradients:
-        shot = views[at]
-        engines[at].forward(splats, shot.view, surface=False)
-        return engines[at].backward_squared_error(shot.target, shot.trained)[2]
-
-    Adam(start).step(pull(0, start))  # compiles
-    rates = Rates(
-        means=given.rate * Rates().means,
-        quats=given.rate * Rates().quats,
-        scales=given.rate * Rates().scales,
-        opacities=given.rate * Rates().opacities,
-        sh=given.rate * Rates().sh,
-    )
-    adam = Adam(start, rates, threads=given.workers)
-    checkpoints = {given.iterations * k // 8 for k in range(9)}
-    wall, cpu, rows = 0.0, 0.0, []
-    print(
-        f"{len(start)} Gaussians, {len(views)} views; iterations, wall s, processor s, dB trained, held out"
-    )
-    with ThreadPoolExecutor(given.workers) as pool:
-        for step in range(given.iterations + 1):
-            if step in checkpoints:
-                train, held = decibels(adam.splats, views)
-                row = {"step": step, "wall": wall, "cpu": cpu, "trained": train, "held_out": held}
-                rows.append(row)
-                shown = "" if held is None else f"{held:6.2f}"
-                print(f"{step:5d} {wall:7.2f} {cpu:7.2f} {train:6.2f} {shown}", flush=True)
-            begin = time.perf_counter(), time.process_time()
-            chosen = [(step * given.batch + k) % len(views) for k in range(given.batch)]
-            slopes = list(pool.map(pull, chosen, [adam.splats] * given.batch))
-            wave = 0.5 * (1 + np.cos(np.pi * step / given.iterations))
-            adam.step(total(slopes), 0.03 + 0.97 * wave)
-            wall += time.perf_counter() - begin[0]
-            cpu += time.process_time() - begin[1]
+    reader = adapter("rlbench")
+    keys = [key for key in reader.episodes(given.dataset) if key.endswith(given.episode)]
+    if not keys:
+        sys.exit(f"{given.dataset} holds no {given.episode}")
+    episode = reader.read(given.dataset, keys[0])
+    splats, shots = shots_at(episode, given.frame, stride=given.stride, hold_out=given.hold_out)
+    settings = FrameFitSettings(
+        iterations=given.iterations, batch=given.batch, threads=given.threads, stop=given.stop,
+        target_db=given.target, keep_order=given.keep_order,
+        densify=None if given.no_densify else Densify(),
+    )  # fmt: skip
+    print(f"{len(splats)} Gaussians, {len(shots)} views")
+    print("steps, wall s, processor s, Gaussians, dB fitted, dB held out")
+    fit = fit_views(splats, shots, settings, show)
+    print(f"stopped by {fit.stopped}; best at {fit.trace[fit.best].iteration}")
     if given.json:
-        given.json.write_text(json.dumps({"gaussians": len(start), "rows": rows}, indent=1))
+        rows = [dataclasses.asdict(point) for point in fit.trace]
+        given.json.write_text(json.dumps({"rows": rows, "stopped": fit.stopped}, indent=1))
     if given.png:
         pairs = [
-            np.vstack([s.target, Rasteriser().forward(adam.splats, s.view).colour]) for s in views
+            np.vstack([shot.colour, Rasteriser().forward(fit.splats, shot.view).colour])
+            for shot in shots
         ]
         picture = (np.clip(np.hstack(pairs), 0, 1) * 255 + 0.5).astype(np.uint8)
         cv2.imwrite(str(given.png), picture[..., ::-1])

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Int
 
 from rpaug.render.jit import inlined, kernel
 from rpaug.render.splat._threads import ranges, together
@@ -102,6 +103,7 @@ class _Group:
     second: np.ndarray
     rates: np.ndarray
     space: int
+    columns: int
 
 
 class Adam:
@@ -121,32 +123,36 @@ class Adam:
         spread: float = 0.99,
         threads: int = 1,
     ) -> None:
-        rates = rates or Rates()
-        self._fade, self._spread, self._threads, self._steps = fade, spread, threads, 0
-        if size is None:
-            size = _typical_size(splats)
-        rows = {"means": size * rates.means, "opacities": rates.opacities, "quats": rates.quats}
-        rows |= {
-            "scales": rates.scales,
-            "covariances": rates.covariances,
-            "features": rates.features,
-        }
+        self._rates, self._threads = rates or Rates(), threads
+        self._fade, self._spread, self._steps = fade, spread, 0
+        self._size = _typical_size(splats) if size is None else size
+        self._begin(splats)
+
+    def _begin(self, splats: Splats) -> None:
+        rates, copies = self._rates, {}
+        rows = vars(rates) | {"means": self._size * rates.means}
         self._groups: dict[str, _Group] = {}
-        copies = {}
         for name in ("means", "opacities", "sh", "quats", "scales", "covariances", "features"):
             array = getattr(splats, name)
             if array is None:
                 continue
             copies[name] = np.array(array, order="C")
-            flat = copies[name].reshape(len(splats), -1)
+            columns = int(np.prod(array.shape[1:]))
+            rate = np.full(columns, rows[name])
             if name == "sh":
-                rate = np.full(flat.shape[1], rates.sh_rest)
-                rate[:3] = rates.sh
-            else:
-                rate = np.full(flat.shape[1], rows[name])
+                rate[3:] = rates.sh_rest
             if rate.any():
-                self._groups[name] = _group(name, flat, rate)
+                self._groups[name] = _group(name, copies[name], rate)
         self.splats = replace(splats, **copies)
+
+    def take(self, splats: Splats, parents: Int[np.ndarray, "m"]) -> None:
+        """Go on with other splats: row i takes over the moments of the row `parents[i]` of those so far."""
+        before = self._groups
+        self._begin(splats)
+        for name, group in self._groups.items():
+            for moment in ("first", "second"):
+                old = getattr(before[name], moment).reshape(-1, group.columns)
+                getattr(group, moment)[:] = old[parents].ravel()
 
     def step(self, gradients: Gradients, factor: float = 1.0) -> None:
         """One step against `gradients`, every rate times `factor` (a schedule's)."""
@@ -173,8 +179,8 @@ def _typical_size(splats: Splats) -> float:
     return float(np.median(np.sqrt(splats.covariances[:, [0, 3, 5]])))
 
 
-def _group(name: str, flat: np.ndarray, rates: np.ndarray) -> _Group:
-    space, values = PLAIN, flat.reshape(-1)
+def _group(name: str, array: np.ndarray, rates: np.ndarray) -> _Group:
+    space, values = PLAIN, array.reshape(-1)
     stepped = values
     if name == "scales":
         space = LOGARITHM
@@ -185,7 +191,7 @@ def _group(name: str, flat: np.ndarray, rates: np.ndarray) -> _Group:
         stepped = np.log(inside / (1 - inside))
     zeros = np.zeros_like(values)
     period = np.tile(rates, -(-PERIOD // len(rates)))
-    return _Group(values, stepped, zeros, zeros.copy(), period, space)
+    return _Group(values, stepped, zeros, zeros.copy(), period, space, len(rates))
 
 
 def _flat(array: np.ndarray, dtype: np.dtype) -> np.ndarray:

@@ -85,7 +85,7 @@ class _Native:
 
 
 class _Torch:
-    """Autograd through a torch backend; `image_motion` is not known there and stays 0."""
+    """Autograd through a torch backend. `image_motion` is worked out from the gradients by the means."""
 
     def __init__(self, backend: str, dtype: str, settings: Settings) -> None:
         device = "cuda" if backend == "gsplat" else "cpu"
@@ -132,7 +132,7 @@ class _Torch:
         slopes: dict[str, Any] = {
             name: None if leaf is None else _gradient(leaf) for name, leaf in leaves.items()
         }
-        motion = np.zeros(len(splats), np.float32)
+        motion = _motion(splats, view, slopes["means"])
         errors = Errors(**{name: mean.item() for name, mean in means.items()})
         return errors, Gradients(**slopes, image_motion=motion)
 
@@ -145,6 +145,14 @@ class _Torch:
 
     def _images(self, leaves: dict[str, Any], view: View) -> Any:
         return rasterise(**leaves, view=view, settings=self._settings, backend=self._backend)
+
+
+def _motion(splats: Splats, view: View, by_means: Float[np.ndarray, "n 3"]) -> np.ndarray:
+    """|d loss / d centre on the image| as if only the centre moved with the mean, not the shape."""
+    turn, shift = view.world_to_camera[:3, :3], view.world_to_camera[:3, 3]
+    z = np.maximum(splats.means @ turn[2] + shift[2], 0)
+    sideways = (by_means @ turn[:2].T) * z[:, None] / np.diag(view.K)[:2]
+    return np.linalg.norm(sideways, axis=-1).astype(np.float32)
 
 
 def _gradient(leaf: Tensor) -> np.ndarray:
