@@ -77,6 +77,7 @@ class Summary:
     aborted: str | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     changed_share: dict[str, float] = field(default_factory=dict)
+    warnings: dict[str, list[str]] = field(default_factory=dict)  # by source episode
 
     @property
     def exit_code(self) -> int:
@@ -250,6 +251,8 @@ def _total(summary: Summary, run: Run) -> None:
     for key, described in _reports(run, REJECTED).items():
         summary.rejected[key] = "; ".join(described["gates"]["faults"])
     for described in reports:
+        if found := described["plan"].get("warnings"):
+            summary.warnings[described["source"]] = found
         for stage, seconds in described["seconds"].items():
             summary.seconds[stage] = round(summary.seconds.get(stage, 0.0) + seconds, 4)
     for name in sorted({name for described in reports for name in described["changed_share"]}):

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.files import encode_png
-from rpaug.scene import keyframes
+from rpaug.scene import calibration, keyframes
 from rpaug.scene.build import build
 from rpaug.scene.survey import InstanceSummary, survey
 from rpaug.types import CameraView, Episode
@@ -27,6 +27,7 @@ def inspect(episode: Episode) -> tuple[dict[str, Any], tuple[InstanceSummary, ..
         "key_frames": keyframes.find(episode.robot),
         "cameras": {name: _camera(view) for name, view in episode.views.items()},
     }
+    described["misplaced"] = {m.camera: str(m) for m in calibration.check(episode)}
     if not any(view.ids and view.depth for view in episode.views.values()):
         return described | {"instances": []}, ()
     scene = build(episode, with_bodies=True)
@@ -49,9 +50,11 @@ def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummar
         f"<td>{row.frames} ({row.first_frame}–{row.last_frame})"
         for row in rows
     )
+    off = described["misplaced"]
     cameras = "".join(
         f"<li>{html.escape(name)}: {c['width']}×{c['height']}, focal {c['focal']:.1f} px, "
         f"{'fixed' if c['fixed'] else 'moving'}, {', '.join(c['images'])}"
+        + (f"<br><strong>{html.escape(off[name])}</strong>" if name in off else "")
         for name, c in described["cameras"].items()
     )
     return (

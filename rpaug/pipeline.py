@@ -16,7 +16,7 @@ from rpaug.files import REJECTED
 from rpaug.interfaces import Adapter, Operator
 from rpaug.recipe import Option, Recipe, option
 from rpaug.recipe import build as build_recipe
-from rpaug.scene import views
+from rpaug.scene import calibration, views
 from rpaug.scene.build import build
 from rpaug.types import Camera, Effect, Episode, Scene
 
@@ -225,6 +225,10 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
     """The recorded scene without Gaussians, and the plan with errors measured where the recipe asks for an accuracy."""
     plan = planning.make(operators(recipe), episode, tier)
     scene = build(episode, with_bodies=plan.bodies)
+    if (
+        plan.bodies
+    ):  # whatever looks at depth is misled by cameras that are not where they say they are
+        plan = replace(plan, warnings=tuple(map(str, calibration.check(episode))))
     if recipe.accuracy is None:
         return scene, plan
     moved = {name: camera for name, camera in _moved(scene, recipe) if plan.carriers[name] == 1}

@@ -1,7 +1,7 @@
 """Which carrier shows each part of each camera: the lowest tier that is good enough, and what is known about that.
 
 A region is one body, or the background, in one camera. Its tier rises above the lowest that can show it at all only
-where the recipe states an accuracy, an error measured on the episode misses it, and the next tier is expected to meet it.
+where the recipe states an accuracy, an error measured on the episode misses it, and the next tier should meet it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,8 +31,8 @@ BYTES_A_PIXEL = 3.7  # rgb, depth and mask as PNG, measured on RLBench episodes
 class Error:
     """What is known of a region's error: PSNR in dB, median depth error in mm, and where that is from.
 
-    `known` is "exact" (recorded pixels stay), "measured" (on this episode), "fit" (on its recorded views, by the fit) or
-    "table" (docs/tiers.md: measured on other episodes).
+    `known` is "exact" (recorded pixels stay), "measured" (on this episode), "fit" (on its recorded views, after the
+    fit) or "table" (docs/tiers.md: measured on other episodes).
     """
 
     psnr: float | None
@@ -95,13 +95,14 @@ class Region:
 class Plan:
     """`tier` is the least tier wanted, `carriers` the tier that draws each camera, `bodies` whether instances must
     be told apart and tracked. Of a camera that surfels draw, single regions may be at tier 3. `fit` is what a fit of
-    Gaussians said of itself."""
+    Gaussians said of itself, `warnings` what is wrong with the recording."""
 
     tier: int
     carriers: dict[str, int]
     bodies: bool
     regions: tuple[Region, ...] = ()
     fit: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
     @property
     def gaussians(self) -> bool:
@@ -121,8 +122,14 @@ class Plan:
         """Plain values for the report and for people."""
         carriers = {name: f"tier {tier}, {TIERS[tier]}" for name, tier in self.carriers.items()}
         regions = [region.describe() for region in self.regions]
-        facts = {"tier": self.tier, "carriers": carriers, "bodies": self.bodies, "regions": regions}
-        return facts | ({"fit": dict(self.fit)} if self.fit else {})
+        facts: dict[str, Any] = {
+            "tier": self.tier,
+            "carriers": carriers,
+            "bodies": self.bodies,
+            "regions": regions,
+        }
+        facts |= {"fit": dict(self.fit)} if self.fit else {}
+        return facts | ({"warnings": list(self.warnings)} if self.warnings else {})
 
     def cost(self, episode: Episode, copies: int) -> dict[str, float]:
         """Estimated seconds and megabytes of `copies` edited episodes."""

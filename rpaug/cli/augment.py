@@ -125,6 +125,13 @@ def _print_summary(described: dict[str, Any], hint: str) -> None:
         console.print(
             f"[yellow]skipped[/] {plain(key)}: {plain(reason)}", highlight=False, soft_wrap=True
         )
+    for key, warnings in described["warnings"].items():
+        for warning in warnings:
+            console.print(
+                f"[yellow]warning[/] {plain(key)}: {plain(warning)}",
+                highlight=False,
+                soft_wrap=True,
+            )
     for key, reason in described["rejected"].items():
         console.print(
             f"[yellow]rejected[/] {plain(key)}: {plain(reason)}", highlight=False, soft_wrap=True

@@ -37,6 +37,8 @@ def inspect(
         say(
             f"  {name}: {camera['width']}x{camera['height']}, {kind}, {', '.join(camera['images'])}"
         )
+    for warning in described["misplaced"].values():
+        say(f"  warning: {warning}")
     if not rows:
         say("no instances: that takes masks and depth")
         return 0
