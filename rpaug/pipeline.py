@@ -209,6 +209,10 @@ def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -
         from rpaug.scene import cached  # only here: it brings torch and the rasteriser
 
         scene = cached.fitted(scene, scenes)[0]
+    if plan.parts:
+        from rpaug.scene.semantic import parts
+
+        scene = parts.told(scene, plan.parts)
     return scene
 
 

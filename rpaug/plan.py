@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rpaug.interfaces import Operator
+from rpaug.scene.targets import Target
 from rpaug.types import Effect, Episode, Scene
 
 TIERS = {0: "recorded pixels", 1: "surfels", 3: "Gaussians"}
@@ -21,11 +22,12 @@ BYTES_A_PIXEL = 3.7  # rgb, depth and mask as PNG, measured on RLBench episodes
 @dataclass(frozen=True)
 class Plan:
     """`tier` is the least tier wanted, `carriers` the tier that shows each camera, `bodies` whether instances must
-    be told apart and tracked."""
+    be told apart and tracked, `parts` the targets of which a part finer than the masks is meant."""
 
     tier: int
     carriers: dict[str, int]
     bodies: bool
+    parts: tuple[Target, ...] = ()
 
     def describe(self) -> dict[str, Any]:
         """Plain values for the report and for people."""
@@ -50,9 +52,12 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
     recording may lack: tier 1. Assets (tier 2) are shown by the surfels' z-buffer. `tier` is the least one wanted.
     """
     geometry = any(operator.effect & GEOMETRY for operator in operators)
-    targeted = any(getattr(operator, "target", None) is not None for operator in operators)
+    targets = [getattr(operator, "target", None) for operator in operators]
+    parts = tuple(t for t in targets if isinstance(t, Target) and t.part is not None)
+    targeted = any(target is not None for target in targets)
     carrier = _carrier(geometry, tier)
-    return Plan(tier, dict.fromkeys(episode.views, carrier), bodies=targeted or carrier > 0)
+    carriers = dict.fromkeys(episode.views, carrier)
+    return Plan(tier, carriers, bodies=targeted or carrier > 0, parts=tuple(dict.fromkeys(parts)))
 
 
 def settle(plan: Plan, scene: Scene) -> Plan:
@@ -62,7 +67,7 @@ def settle(plan: Plan, scene: Scene) -> Plan:
         name: _carrier(edited or scene.cameras[name] is not view.camera, plan.tier)
         for name, view in scene.episode.views.items()
     }
-    return Plan(plan.tier, carriers, plan.bodies)
+    return Plan(plan.tier, carriers, plan.bodies, plan.parts)
 
 
 def _carrier(moved: bool, tier: int) -> int:
