@@ -66,7 +66,8 @@ class Target(BaseModel):
     `text` says what the thing is and where ("the red receiver", "the cup closest to the drawer", "the second
     largest block left of the bowl"): the grammar is that of `relations`, nouns mean what `nouns` says. A noun
     that means nothing here is taken only beside a colour word, and then the colour decides alone. A plain string
-    is a `text`. With a `part` only that part of it is meant. Where several things fit, `all` takes them; a body of several handles that move as one is one thing.
+    is a `text`. With a `part` only that part of the thing is meant. Where several things fit, `all` takes them;
+    a body of several handles that move as one is one thing.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)

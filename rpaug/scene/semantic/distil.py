@@ -126,7 +126,7 @@ def finer(
     rng = np.random.default_rng(seed)
     order = np.argsort(np.append(identities.handles, part), kind="stable")
     spread = float(identities.weight.std())  # the part must be tellable, as other handles are
-    nudge = rng.normal(0, spread, identities.weight.shape[1]).astype(np.float32)
+    nudge = rng.normal(0, spread, size=identities.weight.shape[1:]).astype(np.float32)
     begun = Identities(
         identities.encodings,
         np.concatenate([identities.weight, (identities.weight[like] + nudge)[None]])[order],
