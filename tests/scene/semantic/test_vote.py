@@ -57,7 +57,9 @@ def test_ballots_are_sums_of_blending_weights(lifted: Scene) -> None:
 
 def test_drawn_masks_are_the_recorded_ones_at_every_time(lifted: Scene) -> None:
     ids = semantic.vote(lifted)
-    assert overlap(lifted, ids) > 0.86  # at 64 x 64, unfitted: outlines are a tenth of the smaller things
+    assert (
+        overlap(lifted, ids) > 0.86
+    )  # at 64 x 64, unfitted: outlines are a tenth of the smaller things
     carried = given(lifted).ids == BLOCK
     assert (ids[carried] == BLOCK).mean() > 0.97  # nothing bled in while it was carried around
 
