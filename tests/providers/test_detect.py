@@ -39,7 +39,7 @@ def dino(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "intermediate_size": 16,
     }  # fmt: skip
     config = transformers.GroundingDinoConfig(
-        backbone_config=backbone, text_config=text, d_model=16, encoder_layers=1, decoder_layers=1,
+        backbone_config=backbone, text_config=text, d_model=32, encoder_layers=1, decoder_layers=2,
         encoder_attention_heads=2, decoder_attention_heads=2, encoder_ffn_dim=16, decoder_ffn_dim=16,
         num_queries=8, max_text_len=16, num_feature_levels=4,
     )  # fmt: skip
@@ -101,7 +101,7 @@ def test_names_and_folders(tmp_path: Path) -> None:
     with pytest.raises(Unsupported, match="there are: dino:FOLDER, owlv2:FOLDER"):
         detector("yolo")
     pytest.importorskip("transformers", reason="the extra `vision` is missing")
-    with pytest.raises(Unsupported, match="no config.json.*detector: owlv2:FOLDER"):
+    with pytest.raises(Unsupported, match=r"no config.json.*detector: owlv2:FOLDER"):
         detector(f"owlv2:{tmp_path}")
 
 

@@ -70,6 +70,7 @@ def sam(tmp_path_factory: pytest.TempPathFactory) -> Path:
         vision_config={
             "hidden_size": 16, "num_hidden_layers": 2, "num_attention_heads": 2, "image_size": 64,
             "patch_size": 8, "output_channels": 16, "global_attn_indexes": [1], "window_size": 4, "mlp_dim": 16,
+            "num_pos_feats": 8,
         },
         prompt_encoder_config={"hidden_size": 16, "image_size": 64, "patch_size": 8, "mask_input_channels": 4},
         mask_decoder_config={
@@ -91,9 +92,9 @@ def sam2(tmp_path_factory: pytest.TempPathFactory) -> Path:
     torch.manual_seed(0)
     backbone = {
         "model_type": "sam2_hiera_det_model", "hidden_size": 8, "num_attention_heads": 1, "image_size": [64, 64],
-        "blocks_per_stage": [1, 1, 1, 1], "embed_dim_per_stage": [8, 16, 32, 64],
+        "blocks_per_stage": [1, 1, 2, 1], "embed_dim_per_stage": [8, 16, 32, 64],
         "num_attention_heads_per_stage": [1, 1, 2, 2], "window_size_per_stage": [4, 4, 4, 4],
-        "global_attention_blocks": [2], "window_positional_embedding_background_size": [4, 4],
+        "global_attention_blocks": [3], "window_positional_embedding_background_size": [4, 4],
     }  # fmt: skip
     config = transformers.Sam2Config(
         vision_config={
@@ -151,7 +152,7 @@ def test_sams_pictures_are_those_of_its_own_processor(sam: Path) -> None:
 
 def test_a_folder_without_a_model_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("transformers", reason="the extra `vision` is missing")
-    with pytest.raises(Unsupported, match="no config.json.*segmenter: sam:FOLDER"):
+    with pytest.raises(Unsupported, match=r"no config.json.*segmenter: sam:FOLDER"):
         Sam(tmp_path)
     (tmp_path / "config.json").write_text("{}")
     with pytest.raises(Unsupported, match="not a Sam2Model that can be loaded"):

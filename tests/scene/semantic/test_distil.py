@@ -181,7 +181,7 @@ def test_bad_parts() -> None:
         {"box": (3, 3, 1, 4)},
         {"box": (0, 0, 1, 1), "words": "x"},
     ):
-        with pytest.raises(ValidationError, match="give a box, or words|left < right"):
+        with pytest.raises(ValidationError, match=r"give a box, or words|left < right"):
             Part(camera="front", **fields)  # type: ignore[arg-type]
 
 
