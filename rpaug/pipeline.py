@@ -213,12 +213,12 @@ def made_ready(
     with watch("build"):
         scene, plan = surveyed(episode, recipe, tier)
     if not plan.gaussians:
-        return scene, plan
+        return _with_parts(scene, plan), plan
     with watch("fit"):
         scene, facts = _with_gaussians(scene, scenes)
         risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
         measured = residuals.of_gaussians(scene, risen)
-    return scene, planning.fitted(plan, facts, measured)
+    return _with_parts(scene, plan), planning.fitted(plan, facts, measured)
 
 
 def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planning.Plan]:
@@ -258,13 +258,23 @@ def _moved(scene: Scene, recipe: Recipe) -> Iterator[tuple[str, Camera]]:
 def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -> Scene:
     """The recorded scene with what the plan asks for, Gaussians among it: from the store `scenes`, or fitted."""
     scene = build(episode, with_bodies=plan.bodies)
-    return _with_gaussians(scene, scenes)[0] if plan.gaussians else scene
+    scene = _with_gaussians(scene, scenes)[0] if plan.gaussians else scene
+    return _with_parts(scene, plan)
 
 
 def _with_gaussians(scene: Scene, scenes: Path | None) -> tuple[Scene, Mapping[str, Any]]:
     from rpaug.scene import cached  # only here: it brings torch and the rasteriser
 
     return cached.fitted(scene, scenes)
+
+
+def _with_parts(scene: Scene, plan: planning.Plan) -> Scene:
+    """The scene in which targets finer than the masks have handles of their own."""
+    if not plan.parts:
+        return scene
+    from rpaug.scene.semantic import parts  # only here: it brings torch and the rasteriser
+
+    return parts.told(scene, plan.parts)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Any
 from rpaug.interfaces import Operator
 from rpaug.recipe import Accuracy
 from rpaug.residuals import Residual
+from rpaug.scene.targets import Target
 from rpaug.types import Effect, Episode, Scene
 
 TIERS = {0: "recorded pixels", 1: "surfels", 3: "Gaussians"}
@@ -95,7 +96,8 @@ class Region:
 class Plan:
     """`tier` is the least tier wanted, `carriers` the tier that draws each camera, `bodies` whether instances must
     be told apart and tracked. Of a camera that surfels draw, single regions may be at tier 3. `fit` is what a fit of
-    Gaussians said of itself, `warnings` what is wrong with the recording."""
+    Gaussians said of itself, `warnings` what is wrong with the recording, `parts` the targets of which a part finer
+    than the masks is meant."""
 
     tier: int
     carriers: dict[str, int]
@@ -103,6 +105,7 @@ class Plan:
     regions: tuple[Region, ...] = ()
     fit: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    parts: tuple[Target, ...] = ()
 
     @property
     def gaussians(self) -> bool:
@@ -150,10 +153,13 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
     recording may lack: tier 1. Assets (tier 2) are shown by the surfels' z-buffer. `tier` is the least one wanted.
     """
     geometry = any(operator.effect & GEOMETRY for operator in operators)
-    targeted = any(getattr(operator, "target", None) is not None for operator in operators)
+    targets = [getattr(operator, "target", None) for operator in operators]
+    parts = tuple(t for t in targets if isinstance(t, Target) and t.part is not None)
+    targeted = any(target is not None for target in targets)
     carrier = _carrier(geometry, tier)
     carriers = dict.fromkeys(episode.views, carrier)
-    return Plan(tier, carriers, targeted or carrier > 0, _whole(carriers))
+    bodies = targeted or carrier > 0
+    return Plan(tier, carriers, bodies, _whole(carriers), parts=tuple(dict.fromkeys(parts)))
 
 
 def weigh(

@@ -39,7 +39,7 @@ class GroundingDino:
     sides = (800, 1333)  # pixels: of the shorter side, and at most of the longer one
 
     def __init__(self, folder: Path | str, threshold: float = 0.25, device: str = "cpu") -> None:
-        kind, flag = "GroundingDinoForObjectDetection", "--detector dino:FOLDER"
+        kind, flag = "GroundingDinoForObjectDetection", "detector: dino:FOLDER"
         self._model = load(kind, folder, flag, device)
         self._words, self._threshold = tokenizer(folder), threshold
 
@@ -65,7 +65,7 @@ class Owlv2:
     """OWLv2 (Minderer et al. 2023, arXiv 2306.09683) from a local folder in transformers' layout. Raises as above."""
 
     def __init__(self, folder: Path | str, threshold: float = 0.1, device: str = "cpu") -> None:
-        self._model = load("Owlv2ForObjectDetection", folder, "--detector owlv2:FOLDER", device)
+        self._model = load("Owlv2ForObjectDetection", folder, "detector: owlv2:FOLDER", device)
         self._words, self._threshold = tokenizer(folder), threshold
 
     def __call__(self, image: UInt8[np.ndarray, "h w 3"], words: str) -> list[Detection]:
@@ -115,7 +115,7 @@ def _detections(
 
 
 def detector(name: str) -> Detector:
-    """The detector that a flag names: `dino:FOLDER` or `owlv2:FOLDER`. Raises Unsupported."""
+    """The detector that a recipe names: `dino:FOLDER` or `owlv2:FOLDER`. Raises Unsupported."""
     kind, _, folder = name.partition(":")
     made: dict[str, Any] = {"dino": GroundingDino, "owlv2": Owlv2}
     if kind not in made or not folder:

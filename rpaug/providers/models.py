@@ -29,7 +29,7 @@ def transformers(extra: str = EXTRA) -> Any:
 
 
 def load(kind: str, folder: Path | str, flag: str, device: str = "cpu") -> Any:
-    """A model of the class `kind`, ready to be asked. `flag` is what names the folder on the command line.
+    """A model of the class `kind`, ready to be asked. `flag` is what names the folder in a recipe.
 
     Raises MissingExtra without transformers, Unsupported for a folder that holds no such model.
     """

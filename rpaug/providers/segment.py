@@ -102,7 +102,7 @@ class Sam:
     """
 
     def __init__(self, folder: Path | str, device: str = "cpu") -> None:
-        self._model = load("SamModel", folder, "--segmenter sam:FOLDER", device)
+        self._model = load("SamModel", folder, "segmenter: sam:FOLDER", device)
 
     def __call__(
         self,
@@ -124,7 +124,7 @@ class Sam2:
     """SAM 2 (Ravi et al. 2024, arXiv 2408.00714) from a local folder in transformers' layout. Raises as `Sam` does."""
 
     def __init__(self, folder: Path | str, device: str = "cpu") -> None:
-        self._model = load("Sam2Model", folder, "--segmenter sam2:FOLDER", device)
+        self._model = load("Sam2Model", folder, "segmenter: sam2:FOLDER", device)
 
     def __call__(
         self,
@@ -169,7 +169,7 @@ def _cut(
 
 
 def segmenter(name: str = "grabcut") -> Segmenter:
-    """The segmenter that a flag names: `grabcut`, `sam:FOLDER` or `sam2:FOLDER`. Raises Unsupported."""
+    """The segmenter that a recipe names: `grabcut`, `sam:FOLDER` or `sam2:FOLDER`. Raises Unsupported."""
     kind, _, folder = name.partition(":")
     made: dict[str, Any] = {"sam": Sam, "sam2": Sam2}
     if name == "grabcut":

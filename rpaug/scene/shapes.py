@@ -6,6 +6,8 @@ Thresholds hold for points within about a millimetre of things of some centimetr
 import numpy as np
 from jaxtyping import Float64
 
+from rpaug.scene.survey import size_cm
+
 # Words that people use for a measured shape. A "box" may be solid or open.
 WORDS: dict[str, frozenset[str]] = {
     **dict.fromkeys(("block", "cube", "brick", "cuboid"), frozenset({"block"})),
@@ -20,7 +22,7 @@ WORDS: dict[str, frozenset[str]] = {
 }
 FEWEST = 40  # points from which a shape is told
 LARGEST = 0.25  # metres: what is longer is furniture, of no shape
-THIN = 0.02  # metres: what is lower, and four times as wide, is a pad
+THIN = 0.035  # metres: what is lower, and four times as wide, is a pad
 SIDE, TOP = 0.5, 0.9  # |z| of a normal: at most on a side face, at least on a top face
 NEAR = np.deg2rad(12.0)  # of an axis of a box
 SHALLOW = 2.2  # diameters over height, from which a cup is a bowl
@@ -33,10 +35,10 @@ def shape(points: Float64[np.ndarray, "n 3"], normals: Float64[np.ndarray, "n 3"
     if len(points) < FEWEST:
         return ""
     low, high = np.percentile(points, [1, 99], axis=0)
-    size = high - low
-    if size.max() > LARGEST:
+    length, width, height = (side / 100 for side in size_cm(points))
+    if max(length, height) > LARGEST:
         return ""
-    if size[2] < THIN and size[:2].min() > 4 * size[2]:
+    if height < THIN and width > 4 * height:
         return "pad"
     if _is_ball(points, normals):
         return "ball"
@@ -52,7 +54,7 @@ def shape(points: Float64[np.ndarray, "n 3"], normals: Float64[np.ndarray, "n 3"
         return ""
     if not open_top:
         return "cylinder"
-    return "bowl" if size[:2].max() > SHALLOW * size[2] else "cup"
+    return "bowl" if length > SHALLOW * height else "cup"
 
 
 def _boxlike(out: Float64[np.ndarray, "n 2"]) -> float:

@@ -1,8 +1,9 @@
 """Fitted scenes on disk: one zarr 3 group each, whole or absent, named by what it was made from.
 
 A group holds the Gaussians' arrays, each body's handles and track, and attributes: format, version, key,
-settings, report, and a SHA-256 of every array and of the attributes themselves. Arrays are compressed (zstd). The key is a hash of the recorded content and the settings,
-so that a fit is found again for the same episode wherever it lies, and never for another.
+settings, report, and a SHA-256 of every array and of the attributes themselves. Arrays are compressed (zstd).
+The key is a hash of the recorded content and the settings, so that a fit is found again for the same episode
+wherever it lies, and never for another.
 """
 
 import hashlib

@@ -1,5 +1,6 @@
 """Which instances an edit is meant for: by handle, by role, or by a few words."""
 
+import zlib
 from collections.abc import Iterable, Sequence
 from typing import Any, Self
 
@@ -27,13 +28,46 @@ APART = (
 )  # roles that a phrase with a place in it means only by name
 
 
+class Part(BaseModel):
+    """A part of the target that is finer than its masks, by a `box` (left, top, right, bottom in pixels) in the image
+    of `camera` at `frame`, or by `words` for a `detector` (`dino:FOLDER`, `owlv2:FOLDER`), which then finds the box.
+
+    `segmenter` finds the part in the box: `grabcut`, `sam:FOLDER` or `sam2:FOLDER`.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    camera: str
+    frame: int = Field(default=0, ge=0)
+    box: tuple[float, float, float, float] | None = None
+    words: str | None = Field(default=None, min_length=1)
+    detector: str | None = None
+    segmenter: str = "grabcut"
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.box is None) == (self.words is None) or (self.words is None) != (
+            self.detector is None
+        ):
+            raise ValueError("give a box, or words with a detector")
+        if self.box is not None and not (self.box[0] < self.box[2] and self.box[1] < self.box[3]):
+            raise ValueError(f"box {self.box}: expected left < right and top < bottom")
+        return self
+
+    @property
+    def handle(self) -> int:
+        """The handle that this part gets: always the same for the same words, above those that simulators give."""
+        return (1 << 23) + zlib.crc32(self.model_dump_json().encode()) % (1 << 22)
+
+
 class Target(BaseModel):
     """Exactly one of `handle`, `role` and `text`.
 
     `text` says what the thing is and where ("the red receiver", "the cup closest to the drawer", "the second
     largest block left of the bowl"): the grammar is that of `relations`, nouns mean what `nouns` says. A noun
     that means nothing here is taken only beside a colour word, and then the colour decides alone. A plain string
-    is a `text`. Where several things fit, `all` takes them; a body of several handles that move as one is one thing.
+    is a `text`. With a `part` only that part of the thing is meant. Where several things fit, `all` takes them;
+    a body of several handles that move as one is one thing.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -42,6 +76,7 @@ class Target(BaseModel):
     role: str | None = None
     text: str | None = Field(default=None, min_length=1)
     all: bool = False
+    part: Part | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -81,6 +116,10 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
 
     Raises TargetError if there is none, or if several things fit where one was meant, and lists what there is.
     """
+    if target.part is not None:
+        if target.part.handle not in scene.handles:
+            raise TargetError(f"{target}: its part was not told apart before: `parts.told` does it")
+        return frozenset([target.part.handle])
     if target.handle is not None:
         wanted = frozenset([target.handle] if isinstance(target.handle, int) else target.handle)
         if wanted - scene.handles:

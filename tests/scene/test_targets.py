@@ -1,5 +1,7 @@
 """Targets by handle, role and words, and what they say when they cannot be met."""
 
+from dataclasses import replace
+
 import boxes
 import pytest
 from analysed import analysed
@@ -41,6 +43,55 @@ def test_by_words(placed: tuple[World, Scene], text: str, expected: set[int]) ->
     assert find(scene, Target(text=text)) == expected
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        # The hand stands for the robot; it works towards +x of its lowest part, or so the frame is snapped.
+        ("the largest red thing", {OTHER}),
+        ("the thing closest to the pad", {BLOCK}),
+        ("the thing closest to the red block", {BLOCK}),
+        ("the tallest thing", {OTHER}),
+        ("the thing farthest from the red block", {PAD}),
+        ("the block closest to the receiver", {BLOCK}),
+        ("the pad", {PAD}),
+        ("the smallest block", {BLOCK}),
+        ("the cube nearest to the table", {BLOCK, OTHER}),
+    ],
+)
+def test_by_place(placed: tuple[World, Scene], text: str, expected: set[int]) -> None:
+    _, scene = placed
+    assert find(scene, Target.model_validate({"text": text, "all": True})) == expected
+
+
+def test_a_plain_string_is_a_text(placed: tuple[World, Scene]) -> None:
+    target = Target.model_validate("the red thing")
+    assert target == Target(text="the red thing")
+    assert find(placed[1], target) == {OTHER}
+    assert {"type": "string", "minLength": 1} in Target.model_json_schema()["anyOf"]
+
+
+def test_words_of_the_instruction_stand_for_roles(placed: tuple[World, Scene]) -> None:
+    told = replace(placed[1], descriptions=("put the widget on the gizmo",))
+    assert find(told, Target(text="the widget")) == {BLOCK}
+    assert find(told, Target(text="the thing closest to the gizmo")) == {BLOCK}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("the gizmo", "'gizmo' is no role, no shape and not in the instruction"),
+        ("the metal cube", "'metal' is nothing that masks and depth can tell"),
+        ("the thing closest to the block", "of which. 2 things fit there"),
+        ("the ball", "nothing fits"),
+        ("the cube", "2 things fit: .*say more"),
+        ("the third largest cube", "nothing fits"),
+    ],
+)
+def test_what_the_words_do_not_settle(placed: tuple[World, Scene], text: str, message: str) -> None:
+    with pytest.raises(TargetError, match=message):
+        find(placed[1], Target(text=text))
+
+
 def test_several_things_are_listed_unless_all_are_meant(placed: tuple[World, Scene]) -> None:
     _, scene = placed
     with pytest.raises(TargetError, match=r"things fit: .*set all: true"):
@@ -71,7 +122,7 @@ def test_an_unknown_role_says_why() -> None:
         ({}, "exactly one"),
         ({"handle": 1, "role": "robot"}, "exactly one"),
         ({"role": "cup"}, "no role is called 'cup'; there are: manipulated"),
-        ({"text": "the cup"}, "nouns need a detector"),
+        ({"text": "the cup left of"}, "'left of' of what"),
         ({"text": "the red blue thing"}, "several colours"),
         ({"handle": []}, "at least one handle"),
         ({"handel": 3}, "handel"),

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float64, Int
 
 from rpaug import geometry
 from rpaug.errors import TargetError
+from rpaug.providers.detect import Detector
 from rpaug.providers.segment import Box, GrabCut, Segmenter, whole_pixels
 from rpaug.scene.gaussian_view import plane_depth, standing
 from rpaug.scene.sampling import frames
@@ -125,7 +126,7 @@ def finer(
     rng = np.random.default_rng(seed)
     order = np.argsort(np.append(identities.handles, part), kind="stable")
     spread = float(identities.weight.std())  # the part must be tellable, as other handles are
-    nudge = rng.normal(0, spread, identities.weight.shape[1]).astype(np.float32)
+    nudge = rng.normal(0, spread, size=identities.weight.shape[1:]).astype(np.float32)
     begun = Identities(
         identities.encodings,
         np.concatenate([identities.weight, (identities.weight[like] + nudge)[None]])[order],
@@ -173,6 +174,22 @@ def overlap(a: Box | None, b: Box) -> float:
     return both / (areas - both)
 
 
+def detected(
+    scene: Scene, whole: frozenset[int], words: str, detector: Detector, camera: str, t: int
+) -> Prompt:
+    """A prompt from a detector: its surest box most of which lies on `whole`. Raises TargetError if there is none."""
+    assert scene.gaussians is not None
+    shown = _shown(Stage(scene), np.isin(scene.gaussians.ids, list(whole)), camera, t)
+    for found in detector(scene.episode.views[camera].rgb(t), words):
+        left, top, right, bottom = whole_pixels(found.box, shown.shape[1], shown.shape[0])
+        inside = shown[top:bottom, left:right]
+        if inside.size and inside.mean() > 0.5:
+            return Prompt(camera, t, found.box)
+    raise TargetError(
+        f"the detector finds no {words!r} on the target in camera {camera} at frame {t}"
+    )
+
+
 def _body(scene: Scene, whole: frozenset[int]) -> Body:
     for body in scene.bodies:
         if whole and whole <= body.handles:
@@ -186,7 +203,7 @@ def _shown(
     """Where most of a pixel's light comes from the retrieved Gaussians."""
     drawn = stage.draw(camera, t, retrieved[:, None].astype(np.float32).repeat(16, 1))
     assert drawn.features is not None
-    return drawn.features[..., 0] > 0.5
+    return np.asarray(drawn.features[..., 0] > 0.5)
 
 
 def _bounds(mask: Bool[np.ndarray, "h w"]) -> Box | None:
@@ -278,9 +295,9 @@ def _carried(
         return None
     low, high = at[inside].min(0), at[inside].max(0)
     room = 1 + MARGIN * (high - low)
-    left, top = low - room
-    right, bottom = high + room
-    return (float(left), float(top), float(right), float(bottom)), pixel[visible]
+    left, top = (low - room).tolist()
+    right, bottom = (high + room).tolist()
+    return (left, top, right, bottom), pixel[visible]
 
 
 def _voted(

@@ -24,7 +24,7 @@ class Learning:
 
     steps: int = 300
     rate: float = 0.05  # Adam's, of encodings and head
-    smoothness: float = 1.0  # weight of the KL term beside the cross-entropy
+    smoothness: float = 0.1  # weight of the KL term beside the cross-entropy
     neighbours: int = 5
     sampled: int = 1000  # Gaussians that the KL term looks at in one step
 

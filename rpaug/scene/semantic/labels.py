@@ -68,3 +68,8 @@ class Stage:
             view = view_of(standing(self._scene, camera), t)
             self._views[camera, t] = (self._placement.place(self._splats, t), view)
         return self._views[camera, t][0]
+
+    def size(self, camera: str) -> tuple[int, int]:
+        """Height and width of a camera's images."""
+        eye = self._scene.cameras[camera]
+        return eye.height, eye.width

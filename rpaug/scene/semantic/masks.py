@@ -14,18 +14,19 @@ def mask(
 ) -> Int32[np.ndarray, "h w"]:
     """Handles of one view, given one for each Gaussian; 0 where less than half of a pixel is covered."""
     labels, which = np.unique(ids, return_inverse=True)
-    best = share = None
-    for start in range(0, max(len(labels), 1), CHANNELS):
+    best = share = alpha = None
+    for start in range(0, len(labels), CHANNELS):
         member = (which >= start) & (which < start + CHANNELS)
         features = np.zeros((len(ids), CHANNELS), np.float32)
         features[member, which[member] - start] = 1.0
         drawn = stage.draw(camera, t, features)
         assert drawn.features is not None
-        top = drawn.features.argmax(-1)
-        weight = np.take_along_axis(drawn.features, top[..., None], -1)[..., 0]
-        named = labels[np.minimum(top + start, len(labels) - 1)] if len(labels) else 0 * top
+        named = labels[np.minimum(drawn.features.argmax(-1) + start, len(labels) - 1)]
+        weight = drawn.features.max(-1)
         if best is None or share is None:
             best, share, alpha = named, weight, drawn.alpha
         else:
             best, share = np.where(weight > share, named, best), np.maximum(weight, share)
+    if best is None or alpha is None:
+        return np.zeros(stage.size(camera), np.int32)
     return np.where(alpha >= COVERED, best, 0).astype(np.int32)
