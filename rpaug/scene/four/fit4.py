@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -56,6 +57,14 @@ class FourReport:
     frames: int
     seconds: float
     reason: str = ""
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values; handles as text where they are keys."""
+        by_handle = {
+            name: {str(handle): round(db, 2) for handle, db in getattr(self, name).items()}
+            for name in ("rigid_db", "db")
+        }
+        return {**vars(self), "handles": list(self.handles), **by_handle}
 
 
 def fitted(
