@@ -215,7 +215,7 @@ def made_ready(
     if not plan.gaussians:
         return _with_parts(scene, plan), plan
     with watch("fit"):
-        scene, facts = _with_gaussians(scene, scenes)
+        scene, facts = _with_gaussians(scene, plan, scenes)
         risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
         measured = residuals.of_gaussians(scene, risen)
     return _with_parts(scene, plan), planning.fitted(plan, facts, measured)
@@ -258,14 +258,16 @@ def _moved(scene: Scene, recipe: Recipe) -> Iterator[tuple[str, Camera]]:
 def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -> Scene:
     """The recorded scene with what the plan asks for, Gaussians among it: from the store `scenes`, or fitted."""
     scene = build(episode, with_bodies=plan.bodies)
-    scene = _with_gaussians(scene, scenes)[0] if plan.gaussians else scene
+    scene = _with_gaussians(scene, plan, scenes)[0] if plan.gaussians else scene
     return _with_parts(scene, plan)
 
 
-def _with_gaussians(scene: Scene, scenes: Path | None) -> tuple[Scene, Mapping[str, Any]]:
+def _with_gaussians(
+    scene: Scene, plan: planning.Plan, scenes: Path | None
+) -> tuple[Scene, Mapping[str, Any]]:
     from rpaug.scene import cached  # only here: it brings torch and the rasteriser
 
-    return cached.fitted(scene, scenes)
+    return (cached.fitted_in_time if plan.tier >= 4 else cached.fitted)(scene, scenes)
 
 
 def _with_parts(scene: Scene, plan: planning.Plan) -> Scene:

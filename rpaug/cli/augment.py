@@ -21,10 +21,13 @@ def augment(
         int, typer.Option(min=1, help="Processes. Any number gives the same output.")
     ] = 1,
     tier: Annotated[
-        int, typer.Option(min=0, max=3, help="Least tier: 0 pixels, 1 surfels, 3 Gaussians.")
+        int,
+        typer.Option(
+            min=0, max=4, help="Least tier: 0 pixels, 1 surfels, 3 Gaussians, 4 also in time."
+        ),
     ] = 0,
     scenes: Annotated[
-        Path | None, typer.Option(help="Store of fitted scenes, for tier 3: `rpaug fit --out`.")
+        Path | None, typer.Option(help="Store of fitted scenes, for tiers 3 and 4: `rpaug fit --out`.")
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Instead of the recipe's.")] = None,
     set_: Annotated[
@@ -43,7 +46,7 @@ def augment(
     from rpaug.augment import Run, execute
 
     if tier == 2:
-        raise RpaugError("--tier 2: assets enter at any tier; the least tier is 0, 1 or 3")
+        raise RpaugError("--tier 2: assets enter at any tier; the least tier is 0, 1, 3 or 4")
     loaded = load_recipe(recipe, [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])])
     run = Run(dataset, loaded, out, tier, scenes)
     if dry_run:

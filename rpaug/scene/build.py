@@ -4,13 +4,19 @@ import numpy as np
 
 from rpaug.scene import antialias, bodies, roles, sampling
 from rpaug.scene.looks import look
+from rpaug.scene.segmentation import motion
 from rpaug.types import Body, Episode, Scene
 
 SAMPLED = 32  # frames of each camera in which instances without depth are looked for
 
 
 def build(episode: Episode, *, with_bodies: bool) -> Scene:
-    """The recorded scene. Bodies and roles are found only where an edit needs to know them."""
+    """The recorded scene. Bodies and roles are found only where an edit needs to know them.
+
+    Where that needs instances and an episode has depth but no masks, they are told by motion.
+    """
+    if with_bodies:
+        episode = motion.masked(episode)
     tracked: tuple = ()
     named: dict = {}
     if with_bodies and not all(view.depth and view.ids for view in episode.views.values()):

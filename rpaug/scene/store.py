@@ -22,11 +22,12 @@ from zarr.codecs import ZstdCodec
 from rpaug.errors import BadInput
 from rpaug.files import PART, atomic_folder
 from rpaug.scene import moments
-from rpaug.types import Body, Episode, Gaussians, Scene
+from rpaug.types import Body, Episode, Gaussians, Gaussians4, Scene
 
 FORMAT, VERSION = "rpaug scene", 2
 ENDING = ".zarr"
 ARRAYS = ("means", "quats", "scales", "opacities", "sh", "ids")
+FLOWING = ("means", "left", "right", "scales", "opacities", "sh", "ids", "origin")
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Stored:
     irradiance: np.ndarray | None
     settings: Mapping[str, Any]
     report: Mapping[str, Any]
+    flowing: Gaussians4 | None = None
 
 
 def key(episode: Episode, settings: Any, seed: int) -> str:
@@ -89,6 +91,9 @@ def save(folder: Path, name: str, scene: Scene, *, settings: Any, report: Any) -
                 "ambiguous": body.ambiguous,
             }
         )
+    if scene.flowing is not None:
+        arrays |= {f"flowing/{n}": np.asarray(getattr(scene.flowing, n)) for n in FLOWING}
+        facts["pace"] = scene.flowing.pace
     if scene.irradiance is not None:
         arrays["irradiance"] = np.asarray(scene.irradiance)
     for camera, drift in scene.drift.items():
@@ -169,7 +174,11 @@ def load(folder: Path, name: str) -> Stored | None:
     held = [name[len("moments/") :] for name in sums if name.startswith("moments/")]
     residuals = moments.unpacked({n: _read(where, group, f"moments/{n}", sums) for n in held})
     gaussians = Gaussians(**loaded, moments=residuals)
-    return Stored(gaussians, bodies, drift, light, plain["settings"], plain["report"])
+    flowing = None
+    if "pace" in facts:
+        more = {n: _read(where, group, f"flowing/{n}", sums) for n in FLOWING}
+        flowing = Gaussians4(**more, pace=plain["pace"])
+    return Stored(gaussians, bodies, drift, light, plain["settings"], plain["report"], flowing)
 
 
 def _open(where: Path) -> tuple[zarr.Group, dict[str, Any]]:

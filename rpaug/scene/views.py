@@ -69,7 +69,13 @@ def edited(
             views[name] = _rendered(scene, name, render, watch)
         else:
             views[name] = _rendered(scene, name, partial(_gaussians, scene, name), watch)
-    return replace(scene.episode, views=views, descriptions=scene.descriptions)
+    shown = {name: _as_recorded(view, scene.episode.views[name]) for name, view in views.items()}
+    return replace(scene.episode, views=shown, descriptions=scene.descriptions)
+
+
+def _as_recorded(view: CameraView, recorded: CameraView) -> CameraView:
+    """The view without handles that were only inferred: what a source lacks is not written into its copies."""
+    return replace(view, ids=None, inferred=False) if recorded.inferred else view
 
 
 def sense(

@@ -20,9 +20,9 @@ SPLIT = 1.6  # a Gaussian split in two leaves children this much shorter (Kerbl 
 class Rates4:
     """Step sizes: means by shares of a typical Gaussian's size, scales by factors, opacities by logits."""
 
-    means: float = 0.06
-    left: float = 4e-3
-    right: float = 4e-3
+    means: float = 0.1
+    left: float = 1e-2
+    right: float = 1e-2
     scales: float = 2e-2
     opacities: float = 0.08
     sh: float = 5e-2

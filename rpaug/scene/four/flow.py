@@ -25,8 +25,9 @@ def flow(
     """
     few = _few(len(points))
     near, tint, moved = points[few], colours[few], guess[few]
+    spacing = spacing * max(1.0, (len(points) / len(near)) ** 0.5)
     weight = COLOUR * spacing
-    targets = np.concatenate([other, weight * other_colours], 1)[_few(len(other))]
+    targets = np.concatenate([other, weight * other_colours], 1)
     apart = _squared(near, near)
     for k in range(ROUNDS):
         reach = spacing * STIFF[0] * (STIFF[1] / STIFF[0]) ** (k / (ROUNDS - 1))

@@ -66,18 +66,18 @@ def seeds(scene: Scene, handles: frozenset[int], times: Sequence[int]) -> Gaussi
 
 
 def _pictures(scene: Scene, handles: frozenset[int], t: int) -> list[Picture]:
-    """What fixed cameras show of the region, or moving ones where no fixed camera does."""
-    found: dict[bool, list[Picture]] = {True: [], False: []}
-    for view in scene.episode.views.values():
+    """What each camera shows of the region, from where it truly stood."""
+    found = []
+    for name, view in scene.episode.views.items():
         if view.depth is None or view.ids is None:
             continue
         ids = view.ids(t)
         use = np.isin(ids, list(handles))
         if use.any():
-            camera = view.camera
-            one = Picture(view.rgb(t), view.depth(t), ids, camera.K, camera.cam_to_world[t], use)
-            found[camera.fixed].append(one)
-    return found[True] or found[False]
+            drift = scene.drift[name][t] if name in scene.drift else np.eye(4)
+            pose = drift @ view.camera.cam_to_world[t]
+            found.append(Picture(view.rgb(t), view.depth(t), ids, view.camera.K, pose, use))
+    return found
 
 
 def _origin(

@@ -81,17 +81,22 @@ def segment(episode: Episode) -> Segmentation:
 
 
 def masked(episode: Episode) -> Episode:
-    """The episode with handles for the views that have depth and none; `inferred` there, so that no writer keeps
-    them. Others are left as they are."""
-    lacking = [n for n, v in episode.views.items() if v.ids is None and v.depth is not None]
-    if not lacking or not any(v.camera.fixed and v.depth for v in episode.views.values()):
+    """The episode with handles, `inferred` so that no writer keeps them, if it has none and all its views have depth.
+
+    Others, and those of one frame or without a fixed camera, are left as they are: nothing is seen to move there.
+    """
+    views = episode.views
+    masks = any(view.ids for view in views.values())
+    depth = all(view.depth for view in views.values())
+    if masks or not depth or episode.length < 2:
+        return episode
+    if not any(view.camera.fixed for view in views.values()):
         return episode
     found = segment(episode)
-    views = dict(episode.views)
-    for name in lacking:
-        view = views[name]
-        read = lru_cache(None)(partial(found.ids, name))
-        views[name] = CameraView(view.camera, view.rgb, view.depth, read, inferred=True)
+    views = {
+        name: replace(view, ids=lru_cache(None)(partial(found.ids, name)), inferred=True)
+        for name, view in views.items()
+    }
     return replace(episode, views=views)
 
 

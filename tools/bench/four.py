@@ -1,0 +1,141 @@
+"""Gaussians in space and time beside rigid parts, on the twin's towel and soft hand, at times that no fit saw.
+
+    python tools/bench/four.py [--seeds 3] [--frames 40] [--steps 500] [--sheet four.png] [--json]
+
+For each task and seed: the scene is fitted with rigid parts to every other frame, then what they leave unexplained is
+fitted in four dimensions. Printed are the decibels (PSNR, up) of the soft thing's own recorded pixels in the frames
+between, pooled over the fixed cameras and over the wrist camera, rigid and 4D; the share of its pixels whose depth is
+off by more than two pixel widths (down); its Gaussians; and the processor seconds of both fits. `all` are the decibels
+of whole images. The sheet shows truth, rigid parts, 4D and three times its error, row by row.
+"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from rpaug import twin
+from rpaug.scene import fit, gaussian_view
+from rpaug.scene.build import build
+from rpaug.scene.descent import FitSettings
+from rpaug.scene.four import fit4
+from rpaug.twin.soft_tasks import SOFT_TASKS
+from rpaug.types import Scene
+
+SIDE = 64  # pixels of one picture on the sheet
+
+
+def whole_db(scene: Scene, times: list[int], cameras: list[str]) -> float:
+    """PSNR of whole images, mean over views."""
+    found = [
+        fit.psnr(gaussian_view.render_view(scene, name, t)[0], scene.episode.views[name].rgb(t))
+        for name in cameras
+        for t in times
+    ]
+    return float(np.mean(found))
+
+
+def measure(
+    task: str, seed: int, frames: int, steps: int
+) -> tuple[dict[str, Any], list[np.ndarray]]:
+    """Figures of one recording, and pictures of it."""
+    take = twin.perform(task, seed, frames=frames)
+    handle = take.truth.handles[take.truth.manipulated]
+    start = time.process_time()
+    scene = build(take.episode, with_bodies=True)
+    settings = FitSettings(steps=steps, train_frames=frames // 2, checked_frames=2)
+    rigid, _ = fit.fitted(scene, settings=settings)
+    middle = time.process_time()
+    four, report = fit4.fitted(rigid, settings=fit4.FourSettings(train_frames=frames // 2))
+    end = time.process_time()
+    fixed = [name for name, view in take.episode.views.items() if view.camera.fixed]
+    seen = set(np.linspace(0, frames - 1, frames // 2).round().astype(int).tolist())
+    unseen = [t for t in range(frames) if t not in seen][1::2]
+    row: dict[str, Any] = {"task": task, "seed": seed, "handle": handle}
+    for name, made in (("rigid", rigid), ("four", four)):
+        still = fit4.residuals(made, unseen, cameras=fixed)[handle]
+        wrist = fit4.residuals(made, unseen, cameras=["wrist"]).get(handle)
+        row[name] = {
+            "db": round(still.db, 2),
+            "wrist_db": round(wrist.db, 2) if wrist else None,
+            "off": round(still.off, 3),
+            "all_db": round(whole_db(made, unseen[::3], fixed), 2),
+        }
+    names = {number: name for name, number in take.truth.handles.items()}
+    row |= {
+        "taken": [names[h] for h in report.handles],
+        "gaussians": report.gaussians,
+        "rigid_seconds": round(middle - start, 1),
+        "four_seconds": round(end - middle, 1),
+    }
+    columns = [pictures(rigid, four, handle, camera, t) for camera, t in shown(unseen)]
+    return row, columns
+
+
+def shown(unseen: list[int]) -> list[tuple[str, int]]:
+    """Cameras and times of the sheet."""
+    few = [unseen[i] for i in np.linspace(1, len(unseen) - 1, 4).round().astype(int)]
+    return [(camera, t) for camera in ("front", "left_shoulder") for t in few]
+
+
+def pictures(rigid: Scene, four: Scene, handle: int, camera: str, t: int) -> np.ndarray:
+    """Truth, rigid, 4D and 4D's error, one below the other, around the thing."""
+    view = four.episode.views[camera]
+    assert view.ids is not None
+    rows, columns = np.nonzero(view.ids(t) == handle)
+    height, width = view.camera.height, view.camera.width
+    top = int(np.clip((rows.min() + rows.max()) // 2 - SIDE // 2, 0, height - SIDE)) if len(rows) else 0
+    left = int(np.clip((columns.min() + columns.max()) // 2 - SIDE // 2, 0, width - SIDE)) if len(rows) else 0
+    window = np.s_[top : top + SIDE, left : left + SIDE]
+    truth = view.rgb(t)[window]
+    images = [gaussian_view.render_view(scene, camera, t)[0][window] for scene in (rigid, four)]
+    error = np.clip(3 * np.abs(images[1].astype(int) - truth), 0, 255).astype(np.uint8)
+    return np.vstack([truth, *images, error])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--tasks", nargs="+", default=list(SOFT_TASKS), choices=list(SOFT_TASKS))
+    parser.add_argument("--frames", type=int, default=40)
+    parser.add_argument("--steps", type=int, default=500)
+    parser.add_argument("--sheet", type=Path)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    rows, sheet = [], []
+    for task in arguments.tasks:
+        for seed in range(arguments.seeds):
+            row, columns = measure(task, seed, arguments.frames, arguments.steps)
+            rows.append(row)
+            sheet.append(np.hstack(columns))
+            if not arguments.json:
+                sys.stdout.write(line(row))
+                sys.stdout.flush()
+    if arguments.sheet:
+        picture = cv2.resize(np.vstack(sheet), None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+        cv2.imwrite(str(arguments.sheet), picture[..., ::-1])
+    if arguments.json:
+        sys.stdout.write(json.dumps(rows, indent=1) + "\n")
+
+
+def line(row: dict[str, Any]) -> str:
+    """One row for people."""
+    parts = [
+        f"{name}: {row[name]['db']:.1f} dB (wrist {row[name]['wrist_db']}), {row[name]['off']:.0%} off, "
+        f"all {row[name]['all_db']:.1f}"
+        for name in ("rigid", "four")
+    ]
+    taken = ", ".join(row["taken"]) or "nothing"
+    return (
+        f"{row['task']} {row['seed']}: {'; '.join(parts)}; taken: {taken}; {row['gaussians']} in 4D; "
+        f"{row['rigid_seconds']} + {row['four_seconds']} s\n"
+    )
+
+
+if __name__ == "__main__":
+    main()
