@@ -14,7 +14,7 @@ def record(
         str,
         typer.Option(
             help="open_drawer, pick_block, push_button, slide_block, stack_cups, put_in_box,"
-            " put_on_stove."
+            " put_on_stove, close_box."
         ),
     ] = "open_drawer",
     seed: Annotated[int, typer.Option(min=0)] = 0,

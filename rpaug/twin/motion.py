@@ -14,19 +14,34 @@ STEP = 0.05  # seconds between frames, RLBench's simulation step
 _NUDGE = 1e-4  # of a straight path: the step of the central difference that gives its joint rates
 
 
+@dataclass(frozen=True)
+class Hinge:
+    """A turn about an axis through `at` (metres, world), by the rotation vector `turn` in radians."""
+
+    at: Float[np.ndarray, "3"]
+    turn: Float[np.ndarray, "3"]
+
+    def turned(self, pose: Float[np.ndarray, "4 4"], share: float) -> Float[np.ndarray, "4 4"]:
+        """The pose after that share of the turn."""
+        motion = geometry.rigid(share * self.turn, np.zeros(3))
+        motion[:3, 3] = self.at - motion[:3, :3] @ self.at
+        return motion @ pose
+
+
 @dataclass(frozen=True, kw_only=True)
 class Key:
     """One leg of the motion, ending at `tip` (None: the gripper stays) with the fingers `opening` metres apart.
 
     `share` is its part of the episode's length. `straight` legs move the tip on a line without
-    turning it; the others swing the joints. `holds` names what is rigid to the gripper during the
-    leg.
+    turning it, legs `about` a hinge turn it about that; the others swing the joints. `holds` names
+    what is rigid to the gripper during the leg.
     """
 
     share: float
     tip: Float[np.ndarray, "4 4"] | None = None
     opening: float = OPEN
     straight: bool = False
+    about: Hinge | None = None
     holds: str | None = None
 
 
@@ -103,27 +118,26 @@ def _leg(
     arm: Panda, q: Float[np.ndarray, "7"], key: Key, progress: Float[np.ndarray, "n"]
 ) -> tuple[Float[np.ndarray, "n 7"], Float[np.ndarray, "n 7"]]:
     """Joints along one leg, and their derivative by its progress."""
-    if key.tip is None:
+    if key.tip is None and key.about is None:
         return np.tile(q, (len(progress), 1)), np.zeros((len(progress), 7))
-    if not key.straight:
+    if key.tip is not None and not key.straight:
         way = arm.solve(key.tip, q) - q
         return q + progress[:, None] * way, np.tile(way, (len(progress), 1))
     first = arm.tip(q)
     path, slope = [], []
     for s in progress:
-        before, q, after = (
-            arm.solve(_between(first, key.tip, s + d), q) for d in (-_NUDGE, 0, _NUDGE)
-        )
+        before, q, after = (arm.solve(_between(first, key, s + d), q) for d in (-_NUDGE, 0, _NUDGE))
         path.append(q)
         slope.append((after - before) / (2 * _NUDGE))
     return np.array(path), np.array(slope)
 
 
-def _between(
-    first: Float[np.ndarray, "4 4"], last: Float[np.ndarray, "4 4"], s: float
-) -> Float[np.ndarray, "4 4"]:
+def _between(first: Float[np.ndarray, "4 4"], key: Key, s: float) -> Float[np.ndarray, "4 4"]:
+    if key.about is not None:
+        return key.about.turned(first, s)
+    assert key.tip is not None
     pose = first.copy()
-    pose[:3, 3] += s * (last[:3, 3] - first[:3, 3])
+    pose[:3, 3] += s * (key.tip[:3, 3] - first[:3, 3])
     return pose
 
 

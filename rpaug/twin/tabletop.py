@@ -27,6 +27,7 @@ STOVE, PLATE = (
     (-0.030, 0.070, 0.004),
 )  # half extents, height; x, radius, height
 KNOB_AT, KNOB = (0.095, 0.060), (0.024, 0.026)  # x and +-y on the stove; radius, height
+LID, LID_OPEN = 0.006, float(np.deg2rad(55.0))  # thickness of the box's lid; how far it stands open
 BLOCK = (0.032, 0.055, 0.045)  # half extents: the narrow side fits the gripper
 RACK = (0.009, 0.16, 0.36)  # radius of its bars, half its width, height
 POST = (0.030, 0.10)  # radius and height
@@ -195,6 +196,7 @@ def _things() -> dict[str, Part]:
         for name, geoms, tint in (
             ("button_base", _frame(0.040, 0.040, 0.032, 0.015, 0.002), (0.72, 0.72, 0.76)),
             ("box", _frame(*BOX, 0.008, BOX_FLOOR, texture="oak"), (0.92, 0.86, 0.76)),
+            ("lid", (_lid(),), (0.62, 0.70, 0.86)),
             ("cup_small", _cup(*CUP_SMALL), (0.20, 0.42, 0.78)),
             ("cup_large", _cup(*CUP_LARGE), (0.90, 0.62, 0.18)),
             ("rack", _rack(*RACK), (0.45, 0.47, 0.52)),
@@ -217,6 +219,12 @@ def _frame(
         *(board((x, half, up), (0, s * (y - half), base + up)) for s in (-1, 1)),
         *(board((half, y - wall, up), (s * (x - half), 0, base + up)) for s in (-1, 1)),
     )
+
+
+def _lid() -> Geom:
+    """A board as wide as the box; its frame's origin is the hinge, along y, and closed it reaches back along -x."""
+    x, y, _ = BOX
+    return Geom("box", (x, y, LID / 2), (-x, 0, LID / 2), texture="oak")
 
 
 def _cup(radius: float, wall: float, height: float, staves: int = 12) -> tuple[Geom, ...]:

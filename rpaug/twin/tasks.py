@@ -8,10 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from rpaug import geometry
-from rpaug.twin.motion import Key, Motion
+from rpaug.twin.motion import Hinge, Key, Motion
 from rpaug.twin.panda import FINGER_END, FINGER_HALF, OPEN
 from rpaug.twin.tabletop import (
     BLOCK,
+    BOX,
     BOX_FLOOR,
     BUTTON_TOP,
     BUTTON_TRAVEL,
@@ -19,6 +20,8 @@ from rpaug.twin.tabletop import (
     FLOOR_OF_CUP,
     GRIP,
     GRIP_RADIUS,
+    LID,
+    LID_OPEN,
     PLATE,
     STOVE,
     resting_height,
@@ -30,6 +33,7 @@ Pose = Float[np.ndarray, "4 4"]
 
 PULL = 0.15  # metres the drawer is opened by
 _REACH = 0.09  # metres before and above its target at which the gripper lines up
+_HALFWAY = np.deg2rad(40.0)  # of the fingers from the vertical when they begin to push the lid over
 _LEAN = np.deg2rad(40.0)  # how far the approach to the grip leans from the vertical into the drawer
 
 
@@ -289,6 +293,37 @@ def put_on_stove(rng: np.random.Generator) -> Job:
     )
 
 
+def close_box(rng: np.random.Generator) -> Job:
+    """Push the box's open lid over with closed fingers until it lies on the box."""
+    yaw = rng.uniform(-0.15, 0.15)
+    box = upright(0.25 + rng.uniform(-0.02, 0.02), rng.uniform(-0.05, 0.05), 0.0, yaw)
+    across = box[:3, 1]
+    hinge = geometry.transform(box, np.array([BOX[0], 0, BOX[2] + 0.001]))
+    closed = moved(box, hinge - box[:3, 3])
+    lid = Hinge(hinge, LID_OPEN * across).turned(closed, 1.0)
+    # Fingers touch the outside near its free edge, half of the turn before and half after they point down.
+    approach = np.array(geometry.rotation(_HALFWAY * across) @ _DOWN)
+    back = lid[:3, 2]
+    touch = geometry.transform(lid, np.array([0.03 - 2 * BOX[0], 0, LID])) + 0.016 * back
+    start = gripper_pose(touch, approach, opens_along=across)
+    ready = moved(start, 0.06 * back)
+    script = (
+        Key(share=0.44, tip=ready, opening=0.0),
+        Key(share=0.10, tip=start, opening=0.0, straight=True),
+        Key(share=0.32, about=Hinge(hinge, -LID_OPEN * across), opening=0.0, holds="lid"),
+        Key(share=0.10, opening=0.0),
+    )
+    spots = [(0.00, -0.36), (0.22, -0.38), (0.44, -0.30), (0.00, 0.30), (0.20, 0.36), (0.46, 0.26)]
+    return Job(
+        {"box": box, "lid": lid, **scattered(LOOSE, spots, rng)},
+        script,
+        "lid",
+        ("close the box", "push the lid of the box shut", "shut the wooden box"),
+        0,
+        "box",
+    )
+
+
 TASKS: Mapping[str, Callable[[np.random.Generator], Job]] = {
     "open_drawer": open_drawer,
     "pick_block": pick_block,
@@ -297,6 +332,7 @@ TASKS: Mapping[str, Callable[[np.random.Generator], Job]] = {
     "stack_cups": stack_cups,
     "put_in_box": put_in_box,
     "put_on_stove": put_on_stove,
+    "close_box": close_box,
 }
 
 LOOSE = ("block_plain", "block_two_coloured", "block_textured", "block_small", "cylinder", "pad")

@@ -7,10 +7,21 @@ import pytest
 from analytic import scene
 from pydantic import TypeAdapter, ValidationError
 
-from rpaug import TargetError, geometry
+from rpaug import Scene, TargetError, geometry
 from rpaug.operators.camera_pose import CameraPose
+from rpaug.testing import OperatorContract
 
 EYES = {"front": (0.0, -0.9, 0.6), "side": (0.9, -0.1, 0.7), "wrist": (0.2, -0.5, 0.8)}
+
+
+class TestContract(OperatorContract):
+    frames = (0, 2)
+
+    def operator(self) -> CameraPose:
+        return CameraPose(camera="static")
+
+    def scene(self) -> Scene:
+        return scene(EYES, length=3, moving="wrist")
 
 
 @pytest.fixture

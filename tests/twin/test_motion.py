@@ -6,7 +6,15 @@ import pytest
 from rpaug import Unsupported, geometry
 from rpaug.twin.motion import STEP, Motion, play
 from rpaug.twin.panda import FINGER_END, HIGHEST, LOWEST, OPEN
-from rpaug.twin.tabletop import ARM, BLOCK, BUTTON_TOP, BUTTON_TRAVEL, FLOOR_OF_CUP, TABLE
+from rpaug.twin.tabletop import (
+    ARM,
+    BLOCK,
+    BUTTON_TOP,
+    BUTTON_TRAVEL,
+    FLOOR_OF_CUP,
+    LID_OPEN,
+    TABLE,
+)
 from rpaug.twin.tasks import PULL, TASKS, Job
 
 
@@ -62,6 +70,16 @@ def test_the_drawer_slides_with_the_gripper():
     np.testing.assert_allclose(held, np.tile(held[0], (len(held), 1, 1)), atol=1e-12)
     for name in set(motion.objects) - {"drawer"}:
         assert (motion.objects[name] == motion.objects[name][0]).all()
+
+
+def test_the_lid_turns_about_its_hinge_until_it_lies_on_the_box():
+    job, motion = acted("close_box", 3, 40)
+    lid, box = motion.objects["lid"], job.placing["box"]
+    hinge = np.tile(lid[0, :3, 3], (40, 1))
+    np.testing.assert_allclose(lid[:, :3, 3], hinge, atol=1e-8)
+    np.testing.assert_allclose(lid[:, :3, 1], np.tile(box[:3, 1], (40, 1)), atol=1e-8)
+    np.testing.assert_allclose(lid[-1, :3, :3], box[:3, :3], atol=1e-8)
+    assert np.arccos(lid[0, :3, 2] @ box[:3, 2]) == pytest.approx(LID_OPEN)
 
 
 def test_the_block_lands_on_the_pad():
