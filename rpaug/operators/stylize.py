@@ -16,27 +16,31 @@ from rpaug.scene.painting import Painting
 from rpaug.textures import folder, shipped
 from rpaug.types import Effect, Scene, Surface
 
-SHADE = (0.3, 1.7)  # how much darker or brighter than on average a recorded pixel may make the new colour
+SHADE = (
+    0.3,
+    1.7,
+)  # how much darker or brighter than on average a recorded pixel may make the new colour
 
 
 @dataclass(frozen=True)
 class Stylised:
     """Pixel = new colour x shading, where shading is how bright the recorded pixel is beside the old colour.
 
-    Old and new colours are those of the fitted Gaussians, in even light, at the pixel's place on its body: rgb and rgb.
+    Old and new colours are those of the fitted Gaussians, in even light, at the pixel's place on its body.
     """
 
     handles: frozenset[int]
-    painting: Painting
+    old: Painting
+    new: Painting
 
     def __call__(
         self, colour: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
-        found, weight = self.painting.at(surface.ids, surface.points, surface.footprint)
-        old, new = found[:, :3], found[:, 3:]
+        place = surface.ids, surface.points, surface.footprint
+        (old, known), (new, painted) = self.old.at(*place), self.new.at(*place)
         shade = (colour * old).sum(-1) / np.maximum((old * old).sum(-1), 1e-3)
         styled = new * np.clip(shade, *SHADE)[:, None]
-        out = np.where(weight[:, None] > 0, styled, colour)
+        out = np.where(((known > 0) & (painted > 0))[:, None], styled, colour)
         return np.clip(out, 0, 1).astype(np.float32)
 
 
@@ -89,7 +93,9 @@ class Stylize(Operator):
                 self.weights or "the cache",
                 "VGG16 weights",
                 found=f"{network.digest}, {network.origin}",
-                expected="{digest}, {origin}, as this edit was drawn with".format(**edit["weights"]),
+                expected="{digest}, {origin}, as this edit was drawn with".format(
+                    **edit["weights"]
+                ),
             )
         if self.textures is None:
             picture = shipped.image(edit["style"])
@@ -97,7 +103,7 @@ class Stylize(Operator):
             texturing.same(self.textures, edit["style"], edit["digest"])
             picture = folder.image(self.textures, edit["style"])
         handles = frozenset(edit["handles"])
-        settings = nnfm.Settings(steps=self.steps, palette=self.color)
+        settings = nnfm.Settings(steps=self.steps)
         styled = nnfm.stylise(scene, handles, picture, network, edit["seed"], settings)
-        laid = Stylised(handles, nnfm.painting(scene, styled))
+        laid = Stylised(handles, styled.old, styled.new)
         return replace(scene, appearance=(*scene.appearance, laid))

@@ -6,31 +6,34 @@ picture, while another term holds the pixels outside the target to what was reco
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float32, Float64, Int, UInt8
+from jaxtyping import Float, Float32, Int, Int32, UInt8
 from torch import Tensor
 from torch.nn import functional
 
 from rpaug.errors import TargetError, Unsupported
 from rpaug.providers.features import LEAST, VGG16
-from rpaug.scene.painting import Painting
+from rpaug.scene.painting import Painting, corners, places
 from rpaug.scene.windows import Window, colours_of, render, samples, windows
-from rpaug.types import Scene
+from rpaug.types import Gaussians, Scene
 
 LAYERS = ("conv3_1", "conv3_2", "conv3_3")  # ARF's choice
 COVERED = 0.5  # share of a feature's cell that is the target's, for it to count
 BROAD = 6.0  # pixels over which the old brightness is taken for light
-LIGHT = (0.25, 1.5)  # how much darker or brighter than the target's mean light may be
+LIT = 0.9  # quantile of the old brightness that is taken for full light
+DARKEST = 0.1  # of full light
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+BLOTCH = 4.0  # cells between the colours that a pattern begins with
 DIRECTIONS = 8  # on which colours are compared with the palette, a step
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How a target is stylised. `palette` False keeps the target's own colours as far as the features let it.
+    """How a target is stylised.
 
     `light` is the share (a power) of the old brightness, smoothed, that the new colours keep. `size` is what the
     target's longer side is enlarged to, and `picture` the style's, in pixels, before VGG16 sees them. The weights stand
@@ -41,11 +44,11 @@ class Settings:
     size: int = 128
     picture: int = 192
     frames: int = 2  # times that each camera is looked at
-    rate: float = 0.03  # of colours in 0..1, in a step of Adam
+    rate: float = 0.05  # of colours in 0..1, in a step of Adam
     last_rate: float = 0.1  # share of it left at the end (cosine schedule)
     outside: float = 30.0  # weight of the mean squared error outside the target
     palette: float = 8.0  # weight of the squared distance to the style's distribution of colours
-    light: float = 0.5
+    light: float = 0.7
 
 
 @dataclass(frozen=True)
@@ -59,11 +62,15 @@ class Loss:
 
 @dataclass(frozen=True)
 class Styled:
-    """Old and new colours of the Gaussians `rows`, 0..1, as they look in even light, and how the loss went."""
+    """What came of it: `old` and `new` give the colours 0..1 of a place on the bodies, as they look in even light.
 
+    `colours` are the new ones of the Gaussians `rows`. `losses` are those of each step.
+    """
+
+    old: Painting
+    new: Painting
     rows: Int[np.ndarray, "m"]
-    old: Float32[np.ndarray, "m 3"]
-    new: Float32[np.ndarray, "m 3"]
+    colours: Float32[np.ndarray, "m 3"]
     windows: tuple[Window, ...]
     losses: tuple[Loss, ...]
 
@@ -95,35 +102,85 @@ def stylise(
     looked = windows(scene, handles, rows, settings.frames)
     if not len(rows) or not looked:
         raise TargetError("stylising: no camera shows enough of the target")
-    old = colours_of(scene.gaussians.sh[rows])
+    cells = Cells.of(scene.gaussians, rows, looked)
     style = _style(network, picture, settings.picture)
-    light = torch.from_numpy(_light(scene, looked, rows, old) ** settings.light)[:, None]
+    old, light = _before(scene, looked, rows, cells)
+    light = torch.from_numpy(light**settings.light)[:, None]
     rng = np.random.default_rng(seed)
-    free = torch.from_numpy(_begin(rng, old, style, settings)).requires_grad_()
+    free = torch.from_numpy(_blotches(rng, cells, style)).requires_grad_()
     adam = torch.optim.Adam([free], settings.rate)
     losses: list[Loss] = []
     order: list[int] = []
     for step in range(settings.steps):
         order = order or rng.permutation(len(looked)).tolist()
-        window = looked[order.pop()]
+        number = order.pop()
         for group in adam.param_groups:
             group["lr"] = settings.rate * _cosine(step / settings.steps, settings.last_rate)
+        image = render(looked[number], rows, cells.gaussians(free * light))
+        surface = cells.pixels[number](free * light)
+        seen = _within(network, looked[number], image, surface, settings.size)
+        match, outside = matching(seen, style.features), _outside(looked[number], image)
         directions = torch.from_numpy(rng.standard_normal((3, DIRECTIONS)).astype(np.float32))
-        total, terms = _loss(network, window, rows, free * light, style, directions, settings)
+        apart = palette(free, style.colours, directions)
         adam.zero_grad()
-        total.backward()
+        (match + settings.outside * outside + settings.palette * apart).backward()
         adam.step()
         with torch.no_grad():
             free.clamp_(0, 1)
-        losses.append(terms)
-    new = (free * light).detach().numpy()
-    return Styled(rows, old, new, tuple(looked), tuple(losses))
+        losses.append(Loss(*(float(term.detach()) for term in (match, outside, apart))))
+    with torch.no_grad():
+        new = free * light
+        colours = cells.gaussians(new).numpy()
+    painted = Painting.of(cells.ids, cells.points, new.numpy(), cells.width)
+    return Styled(old, painted, rows, colours, tuple(looked), tuple(losses))
 
 
-def painting(scene: Scene, styled: Styled) -> Painting:
-    """Old and new colours (rgb and rgb) where the views saw the target, in its body's frame."""
-    both = np.concatenate([styled.old, styled.new], -1)
-    return Painting.of(*samples(scene, styled.windows, styled.rows, both))
+@dataclass(frozen=True)
+class Gather:
+    """Eight corners around each of n points, and what the point takes of each."""
+
+    corners: Int[Tensor, "8 n"]
+    shares: Float[Tensor, "8 n"]
+
+    def __call__(self, values: Float[Tensor, "m c"]) -> Float[Tensor, "n c"]:
+        """The values at the points, between those of the corners."""
+        return (values[self.corners] * self.shares[..., None]).sum(0)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Corners of a grid around the target: what is optimised, so that neighbours are of one colour.
+
+    Free colours for each Gaussian would let every view have its own, since each sees others in front. `gaussians` and
+    `pixels` (of each view's target) read the same corners: the two carriers of one surface.
+    """
+
+    ids: Int32[np.ndarray, "m"]
+    points: Float32[np.ndarray, "m 3"]
+    width: float
+    gaussians: Gather
+    pixels: tuple[Gather, ...]
+
+    @classmethod
+    def of(
+        cls, gaussians: Gaussians, rows: Int[np.ndarray, "g"], looked: Sequence[Window]
+    ) -> "Cells":
+        """As wide as a pixel is on the target, in the view in the middle."""
+        width = float(np.median([window.footprint for window in looked]))
+        handles = np.unique(gaussians.ids[rows])
+        given = [(gaussians.ids[rows], gaussians.means[rows])]
+        given += [(window.ids, window.points) for window in looked]
+        found = [corners(handles, ids, points, width) for ids, points in given]
+        unique = np.unique(np.concatenate([keys.ravel() for keys, _ in found]))
+        ids, points = places(handles, unique, width)
+        gathers = [
+            Gather(
+                torch.from_numpy(np.searchsorted(unique, keys)),
+                torch.from_numpy(shares.astype(np.float32)),
+            )
+            for keys, shares in found
+        ]
+        return cls(ids, points, width, gathers[0], tuple(gathers[1:]))
 
 
 def matching(seen: Float[Tensor, "c n"], wanted: Float[Tensor, "c m"]) -> Float[Tensor, ""]:
@@ -144,35 +201,29 @@ def palette(
     return ((mine - other[at.long()]) ** 2).mean()
 
 
-def _loss(
-    network: VGG16,
-    window: Window,
-    rows: Int[np.ndarray, "m"],
-    colours: Float[Tensor, "m 3"],
-    style: Style,
-    directions: Float[Tensor, "3 d"],
-    settings: Settings,
-) -> tuple[Tensor, Loss]:
-    image = render(window, rows, colours)
-    recorded, inside = torch.from_numpy(window.recorded), torch.from_numpy(window.mask)
-    # Outside the target VGG16 sees the recording, where no gradient leads.
-    shown = torch.where(inside[..., None], image, recorded)
-    match = matching(_within(network, shown, inside, settings.size), style.features)
-    outside = ((image - recorded)[~inside] ** 2).sum() / max(1, 3 * int((~inside).sum()))
-    total = match + settings.outside * outside
-    apart = torch.zeros(())
-    if settings.palette:
-        apart = palette(image[inside], style.colours, directions)
-        total = total + settings.palette * apart
-    return total, Loss(*(float(term.detach()) for term in (match, outside, apart)))
+def _outside(window: Window, image: Float[Tensor, "h w 3"]) -> Float[Tensor, ""]:
+    """Mean squared error of the pixels that are not the target's."""
+    other = ~torch.from_numpy(window.mask)
+    apart = (image - torch.from_numpy(window.recorded))[other] ** 2
+    return apart.sum() / max(1, apart.numel())
 
 
 def _within(
-    network: VGG16, image: Float[Tensor, "h w 3"], inside: Bool[Tensor, "h w"], size: int
+    network: VGG16,
+    window: Window,
+    image: Float[Tensor, "h w 3"],
+    surface: Float[Tensor, "p 3"],
+    size: int,
 ) -> Float[Tensor, "c n"]:
-    """Features of the cells that the target covers, its picture enlarged to `size`."""
-    stack = _resized(image.permute(2, 0, 1)[None], size)
-    found = network.features(stack, LAYERS)
+    """Features of the cells that the target covers, its picture enlarged to `size`.
+
+    The target is shown half by its Gaussians and half by its pixels; around it is the recording, where no gradient
+    leads.
+    """
+    inside = torch.from_numpy(window.mask)
+    shown = torch.from_numpy(window.recorded).clone()
+    shown[inside] = (image[inside] + surface) / 2
+    found = network.features(_resized(shown.permute(2, 0, 1)[None], size), LAYERS)
     cells = torch.cat([found[layer] for layer in LAYERS], 1)[0]
     share = functional.interpolate(inside[None, None].float(), cells.shape[1:], mode="area")[0, 0]
     covered = share >= min(COVERED, float(share.max()))
@@ -195,30 +246,30 @@ def _resized(image: Float[Tensor, "1 c h w"], size: int) -> Float[Tensor, "1 c y
     return functional.interpolate(image, shape, mode="bilinear", antialias=True)
 
 
-def _begin(
-    rng: np.random.Generator, old: Float32[np.ndarray, "m 3"], style: Style, settings: Settings
-) -> Float32[np.ndarray, "m 3"]:
-    """Colours to start from: drawn from the style's at random, or the target's own, in disorder."""
-    if not settings.palette:
-        return np.clip(old + rng.normal(0, 0.1, old.shape), 0, 1).astype(np.float32)
-    return style.colours.numpy()[rng.integers(len(style.colours), size=len(old))]
-
-
-def _light(
-    scene: Scene,
-    looked: list[Window],
-    rows: Int[np.ndarray, "m"],
-    old: Float32[np.ndarray, "m 3"],
-) -> Float32[np.ndarray, "m"]:
-    """How bright each Gaussian's neighbourhood was beside the whole target: 1 on average."""
+def _before(
+    scene: Scene, looked: Sequence[Window], rows: Int[np.ndarray, "m"], cells: Cells
+) -> tuple[Painting, Float32[np.ndarray, "m"]]:
+    """The old colours of places on the target, and the light at each cell: the old brightness around it, 1 at most."""
     assert scene.gaussians is not None
-    ids, points, colours, width = samples(scene, looked, rows, old)
+    ids, points, colours = samples(looked, rows, colours_of(scene.gaussians.sh[rows]))
     bright = np.maximum(colours @ LUMINANCE, 1e-3)
-    map = Painting.of(ids, points, bright[:, None], BROAD * width)
-    own, means = scene.gaussians.ids[rows], scene.gaussians.means[rows]
-    found, weight = map.at(own, means, np.full(len(rows), map.cell, np.float32))
-    relative = np.where(weight > 0, found[:, 0], bright.mean()) / bright.mean()
-    return np.clip(relative, *LIGHT).astype(np.float32)
+    wide = Painting.of(ids, points, bright[:, None], BROAD * cells.width)
+    found, weight = wide.at(cells.ids, cells.points, np.zeros(len(cells.points), np.float32))
+    full = float(np.quantile(bright, LIT))
+    light = np.clip(np.where(weight > 0, found[:, 0], full) / full, DARKEST, 1)
+    return Painting.of(ids, points, colours, cells.width), light.astype(np.float32)
+
+
+def _blotches(
+    rng: np.random.Generator, cells: Cells, style: Style
+) -> Float32[np.ndarray, "m 3"]:
+    """Colours of the style, drawn at random a few cells apart and blended in between: what a pattern grows from."""
+    handles = np.unique(cells.ids)
+    keys, shares = corners(handles, cells.ids, cells.points, BLOTCH * cells.width)
+    unique, where = np.unique(keys, return_inverse=True)
+    drawn = style.colours.numpy()[rng.integers(len(style.colours), size=len(unique))]
+    blended = (drawn[where.reshape(keys.shape)] * shares[..., None]).sum(0)
+    return blended.astype(np.float32)
 
 
 def _cosine(done: float, last: float) -> float:

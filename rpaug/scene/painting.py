@@ -5,14 +5,12 @@ same way. Every level has cells twice as wide as the one before: a pixel reads t
 as what it covers, as with mip maps (Williams 1983), and a point in cells that no sample reached reads a coarser level.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int32, Int64
 
 LEVELS = 12
-FINEST = 0.1  # quantile of the samples' widths that is the finest cell
 ENOUGH = 0.05  # of a sample: less weight than this around a point is taken for none
 BITS = 17  # of each coordinate in a cell's key
 
@@ -40,13 +38,15 @@ class Painting:
         ids: Int32[np.ndarray, "n"],
         points: Float32[np.ndarray, "n 3"],
         values: Float32[np.ndarray, "n c"],
-        footprint: Float32[np.ndarray, "n"],
+        cell: float,
     ) -> "Painting":
-        """Samples at points of the bodies' frames, each as wide as its footprint. Raises ValueError without any."""
+        """Samples at points of the bodies' frames; `cell` is how wide the finest cells are, in metres.
+
+        Raises ValueError without samples.
+        """
         if not len(points):
             raise ValueError("a painting needs samples")
         handles = np.unique(ids)
-        cell = float(np.quantile(footprint, FINEST))
         levels = []
         for number in range(LEVELS):
             levels.append(_level(handles, ids, points, values, cell * 2.0**number))
@@ -69,9 +69,7 @@ class Painting:
             rows = np.flatnonzero((start <= number) & (found < ENOUGH))
             if not len(rows):
                 continue
-            keys, shares = _corners(
-                self.handles, ids[rows], points[rows], self.cell * 2.0**number
-            )
+            keys, shares = corners(self.handles, ids[rows], points[rows], self.cell * 2.0**number)
             at = np.minimum(np.searchsorted(level.keys, keys), len(level.keys) - 1)
             shares = np.where(level.keys[at] == keys, shares, 0.0)
             weight = (shares * level.weights[at]).sum(0)
@@ -89,7 +87,7 @@ def _level(
     values: Float32[np.ndarray, "n c"],
     cell: float,
 ) -> Level:
-    keys, shares = _corners(handles, ids, points, cell)
+    keys, shares = corners(handles, ids, points, cell)
     unique, where = np.unique(keys.ravel(), return_inverse=True)
     where = where.reshape(keys.shape)
     weights = np.bincount(where.ravel(), shares.ravel(), len(unique))
@@ -99,13 +97,13 @@ def _level(
     return Level(unique, np.stack(sums, -1), weights)
 
 
-def _corners(
+def corners(
     handles: Int32[np.ndarray, "k"],
     ids: Int32[np.ndarray, "n"],
     points: Float32[np.ndarray, "n 3"],
     cell: float,
 ) -> tuple[Int64[np.ndarray, "8 n"], Float64[np.ndarray, "8 n"]]:
-    """Keys of the eight corners around each point, and the point's share of each. Unknown handles have no corner."""
+    """Keys of the eight corners around each point, and the point's share of each. Unknown handles have key -1."""
     scaled = points.astype(np.float64) / cell
     low = np.floor(scaled).astype(np.int64)
     part = scaled - low
@@ -121,3 +119,12 @@ def _corners(
         keys.append(np.where(base < 0, -1, key))
         shares.append(np.where(corner, part, 1 - part).prod(-1))
     return np.stack(keys), np.stack(shares)
+
+
+def places(
+    handles: Int32[np.ndarray, "k"], keys: Int64[np.ndarray, "m"], cell: float
+) -> tuple[Int32[np.ndarray, "m"], Float32[np.ndarray, "m 3"]]:
+    """Handle and point of each corner, from its key."""
+    half, mask = 1 << (BITS - 1), (1 << BITS) - 1
+    whole = np.stack([(keys >> (BITS * (2 - axis))) & mask for axis in range(3)], -1) - half
+    return handles[keys >> (3 * BITS)], (whole * cell).astype(np.float32)

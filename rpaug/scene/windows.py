@@ -13,7 +13,7 @@ from rpaug.scene import surface
 from rpaug.scene.gaussian_view import SHARP, standing, view_of
 from rpaug.scene.gaussians import SH0, Placement
 from rpaug.scene.sampling import frames
-from rpaug.types import CameraView, Gaussians, Scene
+from rpaug.types import Gaussians, Scene
 
 MARGIN = 8  # pixels around the target
 LEAST = 48  # pixels of the target that make a view worth a look
@@ -30,9 +30,14 @@ class Window:
     corner: tuple[int, int]
     view: View
     splats: Splats  # of the whole scene, in the world at t
-    lit: Float32[np.ndarray, "m"]  # how bright even-light colours of the target's Gaussians are at t
+    lit: Float32[
+        np.ndarray, "m"
+    ]  # how bright even-light colours of the target's Gaussians are at t
     mask: Bool[np.ndarray, "h w"]
     recorded: Float32[np.ndarray, "h w 3"]
+    ids: Int32[np.ndarray, "p"]  # of the mask's pixels, row by row
+    points: Float32[np.ndarray, "p 3"]  # where they lie in their bodies' frames
+    footprint: float  # metres that a pixel is wide there, median
 
 
 def windows(
@@ -74,6 +79,7 @@ def _cut(
     white = replace(splats, sh=np.full_like(splats.sh, 0.5 / SH0))
     lit = colours_of(placement.place(white, t).sh[rows])[:, 0]
     size = width.stop - width.start, height.stop - height.start
+    where = surface.of_view(view, t, scene.bodies, view.ids(t))(np.flatnonzero(mask))
     return Window(
         camera=name,
         t=t,
@@ -83,6 +89,9 @@ def _cut(
         lit=lit,
         mask=mask[height, width],
         recorded=view.rgb(t)[height, width].astype(np.float32) / 255,
+        ids=where.ids,
+        points=where.points,
+        footprint=float(np.median(where.footprint)),
     )
 
 
@@ -107,7 +116,6 @@ def render(
 
 
 def samples(
-    scene: Scene,
     looked: Sequence[Window],
     rows: Int[np.ndarray, "m"],
     values: Float32[np.ndarray, "m c"],
@@ -115,11 +123,10 @@ def samples(
     Int32[np.ndarray, "n"],
     Float32[np.ndarray, "n 3"],
     Float32[np.ndarray, "n c"],
-    Float32[np.ndarray, "n"],
 ]:
     """What the target's pixels would show of values given to its Gaussians, nothing else mixed in.
 
-    Handles, points in the bodies' frames, values, and how wide a pixel is there, all windows together.
+    Handles, points in the bodies' frames, and values, all windows together.
     """
     found = []
     for window in looked:
@@ -127,21 +134,12 @@ def samples(
         images = _drawn(window.splats, rows, nothing, window.view, torch.from_numpy(values))
         assert images.features is not None
         alpha = images.alpha.numpy().reshape(window.mask.shape)
-        r, c = np.nonzero(window.mask & (alpha > OPAQUE))
-        own = images.features.numpy()[r, c] / alpha[r, c, None]
-        view = scene.episode.views[window.camera]
-        where = _surface(scene, view, window, r, c)
-        found.append((where.ids, where.points, own, where.footprint))
-    ids, points, own, width = (np.concatenate(part) for part in zip(*found, strict=True))
-    return ids, points, own, width
-
-
-def _surface(
-    scene: Scene, view: CameraView, window: Window, r: np.ndarray, c: np.ndarray
-) -> surface.PixelSurface:
-    assert view.ids is not None
-    flat = (r + window.corner[0]) * view.camera.width + c + window.corner[1]
-    return surface.of_view(view, window.t, scene.bodies, view.ids(window.t))(flat)
+        seen, opacity = images.features.numpy()[window.mask], alpha[window.mask]
+        known = opacity > OPAQUE
+        own = seen[known] / opacity[known, None]
+        found.append((window.ids[known], window.points[known], own))
+    ids, points, own = (np.concatenate(part) for part in zip(*found, strict=True))
+    return ids, points, own
 
 
 def _drawn(
