@@ -95,18 +95,20 @@ class Region:
 class Plan:
     """`tier` is the least tier wanted, `carriers` the tier that draws each camera, `bodies` whether instances must
     be told apart and tracked. Of a camera that surfels draw, single regions may be at tier 3. `fit` is what a fit of
-    Gaussians said of itself."""
+    Gaussians said of itself. `modelled`: an edit works on Gaussians, whatever shows what comes of it."""
 
     tier: int
     carriers: dict[str, int]
     bodies: bool
     regions: tuple[Region, ...] = ()
     fit: Mapping[str, Any] = field(default_factory=dict)
+    modelled: bool = False
 
     @property
     def gaussians(self) -> bool:
-        """Whether anything is shown by Gaussians."""
-        return 3 in self.carriers.values() or any(region.tier == 3 for region in self.regions)
+        """Whether anything is shown by Gaussians, or made with them."""
+        shown = 3 in self.carriers.values() or any(region.tier == 3 for region in self.regions)
+        return shown or self.modelled
 
     @property
     def blended(self) -> dict[str, frozenset[int]]:
@@ -146,7 +148,9 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
     targeted = any(getattr(operator, "target", None) is not None for operator in operators)
     carrier = _carrier(geometry, tier)
     carriers = dict.fromkeys(episode.views, carrier)
-    return Plan(tier, carriers, targeted or carrier > 0, _whole(carriers))
+    modelled = any(operator.gaussians for operator in operators)
+    bodies = targeted or modelled or carrier > 0
+    return Plan(tier, carriers, bodies, _whole(carriers), modelled=modelled)
 
 
 def weigh(

@@ -55,8 +55,7 @@ class Stylize(Operator):
     target: targets.Target
     style: str | texturing.Sample = texturing.ANY
     textures: Path | None = None
-    color: bool = True
-    steps: Annotated[int, Field(ge=1, le=5000)] = 160
+    steps: Annotated[int, Field(ge=1, le=5000)] = 120
     weights: Path | None = None
 
     effect: ClassVar[Effect] = Effect.RGB
@@ -70,7 +69,7 @@ class Stylize(Operator):
 
         handles = sorted(targets.find(scene, self.target))
         if scene.gaussians is None:
-            raise Unsupported("stylize needs Gaussians, and this scene has none: plan for them")
+            raise Unsupported("stylize works on Gaussians, and this scene has none")
         if not np.isin(scene.gaussians.ids, handles).any():
             raise TargetError(f"{self.target}: no Gaussian stands for it")
         network = features.load(self.weights)

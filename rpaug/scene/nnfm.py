@@ -17,9 +17,10 @@ from torch.nn import functional
 
 from rpaug.errors import TargetError, Unsupported
 from rpaug.providers.features import LEAST, VGG16
-from rpaug.scene.painting import Painting, corners, places
+from rpaug.scene.cells import Cells
+from rpaug.scene.painting import Painting
 from rpaug.scene.windows import Window, colours_of, render, samples, windows
-from rpaug.types import Gaussians, Scene
+from rpaug.types import Scene
 
 LAYERS = ("conv3_1", "conv3_2", "conv3_3")  # ARF's choice
 COVERED = 0.5  # share of a feature's cell that is the target's, for it to count
@@ -27,7 +28,6 @@ BROAD = 6.0  # pixels over which the old brightness is taken for light
 LIT = 0.9  # quantile of the old brightness that is taken for full light
 DARKEST = 0.1  # of full light
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-BLOTCH = 4.0  # cells between the colours that a pattern begins with
 DIRECTIONS = 8  # on which colours are compared with the palette, a step
 
 
@@ -40,7 +40,7 @@ class Settings:
     beside the matching term, which is a mean cosine distance.
     """
 
-    steps: int = 160
+    steps: int = 120
     size: int = 128
     picture: int = 192
     frames: int = 2  # times that each camera is looked at
@@ -104,10 +104,10 @@ def stylise(
         raise TargetError("stylising: no camera shows enough of the target")
     cells = Cells.of(scene.gaussians, rows, looked)
     style = _style(network, picture, settings.picture)
-    old, light = _before(scene, looked, rows, cells)
-    light = torch.from_numpy(light**settings.light)[:, None]
+    old, before = _before(scene, looked, rows, cells)
+    light = torch.from_numpy(before**settings.light)[:, None]
     rng = np.random.default_rng(seed)
-    free = torch.from_numpy(_blotches(rng, cells, style)).requires_grad_()
+    free = torch.from_numpy(cells.blotches(rng, style.colours.numpy())).requires_grad_()
     adam = torch.optim.Adam([free], settings.rate)
     losses: list[Loss] = []
     order: list[int] = []
@@ -133,54 +133,6 @@ def stylise(
         colours = cells.gaussians(new).numpy()
     painted = Painting.of(cells.ids, cells.points, new.numpy(), cells.width)
     return Styled(old, painted, rows, colours, tuple(looked), tuple(losses))
-
-
-@dataclass(frozen=True)
-class Gather:
-    """Eight corners around each of n points, and what the point takes of each."""
-
-    corners: Int[Tensor, "8 n"]
-    shares: Float[Tensor, "8 n"]
-
-    def __call__(self, values: Float[Tensor, "m c"]) -> Float[Tensor, "n c"]:
-        """The values at the points, between those of the corners."""
-        return (values[self.corners] * self.shares[..., None]).sum(0)
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Corners of a grid around the target: what is optimised, so that neighbours are of one colour.
-
-    Free colours for each Gaussian would let every view have its own, since each sees others in front. `gaussians` and
-    `pixels` (of each view's target) read the same corners: the two carriers of one surface.
-    """
-
-    ids: Int32[np.ndarray, "m"]
-    points: Float32[np.ndarray, "m 3"]
-    width: float
-    gaussians: Gather
-    pixels: tuple[Gather, ...]
-
-    @classmethod
-    def of(
-        cls, gaussians: Gaussians, rows: Int[np.ndarray, "g"], looked: Sequence[Window]
-    ) -> "Cells":
-        """As wide as a pixel is on the target, in the view in the middle."""
-        width = float(np.median([window.footprint for window in looked]))
-        handles = np.unique(gaussians.ids[rows])
-        given = [(gaussians.ids[rows], gaussians.means[rows])]
-        given += [(window.ids, window.points) for window in looked]
-        found = [corners(handles, ids, points, width) for ids, points in given]
-        unique = np.unique(np.concatenate([keys.ravel() for keys, _ in found]))
-        ids, points = places(handles, unique, width)
-        gathers = [
-            Gather(
-                torch.from_numpy(np.searchsorted(unique, keys)),
-                torch.from_numpy(shares.astype(np.float32)),
-            )
-            for keys, shares in found
-        ]
-        return cls(ids, points, width, gathers[0], tuple(gathers[1:]))
 
 
 def matching(seen: Float[Tensor, "c n"], wanted: Float[Tensor, "c m"]) -> Float[Tensor, ""]:
@@ -258,18 +210,6 @@ def _before(
     full = float(np.quantile(bright, LIT))
     light = np.clip(np.where(weight > 0, found[:, 0], full) / full, DARKEST, 1)
     return Painting.of(ids, points, colours, cells.width), light.astype(np.float32)
-
-
-def _blotches(
-    rng: np.random.Generator, cells: Cells, style: Style
-) -> Float32[np.ndarray, "m 3"]:
-    """Colours of the style, drawn at random a few cells apart and blended in between: what a pattern grows from."""
-    handles = np.unique(cells.ids)
-    keys, shares = corners(handles, cells.ids, cells.points, BLOTCH * cells.width)
-    unique, where = np.unique(keys, return_inverse=True)
-    drawn = style.colours.numpy()[rng.integers(len(style.colours), size=len(unique))]
-    blended = (drawn[where.reshape(keys.shape)] * shares[..., None]).sum(0)
-    return blended.astype(np.float32)
 
 
 def _cosine(done: float, last: float) -> float:

@@ -1,8 +1,8 @@
 """Colours kept where they lie on bodies: a sparse volume of cells, with coarser copies for whoever stands far away.
 
 Each cell corner averages the samples around it, weighted trilinearly, and a point reads the eight corners around it the
-same way. Every level has cells twice as wide as the one before: a pixel reads the level whose cells are about as wide
-as what it covers, as with mip maps (Williams 1983), and a point in cells that no sample reached reads a coarser level.
+same way. Every level has cells twice as wide as the one before: a pixel reads the coarsest level whose cells are no wider
+than what it covers, as with mip maps (Williams 1983), and a point in cells that no sample reached reads a coarser one.
 """
 
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ class Painting:
         out = np.zeros((len(points), self.levels[0].values.shape[1]))
         found = np.zeros(len(points))
         wanted = np.log2(np.maximum(footprint, 1e-9) / self.cell)
-        start = np.clip(np.rint(wanted), 0, len(self.levels) - 1).astype(int)
+        start = np.clip(np.floor(wanted), 0, len(self.levels) - 1).astype(int)
         for number, level in enumerate(self.levels):
             rows = np.flatnonzero((start <= number) & (found < ENOUGH))
             if not len(rows):

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Float32, Int, Int32
 from torch import Tensor
 
 from rpaug.render.splat import Images, Splats, View, rasterise
-from rpaug.scene import surface
+from rpaug.scene import moments, surface
 from rpaug.scene.gaussian_view import SHARP, standing, view_of
 from rpaug.scene.gaussians import SH0, Placement
 from rpaug.scene.sampling import frames
@@ -68,14 +68,12 @@ def _cut(
     view = scene.episode.views[name]
     assert view.ids is not None
     mask = np.isin(view.ids(t), list(handles))
-    height, width = _span(mask.any(1)), _span(mask.any(0))
+    height, width = _span(np.any(mask, axis=1)), _span(np.any(mask, axis=0))
     whole = view_of(standing(scene, name), t)
     K = whole.K.copy()
     K[:2, 2] -= width.start, height.start
-    splats, placement = (
-        Splats.of(gaussians),
-        Placement.of(gaussians.ids, scene.bodies, scene.irradiance),
-    )
+    splats = Splats.of(moments.at(gaussians, t))
+    placement = Placement.of(gaussians.ids, scene.bodies, scene.irradiance)
     white = replace(splats, sh=np.full_like(splats.sh, 0.5 / SH0))
     lit = colours_of(placement.place(white, t).sh[rows])[:, 0]
     size = width.stop - width.start, height.stop - height.start
@@ -118,36 +116,30 @@ def render(
 def samples(
     looked: Sequence[Window],
     rows: Int[np.ndarray, "m"],
-    values: Float32[np.ndarray, "m c"],
+    colours: Float32[np.ndarray, "m 3"],
 ) -> tuple[
     Int32[np.ndarray, "n"],
     Float32[np.ndarray, "n 3"],
-    Float32[np.ndarray, "n c"],
+    Float32[np.ndarray, "n 3"],
 ]:
-    """What the target's pixels would show of values given to its Gaussians, nothing else mixed in.
+    """What the target's pixels would show if its Gaussians had these colours and nothing else were mixed in.
 
-    Handles, points in the bodies' frames, and values, all windows together.
+    Handles, points in the bodies' frames, and colours, all windows together.
     """
+    sh = torch.from_numpy((colours - 0.5) / SH0)[:, None]
     found = []
     for window in looked:
-        nothing = torch.full((len(rows), 1, 3), -0.5 / SH0)
-        images = _drawn(window.splats, rows, nothing, window.view, torch.from_numpy(values))
-        assert images.features is not None
-        alpha = images.alpha.numpy().reshape(window.mask.shape)
-        seen, opacity = images.features.numpy()[window.mask], alpha[window.mask]
-        known = opacity > OPAQUE
-        own = seen[known] / opacity[known, None]
+        images = _drawn(window.splats, rows, sh, window.view)
+        alpha = images.alpha.numpy().reshape(window.mask.shape)[window.mask]
+        known = alpha > OPAQUE
+        own = images.colour.numpy()[window.mask][known] / alpha[known, None]
         found.append((window.ids[known], window.points[known], own))
     ids, points, own = (np.concatenate(part) for part in zip(*found, strict=True))
     return ids, points, own
 
 
 def _drawn(
-    splats: Splats,
-    rows: Int[np.ndarray, "m"],
-    sh: Float[Tensor, "m k 3"],
-    view: View,
-    features: Float[Tensor, "m f"] | None = None,
+    splats: Splats, rows: Int[np.ndarray, "m"], sh: Float[Tensor, "m k 3"], view: View
 ) -> Images:
     assert splats.quats is not None
     assert splats.scales is not None
@@ -155,6 +147,4 @@ def _drawn(
         torch.from_numpy(array[rows])
         for array in (splats.means, splats.opacities, splats.quats, splats.scales)
     )
-    return rasterise(
-        means, opacities, sh, view, quats=quats, scales=scales, features=features, settings=SHARP
-    )
+    return rasterise(means, opacities, sh, view, quats=quats, scales=scales, settings=SHARP)
