@@ -30,6 +30,9 @@ class Operator(ABC):
     effect: ClassVar[Effect]
     gaussians: ClassVar[bool] = False
 
+    def ready(self) -> None:  # noqa: B027  # most need nothing but the scene
+        """Raises RpaugError where something beside the recording is missing, before any work is done."""
+
     @abstractmethod
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         """Draw once for the whole episode. Raises TargetError if the scene lacks what the edit needs."""

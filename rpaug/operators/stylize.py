@@ -64,6 +64,11 @@ class Stylize(Operator):
     def __post_init__(self) -> None:
         texturing.check(self.style, self.textures)
 
+    def ready(self) -> None:
+        from rpaug.providers import features  # only here: it brings torch
+
+        features.load(self.weights)
+
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         from rpaug.providers import features  # only here: it brings torch
 
