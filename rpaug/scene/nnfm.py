@@ -103,7 +103,7 @@ def stylise(
     if not len(rows) or not looked:
         raise TargetError("stylising: no camera shows enough of the target")
     cells = Cells.of(scene.gaussians, rows, looked)
-    style = _style(network, picture, settings.picture)
+    style = style_of(network, picture, settings.picture)
     old, before = _before(scene, looked, rows, cells)
     light = torch.from_numpy(before**settings.light)[:, None]
     rng = np.random.default_rng(seed)
@@ -115,7 +115,7 @@ def stylise(
         order = order or rng.permutation(len(looked)).tolist()
         number = order.pop()
         for group in adam.param_groups:
-            group["lr"] = settings.rate * _cosine(step / settings.steps, settings.last_rate)
+            group["lr"] = settings.rate * cosine(step / settings.steps, settings.last_rate)
         image = render(looked[number], rows, cells.gaussians(free * light))
         surface = cells.pixels[number](free * light)
         seen = _within(network, looked[number], image, surface, settings.size)
@@ -175,16 +175,17 @@ def _within(
     inside = torch.from_numpy(window.mask)
     shown = torch.from_numpy(window.recorded).clone()
     shown[inside] = (image[inside] + surface) / 2
-    found = network.features(_resized(shown.permute(2, 0, 1)[None], size), LAYERS)
+    found = network.features(resized(shown.permute(2, 0, 1)[None], size), LAYERS)
     cells = torch.cat([found[layer] for layer in LAYERS], 1)[0]
     share = functional.interpolate(inside[None, None].float(), cells.shape[1:], mode="area")[0, 0]
     covered = share >= min(COVERED, float(share.max()))
     return cells[:, covered]
 
 
-def _style(network: VGG16, picture: UInt8[np.ndarray, "h w 3"], size: int) -> Style:
+def style_of(network: VGG16, picture: UInt8[np.ndarray, "h w 3"], size: int) -> Style:
+    """What a picture asks for, its longer side scaled to `size` pixels."""
     image = torch.from_numpy(picture.astype(np.float32) / 255).permute(2, 0, 1)[None]
-    image = _resized(image, size)
+    image = resized(image, size)
     with torch.no_grad():
         found = network.features(image, LAYERS)
         cells = torch.cat([found[layer] for layer in LAYERS], 1)[0].flatten(1)
@@ -192,7 +193,8 @@ def _style(network: VGG16, picture: UInt8[np.ndarray, "h w 3"], size: int) -> St
     return Style(unit, image[0].flatten(1).T.contiguous())
 
 
-def _resized(image: Float[Tensor, "1 c h w"], size: int) -> Float[Tensor, "1 c y x"]:
+def resized(image: Float[Tensor, "1 c h w"], size: int) -> Float[Tensor, "1 c y x"]:
+    """The picture with its longer side scaled to `size` pixels."""
     factor = size / max(image.shape[2:])
     shape = [max(LEAST, round(side * factor)) for side in image.shape[2:]]
     return functional.interpolate(image, shape, mode="bilinear", antialias=True)
@@ -212,5 +214,6 @@ def _before(
     return Painting.of(ids, points, colours, cells.width), light.astype(np.float32)
 
 
-def _cosine(done: float, last: float) -> float:
+def cosine(done: float, last: float) -> float:
+    """From 1 to `last` as `done` goes from 0 to 1 (Loshchilov and Hutter 2017)."""
     return last + (1 - last) * 0.5 * (1 + math.cos(math.pi * done))

@@ -65,7 +65,7 @@ def vanilla(
 ) -> tuple[Scene, list[float]]:
     """ARF as published, in every Gaussian's colour: features of whole views, nothing held to the recording."""
     assert scene.gaussians is not None
-    style = nnfm._style(network, picture, settings.picture)
+    style = nnfm.style_of(network, picture, settings.picture)
     placement = Placement.of(scene.gaussians.ids, scene.bodies, scene.irradiance)
     splats = Splats.of(scene.gaussians)
     old = 0.5 + SH0 * scene.gaussians.sh[:, 0]
@@ -76,7 +76,7 @@ def vanilla(
         order = order or rng.permutation(len(views)).tolist()
         name, t = views[order.pop()]
         for group in adam.param_groups:
-            group["lr"] = settings.rate * nnfm._cosine(step / settings.steps, settings.last_rate)
+            group["lr"] = settings.rate * nnfm.cosine(step / settings.steps, settings.last_rate)
         placed = placement.place(splats, t)
         assert placed.quats is not None
         assert placed.scales is not None
@@ -87,7 +87,7 @@ def vanilla(
         image = rasterise(
             means, opacities, sh, eye, quats=quats, scales=scales, settings=SHARP
         ).colour.permute(2, 0, 1)[None]
-        found = network.features(nnfm._resized(image, settings.size), nnfm.LAYERS)
+        found = network.features(nnfm.resized(image, settings.size), nnfm.LAYERS)
         seen = torch.cat([found[layer] for layer in nnfm.LAYERS], 1)[0].flatten(1)
         loss = nnfm.matching(seen, style.features)
         adam.zero_grad()
