@@ -21,13 +21,17 @@ Side = Callable[[], Mapping[str, bytes]]
 class Operator(ABC):
     """One kind of edit. Subclasses are frozen keyword-only dataclasses; their fields are the recipe's keys.
 
-    A subclass declares `effect`. Registering it under the entry-point group `rpaug.operators` makes its
+    A subclass declares `effect`, and `gaussians` if it cannot do without fitted ones. Registering it under the entry-point group `rpaug.operators` makes its
     entry-point name an `op:` in recipes. `rpaug.testing.OperatorContract` holds it to the promises below.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
 
     effect: ClassVar[Effect]
+    gaussians: ClassVar[bool] = False
+
+    def ready(self) -> None:  # noqa: B027  # most need nothing but the scene
+        """Raises RpaugError where something beside the recording is missing, before any work is done."""
 
     @abstractmethod
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:

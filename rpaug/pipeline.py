@@ -223,6 +223,8 @@ def made_ready(
 
 def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planning.Plan]:
     """The recorded scene without Gaussians, and the plan with errors measured where the recipe asks for an accuracy."""
+    for operator in operators(recipe):
+        operator.ready()
     plan = planning.make(operators(recipe), episode, tier)
     scene = build(episode, with_bodies=plan.bodies)
     if (

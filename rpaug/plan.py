@@ -99,7 +99,7 @@ class Plan:
     """`tier` is the least tier wanted, `carriers` the tier that draws each camera, `bodies` whether instances must
     be told apart and tracked. Of a camera that surfels draw, single regions may be at tier 3. `fit` is what a fit of
     Gaussians said of itself, `warnings` what is wrong with the recording, `parts` the targets of which a part finer
-    than the masks is meant."""
+    than the masks is meant. `modelled`: an edit works on Gaussians, whatever shows what comes of it."""
 
     tier: int
     carriers: dict[str, int]
@@ -108,13 +108,13 @@ class Plan:
     fit: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     parts: tuple[Target, ...] = ()
+    modelled: bool = False
 
     @property
     def gaussians(self) -> bool:
-        """Whether anything is shown by Gaussians."""
-        return any(tier >= 3 for tier in self.carriers.values()) or any(
-            region.tier >= 3 for region in self.regions
-        )
+        """Whether anything is shown by Gaussians, or made with them."""
+        tiers = [*self.carriers.values(), *(region.tier for region in self.regions)]
+        return self.modelled or any(tier >= 3 for tier in tiers)
 
     @property
     def blended(self) -> dict[str, frozenset[int]]:
@@ -163,8 +163,10 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
     targeted = any(target is not None for target in targets)
     carrier = _carrier(geometry, tier)
     carriers = dict.fromkeys(episode.views, carrier)
-    bodies = targeted or carrier > 0
-    return Plan(tier, carriers, bodies, _whole(carriers), parts=tuple(dict.fromkeys(parts)))
+    modelled = any(operator.gaussians for operator in operators)
+    bodies = targeted or modelled or carrier > 0
+    parts = tuple(dict.fromkeys(parts))
+    return Plan(tier, carriers, bodies, _whole(carriers), parts=parts, modelled=modelled)
 
 
 def weigh(

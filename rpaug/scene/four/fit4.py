@@ -99,7 +99,9 @@ def fitted(
         seconds = time.perf_counter() - start
         return scene, FourReport((), _db(rigid), {}, 0, length, seconds, reason)
     rest = without(scene, handles)
-    crops = {t: found for t in trained if (found := list(_crops(rest, handles, t, settings.margin)))}
+    crops = {
+        t: found for t in trained if (found := list(_crops(rest, handles, t, settings.margin)))
+    }
     begun = seeds4.seeds(scene, handles, sorted(crops))
     descent = Descent4(begun, float(np.median(begun.scales)))
     rng = np.random.default_rng(seed)

@@ -1,0 +1,113 @@
+"""Give a thing the look of a picture: its patterns and palette, matched by VGG16's features (3D-NNFM)."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+from jaxtyping import Float32
+from pydantic import Field
+
+from rpaug.errors import BadInput, TargetError, Unsupported
+from rpaug.interfaces import Edit, Operator
+from rpaug.operators import fields, texturing
+from rpaug.scene import targets
+from rpaug.scene.painting import Painting
+from rpaug.textures import folder, shipped
+from rpaug.types import Effect, Scene, Surface
+
+SHADE = (
+    0.3,
+    1.7,
+)  # how much darker or brighter than on average a recorded pixel may make the new colour
+
+
+@dataclass(frozen=True)
+class Stylised:
+    """Pixel = new colour x shading, where shading is how bright the recorded pixel is beside the old colour.
+
+    Old and new colours are those of the fitted Gaussians, in even light, at the pixel's place on its body.
+    """
+
+    handles: frozenset[int]
+    old: Painting
+    new: Painting
+
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]:
+        place = surface.ids, surface.points, surface.footprint
+        (old, known), (new, painted) = self.old.at(*place), self.new.at(*place)
+        shade = (colour * old).sum(-1) / np.maximum((old * old).sum(-1), 1e-3)
+        styled = new * np.clip(shade, *SHADE)[:, None]
+        out = np.where(((known > 0) & (painted > 0))[:, None], styled, colour)
+        return np.clip(out, 0, 1).astype(np.float32)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stylize(Operator):
+    """Draw a picture, and optimise the colours of the target's Gaussians until they look like it to VGG16.
+
+    What comes of it is a colour for each place on the body: fixed cameras show it inside the target's mask and stay
+    bit for bit outside. Needs fitted Gaussians, and VGG16's weights (`rpaug weights vgg16`, or `weights`: a file).
+    """
+
+    target: targets.Target
+    style: str | texturing.Sample = texturing.ANY
+    textures: Path | None = None
+    steps: Annotated[int, Field(ge=1, le=5000)] = 120
+    weights: Path | None = None
+
+    effect: ClassVar[Effect] = Effect.RGB
+    gaussians: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        texturing.check(self.style, self.textures)
+
+    def ready(self) -> None:
+        from rpaug.providers import features  # only here: it brings torch
+
+        features.load(self.weights)
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        from rpaug.providers import features  # only here: it brings torch
+
+        handles = sorted(targets.find(scene, self.target))
+        if scene.gaussians is None:
+            raise Unsupported("stylize works on Gaussians, and this scene has none")
+        if not np.isin(scene.gaussians.ids, handles).any():
+            raise TargetError(f"{self.target}: no Gaussian stands for it")
+        network = features.load(self.weights)
+        name = texturing.draw(self.style, self.textures, rng)
+        return {
+            "style": name,
+            "digest": folder.digest(self.textures, name) if self.textures else None,
+            "handles": handles,
+            "seed": fields.seed(rng),
+            "weights": {"origin": network.origin, "digest": network.digest},
+        }
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        from rpaug.providers import features  # only here: both bring torch
+        from rpaug.scene import nnfm
+
+        network = features.load(self.weights)
+        if network.digest != edit["weights"]["digest"]:
+            raise BadInput(
+                self.weights or "the cache",
+                "VGG16 weights",
+                found=f"{network.digest}, {network.origin}",
+                expected="{digest}, {origin}, as this edit was drawn with".format(
+                    **edit["weights"]
+                ),
+            )
+        if self.textures is None:
+            picture = shipped.image(edit["style"])
+        else:
+            texturing.same(self.textures, edit["style"], edit["digest"])
+            picture = folder.image(self.textures, edit["style"])
+        handles = frozenset(edit["handles"])
+        settings = nnfm.Settings(steps=self.steps)
+        styled = nnfm.stylise(scene, handles, picture, network, edit["seed"], settings)
+        laid = Stylised(handles, styled.old, styled.new)
+        return replace(scene, appearance=(*scene.appearance, laid))
