@@ -29,11 +29,16 @@ def read(path: Path, scale: float = 1.0, up: str = "z") -> Mesh:
     turn = np.eye(3) if up == "z" else geometry.rotation(np.array([np.pi / 2, 0.0, 0.0]))
     points = scale * thing.points @ turn.T
     if not len(points) or not np.isfinite(points).all():
-        raise BadInput(path, "vertices", found="none, or some that are not finite", expected="a surface")
+        raise BadInput(
+            path, "vertices", found="none, or some that are not finite", expected="a surface"
+        )
     extent = float(np.ptp(points, axis=0).max())
     if not 1e-3 < extent < MOST_METRES:
         raise BadInput(
-            path, "size", found=f"{extent:.3g} m", expected=f"0.001 to {MOST_METRES:g} m: give --scale, metres to a unit"
+            path,
+            "size",
+            found=f"{extent:.3g} m",
+            expected=f"0.001 to {MOST_METRES:g} m: give --scale, metres to a unit",
         )
     return Mesh(points, thing.normals @ turn.T, thing.uv, thing.faces, thing.image)
 
@@ -50,10 +55,12 @@ def discs(gaussians: Gaussians) -> Mesh:
     a = DISC * scales[rows, order[:, 1]][:, None] * wide
     b = DISC * scales[rows, order[:, 2]][:, None] * long
     outwards = np.sign(((means - means.mean(0)) * normal).sum(1))[:, None] if len(means) else 1.0
-    points = np.stack([means - a - b, means + a - b, means + a + b, means - a + b], 1).reshape(-1, 3)
+    points = np.stack([means - a - b, means + a - b, means + a + b, means - a + b], 1).reshape(
+        -1, 3
+    )
     normals = np.repeat(normal * np.where(outwards == 0, 1.0, outwards), 4, 0)
-    first = 4 * rows[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]]).astype(np.int32)
+    corners = np.array([[0, 1, 2], [0, 2, 3]])
+    faces = (4 * rows[:, None, None] + corners).reshape(-1, 3).astype(np.int32)
     colour = np.clip(0.5 + EVEN * gaussians.sh[keep][:, 0], 0, 1)
     image, uv = palette(np.rint(colour * 255).astype(np.uint8))
     return Mesh(points, normals, np.repeat(uv, 4, 0), faces, image)
@@ -77,7 +84,9 @@ def _triangles(path: Path) -> Mesh:
     try:
         loaded = trimesh.load(path, force="mesh", process=False)
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries do
-        raise BadInput(path, "mesh", found=str(error).splitlines()[0][:120], expected="a readable mesh") from None
+        raise BadInput(
+            path, "mesh", found=str(error).splitlines()[0][:120], expected="a readable mesh"
+        ) from None
     if not isinstance(loaded, trimesh.Trimesh) or not len(loaded.faces):
         raise BadInput(path, "mesh", found="no triangles", expected="a surface")
     points = np.asarray(loaded.vertices, float)
@@ -103,6 +112,10 @@ def _picture(loaded) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-untype
         return image, np.asarray(uv, float)
     if getattr(visual, "kind", None) == "vertex":
         return palette(np.asarray(visual.vertex_colors)[:, :3].astype(np.uint8))
-    plain = getattr(visual, "main_color", None) if material is None else getattr(material, "main_color", None)
+    plain = (
+        getattr(visual, "main_color", None)
+        if material is None
+        else getattr(material, "main_color", None)
+    )
     colour = np.asarray(plain if plain is not None else (160, 160, 160, 255))[:3].astype(np.uint8)
     return np.tile(colour, (2, 2, 1)), np.full((count, 2), 0.5)

@@ -43,9 +43,7 @@ def joined(pieces: Sequence[Piece]) -> Mesh:
     )
 
 
-def turned(
-    profile: Sequence[tuple[float, float]], picture: UInt8[np.ndarray, "n n 3"]
-) -> Piece:
+def turned(profile: Sequence[tuple[float, float]], picture: UInt8[np.ndarray, "n n 3"]) -> Piece:
     """A shape turned about z from (radius, height) pairs, outside first going up: the picture once around."""
     line = np.array(profile, float)
     step = np.diff(line, axis=0)
@@ -93,7 +91,9 @@ def box(
     points, normals, uv, faces = [], [], [], []
     for axis in range(3):
         for sign in (-1.0, 1.0):
-            right, up = ((axis + 1) % 3, (axis + 2) % 3) if sign > 0 else ((axis + 2) % 3, (axis + 1) % 3)
+            right, up = (
+                ((axis + 1) % 3, (axis + 2) % 3) if sign > 0 else ((axis + 2) % 3, (axis + 1) % 3)
+            )
             corners = np.zeros((4, 3))
             corners[:, axis] = sign
             corners[:, right], corners[:, up] = [-1, 1, 1, -1], [-1, -1, 1, 1]
@@ -101,7 +101,11 @@ def box(
             points.append(corners * half + [*middle, half[2] + foot])
             normals.append(np.tile(sign * np.eye(3)[axis], (4, 1)))
             # Pictures stand upright on the sides that do.
-            uv.append(np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])[:, :: 1 if up == 2 or axis == 2 else -1])
+            uv.append(
+                np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])[
+                    :, :: 1 if up == 2 or axis == 2 else -1
+                ]
+            )
     return Piece(*map(np.concatenate, (points, normals, uv, faces)), picture)
 
 
@@ -131,13 +135,18 @@ def prism(
 
 
 def bent(
-    path: Float[np.ndarray, "k 3"], radius: float, picture: UInt8[np.ndarray, "n n 3"], sides: int = 10
+    path: Float[np.ndarray, "k 3"],
+    radius: float,
+    picture: UInt8[np.ndarray, "n n 3"],
+    sides: int = 10,
 ) -> Piece:
     """A round bar along a path that lies in a plane through z, as a handle does."""
     ahead = np.gradient(path, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     level = np.cross(ahead[0], ahead[-1])
-    side = level / np.linalg.norm(level) if np.linalg.norm(level) > 1e-9 else np.array([0.0, 1.0, 0.0])
+    side = (
+        level / np.linalg.norm(level) if np.linalg.norm(level) > 1e-9 else np.array([0.0, 1.0, 0.0])
+    )
     turn = np.linspace(0, 2 * np.pi, sides + 1)
     points, normals, uv, faces = [], [], [], []
     for k, (spot, way) in enumerate(zip(path, ahead, strict=True)):
@@ -149,5 +158,9 @@ def bent(
         if k:
             low = (k - 1) * (sides + 1) + np.arange(sides)
             high = low + sides + 1
-            faces.append(np.concatenate([np.stack([low, high + 1, low + 1], -1), np.stack([low, high, high + 1], -1)]))
+            faces.append(
+                np.concatenate(
+                    [np.stack([low, high + 1, low + 1], -1), np.stack([low, high, high + 1], -1)]
+                )
+            )
     return Piece(*map(np.concatenate, (points, normals, uv, faces)), picture)

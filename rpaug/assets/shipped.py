@@ -17,8 +17,18 @@ Picture = UInt8[np.ndarray, "n n 3"]
 Pieces = list[s.Piece]
 
 WHITE, CREAM, BLACK = (0.92, 0.91, 0.88), (0.93, 0.88, 0.74), (0.09, 0.09, 0.10)
-RED, BLUE, GREEN, YELLOW = (0.78, 0.10, 0.09), (0.13, 0.27, 0.66), (0.16, 0.48, 0.20), (0.93, 0.78, 0.14)
-ORANGE, BROWN, GREY, TEAL = (0.93, 0.50, 0.10), (0.42, 0.25, 0.14), (0.58, 0.59, 0.61), (0.10, 0.47, 0.47)
+RED, BLUE, GREEN, YELLOW = (
+    (0.78, 0.10, 0.09),
+    (0.13, 0.27, 0.66),
+    (0.16, 0.48, 0.20),
+    (0.93, 0.78, 0.14),
+)
+ORANGE, BROWN, GREY, TEAL = (
+    (0.93, 0.50, 0.10),
+    (0.42, 0.25, 0.14),
+    (0.58, 0.59, 0.61),
+    (0.10, 0.47, 0.47),
+)
 PINK, PURPLE, STEEL = (0.90, 0.55, 0.62), (0.42, 0.20, 0.52), (0.68, 0.69, 0.71)
 
 
@@ -71,45 +81,96 @@ def texture(name: str) -> Picture:
 def _ball(radius: float, picture: Picture, squeeze: float = 1.0) -> s.Piece:
     turn = np.linspace(-np.pi / 2, np.pi / 2, 17)
     return s.turned(
-        [(radius * max(float(np.cos(a)), 0.0), radius * squeeze * (1 + float(np.sin(a)))) for a in turn], picture
+        [
+            (radius * max(float(np.cos(a)), 0.0), radius * squeeze * (1 + float(np.sin(a))))
+            for a in turn
+        ],
+        picture,
     )
 
 
-def _vessel(low: float, high: float, height: float, wall: float, outside: Picture, inside: Picture, belly: float = 0.0) -> Pieces:
+def _vessel(
+    low: float,
+    high: float,
+    height: float,
+    wall: float,
+    outside: Picture,
+    inside: Picture,
+    belly: float = 0.0,
+) -> Pieces:
     """An open vessel: radius at foot and rim, with a wall of that thickness."""
     steps = np.linspace(0, 1, 9)
     radius = low + (high - low) * steps + belly * np.sin(np.pi * steps)
     shell = [(0.0, 0.0), *zip(radius.tolist(), (height * steps).tolist(), strict=True)]
-    hollow = [(float(r - wall), float(h)) for r, h in zip(radius[::-1], height * steps[::-1], strict=True) if h > 2 * wall]
+    hollow = [
+        (float(r - wall), float(h))
+        for r, h in zip(radius[::-1], height * steps[::-1], strict=True)
+        if h > 2 * wall
+    ]
     rim = [shell[-1], hollow[0]]
-    return [s.turned(shell, outside), s.turned(rim, outside), s.turned([*hollow, (0.0, 2 * wall)], inside)]
+    return [
+        s.turned(shell, outside),
+        s.turned(rim, outside),
+        s.turned([*hollow, (0.0, 2 * wall)], inside),
+    ]
 
 
-def _handle(radius: float, low: float, high: float, out: float, thick: float, picture: Picture) -> s.Piece:
+def _handle(
+    radius: float, low: float, high: float, out: float, thick: float, picture: Picture
+) -> s.Piece:
     turn = np.linspace(-np.pi / 2, np.pi / 2, 15)
     middle, reach = (low + high) / 2, (high - low) / 2
-    path = np.stack([radius - thick / 2 + out * np.cos(turn), np.zeros_like(turn), middle + reach * np.sin(turn)], -1)
+    path = np.stack(
+        [
+            radius - thick / 2 + out * np.cos(turn),
+            np.zeros_like(turn),
+            middle + reach * np.sin(turn),
+        ],
+        -1,
+    )
     return s.bent(path, thick, picture)
 
 
 def _mug(colour: Colour) -> Pieces:
-    return [*_vessel(0.038, 0.040, 0.095, 0.003, plain(colour), plain(WHITE)), _handle(0.039, 0.022, 0.075, 0.026, 0.005, plain(colour))]
+    return [
+        *_vessel(0.038, 0.040, 0.095, 0.003, plain(colour), plain(WHITE)),
+        _handle(0.039, 0.022, 0.075, 0.026, 0.005, plain(colour)),
+    ]
 
 
 def _bottle(glass: Colour, label: Colour, cap: Colour) -> Pieces:
-    body = [(0.0, 0.0), (0.032, 0.0), (0.034, 0.004), (0.034, 0.125), (0.030, 0.145), (0.020, 0.165), (0.013, 0.180), (0.013, 0.205)]
+    body = [
+        (0.0, 0.0),
+        (0.032, 0.0),
+        (0.034, 0.004),
+        (0.034, 0.125),
+        (0.030, 0.145),
+        (0.020, 0.165),
+        (0.013, 0.180),
+        (0.013, 0.205),
+    ]
     lid = [(0.015, 0.203), (0.015, 0.222), (0.0, 0.222)]
-    return [s.turned(body, banded(glass, label, 0.25, 0.55, 4)), s.turned([(0.013, 0.203), *lid], plain(cap))]
+    return [
+        s.turned(body, banded(glass, label, 0.25, 0.55, 4)),
+        s.turned([(0.013, 0.203), *lid], plain(cap)),
+    ]
 
 
 def _can(colour: Colour, band: Colour) -> Pieces:
     side = [(0.028, 0.0), (0.033, 0.006), (0.033, 0.110), (0.028, 0.118)]
-    return [s.turned([(0.0, 0.0), (0.028, 0.0)], plain(STEEL)), s.turned(side, banded(colour, band, 0.35, 0.7, 3)), s.turned([(0.028, 0.118), (0.026, 0.115), (0.0, 0.115)], plain(STEEL))]
+    return [
+        s.turned([(0.0, 0.0), (0.028, 0.0)], plain(STEEL)),
+        s.turned(side, banded(colour, band, 0.35, 0.7, 3)),
+        s.turned([(0.028, 0.118), (0.026, 0.115), (0.0, 0.115)], plain(STEEL)),
+    ]
 
 
 def _jar(inside: Colour, lid: Colour) -> Pieces:
     body = [(0.0, 0.0), (0.036, 0.0), (0.040, 0.005), (0.040, 0.080), (0.034, 0.090)]
-    return [s.turned(body, banded(inside, WHITE, 0.35, 0.8, 5)), s.turned([(0.036, 0.090), (0.037, 0.091), (0.037, 0.106), (0.0, 0.106)], plain(lid))]
+    return [
+        s.turned(body, banded(inside, WHITE, 0.35, 0.8, 5)),
+        s.turned([(0.036, 0.090), (0.037, 0.091), (0.037, 0.106), (0.0, 0.106)], plain(lid)),
+    ]
 
 
 def _book(cover: Colour, width: float, depth: float, thick: float) -> Pieces:
@@ -123,7 +184,12 @@ def _book(cover: Colour, width: float, depth: float, thick: float) -> Pieces:
 
 
 def _candle() -> Pieces:
-    return [s.turned([(0.0, 0.0), (0.03, 0.0), (0.03, 0.07), (0.027, 0.074), (0.0, 0.071)], plain(CREAM)), s.turned([(0.0012, 0.070), (0.0012, 0.083), (0.0, 0.083)], plain(BLACK))]
+    return [
+        s.turned(
+            [(0.0, 0.0), (0.03, 0.0), (0.03, 0.07), (0.027, 0.074), (0.0, 0.071)], plain(CREAM)
+        ),
+        s.turned([(0.0012, 0.070), (0.0012, 0.083), (0.0, 0.083)], plain(BLACK)),
+    ]
 
 
 def _die() -> Pieces:
@@ -131,7 +197,10 @@ def _die() -> Pieces:
 
 
 def _cone() -> Pieces:
-    return [s.box((0.09, 0.09, 0.006), plain(ORANGE)), s.turned([(0.034, 0.006), (0.008, 0.115), (0.0, 0.115)], banded(ORANGE, WHITE, 0.4, 0.62))]
+    return [
+        s.box((0.09, 0.09, 0.006), plain(ORANGE)),
+        s.turned([(0.034, 0.006), (0.008, 0.115), (0.0, 0.115)], banded(ORANGE, WHITE, 0.4, 0.62)),
+    ]
 
 
 def _remote() -> Pieces:
@@ -147,25 +216,45 @@ def _stack(*sizes: tuple[tuple[float, float, float], Colour]) -> Pieces:
 
 
 def _hexagon(radius: float) -> list[tuple[float, float]]:
-    return [(radius * float(np.cos(a)), radius * float(np.sin(a))) for a in np.arange(6) * np.pi / 3]
+    return [
+        (radius * float(np.cos(a)), radius * float(np.sin(a))) for a in np.arange(6) * np.pi / 3
+    ]
 
 
 THINGS: Mapping[str, tuple[str, Callable[[], Pieces]]] = {
     "mug_red": ("mug", partial(_mug, RED)),
     "mug_blue": ("mug", partial(_mug, BLUE)),
     "cup_white": ("cup", lambda: _vessel(0.026, 0.036, 0.080, 0.002, plain(WHITE), plain(WHITE))),
-    "tumbler_teal": ("cup", lambda: _vessel(0.030, 0.036, 0.110, 0.002, striped(TEAL, WHITE, 6), plain(TEAL))),
-    "bowl_yellow": ("bowl", lambda: _vessel(0.030, 0.070, 0.050, 0.003, plain(YELLOW), plain(CREAM), 0.010)),
-    "bowl_wood": ("bowl", lambda: _vessel(0.035, 0.080, 0.060, 0.005, texture("walnut"), texture("walnut"), 0.012)),
-    "plate_white": ("plate", lambda: _vessel(0.060, 0.095, 0.018, 0.003, plain(WHITE), plain(WHITE))),
+    "tumbler_teal": (
+        "cup",
+        lambda: _vessel(0.030, 0.036, 0.110, 0.002, striped(TEAL, WHITE, 6), plain(TEAL)),
+    ),
+    "bowl_yellow": (
+        "bowl",
+        lambda: _vessel(0.030, 0.070, 0.050, 0.003, plain(YELLOW), plain(CREAM), 0.010),
+    ),
+    "bowl_wood": (
+        "bowl",
+        lambda: _vessel(0.035, 0.080, 0.060, 0.005, texture("walnut"), texture("walnut"), 0.012),
+    ),
+    "plate_white": (
+        "plate",
+        lambda: _vessel(0.060, 0.095, 0.018, 0.003, plain(WHITE), plain(WHITE)),
+    ),
     "bottle_green": ("bottle", partial(_bottle, GREEN, CREAM, RED)),
     "bottle_blue": ("bottle", partial(_bottle, BLUE, WHITE, WHITE)),
     "can_red": ("can", partial(_can, RED, WHITE)),
     "can_orange": ("can", partial(_can, ORANGE, YELLOW)),
     "jar_jam": ("jar", partial(_jar, (0.50, 0.06, 0.10), GREY)),
     "jar_honey": ("jar", partial(_jar, (0.85, 0.55, 0.10), YELLOW)),
-    "vase_purple": ("vase", lambda: _vessel(0.030, 0.028, 0.160, 0.003, plain(PURPLE), plain(PURPLE), 0.022)),
-    "flowerpot": ("vase", lambda: _vessel(0.040, 0.058, 0.090, 0.004, plain((0.68, 0.36, 0.22)), plain(BROWN))),
+    "vase_purple": (
+        "vase",
+        lambda: _vessel(0.030, 0.028, 0.160, 0.003, plain(PURPLE), plain(PURPLE), 0.022),
+    ),
+    "flowerpot": (
+        "vase",
+        lambda: _vessel(0.040, 0.058, 0.090, 0.004, plain((0.68, 0.36, 0.22)), plain(BROWN)),
+    ),
     "candle": ("candle", _candle),
     "ball_red": ("ball", lambda: [_ball(0.035, striped(RED, WHITE, 2))]),
     "ball_tennis": ("ball", lambda: [_ball(0.033, banded((0.75, 0.86, 0.20), WHITE, 0.46, 0.54))]),
@@ -174,24 +263,40 @@ THINGS: Mapping[str, tuple[str, Callable[[], Pieces]]] = {
     "lemon": ("fruit", lambda: [_ball(0.030, plain(YELLOW, 0.05), 1.25)]),
     "book_blue": ("book", partial(_book, BLUE, 0.13, 0.19, 0.024)),
     "book_red": ("book", partial(_book, RED, 0.11, 0.17, 0.030)),
-    "cereal_box": ("box", lambda: [s.box((0.065, 0.180, 0.240), banded(YELLOW, RED, 0.45, 0.85, 4))]),
+    "cereal_box": (
+        "box",
+        lambda: [s.box((0.065, 0.180, 0.240), banded(YELLOW, RED, 0.45, 0.85, 4))],
+    ),
     "tissue_box": ("box", lambda: [s.box((0.115, 0.120, 0.085), spotted(TEAL, WHITE, 30, 0.05))]),
     "soap": ("bathroom", lambda: [s.box((0.085, 0.055, 0.028), plain(PINK))]),
-    "sponge": ("kitchen", lambda: _stack(((0.11, 0.07, 0.025), YELLOW), ((0.11, 0.07, 0.008), GREEN))),
+    "sponge": (
+        "kitchen",
+        lambda: _stack(((0.11, 0.07, 0.025), YELLOW), ((0.11, 0.07, 0.008), GREEN)),
+    ),
     "brick": ("block", lambda: [s.box((0.10, 0.05, 0.032), texture("bricks_red"))]),
     "block_oak": ("block", lambda: [s.box((0.06, 0.06, 0.06), texture("oak"))]),
     "die": ("toy", _die),
     "cone_orange": ("toy", _cone),
-    "blocks": ("toy", lambda: _stack(((0.06, 0.06, 0.03), RED), ((0.05, 0.05, 0.03), BLUE), ((0.04, 0.04, 0.03), YELLOW))),
+    "blocks": (
+        "toy",
+        lambda: _stack(
+            ((0.06, 0.06, 0.03), RED), ((0.05, 0.05, 0.03), BLUE), ((0.04, 0.04, 0.03), YELLOW)
+        ),
+    ),
     "remote": ("office", _remote),
-    "eraser": ("office", lambda: [s.box((0.055, 0.022, 0.013), striped(PINK, BLUE, 1, upright=True))]),
+    "eraser": (
+        "office",
+        lambda: [s.box((0.055, 0.022, 0.013), striped(PINK, BLUE, 1, upright=True))],
+    ),
     "puck": ("toy", lambda: [s.prism(_hexagon(0.04), 0.025, spotted(GREEN, YELLOW, 8, 0.06))]),
 }
 """Category and pieces by name."""
 
 
 def _generator(name: str) -> np.random.Generator:
-    return np.random.default_rng(int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "little"))
+    return np.random.default_rng(
+        int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "little")
+    )
 
 
 def _bytes(image: np.ndarray) -> Picture:

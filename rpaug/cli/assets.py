@@ -32,7 +32,9 @@ def ls(
 
 
 def add(
-    file: Annotated[Path, typer.Argument(help="A glb, gltf, obj, stl or ply mesh, or a .ply of Gaussians.")],
+    file: Annotated[
+        Path, typer.Argument(help="A glb, gltf, obj, stl or ply mesh, or a .ply of Gaussians.")
+    ],
     name: Annotated[str | None, typer.Option(help="Its name; the file's if not given.")] = None,
     category: Annotated[str, typer.Option(help="What kind of thing it is.")] = "thing",
     scale: Annotated[float, typer.Option(min=1e-6, help="Metres to one unit of the file.")] = 1.0,
@@ -48,7 +50,9 @@ def add(
 
     if up not in ("y", "z"):
         raise RpaugError(f"--up {up}: give y or z")
-    asset = library.add(name or file.stem.replace("-", "_"), category, reading.read(file, scale, up), file.name)
+    asset = library.add(
+        name or file.stem.replace("-", "_"), category, reading.read(file, scale, up), file.name
+    )
     if as_json:
         print_json(asdict(asset))
         return 0
@@ -84,4 +88,6 @@ def show(
 
 def _line(asset) -> str:  # type: ignore[no-untyped-def]  # the library is loaded late
     x, y, z = (100 * side for side in asset.size)
-    return f"{asset.name:16} {asset.category:10} {asset.colour:10} {x:5.1f} x {y:4.1f} x {z:4.1f} cm"
+    return (
+        f"{asset.name:16} {asset.category:10} {asset.colour:10} {x:5.1f} x {y:4.1f} x {z:4.1f} cm"
+    )
