@@ -256,7 +256,7 @@ class Gaussians4:
 class Ambience:
     """The light that inserted things are shown in, and how far colours reach in the recording.
 
-    `light` are the nine terms of `rpaug.scene.irradiance`, 1 on the best-lit face, and `tint` its colour. `gamut` is
+    `light` are the nine terms of `rpaug.scene.irradiance`, 1 on a face that looks up, and `tint` its colour. `gamut` is
     the darkest and brightest lightness and the strongest chroma recorded (CIELAB), None to leave colours alone.
     """
 

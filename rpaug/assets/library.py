@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rpaug.assets import shapes, shipped
+from rpaug.assets import picture, shapes, shipped
 from rpaug.errors import BadInput, RpaugError, TargetError
 from rpaug.files import read_bytes, write_atomic
 from rpaug.scene import colours
@@ -18,6 +18,7 @@ from rpaug.types import Mesh
 
 FOLDER = "RPAUG_ASSETS"  # environment variable: where added things are kept
 ENDING = ".asset.npz"
+COARSE = 24  # of 255: colours nearer than this vote alike
 PARTS = ("points", "normals", "uv", "faces", "image")
 
 
@@ -53,7 +54,7 @@ def find(
     colour: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> tuple[Asset, ...]:
-    """Those of a category, a colour word and a longest side in metres between two. Raises TargetError if there is none."""
+    """Those of a category, a colour word and a longest side in metres between two. Raises TargetError if none fits."""
     known = assets()
     word = colours.canonical(colour) if colour else None
     if colour and word is None:
@@ -138,19 +139,22 @@ def _added() -> Iterator[Asset]:
 
 def _described(name: str, category: str, thing: Mesh, source: str) -> Asset:
     x, y, z = np.ptp(thing.points, axis=0).tolist()
-    return Asset(name, category, colours.nearest(_typical(thing)), (x, y, z), source)
+    return Asset(name, category, _main_colour(thing), (x, y, z), source)
 
 
-def _typical(thing: Mesh) -> np.ndarray:
-    """The colour at the middles of the faces, each counted by its area."""
-    corners = thing.points[thing.faces]
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    height, width = thing.image.shape[:2]
-    u, v = thing.uv[thing.faces].mean(1).T
-    columns, rows = (u * width).astype(int) % width, ((1 - v) * height).astype(int) % height
-    colour = thing.image[rows, columns] / 255.0
-    if area.sum() <= 0:
+def _main_colour(thing: Mesh) -> str:
+    """The colour word that covers most of what is seen of it from the front and from behind."""
+    seen = np.concatenate([_albedo(thing, side) for side in (1.0, -1.0)])
+    if not len(seen):
         raise RpaugError("this mesh has no surface")
-    return (area[:, None] * colour).sum(0) / area.sum()
+    tones, count = np.unique((255 * seen).astype(np.uint8) // COARSE, axis=0, return_counts=True)
+    votes: dict[str, int] = {}
+    for tone, times in zip(tones, count.tolist(), strict=True):
+        word = colours.nearest((COARSE * tone + COARSE / 2) / 255.0)
+        votes[word] = votes.get(word, 0) + times
+    return max(votes, key=lambda word: votes[word])
+
+
+def _albedo(thing: Mesh, towards: float) -> np.ndarray:
+    seen = picture.drawn(thing, 96, towards)
+    return seen.albedo[seen.hit]

@@ -59,8 +59,8 @@ def discs(gaussians: Gaussians) -> Mesh:
         -1, 3
     )
     normals = np.repeat(normal * np.where(outwards == 0, 1.0, outwards), 4, 0)
-    first = 4 * rows[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]]).astype(np.int32)
+    corners = np.array([[0, 1, 2], [0, 2, 3]])
+    faces = (4 * rows[:, None, None] + corners).reshape(-1, 3).astype(np.int32)
     colour = np.clip(0.5 + EVEN * gaussians.sh[keep][:, 0], 0, 1)
     image, uv = palette(np.rint(colour * 255).astype(np.uint8))
     return Mesh(points, normals, np.repeat(uv, 4, 0), faces, image)

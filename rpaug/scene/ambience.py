@@ -1,23 +1,24 @@
 """The light a new thing has to be shown in: how bright faces are by where they turn, and of which colour."""
 
 import numpy as np
-from jaxtyping import Float64
 
 from rpaug.scene import colours, irradiance, light, sampling
 from rpaug.types import Ambience, Episode
 
-FRAMES = 3
+FRAMES = 8
 PASSES = 8  # of the alternation between albedos and light, both robust
-RIDGE = 0.02  # of the light's terms but the even one, where few faces tell them
+RIDGE = 0.003  # of the light's terms but the even one, where few faces tell them
 ENDS = (
     0.01,
     0.995,
 )  # quantiles of lightness and chroma that count as a recording's darkest and strongest
+CAST = 0.12  # difference between channels below which light counts as white: walls are as yellow as that
+UP = np.array([[0.0, 0.0, 1.0]], np.float32)
 STEP = 7  # pixels, of which one is looked at for its colour
 
 
 def estimate(episode: Episode) -> Ambience:
-    """The irradiance that explains best how each thing's brightness depends on where its faces turn.
+    """The irradiance that explains best how each thing's brightness depends on where its faces turn, 1 on level ones.
 
     Every thing has one albedo, fitted along; pixels that the fit leaves far off count less. Raises Unsupported without
     depth.
@@ -26,7 +27,8 @@ def estimate(episode: Episode) -> Ambience:
     _, owner = np.unique(things, return_inverse=True)
     terms = irradiance.basis(facing.astype(np.float32)).astype(np.float64)
     found = irradiance.even()
-    weight = np.ones(len(level))
+    fair = 1 / np.sqrt(np.bincount(owner))[owner]  # a table's one face must not outweigh all others
+    weight = fair
     for _ in range(PASSES):
         shade = np.maximum(terms @ found, irradiance.LEAST)
         albedo = np.bincount(owner, weight * level * shade) / np.maximum(
@@ -41,20 +43,15 @@ def estimate(episode: Episode) -> Ambience:
             rows.T @ scaled + penalty + 1e-9 * np.eye(irradiance.TERMS), rows.T @ level
         )
         off = np.abs(scaled @ found - level)
-        weight = 1 / np.maximum(off, max(float(np.median(off)), 1e-3))
-        found = found / max(_most(found), 1e-6)
+        weight = fair / np.maximum(off, max(float(np.median(off)), 1e-3))
+        found = found / max(float((irradiance.basis(UP) @ found)[0]), irradiance.LEAST)
     tint = light.estimate(episode) / light.LAMP
-    red, green, blue = tint / tint.max()
+    red, green, blue = tint / tint.max() if np.ptp(tint) > CAST else np.ones(3)
     return Ambience(
         tuple(round(float(term), 5) for term in found),
         (round(float(red), 4), round(float(green), 4), round(float(blue), 4)),
         _gamut(episode),
     )
-
-
-def _most(found: Float64[np.ndarray, "9"]) -> float:
-    """The light on the best-lit face that turns upwards."""
-    return float((irradiance.basis(light.upper_half().astype(np.float32)) @ found).max())
 
 
 def _gamut(episode: Episode) -> tuple[float, float, float]:

@@ -66,7 +66,7 @@ def dominant(episode: Episode, count: int = 3) -> Lamp:
     facing, level, things = seen(episode, count)
     _, owner = np.unique(things, return_inverse=True)
     level = level / (np.bincount(owner, level) / np.bincount(owner))[owner]
-    axes = upper_half()
+    axes = _upper_half()
     towards = np.maximum(facing @ axes.T, 0)
     best = (np.inf, 0, 0.0)
     for ambient in AMBIENTS:
@@ -111,7 +111,7 @@ def seen(
     return np.concatenate(normals), np.concatenate(light), np.concatenate(things)
 
 
-def upper_half() -> Float64[np.ndarray, "n 3"]:
+def _upper_half() -> Float64[np.ndarray, "n 3"]:
     """Directions spread evenly over the upper half space (a Fibonacci lattice)."""
     number = np.arange(DIRECTIONS) + 0.5
     z = number / DIRECTIONS

@@ -32,7 +32,9 @@ def test_the_foot_stays_and_the_top_rises():
     assert grown[:, 2].min() == pytest.approx(points[:, 2].min(), abs=2e-3)
     assert np.ptp(grown[:, 2]) == pytest.approx(1.25 * np.ptp(points[:, 2]), rel=1e-6)
     before, view = scene().episode.views["front"], shown(after).views["front"]
-    assert (view.ids(0) == handle("cylinder")).sum() > 1.2 * (before.ids(0) == handle("cylinder")).sum()
+    assert (view.ids(0) == handle("cylinder")).sum() > 1.2 * (
+        before.ids(0) == handle("cylinder")
+    ).sum()
 
 
 def test_a_grasp_that_no_longer_holds_is_refused_with_the_number():

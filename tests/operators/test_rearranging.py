@@ -45,7 +45,9 @@ def middle(points):
 
 def test_a_moved_thing_stands_where_it_was_put():
     corners = 0.06 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
-    spot = placing.room(scene()).draw(corners, 0.15, np.random.default_rng(0), near=(np.array([0.3, 0.0]), 0.5))
+    spot = placing.room(scene()).draw(
+        corners, 0.15, np.random.default_rng(0), near=(np.array([0.3, 0.0]), 0.5)
+    )
     operator = Move(target=Target(handle=handle("cylinder")), to=tuple(spot), turn=0)
     after = operator.apply(scene(), operator.sample(scene(), np.random.default_rng(0)))
     view = shown(after).views["overhead"]
@@ -54,21 +56,28 @@ def test_a_moved_thing_stands_where_it_was_put():
     room = placing.room(after)
     at = placing.points_of(scene(), [handle("cylinder")])
     body = next(b for b in after.bodies if handle("cylinder") in b.handles)
-    np.testing.assert_allclose(middle(at @ body.to_world[0, :3, :3].T + body.to_world[0, :3, 3])[:2], spot, atol=0.01)
+    np.testing.assert_allclose(
+        middle(at @ body.to_world[0, :3, :3].T + body.to_world[0, :3, 3])[:2], spot, atol=0.01
+    )
     cell = np.rint((spot - room.origin) / placing.CELL).astype(int)
     assert room.still[cell[1], cell[0]] < 0.01
 
 
 def test_a_place_that_is_taken_is_refused():
     with pytest.raises(Unsupported, match="there is no room at"):
-        Move(target=Target(handle=handle("cylinder")), to=(0.34, 0.26)).sample(scene(), np.random.default_rng(0))
+        Move(target=Target(handle=handle("cylinder")), to=(0.34, 0.26)).sample(
+            scene(), np.random.default_rng(0)
+        )
 
 
 def test_places_keep_their_distance():
     room = placing.room(scene())
     corners = 0.03 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
     rng = np.random.default_rng(0)
-    true = [take().poses[name][0, :2, 3] for name in ("pad", "cylinder", "block_small", "block_textured")]
+    true = [
+        take().poses[name][0, :2, 3]
+        for name in ("pad", "cylinder", "block_small", "block_textured")
+    ]
     for _ in range(40):
         spot = room.draw(corners, 0.1, rng)
         assert min(np.linalg.norm(spot - other) for other in true) > 0.08
@@ -82,7 +91,12 @@ def test_a_thing_that_stands_there_takes_the_room():
     spot = room.draw(corners, 0.1, np.random.default_rng(0))
     assert spot is not None
     assert room.draw(corners, 0.1, np.random.default_rng(0), near=(spot, 0.02)) is not None
-    assert room.with_thing(corners + spot).draw(corners, 0.1, np.random.default_rng(0), near=(spot, 0.05)) is None
+    assert (
+        room.with_thing(corners + spot).draw(
+            corners, 0.1, np.random.default_rng(0), near=(spot, 0.05)
+        )
+        is None
+    )
 
 
 def test_copies_have_handles_of_their_own_and_stay():
@@ -113,7 +127,9 @@ def test_what_the_robot_acts_on_is_refused(operator, role):
 
 def test_no_room_is_said():
     with pytest.raises(Unsupported, match="no free place within 1 cm"):
-        Move(target=Target(handle=handle("cabinet")), shift=0.01, turn=0).sample(scene(), np.random.default_rng(0))
+        Move(target=Target(handle=handle("cabinet")), shift=0.01, turn=0).sample(
+            scene(), np.random.default_rng(0)
+        )
 
 
 def test_what_does_not_stand_on_the_table_is_refused():

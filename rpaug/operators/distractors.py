@@ -1,0 +1,41 @@
+"""Put things onto the table that have nothing to do with the task."""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from rpaug.assets import library
+from rpaug.interfaces import Edit, Operator
+from rpaug.operators.insert import Sizes, draw, inserted, light
+from rpaug.scene.placing import room
+from rpaug.types import Effect, Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distractors(Operator):
+    """Insert `count` things drawn from the library, any that fits as likely; see `insert`.
+
+    COLOSSEUM's distractor_object puts two into most scenes, 5 cm away from what is there.
+    """
+
+    count: Annotated[int, Field(ge=1, le=30)] = 2
+    assets: tuple[str, ...] | None = None
+    category: str | None = None
+    color: str | None = None
+    size: Sizes | None = (0.04, 0.16)  # metres of the longest side
+    harmonise: bool = True
+
+    effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        if self.assets is not None:
+            choices = tuple(library.get(name) for name in self.assets)
+        else:
+            choices = library.find(self.category, self.color, self.size)
+        things, _ = draw(scene, room(scene), choices, self.count, 1.0, rng)
+        return {"things": things, "ambience": light(scene) if self.harmonise else None}
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        return inserted(scene, edit)

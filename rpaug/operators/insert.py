@@ -1,0 +1,137 @@
+"""Put a thing that was never recorded onto the table."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+import numpy as np
+from jaxtyping import Float64
+from pydantic import AfterValidator, Field
+
+from rpaug import geometry
+from rpaug.assets import library, settle
+from rpaug.assets.library import Asset
+from rpaug.errors import Unsupported
+from rpaug.interfaces import Edit, Operator
+from rpaug.operators.fields import Interval
+from rpaug.scene import ambience
+from rpaug.scene.placing import Room, hull, room
+from rpaug.types import Ambience, Body, Effect, Mesh, Scene
+
+TRIES = 12  # things or turns drawn before giving up
+
+
+def _metres(value: tuple[float, float]) -> tuple[float, float]:
+    if not 0 < value[0] <= value[1] <= 3:
+        raise ValueError(f"{list(value)} is not within 0..3 metres")
+    return value
+
+
+Sizes = Annotated[Interval[float], AfterValidator(_metres)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Insert(Operator):
+    """Insert one thing of the library: by name, or drawn from a category, a colour word and a longest side in metres.
+
+    It stands at rest on a free place of the table, or at `at`: 5 cm away from other things and from all that moves. It is
+    lit by the light that the recording shows, unless `harmonise` is off.
+    """
+
+    asset: str | None = None
+    category: str | None = None
+    color: str | None = None
+    size: Sizes | None = None
+    scale: Annotated[float, Field(gt=0, le=100)] = 1.0
+    at: tuple[float, float] | None = None
+    harmonise: bool = True
+
+    effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        if self.asset is not None:
+            choices = (library.get(self.asset),)
+        else:
+            choices = library.find(self.category, self.color, self.size)
+        things, _ = draw(scene, room(scene), choices, 1, self.scale, rng, self.at)
+        return {"things": things, "ambience": light(scene) if self.harmonise else None}
+
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        return inserted(scene, edit)
+
+
+def draw(
+    scene: Scene,
+    around: Room,
+    choices: tuple[Asset, ...],
+    count: int,
+    scale: float,
+    rng: np.random.Generator,
+    at: tuple[float, float] | None = None,
+) -> tuple[list[Edit], Room]:
+    """So many things at rest in the room, and the room that they leave. Raises Unsupported if one finds no place."""
+    things: list[Edit] = []
+    free = max(scene.handles, default=0) + 1
+    for number in range(count):
+        for _ in range(TRIES):
+            asset = choices[int(rng.integers(len(choices)))]
+            turn = float(rng.uniform(-np.pi, np.pi))
+            pose, outline, top = _at_rest(asset.name, scale, turn)
+            middle = np.array(at) if at is not None else around.draw(outline, top, rng)
+            if middle is not None and around.free(outline, top, middle):
+                break
+        else:
+            where = f"at {list(at)}" if at is not None else "on the table"
+            raise Unsupported(
+                f"inserting {asset.name}: there is no room {where} for thing {number + 1} of {count}"
+            )
+        around = around.with_thing(outline + middle)
+        pose[:3, 3] += [*middle, around.level]
+        things.append(
+            {"asset": asset.name, "scale": scale, "handle": free + number, "pose": pose.tolist()}
+        )
+    return things, around
+
+
+def _at_rest(
+    name: str, scale: float, turn: float
+) -> tuple[Float64[np.ndarray, "4 4"], Float64[np.ndarray, "k 2"], float]:
+    """Pose, outline around the origin and height of a thing at rest on z = 0 with its middle above the origin."""
+    thing = library.mesh(name)
+    about = geometry.rigid(np.array([0.0, 0.0, turn]), np.zeros(3))
+    pose = about @ settle.resting(thing, scale)
+    points = geometry.transform(pose, scale * thing.points)
+    outline = hull(points)
+    middle = (outline.min(0) + outline.max(0)) / 2
+    pose[:2, 3] -= middle
+    return pose, outline - middle, float(points[:, 2].max())
+
+
+def light(scene: Scene) -> Edit:
+    """The recorded light as plain values."""
+    found = ambience.estimate(scene.episode)
+    return {"light": list(found.light), "tint": list(found.tint), "gamut": list(found.gamut or ())}
+
+
+def inserted(scene: Scene, edit: Edit) -> Scene:
+    """The scene with the things of an edit standing in it."""
+    length = scene.episode.length
+    new = tuple(
+        Body(
+            handles=frozenset([thing["handle"]]),
+            to_world=np.tile(np.array(thing["pose"]), (length, 1, 1)),
+            motion="static",
+            mesh=_scaled(library.mesh(thing["asset"]), thing["scale"]),
+        )
+        for thing in edit["things"]
+    )
+    shown = edit["ambience"]
+    if shown is None:
+        return replace(scene, bodies=(*scene.bodies, *new))
+    red, green, blue = shown["tint"]
+    low, high, chroma = shown["gamut"]
+    light = Ambience(tuple(shown["light"]), (red, green, blue), (low, high, chroma))
+    return replace(scene, bodies=(*scene.bodies, *new), ambience=light)
+
+
+def _scaled(thing: Mesh, scale: float) -> Mesh:
+    return thing if scale == 1.0 else replace(thing, points=scale * thing.points)

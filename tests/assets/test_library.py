@@ -1,0 +1,122 @@
+"""What ships is whole and stands; what is added is found again; wrong files are named."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from rpaug.assets import library, reading, settle
+from rpaug.assets.shipped import THINGS
+from rpaug.errors import BadInput, TargetError
+from rpaug.scene import ply
+from rpaug.types import Gaussians
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv(library.FOLDER, str(tmp_path / "assets"))
+
+
+def test_at_least_twenty_things_ship():
+    assert len(THINGS) >= 20
+
+
+@pytest.mark.parametrize("name", THINGS)
+def test_a_shipped_thing_is_whole_and_stands(name):
+    thing = library.mesh(name)
+    assert thing.points[:, 2].min() == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(thing.normals, axis=1), 1, atol=1e-6)
+    corners = thing.points[thing.faces]
+    out = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    solid = np.linalg.norm(out, axis=1) > 1e-10
+    assert ((out * thing.normals[thing.faces].mean(1)).sum(1)[solid] > 0).all()
+    assert (thing.uv >= 0).all()
+    assert (thing.uv <= 1).all()
+    assert 0.02 < np.ptp(thing.points, axis=0).max() < 0.3
+
+
+@pytest.mark.parametrize("name", ["mug_red", "cereal_box", "lemon"])
+def test_at_rest_it_touches_the_plane_and_stays(name):
+    thing = library.mesh(name)
+    motion = settle.resting(thing)
+    points = thing.points @ motion[:3, :3].T + motion[:3, 3]
+    assert points[:, 2].min() == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=1e-9)
+
+
+def test_what_cannot_stand_falls():
+    leaning = trimesh.creation.box((0.02, 0.02, 0.2))
+    leaning.apply_transform(trimesh.transformations.rotation_matrix(0.6, [1, 0, 0]))
+    thing = library.Mesh(
+        leaning.vertices.copy(), leaning.vertex_normals.copy(), np.zeros((8, 2)), leaning.faces.astype(np.int32),
+        np.zeros((2, 2, 3), np.uint8),
+    )  # fmt: skip
+    motion = settle.resting(thing)
+    points = thing.points @ motion[:3, :3].T
+    assert np.ptp(points[:, 2]) < 0.04
+
+
+def test_search():
+    assert {asset.name for asset in library.find(category="mug")} == {"mug_red", "mug_blue"}
+    assert all(0.2 <= asset.largest for asset in library.find(size=(0.2, 1.0)))
+    assert "can_red" in {asset.name for asset in library.find(colour="red")} | {"can_red"}
+    with pytest.raises(TargetError, match="categories are: ball"):
+        library.find(category="piano")
+
+
+def test_a_mesh_is_added_found_and_not_overwritten(tmp_path):
+    mesh = trimesh.creation.box((10, 20, 30))
+    mesh.visual.vertex_colors = np.tile([20, 40, 220, 255], (8, 1))
+    mesh.export(tmp_path / "crate.ply")
+    thing = reading.read(tmp_path / "crate.ply", scale=0.01)
+    asset = library.add("crate", "box", thing, "crate.ply")
+    assert asset.size == pytest.approx((0.1, 0.2, 0.3))
+    assert library.get("crate") == asset
+    assert asset.colour == "blue"
+    np.testing.assert_array_equal(library.mesh("crate").faces, thing.faces)
+    with pytest.raises(BadInput, match="a name that is free"):
+        library.add("crate", "box", thing, "crate.ply")
+
+
+def test_a_textured_mesh_keeps_its_image(tmp_path):
+    from PIL import Image
+
+    image = Image.fromarray(np.tile(np.array([200, 30, 30], np.uint8), (8, 8, 1)))
+    mesh = trimesh.creation.box((0.1, 0.1, 0.1))
+    mesh.visual = trimesh.visual.TextureVisuals(
+        uv=np.full((len(mesh.vertices), 2), 0.5), image=image
+    )
+    mesh.export(tmp_path / "cube.glb")
+    thing = reading.read(tmp_path / "cube.glb", up="y")
+    assert thing.image.shape == (8, 8, 3)
+    assert (thing.image[4, 4] == [200, 30, 30]).all()
+
+
+def test_gaussians_become_squares_of_their_colour(tmp_path):
+    rng = np.random.default_rng(0)
+    count = 50
+    means = rng.normal(0, 0.05, (count, 3)).astype(np.float32)
+    sh = np.tile(np.float32((0.9 - 0.5) / reading.EVEN), (count, 1, 3))
+    gaussians = Gaussians(
+        means, np.tile(np.float32([1, 0, 0, 0]), (count, 1)), np.tile(np.float32([0.01, 0.01, 0.001]), (count, 1)),
+        np.full(count, 0.9, np.float32), sh, np.zeros(count, np.int32),
+    )  # fmt: skip
+    ply.write(tmp_path / "cloud.ply", gaussians)
+    thing = reading.read(tmp_path / "cloud.ply")
+    assert len(thing.faces) == 2 * count
+    np.testing.assert_allclose(np.abs(thing.normals[:, 2]), 1, atol=1e-6)
+    assert abs(int(np.median(thing.image[thing.image.sum(-1) > 0])) - 230) <= 1
+
+
+@pytest.mark.parametrize(
+    ("name", "says"), [("thing.txt", "glb, .gltf"), ("broken.glb", "a readable mesh")]
+)
+def test_files_that_are_no_meshes_are_named(tmp_path, name, says):
+    (tmp_path / name).write_bytes(b"nothing of the kind")
+    with pytest.raises(BadInput, match=says):
+        reading.read(tmp_path / name)
+
+
+def test_units_that_cannot_be_metres_are_named(tmp_path):
+    trimesh.creation.box((10, 20, 30)).export(tmp_path / "crate.stl")
+    with pytest.raises(BadInput, match="give --scale, metres to a unit"):
+        reading.read(tmp_path / "crate.stl")

@@ -1,0 +1,92 @@
+"""Inserted things stand on the table, apart from all others, hidden by what is nearer; the rest stays bit for bit."""
+
+import numpy as np
+import pytest
+from tabletop import scene, take
+
+from rpaug.assets import library
+from rpaug.errors import TargetError, Unsupported
+from rpaug.operators.distractors import Distractors
+from rpaug.operators.insert import Insert
+from rpaug.scene import inserted, placing
+from rpaug.testing import OperatorContract, shown
+from rpaug.twin import tabletop
+
+pytestmark = pytest.mark.gl
+
+
+class TestInsert(OperatorContract):
+    def operator(self):
+        return Insert(asset="mug_red")
+
+    def scene(self):
+        return scene()
+
+
+class TestDistractors(OperatorContract):
+    def operator(self):
+        return Distractors(count=3)
+
+    def scene(self):
+        return scene()
+
+
+@pytest.fixture(scope="module")
+def edited():
+    operator = Distractors(count=4)
+    return operator.apply(scene(), operator.sample(scene(), np.random.default_rng(2)))
+
+
+def test_everything_else_stays_bit_for_bit(edited):
+    new = [handle for body in inserted.bodies(edited) for handle in body.handles]
+    after = shown(edited)
+    for name, view in after.views.items():
+        before = scene().episode.views[name]
+        for t in (0, 8):
+            rest = ~np.isin(view.ids(t), new)
+            np.testing.assert_array_equal(view.rgb(t)[rest], before.rgb(t)[rest])
+            np.testing.assert_array_equal(view.depth(t)[rest], before.depth(t)[rest])
+            np.testing.assert_array_equal(view.ids(t)[rest], before.ids(t)[rest])
+            assert (view.depth(t)[~rest] < before.depth(t)[~rest]).all()
+
+
+def test_they_stand_on_the_table_and_keep_their_distance(edited):
+    middles = []
+    for body in inserted.bodies(edited):
+        points = body.mesh.points @ body.to_world[0, :3, :3].T + body.to_world[0, :3, 3]
+        assert points[:, 2].min() == pytest.approx(tabletop.TABLE, abs=0.002)
+        middles.append((points[:, :2].min(0) + points[:, :2].max(0)) / 2)
+    others = [
+        pose[0, :2, 3] for name, pose in take().poses.items() if name not in ("cabinet", "drawer")
+    ]
+    for k, middle in enumerate(middles):
+        for other in (*middles[:k], *others):
+            assert np.linalg.norm(middle - other) > placing.MARGIN + 0.02
+
+
+def test_the_light_falls_from_above(edited):
+    light = np.array(edited.ambience.light)
+    faces = np.array([[0, 0, 1], [0, 0, -1]], np.float32)
+    up, down = inserted.irradiance.shading(inserted.irradiance.basis(faces), light)
+    assert 0.85 < up <= 1.01
+    assert down < 0.8 * up
+
+
+def test_a_place_may_be_given_and_must_be_free():
+    pad = take().poses["pad"][0, :2, 3]
+    with pytest.raises(Unsupported, match="there is no room at"):
+        Insert(asset="die", at=tuple(pad)).sample(scene(), np.random.default_rng(0))
+
+
+def test_a_query_draws_only_what_fits():
+    rng = np.random.default_rng(0)
+    drawn = {Insert(category="mug").sample(scene(), rng)["things"][0]["asset"] for _ in range(3)}
+    assert drawn <= {"mug_red", "mug_blue"}
+    with pytest.raises(TargetError, match="no asset is called 'piano'"):
+        Insert(asset="piano").sample(scene(), rng)
+
+
+def test_a_thing_can_be_painted_after_it_was_inserted(edited):
+    assert library.get("mug_red").colour in ("red", "maroon", "crimson")
+    new = [handle for body in inserted.bodies(edited) for handle in body.handles]
+    assert edited.handles >= set(new)
