@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from rpaug.errors import Unsupported
-from rpaug.render.splat import Adam, Gradients, Loss, Rates, Settings, Splats, warm
+from rpaug.render.splat import Adam, Gradients, Loss, Rates, Settings, Splats, shared, warm
 from rpaug.render.splat.workers import worker
 from rpaug.scene.densify import Densify, densified
 from rpaug.scene.shots import Shot
@@ -146,8 +146,8 @@ class _Crew:
 
     def __init__(self, shots: Sequence[Shot], settings: FrameFitSettings) -> None:
         self._shots, self._settings = shots, settings
-        self.side_by_side = min(settings.batch, settings.threads)
-        each = max(1, settings.threads // self.side_by_side)
+        largest = max(shot.view.width * shot.view.height for shot in shots)
+        self.side_by_side, each = shared(settings.threads, settings.batch, largest)
         self._workers = [
             worker(settings.backend, settings.dtype, settings.model, each, settings.keep_order)
             for _ in shots

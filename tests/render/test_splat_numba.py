@@ -18,7 +18,7 @@ from splat_cases import (
 )
 
 from rpaug.errors import Unsupported
-from rpaug.render.splat import Rasteriser, Settings, Splats, View, _compositing, _reference
+from rpaug.render.splat import Rasteriser, Settings, Splats, View, _compositing, _reference, shared
 
 
 def posed(at: View) -> View:
@@ -204,3 +204,10 @@ def test_exponential_is_exact_at_zero_and_close_elsewhere():
     run(values, out)
     assert out[0] == 1
     np.testing.assert_allclose(out, np.exp(-values.astype(np.float64)), rtol=2e-6)
+
+
+def test_threads_go_to_views_of_small_images_and_to_tiles_of_large_ones():
+    assert shared(threads=2, views=5, pixels=128 * 128) == (2, 1)
+    assert shared(threads=8, views=2, pixels=128 * 128) == (2, 4)
+    assert shared(threads=8, views=5, pixels=640 * 480) == (1, 8)
+    assert shared(threads=1, views=1, pixels=1) == (1, 1)

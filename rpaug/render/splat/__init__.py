@@ -9,7 +9,7 @@ from jaxtyping import Float
 from rpaug.render.splat import _reference
 from rpaug.render.splat._autograd import Images, rasterise
 from rpaug.render.splat._numba import Rasteriser
-from rpaug.render.splat._threads import cores
+from rpaug.render.splat._threads import cores, shared
 from rpaug.render.splat.adam import Adam, Rates
 from rpaug.render.splat.loss import Errors, Loss
 from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
@@ -29,6 +29,7 @@ __all__ = [
     "View",
     "rasterise",
     "render",
+    "shared",
     "warm",
 ]
 
