@@ -11,7 +11,7 @@ from rich.table import Table
 from rpaug.cli.console import AsJson, EpisodeKey, console, plain, print_json, progress_bar
 from rpaug.errors import RpaugError
 
-WIDTH = 140  # columns of a printed table
+WIDTH = 180  # columns of a printed table
 
 OutFolder = Annotated[Path, typer.Option(help="New folder for table, JSON and plot.")]
 MaybeDataset = Annotated[
@@ -132,6 +132,69 @@ def fit(
         "held_out_db": "held-out dB", "held_out_best_db": "at best", "held_out_best_seconds": "after s",
     }  # fmt: skip
     _print(out, plain_rows, columns, skipped, as_json)
+    return 0 if rows else 2
+
+
+def tiers(
+    out: OutFolder,
+    dataset: MaybeDataset = None,
+    twin: TwinTask = None,
+    seed: TwinSeed = 0,
+    episode: EpisodeKey = None,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Of a dataset: cameras to show without their own recording; default all fixed."
+        ),
+    ] = None,
+    frames: Annotated[int, typer.Option(min=2, help="That the twin records.")] = 17,
+    every: Annotated[int, typer.Option(min=1, help="Frames between the views compared.")] = 8,
+    method: Annotated[list[str] | None, typer.Option(help="Only these methods.")] = None,
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Of each fit of Gaussians, at most.")
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1)] = 2,
+    plot: Plot = True,
+    as_json: AsJson = False,
+) -> int:
+    """Every tier on the same views: on the twin's truly moved cameras, or on a dataset leaving one camera out.
+
+    Each camera that is left out takes a fit of its own: minutes.
+
+    Example: [bold]rpaug bench tiers --twin open_drawer --out tiers[/]
+    """
+    from rpaug.bench import moved, sources
+    from rpaug.bench import tiers as measured
+
+    methods = tuple(method or measured.METHODS)
+    measured.check(methods)
+    origin = sources.Origin(dataset=dataset, episode=episode, task=twin, seed=seed, frames=frames)
+    rows = []
+    with progress_bar("measuring", as_json) as progress:
+        if twin is not None:
+            scene, sights = moved.on_the_twin(twin, seed, frames, every)
+            told = f"{twin} {seed}, moved"
+            rows += measured.run(told, scene, sights, methods, steps, threads, progress)
+        else:
+            found = origin.read()
+            fixed = [name for name, view in found.views.items() if view.camera.fixed]
+            for name in leave_out or fixed:
+                if name not in found.views:
+                    known = ", ".join(found.views)
+                    raise RpaugError(f"--leave-out {name}: the cameras are {known}")
+                scene, sights = moved.left_out(found, name, every)
+                told = f"{name} left out"
+                rows += measured.run(told, scene, sights, methods, steps, threads, progress)
+    plain_rows = [vars(row) for row in rows]
+    asked = origin.describe() | {"every": every, "steps": steps, "threads": threads}
+    drawn = {"group": "method", "label": "tier", "within": "views_of"}
+    _write(out, "tiers", asked, plain_rows, measured.PANELS if plot else (), drawn)
+    columns = {
+        "views_of": "views", "method": "method", "all_db": "dB", "covisible_db": "co-visible",
+        "ssim": "SSIM", "depth_median_mm": "depth mm", "depth_far_percent": "> 20 mm %",
+        "holes_percent": "holes %", "milliseconds_a_view": "ms a view", "prepare_seconds": "prepare s",
+    }  # fmt: skip
+    _print(out, plain_rows, columns, {}, as_json)
     return 0 if rows else 2
 
 
