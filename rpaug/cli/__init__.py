@@ -46,7 +46,7 @@ GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
     "twin": ("A simulated tabletop that knows the truth.", {"record": twin.record}),
     "bench": (
         "Error and seconds, measured against truth.",
-        {"edits": bench.edits, "render": speed.render},
+        {"edits": bench.edits, "render": speed.render, "fit": speed.fit, "tiers": speed.tiers},
     ),
     "scenes": (
         "Fitted scenes in a store.",

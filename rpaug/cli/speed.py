@@ -11,7 +11,7 @@ from rich.table import Table
 from rpaug.cli.console import AsJson, EpisodeKey, console, plain, print_json, progress_bar
 from rpaug.errors import RpaugError
 
-WIDTH = 140  # columns of a printed table
+WIDTH = 180  # columns of a printed table
 
 OutFolder = Annotated[Path, typer.Option(help="New folder for table, JSON and plot.")]
 MaybeDataset = Annotated[
@@ -54,7 +54,7 @@ def render(
 
     Example: [bold]rpaug bench render --size 640x480 --gaussians 50000 --out speed[/]
     """
-    from rpaug.bench import renders, sources
+    from rpaug.bench import renders
 
     named: dict[str, Any] = {
         "sizes": tuple(map(_size, size or ())),
@@ -67,12 +67,9 @@ def render(
     if dataset is None and twin is None:
         shown = renders.strewn_scenes(setting)
     else:
-        origin = sources.Origin(dataset=dataset, episode=episode, task=twin, seed=seed)
-        found = origin.read()
-        if frame >= found.length:
-            raise RpaugError(f"--frame {frame}: the episode has frames 0 to {found.length - 1}")
+        found, origin = _recorded(dataset, twin, seed, episode, frame)
         shown = renders.recorded_scenes(found, frame, stride or [2])
-        asked = asked | origin.describe() | {"frame": frame}
+        asked = asked | origin | {"frame": frame}
     with progress_bar("rendering", as_json) as progress:
         rows, skipped = renders.run(setting, shown, progress)
     plain_rows = [vars(row) for row in rows]
@@ -85,6 +82,133 @@ def render(
     }  # fmt: skip
     _print(out, plain_rows, columns, skipped, as_json)
     return 0 if rows else 2
+
+
+def fit(
+    out: OutFolder,
+    dataset: MaybeDataset = None,
+    twin: TwinTask = None,
+    seed: TwinSeed = 0,
+    episode: EpisodeKey = None,
+    frame: Annotated[int, typer.Option(min=0, help="Of the episode.")] = 0,
+    stride: Annotated[
+        list[int] | None, typer.Option(min=1, help="Every so-many-th pixel a Gaussian.")
+    ] = None,
+    iterations: Annotated[list[int] | None, typer.Option(min=1)] = None,
+    optimiser: Annotated[list[str] | None, typer.Option(help="adam, or 'adam, splitting'.")] = None,
+    engine: Annotated[
+        list[str] | None, typer.Option(help="Backend and precision: numba/float32, ...")
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1)] = 2,
+    plot: Plot = True,
+    as_json: AsJson = False,
+) -> int:
+    """Seconds of fitting Gaussians to one frame against PSNR of recorded and of held-out pixels.
+
+    Any dataset with depth will do, or the twin. Repeat --stride, --iterations, --optimiser, --engine to sweep them.
+
+    Example: [bold]rpaug bench fit data/train/open_drawer --stride 2 --stride 4 --out speed[/]
+    """
+    from rpaug.bench import fits
+
+    named: dict[str, Any] = {
+        "strides": tuple(stride or ()),
+        "iterations": tuple(iterations or ()),
+        "optimisers": tuple(optimiser or ()),
+        "engines": tuple(engine or ()),
+    }
+    setting = fits.Setting(**{k: v for k, v in named.items() if v}, threads=threads)
+    found, origin = _recorded(dataset, twin, seed, episode, frame)
+    with progress_bar("fitting", as_json) as progress:
+        rows, traces, skipped = fits.run(setting, found, frame, progress)
+    plain_rows = [vars(row) for row in rows]
+    asked = vars(setting) | origin | {"frame": frame}
+    drawn = {"group": "name", "label": "iterations"}
+    panels = fits.PANELS if plot else ()
+    _write(out, "fit", asked, plain_rows, panels, drawn, traces=traces)
+    columns = {
+        "name": "fit", "iterations": "iterations", "gaussians": "Gaussians", "seconds": "seconds",
+        "processor_seconds": "processor s", "recorded_db": "recorded dB",
+        "held_out_db": "held-out dB", "held_out_best_db": "at best", "held_out_best_seconds": "after s",
+    }  # fmt: skip
+    _print(out, plain_rows, columns, skipped, as_json)
+    return 0 if rows else 2
+
+
+def tiers(
+    out: OutFolder,
+    dataset: MaybeDataset = None,
+    twin: TwinTask = None,
+    seed: TwinSeed = 0,
+    episode: EpisodeKey = None,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Of a dataset: cameras to show without their own recording; default all fixed."
+        ),
+    ] = None,
+    frames: Annotated[int, typer.Option(min=2, help="That the twin records.")] = 17,
+    every: Annotated[int, typer.Option(min=1, help="Frames between the views compared.")] = 8,
+    method: Annotated[list[str] | None, typer.Option(help="Only these methods.")] = None,
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Of each fit of Gaussians, at most.")
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1)] = 2,
+    plot: Plot = True,
+    as_json: AsJson = False,
+) -> int:
+    """Every tier on the same views: on the twin's truly moved cameras, or on a dataset leaving one camera out.
+
+    Each camera that is left out takes a fit of its own: minutes.
+
+    Example: [bold]rpaug bench tiers --twin open_drawer --out tiers[/]
+    """
+    from rpaug.bench import moved, sources
+    from rpaug.bench import tiers as measured
+
+    methods = tuple(method or measured.METHODS)
+    measured.check(methods)
+    origin = sources.Origin(dataset=dataset, episode=episode, task=twin, seed=seed, frames=frames)
+    rows = []
+    with progress_bar("measuring", as_json) as progress:
+        if twin is not None:
+            scene, sights = moved.on_the_twin(twin, seed, frames, every)
+            told = f"{twin} {seed}, moved"
+            rows += measured.run(told, scene, sights, methods, steps, threads, progress)
+        else:
+            found = origin.read()
+            fixed = [name for name, view in found.views.items() if view.camera.fixed]
+            for name in leave_out or fixed:
+                if name not in found.views:
+                    known = ", ".join(found.views)
+                    raise RpaugError(f"--leave-out {name}: the cameras are {known}")
+                scene, sights = moved.left_out(found, name, every)
+                told = f"{name} left out"
+                rows += measured.run(told, scene, sights, methods, steps, threads, progress)
+    plain_rows = [vars(row) for row in rows]
+    asked = origin.describe() | {"every": every, "steps": steps, "threads": threads}
+    drawn = {"group": "method", "label": "tier", "within": "views_of"}
+    _write(out, "tiers", asked, plain_rows, measured.PANELS if plot else (), drawn)
+    columns = {
+        "views_of": "views", "method": "method", "all_db": "dB", "covisible_db": "co-visible",
+        "ssim": "SSIM", "depth_median_mm": "depth mm", "depth_far_percent": "> 20 mm %",
+        "holes_percent": "holes %", "milliseconds_a_view": "ms a view", "prepare_seconds": "prepare s",
+    }  # fmt: skip
+    _print(out, plain_rows, columns, {}, as_json)
+    return 0 if rows else 2
+
+
+def _recorded(
+    dataset: Path | None, twin: str | None, seed: int, episode: str | None, frame: int
+) -> tuple[Any, dict[str, Any]]:
+    """An episode that has the frame, and where it is from."""
+    from rpaug.bench import sources
+
+    origin = sources.Origin(dataset=dataset, episode=episode, task=twin, seed=seed)
+    found = origin.read()
+    if frame >= found.length:
+        raise RpaugError(f"--frame {frame}: the episode has frames 0 to {found.length - 1}")
+    return found, origin.describe()
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -101,6 +225,7 @@ def _write(
     rows: list[dict[str, Any]],
     panels: Any,
     drawn: dict[str, Any],
+    **more: Any,
 ) -> None:
     """The rows as CSV and JSON, and the plot if there are panels, in a new folder."""
     from rpaug.bench import pareto, tables
@@ -108,7 +233,7 @@ def _write(
 
     with atomic_folder(out) as folder:
         (folder / f"{name}.csv").write_bytes(tables.as_csv(rows))
-        (folder / f"{name}.json").write_bytes(tables.as_json(setting, rows))
+        (folder / f"{name}.json").write_bytes(tables.as_json(setting, rows, **more))
         if panels and rows:
             pareto.plot(folder / f"{name}.png", rows, panels, **drawn)
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from rpaug import geometry
+from rpaug.bench.moved import covisible
 from rpaug.render import holes, zbuffer
 from rpaug.render.zbuffer import Rendered
 from rpaug.scene import build, gaussian_view, surfels
@@ -27,9 +27,7 @@ from rpaug.twin.look import Look
 from rpaug.twin.record import Take, perform
 from rpaug.types import Body, CameraView, Scene
 
-SAME_POINT = 0.004, 0.01  # metres and share of depth: a recorded pixel this close saw the point
 HEADLIGHT = 0.25  # half as bright as each of the twin's lamps
-OTHER_TIMES = 5  # frames between the recordings that may have seen a static point
 
 
 @dataclass(frozen=True)
@@ -92,25 +90,6 @@ def noisy(scene: Scene, share: float, seed: int) -> Scene:
 
     views = {name: shaken(view, k) for k, (name, view) in enumerate(scene.episode.views.items())}
     return replace(scene, episode=replace(scene.episode, views=views))
-
-
-def covisible(scene: Scene, static: frozenset[int], true: CameraView, t: int) -> np.ndarray:
-    """Which pixels of the true view show a point that the episode recorded."""
-    points = geometry.world_points(true.depth(t).astype(np.float64), true.camera, t)
-    ids = true.ids(t)
-    seen = np.zeros(ids.shape, bool)
-    still = np.isin(ids, list(static))
-    for view in scene.episode.views.values():
-        for when in {t, *range(0, scene.episode.length, OTHER_TIMES)}:
-            pixel, z = geometry.project(points, view.camera, when)
-            columns, rows = np.rint(pixel).astype(int).transpose(2, 0, 1)
-            inside = (z > 0) & (columns >= 0) & (rows >= 0)
-            inside &= (columns < view.camera.width) & (rows < view.camera.height)
-            rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
-            near = np.abs(view.depth(when)[rows, columns] - z) < SAME_POINT[0] + SAME_POINT[1] * z
-            found = inside & near & (view.ids(when)[rows, columns] == ids)
-            seen |= found if when == t else found & still
-    return seen
 
 
 def unchanged(case: Case) -> Rendered:
@@ -184,7 +163,9 @@ class WholeEpisode:
 
     def prepare(self, case: Case) -> None:
         if id(case.kept) not in self.done:
-            self.done[id(case.kept)] = fitted(case.scene, settings=settings_for(steps=self.steps))[0]
+            self.done[id(case.kept)] = fitted(case.scene, settings=settings_for(steps=self.steps))[
+                0
+            ]
 
     def __call__(self, case: Case) -> Rendered:
         there = replace(self.done[id(case.kept)], cameras=case.scene.cameras)
@@ -251,7 +232,11 @@ def main() -> None:
         "--gaussians", type=int, default=0, metavar="STEPS", help="also fit every frame by itself"
     )
     parser.add_argument(
-        "--fit", type=int, default=0, metavar="STEPS", help="also fit the whole episode, once a seed"
+        "--fit",
+        type=int,
+        default=0,
+        metavar="STEPS",
+        help="also fit the whole episode, once a seed",
     )
     parser.add_argument("--json", type=Path, help="write the table here too")
     told = parser.parse_args()
