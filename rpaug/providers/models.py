@@ -13,7 +13,7 @@ from jaxtyping import Float32, UInt8
 
 from rpaug.errors import MissingExtra, Unsupported
 
-EXTRA = "vision"
+EXTRA = "models"
 IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # mean, standard deviation
 CLIP = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
 

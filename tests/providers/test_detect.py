@@ -14,7 +14,7 @@ from rpaug.providers.detect import Detection, GroundingDino, Owlv2, _detections,
 
 def bert(folder: Path) -> None:
     """A tokenizer of a few words, as Grounding DINO has one."""
-    transformers = pytest.importorskip("transformers", reason="the extra `vision` is missing")
+    transformers = pytest.importorskip("transformers", reason="the extra `models` is missing")
     words = ["[PAD]", "[UNK]", "[CLS]", "[SEP]", "[MASK]", ".", "a", "red", "cup", "knob"]
     (folder / "vocab.txt").write_text("\n".join(words) + "\n")
     vocabulary = {word: i for i, word in enumerate(words)}
@@ -27,7 +27,7 @@ def bert(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def dino(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    transformers = pytest.importorskip("transformers", reason="the extra `vision` is missing")
+    transformers = pytest.importorskip("transformers", reason="the extra `models` is missing")
     torch = pytest.importorskip("torch")
     torch.manual_seed(0)
     backbone = transformers.SwinConfig(
@@ -51,7 +51,7 @@ def dino(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def owl(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    transformers = pytest.importorskip("transformers", reason="the extra `vision` is missing")
+    transformers = pytest.importorskip("transformers", reason="the extra `models` is missing")
     torch = pytest.importorskip("torch")
     torch.manual_seed(0)
     sizes = {
@@ -100,7 +100,7 @@ def test_boxes_are_given_in_pixels_with_integer_centres() -> None:
 def test_names_and_folders(tmp_path: Path) -> None:
     with pytest.raises(Unsupported, match="there are: dino:FOLDER, owlv2:FOLDER"):
         detector("yolo")
-    pytest.importorskip("transformers", reason="the extra `vision` is missing")
+    pytest.importorskip("transformers", reason="the extra `models` is missing")
     with pytest.raises(Unsupported, match=r"no config.json.*detector: owlv2:FOLDER"):
         detector(f"owlv2:{tmp_path}")
 
@@ -114,7 +114,7 @@ def test_a_missing_package_names_its_extra(monkeypatch: pytest.MonkeyPatch, tmp_
         return plain(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(MissingExtra, match=r"transformers .*rpaug\[vision\]"):
+    with pytest.raises(MissingExtra, match=r"transformers .*rpaug\[models\]"):
         detect.Owlv2(tmp_path)
     from rpaug.providers import words
 
@@ -124,7 +124,7 @@ def test_a_missing_package_names_its_extra(monkeypatch: pytest.MonkeyPatch, tmp_
 
 
 def test_a_model_without_its_tokenizer_is_refused(tmp_path: Path) -> None:
-    pytest.importorskip("transformers", reason="the extra `vision` is missing")
+    pytest.importorskip("transformers", reason="the extra `models` is missing")
     with pytest.raises(Unsupported, match="no tokenizer beside the model"):
         models.tokenizer(tmp_path)
 

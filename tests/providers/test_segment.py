@@ -63,7 +63,7 @@ def test_names() -> None:
 
 @pytest.fixture(scope="module")
 def sam(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    transformers = pytest.importorskip("transformers", reason="the extra `vision` is missing")
+    transformers = pytest.importorskip("transformers", reason="the extra `models` is missing")
     torch = pytest.importorskip("torch")
     torch.manual_seed(0)
     config = transformers.SamConfig(
@@ -85,7 +85,7 @@ def sam(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def sam2(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    transformers = pytest.importorskip("transformers", reason="the extra `vision` is missing")
+    transformers = pytest.importorskip("transformers", reason="the extra `models` is missing")
     torch = pytest.importorskip("torch")
     if not hasattr(transformers, "Sam2Model"):
         pytest.skip("this transformers has no Sam2Model")
@@ -151,7 +151,7 @@ def test_sams_pictures_are_those_of_its_own_processor(sam: Path) -> None:
 
 
 def test_a_folder_without_a_model_is_refused(tmp_path: Path) -> None:
-    pytest.importorskip("transformers", reason="the extra `vision` is missing")
+    pytest.importorskip("transformers", reason="the extra `models` is missing")
     with pytest.raises(Unsupported, match=r"no config.json.*segmenter: sam:FOLDER"):
         Sam(tmp_path)
     (tmp_path / "config.json").write_text("{}")
