@@ -27,7 +27,8 @@ def augment(
         ),
     ] = 0,
     scenes: Annotated[
-        Path | None, typer.Option(help="Store of fitted scenes, for tiers 3 and 4: `rpaug fit --out`.")
+        Path | None,
+        typer.Option(help="Store of fitted scenes, for tiers 3 and 4: `rpaug fit --out`."),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Instead of the recipe's.")] = None,
     set_: Annotated[

@@ -184,7 +184,9 @@ class WholeEpisode:
 
     def prepare(self, case: Case) -> None:
         if id(case.kept) not in self.done:
-            self.done[id(case.kept)] = fitted(case.scene, settings=settings_for(steps=self.steps))[0]
+            self.done[id(case.kept)] = fitted(case.scene, settings=settings_for(steps=self.steps))[
+                0
+            ]
 
     def __call__(self, case: Case) -> Rendered:
         there = replace(self.done[id(case.kept)], cameras=case.scene.cameras)
@@ -251,7 +253,11 @@ def main() -> None:
         "--gaussians", type=int, default=0, metavar="STEPS", help="also fit every frame by itself"
     )
     parser.add_argument(
-        "--fit", type=int, default=0, metavar="STEPS", help="also fit the whole episode, once a seed"
+        "--fit",
+        type=int,
+        default=0,
+        metavar="STEPS",
+        help="also fit the whole episode, once a seed",
     )
     parser.add_argument("--json", type=Path, help="write the table here too")
     told = parser.parse_args()

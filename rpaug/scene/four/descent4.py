@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int
@@ -101,9 +102,7 @@ class Descent4:
         g, rows = self.gaussians, cut.rows
         by_means, by_covariances, by_opacities, by_sh = total
         opacity = g.opacities[rows].astype(np.float64)
-        pull = gaussians4.pull_back(
-            g, t, rows, by_means, by_covariances, by_opacities * opacity
-        )
+        pull = gaussians4.pull_back(g, t, rows, by_means, by_covariances, by_opacities * opacity)
         slopes = {
             "means": pull.means,
             "left": pull.left,
@@ -120,7 +119,9 @@ class Descent4:
             old = getattr(g, name)
             value = old.copy()
             flat = value.reshape(len(value), -1)
-            flat[rows] = _stepped(name, flat[rows], rate * self._direction(name, rows, slope, steps))
+            flat[rows] = _stepped(
+                name, flat[rows], rate * self._direction(name, rows, slope, steps)
+            )
             moved[name] = value
         self.gaussians = replace(g, **moved)
 
@@ -166,7 +167,9 @@ def split(gaussians: Gaussians4, rows: Int[np.ndarray, "k"]) -> Gaussians4:
     means = g.means.copy()
     means[rows] -= step.astype(np.float32)
     names = ("left", "right", "opacities", "sh", "ids")
-    more = {name: np.concatenate([getattr(g, name), getattr(g, name)[rows]]) for name in names}
+    more: dict[str, Any] = {
+        name: np.concatenate([getattr(g, name), getattr(g, name)[rows]]) for name in names
+    }
     there = means[rows] + (2 * step).astype(np.float32)
     return replace(
         g,

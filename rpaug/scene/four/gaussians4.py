@@ -13,7 +13,10 @@ from jaxtyping import Float, Float64, Int
 from rpaug.types import Gaussians4
 
 REACH = 3.0  # standard deviations in time beyond which a Gaussian is not there (weight 0.011)
-UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])  # of a symmetric 3 x 3 matrix, in the rasteriser's order
+UPPER = (
+    [0, 0, 0, 1, 1, 2],
+    [0, 1, 2, 1, 2, 2],
+)  # of a symmetric 3 x 3 matrix, in the rasteriser's order
 
 # The product of quaternions is linear in each factor. Rows and columns are (x, y, z, t), t the real part.
 _LEFT = np.array(

@@ -80,7 +80,9 @@ def _pictures(scene: Scene, handles: frozenset[int], t: int) -> list[Picture]:
     return found
 
 
-def _origin(scene: Scene, handles: frozenset[int], times: Sequence[int]) -> Float64[np.ndarray, "3"]:
+def _origin(
+    scene: Scene, handles: frozenset[int], times: Sequence[int]
+) -> Float64[np.ndarray, "3"]:
     """Somewhere near the region: the position of a camera that sees it, rounded off."""
     for t in times:
         for picture in _pictures(scene, handles, t):
@@ -98,9 +100,7 @@ def _surface(
         pose = picture.cam_to_world.copy()
         pose[:3, 3] -= origin
         parts.append(
-            lifted(
-                Picture(picture.rgb, picture.depth, picture.ids, picture.K, pose, picture.use)
-            )
+            lifted(Picture(picture.rgb, picture.depth, picture.ids, picture.K, pose, picture.use))
         )
     every = joined(parts) if parts else None
     return _Surface(t, thinned(every, A_FRAME)) if every is not None and len(every) else None
@@ -135,17 +135,16 @@ def _velocities(surfaces: Sequence[_Surface], spacing: float) -> list[Float64[np
     count = [0] * len(surfaces)
     for forward in (True, False):
         order = range(len(surfaces)) if forward else range(len(surfaces) - 1, -1, -1)
-        before: Float64[np.ndarray, "3"] = np.zeros(3)
+        before: Float64[np.ndarray, 3] = np.zeros(3)
         for a, b in pairwise(order):
             here, there = surfaces[a], surfaces[b]
             frames = there.t - here.t
             guess = np.tile(before * frames, (len(here.points), 1))
-            moved = flow(
-                here.points, here.colours, there.points, there.colours, guess, spacing
-            ) / frames
+            moved = (
+                flow(here.points, here.colours, there.points, there.colours, guess, spacing)
+                / frames
+            )
             before = np.median(moved, 0)
             total[a] += moved
             count[a] += 1
     return [way / max(n, 1) for way, n in zip(total, count, strict=True)]
-
-

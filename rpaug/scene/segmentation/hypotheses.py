@@ -56,7 +56,9 @@ def held(robot: Robot, length: int) -> list[Motion]:
     return out
 
 
-def carried(gripper: Float64[np.ndarray, "t 4 4"], start: int, stop: int) -> Float64[np.ndarray, "t 4 4"]:
+def carried(
+    gripper: Float64[np.ndarray, "t 4 4"], start: int, stop: int
+) -> Float64[np.ndarray, "t 4 4"]:
     """At rest, then rigid to the gripper from frame `start` to frame `stop`, then at rest."""
     when = np.clip(np.arange(len(gripper)), start, stop)
     return gripper[when] @ geometry.inverse(gripper[start])

@@ -133,7 +133,9 @@ def _together(
         total, count = image.copy(), look.astype(np.float32)
         for rows, columns in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)):
             near = np.roll(depth, (rows, columns), (0, 1))
-            same = look & np.roll(look, (rows, columns), (0, 1)) & (abs(near - depth) < LEVEL * depth)
+            same = (
+                look & np.roll(look, (rows, columns), (0, 1)) & (abs(near - depth) < LEVEL * depth)
+            )
             total += np.where(same[..., None], np.roll(image, (rows, columns), (0, 1)), 0)
             count += same
         image = total / np.maximum(count, 1)[..., None]
@@ -142,9 +144,7 @@ def _together(
 
 def ways(motions: Sequence[Motion], sights: Sights, t: int) -> Float64[np.ndarray, "k s 4 4"]:
     """How each motion carries a point from frame t to the sampled frames."""
-    return np.stack(
-        [m.to_world[sights.frames] @ geometry.inverse(m.to_world[t]) for m in motions]
-    )
+    return np.stack([m.to_world[sights.frames] @ geometry.inverse(m.to_world[t]) for m in motions])
 
 
 def thin(view: CameraView) -> Camera:
@@ -238,9 +238,7 @@ def _unexplained(
     return found
 
 
-def _pushed(
-    episode: Episode, sights: Sights, motions: Sequence[Motion]
-) -> tuple[Motion, ...]:
+def _pushed(episode: Episode, sights: Sights, motions: Sequence[Motion]) -> tuple[Motion, ...]:
     """Motions of what rests, is pushed along by the gripper for a while without being held, and rests again."""
     gripper = episode.robot.gripper_to_world
     found: list[Motion] = []
@@ -253,7 +251,9 @@ def _pushed(
             break
         share = min(1.0, MOST_POINTS / total)
         rng = np.random.default_rng(0)
-        few = [(t, p[keep], c[keep]) for t, p, c in odd if (keep := rng.random(len(p)) < share).any()]
+        few = [
+            (t, p[keep], c[keep]) for t, p, c in odd if (keep := rng.random(len(p)) < share).any()
+        ]
         spans = [(a, b) for a in sights.frames for b in sights.frames if a < b]
         best, explained = _most_explaining(gripper, spans, few, sights)
         near = [

@@ -74,11 +74,15 @@ def tidied(
         return handles
     counts = np.stack(
         [
-            cv2.filter2D((handles == one).astype(np.float32), -1, WINDOW, borderType=cv2.BORDER_CONSTANT)
+            cv2.filter2D(
+                (handles == one).astype(np.float32), -1, WINDOW, borderType=cv2.BORDER_CONSTANT
+            )
             for one in found
         ]
     )
-    own = np.take_along_axis(counts, np.searchsorted(found, np.maximum(handles, found[0]))[None], 0)[0]
+    own = np.take_along_axis(
+        counts, np.searchsorted(found, np.maximum(handles, found[0]))[None], 0
+    )[0]
     speck = (own < SPECK) & (depth > 0) & (handles > 0)
     return np.where(speck, found[counts.argmax(0)], handles).astype(np.int32)
 

@@ -17,8 +17,9 @@ BLOCK = np.ones((3, 3), np.uint8)
 class Sights:
     """Depth and colour of `frames` (ascending) from every fixed camera that has depth, thinned to one size.
 
-    `depth` is in metres, 0 where unknown; `nearest` and `farthest` are depths in metres over each pixel and its eight neighbours, 0 where any is unknown;
-    `darkest` and `brightest` the colours there in 0..1. Smaller images are padded with unknown depth.
+    `depth` is in metres, 0 where unknown; `nearest` and `farthest` are the same over each pixel and its eight
+    neighbours, 0 where any is unknown; `darkest` and `brightest` the colours there in 0..1.
+    Smaller images are padded with unknown depth.
     """
 
     frames: Int[np.ndarray, "s"]
@@ -52,7 +53,10 @@ def see(episode: Episode, frames: Sequence[int]) -> Sights:
         for name, view in episode.views.items()
         if view.depth is not None and view.camera.fixed
     }
-    sizes = [(-(-v.camera.height // step_of(v)), -(-v.camera.width // step_of(v))) for v in views.values()]
+    sizes = [
+        (-(-v.camera.height // step_of(v)), -(-v.camera.width // step_of(v)))
+        for v in views.values()
+    ]
     shape = (
         len(frames),
         len(views),
@@ -77,4 +81,6 @@ def see(episode: Episode, frames: Sequence[int]) -> Sights:
                 cv2.erode(colour, BLOCK),
                 cv2.dilate(colour, BLOCK),
             )
-    return Sights(np.array(frames), tuple(views), K, poses, depths, nearest, farthest, darkest, brightest)
+    return Sights(
+        np.array(frames), tuple(views), K, poses, depths, nearest, farthest, darkest, brightest
+    )

@@ -15,7 +15,9 @@ FOOTPRINTS = 0.6  # widths of a pixel that a point may lie in front of or behind
 COLOUR = 0.12  # difference in display colour that halves what a hit counts, about
 AGAINST = 3.0  # hits that one look through the place outweighs
 DOUBT = 1.5  # hits' worth of not knowing
-EDGE = 4.0  # widths of a pixel over which a neighbourhood may reach in depth and still tell anything
+EDGE = (
+    4.0  # widths of a pixel over which a neighbourhood may reach in depth and still tell anything
+)
 
 
 def scores(
