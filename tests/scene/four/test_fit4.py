@@ -44,7 +44,8 @@ def test_images_name_it_and_know_its_depth(fitted):
     truth = view.ids(3) == waves.SHEET
     both = truth & (ids == waves.SHEET)
     assert both.sum() / (truth | (ids == waves.SHEET)).sum() > 0.9
-    assert np.median(np.abs(depth - view.depth(3))[both]) < 0.004
+    # A pixel is 15 mm wide here.
+    assert np.median(np.abs(depth - view.depth(3))[both]) < 0.0075
 
 
 def test_the_same_again(fitted):
@@ -89,7 +90,7 @@ def test_one_frame_is_told_and_left():
 
 def test_rigid_things_are_left():
     scene = waves.scene(5)
-    still = tuple(replace(body, motion="static") for body in scene.bodies)
+    still = tuple(replace(body, motion="gripper") for body in scene.bodies)
     made, report = fit4.fitted(replace(scene, bodies=still), settings=QUICK)
     assert made.flowing is None
     assert "rigid" in report.reason
