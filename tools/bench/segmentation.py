@@ -28,7 +28,7 @@ from rpaug.scene.segmentation import motion
 from rpaug.twin.soft_tasks import SOFT_TASKS
 from rpaug.types import Episode
 
-STRIDE = 6  # frames between those that are compared
+STRIDE = 12  # frames between those that are compared
 ARM = ("link", "hand", "finger")
 
 
@@ -105,7 +105,7 @@ def overlaps(
 def picture(episode: Episode, found: motion.Segmentation) -> np.ndarray:
     """Images over found instances: two cameras, five times."""
     colours = np.random.default_rng(4).integers(60, 255, (1000, 3)).astype(np.uint8)
-    colours[:2] = 0, 60
+    colours[0], colours[1] = 0, 60
     times = np.linspace(0, episode.length - 1, 5).round().astype(int).tolist()
     rows = []
     for name in list(episode.views)[:2]:
