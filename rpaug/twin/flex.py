@@ -155,11 +155,13 @@ def _xml(
     tool = "" if rod is None else (
         f'<body mocap="true"><geom type="capsule" size="{radius} {half}"/></body>'
     )  # fmt: skip
-    return f"""<mujoco><option timestep="{physics.step}" integrator="Euler" gravity="0 0 {-physics.gravity}"/><worldbody>{tool}
+    return f"""<mujoco>
+        <option timestep="{physics.step}" integrator="Euler" gravity="0 0 {-physics.gravity}"/>
+        <worldbody>{tool}
         <flexcomp name="flex" type="direct" dim="{flex.dim}" mass="{physics.mass}" radius="0.002"
             point="{_text(flex.points)}" element="{_text(flex.elements)}">{pins}
         <contact contype="{touch}" conaffinity="{touch}" selfcollide="none"/>{physics.stiffness}</flexcomp>
-    </worldbody></mujoco>"""
+        </worldbody></mujoco>"""
 
 
 def _text(numbers: np.ndarray) -> str:

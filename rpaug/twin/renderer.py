@@ -66,7 +66,7 @@ class Renderer:
         objects: dict[str, Float64[np.ndarray, "4 4"]],
         shapes: Mapping[str, Float64[np.ndarray, "v 3"]] = MappingProxyType({}),
     ) -> None:
-        """Put arm, fingers (metres each from the middle), movable bodies and vertices of what bends where they belong."""
+        """Put arm, fingers (metres each from the middle), movable bodies and what bends where they belong."""
         self.data.qpos[:] = (*q, opening, opening)
         for name, where in objects.items():
             slot = self.model.body(name).mocapid[0]

@@ -48,7 +48,7 @@ def push_towel(rng: np.random.Generator) -> Job:
 
     approach = np.array([np.sin(LEAN), 0, -np.cos(LEAN)])
     touch = gripper_pose(
-        corner + [-0.03, -TOWEL[0] / 2 + rng.uniform(-0.03, 0.03), -0.18],
+        corner + np.array([-0.03, -TOWEL[0] / 2 + rng.uniform(-0.03, 0.03), -0.18]),
         approach,
         np.array([0, 1.0, 0]),
     )

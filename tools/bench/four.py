@@ -89,8 +89,16 @@ def pictures(rigid: Scene, four: Scene, handle: int, camera: str, t: int) -> np.
     assert view.ids is not None
     rows, columns = np.nonzero(view.ids(t) == handle)
     height, width = view.camera.height, view.camera.width
-    top = int(np.clip((rows.min() + rows.max()) // 2 - SIDE // 2, 0, height - SIDE)) if len(rows) else 0
-    left = int(np.clip((columns.min() + columns.max()) // 2 - SIDE // 2, 0, width - SIDE)) if len(rows) else 0
+    top = (
+        int(np.clip((rows.min() + rows.max()) // 2 - SIDE // 2, 0, height - SIDE))
+        if len(rows)
+        else 0
+    )
+    left = (
+        int(np.clip((columns.min() + columns.max()) // 2 - SIDE // 2, 0, width - SIDE))
+        if len(rows)
+        else 0
+    )
     window = np.s_[top : top + SIDE, left : left + SIDE]
     truth = view.rgb(t)[window]
     images = [gaussian_view.render_view(scene, camera, t)[0][window] for scene in (rigid, four)]
@@ -99,7 +107,9 @@ def pictures(rigid: Scene, four: Scene, handle: int, camera: str, t: int) -> np.
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--tasks", nargs="+", default=list(SOFT_TASKS), choices=list(SOFT_TASKS))
     parser.add_argument("--frames", type=int, default=40)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int
@@ -166,7 +167,9 @@ def split(gaussians: Gaussians4, rows: Int[np.ndarray, "k"]) -> Gaussians4:
     means = g.means.copy()
     means[rows] -= step.astype(np.float32)
     names = ("left", "right", "opacities", "sh", "ids")
-    more = {name: np.concatenate([getattr(g, name), getattr(g, name)[rows]]) for name in names}
+    more: dict[str, Any] = {
+        name: np.concatenate([getattr(g, name), getattr(g, name)[rows]]) for name in names
+    }
     there = means[rows] + (2 * step).astype(np.float32)
     return replace(
         g,

@@ -12,7 +12,7 @@ from rpaug.render.splat import Rasteriser, View
 from rpaug.scene import gaussian_view
 from rpaug.scene.four import seeds4
 from rpaug.scene.four.descent4 import Crop, Descent4
-from rpaug.scene.four.flowing import seen_by
+from rpaug.scene.four.flowing import seen_by, some
 from rpaug.scene.gaussian_view import SHARP
 from rpaug.scene.gaussians import chosen, placed
 from rpaug.scene.sampling import frames
@@ -20,6 +20,7 @@ from rpaug.types import Body, Scene
 
 Progress = Callable[[float], None]
 FAR_OFF = 2.0  # widths of a pixel
+GAIN = 0.5  # decibels that an instance must gain to be shown in space and time
 UNLIKE = 0.08  # difference in display colour that shows something else there
 
 
@@ -116,13 +117,21 @@ def fitted(
                 progress(done)
     made = replace(rest, flowing=descent.gaussians)
     after = residuals(made, checked, settings.least_pixels)
+    better = frozenset(h for h in handles if gain(rigid, after, h) > GAIN)
+    if better != handles:
+        # Going back costs nothing: what time does not explain either stays rigid.
+        keep = np.isin(descent.gaussians.ids, list(better))
+        made = replace(without(scene, better), flowing=some(descent.gaussians, keep))
+        after |= {h: rigid[h] for h in handles - better}
+        handles = better
     return made, FourReport(
         handles=tuple(sorted(handles)),
         rigid_db=_db(rigid),
         db=_db(after),
-        gaussians=len(descent.gaussians),
+        gaussians=len(made.flowing or ()),
         frames=len(times),
         seconds=time.perf_counter() - start,
+        reason="" if handles else "nothing is shown better in space and time",
     )
 
 
@@ -172,13 +181,27 @@ def residuals(
 def unexplained(
     scene: Scene, residual: Mapping[int, Residual], settings: FourSettings
 ) -> frozenset[int]:
-    """Instances that move, are shown below the target, and are not where their rigid motion has them."""
-    moving = {h for body in scene.bodies if body.motion != "static" for h in body.handles}
+    """Instances that are shown below the target, and are not where their rigid motion has them.
+
+    What hangs on the gripper or is a link of the arm is rigid whatever its residual. What bends about a fixed foot is
+    taken for static as a whole: then more of it must be off, since thin things at rest are off at their outlines.
+    """
+    motion = {handle: body.motion for body in scene.bodies for handle in body.handles}
+    least = {"aligned": 1.0, "unknown": 1.0, "static": 2.0}
     return frozenset(
         handle
         for handle, found in residual.items()
-        if handle in moving and found.db < settings.target_db and found.off > settings.off_share
+        if found.db < settings.target_db
+        and motion.get(handle) in least
+        and found.off > least[motion[handle]] * settings.off_share
     )
+
+
+def gain(before: Mapping[int, Residual], after: Mapping[int, Residual], handle: int) -> float:
+    """Decibels won by an instance; endless for one that was not or is not measured."""
+    if handle not in before or handle not in after:
+        return float("inf")
+    return after[handle].db - before[handle].db
 
 
 def _db(residual: Mapping[int, Residual]) -> dict[int, float]:

@@ -1,9 +1,10 @@
 """What of the flowing Gaussians is there at one time, as ordinary ones beside the rigid ones."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float64, Int32
+from jaxtyping import Bool, Float, Float64, Int32
 
 from rpaug import geometry
 from rpaug.render.splat import Splats, View
@@ -26,6 +27,15 @@ def standing(flowing: Gaussians4, t: float) -> Gaussians:
         sh=flowing.sh[cut.rows],
         ids=flowing.ids[cut.rows],
     )
+
+
+def some(flowing: Gaussians4, keep: Bool[np.ndarray, "n"]) -> Gaussians4 | None:
+    """Those that `keep` marks, None if that is none of them."""
+    if not keep.any():
+        return None
+    names = ("means", "left", "right", "scales", "opacities", "sh", "ids")
+    rows: dict[str, Any] = {name: getattr(flowing, name)[keep] for name in names}
+    return replace(flowing, **rows)
 
 
 def edited(now: Gaussians, scene: Scene, t: int, origin: Float64[np.ndarray, "3"]) -> Gaussians:

@@ -135,7 +135,7 @@ def _velocities(surfaces: Sequence[_Surface], spacing: float) -> list[Float64[np
     count = [0] * len(surfaces)
     for forward in (True, False):
         order = range(len(surfaces)) if forward else range(len(surfaces) - 1, -1, -1)
-        before: Float64[np.ndarray, "3"] = np.zeros(3)
+        before: Float64[np.ndarray, 3] = np.zeros(3)
         for a, b in pairwise(order):
             here, there = surfaces[a], surfaces[b]
             frames = there.t - here.t

@@ -17,8 +17,9 @@ BLOCK = np.ones((3, 3), np.uint8)
 class Sights:
     """Depth and colour of `frames` (ascending) from every fixed camera that has depth, thinned to one size.
 
-    `depth` is in metres, 0 where unknown; `nearest` and `farthest` are depths in metres over each pixel and its eight neighbours, 0 where any is unknown;
-    `darkest` and `brightest` the colours there in 0..1. Smaller images are padded with unknown depth.
+    `depth` is in metres, 0 where unknown; `nearest` and `farthest` are the same over each pixel and those of
+    its eight neighbours that are known; `darkest` and `brightest` the colours there in 0..1.
+    Smaller images are padded with unknown depth.
     """
 
     frames: Int[np.ndarray, "s"]
@@ -73,9 +74,11 @@ def see(episode: Episode, frames: Sequence[int]) -> Sights:
         for s, t in enumerate(frames):
             depth, colour = images(view, t)
             h, w = depth.shape
-            near, far = cv2.erode(depth, BLOCK), cv2.dilate(depth, BLOCK)
+            known = depth > 0
+            near = cv2.erode(np.where(known, depth, np.inf).astype(np.float32), BLOCK)
             depths[s, c, :h, :w] = depth
-            nearest[s, c, :h, :w], farthest[s, c, :h, :w] = near, np.where(near > 0, far, 0)
+            nearest[s, c, :h, :w] = np.where(known, near, 0)
+            farthest[s, c, :h, :w] = np.where(known, cv2.dilate(depth, BLOCK), 0)
             darkest[s, c, :h, :w], brightest[s, c, :h, :w] = (
                 cv2.erode(colour, BLOCK),
                 cv2.dilate(colour, BLOCK),

@@ -40,7 +40,9 @@ def oracle(means, left, right, scales, time):
     """Middles, covariances and weights at a time, by the textbook."""
     left = left / left.norm(dim=1, keepdim=True)
     right = right / right.norm(dim=1, keepdim=True)
-    unit = torch.eye(4, dtype=means.dtype)[[3, 0, 1, 2]]  # x, y, z, t as quaternions: t is the real part
+    unit = torch.eye(4, dtype=means.dtype)[
+        [3, 0, 1, 2]
+    ]  # x, y, z, t as quaternions: t is the real part
     axes = torch.eye(4, dtype=means.dtype)[[1, 2, 3, 0]]
     turned = product(product(left[:, None], axes[None]), right[:, None])  # images of the four axes
     rotation = torch.stack([turned[..., 1], turned[..., 2], turned[..., 3], turned[..., 0]], 1)
@@ -71,7 +73,9 @@ def test_a_slice_is_the_conditional_gaussian(seed, t):
 def test_rotations_are_rotations_and_factor_again(seed):
     rng = np.random.default_rng(seed)
     turn = gaussians4.rotations(rng.normal(size=(8, 4)), rng.normal(size=(8, 4)))
-    np.testing.assert_allclose(turn @ turn.transpose(0, 2, 1), np.tile(np.eye(4), (8, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        turn @ turn.transpose(0, 2, 1), np.tile(np.eye(4), (8, 1, 1)), atol=1e-12
+    )
     np.testing.assert_allclose(np.linalg.det(turn), 1, atol=1e-12)
     again = gaussians4.rotations(*gaussians4.quaternions(turn))
     np.testing.assert_allclose(again, turn, atol=1e-12)
@@ -83,7 +87,11 @@ def test_gradients_are_torchs(seed):
     rng = np.random.default_rng(seed)
     cut = gaussians4.at(g, t)
     m = len(cut.rows)
-    by_means, by_upper, by_weights = rng.normal(size=(m, 3)), rng.normal(size=(m, 6)), rng.normal(size=m)
+    by_means, by_upper, by_weights = (
+        rng.normal(size=(m, 3)),
+        rng.normal(size=(m, 6)),
+        rng.normal(size=m),
+    )
     pull = gaussians4.pull_back(g, t, cut.rows, by_means, by_upper, by_weights)
     leaves = [
         torch.tensor(p[cut.rows].astype(float), requires_grad=True)
@@ -108,7 +116,9 @@ def test_moving_gaussians_move_as_asked(seed):
     left, right, scales = gaussians4.moving(shape, velocity, lasting)
     whole = gaussians4.covariances(left, right, scales)
     np.testing.assert_allclose(whole[:, 3, 3], lasting**2, rtol=1e-6)
-    np.testing.assert_allclose(whole[:, :3, 3] / whole[:, 3, 3, None], velocity, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        whole[:, :3, 3] / whole[:, 3, 3, None], velocity, rtol=1e-6, atol=1e-9
+    )
     across = whole[:, :3, 3]
     left_over = whole[:, :3, :3] - across[:, :, None] * across[:, None] / whole[:, 3, 3, None, None]
     np.testing.assert_allclose(left_over, shape, atol=1e-12)
