@@ -8,7 +8,7 @@ from jaxtyping import Float64, Int
 
 from rpaug import geometry
 from rpaug.scene import evidence
-from rpaug.scene.arms import link_tracks
+from rpaug.scene.arms import KNOWN, Kinematics, link_tracks
 from rpaug.scene.looks import Looks, events, look
 from rpaug.scene.motion import (
     FREE,
@@ -85,7 +85,7 @@ def track(episode: Episode, looks: Looks | None = None) -> tuple[Body, ...]:
     return _merge(tracks, touching(looks))
 
 
-def _carriers(episode: Episode) -> Float64[np.ndarray, "m t 4 4"]:
+def _carriers(episode: Episode, arms: Sequence[Kinematics]) -> Float64[np.ndarray, "m t 4 4"]:
     """World poses of the world itself, the gripper, and the arm's links but the last, which is the gripper's.
 
     A gripper whose pose is unknown stands as still as the world, so that nothing is found to hang on it.
@@ -97,7 +97,7 @@ def _carriers(episode: Episode) -> Float64[np.ndarray, "m t 4 4"]:
     left, _, right = np.linalg.svd(gripper[:, :3, :3])
     gripper[:, :3, :3] = left @ right
     world = np.broadcast_to(np.eye(4), gripper.shape)
-    links = link_tracks(episode.robot)
+    links = link_tracks(episode.robot, arms)
     return np.stack([world, gripper, *(() if links is None else links[:-1])])
 
 
