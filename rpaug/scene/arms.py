@@ -95,8 +95,8 @@ def read(path: Path, joints: int) -> Modelled:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise BadInput(path, "arm", found=str(error), expected="a URDF or MJCF file") from None
-    simple = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-    if model.njnt < joints or any(kind not in simple for kind in model.jnt_type[:joints]):
+    simple = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
+    if model.njnt < joints or not np.isin(model.jnt_type[:joints], simple).all():
         found = f"{model.njnt} joints, types {model.jnt_type.tolist()}"
         raise BadInput(path, "arm", found=found, expected=f"{joints} that turn or slide, first")
     return Modelled(model, joints)

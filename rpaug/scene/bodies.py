@@ -63,11 +63,13 @@ class _Track:
         return {GRIPPER: "gripper", FREE: "aligned"}.get(label, "link")
 
 
-def track(episode: Episode, looks: Looks | None = None) -> tuple[Body, ...]:
+def track(
+    episode: Episode, looks: Looks | None = None, arms: Sequence[Kinematics] = KNOWN
+) -> tuple[Body, ...]:
     """Every instance's rigid motion, instances that move as one in one body, most pixels first.
 
     A motion is chosen among standing still, hanging on the gripper (from a grasp on, until a release), being
-    a link of a known arm, and, where none of these explains the depth images, alignment by depth. What
+    a link of one of the `arms`, and, where none of these explains the depth images, alignment by depth. What
     cannot be told (one frame only, nothing seen twice) is called static and `ambiguous`. Without depth or
     handles there is no body.
     """
@@ -76,7 +78,7 @@ def track(episode: Episode, looks: Looks | None = None) -> tuple[Body, ...]:
     if not len(handles):
         return ()
     samples = evidence.draw(looks, handles)
-    carriers = _carriers(episode)
+    carriers = _carriers(episode, arms)
     happens = events(episode.robot.gripper_open)
     tracks = []
     for number, handle in enumerate(handles.tolist()):
