@@ -1,18 +1,34 @@
 """Where an arm's links are, from the joints it recorded: only for arms whose measures are known."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
 from jaxtyping import Float64
 
 from rpaug import geometry
+from rpaug.errors import BadInput
 from rpaug.types import Robot
 
 GOOD_FIT = 0.004  # metres, rms: simulated arms give way by half a millimetre
 HELD = 0.01  # metres per radian: how firmly the joints' zeros are kept where the motion does not tell them
 ROUNDS = 20
 LEVER = 0.3  # metres: how far off a radian of gripper error is felt
+
+
+class Kinematics(Protocol):
+    """Anything that says where links are: `forward` gives each link's pose in the arm's base, over time.
+
+    The last of the `joints` links is the one that the gripper hangs on.
+    """
+
+    @property
+    def joints(self) -> int: ...
+
+    def forward(self, joints: Float64[np.ndarray, "t j"]) -> Float64[np.ndarray, "j t 4 4"]: ...
 
 
 @dataclass(frozen=True)
@@ -22,6 +38,68 @@ class Arm:
     a: tuple[float, ...]
     d: tuple[float, ...]
     alpha: tuple[float, ...]
+
+    @property
+    def joints(self) -> int:
+        return len(self.a)
+
+    def forward(self, joints: Float64[np.ndarray, "t j"]) -> Float64[np.ndarray, "j t 4 4"]:
+        """Pose of every link in the arm's base, over time."""
+        at = np.tile(np.eye(4), (len(joints), 1, 1))
+        links = []
+        for i, (a, d, alpha) in enumerate(zip(self.a, self.d, self.alpha, strict=True)):
+            c, s = np.cos(joints[:, i]), np.sin(joints[:, i])
+            ca, sa = np.cos(alpha), np.sin(alpha)
+            step = np.zeros((len(joints), 4, 4))
+            step[:, 0, :2] = np.stack([c, -s], -1)
+            step[:, 1, :2] = np.stack([s * ca, c * ca], -1)
+            step[:, 2, :2] = np.stack([s * sa, c * sa], -1)
+            step[:, 1:3, 2] = -sa, ca
+            step[:, :, 3] = a, -d * sa, d * ca, 1.0
+            at = at @ step
+            links.append(at)
+        return np.stack(links)
+
+
+@dataclass(frozen=True)
+class Modelled:
+    """An arm as MuJoCo reads it from a URDF or MJCF file: its first `joints` joints, in the file's order."""
+
+    model: Any
+    joints: int
+
+    def forward(self, joints: Float64[np.ndarray, "t j"]) -> Float64[np.ndarray, "j t 4 4"]:
+        """Pose of the body that each joint moves, in the model's world, over time."""
+        import mujoco
+
+        data, out = mujoco.MjData(self.model), np.tile(np.eye(4), (self.joints, len(joints), 1, 1))
+        address, body = (
+            array[: self.joints] for array in (self.model.jnt_qposadr, self.model.jnt_bodyid)
+        )
+        for t, values in enumerate(joints):
+            data.qpos[address] = values
+            mujoco.mj_kinematics(self.model, data)
+            out[:, t, :3, :3] = data.xmat[body].reshape(-1, 3, 3)
+            out[:, t, :3, 3] = data.xpos[body]
+        return out
+
+
+def read(path: Path, joints: int) -> Modelled:
+    """The arm of a URDF or MJCF file, whose first `joints` joints are the recorded ones.
+
+    Raises BadInput for what is no such file or has too few joints, or ones that neither turn nor slide.
+    """
+    import mujoco
+
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise BadInput(path, "arm", found=str(error), expected="a URDF or MJCF file") from None
+    simple = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
+    if model.njnt < joints or not np.isin(model.jnt_type[:joints], simple).all():
+        found = f"{model.njnt} joints, types {model.jnt_type.tolist()}"
+        raise BadInput(path, "arm", found=found, expected=f"{joints} that turn or slide, first")
+    return Modelled(model, joints)
 
 
 HALF = np.pi / 2
@@ -33,25 +111,9 @@ PANDA = Arm(  # Franka Emika, "Robot and interface specifications"
 KNOWN = (PANDA,)
 
 
-def forward(arm: Arm, joints: Float64[np.ndarray, "t j"]) -> Float64[np.ndarray, "j t 4 4"]:
-    """Pose of every link in the arm's base, over time."""
-    at = np.tile(np.eye(4), (len(joints), 1, 1))
-    links = []
-    for i, (a, d, alpha) in enumerate(zip(arm.a, arm.d, arm.alpha, strict=True)):
-        c, s = np.cos(joints[:, i]), np.sin(joints[:, i])
-        ca, sa = np.cos(alpha), np.sin(alpha)
-        step = np.zeros((len(joints), 4, 4))
-        step[:, 0, :2] = np.stack([c, -s], -1)
-        step[:, 1, :2] = np.stack([s * ca, c * ca], -1)
-        step[:, 2, :2] = np.stack([s * sa, c * sa], -1)
-        step[:, 1:3, 2] = -sa, ca
-        step[:, :, 3] = a, -d * sa, d * ca, 1.0
-        at = at @ step
-        links.append(at)
-    return np.stack(links)
-
-
-def link_tracks(robot: Robot) -> Float64[np.ndarray, "j t 4 4"] | None:
+def link_tracks(
+    robot: Robot, known: Sequence[Kinematics] = KNOWN
+) -> Float64[np.ndarray, "j t 4 4"] | None:
     """World poses of the links if a known arm explains how the gripper moved with the joints, else None.
 
     Base, tool and the joints' zeros are found from the recording itself (hand-eye calibration, closed form
@@ -60,33 +122,33 @@ def link_tracks(robot: Robot) -> Float64[np.ndarray, "j t 4 4"] | None:
     """
     if robot.gripper_to_world is None:
         return None
-    for arm in KNOWN:
-        if robot.joint_positions.shape[1] != len(arm.a) or len(robot.joint_positions) < 10:
+    for arm in known:
+        if robot.joint_positions.shape[1] != arm.joints or len(robot.joint_positions) < 10:
             continue
         base, zeros, rms = _calibrated(arm, robot)
         if rms < GOOD_FIT:
-            return base @ forward(arm, robot.joint_positions + zeros)
+            return base @ arm.forward(robot.joint_positions + zeros)
     return None
 
 
 def _calibrated(
-    arm: Arm, robot: Robot
+    arm: Kinematics, robot: Robot
 ) -> tuple[Float64[np.ndarray, "4 4"], Float64[np.ndarray, "j"], float]:
     """The arm's base, what to add to its joint readings, and how far the gripper is then off (rms, metres)."""
     joints, gripper = robot.joint_positions, robot.gripper_to_world
     assert gripper is not None
-    zeros = np.zeros(len(arm.a))
-    base = _first_base(forward(arm, joints)[-1], gripper)
-    tool = geometry.inverse(base @ forward(arm, joints[:1])[-1][0]) @ gripper[0]
+    zeros = np.zeros(arm.joints)
+    base = _first_base(arm.forward(joints)[-1], gripper)
+    tool = geometry.inverse(base @ arm.forward(joints[:1])[-1][0]) @ gripper[0]
 
     def errors(x: Float64[np.ndarray, "p"]) -> Float64[np.ndarray, "e"]:
         at, grip = geometry.rigid(x[:3], x[3:6]) @ base, tool @ geometry.rigid(x[6:9], x[9:12])
         held = HELD * (zeros + x[12:])
         return np.concatenate(
-            [_errors(at, forward(arm, joints + zeros + x[12:])[-1], grip, gripper), held]
+            [_errors(at, arm.forward(joints + zeros + x[12:])[-1], grip, gripper), held]
         )
 
-    still = np.zeros(12 + len(arm.a))
+    still = np.zeros(12 + arm.joints)
     for _ in range(ROUNDS):
         now = errors(still)
         nudges = 1e-6 * np.eye(len(still))

@@ -8,7 +8,7 @@ from jaxtyping import Float64, Int
 
 from rpaug import geometry
 from rpaug.scene import evidence
-from rpaug.scene.arms import link_tracks
+from rpaug.scene.arms import KNOWN, Kinematics, link_tracks
 from rpaug.scene.looks import Looks, events, look
 from rpaug.scene.motion import (
     FREE,
@@ -63,11 +63,13 @@ class _Track:
         return {GRIPPER: "gripper", FREE: "aligned"}.get(label, "link")
 
 
-def track(episode: Episode, looks: Looks | None = None) -> tuple[Body, ...]:
+def track(
+    episode: Episode, looks: Looks | None = None, arms: Sequence[Kinematics] = KNOWN
+) -> tuple[Body, ...]:
     """Every instance's rigid motion, instances that move as one in one body, most pixels first.
 
     A motion is chosen among standing still, hanging on the gripper (from a grasp on, until a release), being
-    a link of a known arm, and, where none of these explains the depth images, alignment by depth. What
+    a link of one of the `arms`, and, where none of these explains the depth images, alignment by depth. What
     cannot be told (one frame only, nothing seen twice) is called static and `ambiguous`. Without depth or
     handles there is no body.
     """
@@ -76,7 +78,7 @@ def track(episode: Episode, looks: Looks | None = None) -> tuple[Body, ...]:
     if not len(handles):
         return ()
     samples = evidence.draw(looks, handles)
-    carriers = _carriers(episode)
+    carriers = _carriers(episode, arms)
     happens = events(episode.robot.gripper_open)
     tracks = []
     for number, handle in enumerate(handles.tolist()):
@@ -85,7 +87,7 @@ def track(episode: Episode, looks: Looks | None = None) -> tuple[Body, ...]:
     return _merge(tracks, touching(looks))
 
 
-def _carriers(episode: Episode) -> Float64[np.ndarray, "m t 4 4"]:
+def _carriers(episode: Episode, arms: Sequence[Kinematics]) -> Float64[np.ndarray, "m t 4 4"]:
     """World poses of the world itself, the gripper, and the arm's links but the last, which is the gripper's.
 
     A gripper whose pose is unknown stands as still as the world, so that nothing is found to hang on it.
@@ -97,7 +99,7 @@ def _carriers(episode: Episode) -> Float64[np.ndarray, "m t 4 4"]:
     left, _, right = np.linalg.svd(gripper[:, :3, :3])
     gripper[:, :3, :3] = left @ right
     world = np.broadcast_to(np.eye(4), gripper.shape)
-    links = link_tracks(episode.robot)
+    links = link_tracks(episode.robot, arms)
     return np.stack([world, gripper, *(() if links is None else links[:-1])])
 
 

@@ -1,8 +1,11 @@
 """From an episode to the scene that a plan asks for, and no more."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rpaug.scene import antialias, bodies, roles, sampling
+from rpaug.scene.arms import KNOWN, Kinematics
 from rpaug.scene.looks import look
 from rpaug.scene.segmentation import motion
 from rpaug.types import Body, Episode, Scene
@@ -10,10 +13,13 @@ from rpaug.types import Body, Episode, Scene
 SAMPLED = 32  # frames of each camera in which instances without depth are looked for
 
 
-def build(episode: Episode, *, with_bodies: bool) -> Scene:
+def build(
+    episode: Episode, *, with_bodies: bool, arms: Sequence[Kinematics] = KNOWN
+) -> Scene:
     """The recorded scene. Bodies and roles are found only where an edit needs to know them.
 
-    Where that needs instances and an episode has depth but no masks, they are told by motion.
+    `arms` are those whose links are looked for; `arms.read` adds one from a URDF or MJCF file. Where
+    instances are needed and an episode has depth but no masks, they are told by motion.
     """
     if with_bodies:
         episode = motion.masked(episode)
@@ -23,7 +29,7 @@ def build(episode: Episode, *, with_bodies: bool) -> Scene:
         tracked = _untracked(episode)
     elif with_bodies:
         looks = look(episode)
-        tracked = bodies.track(episode, looks)
+        tracked = bodies.track(episode, looks, arms)
         named = dict(roles.infer(episode, tracked, looks))
     return Scene(
         episode=episode,
