@@ -6,6 +6,7 @@ measure; then its gate passes.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, Protocol, runtime_checkable
 
@@ -191,7 +192,7 @@ def _color(scene: Scene) -> float | None:
 
 
 def _painted(scene: Scene, count: int) -> Episode:
-    """The recorded episode under the first so many appearance edits."""
+    """The recorded episode under the first so many appearance edits; frames that were asked for are kept."""
     plain = replace(
         scene,
         appearance=scene.appearance[:count],
@@ -200,7 +201,9 @@ def _painted(scene: Scene, count: int) -> Episode:
         bodies=scene.tracked,
         recorded_bodies=None,
     )
-    return views.edited(plain, dict.fromkeys(scene.episode.views, 0), lambda *ignored: None)
+    shown = views.edited(plain, dict.fromkeys(scene.episode.views, 0), lambda *ignored: None)
+    kept = {name: replace(view, rgb=cache(view.rgb)) for name, view in shown.views.items()}
+    return replace(shown, views=kept)
 
 
 def _difference(shown: Episode, handle: int, asked: tuple[float, float, float]) -> float | None:
