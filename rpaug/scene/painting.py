@@ -1,8 +1,9 @@
 """Colours kept where they lie on bodies: a sparse volume of cells, with coarser copies for whoever stands far away.
 
 Each cell corner averages the samples around it, weighted trilinearly, and a point reads the eight corners around it the
-same way. Every level has cells twice as wide as the one before: a pixel reads the coarsest level whose cells are no wider
-than what it covers, as with mip maps (Williams 1983), and a point in cells that no sample reached reads a coarser one.
+same way. Every level has cells twice as wide as the one before: a pixel reads the coarsest level whose cells are no
+wider than what it covers, as with mip maps (Williams 1983), and a point in cells that no sample reached reads a coarser
+one.
 """
 
 from dataclasses import dataclass
