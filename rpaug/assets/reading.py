@@ -96,7 +96,7 @@ def _triangles(path: Path) -> Mesh:
     return Mesh(points, normals, uv, faces, image)
 
 
-def _picture(loaded) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def]  # trimesh is loaded late
+def _picture(loaded) -> tuple[np.ndarray, np.ndarray]:
     """The image on a mesh and where its vertices lie in it; a palette where it has colours and no image."""
     import cv2
 

@@ -8,6 +8,8 @@ from jaxtyping import Float, Float64, Int32, UInt8
 
 from rpaug.types import Mesh
 
+Parts = list[np.ndarray]
+
 AROUND = 40  # segments of a turned shape
 SHARP = 0.6  # radians: an edge of a profile that turns by more is seen as an edge
 INSET = 0.02  # of a tile of the image: kept free, so that no neighbour shows at a seam
@@ -24,6 +26,16 @@ class Piece:
     picture: UInt8[np.ndarray, "n n 3"]
 
 
+def _piece(points: Parts, normals: Parts, uv: Parts, faces: Parts, picture: np.ndarray) -> Piece:
+    return Piece(
+        np.concatenate(points),
+        np.concatenate(normals),
+        np.concatenate(uv),
+        np.concatenate(faces).astype(np.int32),
+        picture,
+    )
+
+
 def joined(pieces: Sequence[Piece]) -> Mesh:
     """One mesh, its pieces' pictures side by side in one image."""
     points, normals, uv, faces, count = [], [], [], [], 0
@@ -31,7 +43,7 @@ def joined(pieces: Sequence[Piece]) -> Mesh:
         points.append(piece.points)
         normals.append(piece.normals)
         inside = INSET + (1 - 2 * INSET) * piece.uv
-        uv.append((inside + [index, 0]) / [len(pieces), 1])
+        uv.append((inside + np.array([index, 0.0])) / [len(pieces), 1])
         faces.append(piece.faces + count)
         count += len(piece.points)
     return Mesh(
@@ -51,7 +63,10 @@ def turned(profile: Sequence[tuple[float, float]], picture: UInt8[np.ndarray, "n
     across = np.stack([step[:, 1], -step[:, 0]], -1) / length[:, None]
     along = np.concatenate([[0.0], np.cumsum(length)]) / length.sum()
     turn = np.linspace(0, 2 * np.pi, AROUND + 1)
-    points, normals, uv, faces = [], [], [], []
+    points: Parts = []
+    normals: Parts = []
+    uv: Parts = []
+    faces: Parts = []
     for k in range(len(step)):
         ends = [_blended(across, k, k - 1), _blended(across, k, k + 1)]
         for end in (0, 1):
@@ -61,7 +76,7 @@ def turned(profile: Sequence[tuple[float, float]], picture: UInt8[np.ndarray, "n
             normals.append(ends[end][0] * ring + [0, 0, ends[end][1]])
             uv.append(np.stack([turn / (2 * np.pi), np.full_like(turn, along[k + end])], -1))
         faces.append(_strip(2 * k * (AROUND + 1)))
-    return Piece(*map(np.concatenate, (points, normals, uv, faces)), picture)
+    return _piece(points, normals, uv, faces, picture)
 
 
 def _blended(across: Float[np.ndarray, "k 2"], here: int, there: int) -> Float64[np.ndarray, "2"]:
@@ -88,7 +103,10 @@ def box(
 ) -> Piece:
     """A box of length, width and height, the picture on every side."""
     half = np.array(size) / 2
-    points, normals, uv, faces = [], [], [], []
+    points: Parts = []
+    normals: Parts = []
+    uv: Parts = []
+    faces: Parts = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
             right, up = (
@@ -106,7 +124,7 @@ def box(
                     :, :: 1 if up == 2 or axis == 2 else -1
                 ]
             )
-    return Piece(*map(np.concatenate, (points, normals, uv, faces)), picture)
+    return _piece(points, normals, uv, faces, picture)
 
 
 def prism(
@@ -116,7 +134,10 @@ def prism(
     corners = np.array(outline, float)
     count = len(corners)
     reach = np.abs(corners).max()
-    points, normals, uv, faces = [], [], [], []
+    points: Parts = []
+    normals: Parts = []
+    uv: Parts = []
+    faces: Parts = []
     for k in range(count):
         a, b = corners[k], corners[(k + 1) % count]
         out = np.array([b[1] - a[1], a[0] - b[0], 0.0])
@@ -131,7 +152,7 @@ def prism(
         points.append(np.concatenate([corners, np.full((count, 1), z)], 1))
         normals.append(np.tile([0, 0, sign], (count, 1)))
         uv.append(0.5 + 0.5 * corners / reach)
-    return Piece(*map(np.concatenate, (points, normals, uv, faces)), picture)
+    return _piece(points, normals, uv, faces, picture)
 
 
 def bent(
@@ -148,7 +169,10 @@ def bent(
         level / np.linalg.norm(level) if np.linalg.norm(level) > 1e-9 else np.array([0.0, 1.0, 0.0])
     )
     turn = np.linspace(0, 2 * np.pi, sides + 1)
-    points, normals, uv, faces = [], [], [], []
+    points: Parts = []
+    normals: Parts = []
+    uv: Parts = []
+    faces: Parts = []
     for k, (spot, way) in enumerate(zip(path, ahead, strict=True)):
         out = np.cross(way, side)
         ring = np.cos(turn)[:, None] * out + np.sin(turn)[:, None] * side
@@ -163,4 +187,4 @@ def bent(
                     [np.stack([low, high + 1, low + 1], -1), np.stack([low, high, high + 1], -1)]
                 )
             )
-    return Piece(*map(np.concatenate, (points, normals, uv, faces)), picture)
+    return _piece(points, normals, uv, faces, picture)

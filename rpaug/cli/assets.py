@@ -86,7 +86,7 @@ def show(
     return 0
 
 
-def _line(asset) -> str:  # type: ignore[no-untyped-def]  # the library is loaded late
+def _line(asset) -> str:
     x, y, z = (100 * side for side in asset.size)
     return (
         f"{asset.name:16} {asset.category:10} {asset.colour:10} {x:5.1f} x {y:4.1f} x {z:4.1f} cm"

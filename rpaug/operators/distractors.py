@@ -8,7 +8,7 @@ from pydantic import Field
 
 from rpaug.assets import library
 from rpaug.interfaces import Edit, Operator
-from rpaug.operators.insert import Sizes, draw, inserted, light
+from rpaug.operators.insert import AS_IT_COMES, Sizes, draw, inserted, light
 from rpaug.scene.placing import room
 from rpaug.types import Effect, Scene
 
@@ -35,7 +35,7 @@ class Distractors(Operator):
         else:
             choices = library.find(self.category, self.color, self.size)
         things, _ = draw(scene, room(scene), choices, self.count, 1.0, rng)
-        return {"things": things, "ambience": light(scene) if self.harmonise else None}
+        return {"things": things, **(light(scene) if self.harmonise else AS_IT_COMES)}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         return inserted(scene, edit)

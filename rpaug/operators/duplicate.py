@@ -8,7 +8,7 @@ from pydantic import Field
 
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
-from rpaug.scene import standing, targets, untouched
+from rpaug.scene import shadows, standing, targets, untouched
 from rpaug.scene.placing import room
 from rpaug.types import Body, Effect, Scene
 
@@ -44,7 +44,7 @@ class Duplicate(Operator):
             names = {str(old): free + k for k, old in enumerate(sorted(handles))}
             free += len(names)
             copies.append({"handles": names, "motion": one.placing(spot, turn).tolist()})
-        return {"copies": copies}
+        return {"copies": copies, "lamps": shadows.lamps(scene)}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         bodies = list(scene.bodies)
@@ -59,7 +59,8 @@ class Duplicate(Operator):
                 for body in scene.bodies
                 if not body.copy_of and body.handles & names.keys()
             ]
-        return replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
+        after = replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
+        return shadows.follow(scene, after, edit["lamps"])
 
 
 def _copy(body: Body, names: dict[int, int], motion: list[list[float]]) -> Body:

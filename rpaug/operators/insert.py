@@ -13,10 +13,11 @@ from rpaug.assets.library import Asset
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Interval
-from rpaug.scene import ambience
+from rpaug.scene import ambience, shadows
 from rpaug.scene.placing import Room, hull, room
 from rpaug.types import Ambience, Body, Effect, Mesh, Scene
 
+AS_IT_COMES: Edit = {"ambience": None, "lamps": []}
 TRIES = 12  # things or turns drawn before giving up
 
 
@@ -33,8 +34,8 @@ Sizes = Annotated[Interval[float], AfterValidator(_metres)]
 class Insert(Operator):
     """Insert one thing of the library: by name, or drawn from a category, a colour word and a longest side in metres.
 
-    It stands at rest on a free place of the table, or at `at`: 5 cm away from other things and from all that moves. It is
-    lit by the light that the recording shows, unless `harmonise` is off.
+    It stands at rest on a free place of the table, or at `at`: 5 cm away from other things and from all that moves. It
+    is lit by the light that the recording shows, unless `harmonise` is off.
     """
 
     asset: str | None = None
@@ -48,12 +49,11 @@ class Insert(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        choices = library.find(self.category, self.color, self.size)
         if self.asset is not None:
             choices = (library.get(self.asset),)
-        else:
-            choices = library.find(self.category, self.color, self.size)
         things, _ = draw(scene, room(scene), choices, 1, self.scale, rng, self.at)
-        return {"things": things, "ambience": light(scene) if self.harmonise else None}
+        return {"things": things, **(light(scene) if self.harmonise else AS_IT_COMES)}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         return inserted(scene, edit)
@@ -107,9 +107,10 @@ def _at_rest(
 
 
 def light(scene: Scene) -> Edit:
-    """The recorded light as plain values."""
+    """The recorded light, and the lamps whose shadows the recording shows, as plain values."""
     found = ambience.estimate(scene.episode)
-    return {"light": list(found.light), "tint": list(found.tint), "gamut": list(found.gamut or ())}
+    shown = {"light": list(found.light), "tint": list(found.tint), "gamut": list(found.gamut or ())}
+    return {"ambience": shown, "lamps": shadows.lamps(scene)}
 
 
 def inserted(scene: Scene, edit: Edit) -> Scene:
@@ -130,7 +131,8 @@ def inserted(scene: Scene, edit: Edit) -> Scene:
     red, green, blue = shown["tint"]
     low, high, chroma = shown["gamut"]
     light = Ambience(tuple(shown["light"]), (red, green, blue), (low, high, chroma))
-    return replace(scene, bodies=(*scene.bodies, *new), ambience=light)
+    after = replace(scene, bodies=(*scene.bodies, *new), ambience=light)
+    return shadows.follow(scene, after, edit["lamps"])
 
 
 def _scaled(thing: Mesh, scale: float) -> Mesh:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
-from rpaug.scene import standing, targets, untouched
+from rpaug.scene import shadows, standing, targets, untouched
 from rpaug.scene.placing import room
 from rpaug.types import Effect, Scene
 
@@ -43,7 +43,12 @@ class Move(Operator):
                     f"moving {self.target}: no free place within {100 * self.shift:.0f} cm of where it stands"
                 )
             spot, turn = found
-        return {"handles": sorted(handles), "motion": one.placing(spot, turn).tolist()}
+        return {
+            "handles": sorted(handles),
+            "motion": one.placing(spot, turn).tolist(),
+            "lamps": shadows.lamps(scene),
+        }
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
-        return standing.moved(scene, frozenset(edit["handles"]), np.array(edit["motion"]))
+        after = standing.moved(scene, frozenset(edit["handles"]), np.array(edit["motion"]))
+        return shadows.follow(scene, after, edit["lamps"])

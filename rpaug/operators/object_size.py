@@ -11,7 +11,7 @@ from rpaug import geometry
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Interval
-from rpaug.scene import grip, placing, targets, untouched
+from rpaug.scene import grip, placing, shadows, targets, untouched
 from rpaug.scene.looks import look
 from rpaug.types import Body, Effect, Scene
 
@@ -60,6 +60,7 @@ class ObjectSize(Operator):
             "scale": float(rng.uniform(low, high)),
             "pivot": pivot.tolist(),
             "allowed": [low, high],
+            "lamps": shadows.lamps(scene),
         }
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
@@ -78,7 +79,8 @@ class ObjectSize(Operator):
             bodies.append(grown)
             if rest := body.handles - held:
                 bodies.append(replace(body, handles=rest))
-        return replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
+        after = replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
+        return shadows.follow(scene, after, edit["lamps"])
 
     def _pivot(self, scene: Scene, handles: frozenset[int]) -> Float64[np.ndarray, "3"]:
         """What stays in place, in the bodies' own frames."""

@@ -9,7 +9,7 @@ from pydantic import AfterValidator
 from rpaug.errors import RpaugError
 from rpaug.interfaces import Edit, Operator
 from rpaug.providers import inpaint
-from rpaug.scene import targets, untouched
+from rpaug.scene import shadows, targets, untouched
 from rpaug.types import Effect, Scene
 
 
@@ -38,7 +38,9 @@ class Remove(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        return {"handles": sorted(untouched.find_untouched(scene, self.target, "removing"))}
+        handles = untouched.find_untouched(scene, self.target, "removing")
+        return {"handles": sorted(handles), "lamps": shadows.lamps(scene)}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
-        return replace(untouched.without(scene, edit["handles"]), inpaint=self.inpaint)
+        after = replace(untouched.without(scene, edit["handles"]), inpaint=self.inpaint)
+        return shadows.follow(scene, after, edit["lamps"])

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from rpaug.errors import RpaugError, Unsupported
 from rpaug.interfaces import Edit, Operator
-from rpaug.scene import standing, untouched
+from rpaug.scene import shadows, standing, untouched
 from rpaug.scene.placing import Room, room
 from rpaug.scene.targets import Target
 from rpaug.types import Effect, Scene
@@ -49,12 +49,13 @@ class Spread(Operator):
             raise Unsupported(
                 f"spreading: no free place within {100 * self.shift:.0f} cm for anything"
             )
-        return {"moves": moves}
+        return {"moves": moves, "lamps": shadows.lamps(scene)}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
+        after = scene
         for move in edit["moves"]:
-            scene = standing.moved(scene, frozenset(move["handles"]), np.array(move["motion"]))
-        return scene
+            after = standing.moved(after, frozenset(move["handles"]), np.array(move["motion"]))
+        return shadows.follow(scene, after, edit["lamps"])
 
     def _named(self, scene: Scene, around: Room) -> list[standing.Thing]:
         named = [untouched.find_untouched(scene, each, "spreading") for each in self.targets or ()]

@@ -35,7 +35,7 @@ def draw(
     cam_to_world: Float64[np.ndarray, "4 4"],
     size: tuple[int, int],
 ) -> Drawn:
-    """The mesh as the camera `K`, `cam_to_world` of `size` (width, height) sees it, one sample at each pixel's centre."""
+    """The mesh as the camera `K`, `cam_to_world` of `size` (width, height) sees it, sampled at pixels' centres."""
     width, height = size
     pose = geometry.inverse(cam_to_world) @ to_world
     local = geometry.transform(pose, mesh.points)
@@ -117,7 +117,7 @@ def _texels(mesh: Mesh) -> Float64[np.ndarray, "f"]:
 @lru_cache(64)
 def _pyramid(mesh: Mesh) -> tuple[Float32[np.ndarray, "h w 3"], ...]:
     """The image, and the same ever half as large."""
-    levels = [mesh.image.astype(np.float32) / 255]
+    levels: list[np.ndarray] = [mesh.image.astype(np.float32) / 255]
     while min(levels[-1].shape[:2]) > 1:
         height, width = levels[-1].shape[:2]
         levels.append(

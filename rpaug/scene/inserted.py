@@ -1,4 +1,4 @@
-"""Things that were never recorded, drawn into a finished view: they hide what is farther, and nearer things hide them."""
+"""Things that were never recorded, drawn into a finished view: they hide what is farther, nearer things hide them."""
 
 import numpy as np
 from jaxtyping import Float32, Int32, UInt8

@@ -55,7 +55,7 @@ def turned(outline: Float[np.ndarray, "k 2"], turn: float) -> Float64[np.ndarray
 def settle(
     one: Thing, room: Room, turn: float, rng: np.random.Generator, within: float | None = None
 ) -> tuple[Float64[np.ndarray, "2"], float] | None:
-    """A free place within so many metres of where it is, and a turn of at most `turn` radians; None if none is found."""
+    """A free place within so many metres of where it is, and a turn of at most `turn` radians; None if none."""
     near = None if within is None else (one.middle, within)
     for _ in range(TRIES):
         angle = float(rng.uniform(-turn, turn)) if turn else 0.0

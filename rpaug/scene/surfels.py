@@ -184,7 +184,7 @@ def _recordings(
 
 
 def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
-    """Which pixels of another recording show a place that one's own shows as well, and usually better."""
+    """Which pixels of another recording show a place that one's own shows as well, or sees through."""
     rows, columns = np.nonzero(use)
     z = other.depth[rows, columns].astype(np.float64)
     ray = np.stack([columns, rows, np.ones(len(rows))], -1) @ np.linalg.inv(other.K).T
@@ -195,10 +195,11 @@ def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.
     height, width = own.ids.shape
     inside = (local[:, 2] > 0) & (pixel >= 0).all(1) & (pixel < [width, height]).all(1)
     x, y = np.where(inside[:, None], pixel, 0).T
-    same = inside & (own.ids[y, x] == other.ids[rows, columns])
-    same &= np.abs(own.depth[y, x] - local[:, 2]) < SAME_PLACE
+    beyond = own.depth[y, x] - local[:, 2]
+    same = (own.ids[y, x] == other.ids[rows, columns]) & (np.abs(beyond) < SAME_PLACE)
+    spare = inside & (same | (beyond > SAME_PLACE))
     out = np.zeros_like(use)
-    out[rows[same], columns[same]] = True
+    out[rows[spare], columns[spare]] = True
     return out
 
 

@@ -57,7 +57,7 @@ def test_what_cannot_stand_falls():
 
 def test_search():
     assert {asset.name for asset in library.find(category="mug")} == {"mug_red", "mug_blue"}
-    assert all(0.2 <= asset.largest for asset in library.find(size=(0.2, 1.0)))
+    assert all(asset.largest >= 0.2 for asset in library.find(size=(0.2, 1.0)))
     assert "can_red" in {asset.name for asset in library.find(colour="red")} | {"can_red"}
     with pytest.raises(TargetError, match="categories are: ball"):
         library.find(category="piano")

@@ -12,7 +12,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mujoco
@@ -28,11 +28,12 @@ from rpaug.operators.remove import Remove
 from rpaug.providers import inpaint
 from rpaug.scene import build, placing
 from rpaug.scene.targets import Target
+from rpaug.twin import mjcf, tabletop, tasks
 from rpaug.types import CameraView, Episode, Scene
 
 SAME_POINT = 0.004, 0.01  # metres and share of depth: a recorded pixel this close saw the point
 EVERY = 4  # frames
-TASKS = ("pick_block", "stack_cups", "push_button")
+TASKS = ("pick_block", "stack_cups", "put_in_box")
 PLACED = 1000
 LOOSE = ("cylinder", "block_textured", "block_small", "block_plain")
 
