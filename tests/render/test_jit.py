@@ -34,13 +34,19 @@ print(json.dumps(out))
 """
 
 
-def run(folder: Path, cache: str, *constants: int, factor: int = 10) -> list[list[float]]:
-    """(value, cache hits) of the kernel for each constant, in a process of its own."""
+def install(folder: Path, factor: int = 10) -> None:
+    """A package with a kernel and, in another file, its helper."""
     package = folder / "made"
     package.mkdir(exist_ok=True)
     (package / "__init__.py").write_text("")
     (package / "helper.py").write_text(HELPER.format(factor=factor))
     (package / "kernels.py").write_text(KERNEL)
+
+
+def run(folder: Path, cache: str, *constants: int, factor: int | None = 10) -> list[list[float]]:
+    """(value, cache hits) of the kernel for each constant, in a process of its own; None: as installed."""
+    if factor is not None:
+        install(folder, factor)
     done = subprocess.run(
         [sys.executable, "-m", "made.kernels", *map(str, constants)],
         env={
@@ -73,3 +79,18 @@ def test_without_a_folder_to_write_to_kernels_still_run(tmp_path):
     file = tmp_path / "in_the_way"
     file.write_text("")
     assert run(tmp_path, str(file), 1) == [[11, 0]]
+
+
+def test_an_install_that_is_read_only_is_compiled_and_found_again(tmp_path):
+    install(tmp_path)
+    package, cache = tmp_path / "made", str(tmp_path / "cache")
+    files = {path.name for path in package.iterdir()}
+    package.chmod(0o555)
+    try:
+        assert run(tmp_path, cache, 1, factor=None) == [[11, 0]]
+        assert run(tmp_path, cache, 1, factor=None) == [[11, 1]]
+    finally:
+        package.chmod(0o755)
+    # The interpreter's own cache may appear where permissions do not bind (root); kernels never do.
+    assert {path.name for path in package.iterdir()} - {"__pycache__"} == files
+    assert not list(package.rglob("*.nb?"))
