@@ -5,8 +5,8 @@
 
 Every `stride`-th recorded pixel of every camera becomes a Gaussian on its depth; a share of the pixels is held
 out, from the start and from the fit. Decibels are PSNR over all cameras' pixels together: fitted ones, and held-out
-ones that another camera sees. Seconds exclude compiling and reading and include the checks: on the wall, and as processor
-time of all threads (halve it for two idle cores).
+ones that another camera sees. Seconds exclude compiling and reading and include the checks: on the wall, and as
+processor time of all threads (halve it for two idle cores).
 """
 
 import argparse
