@@ -9,18 +9,21 @@ import numpy as np
 
 from rpaug.errors import Unsupported
 from rpaug.render.splat import Rasteriser, View
+from rpaug.render.zbuffer import SAME_SURFACE
 from rpaug.scene import gaussian_view
 from rpaug.scene.four import seeds4
 from rpaug.scene.four.descent4 import Crop, Descent4
 from rpaug.scene.four.flowing import seen_by, some
 from rpaug.scene.gaussian_view import SHARP
-from rpaug.scene.gaussians import chosen, placed
+from rpaug.scene.gaussians import Picture, chosen, joined, lifted, placed
+from rpaug.scene.plates import plate
 from rpaug.scene.sampling import frames
-from rpaug.types import Body, Scene
+from rpaug.types import Body, Gaussians, Scene
 
 Progress = Callable[[float], None]
 FAR_OFF = 2.0  # widths of a pixel
 GAIN = 0.5  # decibels that an instance must gain to be shown in space and time
+COVERED = 0.7  # of the light stopped: less is a hole
 UNLIKE = 0.08  # difference in display colour that shows something else there
 
 
@@ -221,7 +224,33 @@ def without(scene: Scene, handles: frozenset[int]) -> Scene:
             # Their frame is the world: what bends has none of its own.
             bodies.append(Body(go, still, "unknown", residual=body.residual, ambiguous=True))
     kept = chosen(scene.gaussians, ~np.isin(scene.gaussians.ids, list(handles)))
-    return replace(scene, gaussians=kept, bodies=tuple(bodies))
+    rest = replace(scene, gaussians=kept, bodies=tuple(bodies))
+    resting = {h for body in scene.bodies if body.motion == "static" for h in body.handles}
+    if not handles & resting:
+        return rest
+    # What was taken for static hid what is behind it, which nothing was seeded on.
+    behind = list(_behind(rest, frozenset(resting - handles)))
+    return replace(rest, gaussians=joined([kept, *behind])) if behind else rest
+
+
+def _behind(scene: Scene, static: frozenset[int]) -> Iterator[Gaussians]:
+    """Static surfaces that fixed cameras saw at some time, where no Gaussian shows any."""
+    assert scene.gaussians is not None
+    resting = chosen(scene.gaussians, np.isin(scene.gaussians.ids, list(static)))
+    engine = Rasteriser(SHARP)
+    for name, view in scene.episode.views.items():
+        if not view.camera.fixed or view.depth is None or view.ids is None:
+            continue
+        seen = plate(view, scene.episode.length, static, 0.0, SAME_SURFACE)
+        whole = gaussian_view.view_of(gaussian_view.standing(scene, name), 0)
+        bare = engine.forward(seen_by(resting, whole), whole, surface=False).alpha < COVERED
+        pose = gaussian_view.standing(scene, name).cam_to_world[0]
+        more = lifted(
+            Picture(seen.rgb, seen.depth, seen.ids, view.camera.K, pose, seen.known & bare)
+        )
+        if len(more):
+            resting = joined([resting, more])
+            yield more
 
 
 def _crops(scene: Scene, handles: frozenset[int], t: int, margin: int) -> Iterator[Crop]:

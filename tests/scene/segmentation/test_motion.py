@@ -22,7 +22,8 @@ def overlap(found: motion.Segmentation, truth: Episode, handle: int) -> tuple[fl
             total += true.sum()
             for one in np.unique(got).tolist():
                 mine = got == one
-                counts[one] = counts.get(one, np.zeros(2)) + [(mine & true).sum(), mine.sum()]
+                seen = np.array([(mine & true).sum(), mine.sum()])
+                counts[one] = counts.get(one, np.zeros(2)) + seen
     iou = {one: both / (total + mine - both) for one, (both, mine) in counts.items()}
     best = max(iou, key=lambda one: iou[one])
     return iou[best], best
