@@ -18,11 +18,11 @@ from rpaug.scene.descent import settings_for
 from rpaug.types import Scene
 
 FAR = 0.02  # metres
+ALL_SECONDS = "processor seconds, preparing and all views"
 PANELS = (
-    Panel("co-visible pixels", "total_seconds", "covisible_db",
-          "processor seconds, preparing and all views", "PSNR, dB"),
-    Panel("depth", "total_seconds", "depth_far_percent",
-          "processor seconds, preparing and all views", "% of pixels off by more than 20 mm", higher=False),
+    Panel("co-visible pixels", "total_seconds", "covisible_db", ALL_SECONDS, "PSNR, dB"),
+    Panel("depth", "total_seconds", "depth_far_percent", ALL_SECONDS,
+          "% of pixels off by more than 20 mm", higher=False, logarithmic=True),
 )  # fmt: skip
 
 
