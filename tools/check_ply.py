@@ -4,8 +4,8 @@
     python tools/check_ply.py FOLDER/node_modules/.bin/splat-transform
 
 SuperSplat's own converter reads Gaussians of SH degree 0 to 3 that we wrote, turns and shifts them (which mixes the
-harmonics within each band), and writes them again. What our rasteriser draws of its file, from a camera moved along, must
-be what it draws of ours.
+harmonics within each band), and writes them again. What our rasteriser draws of its file, from a camera moved along,
+must be what it draws of ours.
 """
 
 import argparse
