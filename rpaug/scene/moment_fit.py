@@ -126,6 +126,7 @@ def _descend(
     depth_weight: float,
 ) -> Splats:
     """The splats after `steps` of Adam on the loose ones, each on all windows."""
+    assert then.scales is not None
     eye = Rasteriser(sharp(then))
     adam = Adam(_part(then, loose), RATES, size=float(np.median(then.scales)))
     scenery = [_part(then, window.rows) for window in windows]

@@ -44,9 +44,7 @@ def shown(given: Scene, camera: str = "front", t: int = 4) -> tuple[float, np.nd
 def only(given: Scene, *cameras: str) -> Scene:
     views = {name: given.episode.views[name] for name in cameras}
     kept = replace(given.episode, views=views)
-    return replace(
-        given, episode=kept, cameras={name: view.camera for name, view in views.items()}
-    )
+    return replace(given, episode=kept, cameras={name: view.camera for name, view in views.items()})
 
 
 def test_a_usual_scene(recorded: Scene) -> None:
@@ -55,9 +53,7 @@ def test_a_usual_scene(recorded: Scene) -> None:
 
 def test_one_frame(recorded: Scene) -> None:
     views = {
-        name: replace(
-            view, camera=replace(view.camera, cam_to_world=view.camera.cam_to_world[:1])
-        )
+        name: replace(view, camera=replace(view.camera, cam_to_world=view.camera.cam_to_world[:1]))
         for name, view in recorded.episode.views.items()
     }
     robot = recorded.episode.robot
