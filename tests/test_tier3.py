@@ -49,7 +49,7 @@ def test_a_recipe_works_on_gaussians_alone(sample: Scene, recipe: str) -> None:
     try:
         usual = list(frames(sample, recipe, 0))
     except TargetError as error:
-        with pytest.raises(TargetError, match="."):
+        with pytest.raises(TargetError, match=r"."):
             list(frames(sample, recipe, 3))
         pytest.skip(f"not in this scene: {error}")
     for (name, expected, recorded), (_, found, _) in zip(
