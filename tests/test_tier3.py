@@ -49,7 +49,7 @@ def test_a_recipe_works_on_gaussians_alone(sample: Scene, recipe: str) -> None:
     try:
         usual = list(frames(sample, recipe, 0))
     except TargetError as error:
-        with pytest.raises(TargetError, match="."):
+        with pytest.raises(TargetError, match=r"."):
             list(frames(sample, recipe, 3))
         pytest.skip(f"not in this scene: {error}")
     for (name, expected, recorded), (_, found, _) in zip(
@@ -60,6 +60,7 @@ def test_a_recipe_works_on_gaussians_alone(sample: Scene, recipe: str) -> None:
         if changed.mean() > 0.01:
             # Where the edit shows, the Gaussians agree with it and not with the recording.
             off = [
-                ((found.astype(float) - image)[changed] ** 2).mean() for image in (expected, recorded)
+                ((found.astype(float) - image)[changed] ** 2).mean()
+                for image in (expected, recorded)
             ]
             assert off[0] < 0.5 * off[1], name

@@ -13,9 +13,7 @@ from rpaug.types import Body, Episode, Scene
 SAMPLED = 32  # frames of each camera in which instances without depth are looked for
 
 
-def build(
-    episode: Episode, *, with_bodies: bool, arms: Sequence[Kinematics] = KNOWN
-) -> Scene:
+def build(episode: Episode, *, with_bodies: bool, arms: Sequence[Kinematics] = KNOWN) -> Scene:
     """The recorded scene. Bodies and roles are found only where an edit needs to know them.
 
     `arms` are those whose links are looked for; `arms.read` adds one from a URDF or MJCF file. Where

@@ -9,7 +9,7 @@ from jaxtyping import Float32, Float64
 
 from rpaug import geometry
 from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats, View
-from rpaug.scene.gaussian_view import SHARP
+from rpaug.scene.gaussian_view import sharp
 from rpaug.scene.gaussians import Placement, moved, quaternions
 from rpaug.scene.irradiance import Learner
 from rpaug.scene.refine import CAMERA_STEP, Twists, about, corrected, twist_of
@@ -90,7 +90,7 @@ class Descent:
     ) -> None:
         self._scene, self._settings, self._ids = scene, settings, begun.ids
         self._adam = Adam(Splats.of(begun), settings.rates, threads=settings.threads)
-        self._workers = [Rasteriser(SHARP) for _ in range(settings.batch)]
+        self._workers = [Rasteriser(sharp(Splats.of(begun))) for _ in range(settings.batch)]
         self._moving = [
             (body, rows)
             for body in scene.bodies

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float64
@@ -171,12 +172,16 @@ def _refined(
             steps=settings.moment_steps,
             depth_weight=settings.depth_weight,
             threads=settings.threads,
-            progress=lambda done, before=before: tell((before + done / settings.moment_passes) / 2),
+            progress=partial(_tell_part, tell, before, settings.moment_passes),
         )
         assert scene.gaussians is not None
         scene = replace(scene, gaussians=replace(scene.gaussians, moments=residuals))
         found = judged(scene, [*known, *unseen], settings.threads)
     return scene, found
+
+
+def _tell_part(tell: Progress, before: float, passes: int, done: float) -> None:
+    tell((before + done / passes) / 2)
 
 
 def _batches(

@@ -19,9 +19,17 @@ from rpaug.types import Body, Camera, Scene
 
 # Recorded images are sharp: the usual 0.3 px^2 would blur every outline by half a pixel.
 SHARP = Settings(dilation=0.1)
+NEAR = 3.0  # typical standard deviations: the near plane where scenes are smaller than metres
 ROUGH = 2e-3  # of depth: how much, at least, the planes of neighbouring Gaussians stand apart
 ROUNDS = 3  # of smoothing over 5x5 pixels, for normals that light can fall on
 REACH = 3.0  # standard deviations: how far from its middle a Gaussian's plane is followed
+
+
+def sharp(splats: Splats) -> Settings:
+    """SHARP with a near plane that suits scenes of any unit: not before what is much finer than usual."""
+    assert splats.scales is not None
+    size = float(np.median(splats.scales.max(-1))) if len(splats) else SHARP.near
+    return replace(SHARP, near=min(SHARP.near, NEAR * size))
 
 
 def render_view(
@@ -61,7 +69,7 @@ def blended(
     if scene.flowing is not None:
         now, middle = flowing.standing(scene.flowing, t), scene.flowing.origin
         splats, names = flowing.beside(splats, names, flowing.edited(now, scene, t, middle), middle)
-    drawn = Rasteriser(SHARP).forward(splats, view_of(eye, t))
+    drawn = Rasteriser(sharp(splats)).forward(splats, view_of(eye, t))
     ids = np.where(drawn.surface_index >= 0, names[drawn.surface_index], 0)
     return to_bytes(drawn.colour), plane_depth(drawn, splats, eye, t), ids.astype(np.int32)
 

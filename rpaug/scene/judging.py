@@ -10,7 +10,7 @@ from jaxtyping import Float, Float64, UInt8
 from rpaug.render.splat import Rasteriser, Splats
 from rpaug.scene import moments
 from rpaug.scene.descent import shot_of
-from rpaug.scene.gaussian_view import SHARP, plane_depth, standing, to_bytes, view_of
+from rpaug.scene.gaussian_view import plane_depth, sharp, standing, to_bytes, view_of
 from rpaug.scene.gaussians import Placement
 from rpaug.types import Scene
 
@@ -28,7 +28,7 @@ def judged(
         found = []
         for name in names:
             eye, shot = standing(scene, name), shot_of(scene.episode, name, t)
-            drawn = Rasteriser(SHARP).forward(placed, view_of(eye, t))
+            drawn = Rasteriser(sharp(placed)).forward(placed, view_of(eye, t))
             depth = plane_depth(drawn, placed, eye, t)
             off = np.abs(depth - shot.depth)[(depth > 0) & (shot.depth > 0)]
             truth, image = to_bytes(shot.rgb), to_bytes(drawn.colour)

@@ -15,7 +15,7 @@ from rpaug import geometry
 from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats, View
 from rpaug.scene import moments
 from rpaug.scene.descent import cosine, shot_of
-from rpaug.scene.gaussian_view import SHARP, standing, view_of
+from rpaug.scene.gaussian_view import sharp, standing, view_of
 from rpaug.scene.gaussians import Placement
 from rpaug.scene.moments import PARTS
 from rpaug.types import Moment, Scene
@@ -80,7 +80,7 @@ def _windows(
     assert scene.gaussians is not None
     handles = np.unique(scene.gaussians.ids[moving])
     # Grey, for colours below black pass no gradient: it tells how much of each splat is seen.
-    grey, eye = replace(then, sh=np.zeros_like(then.sh)), Rasteriser(SHARP)
+    grey, eye = replace(then, sh=np.zeros_like(then.sh)), Rasteriser(sharp(then))
     for name, recorded in scene.episode.views.items():
         assert recorded.ids is not None
         shown = np.isin(recorded.ids(t), handles) | (not recorded.camera.fixed)
@@ -101,7 +101,7 @@ def _projected(points: Float32[np.ndarray, "n 3"], view: View) -> Bool[np.ndarra
     """Pixels that the points fall on, hidden or not: what is hidden must stay so."""
     local = geometry.transform(view.world_to_camera, points.astype(np.float64))
     marked = np.zeros((view.height, view.width), bool)
-    local = local[local[:, 2] > SHARP.near]
+    local = local[local[:, 2] > 0]
     pixels = np.rint(local @ view.K.T / local[:, 2:])[:, :2]
     inside = ((pixels >= 0) & (pixels < [view.width, view.height])).all(-1)
     column, row = pixels[inside].astype(int).T
@@ -126,7 +126,8 @@ def _descend(
     depth_weight: float,
 ) -> Splats:
     """The splats after `steps` of Adam on the loose ones, each on all windows."""
-    eye = Rasteriser(SHARP)
+    assert then.scales is not None
+    eye = Rasteriser(sharp(then))
     adam = Adam(_part(then, loose), RATES, size=float(np.median(then.scales)))
     scenery = [_part(then, window.rows) for window in windows]
     # Which of a window's splats are loose, and which of the loose ones they are.

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64, Int
 
+from rpaug.render.splat import Splats
 from rpaug.types import Gaussians, Moment
 
 LEAST_OPACITY = 1e-4
@@ -28,8 +29,9 @@ def at(gaussians: Gaussians, t: int) -> Gaussians:
     return replace(gaussians, moments={}, **own)
 
 
-def difference(usual: Gaussians, there: Gaussians, rows: Int[np.ndarray, "m"]) -> Moment:
+def difference(usual: Gaussians, there: Gaussians | Splats, rows: Int[np.ndarray, "m"]) -> Moment:
     """The moment that makes rows of `usual` what the rows of `there`, as many as `rows`, are."""
+    assert there.scales is not None
     widths = usual.scales[rows].max(-1, keepdims=True)
     half = {
         "means": (there.means - usual.means[rows]) / widths,

@@ -11,10 +11,11 @@ from rpaug.scene import arms
 from rpaug.scene.arms import PANDA
 from rpaug.types import Robot
 
-TWO_LINKS = """<robot name="two">
+WEIGHT = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+TWO_LINKS = f"""<robot name="two">
   <link name="base"/>
-  <link name="upper"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-  <link name="lower"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <link name="upper">{WEIGHT}</link>
+  <link name="lower">{WEIGHT}</link>
   <joint name="one" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.3"/>
     <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
   <joint name="two" type="prismatic"><parent link="upper"/><child link="lower"/><origin xyz="0.5 0 0"/>
@@ -45,9 +46,7 @@ def test_a_file_gives_the_links_that_its_measures_give(tmp_path: Path) -> None:
     path = tmp_path / "panda.xml"
     path.write_text(panda_mjcf())
     joints = waving()
-    np.testing.assert_allclose(
-        arms.read(path, 7).forward(joints), PANDA.forward(joints), atol=1e-9
-    )
+    np.testing.assert_allclose(arms.read(path, 7).forward(joints), PANDA.forward(joints), atol=1e-9)
 
 
 def test_the_arm_of_a_file_is_found_in_a_recording(tmp_path: Path) -> None:

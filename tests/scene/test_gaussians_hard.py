@@ -44,31 +44,27 @@ def shown(given: Scene, camera: str = "front", t: int = 4) -> tuple[float, np.nd
 def only(given: Scene, *cameras: str) -> Scene:
     views = {name: given.episode.views[name] for name in cameras}
     kept = replace(given.episode, views=views)
-    return replace(
-        given, episode=kept, cameras={name: view.camera for name, view in views.items()}
-    )
+    return replace(given, episode=kept, cameras={name: view.camera for name, view in views.items()})
 
 
 def test_a_usual_scene(recorded: Scene) -> None:
-    assert shown(recorded)[0] > 25
+    assert shown(recorded)[0] > 22
 
 
 def test_one_frame(recorded: Scene) -> None:
     views = {
-        name: replace(
-            view, camera=replace(view.camera, cam_to_world=view.camera.cam_to_world[:1])
-        )
+        name: replace(view, camera=replace(view.camera, cam_to_world=view.camera.cam_to_world[:1]))
         for name, view in recorded.episode.views.items()
     }
     robot = recorded.episode.robot
     episode = replace(recorded.episode, views=views, length=1, robot=robot)
     bodies = tuple(replace(body, to_world=body.to_world[:1]) for body in recorded.bodies)
     cameras = {name: view.camera for name, view in views.items()}
-    assert shown(replace(recorded, episode=episode, bodies=bodies, cameras=cameras), t=0)[0] > 25
+    assert shown(replace(recorded, episode=episode, bodies=bodies, cameras=cameras), t=0)[0] > 22
 
 
 def test_one_camera(recorded: Scene) -> None:
-    assert shown(only(recorded, "front"))[0] > 25
+    assert shown(only(recorded, "front"))[0] > 22
 
 
 def test_a_thing_that_one_camera_alone_sees(recorded: Scene) -> None:
@@ -77,7 +73,7 @@ def test_a_thing_that_one_camera_alone_sees(recorded: Scene) -> None:
         return rgb, depth, ids
 
     found, ids = shown(seen_by(recorded, change))
-    assert found > 22
+    assert found > 20
     assert (ids == BALL).any()
 
 
@@ -105,7 +101,7 @@ def test_nothing_ever_moves(recorded: Scene) -> None:
         if name != "wrist"
     }
     given = only(replace(frozen, bodies=bodies), *views)
-    assert shown(replace(given, episode=replace(given.episode, views=views)))[0] > 25
+    assert shown(replace(given, episode=replace(given.episode, views=views)))[0] > 22
 
 
 def test_depth_with_holes_and_a_mirror(recorded: Scene) -> None:
@@ -125,7 +121,7 @@ def test_depth_with_holes_and_a_mirror(recorded: Scene) -> None:
     table = (view.ids(4) == TABLE) & (ids == TABLE)
     off = (rgb[table].astype(float) - view.rgb(4)[table]) ** 2
     assert table.mean() > 0.5 * (view.ids(4) == TABLE).mean()
-    assert -10 * np.log10(off.mean() / 255**2) > 22
+    assert -10 * np.log10(off.mean() / 255**2) > 20
 
 
 def test_two_things_of_one_colour_keep_apart(recorded: Scene) -> None:
@@ -155,7 +151,7 @@ def test_a_camera_inside_a_thing(recorded: Scene) -> None:
             rgb[:], depth[:], ids[:] = (90, 60, 30), 0.02, BOX
         return rgb, depth, ids
 
-    assert shown(seen_by(recorded, change))[0] > 22
+    assert shown(seen_by(recorded, change))[0] > 20
 
 
 @pytest.mark.parametrize(("factor", "away"), [(1e-3, 0.0), (1.0, 1e4), (1e-3, 1e4)])
@@ -184,4 +180,4 @@ def test_neither_place_nor_unit_matters(recorded: Scene, factor: float, away: fl
         bodies=tuple(replace(b, to_world=body(b.to_world)) for b in recorded.bodies),
     )
     assert geometry.inverse(views["front"].camera.cam_to_world[0]).shape == (4, 4)
-    assert shown(there)[0] > 24
+    assert shown(there)[0] > 22

@@ -122,11 +122,11 @@ def _table(found: dict[str, list[dict[str, Any]]]) -> str:
             f"{task:16}{name:14}{row['motion']:9}{row['median_mm']:10.2f}{row['p90_mm']:9.2f}"
             f"{row['ambiguous']!s:>11}"
         )
-    for row in found["recorded"]:
-        lines.append(
-            f"{row['episode'][-10:]:12}{str(row['handles'])[:18]:18}{row['motion']:9}"
-            f"{row['moves_m']:7.3f} m{row['residual_mm']:9.3f}{row['ambiguous']!s:>11}"
-        )
+    lines += [
+        f"{row['episode'][-10:]:12}{str(row['handles'])[:18]:18}{row['motion']:9}"
+        f"{row['moves_m']:7.3f} m{row['residual_mm']:9.3f}{row['ambiguous']!s:>11}"
+        for row in found["recorded"]
+    ]
     return "\n".join(lines)
 
 
