@@ -3,6 +3,7 @@
 import numpy as np
 
 from rpaug.scene import colours, irradiance, light, sampling
+from rpaug.scene.remembered import once
 from rpaug.types import Ambience, Episode
 
 FRAMES = 8
@@ -17,6 +18,7 @@ UP = np.array([[0.0, 0.0, 1.0]], np.float32)
 STEP = 7  # pixels, of which one is looked at for its colour
 
 
+@once
 def estimate(episode: Episode) -> Ambience:
     """The irradiance that explains best how each thing's brightness depends on where its faces turn, 1 on level ones.
 

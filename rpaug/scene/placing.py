@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Float32, Float64
 from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
 from rpaug.scene import sampling
+from rpaug.scene.remembered import once
 from rpaug.types import Body, Scene
 
 CELL = 0.01  # metres
@@ -92,6 +93,11 @@ def room(scene: Scene, leaving: Iterable[int] = ()) -> Room:
     Things that an edit put elsewhere count where they are now, and removed ones no more. Raises TargetError if there is
     no table, Unsupported without depth and masks.
     """
+    return _room(scene, frozenset(leaving))
+
+
+@once
+def _room(scene: Scene, leaving: frozenset[int]) -> Room:
     support = scene.roles.get("table")
     if not support:
         raise TargetError("nothing was seen to be the table, so there is nowhere to put things")
@@ -107,7 +113,7 @@ def room(scene: Scene, leaving: Iterable[int] = ()) -> Room:
     empty = Room(
         low, level, seen > 0, np.full(shape, np.inf, np.float32), np.full(shape, np.inf, np.float32)
     )
-    gone = frozenset(leaving) | support
+    gone = leaving | support
     return _swept(_standing(empty, scene, gone), scene, gone)
 
 

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Float32, Float64
 from rpaug import geometry
 from rpaug.scene import placing
 from rpaug.scene.placing import hull, points_of
+from rpaug.scene.remembered import once
 from rpaug.types import Body, Scene, Surface
 
 CELL, COARSE = (
@@ -66,6 +67,7 @@ class _Table:
     shape: tuple[int, int]
 
 
+@once
 def lamps(scene: Scene) -> list[list[float]]:
     """Directions to the lamps that cast shadows on the table, and the share of light that each takes: (x, y, z, share).
 
