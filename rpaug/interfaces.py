@@ -21,8 +21,9 @@ Side = Callable[[], Mapping[str, bytes]]
 class Operator(ABC):
     """One kind of edit. Subclasses are frozen keyword-only dataclasses; their fields are the recipe's keys.
 
-    A subclass declares `effect`, and `gaussians` if it cannot do without fitted ones. Registering it under the entry-point group `rpaug.operators` makes its
-    entry-point name an `op:` in recipes. `rpaug.testing.OperatorContract` holds it to the promises below.
+    A subclass declares `effect`, and `gaussians` if it cannot do without fitted ones. Registering it under the
+    entry-point group `rpaug.operators` makes its entry-point name an `op:` in recipes.
+    `rpaug.testing.OperatorContract` holds it to the promises below.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", arbitrary_types_allowed=True)

@@ -132,7 +132,7 @@ def _settled(
     share: Float64[np.ndarray, "n"],
     widened: int,
 ) -> Float64[np.ndarray, "6"]:
-    """The motion that leaves least of `off`, by reweighted least squares from none, the scale halved `widened` times."""
+    """The motion that leaves least of `off`: reweighted least squares from none, the scale halved `widened` times."""
     motion = np.zeros(6)
     for step in range(ROUNDS):
         scale = SCALE * 2.0 ** max(0, widened - step)
