@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32
+from jaxtyping import Bool, Float32, Float64, Int32
 
 from rpaug.errors import Unsupported
 from rpaug.scene.semantic.labels import UNKNOWN, Labelled, Stage, recorded
-from rpaug.types import Scene
+from rpaug.types import Body, Scene
 
 CHANNELS = 16  # labels gathered in one pass: the width of a kernel that is compiled anyway
 SEEN = 1e-3  # pixels: a Gaussian with less weight than this over all pictures keeps its label
@@ -61,14 +61,38 @@ def vote(
 ) -> Int32[np.ndarray, "n"]:
     """The handle of each Gaussian by the masks (default: the recorded ones); one that no pixel shows keeps its own.
 
+    A Gaussian moves with its body, so it can only take handles that move alike: none bleeds over time.
+
     Raises Unsupported without Gaussians or masks.
     """
     labels, count = ballots(scene, recorded(scene) if pictures is None else pictures, stage)
     assert scene.gaussians is not None
     if not len(labels):
         return scene.gaussians.ids.copy()
+    count = np.where(_along(scene, scene.gaussians.ids, labels), count, 0.0)
     shown = count.sum(-1) > SEEN
     return np.where(shown, labels[count.argmax(-1)], scene.gaussians.ids).astype(np.int32)
+
+
+def _along(
+    scene: Scene, ids: Int32[np.ndarray, "n"], labels: Int32[np.ndarray, "c"]
+) -> Bool[np.ndarray, "n c"]:
+    """Whether each label moves as the Gaussian does: else it would be wrong as soon as the two part."""
+    moving = [body for body in scene.bodies if (body.to_world != np.eye(4)).any()]
+    tracks: list[np.ndarray] = []
+
+    def track(body: Body) -> int:
+        for k, known in enumerate(tracks):
+            if np.array_equal(known, body.to_world):
+                return k + 1
+        tracks.append(body.to_world)
+        return len(tracks)
+
+    number = {handle: track(body) for body in moving for handle in body.handles}
+    ways, inverse = np.unique(ids, return_inverse=True)
+    own = np.array([number.get(int(handle), 0) for handle in ways])[inverse]
+    theirs = np.array([number.get(int(label), 0) for label in labels])
+    return own[:, None] == theirs
 
 
 def assigned(scene: Scene, pictures: Sequence[Labelled] | None = None) -> Scene:
