@@ -48,5 +48,5 @@ def test_checks_are_due_after_steps_were_made() -> None:
 
 def test_nothing_checked_has_no_best() -> None:
     assert not Stop(kind="fidelity").reached([])
-    with pytest.raises(ValueError, match="empty|iterable"):
+    with pytest.raises(ValueError, match=r"empty|iterable"):
         Stop().best([])

@@ -1,6 +1,7 @@
 """How well and how fast Gaussians show a recorded episode: decibels, SSIM, depth, seconds.
 
-    python tools/bench/fit.py DATASET [--episode KEY] [--leave-out CAMERA] [--stop fidelity] [--pictures FOLDER] [--json]
+    python tools/bench/fit.py DATASET [--episode KEY] [--leave-out CAMERA] [--stop fidelity]
+        [--pictures FOLDER] [--json]
 
 PSNR and SSIM (up) are means over views of the re-rendered against the recorded image, with moving cameras
 where the fit found them to stand; `recorded pose` is the same with their poses as recorded. Fit seconds
