@@ -51,7 +51,13 @@ def edited(now: Gaussians, scene: Scene, t: int, origin: Float64[np.ndarray, "3"
 def _carried(now: Gaussians, edit: Carried, origin: Float64[np.ndarray, "3"]) -> Gaussians:
     motion = edit.motion.copy()
     motion[:3, 3] = geometry.transform(edit.motion, origin) - origin
-    mine = moved(chosen(now, np.isin(now.ids, list(edit.shows))), motion)
+    mine = chosen(now, np.isin(now.ids, list(edit.shows)))
+    if edit.scale != 1.0:
+        # Grown about the world's origin, which is where `motion` expects it.
+        grown = edit.scale * (mine.means + origin) - origin
+        size = mine.scales * np.float32(edit.scale)
+        mine = replace(mine, means=grown.astype(np.float32), scales=size)
+    mine = moved(mine, motion)
     return replace(mine, ids=np.array([edit.shows[int(i)] for i in mine.ids], np.int32))
 
 
