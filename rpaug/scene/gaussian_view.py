@@ -26,9 +26,13 @@ REACH = 3.0  # standard deviations: how far from its middle a Gaussian's plane i
 
 
 def sharp(splats: Splats) -> Settings:
-    """SHARP with a near plane that suits scenes of any unit: not before what is much finer than usual."""
+    """SHARP with a near plane that suits the splats, whatever the scene's unit is."""
     assert splats.scales is not None
-    size = float(np.median(splats.scales.max(-1))) if len(splats) else SHARP.near
+    return sharp_for(float(np.median(splats.scales.max(-1))) if len(splats) else SHARP.near)
+
+
+def sharp_for(size: float) -> Settings:
+    """The same for a typical standard deviation in the scene's unit."""
     return replace(SHARP, near=min(SHARP.near, NEAR * size))
 
 

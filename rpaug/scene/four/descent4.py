@@ -9,7 +9,7 @@ from jaxtyping import Float, Float32, Float64, Int
 
 from rpaug.render.splat import Gradients, Rasteriser, Splats, View
 from rpaug.scene.four import gaussians4
-from rpaug.scene.gaussian_view import SHARP
+from rpaug.scene.gaussian_view import sharp_for
 from rpaug.types import Gaussians4
 
 FADE, SPREAD = 0.9, 0.99  # Adam's memories
@@ -64,7 +64,7 @@ class Descent4:
     rates: Rates4 = field(default_factory=Rates4)
 
     def __post_init__(self) -> None:
-        self._engine = Rasteriser(SHARP)
+        self._engine = Rasteriser(sharp_for(self.size))
         self._forget()
 
     def _forget(self) -> None:

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from rpaug.errors import Unsupported
-from rpaug.render.splat import Rasteriser, View
+from rpaug.render.splat import Rasteriser, Splats, View
 from rpaug.render.zbuffer import SAME_SURFACE
 from rpaug.scene import gaussian_view
 from rpaug.scene.four import seeds4
 from rpaug.scene.four.descent4 import Crop, Descent4
 from rpaug.scene.four.flowing import seen_by, some
-from rpaug.scene.gaussian_view import SHARP
 from rpaug.scene.gaussians import Picture, chosen, joined, lifted, placed
 from rpaug.scene.plates import plate
 from rpaug.scene.sampling import frames
@@ -237,7 +236,7 @@ def _behind(scene: Scene, static: frozenset[int]) -> Iterator[Gaussians]:
     """Static surfaces that fixed cameras saw at some time, where no Gaussian shows any."""
     assert scene.gaussians is not None
     resting = chosen(scene.gaussians, np.isin(scene.gaussians.ids, list(static)))
-    engine = Rasteriser(SHARP)
+    engine = Rasteriser(gaussian_view.sharp(Splats.of(resting)))
     for name, view in scene.episode.views.items():
         if not view.camera.fixed or view.depth is None or view.ids is None:
             continue
@@ -256,7 +255,7 @@ def _behind(scene: Scene, static: frozenset[int]) -> Iterator[Gaussians]:
 def _crops(scene: Scene, handles: frozenset[int], t: int, margin: int) -> Iterator[Crop]:
     """The region in every view that shows it at t."""
     rest = placed(scene, t)
-    engine = Rasteriser(SHARP)
+    engine = Rasteriser(gaussian_view.sharp(Splats.of(rest)))
     for name, view in scene.episode.views.items():
         if view.ids is None or view.depth is None:
             continue
