@@ -116,7 +116,7 @@ def test_the_command_writes_what_it_measured(tmp_path):
     names = {path.name for path in out.iterdir()}
     assert names == {"edits.csv", "edits.json", "edits.html", "edits.png", "edits-object_color.png"}
     rows = list(csv.DictReader((out / "edits.csv").read_text().splitlines()))
-    assert len(rows) == 2 * 5
+    assert len(rows) == 2 * 6
     assert {row["changed"] for row in rows} == {"button", "button_base"}
     assert described["rows"][0]["psnr"] == float(rows[0]["psnr"])
 
