@@ -151,7 +151,7 @@ def warm(
 
 def _edit_the_sample() -> None:
     """One frame of the sample through every kernel of the main job: recoloured, and seen from a moved camera."""
-    from rpaug import pipeline, plan, recipe
+    from rpaug import pipeline, plan, preparing, recipe
 
     adapter = registry.adapter_for(SAMPLE)
     episode = adapter.read(SAMPLE, adapter.episodes(SAMPLE)[0])
@@ -160,7 +160,7 @@ def _edit_the_sample() -> None:
         {"op": "camera_pose", "camera": "front"},
     ):
         asked = recipe.build({"version": 1, "edits": [edit]})
-        made = plan.make(pipeline.operators(asked), episode)
-        scene, draws = pipeline.draw(pipeline.prepare(episode, made), asked, 1)
+        made = plan.make(preparing.operators(asked), episode)
+        scene, draws = pipeline.draw(preparing.prepare(episode, made), asked, 1)
         for view in pipeline.render(scene, draws, made).episode.views.values():
             view.rgb(0)

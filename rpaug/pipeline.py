@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,14 +11,14 @@ import numpy as np
 
 from rpaug import gates as gating
 from rpaug import plan as planning
-from rpaug import registry, report, residuals
+from rpaug import registry, report
 from rpaug.files import REJECTED
-from rpaug.interfaces import Adapter, Operator
+from rpaug.interfaces import Adapter
+from rpaug.preparing import ground, made_ready
 from rpaug.recipe import Option, Recipe, option
 from rpaug.recipe import build as build_recipe
-from rpaug.scene import calibration, views
-from rpaug.scene.build import build
-from rpaug.types import Camera, Effect, Episode, Scene
+from rpaug.scene import views
+from rpaug.types import Episode, Scene
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,6 @@ class Made:
 
 class Rejected(Exception):
     """A copy that exceeds a limit of its gates, told once all its frames are rendered and before it appears."""
-
-
-def operators(recipe: Recipe) -> list[Operator]:
-    """Every operator the recipe may use."""
-    return [option.operator for step in recipe.steps for option in step.options]
 
 
 def draw(
@@ -193,92 +188,6 @@ def _augmented(
     trial = Trial(gates, attempt, strict=False)
     write(adapter, made, job, place, shared | watch.seconds, trial)
     return place
-
-
-def ground(scene: Scene, recipe: Recipe) -> None:
-    """See that the scene has what every edit of the recipe asks for. Raises TargetError."""
-    for operator in operators(recipe):
-        operator.sample(scene, np.random.default_rng(0))
-
-
-def made_ready(
-    episode: Episode,
-    recipe: Recipe,
-    tier: int,
-    scenes: Path | None = None,
-    watch: report.Stopwatch | None = None,
-) -> tuple[Scene, planning.Plan]:
-    """Plan and build: errors are measured if the recipe states an accuracy, Gaussians fitted if the plan has any."""
-    watch = watch or report.Stopwatch()
-    with watch("build"):
-        scene, plan = surveyed(episode, recipe, tier)
-    if not plan.gaussians:
-        return _with_parts(scene, plan), plan
-    with watch("fit"):
-        scene, facts = _with_gaussians(scene, plan, scenes)
-        risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
-        measured = residuals.of_gaussians(scene, risen)
-    return _with_parts(scene, plan), planning.fitted(plan, facts, measured)
-
-
-def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planning.Plan]:
-    """The recorded scene without Gaussians, and the plan with errors measured where the recipe asks for an accuracy."""
-    for operator in operators(recipe):
-        operator.ready()
-    plan = planning.make(operators(recipe), episode, tier)
-    scene = build(episode, with_bodies=plan.bodies)
-    if (
-        plan.bodies
-    ):  # whatever looks at depth is misled by cameras that are not where they say they are
-        plan = replace(plan, warnings=tuple(map(str, calibration.check(episode))))
-    if recipe.accuracy is None:
-        return scene, plan
-    moved = {name: camera for name, camera in _moved(scene, recipe) if plan.carriers[name] == 1}
-    measured = residuals.measure(scene, moved) if moved else []
-    return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
-
-
-def planned(episode: Episode, recipe: Recipe, tier: int) -> planning.Plan:
-    """The plan, with no more work than it takes: images are looked at only where the recipe asks for an accuracy."""
-    if recipe.accuracy is None:
-        return planning.make(operators(recipe), episode, tier)
-    return surveyed(episode, recipe, tier)[1]
-
-
-def _moved(scene: Scene, recipe: Recipe) -> Iterator[tuple[str, Camera]]:
-    """Where one draw of the recipe's camera edits puts cameras."""
-    edited = scene
-    for operator in operators(recipe):
-        if operator.effect & Effect.CAMERA:
-            edit = operator.sample(scene, np.random.default_rng(0))
-            edited = operator.apply(edited, json.loads(json.dumps(edit)))
-    for name, camera in edited.cameras.items():
-        if camera is not scene.cameras[name]:
-            yield name, camera
-
-
-def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -> Scene:
-    """The recorded scene with what the plan asks for, Gaussians among it: from the store `scenes`, or fitted."""
-    scene = build(episode, with_bodies=plan.bodies)
-    scene = _with_gaussians(scene, plan, scenes)[0] if plan.gaussians else scene
-    return _with_parts(scene, plan)
-
-
-def _with_gaussians(
-    scene: Scene, plan: planning.Plan, scenes: Path | None
-) -> tuple[Scene, Mapping[str, Any]]:
-    from rpaug.scene import cached  # only here: it brings torch and the rasteriser
-
-    return (cached.fitted_in_time if plan.tier >= 4 else cached.fitted)(scene, scenes)
-
-
-def _with_parts(scene: Scene, plan: planning.Plan) -> Scene:
-    """The scene in which targets finer than the masks have handles of their own."""
-    if not plan.parts:
-        return scene
-    from rpaug.scene.semantic import parts  # only here: it brings torch and the rasteriser
-
-    return parts.told(scene, plan.parts)
 
 
 @dataclass(frozen=True)

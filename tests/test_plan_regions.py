@@ -9,7 +9,7 @@ from analytic import BALL, scene
 from rpaug import plan, recipe, residuals
 from rpaug.operators.camera_pose import CameraPose
 from rpaug.operators.light_color import LightColor
-from rpaug.pipeline import planned, surveyed
+from rpaug.preparing import planned, surveyed
 from rpaug.recipe import Accuracy
 from rpaug.residuals import BACKGROUND, Residual
 from rpaug.scene import views

@@ -9,7 +9,7 @@ import pytest
 import rpaug_recipes
 
 import rpaug
-from rpaug import pipeline, plan, registry
+from rpaug import pipeline, plan, preparing, registry
 from rpaug.errors import TargetError
 from rpaug.recipe import load
 from rpaug.scene.build import build
@@ -38,7 +38,7 @@ def sample() -> Scene:
 def frames(scene: Scene, recipe: str, tier: int) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     loaded = load(FOLDER / recipe)
     edited, draws = pipeline.draw(scene, loaded, 1)
-    planned = plan.make(pipeline.operators(loaded), scene.episode, tier)
+    planned = plan.make(preparing.operators(loaded), scene.episode, tier)
     made = pipeline.render(edited, draws, planned)
     for name, view in made.episode.views.items():
         assert tier < 3 or made.plan.carriers[name] == 3

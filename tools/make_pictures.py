@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 import rpaug
-from rpaug import Episode, Scene, pipeline, plan, recipe, registry
+from rpaug import Episode, Scene, pipeline, plan, preparing, recipe, registry
 from rpaug.files import encode_png, write_atomic
 from rpaug.scene.build import build
 
@@ -47,7 +47,7 @@ def shown(scene: Scene, edits: list[dict[str, Any]]) -> Episode:
     """The sample as those edits show it."""
     made = recipe.build({"version": 1, "seed": 4, "edits": edits})
     edited, draws = pipeline.draw(scene, made, 1)
-    planned = plan.make(pipeline.operators(made), scene.episode)
+    planned = plan.make(preparing.operators(made), scene.episode)
     return pipeline.render(edited, draws, planned).episode
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool
 from pydantic import TypeAdapter
 
-from rpaug import pipeline, plan, registry, twin
+from rpaug import pipeline, plan, preparing, registry, twin
 from rpaug.bench import baselines, perceptual
 from rpaug.bench.cases import CASES, ESTIMATED, Ask, Case
 from rpaug.bench.scores import HIGHER, Scores, measure
@@ -247,7 +247,7 @@ def _edited(episode: Episode, case: Case, ask: Ask, tier: int) -> tuple[Episode,
     kind = TypeAdapter(registry.operator(case.operator))
     operators = [kind.validate_python(dict(fields)) for fields in ask.steps]
     made = plan.make(operators, episode, tier)
-    scene = recorded = pipeline.prepare(episode, made)
+    scene = recorded = preparing.prepare(episode, made)
     for operator in operators:
         edit = ask.edit or operator.sample(recorded, np.random.default_rng(0))
         scene = operator.apply(scene, json.loads(json.dumps(edit)))

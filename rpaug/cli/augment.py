@@ -81,7 +81,7 @@ def _contact_sheet(run: Any, described: dict[str, Any]) -> int:
 
 def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
     """What a run would do. Images are looked at only to measure errors, where the recipe states an accuracy."""
-    from rpaug import pipeline
+    from rpaug import preparing
     from rpaug.augment import check
 
     check(run, resume)
@@ -90,7 +90,7 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
     for key in run.keys:
         try:
             episode = run.adapter.read(run.source, key)
-            made = pipeline.planned(episode, run.recipe, run.tier)
+            made = preparing.planned(episode, run.recipe, run.tier)
         except RpaugError as error:
             failed[key] = str(error)
             continue

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch.utils.data import Dataset
 
-from rpaug import pipeline, plan, recipe, registry
+from rpaug import pipeline, plan, preparing, recipe, registry
 from rpaug.errors import Unsupported
 from rpaug.scene import keyframes
 from rpaug.types import Episode, Scene
@@ -125,7 +125,7 @@ class _Hashed:
 @lru_cache(KEPT_SCENES)
 def _scene(adapter: str, root: Path, key: str, made: _Hashed, tier: int) -> tuple[Scene, plan.Plan]:
     episode = registry.adapter(adapter).read(root, key)
-    return pipeline.made_ready(episode, made.value, tier)
+    return preparing.made_ready(episode, made.value, tier)
 
 
 def _images(episode: Episode, name: str, frames: list[int]) -> dict[str, torch.Tensor]:

@@ -15,7 +15,7 @@ from rpaug.twin import textures
 from rpaug.twin.cameras import BUMPED
 from rpaug.twin.covers import Cover
 from rpaug.twin.look import Bump, Lamp, Look
-from rpaug.twin.tasks import Job
+from rpaug.twin.staging import Job
 from rpaug.twin.world import Vector, World
 
 BRIGHTEST_LAMP = 0.5  # COLOSSEUM draws the lamps' diffuse colour from U[0, 0.5]^3

@@ -10,8 +10,8 @@ from rpaug.twin import flex
 from rpaug.twin.flex import FABRIC, RUBBER
 from rpaug.twin.motion import STEP, Key, Motion
 from rpaug.twin.panda import FINGER_END, FINGER_HALF
+from rpaug.twin.staging import LOOSE, Job, Soft, gripper_pose, moved, scattered
 from rpaug.twin.tabletop import POST, RACK, TABLE, upright
-from rpaug.twin.tasks import LOOSE, Job, Soft, gripper_pose, moved, scattered
 from rpaug.twin.world import Print
 
 LEAN = np.deg2rad(35.0)  # of the fingers from the vertical, away from the robot

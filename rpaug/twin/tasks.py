@@ -1,15 +1,13 @@
 """What is done on the tabletop: where things stand for a task, and the gripper's key poses."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
-from jaxtyping import Float
 
 from rpaug import geometry
-from rpaug.twin.motion import Hinge, Key, Motion
-from rpaug.twin.panda import FINGER_END, FINGER_HALF, OPEN
+from rpaug.twin.motion import Hinge, Key
+from rpaug.twin.panda import FINGER_END, FINGER_HALF
+from rpaug.twin.staging import DOWN, LOOSE, REACH, Job, carry, gripper_pose, moved, scattered
 from rpaug.twin.tabletop import (
     BLOCK,
     BOX,
@@ -27,41 +25,10 @@ from rpaug.twin.tabletop import (
     resting_height,
     upright,
 )
-from rpaug.twin.world import Flex
-
-Pose = Float[np.ndarray, "4 4"]
 
 PULL = 0.15  # metres the drawer is opened by
-_REACH = 0.09  # metres before and above its target at which the gripper lines up
 _HALFWAY = np.deg2rad(40.0)  # of the fingers from the vertical when they begin to push the lid over
 _LEAN = np.deg2rad(40.0)  # how far the approach to the grip leans from the vertical into the drawer
-
-
-@dataclass(frozen=True)
-class Job:
-    """One drawn instance of a task.
-
-    `manipulated` is the part that moves (its name is also the default target of a change),
-    `receiver` the one it is brought to. `descriptions` are RLBench's kind of instructions, the first
-    one the main one. `soft` is what bends in it, if anything does.
-    """
-
-    placing: Mapping[str, Pose]
-    script: tuple[Key, ...]
-    manipulated: str
-    descriptions: tuple[str, ...]
-    variation: int
-    receiver: str | None = None
-    soft: "Soft | None" = None
-
-
-@dataclass(frozen=True)
-class Soft:
-    """The part of a job that bends, and how: its vertices over time, worked out from the robot's motion."""
-
-    name: str
-    flex: Flex
-    track: Callable[[Motion], Float[np.ndarray, "t v 3"]]
 
 
 def open_drawer(rng: np.random.Generator) -> Job:
@@ -80,7 +47,7 @@ def open_drawer(rng: np.random.Generator) -> Job:
     approach = -np.sin(_LEAN) * out - np.array([0, 0, np.cos(_LEAN)])
     grasp = gripper_pose(geometry.transform(cabinet, GRIP), approach, opens_along=out)
     script = (
-        Key(share=0.36, tip=moved(grasp, -_REACH * approach)),
+        Key(share=0.36, tip=moved(grasp, -REACH * approach)),
         Key(share=0.16, tip=grasp, straight=True),
         Key(share=0.08, opening=GRIP_RADIUS),
         Key(
@@ -117,14 +84,14 @@ def pick_block(rng: np.random.Generator) -> Job:
         BLOCK[2],
         rng.uniform(-0.6, 0.6),
     )
-    grasp = gripper_pose(block[:3, 3] + [0, 0, 0.015], _DOWN, opens_along=block[:3, 0])
+    grasp = gripper_pose(block[:3, 3] + [0, 0, 0.015], DOWN, opens_along=block[:3, 0])
     pad_top = pad[2, 3] + resting_height("pad")
     place = gripper_pose(
         np.array([pad[0, 3], pad[1, 3], pad_top + BLOCK[2] + 0.015]),
-        _DOWN,
+        DOWN,
         opens_along=block[:3, 0],
     )
-    script = _carry(name, grasp, place, BLOCK[0])
+    script = carry(name, grasp, place, BLOCK[0])
     spots = [(0.06, -0.35), (0.23, -0.38), (0.41, -0.33), (0.08, 0.25)]
     others = tuple(thing for thing in LOOSE if thing not in (name, "pad"))
     return Job(
@@ -151,9 +118,9 @@ def push_button(rng: np.random.Generator) -> Job:
     x, y = np.array([0.20, 0.0]) + rng.uniform(-0.06, 0.06, 2)
     button = upright(x, y, 0.0, rng.uniform(-0.5, 0.5))
     touch = np.array([0, 0, FINGER_END])  # of the finger ends below the tip
-    top = gripper_pose(button[:3, 3] + [0, 0, BUTTON_TOP] + touch, _DOWN, opens_along=button[:3, 1])
+    top = gripper_pose(button[:3, 3] + [0, 0, BUTTON_TOP] + touch, DOWN, opens_along=button[:3, 1])
     pressed = moved(top, np.array([0, 0, -BUTTON_TRAVEL]))
-    above = moved(top, np.array([0, 0, _REACH]))
+    above = moved(top, np.array([0, 0, REACH]))
     script = (
         Key(share=0.40, tip=above, opening=0.0),
         Key(share=0.20, tip=top, opening=0.0, straight=True),
@@ -182,8 +149,8 @@ def slide_block(rng: np.random.Generator) -> Job:
     patch = upright(x + way[0], y + way[1], resting_height("patch"), turn)
     # High enough that the hand, wider than the fingers, stays above the block.
     behind = block[:3, 3] - (BLOCK[1] + FINGER_HALF) * along + [0, 0, 0.02]
-    touch = gripper_pose(behind, _DOWN, opens_along=block[:3, 0])
-    back, over = -0.05 * along, np.array([0, 0, _REACH])
+    touch = gripper_pose(behind, DOWN, opens_along=block[:3, 0])
+    back, over = -0.05 * along, np.array([0, 0, REACH])
     script = (
         Key(share=0.34, tip=moved(touch, back + over), opening=0.0),
         Key(share=0.12, tip=moved(touch, back), opening=0.0, straight=True),
@@ -221,9 +188,9 @@ def stack_cups(rng: np.random.Generator) -> Job:
         rng.uniform(-0.5, 0.5),
     )
     high = np.array([0, 0, CUP_SMALL[2] - 0.015])
-    grasp = gripper_pose(small[:3, 3] + high, _DOWN, opens_along=small[:3, 0])
+    grasp = gripper_pose(small[:3, 3] + high, DOWN, opens_along=small[:3, 0])
     inside = large[:3, 3] + high + [0, 0, FLOOR_OF_CUP]
-    script = _carry("cup_small", grasp, gripper_pose(inside, _DOWN, small[:3, 0]), CUP_SMALL[0])
+    script = carry("cup_small", grasp, gripper_pose(inside, DOWN, small[:3, 0]), CUP_SMALL[0])
     spots = [(0.00, -0.36), (0.22, -0.38), (0.44, -0.30), (0.02, 0.22), (0.20, 0.34), (0.46, 0.26)]
     return Job(
         {"cup_small": small, "cup_large": large, **scattered(LOOSE, spots, rng)},
@@ -246,9 +213,9 @@ def put_in_box(rng: np.random.Generator) -> Job:
     yaw = rng.uniform(-0.15, 0.15)
     box = upright(0.33 + rng.uniform(-0.03, 0.03), 0.10 + rng.uniform(-0.03, 0.03), 0.0, yaw)
     grip = np.array([0, 0, 0.025])
-    grasp = gripper_pose(block[:3, 3] + grip, _DOWN, opens_along=block[:3, 0])
+    grasp = gripper_pose(block[:3, 3] + grip, DOWN, opens_along=block[:3, 0])
     inside = box[:3, 3] + grip + [0, 0, BOX_FLOOR + BLOCK[2]]
-    place = gripper_pose(inside, _DOWN, opens_along=block[:3, 0])
+    place = gripper_pose(inside, DOWN, opens_along=block[:3, 0])
     spots = [(0.00, -0.36), (0.22, -0.38), (0.44, -0.28), (0.00, 0.26), (0.16, 0.36)]
     return Job(
         {
@@ -256,7 +223,7 @@ def put_in_box(rng: np.random.Generator) -> Job:
             "box": box,
             **scattered(tuple(n for n in LOOSE if n != "block_plain"), spots, rng),
         },
-        _carry("block_plain", grasp, place, BLOCK[0]),
+        carry("block_plain", grasp, place, BLOCK[0]),
         "block_plain",
         ("put the red block in the box", "pick up the red block and place it in the wooden box"),
         0,
@@ -276,8 +243,8 @@ def put_on_stove(rng: np.random.Generator) -> Job:
     stove = upright(0.34 + rng.uniform(-0.03, 0.03), 0.08 + rng.uniform(-0.03, 0.03), 0.0, yaw)
     high = np.array([0, 0, CUP_SMALL[2] - 0.015])
     plate = geometry.transform(stove, np.array([PLATE[0], 0, STOVE[2] + PLATE[2]]))
-    grasp = gripper_pose(cup[:3, 3] + high, _DOWN, opens_along=cup[:3, 0])
-    place = gripper_pose(plate + high, _DOWN, opens_along=cup[:3, 0])
+    grasp = gripper_pose(cup[:3, 3] + high, DOWN, opens_along=cup[:3, 0])
+    place = gripper_pose(plate + high, DOWN, opens_along=cup[:3, 0])
     spots = [(0.00, -0.38), (0.22, -0.38), (0.44, -0.32), (-0.04, 0.28), (0.14, 0.38)]
     return Job(
         {
@@ -285,7 +252,7 @@ def put_on_stove(rng: np.random.Generator) -> Job:
             "stove": stove,
             **scattered(tuple(n for n in LOOSE if n != "block_textured"), spots, rng),
         },
-        _carry("cup_small", grasp, place, CUP_SMALL[0]),
+        carry("cup_small", grasp, place, CUP_SMALL[0]),
         "cup_small",
         ("put the blue cup on the stove", "pick up the cup and set it down on the hot plate"),
         0,
@@ -302,7 +269,7 @@ def close_box(rng: np.random.Generator) -> Job:
     closed = moved(box, hinge - box[:3, 3])
     lid = Hinge(hinge, LID_OPEN * across).turned(closed, 1.0)
     # Fingers touch the outside near its free edge, half of the turn before and half after they point down.
-    approach = np.array(geometry.rotation(_HALFWAY * across) @ _DOWN)
+    approach = np.array(geometry.rotation(_HALFWAY * across) @ DOWN)
     back = lid[:3, 2]
     touch = geometry.transform(lid, np.array([0.03 - 2 * BOX[0], 0, LID])) + 0.016 * back
     start = gripper_pose(touch, approach, opens_along=across)
@@ -334,56 +301,3 @@ TASKS: Mapping[str, Callable[[np.random.Generator], Job]] = {
     "put_on_stove": put_on_stove,
     "close_box": close_box,
 }
-
-LOOSE = ("block_plain", "block_two_coloured", "block_textured", "block_small", "cylinder", "pad")
-
-
-_DOWN = np.array([0.0, 0.0, -1.0])
-
-
-def _carry(name: str, grasp: Pose, place: Pose, opening: float) -> tuple[Key, ...]:
-    """Take `name` at `grasp`, lift it, and set it down where the gripper is at `place`."""
-    over = np.array([0, 0, _REACH])
-    carry = partial(Key, straight=True, opening=opening, holds=name)
-    return (
-        Key(share=0.34, tip=moved(grasp, over)),
-        Key(share=0.10, tip=grasp, straight=True),
-        Key(share=0.05, opening=opening),
-        carry(share=0.11, tip=moved(grasp, over)),
-        carry(share=0.16, tip=moved(place, over)),
-        carry(share=0.10, tip=place),
-        Key(share=0.05, opening=OPEN),
-        Key(share=0.09, tip=moved(place, over), straight=True),
-    )
-
-
-def scattered(
-    names: tuple[str, ...], spots: list[tuple[float, float]], rng: np.random.Generator
-) -> dict[str, Pose]:
-    """One thing a spot, in drawn order, each a little off and turned."""
-    order = rng.permutation(len(spots))[: len(names)]
-    places = {}
-    for name, spot in zip(names, order, strict=True):
-        x, y = np.array(spots[spot]) + rng.uniform(-0.01, 0.01, 2)
-        places[name] = upright(x, y, resting_height(name), rng.uniform(-0.5, 0.5))
-    return places
-
-
-def gripper_pose(
-    at: Float[np.ndarray, "3"],
-    approach: Float[np.ndarray, "3"],
-    opens_along: Float[np.ndarray, "3"],
-) -> Pose:
-    """The gripper's pose between its finger tips, turned the way that leaves joint 7 nearer to home."""
-    pose = np.eye(4)
-    y = opens_along - (opens_along @ approach) * approach
-    y *= (1.0 if y[1] >= 0 else -1.0) / np.linalg.norm(y)
-    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = np.cross(y, approach), y, approach, at
-    return pose
-
-
-def moved(pose: Pose, shift: Float[np.ndarray, "3"]) -> Pose:
-    """The pose shifted by metres along the world's axes."""
-    out = pose.copy()
-    out[:3, 3] += shift
-    return out

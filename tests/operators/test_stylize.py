@@ -11,7 +11,7 @@ from analytic import BOX
 from pydantic import TypeAdapter, ValidationError
 from styled import stripes, with_gaussians
 
-from rpaug import geometry, pipeline, plan, recipe
+from rpaug import geometry, plan, preparing, recipe
 from rpaug.errors import BadInput, Unsupported
 from rpaug.files import encode_png
 from rpaug.operators.stylize import Stylize
@@ -121,7 +121,7 @@ def test_what_is_missing_is_said_before_anything_is_made(folder, tmp_path, monke
     made = {"target": {"handle": BOX}, "style": "paint"}
     steps = recipe.build({"version": 1, "edits": [{"op": "stylize", **made}]})
     with pytest.raises(BadInput, match="rpaug weights vgg16"):
-        pipeline.made_ready(recorded().episode, steps, 0)  # before anything is fitted
+        preparing.made_ready(recorded().episode, steps, 0)  # before anything is fitted
     with pytest.raises(ValidationError, match="no texture is called"):
         stylize(folder, textures=None, style="nothing")
 

@@ -6,6 +6,7 @@ import pytest
 from rpaug import Unsupported, geometry
 from rpaug.twin.motion import STEP, Motion, play
 from rpaug.twin.panda import FINGER_END, HIGHEST, LOWEST, OPEN
+from rpaug.twin.staging import Job
 from rpaug.twin.tabletop import (
     ARM,
     BLOCK,
@@ -15,7 +16,7 @@ from rpaug.twin.tabletop import (
     LID_OPEN,
     TABLE,
 )
-from rpaug.twin.tasks import PULL, TASKS, Job
+from rpaug.twin.tasks import PULL, TASKS
 
 
 def acted(task: str, seed: int, frames: int) -> tuple[Job, Motion]:

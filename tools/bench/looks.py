@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import rpaug
-from rpaug import Episode, Scene, pipeline, plan, recipe, registry
+from rpaug import Episode, Scene, pipeline, plan, preparing, recipe, registry
 from rpaug.scene.build import build
 
 RECEIVER = {"target": {"role": "receiver"}}
@@ -47,7 +47,7 @@ def look(episode: Episode) -> float:
 def measure(scene: Scene, name: str) -> dict[str, float]:
     """Seconds and changed pixels of one operator."""
     made = recipe.build({"version": 1, "seed": 1, "edits": [{"op": name, **EDITS[name]}]})
-    planned = plan.make(pipeline.operators(made), scene.episode)
+    planned = plan.make(preparing.operators(made), scene.episode)
     edited, draws = pipeline.draw(scene, made, 1)
     warm = pipeline.render(edited, draws, planned).episode
     for view in warm.views.values():
