@@ -195,6 +195,12 @@ def _gripper(
     return pose, None if told.opening is None else state[:, told.opening]
 
 
+def told_of(camera: Camera) -> dict[str, Any]:
+    """Intrinsics and poses of a camera as the file has them; one pose where it stands still."""
+    track = camera.cam_to_world[:1] if camera.fixed else camera.cam_to_world
+    return {"K": camera.K.tolist(), "cam_to_world": track.tolist()}
+
+
 def moved(episode: Episode, recorded: Mapping[str, CameraView], beside: Beside) -> dict[str, bytes]:
     """The side file of this episode alone, where an edit moved a camera; else none."""
     changed = {
@@ -206,8 +212,7 @@ def moved(episode: Episode, recorded: Mapping[str, CameraView], beside: Beside) 
         return {}
     told = beside.model_dump(mode="json", exclude_none=True)
     for name, camera in changed.items():
-        track = camera.cam_to_world[:1] if camera.fixed else camera.cam_to_world
         kept = told["cameras"].get(name, {})
         kept = {key: kept[key] for key in ("depth", "metres", "ids") if key in kept}
-        told["cameras"][name] = kept | {"K": camera.K.tolist(), "cam_to_world": track.tolist()}
+        told["cameras"][name] = kept | told_of(camera)
     return {NAME: yaml.safe_dump(told, sort_keys=False).encode()}

@@ -136,9 +136,9 @@ def _fresh(episode: Episode, path: Path) -> None:
         state, indicator = _unified(episode, opening)
         file["unified/state"], file["unified/action"] = state, state[following]
         file["unified/indicator"] = indicator
+        size = next(iter(episode.views.values())).camera
+        blank = np.zeros((size.height, size.width, 3), np.uint8)
         for name, view in views.items():
-            size = next(iter(episode.views.values())).camera
-            blank = np.zeros((size.height, size.width, 3), np.uint8)
             images = [jpeg(blank if view is None else view.rgb(t)) for t in range(episode.length)]
             file.create_dataset(f"{IMAGES}/{name}", data=np.array(images, "S"))
             if view is not None and view.depth is not None:
@@ -196,9 +196,7 @@ def _calibration(episode: Episode) -> bytes:
     for name, view in _slots(episode).items():
         if view is None or view.camera.assumed:
             continue
-        camera = view.camera
-        track = camera.cam_to_world[:1] if camera.fixed else camera.cam_to_world
-        cameras[name] = {"K": camera.K.tolist(), "cam_to_world": track.tolist()}
+        cameras[name] = _cameras.told_of(view.camera)
         if view.depth is not None:
             cameras[name]["depth"] = f"observations/depth/{name}"
     return yaml.safe_dump({"version": 1, "cameras": cameras}, sort_keys=False).encode()

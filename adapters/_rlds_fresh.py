@@ -88,8 +88,7 @@ def beside(episode: Episode) -> bytes:
         camera = view.camera
         if camera.assumed:
             continue
-        track = camera.cam_to_world[:1] if camera.fixed else camera.cam_to_world
-        entry = {"K": camera.K.tolist(), "cam_to_world": track.tolist()}
+        entry = _cameras.told_of(camera)
         if view.depth is not None:
             entry["depth"] = f"observation/{name}_depth"
         if view.ids is not None:

@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import cv2
 import numpy as np
@@ -26,15 +27,16 @@ def decoder(
         one = _image if leaf.kind == "Image" else _unpacked
         return lambda t: one(f"{example.where}, {leaf.key}, step {t}", leaf, shape, blobs[t])
 
-    def plain(t: int) -> np.ndarray:
+    @cache
+    def frames() -> np.ndarray:
         values = example.numbers(leaf.key)
         if len(values) != length * shape[0] * shape[1]:
             expected = f"{length} times {shape[0]}x{shape[1]}"
             found = f"{len(values)} numbers"
             raise BadInput(example.where, leaf.key, found=found, expected=expected)
-        return values.reshape(length, *shape)[t]
+        return values.reshape(length, *shape)
 
-    return plain
+    return lambda t: frames()[t]
 
 
 def _image(where: str, leaf: Leaf, shape: tuple[int, int], data: bytes) -> np.ndarray:

@@ -60,7 +60,7 @@ class RLDS(Adapter):
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source if isinstance(episode.source, Recorded) else None
         folder, split, number = _place(root, key)
-        if (split, number) in _packed(folder):
+        if _packed(folder, split, number):
             raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
         tree = (
             json.dumps(_rlds_fresh.features(episode), indent=4).encode()
@@ -117,9 +117,7 @@ def _common(folder: Path) -> dict[str, bytes]:
     return {name: read_bytes(folder / name) for name in names if (folder / name).is_file()}
 
 
-def _packed(folder: Path) -> set[tuple[str, int]]:
-    return {
-        (name, i)
-        for name, split in _rlds_files.splits(folder).items()
-        for i in range(sum(split.lengths))
-    }
+def _packed(folder: Path, split: str, number: int) -> bool:
+    """Whether an episode is in the shards already."""
+    held = _rlds_files.splits(folder).get(split)
+    return held is not None and number < sum(held.lengths)

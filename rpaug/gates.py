@@ -7,7 +7,6 @@ measure; then its gate passes.
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cache
-from itertools import pairwise
 from typing import Annotated, Any, Protocol, runtime_checkable
 
 import cv2
@@ -95,7 +94,9 @@ def measure(
     anew = any(tier > 0 for tier in carriers.values())
     return Figures(
         outside=None if scene.sensor else outside,
-        reprojection=_reprojection(made) if anew else None,
+        reprojection=agreement.median_mm(made.views.values(), _moments(made.length))
+        if anew
+        else None,
         holes=_holes(holes),
         flicker=None if scene.sensor else _flicker(scene, made),
         color=_color(scene),
@@ -133,20 +134,6 @@ def _holes(holes: Mapping[str, Bool[np.ndarray, "h w"]]) -> float | None:
     for key, mask in holes.items():
         shares.setdefault(key.rsplit("/", 1)[0], []).append(float(mask.mean()))
     return max((float(np.mean(found)) for found in shares.values()), default=None)
-
-
-def _reprojection(made: Episode) -> float | None:
-    named = [
-        view for view in made.views.values() if view.depth is not None and view.ids is not None
-    ]
-    found = []
-    for first, second in pairwise([*named, named[0]] if len(named) > 1 else []):
-        for t in _moments(made.length):
-            depths = first.depth(t), second.depth(t)  # type: ignore[misc]
-            ids = first.ids(t), second.ids(t)  # type: ignore[misc]
-            found.append(agreement.reprojection(depths, ids, (first.camera, second.camera), t))
-    apart = np.concatenate(found) if found else np.empty(0)
-    return 1000 * float(np.median(apart)) if len(apart) else None
 
 
 def _flicker(scene: Scene, made: Episode) -> float | None:

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
-from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
@@ -213,31 +212,11 @@ def _agreement(
     key: str, recorded: Episode, made: Episode, times: Sequence[int]
 ) -> Iterator[Finding]:
     """Do depth and cameras still say the same of each point?"""
-    before, after = _apart(recorded, times), _apart(made, times)
+    before = agreement.median_mm(recorded.views.values(), times)
+    after = agreement.median_mm(made.views.values(), times)
     if before is not None and after is not None and after > before + SLACK:
         words = f"points lie {after:.2f} mm off what the next camera sees; recorded {before:.2f} mm"
         yield Finding("bad", key, "depth and cameras", words)
-
-
-def _apart(episode: Episode, times: Sequence[int]) -> float | None:
-    """Median distance in millimetres between one camera's points and the next one's surface."""
-    views = [v for v in episode.views.values() if v.depth is not None and not v.camera.assumed]
-    found = []
-    for first, second in pairwise([*views, views[0]] if len(views) > 1 else []):
-        for t in times:
-            depths = first.depth(t), second.depth(t)  # type: ignore[misc]
-            ids = _ids(first, t), _ids(second, t)
-            found.append(agreement.reprojection(depths, ids, (first.camera, second.camera), t))
-    apart = np.concatenate(found) if found else np.empty(0)
-    return 1000 * float(np.median(apart)) if len(apart) else None
-
-
-def _ids(view: CameraView, t: int) -> np.ndarray:
-    return (
-        np.ones((view.camera.height, view.camera.width), np.int32)
-        if view.ids is None
-        else view.ids(t)
-    )
 
 
 def _numbering(adapter: Adapter, keys: Sequence[str]) -> Iterator[Finding]:

@@ -1,10 +1,13 @@
 """Do cameras agree on where surfaces are?"""
 
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
 import numpy as np
 from jaxtyping import Float, Float64, Int
 
 from rpaug import geometry
-from rpaug.types import Camera
+from rpaug.types import Camera, CameraView
 
 
 def reprojection(
@@ -34,3 +37,25 @@ def reprojection(
             same &= (ids[1][place] == ids[0][inside]) & (depths[1][place] > 0)
     apart = np.abs(1 / inverse - z[inside])
     return apart[same & (apart < hidden)]
+
+
+def median_mm(views: Iterable[CameraView], times: Sequence[int]) -> float | None:
+    """Median distance in millimetres between the points of one camera and the surface the next one sees there.
+
+    Views without depth, and cameras whose place is assumed, are left out; without handles all is one thing. None where
+    nothing can be compared.
+    """
+    known = [view for view in views if view.depth is not None and not view.camera.assumed]
+    found = []
+    for first, second in pairwise([*known, known[0]] if len(known) > 1 else []):
+        for t in times:
+            depths = first.depth(t), second.depth(t)  # type: ignore[misc]
+            ids = _ids(first, t), _ids(second, t)
+            found.append(reprojection(depths, ids, (first.camera, second.camera), t))
+    apart = np.concatenate(found) if found else np.empty(0)
+    return 1000 * float(np.median(apart)) if len(apart) else None
+
+
+def _ids(view: CameraView, t: int) -> Int[np.ndarray, "h w"]:
+    shape = view.camera.height, view.camera.width
+    return np.ones(shape, np.int32) if view.ids is None else view.ids(t)
