@@ -2,8 +2,9 @@
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from rpaug.interfaces import Adapter
 from rpaug.preparing import ground, made_ready
 from rpaug.recipe import Option, Recipe, option
 from rpaug.recipe import build as build_recipe
-from rpaug.scene import views
+from rpaug.scene import surfels, views
 from rpaug.types import Episode, Scene
 
 
@@ -85,11 +86,16 @@ def redraw(scene: Scene, described: Sequence[dict[str, Any]]) -> tuple[Scene, tu
 
 
 def render(
-    scene: Scene, draws: tuple[Draw, ...], plan: planning.Plan, counted: bool = False
+    scene: Scene,
+    draws: tuple[Draw, ...],
+    plan: planning.Plan,
+    counted: bool = False,
+    kept: Callable[[], surfels.Surfels] | None = None,
 ) -> Made:
     """The edited episode, every image still to be rendered when a writer or a trainer asks for it.
 
-    `counted` counts changed pixels that no edit reaches, for the gates, as frames pass by.
+    `counted` counts changed pixels that no edit reaches, for the gates, as frames pass by. `kept` gives the recorded
+    scene's surfels, which all copies of an episode share.
     """
     settled = planning.settle(plan, scene)
     tally = report.Tally(list(scene.episode.views))
@@ -109,7 +115,7 @@ def render(
             ids = scene.episode.views[camera].ids
             tally.outside[camera, t] = gating.beyond(scene, before, image, ids(t) if ids else None)
 
-    episode = views.edited(scene, settled.carriers, watch, settled.blended)
+    episode = views.edited(scene, settled.carriers, watch, settled.blended, kept)
     return Made(episode, scene, draws, settled, tally)
 
 
@@ -143,13 +149,14 @@ def augment(job: Job) -> Iterator[dict[str, Any]]:
     scene, plan = made_ready(episode, recipe, job.tier, job.scenes, watch)
     with watch("ground"):
         ground(scene, recipe)
+    kept = cache(lambda: surfels.recorded(scene))
     shared = {stage: seconds / len(job.copies) for stage, seconds in watch.seconds.items()}
     for copy, key in job.copies:
         place = Place(copy, job.target, key)
         if copy == ORIGINAL:
-            write(adapter, render(scene, (), plan), job, place, shared)
+            write(adapter, render(scene, (), plan, kept=kept), job, place, shared)
         else:
-            place = _augmented(adapter, scene, recipe, plan, job, place, shared)
+            place = _augmented(adapter, scene, recipe, plan, job, place, shared, kept)
         yield json.loads((place.root / key / report.NAME).read_bytes())
 
 
@@ -161,6 +168,7 @@ def _augmented(
     job: Job,
     place: "Place",
     shared: dict[str, float],
+    kept: Callable[[], surfels.Surfels],
 ) -> "Place":
     """Write one copy and say where.
 
@@ -174,7 +182,7 @@ def _augmented(
             edited, draws = draw(scene, recipe, place.copy, attempt)
         if any(draws == one.draws for one in failed.values()):
             continue
-        made = render(edited, draws, plan, counted=gates is not None)
+        made = render(edited, draws, plan, gates is not None, kept)
         trial = Trial(gates, attempt, strict=True) if gates else None
         try:
             write(adapter, made, job, place, shared | watch.seconds, trial)
@@ -244,7 +252,7 @@ def write(
             draws=[draw.describe() for draw in made.draws],
             plan=made.plan.describe(),
             tally=made.tally,
-            surfels=surfels(made),
+            surfels=drawn(made),
             gaussians=len(made.scene.gaussians or ()),
             gates=judged,
             seconds=before | spent,
@@ -253,7 +261,7 @@ def write(
     adapter.write(made.episode, place.root, place.key, side)
 
 
-def surfels(made: Made) -> int:
+def drawn(made: Made) -> int:
     """Recorded pixels that stand for surfaces in this copy."""
     return sum(
         view.camera.width * view.camera.height * made.episode.length

@@ -80,7 +80,7 @@ class Robot:
     extra: Mapping[str, Float64[np.ndarray, "t ..."]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Episode:
     """One recorded demonstration.
 
@@ -116,7 +116,7 @@ class Mesh:
     image: UInt8[np.ndarray, "h w 3"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Body:
     """A rigid set of instances and where it is over time.
 

@@ -131,7 +131,7 @@ class Texturing(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         handles = sorted(targets.find(scene, self.target))
-        seen = shading.sample(scene, handles)
+        seen = shading.sample(scene.episode, scene.bodies, tuple(handles))
         if not seen:
             raise TargetError(f"{self.target}: no camera shows it at a known depth")
         name = draw(self.texture, self.textures, rng)

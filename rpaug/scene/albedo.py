@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
 from rpaug.errors import Unsupported
-from rpaug.scene import sampling
+from rpaug.scene import remembered, sampling
 from rpaug.types import Episode
 
 LEAST_PIXELS = 8
@@ -75,11 +75,16 @@ def describe(
 
     Raises Unsupported for a black one.
     """
-    found = estimate(pixels(episode, handle))
+    found = _estimated(episode, handle)
     rgb = found.rgb if known is None else known
     if max(rgb) < BLACK:
         raise Unsupported(f"handle {handle} is black: no shading can be read off it to paint with")
     return {"handle": handle, "albedo": list(rgb), "plain": found.plain}
+
+
+@remembered.of_episode
+def _estimated(episode: Episode, handle: int) -> Albedo:
+    return estimate(pixels(episode, handle))
 
 
 def highlight(

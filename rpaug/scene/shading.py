@@ -16,8 +16,10 @@ from jaxtyping import Float32, Float64
 
 from rpaug.errors import Unsupported
 from rpaug.render.jit import kernel
-from rpaug.scene import albedo, sampling, surface
-from rpaug.types import Scene
+from rpaug.scene import albedo, remembered, sampling, surface
+from rpaug.types import Body, Episode, Scene
+
+RGB = tuple[float, float, float]
 
 FRAMES = 6
 MOST_PIXELS = 600  # of one thing, from one image
@@ -47,17 +49,19 @@ class Samples:
     facing: Float32[np.ndarray, "n 3"]
 
 
-def sample(scene: Scene, handles: Iterable[int]) -> dict[int, Samples]:
-    """Pixels of each thing that is seen at all. Raises Unsupported if no camera has depth."""
-    wanted = sorted(handles)
-    if all(view.depth is None for view in scene.episode.views.values()):
+@remembered.of_episode
+def sample(
+    episode: Episode, bodies: tuple[Body, ...], wanted: tuple[int, ...]
+) -> dict[int, Samples]:
+    """Pixels of each of the `wanted` handles that is seen at all. Raises Unsupported if no camera has depth."""
+    if all(view.depth is None for view in episode.views.values()):
         raise Unsupported("a texture needs recorded depth to lie on, and this source has none")
-    parts: dict[int, list[tuple[np.ndarray, ...]]] = {handle: [] for handle in wanted}
-    for name, t, rgb, ids in sampling.images(scene.episode, FRAMES):
-        view = scene.episode.views[name]
+    parts: dict[int, list[tuple[np.ndarray, ...]]] = {handle: [] for handle in sorted(wanted)}
+    for name, t, rgb, ids in sampling.images(episode, FRAMES):
+        view = episode.views[name]
         if ids is None or view.depth is None:
             continue
-        at = surface.of_view(view, t, scene.bodies, ids)
+        at = surface.of_view(view, t, bodies, ids)
         for handle in wanted:
             rows = np.flatnonzero(ids == handle)
             rows = rows[:: max(1, len(rows) // MOST_PIXELS)]
@@ -111,16 +115,23 @@ class Smooth:
 
 
 def describe(
-    scene: Scene, handles: Iterable[int], known: tuple[float, float, float] | None = None
+    scene: Scene, handles: Iterable[int], known: RGB | None = None
 ) -> list[dict[str, Any]]:
     """What an edit stores of each thing's surface, as `albedo.describe` does.
 
     An albedo's brightness is that of the best-lit pixels; where depth tells light from pattern, that of the best-lit
     part of the fit, since the brightest pixels of a patterned thing are its palest spots.
     """
-    found = [albedo.describe(scene.episode, handle, known) for handle in handles]
-    if known is None and any(view.depth is not None for view in scene.episode.views.values()):
-        seen = sample(scene, [one["handle"] for one in found])
+    return [dict(one) for one in _described(scene.episode, scene.bodies, tuple(handles), known)]
+
+
+@remembered.of_episode
+def _described(
+    episode: Episode, bodies: tuple[Body, ...], handles: tuple[int, ...], known: RGB | None
+) -> list[dict[str, Any]]:
+    found = [albedo.describe(episode, handle, known) for handle in handles]
+    if known is None and any(view.depth is not None for view in episode.views.values()):
+        seen = sample(episode, bodies, handles)
         for one in found:
             here = seen.get(one["handle"])
             smooth = fit(here, tuple(one["albedo"]), known=False) if here else None

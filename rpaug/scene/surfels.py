@@ -65,10 +65,17 @@ def tolerance(noise: float) -> float:
     return max(zbuffer.SAME_SURFACE, NOISES * noise)
 
 
-def build(scene: Scene) -> Surfels:
+def build(scene: Scene, kept: Surfels | None = None) -> Surfels:
+    """What `recorded` says of the scene (`kept`, if it was asked before), and patches behind what was edited in it."""
+    kept = kept or recorded(scene)
+    return replace(kept, patches=_patches(kept, scene))
+
+
+def recorded(scene: Scene) -> Surfels:
     """Plates of the fixed cameras, history of the moving ones, and what was seen of moving bodies whose track holds.
 
-    Keeps a few images in memory. Raises Unsupported if a source has no depth.
+    Edits do not change it: all copies of an episode share it. Keeps a few images in memory. Raises Unsupported if a
+    source has no depth.
     """
     static = frozenset().union(*(body.handles for body in scene.tracked if body.motion == "static"))
     views, length = scene.episode.views, scene.episode.length
@@ -85,8 +92,7 @@ def build(scene: Scene) -> Surfels:
     history = {
         name: tuple(_history(view, length, static, noise, near)) for name, view in moving.items()
     }
-    kept = Surfels(static, plates, history, parts.recorded(scene, noise, near), noise)
-    return replace(kept, patches=_patches(kept, scene))
+    return Surfels(static, plates, history, parts.recorded(scene, noise, near), noise)
 
 
 def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:

@@ -50,12 +50,16 @@ def edited(
     carriers: Mapping[str, int],
     watch: Watch,
     blended: Mapping[str, frozenset[int]] | None = None,
+    kept: Callable[[], surfels.Surfels] | None = None,
 ) -> Episode:
     """The episode the scene now shows. Images that no edit reaches keep their recorded accessors.
 
-    `blended` names the handles that Gaussians show in a camera whose other pixels are surfels.
+    `blended` names the handles that Gaussians show in a camera whose other pixels are surfels. `kept` gives the
+    surfels of the recorded scene, where they were built before.
     """
-    shared = surfels.build(scene) if 1 in carriers.values() else None
+    shared = None
+    if 1 in carriers.values():
+        shared = surfels.build(scene, kept() if kept else None)
     views = {}
     for name in scene.episode.views:
         if carriers[name] == 0 and inserted.bodies(scene):

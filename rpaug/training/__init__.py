@@ -1,5 +1,7 @@
 """Augmentation inside a training loop: every epoch sees every demonstration edited anew."""
 
-from rpaug.training.episodes import AugmentedEpisodes
+from rpaug.training.episodes import AugmentedEpisodes, AugmentedStream
+from rpaug.training.frames import Windows
+from rpaug.training.schedule import Schedule
 
-__all__ = ["AugmentedEpisodes"]
+__all__ = ["AugmentedEpisodes", "AugmentedStream", "Schedule", "Windows"]

@@ -1,20 +1,23 @@
-"""A torch map-style dataset of augmented demonstrations."""
+"""Torch datasets of augmented demonstrations, map-style and iterable."""
 
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
-from torch.utils.data import Dataset
+from torch.utils.data import Dataset, IterableDataset, get_worker_info
 
-from rpaug import pipeline, plan, preparing, recipe, registry
+from rpaug import recipe, registry
 from rpaug.errors import Unsupported
-from rpaug.scene import keyframes
-from rpaug.types import Episode, Scene
+from rpaug.training import frames as choosing
+from rpaug.training.drawing import Draws
+from rpaug.training.frames import Frames, Windows
+from rpaug.training.schedule import Schedule
+from rpaug.training.scenes import Scenes
+from rpaug.types import Episode
 
-KEPT_SCENES = 16  # built scenes a process keeps: bodies and roles, no images
+GAUSSIANS = 3  # the first tier that is fitted
 
 
 class AugmentedEpisodes(Dataset[dict[str, Any]]):
@@ -25,9 +28,11 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
     `cameras`, per name a dict of `rgb` (n, h, w, 3) uint8, `depth` (n, h, w) float32 metres, `ids` (n, h, w) int32,
     `K` (3, 3) and `cam_to_world` (n, 4, 4) float64 (OpenCV axes, integer pixel centres).
 
-    `frames` says which frames: the key frames (PerAct's rule, the first frame among them), all, or given numbers.
-    The same recipe, epoch and episode give the same item in any worker and in any order; `set_epoch` before each
-    epoch, before the loader makes its workers (so without persistent workers). Raises BadInput, BadRecipe, Unsupported.
+    `frames` says which frames: the key frames (PerAct's rule, the first frame among them), all, given numbers, or
+    `Windows`, of which each is an item of its own. `schedule` says which episodes of an epoch are augmented. With a
+    folder `scenes`, scenes are found once and read back from there; Gaussians (tier 3) ask for one.
+    The same recipe, epoch and episode give the same item in any worker and in any order. `set_epoch` reaches workers
+    that are already running. Raises BadInput, BadRecipe, Unsupported.
     """
 
     def __init__(
@@ -35,50 +40,44 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         dataset: Path | str,
         recipe_file: Path | str,
         *,
-        frames: Literal["key", "all"] | Sequence[int] = "key",
+        frames: Frames = "key",
         cameras: Sequence[str] | None = None,
         tier: int = 0,
+        schedule: Schedule | None = None,
+        scenes: Path | str | None = None,
     ) -> None:
-        if isinstance(frames, str) and frames not in ("key", "all"):
-            raise Unsupported(
-                f"frames={frames!r}: expected 'key', 'all' or a list of frame numbers"
-            )
+        choosing.check(frames)
         if isinstance(cameras, str):
             raise Unsupported(f"cameras={cameras!r}: expected a list of names")
-        self.root = Path(dataset)
-        self.recipe = recipe.load(Path(recipe_file))
-        self.adapter = registry.adapter_for(self.root).name
-        self.keys = self.recipe.select(registry.adapter(self.adapter).episodes(self.root))
-        self.frames, self.cameras, self.tier, self.epoch = frames, cameras, tier, 0
-        if not self.keys:
-            raise Unsupported(f"{self.root}: the recipe's select matches none of its episodes")
-        if tier >= 3:
+        if tier >= GAUSSIANS and scenes is None:
             raise Unsupported(
-                "training draws at tiers 0 to 2; write episodes with `rpaug augment --tier 3`"
+                "Gaussians are fitted before training: tier 3 needs `scenes`, a folder filled by `rpaug fit`"
             )
+        root = Path(dataset)
+        held = Scenes(root, recipe.load(Path(recipe_file)), tier, Path(scenes) if scenes else None)
+        self.draws = Draws(held, schedule or Schedule())
+        self.keys, self.frames, self.cameras = self.draws.keys, frames, cameras
+        if not self.keys:
+            raise Unsupported(f"{root}: the recipe's select matches none of its episodes")
+        self.items = list(self._items(root))
+        self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()
+
+    @property
+    def epoch(self) -> int:
+        """The epoch whose draws items show."""
+        return int(self._epoch)
 
     def set_epoch(self, epoch: int) -> None:
         """Draw anew: epoch e of an episode is what `rpaug augment` writes as copy e + 1."""
-        self.epoch = epoch
+        self._epoch.fill_(epoch)
 
     def __len__(self) -> int:
-        return len(self.keys)
+        return len(self.items)
 
     def __getitem__(self, index: int) -> dict[str, Any]:
-        scene, made_plan = _scene(
-            self.adapter, self.root, self.keys[index], self.recipe_key, self.tier
-        )
-        edited, draws = pipeline.draw(scene, self.recipe, self.epoch + 1)
-        made = pipeline.render(edited, draws, made_plan)
-        return self._item(made.episode, [draw.describe() for draw in draws])
-
-    @property
-    def recipe_key(self) -> "_Hashed":
-        """The recipe as a cache key."""
-        return _Hashed(self.recipe)
-
-    def _item(self, episode: Episode, edits: list[dict[str, Any]]) -> dict[str, Any]:
-        chosen = self._chosen(episode)
+        number, start = self.items[index]
+        episode, edits = self.draws(number, self.epoch)
+        chosen = choosing.of(episode, self.frames, start)
         names = list(episode.views) if self.cameras is None else list(self.cameras)
         robot = episode.robot
         return {
@@ -95,49 +94,58 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
             "cameras": {name: _images(episode, name, chosen) for name in names},
         }
 
-    def _chosen(self, episode: Episode) -> list[int]:
-        if isinstance(self.frames, str):
-            every = list(range(episode.length))
-            if self.frames == "all":
-                return every
-            if episode.robot.gripper_open is None:
-                reason = (
-                    f"{episode.key}: key frames need the gripper's opening; ask for frames='all'"
-                )
-                raise Unsupported(reason)
-            return sorted({0, *keyframes.find(episode.robot)})
-        return list(self.frames)
+    def _items(self, root: Path) -> Iterator[tuple[int, int]]:
+        """Number of the episode and first frame of each item."""
+        if not isinstance(self.frames, Windows):
+            yield from ((number, 0) for number in range(len(self.keys)))
+            return
+        adapter = registry.adapter(self.draws.scenes.adapter)
+        for number, key in enumerate(self.keys):
+            length = adapter.read(root, key).length
+            yield from ((number, start) for start in self.frames.starts(length))
 
 
-class _Hashed:
-    """A recipe that compares by its source data."""
+class AugmentedStream(IterableDataset[dict[str, Any]]):
+    """The items of `episodes`, in an order drawn anew each epoch, every worker its own share of them.
 
-    def __init__(self, value: recipe.Recipe) -> None:
-        self.value = value
+    Whole episodes are shuffled, and then the items of `mixed` episodes at a time: windows of one episode share its
+    draw, and come from one worker. Each item comes once an epoch, whatever the number of workers. Rank `rank` of
+    `ranks` processes takes its share too.
+    """
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Hashed) and self.value.source == other.value.source
+    def __init__(
+        self, episodes: AugmentedEpisodes, *, mixed: int = 4, rank: int = 0, ranks: int = 1
+    ) -> None:
+        if mixed < 1 or not 0 <= rank < ranks:
+            raise Unsupported(f"mixed={mixed}, rank={rank} of {ranks}: expected 1 or more, 0 <= rank < ranks")
+        self.episodes, self.mixed, self.rank, self.ranks = episodes, mixed, rank, ranks
 
-    def __hash__(self) -> int:
-        return hash(repr(self.value.source))
-
-
-@lru_cache(KEPT_SCENES)
-def _scene(adapter: str, root: Path, key: str, made: _Hashed, tier: int) -> tuple[Scene, plan.Plan]:
-    episode = registry.adapter(adapter).read(root, key)
-    return preparing.made_ready(episode, made.value, tier)
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        worker = get_worker_info()
+        workers, number = (worker.num_workers, worker.id) if worker else (1, 0)
+        share, shares = self.rank * workers + number, self.ranks * workers
+        epoch, every = self.episodes.epoch, self.episodes.items
+        rng = self.episodes.draws.scenes.recipe.generator("order", epoch + 1, 0)
+        mine = rng.permutation(len(self.episodes.keys))[share::shares].tolist()
+        belong: dict[int, list[int]] = {}
+        for item, (episode, _) in enumerate(every):
+            belong.setdefault(episode, []).append(item)
+        for at in range(0, len(mine), self.mixed):
+            group = [item for episode in mine[at : at + self.mixed] for item in belong[episode]]
+            for item in rng.permutation(group).tolist():
+                yield self.episodes[item]
 
 
 def _images(episode: Episode, name: str, frames: list[int]) -> dict[str, torch.Tensor]:
     view = episode.views[name]
     images = {"rgb": view.rgb, "depth": view.depth, "ids": view.ids}
-    out = {
-        kind: torch.from_numpy(np.stack([image(t) for t in frames]))
-        for kind, image in images.items()
-        if image is not None
-    }
-    out["K"] = torch.from_numpy(
-        view.camera.K.copy()
-    )  # the scene is kept: a caller may write to an item
+    out: dict[str, torch.Tensor] = {}
+    stacks: dict[str, list[np.ndarray]] = {kind: [] for kind, image in images.items() if image}
+    for t in frames:  # all images of a frame in turn: they are rendered together
+        for kind, stack in stacks.items():
+            stack.append(images[kind](t))  # type: ignore[misc]
+    out = {kind: torch.from_numpy(np.stack(stack)) for kind, stack in stacks.items()}
+    # The scene is kept: a caller may write to an item.
+    out["K"] = torch.from_numpy(view.camera.K.copy())
     out["cam_to_world"] = torch.from_numpy(view.camera.cam_to_world[frames])
     return out

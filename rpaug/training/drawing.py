@@ -1,0 +1,42 @@
+"""One coherent draw per (epoch, episode): what `rpaug augment` writes as copy epoch + 1, rendered when asked for."""
+
+from collections import OrderedDict
+from typing import Any
+
+from rpaug import pipeline
+from rpaug.training.schedule import Schedule
+from rpaug.training.scenes import Scenes
+from rpaug.types import Episode
+
+KEPT_DRAWS = 4  # edited scenes: each keeps its recorded one in memory
+
+Drawn = tuple[Episode, list[dict[str, Any]]]
+
+
+class Draws:
+    """Edited episodes of the selected ones, with what was drawn; in epochs they are left out of, as recorded."""
+
+    def __init__(self, scenes: Scenes, schedule: Schedule) -> None:
+        self.scenes, self.schedule, self.keys = scenes, schedule, scenes.keys
+        self._held: OrderedDict[tuple[int, int], Drawn] = OrderedDict()
+
+    def __call__(self, index: int, epoch: int) -> Drawn:
+        """Episode number `index` in that epoch. Raises RpaugError."""
+        asked = index, epoch
+        if asked not in self._held:
+            self._held[asked] = self._drawn(index, epoch)
+        self._held.move_to_end(asked)
+        if len(self._held) > KEPT_DRAWS:
+            self._held.popitem(last=False)
+        return self._held[asked]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"_held": OrderedDict()}
+
+    def _drawn(self, index: int, epoch: int) -> Drawn:
+        ready, recipe = self.scenes(self.keys[index]), self.scenes.recipe
+        edited, draws = ready.scene, ()
+        if self.schedule.augmented(recipe, self.keys, epoch, index):
+            edited, draws = pipeline.draw(ready.scene, recipe, epoch + 1)
+        made = pipeline.render(edited, draws, ready.plan, kept=ready.surfels)
+        return made.episode, [draw.describe() for draw in draws]

@@ -1,0 +1,96 @@
+"""The scenes a training loop draws from: found once, kept in memory up to a limit, and in a folder if one is given."""
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from rpaug import preparing, registry
+from rpaug.plan import Plan, make
+from rpaug.recipe import Recipe
+from rpaug.scene import store, surfels
+from rpaug.scene.build import build
+from rpaug.scene.surfels import Surfels
+from rpaug.training import prepared
+from rpaug.types import Scene
+
+KEPT_SCENES = 256
+KEPT_BYTES = 512 * 2**20  # of surfels, in each process
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A recorded scene, the plan of who shows what of it, and its surfels when they are asked for."""
+
+    scene: Scene
+    plan: Plan
+    surfels: Callable[[], Surfels]
+
+
+class Scenes:
+    """Scenes of a dataset's episodes, ready for the edits of a recipe.
+
+    With a `folder`, what was found of an episode is read back from there by any process that asks again, and fitted
+    Gaussians are. A copy of it, as a worker process gets one, begins with nothing in memory.
+    """
+
+    def __init__(self, root: Path, recipe: Recipe, tier: int, folder: Path | None) -> None:
+        self.root, self.recipe, self.tier, self.folder = root, recipe, tier, folder
+        self.adapter = registry.adapter_for(root).name
+        self._held: OrderedDict[str, Ready] = OrderedDict()
+        self._bytes: dict[str, int] = {}
+
+    def __call__(self, key: str) -> Ready:
+        """The scene of one episode. Raises RpaugError."""
+        if key not in self._held:
+            self._held[key] = self._ready(key)
+        self._held.move_to_end(key)
+        while len(self._held) > 1 and self._full:
+            dropped, _ = self._held.popitem(last=False)
+            self._bytes.pop(dropped, None)
+        return self._held[key]
+
+    @property
+    def keys(self) -> list[str]:
+        """The selected episodes, in order."""
+        return self.recipe.select(registry.adapter(self.adapter).episodes(self.root))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"_held": OrderedDict(), "_bytes": {}}
+
+    @property
+    def _full(self) -> bool:
+        return len(self._held) > KEPT_SCENES or sum(self._bytes.values()) > KEPT_BYTES
+
+    def _ready(self, key: str) -> Ready:
+        episode = registry.adapter(self.adapter).read(self.root, key)
+        plan = make(preparing.operators(self.recipe), episode, self.tier)
+        bare = build(episode, with_bodies=False)
+        masked = all(view.ids and view.depth for view in episode.views.values())
+        plain = masked and plan.bodies and not plan.parts and not plan.gaussians
+        if self.folder is None or not plain or self.recipe.accuracy:
+            scene, plan = preparing.made_ready(episode, self.recipe, self.tier, self.folder)
+            return Ready(scene, plan, self._counted(key, lambda: surfels.recorded(scene)))
+        name = store.key(episode, {"prepared": prepared.VERSION}, 0)
+        path = self.folder / f"{name}{prepared.ENDING}"
+        moved = 1 in plan.carriers.values()
+        found = prepared.load(path, bare)
+        if found is None or (moved and found[1] is None):
+            scene, plan = preparing.made_ready(episode, self.recipe, self.tier)
+            found = scene, surfels.recorded(scene) if moved else None
+            prepared.save(path, *found)
+        scene, kept = found
+        return Ready(scene, plan, self._counted(key, lambda: kept or surfels.recorded(scene)))
+
+    def _counted(self, key: str, find: Callable[[], Surfels]) -> Callable[[], Surfels]:
+        """`find`, asked once, its answer counted against the memory limit."""
+
+        @cache
+        def found() -> Surfels:
+            answer = find()
+            self._bytes[key] = prepared.size(answer)
+            return answer
+
+        return found
