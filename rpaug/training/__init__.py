@@ -3,5 +3,6 @@
 from rpaug.training.episodes import AugmentedEpisodes, AugmentedStream
 from rpaug.training.frames import Windows
 from rpaug.training.schedule import Schedule
+from rpaug.training.wrapping import wrap
 
-__all__ = ["AugmentedEpisodes", "AugmentedStream", "Schedule", "Windows"]
+__all__ = ["AugmentedEpisodes", "AugmentedStream", "Schedule", "Windows", "wrap"]

@@ -4,9 +4,9 @@ from collections import OrderedDict
 from typing import Any
 
 from rpaug import pipeline
-from rpaug.training.schedule import Schedule
 from rpaug.training.scenes import Scenes
-from rpaug.types import Episode
+from rpaug.training.schedule import Schedule
+from rpaug.types import Episode, Scene
 
 KEPT_DRAWS = 4  # edited scenes: each keeps its recorded one in memory
 
@@ -35,7 +35,8 @@ class Draws:
 
     def _drawn(self, index: int, epoch: int) -> Drawn:
         ready, recipe = self.scenes(self.keys[index]), self.scenes.recipe
-        edited, draws = ready.scene, ()
+        edited: Scene = ready.scene
+        draws: tuple[pipeline.Draw, ...] = ()
         if self.schedule.augmented(recipe, self.keys, epoch, index):
             edited, draws = pipeline.draw(ready.scene, recipe, epoch + 1)
         made = pipeline.render(edited, draws, ready.plan, kept=ready.surfels)

@@ -13,8 +13,8 @@ from rpaug.errors import Unsupported
 from rpaug.training import frames as choosing
 from rpaug.training.drawing import Draws
 from rpaug.training.frames import Frames, Windows
-from rpaug.training.schedule import Schedule
 from rpaug.training.scenes import Scenes
+from rpaug.training.schedule import Schedule
 from rpaug.types import Episode
 
 GAUSSIANS = 3  # the first tier that is fitted
@@ -117,7 +117,9 @@ class AugmentedStream(IterableDataset[dict[str, Any]]):
         self, episodes: AugmentedEpisodes, *, mixed: int = 4, rank: int = 0, ranks: int = 1
     ) -> None:
         if mixed < 1 or not 0 <= rank < ranks:
-            raise Unsupported(f"mixed={mixed}, rank={rank} of {ranks}: expected 1 or more, 0 <= rank < ranks")
+            raise Unsupported(
+                f"mixed={mixed}, rank={rank} of {ranks}: expected 1 or more, 0 <= rank < ranks"
+            )
         self.episodes, self.mixed, self.rank, self.ranks = episodes, mixed, rank, ranks
 
     def __iter__(self) -> Iterator[dict[str, Any]]:

@@ -38,10 +38,11 @@ Frames = Literal["key", "all"] | Sequence[int] | Windows
 
 def check(frames: Frames) -> None:
     """Raises Unsupported for what is none of those."""
-    listed = not isinstance(frames, str | Windows)
+    if isinstance(frames, Windows):
+        return
     if isinstance(frames, str) and frames not in ("key", "all"):
         raise Unsupported(f"frames={frames!r}: expected 'key', 'all', Windows or frame numbers")
-    if listed and not all(isinstance(t, int) and t >= 0 for t in frames):
+    if not isinstance(frames, str) and not all(isinstance(t, int) and t >= 0 for t in frames):
         raise Unsupported(f"frames={frames!r}: expected frame numbers from 0")
 
 

@@ -57,9 +57,7 @@ def load(path: Path, bare: Scene) -> tuple[Scene, Surfels | None] | None:
             arrays = {name: archive[name] for name in archive.files}
         facts = json.loads(str(arrays["facts"]))
         if facts["version"] != VERSION:
-            raise BadInput(
-                path, "version", found=str(facts["version"])[:40], expected=f"{VERSION}"
-            )
+            raise BadInput(path, "version", found=str(facts["version"])[:40], expected=f"{VERSION}")
         kept = _surfels_of(facts["surfels"], arrays) if facts["surfels"] else None
         bodies = tuple(
             Body(frozenset(one.pop("handles")), arrays[one.pop("to_world")], **one)

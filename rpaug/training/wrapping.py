@@ -1,0 +1,232 @@
+"""Augmentation around a dataset that people already have: its own samples, with edited images put in their place."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from torch.utils.data import Dataset, IterableDataset
+
+from rpaug import geometry, recipe, registry
+from rpaug.errors import Unsupported
+from rpaug.training import matching
+from rpaug.training.drawing import Draws
+from rpaug.training.matching import Layout
+from rpaug.training.scenes import Scenes
+from rpaug.training.schedule import Schedule
+from rpaug.types import CameraView, Episode
+
+Kind = Literal["rgb", "depth", "ids", "points", "K", "cam_to_world"]
+Sample = Any
+Cameras = Mapping[str, str | Mapping[Kind, str]]
+CHANNELS = {"rgb": 3, "depth": 1, "ids": 1, "points": 3}
+KINDS = (*CHANNELS, "K", "cam_to_world")
+
+
+class Wrapper:
+    """Puts edited images into samples. `cameras` says where: per camera of the recording, the key of its colour image,
+    or a mapping of kinds to keys; `a/b` is key b of what stands at key a, unless `a/b` is a key itself."""
+
+    def __init__(
+        self,
+        draws: Draws,
+        episode: Callable[[Sample], str | int],
+        frame: Callable[[Sample], int | Sequence[int]],
+        cameras: Cameras,
+    ) -> None:
+        self.draws, self.episode, self.frame = draws, episode, frame
+        self.cameras: dict[str, dict[Kind, str]] = {
+            name: {"rgb": keys} if isinstance(keys, str) else dict(keys)
+            for name, keys in cameras.items()
+        }
+        adapter = registry.adapter(draws.scenes.adapter)
+        self.every = list(adapter.episodes(draws.scenes.root))
+        self.number = {key: number for number, key in enumerate(draws.keys)}
+        self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()
+
+    @property
+    def epoch(self) -> int:
+        """The epoch whose draws samples show."""
+        return int(self._epoch)
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw anew; reaches workers that are already running."""
+        self._epoch.fill_(epoch)
+
+    def __call__(self, sample: Sample) -> Sample:
+        """The sample with its images edited, everything else as it was. Raises Unsupported.
+
+        A value that no edit changes stays as the sample has it.
+        """
+        key = self._key(self.episode(sample))
+        if key not in self.number:
+            return sample  # the recipe does not select it
+        edited, edits = self.draws(self.number[key], self.epoch)
+        if not edits:
+            return sample
+        recorded = self.draws.scenes(key).scene.episode
+        asked = self.frame(sample)
+        frames = [int(asked)] if isinstance(asked, int | np.integer) else [int(t) for t in asked]
+        for t in frames:
+            if not 0 <= t < recorded.length:
+                raise Unsupported(f"{key}: found frame {t}; expected 0 to {recorded.length - 1}")
+        for camera, keys in self.cameras.items():
+            if camera not in recorded.views:
+                known = ", ".join(recorded.views)
+                raise Unsupported(f"{key}: no camera is called {camera!r}; there are: {known}")
+            for kind, place in keys.items():
+                value = _get(sample, place)
+                if value is not None and np.prod(value.shape):
+                    made = _edited(recorded, edited, camera, kind, frames, value, place)
+                    sample = _put(sample, place, made)
+        return sample
+
+    def _key(self, named: str | int) -> str:
+        if isinstance(named, int | np.integer):
+            if not 0 <= named < len(self.every):
+                raise Unsupported(f"episode {named}: expected 0 to {len(self.every) - 1}")
+            return self.every[int(named)]
+        if named not in self.every:
+            few = ", ".join(self.every[:4])
+            raise Unsupported(f"episode {named!r}: expected a number or a key such as {few}")
+        return named
+
+
+class WrappedDataset(Dataset[Any]):
+    """A map-style dataset whose samples are edited; what it does not know itself it asks of `dataset`."""
+
+    def __init__(self, dataset: Any, wrapper: Wrapper) -> None:
+        self.dataset, self.wrapper = dataset, wrapper
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw anew; reaches workers that are already running."""
+        self.wrapper.set_epoch(epoch)
+
+    def __len__(self) -> int:
+        return len(self.dataset)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.wrapper(self.dataset[index])
+
+
+class WrappedStream(IterableDataset[Any]):
+    """An iterable dataset whose samples are edited; how it is shared out among workers stays its own matter."""
+
+    def __init__(self, dataset: Any, wrapper: Wrapper) -> None:
+        self.dataset, self.wrapper = dataset, wrapper
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw anew; reaches workers that are already running."""
+        self.wrapper.set_epoch(epoch)
+
+    def __iter__(self) -> Iterator[Any]:
+        return map(self.wrapper, self.dataset)
+
+
+def wrap(
+    dataset: Any,
+    recordings: Path | str,
+    recipe_file: Path | str,
+    *,
+    episode: Callable[[Sample], str | int],
+    frame: Callable[[Sample], int | Sequence[int]],
+    cameras: Cameras,
+    schedule: Schedule | None = None,
+    scenes: Path | str | None = None,
+    tier: int = 0,
+) -> WrappedDataset | WrappedStream:
+    """`dataset` with the images of its samples edited as the recipe says, one draw per (epoch, episode).
+
+    `recordings` is the dataset on disk that the samples come from, in any layout rpaug reads. `episode` names a
+    sample's episode there, by key or by number in natural order; `frame` its frame, or frames where images are stacked.
+    `cameras` maps cameras of the recording to keys of the sample: `{"front": "front_rgb"}`, or
+    `{"front": {"rgb": "front_rgb", "points": "front_point_cloud"}}` with the kinds rgb, depth (metres), ids, points
+    (metres, world), K and cam_to_world. Axes, range, normalisation and size of images are found by comparing with the
+    recording; a sample that does not show the recorded frame is refused. Arrays and tensors keep their type and shape.
+    Samples must be mappings; they are copied where they change. Raises BadInput, BadRecipe, Unsupported.
+    """
+    for camera, keys in cameras.items():
+        unknown = [] if isinstance(keys, str) else [kind for kind in keys if kind not in KINDS]
+        if unknown:
+            known = ", ".join(KINDS)
+            raise Unsupported(f"cameras: {camera}: found {unknown[0]!r}; expected some of: {known}")
+    held = Scenes(
+        Path(recordings), recipe.load(Path(recipe_file)), tier, Path(scenes) if scenes else None
+    )
+    wrapper = Wrapper(Draws(held, schedule or Schedule()), episode, frame, cameras)
+    if hasattr(dataset, "__getitem__") and hasattr(dataset, "__len__"):
+        return WrappedDataset(dataset, wrapper)
+    return WrappedStream(dataset, wrapper)
+
+
+def _edited(
+    recorded: Episode,
+    edited: Episode,
+    camera: str,
+    kind: Kind,
+    frames: list[int],
+    value: Any,
+    name: str,
+) -> Any:
+    before, after = recorded.views[camera], edited.views[camera]
+    if kind in ("K", "cam_to_world"):
+        return _matrices(before, after, kind, frames, value, name)
+    layout = Layout.of(name, value, CHANNELS[kind])
+    shown = layout.images(value)
+    if len(shown) != len(frames):
+        raise Unsupported(f"{name}: found {len(shown)} images; expected {len(frames)}, one a frame")
+    size = shown.shape[1], shown.shape[2]
+    near = kind != "rgb"
+    old = matching.resized([_image(before, kind, t, name) for t in frames], size, near)
+    new = matching.resized([_image(after, kind, t, name) for t in frames], size, near)
+    factor, offset = matching.scale(name, shown, old, free=kind == "rgb")
+    made = np.where(old == new, shown, new * factor + offset)
+    return layout.back(made.astype(np.float32), value)
+
+
+def _image(view: CameraView, kind: Kind, t: int, name: str) -> np.ndarray:
+    """One image of that kind, as recorded or rendered. Raises Unsupported where the recording has none."""
+    read = {"rgb": view.rgb, "depth": view.depth, "ids": view.ids, "points": view.depth}[kind]
+    if read is None:
+        raise Unsupported(f"{name}: the recording has no {kind}")
+    if kind != "points":
+        return read(t)
+    points = geometry.unproject(read(t).astype(np.float64), view.camera.K)
+    return geometry.transform(view.camera.cam_to_world[t], points)
+
+
+def _matrices(
+    before: CameraView, after: CameraView, kind: Kind, frames: list[int], value: Any, name: str
+) -> Any:
+    """A camera matrix, or one a frame, where the sample holds the recorded one."""
+
+    def of(view: CameraView) -> np.ndarray:
+        return view.camera.K[None] if kind == "K" else view.camera.cam_to_world[frames]
+
+    array = np.asarray(value, np.float64).reshape(-1, *of(before).shape[1:])
+    if not np.allclose(array, of(before), atol=1e-3, rtol=1e-3):
+        raise Unsupported(f"{name}: found another matrix; expected the recorded {kind}")
+    made = np.where(of(before) == of(after), array, of(after)).reshape(value.shape)
+    if isinstance(value, torch.Tensor):
+        return torch.from_numpy(made).to(value.dtype)
+    return made.astype(value.dtype)
+
+
+def _get(sample: Mapping[str, Any], place: str) -> Any:
+    """What stands at a key, or at a path of keys. Raises Unsupported."""
+    here: Any = sample
+    for part in [place] if place in sample else place.split("/"):
+        if not isinstance(here, Mapping) or part not in here:
+            known = ", ".join(map(str, here))[:200] if isinstance(here, Mapping) else "no mapping"
+            raise Unsupported(f"sample: no {place!r}; there are: {known}")
+        here = here[part]
+    return here
+
+
+def _put(sample: Mapping[str, Any], place: str, value: Any) -> dict[str, Any]:
+    """The sample with another value there; mappings on the way are copied."""
+    if place in sample or "/" not in place:
+        return {**sample, place: value}
+    part, rest = place.split("/", 1)
+    return {**sample, part: _put(sample[part], rest, value)}
