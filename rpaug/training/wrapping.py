@@ -1,6 +1,6 @@
 """Augmentation around a dataset that people already have: its own samples, with edited images put in their place."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +15,7 @@ from rpaug.training.drawing import Draws
 from rpaug.training.matching import Layout
 from rpaug.training.scenes import Scenes
 from rpaug.training.schedule import Schedule
-from rpaug.types import CameraView, Episode
+from rpaug.types import CameraView
 
 Kind = Literal["rgb", "depth", "ids", "points", "K", "cam_to_world"]
 Sample = Any
@@ -31,8 +31,8 @@ class Wrapper:
     def __init__(
         self,
         draws: Draws,
-        episode: Callable[[Sample], str | int],
-        frame: Callable[[Sample], int | Sequence[int]],
+        episode: Callable[[Sample], Any],
+        frame: Callable[[Sample], Any],
         cameras: Cameras,
     ) -> None:
         self.draws, self.episode, self.frame = draws, episode, frame
@@ -59,15 +59,35 @@ class Wrapper:
 
         A value that no edit changes stays as the sample has it.
         """
-        key = self._key(self.episode(sample))
+        named, asked = self.episode(sample), self.frame(sample)
+        places = {
+            place: _get(sample, place) for keys in self.cameras.values() for place in keys.values()
+        }
+        if isinstance(named, str | int | np.integer):
+            made = self._edited(named, asked, places)
+        else:  # a batch
+            rows = [
+                self._edited(one, t, {place: value[row] for place, value in places.items()})
+                for row, (one, t) in enumerate(zip(named, asked, strict=True))
+            ]
+            made = {place: _stacked([row[place] for row in rows]) for place in places}
+        for place, value in made.items():
+            if value is not places[place]:
+                sample = _put(sample, place, value)
+        return sample
+
+    def _edited(
+        self, named: str | int | np.integer, asked: Any, places: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """What stands at those places once the episode is edited."""
+        made, key = dict(places), self._key(named)
         if key not in self.number:
-            return sample  # the recipe does not select it
+            return made  # the recipe does not select it
         edited, edits = self.draws(self.number[key], self.epoch)
         if not edits:
-            return sample
+            return made
         recorded = self.draws.scenes(key).scene.episode
-        asked = self.frame(sample)
-        frames = [int(asked)] if isinstance(asked, int | np.integer) else [int(t) for t in asked]
+        frames = [int(t) for t in np.atleast_1d(np.asarray(asked))]
         for t in frames:
             if not 0 <= t < recorded.length:
                 raise Unsupported(f"{key}: found frame {t}; expected 0 to {recorded.length - 1}")
@@ -75,14 +95,13 @@ class Wrapper:
             if camera not in recorded.views:
                 known = ", ".join(recorded.views)
                 raise Unsupported(f"{key}: no camera is called {camera!r}; there are: {known}")
+            views = recorded.views[camera], edited.views[camera]
             for kind, place in keys.items():
-                value = _get(sample, place)
-                if value is not None and np.prod(value.shape):
-                    made = _edited(recorded, edited, camera, kind, frames, value, place)
-                    sample = _put(sample, place, made)
-        return sample
+                if np.prod(places[place].shape):
+                    made[place] = _shown(*views, kind, frames, places[place], place)
+        return made
 
-    def _key(self, named: str | int) -> str:
+    def _key(self, named: str | int | np.integer) -> str:
         if isinstance(named, int | np.integer):
             if not 0 <= named < len(self.every):
                 raise Unsupported(f"episode {named}: expected 0 to {len(self.every) - 1}")
@@ -129,8 +148,8 @@ def wrap(
     recordings: Path | str,
     recipe_file: Path | str,
     *,
-    episode: Callable[[Sample], str | int],
-    frame: Callable[[Sample], int | Sequence[int]],
+    episode: Callable[[Sample], Any],
+    frame: Callable[[Sample], Any],
     cameras: Cameras,
     schedule: Schedule | None = None,
     scenes: Path | str | None = None,
@@ -140,6 +159,7 @@ def wrap(
 
     `recordings` is the dataset on disk that the samples come from, in any layout rpaug reads. `episode` names a
     sample's episode there, by key or by number in natural order; `frame` its frame, or frames where images are stacked.
+    Of a batch both give a list, one entry a row.
     `cameras` maps cameras of the recording to keys of the sample: `{"front": "front_rgb"}`, or
     `{"front": {"rgb": "front_rgb", "points": "front_point_cloud"}}` with the kinds rgb, depth (metres), ids, points
     (metres, world), K and cam_to_world. Axes, range, normalisation and size of images are found by comparing with the
@@ -160,16 +180,10 @@ def wrap(
     return WrappedStream(dataset, wrapper)
 
 
-def _edited(
-    recorded: Episode,
-    edited: Episode,
-    camera: str,
-    kind: Kind,
-    frames: list[int],
-    value: Any,
-    name: str,
+def _shown(
+    before: CameraView, after: CameraView, kind: Kind, frames: list[int], value: Any, name: str
 ) -> Any:
-    before, after = recorded.views[camera], edited.views[camera]
+    """The value as it is after the edit, in the sample's own layout."""
     if kind in ("K", "cam_to_world"):
         return _matrices(before, after, kind, frames, value, name)
     layout = Layout.of(name, value, CHANNELS[kind])
@@ -211,6 +225,11 @@ def _matrices(
     if isinstance(value, torch.Tensor):
         return torch.from_numpy(made).to(value.dtype)
     return made.astype(value.dtype)
+
+
+def _stacked(values: list[Any]) -> Any:
+    first = values[0]
+    return torch.stack(values) if isinstance(first, torch.Tensor) else np.stack(values)
 
 
 def _get(sample: Mapping[str, Any], place: str) -> Any:

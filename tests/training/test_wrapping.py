@@ -164,6 +164,23 @@ def test_stacked_bytes_of_half_the_size(template: Path, tmp_path: Path) -> None:
     assert made["cam_wrist"] is sample["cam_wrist"]
 
 
+def test_batches_are_edited_row_by_row(template: Path, tmp_path: Path) -> None:
+    recipe, theirs = recipe_file(tmp_path, PAINT), Theirs(template)
+    one = wrapped(template, recipe)
+    rows = [theirs[i] for i in (2, 11)]
+    batch = {
+        "where": [row["where"] for row in rows],
+        "front_rgb": torch.stack([row["obs"]["front_rgb"] for row in rows]),
+    }
+    ours = wrap(
+        [batch], template, recipe, episode=lambda s: [key for key, _ in s["where"]],
+        frame=lambda s: [t for _, t in s["where"]], cameras={"front": "front_rgb"},
+    )  # fmt: skip
+    wanted = torch.stack([one[i]["obs"]["front_rgb"] for i in (2, 11)])
+    assert torch.equal(ours[0]["front_rgb"], wanted)
+    assert not torch.equal(wanted, batch["front_rgb"])
+
+
 def test_iterators_are_wrapped_too(template: Path, tmp_path: Path) -> None:
     class Stream(IterableDataset):
         def __iter__(self) -> Iterator[Any]:
@@ -210,7 +227,7 @@ def test_wrong_names_are_told(template: Path, tmp_path: Path) -> None:
             recipe,
             episode=episode,
             frame=frame_of,
-            cameras={"front": "a"},
+            cameras={"front": "obs/front_rgb"},
         )
         with pytest.raises(Unsupported, match=text):
             ours[0]
