@@ -12,7 +12,7 @@ from rpaug import plan as planning
 from rpaug import report, residuals
 from rpaug.interfaces import Operator
 from rpaug.recipe import Recipe
-from rpaug.scene import calibration
+from rpaug.scene import arms, calibration
 from rpaug.scene.build import build
 from rpaug.types import Camera, Effect, Episode, Scene
 
@@ -53,16 +53,21 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
     for operator in operators(recipe):
         operator.ready()
     plan = planning.make(operators(recipe), episode, tier)
-    scene = build(episode, with_bodies=plan.bodies)
-    if (
-        plan.bodies
-    ):  # whatever looks at depth is misled by cameras that are not where they say they are
-        plan = replace(plan, warnings=tuple(map(str, calibration.check(episode))))
+    scene = _built(episode, recipe, plan)
+    if plan.bodies:
+        # Whatever looks at depth is misled by cameras that are not where they say they are.
+        off = tuple(map(str, calibration.check(episode)))
+        plan = replace(plan, warnings=(*off, *arms.misfits(recipe.arms, episode.robot)))
     if recipe.accuracy is None:
         return scene, plan
     moved = {name: camera for name, camera in _moved(scene, recipe) if plan.carriers[name] == 1}
     measured = residuals.measure(scene, moved) if moved else []
     return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
+
+
+def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> Scene:
+    known = arms.for_robot(recipe.arms, episode.robot) if plan.bodies else ()
+    return build(episode, with_bodies=plan.bodies, arms=known)
 
 
 def planned(episode: Episode, recipe: Recipe, tier: int) -> planning.Plan:
