@@ -138,7 +138,9 @@ def for_robot(paths: Sequence[Path], robot: Robot) -> tuple[Kinematics, ...]:
     """
     joints = robot.joint_positions.shape[1]
     if paths and not joints:
-        raise BadInput(paths[0], "arm", found="no recorded joints", expected="an episode with joints")
+        raise BadInput(
+            paths[0], "arm", found="no recorded joints", expected="an episode with joints"
+        )
     return (*(read(path, joints) for path in paths), *KNOWN)
 
 

@@ -7,11 +7,11 @@ are, and fit only what disagrees or is missing.
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Int, Int32
+from jaxtyping import Bool, Float32, Int
 
 from rpaug import geometry
 from rpaug.render.splat import Rasteriser, Splats
@@ -20,24 +20,13 @@ from rpaug.scene.gaussian_view import plane_depth, sharp, view_of
 from rpaug.scene.gaussians import chosen, joined
 from rpaug.scene.plates import Plate
 from rpaug.scene.seeds import seeds
+from rpaug.scene.store import Borrowed
 from rpaug.types import Camera, CameraView, Episode, Gaussians, Scene
 
 SAME_DEPTH = 0.02  # of depth: nearer than that is one surface
 ALIKE = 0.05  # of display colour, mean over 3x3 pixels: the founder's fit shows its own plates to about 0.01
 COVERED = 0.9  # of the light stopped: less is a gap to be filled
 PIXELS, METRES = 1e-3, 1e-5  # to which cameras of one place agree
-
-
-@dataclass(frozen=True)
-class Borrowed:
-    """Static Gaussians of another scene: `rows` of it, which are `gaussians` under the handles they have here."""
-
-    scene: str  # key in the store
-    rows: Int32[np.ndarray, "m"]
-    gaussians: Gaussians
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
 
 def place(episode: Episode) -> str | None:
@@ -74,9 +63,7 @@ def borrowed(scene: Scene, key: str, founder: Scene) -> Borrowed:
         refuted |= seen.through | (seen.shown & ~good[seen.r, seen.c])
     kept = (ids != 0) & ~refuted
     mine = chosen(lent, kept)
-    return Borrowed(
-        key, rows[kept], Gaussians(**{**_arrays(mine), "ids": ids[kept].astype(np.int32)})
-    )
+    return Borrowed(key, rows[kept], replace(mine, ids=ids[kept].astype(np.int32), moments={}))
 
 
 def begun(scene: Scene, lent: Borrowed) -> Gaussians:
@@ -113,7 +100,9 @@ class _Seen:
         inside &= plate.known[r, c]
         tolerance = SAME_DEPTH * z
         # Beside an outline the pixel next door may be the one that counts.
-        nearest = cv2.erode(np.where(plate.known, plate.depth, 0).astype(np.float32), np.ones((3, 3)))
+        nearest = cv2.erode(
+            np.where(plate.known, plate.depth, 0).astype(np.float32), np.ones((3, 3))
+        )
         return _Seen(
             r,
             c,
@@ -144,8 +133,3 @@ def _plates(scene: Scene) -> Iterator[tuple[Plate, Camera]]:
     for name, plate in surfels.build(scene).plates.items():
         view: CameraView = scene.episode.views[name]
         yield plate, view.camera
-
-
-def _arrays(gaussians: Gaussians) -> dict[str, np.ndarray]:
-    names = ("means", "quats", "scales", "opacities", "sh", "ids")
-    return {name: getattr(gaussians, name) for name in names}

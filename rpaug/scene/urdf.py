@@ -150,7 +150,9 @@ def _axis(path: Path, element: ElementTree.Element) -> Float64[np.ndarray, "3"]:
     found = _numbers(path, element, "1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
     length = float(np.linalg.norm(found))
     if not length > 0:
-        raise BadInput(path, f"joint {_name(element)!r}", found="axis 0 0 0", expected="a direction")
+        raise BadInput(
+            path, f"joint {_name(element)!r}", found="axis 0 0 0", expected="a direction"
+        )
     return found / length
 
 
