@@ -26,6 +26,7 @@ from rpaug.types import Camera, CameraView, Episode, Gaussians, Scene
 SAME_DEPTH = 0.02  # of depth: nearer than that is one surface
 ALIKE = 0.05  # of display colour, mean over 3x3 pixels: the founder's fit shows its own plates to about 0.01
 COVERED = 0.9  # of the light stopped: less is a gap to be filled
+RIM = 2  # pixels around what disagrees where nothing is borrowed: Gaussians there reach over
 PIXELS, METRES = 1e-3, 1e-5  # to which cameras of one place agree
 
 
@@ -57,8 +58,9 @@ def borrowed(scene: Scene, key: str, founder: Scene) -> Borrowed:
     ids, refuted = np.zeros(len(rows), np.int32), np.zeros(len(rows), bool)
     for plate, camera in _plates(scene):
         good, _ = _agrees(lent, plate, camera)
+        inner = cv2.erode(good.astype(np.uint8), np.ones((3, 3)), iterations=RIM) > 0
         seen = _Seen.of(lent.means, plate, camera)
-        confirmed = seen.shown & good[seen.r, seen.c]
+        confirmed = seen.shown & inner[seen.r, seen.c]
         ids = np.where((ids == 0) & confirmed, plate.ids[seen.r, seen.c], ids)
         refuted |= seen.through | (seen.shown & ~good[seen.r, seen.c])
     kept = (ids != 0) & ~refuted
@@ -114,7 +116,7 @@ class _Seen:
 def _agrees(
     gaussians: Gaussians, plate: Plate, camera: Camera
 ) -> tuple[Bool[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
-    """Where a render of the Gaussians shows the plate's surface in the plate's colours, and how much light they stop."""
+    """Where a render of the Gaussians shows the plate's surface in its colours, and how much light they stop."""
     splats = Splats.of(gaussians)
     drawn = Rasteriser(sharp(splats)).forward(splats, view_of(camera, 0))
     depth = plane_depth(drawn, splats, camera, 0)

@@ -35,7 +35,7 @@ FLOWING = ("means", "left", "right", "scales", "opacities", "sh", "ids", "origin
 
 @dataclass(frozen=True)
 class Borrowed:
-    """Static Gaussians of the scene stored under `lender`: its `rows`, which are `gaussians` with handles as they are here."""
+    """Static Gaussians of the scene stored under `lender`: its `rows`, which are `gaussians` with handles of here."""
 
     lender: str
     rows: Int32[np.ndarray, "m"]
