@@ -100,7 +100,7 @@ def test_a_urdf_needs_no_meshes_and_no_masses(tmp_path: Path) -> None:
     joints = waving()
     np.testing.assert_allclose(arms.read(path, 7).forward(joints), PANDA.forward(joints), atol=1e-9)
     assert len(arms.read(path, 8).forward(np.zeros((1, 8)))) == 8
-    with pytest.raises(BadInput, match="8 that move: joint1, .*left; expected 9"):
+    with pytest.raises(BadInput, match=r"8 that move: joint1, .*left; expected 9"):
         arms.read(path, 9)
 
 
