@@ -3,13 +3,13 @@
 import json
 import os
 import shutil
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from rpaug import registry, report
+from rpaug import preparing, registry, report
 from rpaug.engine import local
 from rpaug.errors import BadInput
 from rpaug.files import PART, REJECTED, write_atomic
@@ -29,6 +29,9 @@ class Run:
     target: Path
     tier: int = 0
     scenes: Path | None = None  # a store of fitted scenes
+    share: bool = (
+        False  # episodes of one place borrow the static Gaussians of its first, through the store
+    )
 
     @cached_property
     def adapter(self) -> Adapter:
@@ -63,6 +66,7 @@ class Run:
             "dataset": str(self.source.resolve()),
             "tier": self.tier,
             "recipe": self.recipe.source,
+            **({"share": True} if self.share else {}),
         }
 
 
@@ -107,7 +111,7 @@ def check(run: Run, resume: bool = False) -> None:
         raise BadInput(
             path, "--resume", found="no run of rpaug here", expected="the --out of a stopped run"
         ) from None
-    for name, value in run.marker.items():
+    for name, value in ({"share": None} | run.marker).items():
         if not isinstance(described, dict) or described.get(name) != value:
             raise BadInput(path, name, found=f"another {name}", expected="the one being resumed")
 
@@ -134,11 +138,11 @@ def execute(
     summary = Summary(resumed=len(done))
     total, finished = sum(len(job.copies) for job in todo), 0
     progress(0, total)
-    for outcome in local.run(todo, workers):
+    for outcome in _outcomes(_staged(run, todo), workers):
         finished += len(outcome.reports)
         if outcome.fatal:
             summary.aborted = outcome.error
-        elif outcome.error:
+        elif outcome.error and outcome.job.copies:  # who borrows from it says so too
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
     kept, rejected = _keys(run), _keys(run, REJECTED)
@@ -152,6 +156,28 @@ def execute(
     elif made_folders:
         shutil.rmtree(made_folders[-1], ignore_errors=True)
     return summary
+
+
+def _staged(run: Run, todo: Sequence[Job]) -> list[list[Job]]:
+    """The jobs in turns: what lends Gaussians to others is fitted before them, and once."""
+    if not run.share:
+        return [list(todo)]
+    lent = preparing.founders(run.adapter, run.source, [job.key for job in todo])
+    lenders = dict.fromkeys(lent.values())
+    own = {job.key: job for job in todo}
+    first = [own.get(key) or _job(run, key, ()) for key in lenders]
+    rest = [replace(job, founder=lent.get(job.key)) for job in todo if job.key not in lenders]
+    return [first, rest]
+
+
+def _outcomes(stages: Sequence[Sequence[Job]], workers: int) -> Iterator[local.Outcome]:
+    for stage in stages:
+        fatal = False
+        for outcome in local.run(stage, workers):
+            yield outcome
+            fatal |= outcome.fatal
+        if fatal:
+            return
 
 
 def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
@@ -172,20 +198,20 @@ def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
                 free[group] += 1
             copies[key].append((copy, run.adapter.key_at(key, free[group])))
             free[group] += 1
-    return [
-        Job(
-            run.adapter.name,
-            run.source,
-            key,
-            run.target,
-            tuple(made),
-            run.recipe.source,
-            run.tier,
-            run.scenes,
-        )
-        for key, made in copies.items()
-        if made
-    ]
+    return [_job(run, key, made) for key, made in copies.items() if made]
+
+
+def _job(run: Run, key: str, copies: Sequence[tuple[int, str]]) -> Job:
+    return Job(
+        run.adapter.name,
+        run.source,
+        key,
+        run.target,
+        tuple(copies),
+        run.recipe.source,
+        run.tier,
+        run.scenes,
+    )
 
 
 def _keys(run: Run, folder: str = "") -> list[str]:

@@ -1,15 +1,15 @@
 """`rpaug fit`: one episode to stored Gaussians, with the figures that say how well they show it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from rpaug.errors import BadInput
-from rpaug.scene import cached, ply, store
+from rpaug.scene import arms, cached, ply, store
 from rpaug.scene.build import build
 from rpaug.scene.descent import FitSettings
 from rpaug.scene.gaussians import placed
-from rpaug.types import Episode
+from rpaug.types import Episode, Scene
 
 
 def fit_episode(
@@ -20,16 +20,23 @@ def fit_episode(
     seed: int = 0,
     settings: FitSettings | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    founder: Episode | None = None,
+    files: Sequence[Path] = (),
 ) -> dict[str, Any]:
     """Fit, store under `folder`, export to `.ply` if asked, and return plain values.
 
-    A scene that the store has already is not fitted again. Raises BadInput if the export exists.
+    A scene that the store has already is not fitted again. `founder` lends its static Gaussians; `files` are URDF or
+    MJCF files of arms. Raises BadInput if the export exists.
     """
     if export is not None and export.exists():
         raise BadInput(export, "--ply", found="something there already", expected="a new path")
     settings = settings or FitSettings()
-    scene = build(episode, with_bodies=True)
-    name = store.key(episode, settings, seed)
+
+    def built(one: Episode) -> Scene:
+        return build(one, with_bodies=True, arms=arms.for_robot(files, one.robot))
+
+    scene, lender = built(episode), None if founder is None else built(founder)
+    name = cached.name_of(scene, settings, seed, lender)
     again = store.path_of(folder, name).is_dir()
     made, facts = cached.fitted(
         scene,
@@ -37,6 +44,7 @@ def fit_episode(
         settings=settings,
         seed=seed,
         progress=lambda share: progress(round(100 * share), 100),
+        founder=lender,
     )
     described = {
         "episode": episode.key,
@@ -44,6 +52,8 @@ def fit_episode(
         "found_in_store": again,
         **facts,
     }
+    if told := arms.misfits(files, episode.robot):
+        described["warnings"] = list(told)
     if export is not None:
         ply.write(export, placed(made, t=0))
         described["ply"] = str(export)

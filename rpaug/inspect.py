@@ -2,14 +2,16 @@
 
 import base64
 import html
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.files import encode_png
-from rpaug.scene import calibration, keyframes
+from rpaug.scene import arms, calibration, keyframes
 from rpaug.scene.build import build
 from rpaug.scene.survey import InstanceSummary, survey
 from rpaug.types import CameraView, Episode
@@ -17,8 +19,13 @@ from rpaug.types import CameraView, Episode
 MARGIN = 4  # pixels around an instance's thumbnail
 
 
-def inspect(episode: Episode) -> tuple[dict[str, Any], tuple[InstanceSummary, ...]]:
-    """Plain values about the episode, and one summary per instance (none where it has no masks or no depth)."""
+def inspect(
+    episode: Episode, files: Sequence[Path] = ()
+) -> tuple[dict[str, Any], tuple[InstanceSummary, ...]]:
+    """Plain values about the episode, and one summary per instance (none where it has no masks or no depth).
+
+    `files` are URDF or MJCF files of arms whose links are looked for first.
+    """
     described: dict[str, Any] = {
         "episode": episode.key,
         "instruction": episode.instruction,
@@ -28,9 +35,10 @@ def inspect(episode: Episode) -> tuple[dict[str, Any], tuple[InstanceSummary, ..
         "cameras": {name: _camera(view) for name, view in episode.views.items()},
     }
     described["misplaced"] = {m.camera: str(m) for m in calibration.check(episode)}
+    described["arms"] = list(arms.misfits(files, episode.robot))
     if not any(view.ids and view.depth for view in episode.views.values()):
         return described | {"instances": []}, ()
-    scene = build(episode, with_bodies=True)
+    scene = build(episode, with_bodies=True, arms=arms.for_robot(files, episode.robot))
     rows = survey(episode, scene.bodies, scene.roles)
     described["antialiased"] = scene.antialiased
     described["instances"] = [

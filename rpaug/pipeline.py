@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -135,18 +135,22 @@ class Job:
     recipe: dict[str, Any]
     tier: int
     scenes: Path | None = None  # a store of fitted scenes
+    founder: str | None = None  # key of the episode whose static Gaussians are borrowed
 
 
 def augment(job: Job) -> Iterator[dict[str, Any]]:
     """Read one episode, write its copies one by one, yield their reports. Raises RpaugError.
 
-    All edits are tried before the first copy is written: whether a target is there does not depend on the draw.
+    All edits are tried before the first copy is written: whether a target is there does not depend on the draw. A job
+    without copies fits what is to lend Gaussians to others, if the plan has any.
     """
     adapter, recipe = registry.adapter(job.adapter), build_recipe(job.recipe)
     watch = report.Stopwatch()
     with watch("read"):
         episode = adapter.read(job.source, job.key)
-    scene, plan = made_ready(episode, recipe, job.tier, job.scenes, watch)
+    scene, plan = made_ready(episode, recipe, job.tier, job.scenes, watch, _founder(adapter, job))
+    if not job.copies:
+        return
     with watch("ground"):
         ground(scene, recipe)
     kept = cache(lambda: surfels.recorded(scene))
@@ -158,6 +162,10 @@ def augment(job: Job) -> Iterator[dict[str, Any]]:
         else:
             place = _augmented(adapter, scene, recipe, plan, job, place, shared, kept)
         yield json.loads((place.root / key / report.NAME).read_bytes())
+
+
+def _founder(adapter: Adapter, job: Job) -> Callable[[], Episode] | None:
+    return partial(adapter.read, job.source, job.founder) if job.founder else None
 
 
 def _augmented(
@@ -283,9 +291,10 @@ def replay(
         ((described["copy"], key),),
         described["recipe"],
         described["plan"]["tier"],
+        founder=described["plan"].get("fit", {}).get("founder"),
     )
     episode = adapter.read(source, job.key)
-    scene, plan = made_ready(episode, recipe, job.tier)
+    scene, plan = made_ready(episode, recipe, job.tier, founder=_founder(adapter, job))
     scene, draws = redraw(scene, described["draws"])
     trial = None
     if recipe.gates and "gates" in described:

@@ -17,7 +17,10 @@ from rpaug.types import Effect, Episode, Scene
 TIERS = {0: "recorded pixels", 1: "surfels", 3: "Gaussians", 4: "Gaussians in space and time"}
 GEOMETRY = Effect.CAMERA | Effect.DEPTH | Effect.MASK | Effect.BODIES
 EVERYTHING = "everything"
-FIT = ("steps", "train_db", "held_out_db", "per_camera_db", "depth_error_mm", "four")
+FIT = (
+    "steps", "train_db", "held_out_db", "per_camera_db", "depth_error_mm", "founder", "borrowed",
+    "four",
+)  # fmt: skip
 FEWEST = 200  # pixels: the residual of a smaller region says little
 
 # Rough figures of a 2-core machine, for --dry-run: seconds per million rendered pixels, and per fit.

@@ -1,7 +1,7 @@
 """From an episode and a recipe to a scene in which its edits can be made, and the plan of who shows what."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,10 @@ import numpy as np
 
 from rpaug import plan as planning
 from rpaug import report, residuals
-from rpaug.interfaces import Operator
+from rpaug.errors import RpaugError
+from rpaug.interfaces import Adapter, Operator
 from rpaug.recipe import Recipe
-from rpaug.scene import calibration
+from rpaug.scene import arms, calibration
 from rpaug.scene.build import build
 from rpaug.types import Camera, Effect, Episode, Scene
 
@@ -34,15 +35,20 @@ def made_ready(
     tier: int,
     scenes: Path | None = None,
     watch: report.Stopwatch | None = None,
+    founder: Callable[[], Episode] | None = None,
 ) -> tuple[Scene, planning.Plan]:
-    """Plan and build: errors are measured if the recipe states an accuracy, Gaussians fitted if the plan has any."""
+    """Plan and build: errors are measured if the recipe states an accuracy, Gaussians fitted if the plan has any.
+
+    `founder` reads the episode whose static Gaussians are borrowed.
+    """
     watch = watch or report.Stopwatch()
     with watch("build"):
         scene, plan = surveyed(episode, recipe, tier)
     if not plan.gaussians:
         return _with_parts(scene, plan), plan
     with watch("fit"):
-        scene, facts = _with_gaussians(scene, plan, scenes)
+        lender = _lender(founder, recipe)
+        scene, facts = _with_gaussians(scene, plan, scenes, lender)
         risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
         measured = residuals.of_gaussians(scene, risen)
     return _with_parts(scene, plan), planning.fitted(plan, facts, measured)
@@ -53,16 +59,21 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
     for operator in operators(recipe):
         operator.ready()
     plan = planning.make(operators(recipe), episode, tier)
-    scene = build(episode, with_bodies=plan.bodies)
-    if (
-        plan.bodies
-    ):  # whatever looks at depth is misled by cameras that are not where they say they are
-        plan = replace(plan, warnings=tuple(map(str, calibration.check(episode))))
+    scene = _built(episode, recipe, plan)
+    if plan.bodies:
+        # Whatever looks at depth is misled by cameras that are not where they say they are.
+        off = tuple(map(str, calibration.check(episode)))
+        plan = replace(plan, warnings=(*off, *arms.misfits(recipe.arms, episode.robot)))
     if recipe.accuracy is None:
         return scene, plan
     moved = {name: camera for name, camera in _moved(scene, recipe) if plan.carriers[name] == 1}
     measured = residuals.measure(scene, moved) if moved else []
     return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
+
+
+def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> Scene:
+    known = arms.for_robot(recipe.arms, episode.robot) if plan.bodies else ()
+    return build(episode, with_bodies=plan.bodies, arms=known)
 
 
 def planned(episode: Episode, recipe: Recipe, tier: int) -> planning.Plan:
@@ -91,12 +102,40 @@ def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -
     return _with_parts(scene, plan)
 
 
+def _lender(founder: Callable[[], Episode] | None, recipe: Recipe) -> Scene | None:
+    if founder is None:
+        return None
+    episode = founder()
+    return build(episode, with_bodies=True, arms=arms.for_robot(recipe.arms, episode.robot))
+
+
 def _with_gaussians(
-    scene: Scene, plan: planning.Plan, scenes: Path | None
+    scene: Scene, plan: planning.Plan, scenes: Path | None, lender: Scene | None = None
 ) -> tuple[Scene, Mapping[str, Any]]:
     from rpaug.scene import cached  # only here: it brings torch and the rasteriser
 
-    return (cached.fitted_in_time if plan.tier >= 4 else cached.fitted)(scene, scenes)
+    fitted = cached.fitted_in_time if plan.tier >= 4 else cached.fitted
+    return fitted(scene, scenes, founder=lender)
+
+
+def founders(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str]:
+    """For each of these episodes that may borrow static Gaussians the one that lends them.
+
+    That is the first episode of its place in the whole dataset, in natural order: whatever was selected or fitted
+    before, and in whatever order, it is the same. The first itself, and what cannot be read, is left out.
+    """
+    from rpaug.scene import sharing  # only here: it brings torch and the rasteriser
+
+    first: dict[str, str] = {}
+    found, wanted = {}, set(keys)
+    for key in adapter.episodes(root):
+        try:
+            where = sharing.place(adapter.read(root, key))
+        except RpaugError:
+            continue  # told when its turn comes
+        if where is not None and first.setdefault(where, key) != key and key in wanted:
+            found[key] = first[where]
+    return found
 
 
 def _with_parts(scene: Scene, plan: planning.Plan) -> Scene:

@@ -58,6 +58,7 @@ class _Top(BaseModel):
     keep_originals: bool = False
     select: Select = Select()
     accuracy: Accuracy | None = None
+    arms: list[Path] = []
     edits: list[dict[str, Any]] = []
     gates: Gates | None = None
 
@@ -115,6 +116,7 @@ class Recipe:
     source: dict[str, Any]
     gates: Gates | None = None
     accuracy: Accuracy | None = None
+    arms: tuple[Path, ...] = ()  # URDF or MJCF files
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.
@@ -161,6 +163,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         source=json.loads(json.dumps(tree)),
         gates=top.gates,
         accuracy=top.accuracy,
+        arms=tuple(top.arms),
     )
 
 

@@ -1,20 +1,25 @@
 """Every tier on the same views, with the truth beside them: error, seconds a view, seconds of preparing."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
+from jaxtyping import Bool, Float32, Int32, UInt8
 
 from rpaug.bench import metrics, moved
 from rpaug.bench.moved import Sight
 from rpaug.bench.pareto import Panel
 from rpaug.errors import RpaugError
 from rpaug.render import holes
+from rpaug.render.splat import Rasteriser, Splats, warm
 from rpaug.render.zbuffer import Rendered
 from rpaug.scene import fit, gaussian_view, surfels
 from rpaug.scene.descent import settings_for
+from rpaug.scene.four import fit4
+from rpaug.scene.frame_fit import FrameFitSettings, fit_views
+from rpaug.scene.shots import shots_at
 from rpaug.types import Scene
 
 FAR = 0.02  # metres
@@ -36,37 +41,54 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class Prepared:
-    """The recorded scene with both carriers, and the processor seconds that each took."""
+class Spent:
+    """Seconds of preparing: of the processor, all threads together, and on the wall."""
 
-    scene: Scene  # with Gaussians
+    processor: float = 0.0
+    wall: float = 0.0
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """The recorded scene with all carriers that are needed, and what each took; see `STAGES`."""
+
     kept: surfels.Surfels
-    surfels_seconds: float
-    fit_seconds: float
-    fit_wall_seconds: float
-    gaussians: int
+    scene: Scene  # with Gaussians
+    in_time: Scene  # with Gaussians in space and time beside them
+    moments: Mapping[int, Splats]  # Gaussians fitted to the images of one time, by time
+    spent: Mapping[str, Spent]
+    counts: Mapping[str, int]  # of Gaussians
+
+
+STAGES = ("surfels", "gaussians", "in_time", "moments")
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way to show a view, and what of `Prepared` it needs; `show` gives None for a view it has nothing for."""
+    """A way to show a view, and which of `STAGES` it needs; `show` gives None for a view it has nothing for."""
 
     tier: str
     show: Callable[[Prepared, Sight], Shown | None]
-    surfels: bool = False
-    gaussians: bool = False
+    needs: tuple[str, ...] = ()
+
+
+Recording = tuple[Scene, Sequence[Sight]]
+"""A recorded scene, which carriers are prepared from, and views of it to be shown."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One method over all views of one set: PSNR of the mean squared error, SSIM's mean, medians of depth and of time.
+    """One method over all views of all recordings: PSNR of the mean squared error, SSIM's mean, medians of depth and
+    of time.
 
-    Depth is compared on co-visible pixels. `total_seconds` is preparing and showing all the views.
+    Depth is compared on co-visible pixels. Seconds of preparing are means over recordings; `total_seconds` is preparing
+    all and showing all views.
     """
 
     views_of: str
     method: str
     tier: str
+    recordings: int
     views: int
     all_db: float
     covisible_db: float
@@ -76,7 +98,7 @@ class Row:
     holes_percent: float
     milliseconds_a_view: float
     prepare_seconds: float
-    prepare_wall_seconds: float | None
+    prepare_wall_seconds: float
     total_seconds: float
     gaussians: int
 
@@ -99,8 +121,35 @@ def by_surfels(made: Prepared, sight: Sight) -> Shown:
 
 def by_gaussians(made: Prepared, sight: Sight) -> Shown:
     """The fitted Gaussians alone, holes filled from what lies beside them."""
-    there = replace(made.scene, cameras=sight.scene.cameras)
+    return _gaussians_of(made.scene, sight)
+
+
+def by_gaussians_in_time(made: Prepared, sight: Sight) -> Shown:
+    """The same with those in space and time for what bends."""
+    return _gaussians_of(made.in_time, sight)
+
+
+def _gaussians_of(scene: Scene, sight: Sight) -> Shown:
+    there = replace(scene, cameras=sight.scene.cameras)
     rgb, depth, ids = gaussian_view.render_view(there, sight.name, sight.t)
+    return _filled(rgb, depth, ids)
+
+
+def by_moments(made: Prepared, sight: Sight) -> Shown:
+    """Gaussians fitted to nothing but what all cameras recorded at that time, holes filled."""
+    camera, splats = sight.scene.cameras[sight.name], made.moments[sight.t]
+    view = gaussian_view.view_of(camera, sight.t)
+    drawn = Rasteriser(gaussian_view.sharp(splats)).forward(splats, view)
+    depth = gaussian_view.plane_depth(drawn, splats, camera, sight.t)
+    ids = (drawn.surface_index >= 0).astype(np.int32)
+    return _filled(gaussian_view.to_bytes(drawn.colour), depth, ids)
+
+
+def _filled(
+    rgb: UInt8[np.ndarray, "h w 3"],
+    depth: Float32[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+) -> Shown:
     none = depth == 0
     drawn = Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none)
     filled = holes.fill(drawn)
@@ -121,9 +170,11 @@ def by_both(made: Prepared, sight: Sight) -> Shown:
 # A further carrier is one more entry: what shows a view, and what it needs prepared.
 METHODS: Mapping[str, Method] = {
     "recorded image unchanged": Method("0", unchanged),
-    "surfels": Method("1", by_surfels, surfels=True),
-    "surfels, holes from Gaussians": Method("1 and 3", by_both, surfels=True, gaussians=True),
-    "Gaussians": Method("3", by_gaussians, gaussians=True),
+    "surfels": Method("1", by_surfels, ("surfels",)),
+    "surfels, holes from Gaussians": Method("1 and 3", by_both, ("surfels", "gaussians")),
+    "Gaussians of each moment": Method("3, one moment", by_moments, ("moments",)),
+    "Gaussians": Method("3", by_gaussians, ("gaussians",)),
+    "Gaussians, also in time": Method("4", by_gaussians_in_time, ("gaussians", "in_time")),
 }
 
 
@@ -136,41 +187,71 @@ def check(methods: Sequence[str]) -> None:
 
 def run(
     views_of: str,
-    recorded: Scene,
-    sights: Sequence[Sight],
+    recordings: Iterable[Recording],
     methods: Sequence[str] = tuple(METHODS),
     steps: int | None = None,
     threads: int = 2,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Callable[[], None] = lambda: None,
 ) -> list[Row]:
-    """A row for each method over all sights. `recorded` is what carriers are prepared from; `steps` are of the fit."""
+    """A row for each method over all recordings' views, the same for all. `steps` are of each fit of an episode.
+
+    `progress` is told of each method done with each recording.
+    """
     check(methods)
-    made = prepare(recorded, any(METHODS[name].gaussians for name in methods), steps, threads)
-    rows = []
-    for number, name in enumerate(methods):
-        progress(number, len(methods))
-        METHODS[name].show(made, sights[0])  # compiles
-        measured = [found for sight in sights if (found := _measured(made, name, sight))]
-        if measured:
-            rows.append(_row(views_of, name, made, measured))
-    progress(len(methods), len(methods))
-    return rows
+    needs = frozenset(need for name in methods for need in METHODS[name].needs)
+    prepared: list[Prepared] = []
+    measured: dict[str, list[dict[str, float]]] = {name: [] for name in methods}
+    for recorded, sights in recordings:
+        made = prepare(recorded, needs, sorted({sight.t for sight in sights}), steps, threads)
+        prepared.append(replace(made, moments={}))
+        for name in methods:
+            METHODS[name].show(made, sights[0])  # compiles
+            found = (_measured(made, name, sight) for sight in sights)
+            measured[name] += [one for one in found if one]
+            progress()
+    return [_row(views_of, name, prepared, found) for name, found in measured.items() if found]
 
 
-def prepare(recorded: Scene, gaussians: bool, steps: int | None, threads: int) -> Prepared:
-    """Both carriers of a recorded scene, timed."""
+def prepare(
+    recorded: Scene, needs: Collection[str], times: Sequence[int], steps: int | None, threads: int
+) -> Prepared:
+    """The carriers of a recorded scene that are needed, each timed."""
+    spent: dict[str, Spent] = {}
+    counts = dict.fromkeys(STAGES, 0)
     surfels.build(recorded)  # compiles
-    start = time.process_time()
-    kept = surfels.build(recorded)
-    took = time.process_time() - start
-    if not gaussians:
-        return Prepared(recorded, kept, took, 0.0, 0.0, 0)
-    settings = settings_for("heldout", steps=steps)
+    with _timed(spent, "surfels"):
+        kept = surfels.build(recorded)
+    scene = in_time = recorded
+    moments: dict[int, Splats] = {}
+    if "moments" in needs:
+        warm()
+        with _timed(spent, "moments"):
+            moments = {t: moment(recorded, t, threads) for t in times}
+        counts["moments"] = round(np.mean([len(splats) for splats in moments.values()]))
+    if {"gaussians", "in_time"} & set(needs):
+        settings = replace(settings_for("heldout", steps=steps), threads=threads)
+        with _timed(spent, "gaussians"):
+            scene, _ = fit.fitted(recorded, settings=settings)
+        counts["gaussians"] = len(scene.gaussians or ())
+    if "in_time" in needs:
+        with _timed(spent, "in_time"):
+            in_time, _ = fit4.fitted(scene)
+        counts["in_time"] = len(in_time.flowing or ())
+    return Prepared(kept, scene, in_time, moments, spent, counts)
+
+
+def moment(recorded: Scene, t: int, threads: int) -> Splats:
+    """Gaussians of all that the cameras recorded at t, until pixels kept back are shown no better."""
+    splats, shots = shots_at(recorded.episode, t)
+    settings = FrameFitSettings(stop="heldout", model=gaussian_view.sharp(splats), threads=threads)
+    return fit_views(splats, shots, settings).splats
+
+
+@contextmanager
+def _timed(spent: dict[str, Spent], stage: str) -> Iterator[None]:
     start, wall = time.process_time(), time.perf_counter()
-    scene, _ = fit.fitted(recorded, settings=replace(settings, threads=threads))
-    spent, waited = time.process_time() - start, time.perf_counter() - wall
-    assert scene.gaussians is not None
-    return Prepared(scene, kept, took, spent, waited, len(scene.gaussians))
+    yield
+    spent[stage] = Spent(time.process_time() - start, time.perf_counter() - wall)
 
 
 def _measured(made: Prepared, name: str, sight: Sight) -> dict[str, float] | None:
@@ -195,17 +276,22 @@ def _measured(made: Prepared, name: str, sight: Sight) -> dict[str, float] | Non
     }
 
 
-def _row(views_of: str, name: str, made: Prepared, measured: list[dict[str, float]]) -> Row:
+def _row(
+    views_of: str, name: str, prepared: Sequence[Prepared], measured: list[dict[str, float]]
+) -> Row:
     method = METHODS[name]
     mean = {key: float(np.nanmean([one[key] for one in measured])) for key in measured[0]}
     middle = {
         key: float(np.nanmedian([one[key] for one in measured])) for key in ("depth", "seconds")
     }
-    before = made.surfels_seconds * method.surfels + made.fit_seconds * method.gaussians
+    before = sum(made.spent[need].processor for made in prepared for need in method.needs)
+    wall = sum(made.spent[need].wall for made in prepared for need in method.needs)
+    counts = [sum(made.counts[need] for need in method.needs) for made in prepared]
     return Row(
         views_of=views_of,
         method=name,
         tier=method.tier,
+        recordings=len(prepared),
         views=len(measured),
         all_db=metrics.psnr(mean["all"]),
         covisible_db=metrics.psnr(mean["covisible"]),
@@ -214,8 +300,8 @@ def _row(views_of: str, name: str, made: Prepared, measured: list[dict[str, floa
         depth_far_percent=100 * mean["far"],
         holes_percent=100 * mean["holes"],
         milliseconds_a_view=1e3 * middle["seconds"],
-        prepare_seconds=before,
-        prepare_wall_seconds=made.fit_wall_seconds if method.gaussians else None,
+        prepare_seconds=before / len(prepared),
+        prepare_wall_seconds=wall / len(prepared),
         total_seconds=before + mean["seconds"] * len(measured),
-        gaussians=made.gaussians if method.gaussians else 0,
+        gaussians=round(float(np.mean(counts))),
     )

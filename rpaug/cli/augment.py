@@ -1,11 +1,12 @@
 """`rpaug augment`: write edited copies of a dataset."""
 
+import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from rpaug.cli.console import AsJson, Dataset, console, plain, print_json, progress_bar, say
+from rpaug.cli.console import Arms, AsJson, Dataset, console, plain, print_json, progress_bar, say
 from rpaug.cli.recipes import load_recipe
 from rpaug.errors import RpaugError
 
@@ -30,6 +31,10 @@ def augment(
         Path | None,
         typer.Option(help="Store of fitted scenes, for tiers 3 and 4: `rpaug fit --out`."),
     ] = None,
+    share: Annotated[
+        bool, typer.Option(help="Episodes of one place share static Gaussians, through --scenes.")
+    ] = False,
+    arm: Arms = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Instead of the recipe's.")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Override a value: edits.0.color=red.")
@@ -48,8 +53,13 @@ def augment(
 
     if tier == 2:
         raise RpaugError("--tier 2: assets enter at any tier; the least tier is 0, 1, 3 or 4")
-    loaded = load_recipe(recipe, [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])])
-    run = Run(dataset, loaded, out, tier, scenes)
+    if share and scenes is None:
+        raise RpaugError("--share: scenes are shared through a store; name its folder by --scenes")
+    told = list(set_ or [])
+    told += [f"seed={seed}"] if seed is not None else []
+    told += [f"arms={json.dumps(list(map(str, arm)))}"] if arm else []
+    loaded = load_recipe(recipe, told)
+    run = Run(dataset, loaded, out, tier, scenes, share)
     if dry_run:
         return _dry_run(run, resume, as_json)
     with progress_bar("augmenting", as_json) as progress:

@@ -23,6 +23,10 @@ console = Console(stderr=True)
 
 Dataset = Annotated[Path, typer.Argument(help="Folder of a dataset.", show_default=False)]
 EpisodeKey = Annotated[str | None, typer.Option(help="Key of one episode; the first if not given.")]
+Arms = Annotated[
+    list[Path] | None,
+    typer.Option("--arm", help="URDF or MJCF file of the robot's arm; may be given several times."),
+]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON value on stdout, nothing else.")
 ]

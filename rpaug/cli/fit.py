@@ -2,11 +2,12 @@
 
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from rpaug.cli.console import (
+    Arms,
     AsJson,
     Dataset,
     EpisodeKey,
@@ -46,6 +47,13 @@ def fit(
     steps: Annotated[
         int | None, typer.Option(min=1, help="Most steps of the fit; more is slower and better.")
     ] = None,
+    share: Annotated[
+        bool,
+        typer.Option(
+            help="Borrow static Gaussians from the dataset's first episode of the same place."
+        ),
+    ] = False,
+    arm: Arms = None,
     as_json: AsJson = False,
 ) -> int:
     """Fit Gaussians to an episode's static background and bodies, store them, and say how well they show it.
@@ -59,13 +67,24 @@ def fit(
         raise RpaugError("--target: only --stop fidelity has one")
     settings = settings_for(stop.value, target=target, steps=steps)
     found = read_episode(dataset, episode)
+    founder = _founder(dataset, found.key) if share else None
     with progress_bar("fitting", as_json) as progress:
         described = fit_episode(
-            found, out, export=ply, seed=seed, settings=settings, progress=progress
-        )
+            found, out, export=ply, seed=seed, settings=settings, progress=progress,
+            founder=founder, files=arm or (),
+        )  # fmt: skip
     if as_json:
         print_json(described)
     else:
         for name, value in described.items():
             say(f"{name}: {value}")
     return 0
+
+
+def _founder(dataset: Path, key: str) -> Any:
+    """The episode that lends Gaussians to this one; None if it is the first of its place."""
+    from rpaug import preparing, registry
+
+    adapter = registry.adapter_for(dataset)
+    first = preparing.founders(adapter, dataset, [key]).get(key)
+    return None if first is None else adapter.read(dataset, first)

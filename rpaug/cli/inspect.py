@@ -5,7 +5,16 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.console import AsJson, Dataset, EpisodeKey, print_json, read_episode, say, write_new
+from rpaug.cli.console import (
+    Arms,
+    AsJson,
+    Dataset,
+    EpisodeKey,
+    print_json,
+    read_episode,
+    say,
+    write_new,
+)
 
 
 def inspect(
@@ -14,6 +23,7 @@ def inspect(
     html: Annotated[
         Path | None, typer.Option(help="Also write a page with thumbnails to this new file.")
     ] = None,
+    arm: Arms = None,
     as_json: AsJson = False,
 ) -> int:
     """Show cameras, frames, instruction and every instance: handle, role, colour, size, motion.
@@ -23,7 +33,7 @@ def inspect(
     from rpaug import inspect as inspection
 
     found = read_episode(dataset, episode)
-    described, rows = inspection.inspect(found)
+    described, rows = inspection.inspect(found, arm or ())
     if html is not None:
         write_new(html, inspection.page(found, described, rows))
         described["html"] = str(html)
@@ -37,7 +47,7 @@ def inspect(
         say(
             f"  {name}: {camera['width']}x{camera['height']}, {kind}, {', '.join(camera['images'])}"
         )
-    for warning in described["misplaced"].values():
+    for warning in (*described["misplaced"].values(), *described["arms"]):
         say(f"  warning: {warning}")
     if not rows:
         say("no instances: that takes masks and depth")

@@ -42,6 +42,7 @@ def ls(
                 "bodies": len(facts["bodies"]),
                 "decibels": report.get("held_out_db") or report.get("train_db"),
                 "megabytes": round(facts["bytes"] / 1e6, 2),
+                "lender": facts.get("borrowed", {}).get("lender"),
             }
         )
     if as_json:
@@ -58,7 +59,8 @@ def _line(row: dict[str, Any]) -> str:
         return f"{row['key']}  damaged: {row['damaged']}"
     level = "" if row["decibels"] is None else f"{row['decibels']:6.2f} dB"
     counts = f"{row['gaussians']:>8} Gaussians {row['bodies']:>4} bodies"
-    return f"{row['key']}  {counts}  {level:9}  {row['megabytes']:8.2f} MB"
+    lent = f"  borrows from {row['lender'][:8]}" if row["lender"] else ""
+    return f"{row['key']}  {counts}  {level:9}  {row['megabytes']:8.2f} MB{lent}"
 
 
 def rm(
@@ -70,11 +72,18 @@ def rm(
 ) -> int:
     """Take scenes out of a store, damaged ones too. Nothing is removed if one key is wrong.
 
+    Nor if a scene that stays borrows from one of them.
+
     Example: [bold]rpaug scenes rm scenes 3fa2[/]
     """
     from rpaug.scene import store as stored
 
     names = list(dict.fromkeys(stored.named(store, key) for key in keys))
+    for name in names:
+        left = sorted(set(stored.borrowers(store, name)) - set(names))
+        if left:
+            few = ", ".join(left[:4])
+            raise RpaugError(f"{name} lends Gaussians to {few}: remove those too")
     for name in names:
         stored.remove(store, name)
     if as_json:

@@ -1,5 +1,7 @@
 """`rpaug bench render`, `fit`, `tiers`: speed against error."""
 
+from collections.abc import Iterable
+from itertools import count
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -147,6 +149,9 @@ def tiers(
             help="Of a dataset: cameras to show without their own recording; default all fixed."
         ),
     ] = None,
+    seeds: Annotated[
+        int, typer.Option(min=1, help="Recordings of the twin, from --seed on, taken together.")
+    ] = 1,
     frames: Annotated[int, typer.Option(min=2, help="That the twin records.")] = 17,
     every: Annotated[int, typer.Option(min=1, help="Frames between the views compared.")] = 8,
     method: Annotated[list[str] | None, typer.Option(help="Only these methods.")] = None,
@@ -159,7 +164,7 @@ def tiers(
 ) -> int:
     """Every tier on the same views: on the twin's truly moved cameras, or on a dataset leaving one camera out.
 
-    Each camera that is left out takes a fit of its own: minutes.
+    Each recording, and each camera that is left out, takes a fit of its own: minutes.
 
     Example: [bold]rpaug bench tiers --twin open_drawer --out tiers[/]
     """
@@ -171,22 +176,31 @@ def tiers(
     origin = sources.Origin(dataset=dataset, episode=episode, task=twin, seed=seed, frames=frames)
     rows = []
     with progress_bar("measuring", as_json) as progress:
+        done = count(1)
+
+        def told(views_of: str, found: Iterable[Any], total: int) -> list[Any]:
+            def step() -> None:
+                progress(next(done), total)
+
+            return measured.run(views_of, found, methods, steps, threads, step)
+
         if twin is not None:
-            scene, sights = moved.on_the_twin(twin, seed, frames, every)
-            told = f"{twin} {seed}, moved"
-            rows += measured.run(told, scene, sights, methods, steps, threads, progress)
+            span = range(seed, seed + seeds)
+            found = (moved.on_the_twin(twin, one, frames, every) for one in span)
+            name = f"{twin} {seed}" if seeds == 1 else f"{twin} {seed} to {span[-1]}"
+            rows += told(f"{name}, moved", found, seeds * len(methods))
         else:
-            found = origin.read()
-            fixed = [name for name, view in found.views.items() if view.camera.fixed]
-            for name in leave_out or fixed:
-                if name not in found.views:
-                    known = ", ".join(found.views)
+            recorded = origin.read()
+            fixed = [name for name, view in recorded.views.items() if view.camera.fixed]
+            names = leave_out or fixed
+            for name in names:
+                if name not in recorded.views:
+                    known = ", ".join(recorded.views)
                     raise RpaugError(f"--leave-out {name}: the cameras are {known}")
-                scene, sights = moved.left_out(found, name, every)
-                told = f"{name} left out"
-                rows += measured.run(told, scene, sights, methods, steps, threads, progress)
+                pairs = [moved.left_out(recorded, name, every)]
+                rows += told(f"{name} left out", pairs, len(names) * len(methods))
     plain_rows = [vars(row) for row in rows]
-    asked = origin.describe() | {"every": every, "steps": steps, "threads": threads}
+    asked = origin.describe() | {"seeds": seeds, "every": every, "steps": steps, "threads": threads}
     drawn = {"group": "method", "label": "tier", "within": "views_of"}
     _write(out, "tiers", asked, plain_rows, measured.PANELS if plot else (), drawn)
     columns = {

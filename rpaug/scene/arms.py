@@ -1,9 +1,10 @@
-"""Where an arm's links are, from the joints it recorded: only for arms whose measures are known."""
+"""Where an arm's links are, from the joints it recorded: of arms whose measures are known, or that a file describes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -11,11 +12,14 @@ from jaxtyping import Float64
 
 from rpaug import geometry
 from rpaug.errors import BadInput
+from rpaug.files import read_bytes
+from rpaug.scene import urdf
 from rpaug.types import Robot
 
 GOOD_FIT = 0.004  # metres, rms: simulated arms give way by half a millimetre
 HELD = 0.01  # metres per radian: how firmly the joints' zeros are kept where the motion does not tell them
 ROUNDS = 20
+LEAST_FRAMES = 10  # fewer do not tell where an arm stands
 LEVER = 0.3  # metres: how far off a radian of gripper error is felt
 
 
@@ -63,7 +67,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Modelled:
-    """An arm as MuJoCo reads it from a URDF or MJCF file: its first `joints` joints, in the file's order."""
+    """An arm as MuJoCo reads it from an MJCF file: its first `joints` joints, in the file's order."""
 
     model: Any
     joints: int
@@ -84,17 +88,33 @@ class Modelled:
         return out
 
 
-def read(path: Path, joints: int) -> Modelled:
+def read(path: Path, joints: int) -> Kinematics:
     """The arm of a URDF or MJCF file, whose first `joints` joints are the recorded ones.
 
-    Raises BadInput for what is no such file or has too few joints, or ones that neither turn nor slide.
+    Of a URDF only joints are read: its meshes and masses may be missing. Raises BadInput for what is no such file or
+    has too few joints, or ones that neither turn nor slide.
     """
+    data = read_bytes(path)
+    try:
+        root = ElementTree.fromstring(data)  # resolves no external entities
+    except ElementTree.ParseError as error:
+        told = f"no XML: {error}"
+        raise BadInput(path, "arm", found=told, expected="a URDF or MJCF file") from None
+    if root.tag == "robot":
+        return urdf.read(path, root, joints)
+    if root.tag != "mujoco":
+        raise BadInput(path, "arm", found=f"<{root.tag}>", expected="a URDF or MJCF file")
+    return _modelled(path, joints)
+
+
+def _modelled(path: Path, joints: int) -> Modelled:
     import mujoco
 
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        raise BadInput(path, "arm", found=str(error), expected="a URDF or MJCF file") from None
+        told = " ".join(str(error).split())
+        raise BadInput(path, "arm", found=told, expected="an MJCF file that MuJoCo opens") from None
     simple = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
     if model.njnt < joints or not np.isin(model.jnt_type[:joints], simple).all():
         found = f"{model.njnt} joints, types {model.jnt_type.tolist()}"
@@ -111,6 +131,34 @@ PANDA = Arm(  # Franka Emika, "Robot and interface specifications"
 KNOWN = (PANDA,)
 
 
+def for_robot(paths: Sequence[Path], robot: Robot) -> tuple[Kinematics, ...]:
+    """The arms whose links are looked for: those of the files, then those whose measures are known.
+
+    Raises BadInput for a file that is wrong, and for one given where no joints were recorded to move it by.
+    """
+    joints = robot.joint_positions.shape[1]
+    if paths and not joints:
+        raise BadInput(
+            paths[0], "arm", found="no recorded joints", expected="an episode with joints"
+        )
+    return (*(read(path, joints) for path in paths), *KNOWN)
+
+
+def misfits(paths: Sequence[Path], robot: Robot) -> tuple[str, ...]:
+    """What is to be said of the files whose arms do not explain how the gripper moved: their links are not used."""
+    told = []
+    for path, arm in zip(paths, for_robot(paths, robot), strict=False):
+        if robot.gripper_to_world is None or len(robot.joint_positions) < LEAST_FRAMES:
+            why = f"there are no gripper poses, or fewer than {LEAST_FRAMES} frames, to check it by"
+        else:
+            off = _calibrated(arm, robot)[2]
+            if off < GOOD_FIT:
+                continue
+            why = f"its gripper is {1e3 * off:.0f} mm off (at most {1e3 * GOOD_FIT:.0f})"
+        told.append(f"{path.name}: this arm is not used: {why}")
+    return tuple(told)
+
+
 def link_tracks(
     robot: Robot, known: Sequence[Kinematics] = KNOWN
 ) -> Float64[np.ndarray, "j t 4 4"] | None:
@@ -123,7 +171,9 @@ def link_tracks(
     if robot.gripper_to_world is None:
         return None
     for arm in known:
-        if robot.joint_positions.shape[1] != arm.joints or len(robot.joint_positions) < 10:
+        if robot.joint_positions.shape[1] != arm.joints:
+            continue
+        if len(robot.joint_positions) < LEAST_FRAMES:
             continue
         base, zeros, rms = _calibrated(arm, robot)
         if rms < GOOD_FIT:

@@ -83,12 +83,21 @@ class _Pull:
 
 
 class Descent:
-    """A fit under way. `step` improves it by a few views; `result` says where it stands."""
+    """A fit under way. `step` improves it by a few views; `result` says where it stands.
+
+    The first `held` Gaussians stay as they are.
+    """
 
     def __init__(
-        self, begun: Gaussians, scene: Scene, trained: Sequence[int], settings: FitSettings
+        self,
+        begun: Gaussians,
+        scene: Scene,
+        trained: Sequence[int],
+        settings: FitSettings,
+        held: int = 0,
     ) -> None:
         self._scene, self._settings, self._ids = scene, settings, begun.ids
+        self._held = held
         self._adam = Adam(Splats.of(begun), settings.rates, threads=settings.threads)
         self._workers = [Rasteriser(sharp(Splats.of(begun))) for _ in range(settings.batch)]
         self._moving = [
@@ -126,7 +135,10 @@ class Descent:
             for worker, shot in zip(self._workers, shots, strict=True)
         ]
         pulls = [job.result() for job in jobs]
-        self._adam.step(_mean([pull.gradients for pull in pulls]), factor)
+        mean = _mean([pull.gradients for pull in pulls])
+        for name in PARAMETERS:
+            getattr(mean, name)[: self._held] = 0
+        self._adam.step(mean, factor)
         self._light.step(np.mean([pull.light for pull in pulls], 0), factor)
         if self._settings.refine:
             for shot, pull in zip(shots, pulls, strict=True):

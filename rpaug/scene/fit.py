@@ -19,10 +19,18 @@ from rpaug.scene.seeds import seeds
 from rpaug.scene.stops import Check
 from rpaug.types import Body, Gaussians, Scene
 
-__all__ = ["FitReport", "FitSettings", "fit", "fitted", "psnr", "ssim"]
+__all__ = ["Begun", "FitReport", "FitSettings", "fit", "fitted", "psnr", "ssim"]
 
 Progress = Callable[[float], None]
 WATCHED = 2  # times looked at by each check, of those fitted and of those held out each
+
+
+@dataclass(frozen=True)
+class Begun:
+    """Gaussians that a fit starts from; the first `held` of them stay as they are."""
+
+    gaussians: Gaussians
+    held: int = 0
 
 
 @dataclass(frozen=True)
@@ -57,14 +65,15 @@ def fit(
     settings: FitSettings | None = None,
     seed: int = 0,
     progress: Progress | None = None,
+    begun: Begun | None = None,
 ) -> tuple[Gaussians, FitReport]:
     """Gaussians in their bodies' frames that show the scene as recorded, and how well they do.
 
     Loss: squared colour error and, weighted, squared relative error of the expected depth; Adam; views in an
     order drawn from `seed`. Tracks of bodies and poses of moving cameras give way too: the Gaussians belong
     to the report's `bodies`, `drift` and `irradiance`, and `fitted` puts all into a scene. `progress` is told the
-    share done. With the `fidelity` stop, moments at all recorded times follow until the target is met. Raises
-    Unsupported without depth or bodies.
+    share done. With the `fidelity` stop, moments at all recorded times follow until the target is met. `begun` is
+    what to start from instead of seeds of all that was recorded. Raises Unsupported without depth or bodies.
     """
     settings, tell = settings or FitSettings(), progress or (lambda share: None)
     start = time.perf_counter()
@@ -72,7 +81,10 @@ def fit(
         raise Unsupported("fitting Gaussians needs depth and instance masks, which give the bodies")
     trained = frames(scene.episode.length, settings.train_frames)
     share = 1 / 2 if settings.stop.kind == "fidelity" else 1.0
-    shown, steps = _descended(scene, trained, settings, seed, lambda done: tell(share * done))
+    begun = begun or Begun(seeds(scene))
+    shown, steps = _descended(
+        scene, begun, trained, settings, seed, lambda done: tell(share * done)
+    )
     rest = sorted(set(range(scene.episode.length)) - set(trained))
     known, unseen = _some(trained, settings.checked_frames), _some(rest, settings.checked_frames)
     found = judged(shown, [*known, *unseen], settings.threads)
@@ -108,9 +120,10 @@ def fitted(
     settings: FitSettings | None = None,
     seed: int = 0,
     progress: Progress | None = None,
+    begun: Begun | None = None,
 ) -> tuple[Scene, FitReport]:
     """The scene with fitted Gaussians and the tracks and camera poses they belong to, and how well they do."""
-    gaussians, report = fit(scene, settings=settings, seed=seed, progress=progress)
+    gaussians, report = fit(scene, settings=settings, seed=seed, progress=progress, begun=begun)
     return (
         replace(
             scene,
@@ -124,11 +137,16 @@ def fitted(
 
 
 def _descended(
-    scene: Scene, trained: Sequence[int], settings: FitSettings, seed: int, tell: Progress
+    scene: Scene,
+    begun: Begun,
+    trained: Sequence[int],
+    settings: FitSettings,
+    seed: int,
+    tell: Progress,
 ) -> tuple[Scene, int]:
     """The scene with Gaussians of all times, and the steps it took."""
     shots = [shot_of(scene.episode, name, t) for t in trained for name in scene.episode.views]
-    descent = Descent(seeds(scene), scene, trained, settings)
+    descent = Descent(begun.gaussians, scene, trained, settings, begun.held)
     rng, checks, step = np.random.default_rng(seed), [], 0
     with ThreadPoolExecutor(settings.threads) as pool:
         for step, batch in enumerate(_batches(shots, settings.steps, settings.batch, rng)):

@@ -2,21 +2,24 @@
 
 A group holds the Gaussians' arrays, each body's handles and track, and attributes: format, version, key,
 settings, report, and a SHA-256 of every array and of the attributes themselves. Arrays are compressed (zstd).
-The key is a hash of the recorded content and the settings, so that a fit is found again for the same episode
-wherever it lies, and never for another.
+The key is a hash of the recorded content, the bodies found in it and the settings, so that a fit is found again for
+the same episode wherever it lies, and never for another. A scene that borrows another's static Gaussians
+(`rpaug.scene.sharing`) keeps their row numbers and handles alone, and the other's key.
 """
 
 import hashlib
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import zarr
+from jaxtyping import Int32
 from zarr.codecs import ZstdCodec
 
 from rpaug.errors import BadInput
@@ -24,10 +27,28 @@ from rpaug.files import PART, atomic_folder
 from rpaug.scene import moments
 from rpaug.types import Body, Episode, Gaussians, Gaussians4, Scene
 
-FORMAT, VERSION = "rpaug scene", 2
+FORMAT, VERSION = "rpaug scene", 3
 ENDING = ".zarr"
 ARRAYS = ("means", "quats", "scales", "opacities", "sh", "ids")
 FLOWING = ("means", "left", "right", "scales", "opacities", "sh", "ids", "origin")
+
+
+@dataclass(frozen=True)
+class Borrowed:
+    """Static Gaussians of the scene stored under `lender`: its `rows`, which are `gaussians` with handles of here."""
+
+    lender: str
+    rows: Int32[np.ndarray, "m"]
+    gaussians: Gaussians
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def without(self, handles: Collection[int]) -> "Borrowed":
+        """The same but for some instances."""
+        keep = ~np.isin(self.gaussians.ids, list(handles))
+        arrays = {name: getattr(self.gaussians, name)[keep] for name in ARRAYS}
+        return Borrowed(self.lender, self.rows[keep], Gaussians(**arrays))
 
 
 @dataclass(frozen=True)
@@ -41,12 +62,18 @@ class Stored:
     settings: Mapping[str, Any]
     report: Mapping[str, Any]
     flowing: Gaussians4 | None = None
+    borrowed: Borrowed | None = None
 
 
-def key(episode: Episode, settings: Any, seed: int) -> str:
-    """Hash of all that a fit depends on: every recorded image, the cameras, the gripper, settings and seed."""
-    digest = hashlib.sha256(f"{FORMAT} {VERSION} {seed}".encode())
+def key(scene: Scene, settings: Any, seed: int, lender: str = "") -> str:
+    """Hash of all that a fit depends on: every recorded image, cameras, gripper, bodies, settings, seed, and the key
+    of the scene that lends it Gaussians."""
+    digest = hashlib.sha256(f"{FORMAT} {VERSION} {seed} {lender}".encode())
     digest.update(json.dumps(_plain(settings), sort_keys=True).encode())
+    for body in scene.bodies:
+        digest.update(f"{sorted(body.handles)} {body.motion} {body.reference}".encode())
+        _add(digest, body.to_world)
+    episode: Episode = scene.episode
     robot = episode.robot
     for array in (robot.joint_positions, robot.gripper_to_world, robot.gripper_open):
         if array is not None:
@@ -68,15 +95,33 @@ def path_of(folder: Path, name: str) -> Path:
     return folder / f"{name}{ENDING}"
 
 
-def save(folder: Path, name: str, scene: Scene, *, settings: Any, report: Any) -> Path:
+def save(
+    folder: Path,
+    name: str,
+    scene: Scene,
+    *,
+    settings: Any,
+    report: Any,
+    borrowed: Borrowed | None = None,
+) -> Path:
     """Write the scene's Gaussians and bodies under its key; one rename at the end.
 
-    Raises BadInput if it is there already or the scene has no Gaussians.
+    `borrowed` are its first Gaussians, of which no second copy is kept. Raises BadInput if it is there already or the
+    scene has no Gaussians.
     """
     if scene.gaussians is None:
         raise BadInput(folder, "scene", found="no Gaussians", expected="a fitted scene")
     facts: dict[str, Any] = {"format": FORMAT, "version": VERSION, "key": name}
-    arrays = {f"gaussians/{n}": np.asarray(getattr(scene.gaussians, n)) for n in ARRAYS}
+    count = len(borrowed) if borrowed else 0
+    arrays = {f"gaussians/{n}": np.asarray(getattr(scene.gaussians, n))[count:] for n in ARRAYS}
+    if borrowed:
+        for n in ARRAYS:
+            same = np.array_equal(
+                getattr(scene.gaussians, n)[:count], getattr(borrowed.gaussians, n)
+            )
+            assert same, f"borrowed {n} were changed"
+        facts["borrowed"] = {"lender": borrowed.lender, "gaussians": count}
+        arrays |= {"borrowed/rows": borrowed.rows, "borrowed/ids": borrowed.gaussians.ids}
     residuals = moments.packed(scene.gaussians.moments)
     arrays |= {f"moments/{n}": array for n, array in residuals.items()}
     bodies = []
@@ -144,7 +189,19 @@ def described(folder: Path, name: str) -> dict[str, Any]:
     group, facts = _open(where)
     size = sum(path.stat().st_size for path in where.rglob("*") if path.is_file())
     count: Any = group["gaussians/means"]
-    return {**facts, "gaussians": int(count.shape[0]), "bytes": size}
+    borrowed = facts.get("borrowed", {}).get("gaussians", 0)
+    return {**facts, "gaussians": int(count.shape[0]) + borrowed, "bytes": size}
+
+
+def borrowers(folder: Path, name: str) -> list[str]:
+    """The scenes that borrow from this one and cannot be read without it; damaged ones tell nothing."""
+    found = []
+    for other in names(folder):
+        with suppress(BadInput):
+            facts = described(folder, other)
+            if facts.get("borrowed", {}).get("lender") == name:
+                found.append(other)
+    return found
 
 
 def load(folder: Path, name: str) -> Stored | None:
@@ -155,6 +212,9 @@ def load(folder: Path, name: str) -> Stored | None:
     group, facts = _open(where)
     sums: Any = facts["sha256"]
     loaded = {n: _read(where, group, f"gaussians/{n}", sums) for n in ARRAYS}
+    lent = _borrowed(folder, where, group, facts) if "borrowed" in facts else None
+    if lent:
+        loaded = {n: np.concatenate([getattr(lent.gaussians, n), loaded[n]]) for n in ARRAYS}
     described: Any = facts["bodies"]
     bodies = tuple(
         Body(
@@ -178,7 +238,21 @@ def load(folder: Path, name: str) -> Stored | None:
     if "pace" in facts:
         more = {n: _read(where, group, f"flowing/{n}", sums) for n in FLOWING}
         flowing = Gaussians4(**more, pace=plain["pace"])
-    return Stored(gaussians, bodies, drift, light, plain["settings"], plain["report"], flowing)
+    return Stored(
+        gaussians, bodies, drift, light, plain["settings"], plain["report"], flowing, lent
+    )
+
+
+def _borrowed(folder: Path, where: Path, group: zarr.Group, facts: Mapping[str, Any]) -> Borrowed:
+    """What another scene of the store lends this one. Raises BadInput if that is gone, or damaged."""
+    lender = facts["borrowed"]["lender"]
+    found = load(folder, lender)
+    if found is None:
+        raise BadInput(where, "borrowed", found=f"no scene {lender} in the store", expected="it")
+    rows = _read(where, group, "borrowed/rows", facts["sha256"])
+    lent = {n: getattr(found.gaussians, n)[rows] for n in ARRAYS}
+    lent["ids"] = _read(where, group, "borrowed/ids", facts["sha256"])
+    return Borrowed(lender, rows, Gaussians(**lent))
 
 
 def _open(where: Path) -> tuple[zarr.Group, dict[str, Any]]:

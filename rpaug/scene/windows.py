@@ -10,7 +10,7 @@ from torch import Tensor
 
 from rpaug.render.splat import Images, Splats, View, rasterise
 from rpaug.scene import moments, surface
-from rpaug.scene.gaussian_view import SHARP, standing, view_of
+from rpaug.scene.gaussian_view import sharp, standing, view_of
 from rpaug.scene.gaussians import SH0, Placement
 from rpaug.scene.sampling import frames
 from rpaug.types import Gaussians, Scene
@@ -147,4 +147,4 @@ def _drawn(
         torch.from_numpy(array[rows])
         for array in (splats.means, splats.opacities, splats.quats, splats.scales)
     )
-    return rasterise(means, opacities, sh, view, quats=quats, scales=scales, settings=SHARP)
+    return rasterise(means, opacities, sh, view, quats=quats, scales=scales, settings=sharp(splats))

@@ -26,12 +26,12 @@ def test_a_camera_that_was_left_out_is_shown_from_the_others(episode) -> None:
     assert {sight.t for sight in sights} == {0, 1}
     assert 0.3 < sights[0].covisible.mean() <= 1
     assert moved.anchor(sights[0]) == "side"
-    (row,) = tiers.run("front left out", known, sights, ["surfels"])
+    (row,) = tiers.run("front left out", [(known, sights)], ["surfels"])
     assert row.covisible_db > 25
     assert row.depth_median_mm < 1
     assert row.gaussians == 0
     # Nothing was recorded by a camera that was left out.
-    assert tiers.run("front left out", known, sights, ["recorded image unchanged"]) == []
+    assert tiers.run("front left out", [(known, sights)], ["recorded image unchanged"]) == []
 
 
 def test_holes_take_the_gaussians_where_they_show_something(monkeypatch) -> None:

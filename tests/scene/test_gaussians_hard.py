@@ -48,10 +48,12 @@ def only(given: Scene, *cameras: str) -> Scene:
 
 
 def test_a_usual_scene(recorded: Scene) -> None:
+    """What the others are measured by: 22 dB after forty steps."""
     assert shown(recorded)[0] > 22
 
 
 def test_one_frame(recorded: Scene) -> None:
+    """T = 1: nothing can be held out, and the moment is shown as well as any."""
     views = {
         name: replace(view, camera=replace(view.camera, cam_to_world=view.camera.cam_to_world[:1]))
         for name, view in recorded.episode.views.items()
@@ -64,10 +66,13 @@ def test_one_frame(recorded: Scene) -> None:
 
 
 def test_one_camera(recorded: Scene) -> None:
+    """A single fixed camera is enough."""
     assert shown(only(recorded, "front"))[0] > 22
 
 
 def test_a_thing_that_one_camera_alone_sees(recorded: Scene) -> None:
+    """Masks name the ball in one camera only: it keeps its handle there, and the rest does not suffer."""
+
     def change(name, t, rgb, depth, ids):
         ids[(ids == BALL) & (name != "front")] = TABLE
         return rgb, depth, ids
@@ -78,6 +83,8 @@ def test_a_thing_that_one_camera_alone_sees(recorded: Scene) -> None:
 
 
 def test_a_handle_that_appears_halfway(recorded: Scene) -> None:
+    """The ball has a handle from frame 4 on alone: from then on it is shown under it."""
+
     def change(name, t, rgb, depth, ids):
         if t < 4:
             ids[ids == BALL] = TABLE
@@ -87,6 +94,7 @@ def test_a_handle_that_appears_halfway(recorded: Scene) -> None:
 
 
 def test_nothing_ever_moves(recorded: Scene) -> None:
+    """Every body static and every frame alike: no track to fit, and none is missed."""
     still = np.tile(np.eye(4), (LENGTH, 1, 1))
     bodies = (Body(frozenset({TABLE, BOX, BALL}), still, "static"),)
     frozen = seen_by(recorded, lambda name, t, rgb, depth, ids: (rgb, depth, ids))
@@ -125,6 +133,8 @@ def test_depth_with_holes_and_a_mirror(recorded: Scene) -> None:
 
 
 def test_two_things_of_one_colour_keep_apart(recorded: Scene) -> None:
+    """Ball and box in one red: an edit of the ball leaves the box red."""
+
     def change(name, t, rgb, depth, ids):
         rgb[(ids == BALL) | (ids == BOX)] = (200, 40, 40)
         return rgb, depth, ids
@@ -156,6 +166,8 @@ def test_a_camera_inside_a_thing(recorded: Scene) -> None:
 
 @pytest.mark.parametrize(("factor", "away"), [(1e-3, 0.0), (1.0, 1e4), (1e-3, 1e4)])
 def test_neither_place_nor_unit_matters(recorded: Scene, factor: float, away: float) -> None:
+    """10 km from the origin, a thousandth of the size, and both: as good as the usual scene."""
+
     def placed(pose):
         out = pose.copy()
         out[..., :3, 3] = factor * (pose[..., :3, 3] + away)

@@ -137,13 +137,15 @@ class PerFrame:
 
     def __init__(self, steps: int) -> None:
         self.steps = steps
-        self.done: dict[tuple[int, int], Scene] = {}
+        self.kept: surfels.Surfels | None = None  # of the recording that `done` belongs to
+        self.done: dict[int, Scene] = {}
 
     def prepare(self, case: Case) -> Scene:
-        at = (id(case.kept), case.t)
-        if at not in self.done:
-            self.done[at] = fitted_frame(case.scene, case.t, self.steps)
-        return self.done[at]
+        if case.kept is not self.kept:
+            self.kept, self.done = case.kept, {}
+        if case.t not in self.done:
+            self.done[case.t] = fitted_frame(case.scene, case.t, self.steps)
+        return self.done[case.t]
 
     def __call__(self, case: Case) -> Rendered:
         camera = case.scene.cameras[case.name]
@@ -159,16 +161,17 @@ class WholeEpisode:
 
     def __init__(self, steps: int) -> None:
         self.steps = steps
-        self.done: dict[int, Scene] = {}
+        self.kept: surfels.Surfels | None = None
+        self.done: Scene | None = None
 
     def prepare(self, case: Case) -> None:
-        if id(case.kept) not in self.done:
-            self.done[id(case.kept)] = fitted(case.scene, settings=settings_for(steps=self.steps))[
-                0
-            ]
+        if case.kept is not self.kept:
+            settings = settings_for(steps=self.steps)
+            self.kept, self.done = case.kept, fitted(case.scene, settings=settings)[0]
 
     def __call__(self, case: Case) -> Rendered:
-        there = replace(self.done[id(case.kept)], cameras=case.scene.cameras)
+        assert self.done is not None
+        there = replace(self.done, cameras=case.scene.cameras)
         rgb, depth, ids = gaussian_view.render_view(there, case.name, case.t)
         none = depth == 0
         return Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none)

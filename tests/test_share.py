@@ -1,0 +1,99 @@
+"""`--share` and `--tier 4`, the whole way: the same episodes in any order, and again from their reports."""
+
+import json
+import shutil
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rpaug_adapters.rlbench import RLBench
+from test_augment import GROUP, contents
+
+from rpaug import pipeline, preparing, recipe, report
+from rpaug.augment import Run, execute
+from rpaug.scene import cached, store
+from rpaug.scene.descent import FitSettings
+from rpaug.scene.four.fit4 import FourSettings
+
+RECIPE = {
+    "version": 1,
+    "copies": 1,
+    "edits": [{"op": "recolor", "target": {"handle": 300}, "color": "blue"}],
+}
+FIRST, SECOND = f"{GROUP}/episode0", f"{GROUP}/episode1"
+
+
+SHORT = FitSettings(steps=8, train_frames=3, checked_frames=1, threads=1)
+BOTH = cached.Both(SHORT, FourSettings(rounds=2, checked_frames=2, densify_rounds=()))
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fits of a few steps: what is asked for here does not hang on how good they are."""
+    monkeypatch.setattr(cached, "fitted", partial(cached.fitted, settings=SHORT))
+    monkeypatch.setattr(cached, "fitted_in_time", partial(cached.fitted_in_time, settings=BOTH))
+
+
+def run(source: Path, target: Path, scenes: Path, tier: int = 3, **changes: Any) -> Path:
+    wanted = recipe.build(RECIPE | changes)
+    done = execute(Run(source, wanted, target, tier, scenes, share=True))
+    assert not done.failures, done.failures
+    return target
+
+
+def test_the_first_of_a_place_lends_whatever_is_selected(template: Path) -> None:
+    adapter = RLBench()
+    assert preparing.founders(adapter, template, [FIRST, SECOND]) == {SECOND: FIRST}
+    assert preparing.founders(adapter, template, [SECOND]) == {SECOND: FIRST}
+    assert preparing.founders(adapter, template, [FIRST]) == {}
+
+
+def test_no_order_of_fitting_changes_anything(template: Path, tmp_path: Path) -> None:
+    both = run(template, tmp_path / "both", tmp_path / "one")
+    # The second episode alone, first, into a store of its own; then all.
+    alone = run(template, tmp_path / "alone", tmp_path / "two", select={"episodes": ["*episode1"]})
+    later = run(template, tmp_path / "later", tmp_path / "two")
+    assert contents(both / GROUP) == contents(later / GROUP)
+    images = {
+        name.split("/", 1)[1]: data
+        for name, data in contents(both / GROUP).items()
+        if name.startswith("episode1/") and name.endswith(".png")
+    }
+    for name, data in contents(alone / GROUP / "episode0").items():
+        if name.endswith(".png"):
+            assert data == images[name], name
+    described = json.loads((both / SECOND / report.NAME).read_bytes())
+    assert described["plan"]["fit"]["founder"] == FIRST
+    assert described["plan"]["fit"]["borrowed"] > 500
+    assert store.names(tmp_path / "one") == store.names(tmp_path / "two")
+    # And from the report alone, without a store.
+    pipeline.replay(RLBench(), template, described, tmp_path / "again", SECOND)
+    assert contents(both / SECOND) == contents(tmp_path / "again" / SECOND)
+
+
+def test_what_cannot_be_read_lends_nothing(template: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken"
+    shutil.copytree(template, broken)
+    (broken / FIRST / "low_dim_obs.pkl").write_bytes(b"")
+    assert preparing.founders(RLBench(), broken, [SECOND]) == {}
+
+
+def test_the_fourth_tier_end_to_end(template: Path, tmp_path: Path) -> None:
+    """The ball is told to be one that bends by its masks alone; a second run finds all of it in the store."""
+    scenes = tmp_path / "scenes"
+    one = run(template, tmp_path / "one", scenes, tier=4)
+    kept = store.names(scenes)
+    two = run(template, tmp_path / "two", scenes, tier=4)
+    assert store.names(scenes) == kept
+    assert contents(one / GROUP) == contents(two / GROUP)
+    described = json.loads((one / SECOND / report.NAME).read_bytes())
+    assert set(described["plan"]["carriers"].values()) == {"tier 4, Gaussians in space and time"}
+    four = described["plan"]["fit"]["four"]
+    assert four["frames"] > 1
+    assert four["handles"] or four["reason"]
+    before, after = (RLBench().read(root, SECOND).views["front"] for root in (template, one))
+    assert before.ids is not None
+    ball = before.ids(3) == 300
+    assert (np.abs(after.rgb(3).astype(int) - before.rgb(3)).max(-1)[ball] > 30).mean() > 0.5
