@@ -44,7 +44,7 @@ NO_THING = (
             "lighter", "percent", "times", "stop", "stops", "copies", "seed", "probability", "scene", "world",
             "distractor", "distractors", "clutter", "cm", "mm", "m", "metres", "meters", "degrees", "random",
             "previous", "all", "both", "every", "each", "instead", "if", "when", "while", "because", "like", "as",
-            "look", "looks", "into", "onto", "for", "so", "also", "now", "again", "more", "less", "very", "too",
+            "look", "looks", "into", "onto", "for", "so", "also", "now", "again", "more", "less", "very", "too", "somewhere", "elsewhere", "else", "anywhere",
         }
     )
 ) - {"one", "place"}  # fmt: skip
