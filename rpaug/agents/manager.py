@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rpaug.agents import slots
-from rpaug.agents.messages import Answer, Entry, Meant, Mention, NotUnderstood, Wish
+from rpaug.agents.messages import Answer, Entry, Meant, Mention, NotUnderstood, Trace, Wish
 from rpaug.agents.operation import meant
 
 MOST_STEPS = 30
@@ -78,6 +78,7 @@ class _Round:
     fresh: list[Entry] = field(default_factory=list)  # edits of this wish
     barred: list[str] = field(default_factory=list)
     did: bool = False
+    trace: list[Trace] = field(default_factory=list)
 
     def here(self) -> Wish:
         """The wish as the next step sees it."""
@@ -98,11 +99,14 @@ def answer(wish: Wish) -> Answer:
     _respect(gathered)
     if not gathered.did or not (gathered.edits or gathered.wish.edits):
         raise NotUnderstood(f"{wish.said!r}: that asks for no change, so there is nothing to do")
+    steps = [one.input for one in gathered.trace]
+    whole = Trace(stage="manager", by="grammar", input=wish.said, output={"steps": steps, "settings": found})
     return Answer(
         edits=tuple(gathered.edits),
         settings=gathered.settings,
         mention=gathered.mention,
         notes=tuple(gathered.notes),
+        trace=(whole, *gathered.trace),
     )
 
 
@@ -192,6 +196,8 @@ def _step(part: str, verb: str, gathered: _Round) -> str:
             raise
         found, own = meant(f"{verb} {part}", gathered.here()), verb
     _take(found, chance, gathered)
+    output = {"edits": list(found.edits), "notes": list(found.notes)}
+    gathered.trace.append(Trace(stage=found.stage, by="grammar", input=part, output=output))
     return own
 
 

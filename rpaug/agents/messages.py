@@ -52,6 +52,17 @@ class Meant(Message):
     mention: Mention | None = None
     notes: tuple[str, ...] = ()
     replaces: tuple[int, ...] = ()  # earlier edits that this one takes the place of
+    stage: str = "operation"  # whose rule it was
+
+
+class Trace(Message):
+    """What one stage was given, what it was asked in words if a model was, and what it gave back."""
+
+    stage: str
+    by: str  # "grammar", "scene", or a model's name
+    input: Any
+    output: Any
+    prompt: Any = None
 
 
 class Answer(Message):
@@ -61,6 +72,7 @@ class Answer(Message):
     settings: dict[str, Any] = {}
     mention: Mention | None = None
     notes: tuple[str, ...] = ()
+    trace: tuple[Trace, ...] = ()
 
     def recipe(self) -> dict[str, Any]:
         """The recipe as plain data."""

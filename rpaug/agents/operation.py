@@ -18,6 +18,7 @@ ORDERED: list[Rule] = sorted(
         _ORDER.index(rule.make.__module__),
     ),
 )
+STAGES = {renderer.__name__: "renderer", assets.__name__: "assets"}
 VERBS = (
     "make", "paint", "remove", "add", "duplicate", "move", "rearrange", "enlarge", "shrink", "cover", "dim", "brighten",
     "raise", "lower", "jitter", "tilt", "blur",
@@ -34,7 +35,8 @@ def meant(step: str, wish: Wish) -> Meant:
             reasons.append(str(error))
             continue
         if found is not None:
-            return found
+            stage = STAGES.get(rule.make.__module__, "operation")
+            return found.model_copy(update={"stage": stage})
     other = _other_verb(step)
     if other is not None and not reasons:
         verb, known = other

@@ -15,6 +15,7 @@ from rpaug.scene import keyframes
 from rpaug.types import Episode, Scene
 
 KEPT_SCENES = 16  # built scenes a process keeps: bodies and roles, no images
+TRIES = 4  # draws of one copy until its instruction can be kept true
 
 
 class AugmentedEpisodes(Dataset[dict[str, Any]]):
@@ -68,9 +69,12 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         scene, made_plan = _scene(
             self.adapter, self.root, self.keys[index], self.recipe_key, self.tier
         )
-        edited, draws = pipeline.draw(scene, self.recipe, self.epoch + 1)
-        made = pipeline.render(edited, draws, made_plan)
-        return self._item(made.episode, [draw.describe() for draw in draws])
+        for attempt in range(TRIES):
+            edited, draws = pipeline.draw(scene, self.recipe, self.epoch + 1, attempt)
+            made = pipeline.render(edited, draws, made_plan)
+            if not made.untrue:
+                return self._item(made.episode, [draw.describe() for draw in draws])
+        return self._item(scene.episode, [])  # its instruction is true of what was recorded alone
 
     @property
     def recipe_key(self) -> "_Hashed":
