@@ -120,7 +120,7 @@ def test_it_is_written_and_reported(tmp_path, block):
     from rpaug.registry import adapter
     from rpaug.verify import verify
 
-    take = twin.perform("pick_block", 3, frames=5, size=48)
+    take = twin.perform("pick_block", 3, frames=17, size=64)
     said = replace(take.episode, descriptions=(f"put the {block} block on the pad", "move it"))
     key = "pick_block/all_variations/episodes/episode0"
     adapter("rlbench").write(said, tmp_path / "in", key, dict)
