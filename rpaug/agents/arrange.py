@@ -4,7 +4,7 @@ import re
 
 from rpaug import registry
 from rpaug.agents import slots
-from rpaug.agents.grammar import Said, done, refuse, rule
+from rpaug.agents.grammar import NotThis, Said, done, refuse, rule
 from rpaug.agents.grounding import thing, things
 from rpaug.agents.messages import Entry, Meant, Mention
 
@@ -182,6 +182,8 @@ def _scale(said: Said, low: float | None, high: float | None, notes: tuple[str, 
 
 
 def _move(said: Said, fields: Entry) -> Meant:
+    if re.match(r"(?:an?|another|some) ", said["thing"]):
+        raise NotThis  # "put a mug next to the plate" is about a new one
     where = things(said)
     if len(where) > 1 and fields.keys() & {"to"}:
         raise refuse("two things cannot stand at one place")

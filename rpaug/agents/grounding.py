@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from rpaug.agents import slots
 from rpaug.agents.grammar import NotThis, Said
 from rpaug.agents.messages import Mention, NotUnderstood
 from rpaug.scene import colours, relations, roles
@@ -47,7 +48,8 @@ NO_THING = (
             "look", "looks", "into", "onto", "for", "so", "also", "now", "again", "more", "less", "very", "too", "somewhere", "elsewhere", "else", "anywhere",
         }
     )
-) - {"one", "place"}  # fmt: skip
+ | frozenset(word for phrase in slots.WORDS for word in phrase.split())
+) - {"one", "place", "a", "an"}  # fmt: skip
 MOST_NOUNS = 3
 
 
