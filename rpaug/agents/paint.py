@@ -53,7 +53,7 @@ def one_of_colours(said: Said) -> Meant:
 
 @rule(r"(?:make|paint|turn) {thing} (?:(?:a bit|a little|slightly|much|even) )?(?P<way>darker|lighter|brighter)(?: still)?")
 def shade(said: Said) -> Meant:
-    where = thing(said)
+    where, notes = _shaded(said)
     for number, edit in reversed(list(enumerate(said.wish.edits))):
         if edit.get("op") == "recolor" and edit["target"] == where:
             dark = said["way"] == "darker"
@@ -62,11 +62,21 @@ def shade(said: Said) -> Meant:
             return done(
                 {**edit, "color": {"rgb": values}},
                 mention=Mention(kind="target", target=where),
+                notes=notes,
                 replaces=(number,),
             )
     raise refuse(
         f"{said['way']} than what? Only a colour that was asked for before has a {said['way']} one: name a colour"
     )
+
+
+def _shaded(said: Said) -> tuple[Target, tuple[str, ...]]:
+    """What is to be darker or lighter. "it" may be the one thing that was painted, if it was not named last."""
+    mention, painted = said.wish.mention, [e["target"] for e in said.wish.edits if e.get("op") == "recolor"]
+    unclear = said["thing"] == "it" and (mention is None or mention.kind in ("camera", "new"))
+    if unclear and len(painted) == 1:
+        return painted[0], (f"'it' is taken to mean what was painted: {painted[0]}",)
+    return thing(said), ()
 
 
 @rule(r"(?:give|gave) {thing} (?:a |an |the )?(?:random |new )?{texture}(?: texture| pattern| surface| finish| look)",
