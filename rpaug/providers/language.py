@@ -101,8 +101,10 @@ class Endpoint:
         complaint = ""
         for attempt in range(FEW):
             self.usage.retries += attempt > 0
-            said = self._patiently(self._body(told, name, schema))
+            said, cut = self._patiently(self._body(told, name, schema))
             try:
+                if cut:
+                    raise ValueError(f"it was cut off after {MOST_TOKENS} tokens; be brief")
                 return check(_json(said))
             except (ValueError, RpaugError) as error:
                 complaint = self.hidden(" ".join(str(error).split()))[: 5 * SHOWN]
@@ -126,8 +128,8 @@ class Endpoint:
         }  # fmt: skip
         return json.dumps(body).encode()
 
-    def _patiently(self, body: bytes) -> str:
-        """What the model said; a busy server is asked again a few times. Raises LanguageError."""
+    def _patiently(self, body: bytes) -> tuple[str, bool]:
+        """What the model said, and whether it was cut off; a busy server is asked again a few times. Raises LanguageError."""
         for attempt in range(FEW):
             self.usage.requests += 1
             start = time.monotonic()
@@ -179,11 +181,12 @@ class Endpoint:
         why = {401: "the key is not accepted", 403: "the key is not allowed this", 404: "no such path or model"}
         raise LanguageError(f"{self.url}: status {status}: {why.get(status, 'refused')} ({shown})")
 
-    def _said(self, data: bytes) -> str:
-        """The text of the first choice. Raises LanguageError."""
+    def _said(self, data: bytes) -> tuple[str, bool]:
+        """The text of the first choice, and whether it was cut off. Raises LanguageError."""
         try:
             reply = json.loads(data)
-            said = reply["choices"][0]["message"]["content"]
+            choice = reply["choices"][0]
+            said, cut = choice["message"]["content"], choice.get("finish_reason") == "length"
             used = reply.get("usage") or {}
             self.usage.tokens_in += int(used.get("prompt_tokens") or 0)
             self.usage.tokens_out += int(used.get("completion_tokens") or 0)
@@ -192,7 +195,7 @@ class Endpoint:
             raise LanguageError(f"{self.url}: that is no chat completion: {shown!r}") from None
         if not isinstance(said, str):
             raise LanguageError(f"{self.url}: the model said nothing")
-        return said
+        return said, cut
 
 
 @contextlib.contextmanager

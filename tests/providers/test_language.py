@@ -91,6 +91,12 @@ def test_a_wrong_answer_is_complained_of_and_asked_again() -> None:
     assert endpoint.usage.retries == 2
 
 
+def test_an_answer_that_was_cut_off_is_no_answer() -> None:
+    cut = json.dumps({"choices": [{"message": {"content": '{"n": 1}'}, "finish_reason": "length"}]}).encode()
+    with served(lambda h, n: h.answer(cut if n == 1 else completion('{"n": 12}'))) as (endpoint, _):
+        assert ask(endpoint) == 12
+
+
 @pytest.mark.parametrize("content", ["{", "[1, 2", '{"n": null}', "[" * 50_000, "", '{"n": true, "n": 1.5}'])
 def test_a_liar_is_given_up(content: str) -> None:
     with served(lambda h, n: h.answer(completion(content))) as (endpoint, seen):
