@@ -129,9 +129,7 @@ def _segments(words: list[str]) -> list[list[str]]:
     out: list[list[str]] = [[]]
     at = 0
     while at < len(words):
-        size = next(
-            (len(s) for s, _ in relations.SPELLED if words[at : at + len(s)] == s), int(words[at] == "and")
-        )
+        size = _relation(words[at:]) or int(words[at] == "and")
         if size:
             out.append([])
             at += size
@@ -154,8 +152,15 @@ def phrases(value: Target) -> list[str]:
     text = value if isinstance(value, str) else value.get("text")
     if text is None:
         return []
-    found = [(m.start(), m.group()) for spelling, _ in relations.SPELLED
-             for m in re.finditer(rf"\b{' '.join(spelling)}\b", text)]  # fmt: skip
-    ends = sorted({at + len(words) for at, words in found}, reverse=True)
-    anchors = [re.sub(r"^(?:the|a|an) ", "", text[end:].strip()) for end in ends]
+    words, ends, at = text.split(), [], 0
+    while at < len(words):
+        size = _relation(words[at:])
+        at += size or 1
+        ends += [at] if size else []
+    anchors = [re.sub(r"^(?:the|a|an) ", "", " ".join(words[end:])) for end in reversed(ends)]
     return [anchor for anchor in anchors if anchor and " and " not in anchor]
+
+
+def _relation(words: list[str]) -> int:
+    """How many words the relation takes that they begin with; 0 if they begin with none."""
+    return next((len(s) for s, _ in relations.SPELLED if words[: len(s)] == s), 0)

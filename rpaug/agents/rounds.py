@@ -8,11 +8,20 @@ from typing import Any
 from pydantic import ValidationError
 
 from rpaug.agents import manager
-from rpaug.agents.messages import Answer, Entry, Mention, Message, Setting, Wish
+from rpaug.agents.messages import (
+    Answer,
+    Entry,
+    Mention,
+    Message,
+    NotUnderstood,
+    Setting,
+    Wish,
+)
 from rpaug.errors import BadInput
 from rpaug.files import read_bytes
 
 MOST = 200  # rounds kept
+LONGEST = 1000  # characters of a wish: what is longer is no wish, and takes long to tell so
 
 
 class Round(Message):
@@ -76,6 +85,8 @@ def said_after(said: str, before: Sequence[str], setting: Setting) -> Answer:
 
 def next_round(history: History, said: str, setting: Setting) -> Answer:
     """What a wish comes to after these rounds, by the grammar. Raises NotUnderstood."""
+    if len(said) > LONGEST:
+        raise NotUnderstood(f"a wish of {len(said)} characters; at most {LONGEST}: say it in several")
     if undone(said) and history.rounds:
         return history.before()
     return manager.answer(history.wish(said, setting))

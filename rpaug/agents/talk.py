@@ -86,8 +86,8 @@ class Model:
 
     def __call__(self, history: History, said: str, setting: Setting) -> Answer:
         """What a wish comes to. Raises NotUnderstood, or LanguageError where the endpoint is of no use."""
-        if not said.strip():
-            raise NotUnderstood("nothing was said")
+        if not 0 < len(said.strip()) <= rounds.LONGEST:
+            raise NotUnderstood(f"a wish has 1 to {rounds.LONGEST} characters, not {len(said.strip())}")
         wish = history.wish(said, setting)
         question = {
             "wish": said,
