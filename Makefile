@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 TORCH ?= torch==2.13.0
 BIN := $(VENV)/bin
 
-.PHONY: demo test check unit wheel test-gpu test-tfds clean
+.PHONY: demo test check unit wheel test-gpu test-tfds test-llm clean
 .DEFAULT_GOAL := test
 
 $(VENV)/.installed: pyproject.toml
@@ -32,6 +32,9 @@ wheel: $(VENV)/.installed
 
 test-gpu: $(VENV)/.installed
 	$(BIN)/python -m pytest -m gpu
+
+test-llm: $(VENV)/.installed
+	RPAUG_LLM=$$($(BIN)/python tools/fetch_llm.py) $(BIN)/python -m pytest -s tests/agents/test_llm.py
 
 test-tfds: $(VENV)/.installed
 	$(BIN)/python -m pytest tests/readers/test_tfds_reader.py

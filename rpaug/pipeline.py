@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from rpaug import gates as gating
+from rpaug import instruct, registry, report
 from rpaug import plan as planning
-from rpaug import registry, report
 from rpaug.files import REJECTED
 from rpaug.interfaces import Adapter
 from rpaug.preparing import ground, made_ready
@@ -44,13 +44,17 @@ class Draw:
 
 @dataclass(frozen=True)
 class Made:
-    """One augmented copy before it is written; `tally` fills as its frames are asked for."""
+    """One augmented copy before it is written; `tally` fills as its frames are asked for.
+
+    `untrue` says why its instruction cannot be kept true, and is empty where it is: such a copy is rejected.
+    """
 
     episode: Episode
     scene: Scene
     draws: tuple[Draw, ...]
     plan: planning.Plan
     tally: report.Tally
+    untrue: str = ""
 
 
 class Rejected(Exception):
@@ -98,6 +102,12 @@ def render(
     scene's surfels, which all copies of an episode share.
     """
     settled = planning.settle(plan, scene)
+    untrue = ""
+    try:
+        words = instruct.followed(scene, [one.describe() for one in draws])
+        scene = replace(scene, descriptions=words)
+    except instruct.Untrue as error:
+        untrue = str(error)
     tally = report.Tally(list(scene.episode.views))
 
     def watch(
@@ -116,9 +126,10 @@ def render(
             tally.outside[camera, t] = gating.beyond(scene, before, image, ids(t) if ids else None)
 
     episode = views.edited(scene, settled.carriers, watch, settled.blended, kept)
-    return Made(episode, scene, draws, settled, tally)
+    return Made(episode, scene, draws, settled, tally, untrue)
 
 
+NO_LIMITS = gating.Gates(outside=None, reprojection=None, holes=None, flicker=None, color=None)
 ORIGINAL = 0
 """The copy number of an untouched episode; augmented copies count from 1."""
 
@@ -180,8 +191,8 @@ def _augmented(
 ) -> "Place":
     """Write one copy and say where.
 
-    While it fails its gates it is drawn again; a draw that failed before is not tried twice. The last draw to fail
-    goes to the folder of the rejected.
+    While it fails its gates, or its instruction cannot be kept true, it is drawn again; a draw that failed before is
+    not tried twice. The last draw to fail goes to the folder of the rejected.
     """
     watch, gates = report.Stopwatch(), recipe.gates
     failed: dict[int, Made] = {}
@@ -191,6 +202,9 @@ def _augmented(
         if any(draws == one.draws for one in failed.values()):
             continue
         made = render(edited, draws, plan, gates is not None, kept)
+        if made.untrue:
+            failed[attempt] = made
+            continue
         trial = Trial(gates, attempt, strict=True) if gates else None
         try:
             write(adapter, made, job, place, shared | watch.seconds, trial)
@@ -198,10 +212,9 @@ def _augmented(
             failed[attempt] = made
         else:
             return place
-    assert gates is not None
     attempt, made = failed.popitem()
     place = replace(place, root=job.target / REJECTED)
-    trial = Trial(gates, attempt, strict=False)
+    trial = Trial(gates or NO_LIMITS, attempt, strict=False)
     write(adapter, made, job, place, shared | watch.seconds, trial)
     return place
 
@@ -229,7 +242,7 @@ class Trial:
         figures = gating.measure(
             made.scene, made.episode, made.plan.carriers, outside, made.tally.holes
         )
-        faults = self.gates.faults(figures)
+        faults = [*self.gates.faults(figures), *([made.untrue] if made.untrue else [])]
         if faults and self.strict:
             raise Rejected
         return gating.described(figures, faults, self.attempt)
@@ -263,10 +276,17 @@ def write(
             surfels=drawn(made),
             gaussians=len(made.scene.gaussians or ()),
             gates=judged,
+            words=_words(made),
             seconds=before | spent,
         )
 
     adapter.write(made.episode, place.root, place.key, side)
+
+
+def _words(made: Made) -> dict[str, Any] | None:
+    """The instructions before and after, where an edit made them other ones."""
+    before, after = made.scene.episode.descriptions, made.episode.descriptions
+    return None if before == after else {"recorded": list(before), "written": list(after)}
 
 
 def drawn(made: Made) -> int:
@@ -297,7 +317,7 @@ def replay(
     scene, plan = made_ready(episode, recipe, job.tier, founder=_founder(adapter, job))
     scene, draws = redraw(scene, described["draws"])
     trial = None
-    if recipe.gates and "gates" in described:
-        trial = Trial(recipe.gates, described["gates"]["attempt"], strict=False)
+    if "gates" in described:
+        trial = Trial(recipe.gates or NO_LIMITS, described["gates"]["attempt"], strict=False)
     made = render(scene, draws, plan, counted=trial is not None)
     write(adapter, made, job, Place(described["copy"], target, key), {}, trial)

@@ -112,6 +112,7 @@ def side_files(
     surfels: int,
     gaussians: int,
     gates: dict[str, Any] | None,
+    words: dict[str, Any] | None,
     seconds: dict[str, float],
 ) -> dict[str, bytes]:
     """The report, and the hole masks where a camera moved. All but `seconds` is the same for the same seed.
@@ -131,6 +132,7 @@ def side_files(
         "surfels": surfels,
         "gaussians": gaussians,
         **tally.summary(),
+        **({"words": words} if words else {}),
         **({"gates": gates} if gates else {}),
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
     }

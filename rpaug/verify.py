@@ -110,12 +110,13 @@ def compare(
         )
         return
     yield from _robot(key, recorded, made)
-    if not allowed & Effect.WORDS and made.descriptions != recorded.descriptions:
+    told_words = tuple((told.get("words") or {}).get("written", recorded.descriptions))
+    if not allowed & Effect.WORDS and made.descriptions != told_words:
         yield Finding(
             "bad",
             key,
             "instruction",
-            f"{made.instruction!r}, recorded was {recorded.instruction!r}",
+            f"{made.instruction!r}, recorded was {recorded.instruction!r}, reported {told_words[:1]}",
         )
     if list(made.views) != list(recorded.views):
         yield Finding(

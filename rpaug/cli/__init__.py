@@ -5,6 +5,7 @@ from collections.abc import Callable
 import typer
 
 from rpaug.cli import (
+    ask,
     assets,
     augment,
     bench,
@@ -31,6 +32,7 @@ app = typer.Typer(
 )
 COMMANDS: dict[str, Callable[..., int]] = {
     "augment": augment.augment,
+    "ask": ask.ask,
     "validate-recipe": recipes.validate_recipe,
     "inspect": inspect.inspect,
     "fit": fit.fit,

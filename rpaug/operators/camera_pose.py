@@ -13,22 +13,38 @@ from rpaug.interfaces import Edit, Operator
 from rpaug.types import Effect, Scene
 
 
+Motion = tuple[float, float, float]
+
+
 @dataclass(frozen=True, kw_only=True)
 class CameraPose(Operator):
     """Turn and shift each of `camera` by one random rigid motion, held for the whole episode.
 
     The motion is drawn in the camera's own frame, so 2 cm is 2 cm along the image axes however the rig stands.
     Nothing in the world moves: recorded actions stay true. `camera` is a name, several names, or "static" for all
-    cameras that never move.
+    cameras that never move. `by` and `turned` ask for one exact motion instead, in the same frame (x right, y down,
+    z ahead): metres along its axes, and a rotation vector in radians.
     """
 
     camera: str | tuple[str, ...]
     shift: Annotated[float, Field(ge=0, le=10)] = 0.1  # metres, at most, along each axis
     turn: Annotated[float, Field(ge=0, le=3.2)] = 0.05  # radians, at most, about each axis
+    by: Motion | None = None  # metres
+    turned: Motion | None = None  # radians
 
     effect: ClassVar[Effect] = Effect.CAMERA | Effect.PIXELS
 
+    def __post_init__(self) -> None:
+        for name, most in (("by", 10.0), ("turned", 3.2)):
+            value = getattr(self, name)
+            if value is not None and not np.abs(value).max() <= most:
+                raise ValueError(f"{name}: {list(value)} is not within {-most}..{most}")
+
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        if self.by is not None or self.turned is not None:
+            still = (0.0, 0.0, 0.0)
+            motion = {"turn": list(self.turned or still), "shift": list(self.by or still)}
+            return {name: motion for name in self._names(scene)}
         return {
             name: {
                 "turn": rng.uniform(-self.turn, self.turn, 3).tolist(),

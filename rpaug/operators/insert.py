@@ -13,7 +13,7 @@ from rpaug.assets.library import Asset
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Interval
-from rpaug.scene import ambience, shadows
+from rpaug.scene import ambience, shadows, standing, targets
 from rpaug.scene.placing import Room, hull, room
 from rpaug.types import Ambience, Body, Effect, Mesh, Scene
 
@@ -35,7 +35,8 @@ class Insert(Operator):
     """Insert one thing of the library: by name, or drawn from a category, a colour word and a longest side in metres.
 
     It stands at rest on a free place of the table, or at `at`: 5 cm away from other things and from all that moves. It
-    is lit by the light that the recording shows, unless `harmonise` is off.
+    is lit by the light that the recording shows, unless `harmonise` is off. With `near` its place is drawn from those
+    that are `within` so many metres of that thing.
     """
 
     asset: str | None = None
@@ -44,15 +45,22 @@ class Insert(Operator):
     size: Sizes | None = None
     scale: Annotated[float, Field(gt=0, le=100)] = 1.0
     at: tuple[float, float] | None = None
+    near: targets.Target | None = None
+    within: Annotated[float, Field(gt=0, le=10)] = 0.15  # metres
     harmonise: bool = True
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+
+    def __post_init__(self) -> None:
+        if self.at is not None and self.near is not None:
+            raise ValueError("give `at` or `near`, not both")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         choices = library.find(self.category, self.color, self.size)
         if self.asset is not None:
             choices = (library.get(self.asset),)
-        things, _ = draw(scene, room(scene), choices, 1, self.scale, rng, self.at)
+        near = None if self.near is None else (targets.find(scene, self.near), self.within)
+        things, _ = draw(scene, room(scene), choices, 1, self.scale, rng, self.at, near)
         return {"things": things, **(light(scene) if self.harmonise else AS_IT_COMES)}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
@@ -67,6 +75,7 @@ def draw(
     scale: float,
     rng: np.random.Generator,
     at: tuple[float, float] | None = None,
+    near: tuple[frozenset[int], float] | None = None,
 ) -> tuple[list[Edit], Room]:
     """So many things at rest in the room, and the room that they leave. Raises Unsupported if one finds no place."""
     things: list[Edit] = []
@@ -76,11 +85,12 @@ def draw(
             asset = choices[int(rng.integers(len(choices)))]
             turn = float(rng.uniform(-np.pi, np.pi))
             pose, outline, top = _at_rest(asset.name, scale, turn)
-            middle = np.array(at) if at is not None else around.draw(outline, top, rng)
+            beside = None if near is None else standing.beside(scene, near[0], outline, near[1])
+            middle = np.array(at) if at is not None else around.draw(outline, top, rng, beside)
             if middle is not None and around.free(outline, top, middle):
                 break
         else:
-            where = f"at {list(at)}" if at is not None else "on the table"
+            where = f"at {list(at)}" if at is not None else "there" if near else "on the table"
             raise Unsupported(
                 f"inserting {asset.name}: there is no room {where} for thing {number + 1} of {count}"
             )

@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
+from jaxtyping import Float64
 from pydantic import Field
 
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
-from rpaug.scene import shadows, standing, targets, untouched
+from rpaug.scene import places, shadows, standing, targets, untouched
+from rpaug.scene.looks import look
 from rpaug.scene.placing import room
 from rpaug.types import Effect, Scene
 
@@ -18,36 +20,65 @@ class Move(Operator):
     """Move `target` to a free place within `shift` and turn it about the vertical by up to `turn`.
 
     Free is what stays 5 cm away from other things and from all that moves, over the whole episode. `to` asks for a
-    place of the target's middle in the world instead. Things that the robot acts on are refused.
+    place of the target's middle in the world instead, `by` for one so many metres ahead and to the left of where it
+    stands, as the robot sees it, and `near` for a draw from places `within` so many metres of another thing.
+    Things that the robot acts on are refused.
     """
 
     target: targets.Target
     shift: Annotated[float, Field(gt=0, le=10)] = 0.15  # metres, at most
     turn: Annotated[float, Field(ge=0, le=np.pi)] = 0.5  # radians, at most
     to: tuple[float, float] | None = None
+    by: tuple[float, float] | None = None  # metres
+    near: targets.Target | None = None
+    within: Annotated[float, Field(gt=0, le=10)] = 0.15  # metres
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+
+    def __post_init__(self) -> None:
+        if sum(value is not None for value in (self.to, self.by, self.near)) > 1:
+            raise ValueError("give one of `to`, `by` and `near`")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         handles = untouched.find_untouched(scene, self.target, "moving")
         around = room(scene, leaving=handles)
         one = standing.thing(scene, handles, around, "moving")
-        if self.to is not None:
-            spot, turn = np.array(self.to), float(rng.uniform(-self.turn, self.turn))
+        asked = self._asked(scene, one)
+        if asked is not None:
+            spot, turn = asked, float(rng.uniform(-self.turn, self.turn))
             if not around.free(standing.turned(one.outline, turn), one.top, spot):
-                raise Unsupported(f"moving {self.target}: there is no room at {list(self.to)}")
+                place = np.round(spot, 3).tolist()
+                raise Unsupported(f"moving {self.target}: there is no room at {place}")
         else:
-            found = standing.settle(one, around, self.turn, rng, within=self.shift)
+            found = standing.settle(one, around, self.turn, rng, self._near(scene, one))
             if found is None:
-                raise Unsupported(
-                    f"moving {self.target}: no free place within {100 * self.shift:.0f} cm of where it stands"
-                )
+                raise Unsupported(f"moving {self.target}: no free place {self._where()}")
             spot, turn = found
         return {
             "handles": sorted(handles),
             "motion": one.placing(spot, turn).tolist(),
             "lamps": shadows.lamps(scene),
         }
+
+    def _asked(self, scene: Scene, one: standing.Thing) -> Float64[np.ndarray, "2"] | None:
+        """The very place that is asked for, in the world."""
+        if self.to is not None:
+            return np.array(self.to, float)
+        if self.by is None:
+            return None
+        frame = places.robot_frame(scene, look(scene.episode))
+        return one.middle + frame[:2, :2].T @ np.array(self.by)
+
+    def _near(self, scene: Scene, one: standing.Thing) -> standing.Around:
+        """What a drawn place must be close to: a point or an outline in the world, and metres."""
+        if self.near is None:
+            return one.middle, self.shift
+        return standing.beside(scene, targets.find(scene, self.near), one.outline, self.within)
+
+    def _where(self) -> str:
+        if self.near is None:
+            return f"within {100 * self.shift:.0f} cm of where it stands"
+        return f"within {100 * self.within:.0f} cm of {self.near}"
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         after = standing.moved(scene, frozenset(edit["handles"]), np.array(edit["motion"]))

@@ -38,7 +38,7 @@ class Spread(Operator):
         around = room(scene, leaving=frozenset().union(*(one.handles for one in things)))
         moves = []
         for one in sorted(things, key=lambda one: -float(np.ptp(one.outline, axis=0).max())):
-            found = standing.settle(one, around, self.turn, rng, within=self.shift)
+            found = standing.settle(one, around, self.turn, rng, (one.middle, self.shift))
             spot, turn = found or (one.middle, 0.0)  # where there is no room it stays
             around = around.with_thing(standing.turned(one.outline, turn) + spot)
             if found:

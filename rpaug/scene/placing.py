@@ -69,12 +69,13 @@ class Room:
         outline: Float[np.ndarray, "k 2"],
         height: float,
         rng: np.random.Generator,
-        near: tuple[Float[np.ndarray, "2"], float] | None = None,
+        near: tuple[Float[np.ndarray, "2"] | Float[np.ndarray, "c 2"], float] | None = None,
     ) -> Float64[np.ndarray, "2"] | None:
-        """A place for the thing's middle, any free one as likely, within a distance of a point if given."""
+        """A place for the thing's middle, any free one as likely; if given, within a distance of a point or of an
+        outline's edge."""
         cells = np.argwhere(self.spots(outline, height))
         if near is not None:
-            cells = cells[np.linalg.norm(self.at(cells) - near[0], axis=1) <= near[1]]
+            cells = cells[_distances(self.at(cells), np.atleast_2d(near[0])) <= near[1]]
         if not len(cells):
             return None
         return self.at(cells[rng.integers(len(cells)), None])[0]
@@ -85,6 +86,18 @@ class Room:
         mask = np.zeros(self.seen.shape, np.uint8)
         cv2.fillConvexPoly(mask, corners, 1)
         return replace(self, still=np.where(mask > 0, np.float32(0), self.still))
+
+
+def _distances(
+    points: Float[np.ndarray, "n 2"], corners: Float[np.ndarray, "c 2"]
+) -> Float64[np.ndarray, "n"]:
+    """Metres from each point to the nearest edge of a closed outline, or to its one corner."""
+    out = np.full(len(points), np.inf)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        along = end - start
+        share = np.clip((points - start) @ along / max(float(along @ along), 1e-12), 0, 1)
+        out = np.minimum(out, np.linalg.norm(points - start - share[:, None] * along, axis=1))
+    return out
 
 
 def room(scene: Scene, leaving: Iterable[int] = ()) -> Room:

@@ -15,6 +15,9 @@ LIFTED = (
 )
 TRIES = 24  # turns drawn before giving up
 
+Around = tuple[Float[np.ndarray, "2"] | Float[np.ndarray, "c 2"], float]
+"""A point or an outline in the world, and how many metres a place may be away from it."""
+
 
 @dataclass(frozen=True)
 class Thing:
@@ -47,16 +50,28 @@ def thing(scene: Scene, handles: frozenset[int], room: Room, doing: str) -> Thin
     return Thing(handles, middle, outline - middle, float(height.max()))
 
 
+def beside(
+    scene: Scene, handles: frozenset[int], outline: Float[np.ndarray, "k 2"], within: float
+) -> tuple[Float64[np.ndarray, "c 2"], float]:
+    """Where a thing of that outline is near others: around whose outline, and how far its middle may be from it.
+
+    The gap between the two is then at most about `within` metres. Raises Unsupported if too little was seen.
+    """
+    points = points_of(scene, handles)
+    if len(points) < 4:
+        raise Unsupported(f"placing near {_names(handles)}: too little of it was seen")
+    return hull(points), within + float(np.linalg.norm(outline, axis=1).mean())
+
+
 def turned(outline: Float[np.ndarray, "k 2"], turn: float) -> Float64[np.ndarray, "k 2"]:
     """An outline turned by radians about its middle."""
     return outline @ geometry.rotation(np.array([0.0, 0.0, turn]))[:2, :2].T
 
 
 def settle(
-    one: Thing, room: Room, turn: float, rng: np.random.Generator, within: float | None = None
+    one: Thing, room: Room, turn: float, rng: np.random.Generator, near: Around | None = None
 ) -> tuple[Float64[np.ndarray, "2"], float] | None:
-    """A free place within so many metres of where it is, and a turn of at most `turn` radians; None if none."""
-    near = None if within is None else (one.middle, within)
+    """A free place near what is given, and a turn of at most `turn` radians; None if none."""
     for _ in range(TRIES):
         angle = float(rng.uniform(-turn, turn)) if turn else 0.0
         spot = room.draw(turned(one.outline, angle), one.top, rng, near)

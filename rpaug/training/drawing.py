@@ -6,8 +6,9 @@ from typing import Any
 from rpaug import pipeline
 from rpaug.training.scenes import Scenes
 from rpaug.training.schedule import Schedule
-from rpaug.types import Episode, Scene
+from rpaug.types import Episode
 
+TRIES = 4  # draws of one copy until its instruction can be kept true; else it stays as recorded
 KEPT_DRAWS = 4  # edited scenes: each keeps its recorded one in memory
 
 Drawn = tuple[Episode, list[dict[str, Any]]]
@@ -35,9 +36,10 @@ class Draws:
 
     def _drawn(self, index: int, epoch: int) -> Drawn:
         ready, recipe = self.scenes(self.keys[index]), self.scenes.recipe
-        edited: Scene = ready.scene
-        draws: tuple[pipeline.Draw, ...] = ()
-        if self.schedule.augmented(recipe, self.keys, epoch, index):
-            edited, draws = pipeline.draw(ready.scene, recipe, epoch + 1)
-        made = pipeline.render(edited, draws, ready.plan, kept=ready.surfels)
-        return made.episode, [draw.describe() for draw in draws]
+        augmented = self.schedule.augmented(recipe, self.keys, epoch, index)
+        for attempt in range(TRIES if augmented else 0):
+            edited, draws = pipeline.draw(ready.scene, recipe, epoch + 1, attempt)
+            made = pipeline.render(edited, draws, ready.plan, kept=ready.surfels)
+            if not made.untrue:
+                return made.episode, [draw.describe() for draw in draws]
+        return pipeline.render(ready.scene, (), ready.plan, kept=ready.surfels).episode, []

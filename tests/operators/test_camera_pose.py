@@ -85,3 +85,18 @@ def test_static_without_fixed_cameras():
 def test_bad_values_are_refused(wrong):
     with pytest.raises(ValidationError):
         TypeAdapter(CameraPose).validate_python({"camera": "front", **wrong})
+
+
+def test_an_exact_motion_is_no_draw(recorded):
+    operator = CameraPose(camera="static", by=(0.0, -0.05, 0.0))
+    edit = operator.sample(recorded, np.random.default_rng(0))
+    moved = operator.apply(recorded, json.loads(json.dumps(edit)))
+    before, after = recorded.cameras["front"].cam_to_world, moved.cameras["front"].cam_to_world
+    # The image's y axis points down: 5 cm against it is 5 cm up in the image.
+    np.testing.assert_allclose(after[0, :3, 3], before[0, :3, 3] - 0.05 * before[0, :3, 1])
+    np.testing.assert_array_equal(after[0, :3, :3], before[0, :3, :3])
+
+
+def test_a_motion_has_limits():
+    with pytest.raises(ValueError, match="turned"):
+        CameraPose(camera="front", turned=(4.0, 0.0, 0.0))

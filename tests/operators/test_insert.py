@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from tabletop import scene, take
+from tabletop import handle, scene, take
 
 from rpaug.assets import library
 from rpaug.errors import TargetError, Unsupported
 from rpaug.operators.distractors import Distractors
 from rpaug.operators.insert import Insert
 from rpaug.scene import inserted, placing
+from rpaug.scene.targets import Target
 from rpaug.testing import OperatorContract, shown
 from rpaug.twin import tabletop
 
@@ -90,3 +91,16 @@ def test_a_thing_can_be_painted_after_it_was_inserted(edited):
     assert library.get("mug_red").colour in ("red", "maroon", "crimson")
     new = [handle for body in inserted.bodies(edited) for handle in body.handles]
     assert edited.handles >= set(new)
+
+
+def test_a_thing_stands_near_another():
+    pad = take().poses["pad"][0, :2, 3]
+    wish = Insert(asset="die", near=Target(handle=handle("pad")), within=0.1)
+    spots = [
+        np.array(wish.sample(scene(), np.random.default_rng(k))["things"][0]["pose"])[:2, 3]
+        for k in range(4)
+    ]
+    assert max(np.linalg.norm(spot - pad) for spot in spots) < 0.3
+    assert min(np.linalg.norm(spot - pad) for spot in spots) > 0.05
+    with pytest.raises(ValueError, match="not both"):
+        Insert(asset="die", at=(0, 0), near=Target(handle=1))

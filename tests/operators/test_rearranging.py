@@ -136,3 +136,24 @@ def test_what_does_not_stand_on_the_table_is_refused():
     room = placing.room(scene())
     with pytest.raises(Unsupported, match="does not stand on the table"):
         standing.thing(scene(), frozenset({handle("floor")}), room, "moving")
+
+
+def test_a_thing_moves_as_the_robot_sees_it():
+    around = placing.room(scene(), leaving=frozenset([handle("cylinder")]))
+    one = standing.thing(scene(), frozenset([handle("cylinder")]), around, "")
+    spot = around.draw(one.outline, one.top, np.random.default_rng(0))
+    # The twin's robot works along x, so its left is y.
+    wish = Move(target=Target(handle=handle("cylinder")), by=tuple(spot - one.middle), turn=0)
+    motion = np.array(wish.sample(scene(), np.random.default_rng(0))["motion"])
+    np.testing.assert_allclose(motion[:2, 3], spot - one.middle, atol=1e-9)
+
+
+def test_a_thing_moves_next_to_another():
+    pad = take().poses["pad"][0, :2, 3]
+    wish = Move(target=Target(handle=handle("cylinder")), near=Target(handle=handle("pad")))
+    edit = wish.sample(scene(), np.random.default_rng(0))
+    one = standing.thing(scene(), frozenset([handle("cylinder")]), placing.room(scene()), "")
+    spot = np.array(edit["motion"])[:2, :2] @ one.middle + np.array(edit["motion"])[:2, 3]
+    assert np.linalg.norm(spot - pad) < 0.35
+    with pytest.raises(ValueError, match="give one of"):
+        Move(target=Target(handle=1), by=(0, 0), to=(0, 0))

@@ -1,0 +1,131 @@
+"""One wish through all stages: understood, grounded in a recorded scene, checked as a recipe, and logged."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import yaml
+
+from rpaug import recipe as recipes
+from rpaug.agents import grounding, refiner, rounds
+from rpaug.agents.messages import Answer, Entry, NotUnderstood, Setting, Trace
+from rpaug.agents.rounds import History
+from rpaug.errors import BadRecipe, RpaugError, TargetError, Unsupported
+from rpaug.scene import targets
+from rpaug.types import Episode, Scene
+
+
+class Understanding(Protocol):
+    """What turns a wish after some rounds into edits: the grammar, or a language model. Raises NotUnderstood."""
+
+    def __call__(self, history: History, said: str, setting: Setting) -> Answer: ...
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What came of a wish: a recipe that is valid, notes on what was taken for granted, the log, and the talk so far."""
+
+    recipe: dict[str, Any]
+    notes: tuple[str, ...]
+    trace: tuple[Trace, ...]
+    history: History
+
+    @property
+    def yaml(self) -> str:
+        """The recipe as a file, with the wishes and the notes on top."""
+        lines = [f"# asked: {_line(one.said)}" for one in self.history.rounds]
+        lines += [f"# note: {_line(note)}" for note in self.notes]
+        return "\n".join(lines) + "\n" + yaml.dump(self.recipe, Dumper=_Dumper, sort_keys=False, width=110)
+
+    @property
+    def log(self) -> str:
+        """Every stage, one JSON value a line."""
+        return "".join(json.dumps(one.model_dump(), ensure_ascii=False) + "\n" for one in self.trace)
+
+
+class _Dumper(yaml.SafeDumper):
+    """An edit on lines of its own, and lists of numbers in one."""
+
+    def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> Any:
+        flat = all(not isinstance(value, dict) for value in sequence)
+        return super().represent_sequence(tag, sequence, flow_style=flat)
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def setting_of(episode: Episode) -> Setting:
+    """What a recording offers to a wish."""
+    return Setting(cameras=tuple(episode.views), instructions=episode.descriptions)
+
+
+def ask(
+    said: str,
+    setting: Setting,
+    scene: Callable[[], Scene] | None = None,
+    *,
+    history: History | None = None,
+    understanding: Understanding = rounds.next_round,
+    tier: int = 0,
+) -> Asked:
+    """The recipe for a wish. `scene` builds a recorded scene in which every target must be found.
+
+    Raises NotUnderstood for a wish that has no meaning here, TargetError or Unsupported for one that the scene has
+    nothing for. Nothing is written.
+    """
+    history = history or History()
+    answer = understanding(history, said, setting)
+    try:
+        made = recipes.build(answer.recipe(), name="the wish")
+    except BadRecipe as error:
+        raise NotUnderstood(f"the wish comes to a recipe that is not valid: {error}") from None
+    trace = list(answer.trace)
+    if scene is not None and answer.edits:
+        trace += _grounded(scene(), answer.edits, made)
+    output = refiner.refined(answer.edits, tier)
+    trace.append(Trace(stage="refiner", by="plan", input=list(answer.edits), output=output))
+    return Asked(answer.recipe(), answer.notes, tuple(trace), history.after(said, answer))
+
+
+def _grounded(scene: Scene, edits: tuple[Entry, ...], made: recipes.Recipe) -> Iterator[Trace]:
+    """Every target and the things it is told by, found in the scene; and every edit tried once. Raises RpaugError."""
+    for value in _targets(edits):
+        found = {}
+        for phrase in grounding.phrases(value):
+            found[phrase] = sorted(targets.find(scene, targets.Target(text=phrase, all=True)))
+        whole = targets.Target.model_validate(value)
+        found[str(whole)] = sorted(targets.find(scene, whole))
+        yield Trace(stage="grounding", by="scene", input=value, output=found)
+    for step in made.steps:
+        for option in step.options:
+            if option.operator.gaussians:  # fitted only when the recipe runs
+                continue
+            try:
+                option.operator.sample(scene, np.random.default_rng(0))
+            except TargetError:
+                raise
+            except Unsupported as error:
+                raise Unsupported(f"{option.name}: {error}") from None
+
+
+def _targets(edits: tuple[Entry, ...]) -> Iterator[Any]:
+    """Each target once. What an edit before brings along is not looked for: it was never recorded."""
+    seen = []
+    for edit in edits:
+        for one in edit.get("one_of", [edit]):
+            named = [one[name] for name in ("target", "near") if one.get(name) is not None]
+            for value in [*named, *(one.get("targets") or ())]:
+                if value not in seen:
+                    seen.append(value)
+                    yield value
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def reason(error: RpaugError) -> str:
+    """What was not understood, in one line."""
+    return _line(str(error))

@@ -1,0 +1,57 @@
+"""One step in words into operators with their fields, by the rules of the grammar."""
+
+import re
+
+from rpaug.agents import arrange, assets, light, paint, renderer
+from rpaug.agents.grammar import RULES, Rule
+from rpaug.agents.messages import Meant, NotUnderstood, Wish
+from rpaug.errors import MissingExtra, TargetError
+from rpaug.providers.words import synonym
+
+# Cameras and lamps are told from things by their own words, so they come first.
+_ORDER = [module.__name__ for module in (renderer, light, assets, arrange, paint)]
+_LATE = ("insert", "elsewhere")  # "put the mug next to the plate" is about a thing that is there
+ORDERED: list[Rule] = sorted(
+    RULES,
+    key=lambda rule: (
+        rule.make.__module__ == assets.__name__ and rule.make.__name__ in _LATE,
+        _ORDER.index(rule.make.__module__),
+    ),
+)
+STAGES = {renderer.__name__: "renderer", assets.__name__: "assets"}
+VERBS = (
+    "make", "paint", "remove", "add", "duplicate", "move", "rearrange", "enlarge", "shrink", "cover", "dim", "brighten",
+    "raise", "lower", "jitter", "tilt", "blur",
+)  # fmt: skip
+
+
+def meant(step: str, wish: Wish) -> Meant:
+    """What a step means. Raises NotUnderstood."""
+    reasons: list[str] = []
+    for rule in ORDERED:
+        try:
+            found = rule(step, wish)
+        except (NotUnderstood, TargetError) as error:
+            reasons.append(str(error))
+            continue
+        if found is not None:
+            stage = STAGES.get(rule.make.__module__, "operation")
+            return found.model_copy(update={"stage": stage})
+    other = _other_verb(step)
+    if other is not None and not reasons:
+        verb, known = other
+        found = meant(f"{known}{step[len(verb) :]}", wish)
+        return found.model_copy(update={"notes": (*found.notes, f"{verb!r} is taken to mean {known!r}")})
+    raise NotUnderstood(reasons[0] if reasons else f"{step!r}: no rule fits")
+
+
+def _other_verb(step: str) -> tuple[str, str] | None:
+    """The step's first word and a known verb that means about the same, if the extra `words` is there."""
+    verb = re.match(r"[a-z]{3,}", step)
+    if verb is None or verb.group() in VERBS or " " not in step:
+        return None
+    try:
+        known = synonym(verb.group(), VERBS)
+    except MissingExtra:
+        return None
+    return None if known is None else (verb.group(), known)

@@ -1,0 +1,159 @@
+"""Viewpoint words into a camera's motion, in the frame it was recorded in: x right, y down, z into the scene."""
+
+import re
+from typing import Any
+
+from rpaug.agents import slots
+from rpaug.agents.grammar import NotThis, Said, done, refuse, rule
+from rpaug.agents.messages import Meant, Mention
+
+DIRECTIONS = {
+    **dict.fromkeys(("up", "upwards", "upward", "higher", "above"), (0, -1, 0)),
+    **dict.fromkeys(("down", "downwards", "downward", "lower", "below"), (0, 1, 0)),
+    **dict.fromkeys(("left", "leftwards", "the left"), (-1, 0, 0)),
+    **dict.fromkeys(("right", "rightwards", "the right"), (1, 0, 0)),
+    **dict.fromkeys(("forward", "forwards", "closer", "nearer", "in", "close", "near"), (0, 0, 1)),
+    **dict.fromkeys(("back", "backward", "backwards", "farther", "further", "away", "further away", "farther away",
+                     "farther back", "further back", "out"), (0, 0, -1)),
+}  # fmt: skip
+# A positive turn about x looks up, about y looks right, and about z rolls the camera clockwise.
+TURNS = {"up": (1, 0, 0), "down": (-1, 0, 0), "right": (0, 1, 0), "left": (0, -1, 0), "clockwise": (0, 0, 1),
+         "counterclockwise": (0, 0, -1), "counter-clockwise": (0, 0, -1), "anticlockwise": (0, 0, -1)}  # fmt: skip
+STEP, WRIST_STEP, TURN = 0.1, 0.02, 10 * slots.RADIANS["degree"]  # where no amount was named
+AMOUNTS = {"a bit": 0.5, "slightly": 0.5, "a little": 0.5, "a little bit": 0.5, "much": 2.0, "a lot": 2.0, "far": 2.0}
+
+DIRECTION = slots.any_of(DIRECTIONS)
+AMOUNT = slots.any_of(AMOUNTS)
+TERM = (
+    rf"(?:(?:{DIRECTION})(?: by)? {slots.LENGTH}|(?:by )?{slots.LENGTH} (?:to |further |farther )?(?:{DIRECTION})"
+    rf"|(?:{AMOUNT} )?(?:to )?(?:further |farther )?(?:{DIRECTION})(?: {AMOUNT})?)"
+)
+TERMS = rf"(?P<terms>{TERM}(?:(?:,? and |, ){TERM})*)"
+MOVE = r"(?:move|shift|bring|slide|push|pull|put|set|take|place|translate)"
+
+
+@rule(rf"(?P<way>raise|lift|lower|drop) {{camera}}(?: (?:by )?{{length}})?(?: (?P<amount>{AMOUNT}))?")
+def height(said: Said) -> Meant:
+    sign = -1.0 if said["way"] in ("raise", "lift") else 1.0
+    return _shifted(said, [((0, sign, 0), said.get("length"), said.get("amount"))])
+
+
+@rule(rf"{MOVE} {{camera}} {TERMS}")
+def shifted(said: Said) -> Meant:
+    return _shifted(said, _terms(said["terms"]))
+
+
+@rule(rf"(?:look|view|see|film|watch)(?: at)?(?: (?:it|the scene|the table|everything|this))? from {TERMS}",
+      rf"(?:look|view|see|film|watch)(?: at)?(?: (?:it|the scene|the table|everything|this))? from {TERMS} (?:in|with) {{camera}}",
+      rf"(?:view|show) (?:it|the scene) {TERMS}")  # fmt: skip
+def looked(said: Said) -> Meant:
+    return _shifted(said, _terms(said["terms"]))
+
+
+@rule(r"(?:tilt|pitch|turn|rotate|pan|yaw|point|aim) {camera} (?P<way>up|down|left|right)(?:wards)?(?: (?:by )?{angle})?",
+      r"(?:tilt|pitch|turn|rotate|pan|yaw) {camera} (?:by )?{angle} (?:to the )?(?P<way>up|down|left|right)(?:wards)?",
+      r"(?:tilt|pitch|pan|yaw|turn|rotate) {camera} (?:to )?the (?P<way>left|right)(?: (?:by )?{angle})?",
+      r"(?:roll|rotate|turn) {camera} (?P<way>clockwise|counter-?clockwise|anticlockwise)(?: (?:by )?{angle})?",
+      r"(?:roll|rotate|turn) {camera} (?:by )?{angle} (?P<way>clockwise|counter-?clockwise|anticlockwise)")  # fmt: skip
+def turned(said: Said) -> Meant:
+    names, mention = cameras(said)
+    amount = slots.angle(said["angle"]) if said.get("angle") else slots.rounded(TURN)
+    turn = [slots.rounded(amount * part) for part in TURNS[said["way"]]]
+    notes = () if said.get("angle") else ("10 degrees, since no angle was named",)
+    edit = {"op": "camera_pose", "camera": names, "by": [0, 0, 0], "turned": turn}
+    return done(edit, mention=mention, notes=notes)
+
+
+@rule(r"(?:jitter|shake|bump|perturb|wiggle|nudge|randomi[sz]e|vary) {camera}(?:(?:'s)? (?:pose|poses|position|positions|viewpoint|viewpoints))?"
+      r"(?: (?:by )?<UP_TO> {length}(?:(?: and|,) (?:<UP_TO> )?{angle})?)?",
+      r"(?:jitter|shake|bump|perturb|wiggle|nudge|randomi[sz]e|vary) {camera} (?:by )?<UP_TO> {angle}",
+      r"randomly move {camera}(?: (?:by )?<UP_TO> {length}(?:(?: and|,) (?:<UP_TO> )?{angle})?)?",
+      r"move {camera} (?:randomly|around|a bit|somewhere else)(?: (?:by )?<UP_TO> {length}(?:(?: and|,) (?:<UP_TO> )?{angle})?)?",
+      r"move {camera} (?:by )?<UP_TO> {length}",
+      r"move {camera}")  # fmt: skip
+def jittered(said: Said) -> Meant:
+    names, mention = cameras(said)
+    edit: dict[str, Any] = {"op": "camera_pose", "camera": names}
+    if said.get("length"):
+        edit["shift"] = slots.length(said["length"])
+    if said.get("angle"):
+        edit["turn"] = slots.angle(said["angle"])
+        if not said.get("length"):
+            edit["shift"] = 0
+    return done(edit, mention=mention)
+
+
+@rule(r"zoom .+", r".+ zoom")
+def zoomed(said: Said) -> Meant:
+    raise refuse("a lens cannot be changed: move the camera closer or back instead")
+
+
+def cameras(said: Said) -> tuple[str | list[str], Mention]:
+    """The cameras that a slot names. Raises NotUnderstood for one that the recording does not have."""
+    words = said.get("camera")
+    known = said.wish.setting.cameras
+    if words is None or words in ("the cameras", "cameras", "all cameras", "all the cameras", "every camera",
+                                  "all static cameras", "the static cameras", "static cameras"):  # fmt: skip
+        return "static", Mention(kind="camera", cameras="static")
+    if words in ("it", "them"):
+        mention = said.wish.mention
+        if mention is None or mention.kind != "camera":
+            raise NotThis
+        return mention.cameras, mention
+    if words in ("the camera", "camera"):
+        if len(known) != 1:
+            raise refuse(f"which camera? there are: {', '.join(known)}")
+        return known[0], Mention(kind="camera", cameras=known[0])
+    bare = re.sub(r"^(?:both |all )?(?:the )?| ?cam(?:era)?s?$", "", words)
+    names: list[str] = []
+    for part in re.split(r",? and |, ", bare):
+        part = re.sub(r" ?cam(?:era)?s?$", "", part.removeprefix("the "))
+        found = [name for name in known if _same(part, name)]
+        several = words.startswith(("both", "all")) or words.endswith("s")
+        if not found and several:
+            found = [name for name in known if set(part.split()) <= set(name.lower().split("_"))]
+        if not found:
+            raise refuse(f"no camera is called {part!r}; there are: {', '.join(known)}")
+        names += found
+    chosen = names[0] if len(names) == 1 else names
+    return chosen, Mention(kind="camera", cameras=chosen)
+
+
+def _same(words: str, name: str) -> bool:
+    plain = name.lower().replace("-", "_")
+    return words.replace(" ", "_") in (plain, plain.removesuffix("_camera"), plain.removesuffix("_rgb"))
+
+
+def _terms(text: str) -> list[tuple[tuple[float, float, float], str | None, str | None]]:
+    """Direction, length and amount of each part of a motion."""
+    out = []
+    for part in re.findall(TERM, text):
+        far = re.search(slots.LENGTH, part)
+        amount = re.search(rf"\b{AMOUNT}\b", part)
+        words = part.replace(far.group(), " ") if far else part
+        found = [d for d in sorted(DIRECTIONS, key=len, reverse=True) if re.search(rf"\b{d}\b", words)]
+        # "further left" is to the left; "further" alone is back.
+        way = next((d for d in found if d not in ("further", "farther")), found[0])
+        out.append((DIRECTIONS[way], far.group() if far else None, amount.group() if amount else None))
+    return out
+
+
+def _shifted(
+    said: Said, terms: list[tuple[tuple[float, float, float], str | None, str | None]]
+) -> Meant:
+    names, mention = cameras(said)
+    by, notes = [0.0, 0.0, 0.0], []
+    for direction, far, amount in terms:
+        metres = slots.length(far) if far else _usual(names) * AMOUNTS.get(amount or "", 1.0)
+        if not far:
+            notes.append(f"{100 * metres:g} cm, since no length was named")
+        by = [slots.rounded(was + metres * part) for was, part in zip(by, direction, strict=True)]
+    edit = {"op": "camera_pose", "camera": names, "by": [value or 0 for value in by]}
+    return done(edit, mention=mention, notes=tuple(notes))
+
+
+def _usual(names: str | list[str]) -> float:
+    """Metres that a camera is moved where none were named: little for one that is carried close to things."""
+    every = [names] if isinstance(names, str) else names
+    carried = any(word in name.lower() for name in every for word in ("wrist", "hand", "gripper"))
+    return WRIST_STEP if carried else STEP

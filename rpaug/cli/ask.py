@@ -1,0 +1,148 @@
+"""`rpaug ask`: a wish in words becomes a recipe."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rpaug.cli.console import AsJson, Dataset, console, plain, print_json, say, write_new
+from rpaug.errors import BadInput, RpaugError
+
+
+def ask(
+    dataset: Dataset,
+    wish: Annotated[str, typer.Argument(help="What to change, in English.", show_default=False)],
+    out: Annotated[Path | None, typer.Option(help="Write the recipe here; must not exist.")] = None,
+    run: Annotated[bool, typer.Option("--run", help="Show the recipe, then augment with it.")] = False,
+    into: Annotated[
+        Path | None, typer.Option(help="Folder that --run writes; must not exist.")
+    ] = None,
+    history: Annotated[
+        Path | None,
+        typer.Option(help="File of the talk so far: wishes may go on from it. Written by each round."),
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option(help="Write every stage's input, prompt and output here.")
+    ] = None,
+    episode: Annotated[
+        str | None, typer.Option(help="Episode in which targets are looked for; the first if not given.")
+    ] = None,
+    ground: Annotated[
+        bool, typer.Option(help="Look for every target in a recorded scene before answering.")
+    ] = True,
+    llm: Annotated[
+        str | None, typer.Option(help="URL of an OpenAI-compatible endpoint, instead of the grammar.")
+    ] = None,
+    model: Annotated[str | None, typer.Option(help="The model to ask there.")] = None,
+    key_env: Annotated[
+        str, typer.Option(help="Environment variable that holds the endpoint's key.")
+    ] = "RPAUG_LLM_KEY",
+    timeout: Annotated[float, typer.Option(min=1, help="Seconds for one answer of the endpoint.")] = 60,
+    price: Annotated[
+        tuple[float, float] | None,
+        typer.Option(help="Cost of a million tokens in and out, to report the cost."),
+    ] = None,
+    tier: Annotated[int, typer.Option(min=0, max=4, help="Least tier of --run.")] = 0,
+    as_json: AsJson = False,
+) -> int:
+    """Turn a wish into a recipe, show it, and write or run it if asked to.
+
+    What is not understood is said, and then nothing is written (exit code 1).
+
+    Example: [bold]rpaug ask data/open_drawer "make the drawer blue, put two mugs near it" --out blue.yaml[/]
+    """
+    from rpaug.agents import asking, rounds
+    from rpaug.agents.messages import NotUnderstood
+    from rpaug.cli.console import read_episode
+    from rpaug.errors import TargetError, Unsupported
+    from rpaug.scene.build import build
+
+    if run and into is None:
+        raise RpaugError("--run needs --into: the folder to write")
+    for path, flag in ((out, "--out"), (log, "--log"), (into, "--into")):
+        if path is not None and path.exists():
+            raise BadInput(path, flag, found="something there already", expected="a new path")
+    recorded = read_episode(dataset, episode)
+    talk = rounds.load(history) if history else rounds.History()
+    endpoint = _endpoint(llm, model, key_env, timeout, price)
+    understanding = endpoint or rounds.next_round
+    try:
+        asked = asking.ask(
+            wish,
+            asking.setting_of(recorded),
+            (lambda: build(recorded, with_bodies=True)) if ground else None,
+            history=talk,
+            understanding=understanding,
+            tier=tier,
+        )
+    except (NotUnderstood, TargetError, Unsupported) as error:
+        return _refused(asking.reason(error), endpoint, as_json)
+    _write(asked, out, history, log)
+    _show(asked, endpoint, as_json and not run)
+    if not run:
+        return 0
+    from rpaug.cli.augment import augment
+
+    return augment(dataset, _kept(asked, out, into), into, tier=tier, as_json=as_json)  # type: ignore[arg-type]
+
+
+def _endpoint(
+    url: str | None, model: str | None, key_env: str, timeout: float, price: tuple[float, float] | None
+) -> Any:
+    if url is None:
+        if model is not None:
+            raise RpaugError("--model needs --llm: the endpoint's URL")
+        return None
+    if model is None:
+        raise RpaugError("--llm needs --model: the name of the model to ask")
+    from rpaug.agents.talk import Model
+    from rpaug.providers.language import Endpoint
+
+    return Model(Endpoint.of(url, model, key_env=key_env, timeout=timeout, price=price))
+
+
+def _refused(reason: str, endpoint: Any, as_json: bool) -> int:
+    if as_json:
+        used = {"usage": endpoint.usage} if endpoint else {}
+        print_json({"understood": False, "reason": reason, **used})
+    else:
+        console.print(
+            f"[yellow]not understood[/] {plain(reason)}\nNothing was written.",
+            highlight=False,
+            soft_wrap=True,
+        )
+    return 1
+
+
+def _write(asked: Any, out: Path | None, history: Path | None, log: Path | None) -> None:
+    from rpaug.files import write_atomic
+
+    if out is not None:
+        write_new(out, asked.yaml.encode())
+    if log is not None:
+        write_new(log, asked.log.encode())
+    if history is not None:
+        write_atomic(history, asked.history.model_dump_json(indent=1).encode() + b"\n")
+
+
+def _show(asked: Any, endpoint: Any, as_json: bool) -> None:
+    used = {"usage": endpoint.usage} if endpoint else {}
+    if as_json:
+        described = {"understood": True, "recipe": asked.recipe, "notes": list(asked.notes)}
+        print_json(described | {"stages": [one.model_dump() for one in asked.trace]} | used)
+        return
+    say(asked.yaml.rstrip())
+    for name, value in used.get("usage", {}).items():
+        console.print(f"{name}: {value}", highlight=False)
+
+
+def _kept(asked: Any, out: Path | None, into: Path | None) -> str:
+    """The file to augment from: the one that was written, or one beside the output."""
+    if out is not None:
+        return str(out)
+    assert into is not None
+    path = into.parent / f"{into.name}.recipe.yaml"
+    write_new(path, asked.yaml.encode())
+    return str(path)
+
+
