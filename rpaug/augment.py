@@ -29,6 +29,7 @@ class Run:
     target: Path
     tier: int = 0
     scenes: Path | None = None  # a store of fitted scenes
+    keep_invalid: bool = False  # copies whose recorded actions no longer hold
 
     @cached_property
     def adapter(self) -> Adapter:
@@ -62,6 +63,7 @@ class Run:
         return {
             "dataset": str(self.source.resolve()),
             "tier": self.tier,
+            "keep_invalid": self.keep_invalid,
             "recipe": self.recipe.source,
         }
 
@@ -182,6 +184,7 @@ def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
             run.recipe.source,
             run.tier,
             run.scenes,
+            run.keep_invalid,
         )
         for key, made in copies.items()
         if made

@@ -17,7 +17,7 @@ from rpaug.interfaces import Adapter
 from rpaug.preparing import ground, made_ready
 from rpaug.recipe import Option, Recipe, option
 from rpaug.recipe import build as build_recipe
-from rpaug.scene import views
+from rpaug.scene import simulate, views
 from rpaug.types import Episode, Scene
 
 
@@ -129,6 +129,7 @@ class Job:
     recipe: dict[str, Any]
     tier: int
     scenes: Path | None = None  # a store of fitted scenes
+    keep_invalid: bool = False  # copies whose recorded actions no longer hold
 
 
 def augment(job: Job) -> Iterator[dict[str, Any]]:
@@ -164,8 +165,8 @@ def _augmented(
 ) -> "Place":
     """Write one copy and say where.
 
-    While it fails its gates it is drawn again; a draw that failed before is not tried twice. The last draw to fail
-    goes to the folder of the rejected.
+    While it fails its gates, or its actions no longer hold, it is drawn again; a draw that failed before is not tried
+    twice. The last draw to fail goes to the folder of the rejected.
     """
     watch, gates = report.Stopwatch(), recipe.gates
     failed: dict[int, Made] = {}
@@ -175,17 +176,19 @@ def _augmented(
         if any(draws == one.draws for one in failed.values()):
             continue
         made = render(edited, draws, plan, counted=gates is not None)
-        trial = Trial(gates, attempt, strict=True) if gates else None
+        if not (edited.actions_valid or job.keep_invalid):  # known before anything is rendered
+            failed[attempt] = made
+            continue
+        trial = Trial(gates, attempt, True, job.keep_invalid) if gates else None
         try:
             write(adapter, made, job, place, shared | watch.seconds, trial)
         except Rejected:
             failed[attempt] = made
         else:
             return place
-    assert gates is not None
     attempt, made = failed.popitem()
     place = replace(place, root=job.target / REJECTED)
-    trial = Trial(gates, attempt, strict=False)
+    trial = Trial(gates, attempt, False, job.keep_invalid)
     write(adapter, made, job, place, shared | watch.seconds, trial)
     return place
 
@@ -201,19 +204,24 @@ class Place:
 
 @dataclass(frozen=True)
 class Trial:
-    """How a copy is held to its gates: `attempt` counts its draws from 0; not `strict`, it is written all the same."""
+    """How a copy is held to its gates, if it has any: `attempt` counts its draws from 0; not `strict`, it is written
+    all the same. Unless `keep_invalid`, actions that no longer hold are a fault."""
 
-    gates: gating.Gates
+    gates: gating.Gates | None
     attempt: int
     strict: bool
+    keep_invalid: bool = False
 
     def judge(self, made: Made) -> dict[str, Any]:
         """What the report says of it. Raises Rejected."""
+        invalid = [] if self.keep_invalid else simulate.invalid(made.scene.simulated)
+        if self.gates is None:
+            return gating.described(gating.Figures(), invalid, self.attempt)
         outside = sum(made.tally.outside.values())
         figures = gating.measure(
             made.scene, made.episode, made.plan.carriers, outside, made.tally.holes
         )
-        faults = self.gates.faults(figures)
+        faults = [*self.gates.faults(figures), *invalid]
         if faults and self.strict:
             raise Rejected
         return gating.described(figures, faults, self.attempt)
@@ -247,6 +255,7 @@ def write(
             surfels=surfels(made),
             gaussians=len(made.scene.gaussians or ()),
             gates=judged,
+            physics=simulate.described(made.scene.simulated),
             seconds=before | spent,
         )
 
@@ -280,7 +289,8 @@ def replay(
     scene, plan = made_ready(episode, recipe, job.tier)
     scene, draws = redraw(scene, described["draws"])
     trial = None
-    if recipe.gates and "gates" in described:
-        trial = Trial(recipe.gates, described["gates"]["attempt"], strict=False)
-    made = render(scene, draws, plan, counted=trial is not None)
+    if judged := described.get("gates"):
+        kept = not any(fault.startswith(simulate.INVALID) for fault in judged["faults"])
+        trial = Trial(recipe.gates, judged["attempt"], False, kept)
+    made = render(scene, draws, plan, counted=recipe.gates is not None)
     write(adapter, made, job, Place(described["copy"], target, key), {}, trial)

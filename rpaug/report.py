@@ -112,9 +112,12 @@ def side_files(
     surfels: int,
     gaussians: int,
     gates: dict[str, Any] | None,
+    physics: dict[str, Any],
     seconds: dict[str, float],
 ) -> dict[str, bytes]:
     """The report, and the hole masks where a camera moved. All but `seconds` is the same for the same seed.
+
+    `physics` says whether the recorded actions still hold, where things were simulated.
 
     `seconds` are wall seconds, but for `render`: the seconds threads spent on decoding and rendering frames, which
     is part of `write`.
@@ -131,6 +134,7 @@ def side_files(
         "surfels": surfels,
         "gaussians": gaussians,
         **tally.summary(),
+        **physics,
         **({"gates": gates} if gates else {}),
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
     }

@@ -35,6 +35,10 @@ def augment(
         list[str] | None, typer.Option("--set", help="Override a value: edits.0.color=red.")
     ] = None,
     resume: Annotated[bool, typer.Option(help="Go on with a run that was stopped.")] = False,
+    keep_invalid: Annotated[
+        bool,
+        typer.Option(help="Keep copies in which physics made the recorded actions untrue."),
+    ] = False,
     dry_run: Annotated[
         bool, typer.Option(help="Print the plan with time and disk, write nothing.")
     ] = False,
@@ -49,7 +53,7 @@ def augment(
     if tier == 2:
         raise RpaugError("--tier 2: assets enter at any tier; the least tier is 0, 1, 3 or 4")
     loaded = load_recipe(recipe, [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])])
-    run = Run(dataset, loaded, out, tier, scenes)
+    run = Run(dataset, loaded, out, tier, scenes, keep_invalid)
     if dry_run:
         return _dry_run(run, resume, as_json)
     with progress_bar("augmenting", as_json) as progress:

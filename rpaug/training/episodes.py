@@ -11,7 +11,7 @@ from torch.utils.data import Dataset
 
 from rpaug import pipeline, plan, preparing, recipe, registry
 from rpaug.errors import Unsupported
-from rpaug.scene import keyframes
+from rpaug.scene import keyframes, simulate
 from rpaug.types import Episode, Scene
 
 KEPT_SCENES = 16  # built scenes a process keeps: bodies and roles, no images
@@ -27,7 +27,9 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
 
     `frames` says which frames: the key frames (PerAct's rule, the first frame among them), all, or given numbers.
     The same recipe, epoch and episode give the same item in any worker and in any order; `set_epoch` before each
-    epoch, before the loader makes its workers (so without persistent workers). Raises BadInput, BadRecipe, Unsupported.
+    epoch, before the loader makes its workers (so without persistent workers). Where physics makes the recorded actions
+    untrue, an item is drawn again, as often as the recipe's gates allow, and else refused, unless `keep_invalid`. Raises
+    BadInput, BadRecipe, Unsupported.
     """
 
     def __init__(
@@ -38,6 +40,7 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         frames: Literal["key", "all"] | Sequence[int] = "key",
         cameras: Sequence[str] | None = None,
         tier: int = 0,
+        keep_invalid: bool = False,
     ) -> None:
         if isinstance(frames, str) and frames not in ("key", "all"):
             raise Unsupported(
@@ -50,6 +53,7 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         self.adapter = registry.adapter_for(self.root).name
         self.keys = self.recipe.select(registry.adapter(self.adapter).episodes(self.root))
         self.frames, self.cameras, self.tier, self.epoch = frames, cameras, tier, 0
+        self.keep_invalid = keep_invalid
         if not self.keys:
             raise Unsupported(f"{self.root}: the recipe's select matches none of its episodes")
         if tier >= 3:
@@ -68,9 +72,21 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         scene, made_plan = _scene(
             self.adapter, self.root, self.keys[index], self.recipe_key, self.tier
         )
-        edited, draws = pipeline.draw(scene, self.recipe, self.epoch + 1)
+        edited, draws = self._drawn(scene)
         made = pipeline.render(edited, draws, made_plan)
         return self._item(made.episode, [draw.describe() for draw in draws])
+
+    def _drawn(self, scene: Scene) -> tuple[Scene, tuple[pipeline.Draw, ...]]:
+        """The first draw in which the recorded actions still hold. Raises Unsupported if there is none."""
+        gates = self.recipe.gates
+        for attempt in range(gates.tries if gates else 1):
+            edited, draws = pipeline.draw(scene, self.recipe, self.epoch + 1, attempt)
+            if edited.actions_valid or self.keep_invalid:
+                return edited, draws
+        why = "; ".join(simulate.invalid(edited.simulated))
+        raise Unsupported(
+            f"{scene.episode.key}: {why}: not for training; keep_invalid=True gives it all the same"
+        )
 
     @property
     def recipe_key(self) -> "_Hashed":
