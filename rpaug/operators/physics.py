@@ -74,6 +74,7 @@ class Physics(Operator):
     velocity: tuple[Component, Component, Component] = (0.0, 0.0, 0.0)
     gravity: Annotated[float, Field(ge=0, le=30)] = 9.81
     friction: Annotated[float, Field(ge=0, le=5)] = 0.5
+    grip: Annotated[float, Field(ge=0, le=5)] = 1.0
     fps: Annotated[float, Field(gt=0, le=1000)] = 20.0
     particles: Annotated[int, Field(ge=100, le=200_000)] = 6000
 
@@ -118,6 +119,7 @@ class Physics(Operator):
             fps=self.fps,
             particles=self.particles,
             friction=self.friction,
+            grip=self.grip,
         )
         after = simulate.simulated(scene, frozenset(edit["handles"]), how, edit["acted"])
         return shadows.follow(scene, after, edit["lamps"])

@@ -11,8 +11,9 @@ from rpaug.physics.colliders import Boxes
 
 STEP = 0.001  # seconds
 STRIP = 0.005  # metres: what stands still becomes columns with sides as long
-CORNERS = 400  # points that a hull is made from, at most
+CORNERS = 400  # directions in which a hull reaches as far as its points
 LEAST_HALF = 5e-4  # metres
+HEAVY = 1e4  # kilograms: what nothing on a table pushes away
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,8 @@ class Fall:
 class Rigid:
     """A thing by surface points in the world, in metres, with its density in kg/m3.
 
-    `columns` (x, y, half width, bottom, top) and a floor at `level` stand still; `boxes` are moved. `velocity` is the
-    thing's at first.
+    `columns` (x, y, half width, bottom, top) and a floor at `level` stand still; `boxes` are moved, and give no way.
+    `friction` is Coulomb's on what stands still, `grip` that on boxes; `velocity` is the thing's at first.
     """
 
     points: Float64[np.ndarray, "n 3"]
@@ -40,43 +41,54 @@ class Rigid:
     boxes: Boxes | None = None
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     friction: float = 0.5
+    grip: float = 1.0
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def run(self, frames: int, pace: float, start: float = 0.0) -> Fall:
         """So many frames, `pace` seconds apart, the first of them as the thing is; boxes are met from `start` on."""
         model = mujoco.MjModel.from_xml_string(self._described())
         data = mujoco.MjData(model)
-        thing = model.body("thing").id
-        data.qvel[:3] = self.velocity
+        thing, first = model.body("thing").id, model.ngeom - 1 - self._count
+        data.qvel[-6:-3] = self.velocity
+        self._move(data, start)
         mujoco.mj_forward(model, data)
         before, steps = _pose(data, thing), max(1, round(pace / STEP))
         model.opt.timestep = pace / steps
-        first = model.geom("box0").id if self.boxes is not None else model.ngeom
-        given = np.zeros(0 if self.boxes is None else len(self.boxes.radius))
-        motions, force = [np.eye(4)], np.zeros(6)
+        given, motions, force = np.zeros(self._count), [np.eye(4)], np.zeros(6)
         for k in range((frames - 1) * steps):
-            if self.boxes is not None:
-                self._move(data, start + (k + 1) * pace / steps)
+            self._move(data, start + k * pace / steps)
             mujoco.mj_step(model, data)
             for c in range(data.ncon):
-                pair = sorted((int(data.contact[c].geom1), int(data.contact[c].geom2)))
-                if pair[1] >= first:
+                other = min(data.contact[c].geom1, data.contact[c].geom2)  # the thing comes last
+                if other >= first:
                     mujoco.mj_contactForce(model, data, c, force)
-                    given[pair[1] - first] += abs(force[0]) * pace / steps
+                    given[other - first] += abs(force[0]) * pace / steps
             if (k + 1) % steps == 0:
                 motions.append(_pose(data, thing) @ geometry.inverse(before))
         return Fall(np.stack(motions), given, (frames - 1) * steps)
 
+    @property
+    def _count(self) -> int:
+        return 0 if self.boxes is None else len(self.boxes.radius)
+
     def _move(self, data: mujoco.MjData, seconds: float) -> None:
-        """Boxes are put where they are now; MuJoCo reads no speed off them, but contacts push what they sink into."""
-        assert self.boxes is not None
-        pose = self.boxes.pose(np.arange(len(self.boxes.radius)), seconds)
-        data.mocap_pos[:] = pose[:, :3, 3]
-        data.mocap_quat[:] = geometry.quaternion_of(pose)[:, [3, 0, 1, 2]]
+        """Boxes are put where they are now, with their speeds: whatever pushed them back is undone."""
+        if self.boxes is None:
+            return
+        rows, n = self.boxes(seconds), self._count
+        turns = rows[:, 3:12].reshape(-1, 3, 3)
+        poses = geometry.rigid(np.zeros(3), np.zeros(3)) * np.ones((n, 1, 1))
+        poses[:, :3, :3] = turns
+        places = data.qpos[: 7 * n].reshape(n, 7)
+        places[:, :3] = rows[:, :3]
+        places[:, 3:] = geometry.quaternion_of(poses)[:, [3, 0, 1, 2]]
+        speeds = data.qvel[: 6 * n].reshape(n, 6)
+        speeds[:, :3] = rows[:, 16:19]
+        speeds[:, 3:] = np.einsum("nji,nj->ni", turns, rows[:, 19:22])  # in the box's own axes
 
     def _described(self) -> str:
         """The scene in MuJoCo's XML. Boxes meet the thing alone: they were recorded, and give no way."""
-        points = self.points[:: max(1, len(self.points) // CORNERS)]
+        points = corners(self.points)
         text = " ".join(f"{value:.6f}" for value in points.ravel())
         gravity = " ".join(f"{value:g}" for value in self.gravity)
         fixed, moved = "", ""
@@ -89,18 +101,17 @@ class Rigid:
                 f'size="{half:.5f} {half:.5f} {tall:.5f}"/>'
             )
         if self.boxes is not None:
-            for b, (half, radius) in enumerate(zip(self.boxes.halves, self.boxes.radius, strict=True)):
+            for half, radius in zip(self.boxes.halves, self.boxes.radius, strict=True):
                 size = " ".join(f"{value:.5f}" for value in np.maximum(half + radius, LEAST_HALF))
                 moved += (
-                    f'<body mocap="true"><geom name="box{b}" type="box" size="{size}" '
-                    'contype="2" conaffinity="2"/></body>'
+                    f'<body gravcomp="1"><freejoint/><geom type="box" size="{size}" mass="{HEAVY:g}" '
+                    f'friction="{self.grip:g} 0.005 0.0005" priority="1" contype="2" conaffinity="0"/></body>'
                 )
-        friction = max(self.friction, 0.0) if self.friction >= 0 else 10.0
         return f"""
 <mujoco>
   <option timestep="{STEP}" gravity="{gravity}" integrator="implicitfast" cone="elliptic"/>
   <size memory="64M"/>
-  <default><geom friction="{friction:g} 0.005 0.0005" condim="4" solref="0.004 1"/></default>
+  <default><geom friction="{self.friction:g} 0.005 0.0005" condim="4" solref="0.004 1"/></default>
   <asset><mesh name="thing" vertex="{text}"/></asset>
   <worldbody>
     {fixed}{moved}
@@ -109,6 +120,15 @@ class Rigid:
   </worldbody>
 </mujoco>
 """
+
+
+def corners(points: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "k 3"]:
+    """The points that reach farthest in directions all around: about the corners of their convex hull."""
+    k = np.arange(CORNERS) + 0.5
+    z, turn = 1 - 2 * k / CORNERS, np.pi * (1 + 5**0.5) * k
+    r = np.sqrt(1 - z * z)
+    directions = np.stack([r * np.cos(turn), r * np.sin(turn), z])
+    return points[np.unique((points @ directions).argmax(0))]
 
 
 def columns(

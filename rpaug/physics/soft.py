@@ -59,7 +59,7 @@ class Soft:
     """Particles of one material: places, velocities, velocity gradients, elastic and whole deformation.
 
     It is changed by `run`. `grid` holds what stands still, and is the box that particles are held in; `boxes` are what
-    moves. `friction` is Coulomb's on both, negative to stick. Raises Unsupported for particles outside the box, and
+    moves. `friction` is Coulomb's on what stands still, `grip` that on boxes, negative to stick. Raises Unsupported for particles outside the box, and
     for a material whose stable step is shorter than SHORTEST.
     """
 
@@ -70,6 +70,7 @@ class Soft:
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     boxes: Track = nothing
     friction: float = 0.5
+    grip: float = 1.0
     courant: float = COURANT
     threads: int = PARTS
 
@@ -137,7 +138,7 @@ class Soft:
         boxes = np.ascontiguousarray(self.boxes(self._seconds))
         given, pushed = contact.collide(
             grids[0], self.grid.distance, self.grid.normals, base, boxes,
-            self.friction, self.friction, origin, cell, contact.TOUCH * float(self.mass.min()),
+            self.friction, self.grip, origin, cell, contact.TOUCH * float(self.mass.min()),
         )  # fmt: skip
         list(apply(lambda k: self._gather(grids[0], origin, dt, *_part(n, k)), range(PARTS)))
         self._seconds += dt

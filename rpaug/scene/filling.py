@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Float32, Float64
 from rpaug.errors import Unsupported
 
 CLOSED = 3  # cells: gaps between seen points that are closed
+RIM = 0.8  # cells from the nearest cell outside: cells on the outline are half empty
 FINEST = 0.001  # metres: the least side of a column
 FOOT = 0.02  # share of the points that may lie below the foot: noise
 NOWHERE = -1e3
@@ -28,7 +29,7 @@ class Columns:
     @property
     def volume(self) -> float:
         """In cubic metres."""
-        return float((self.top[self.inside] - self.bottom).sum()) * self.cell**2
+        return float(self.filled(self.cell)[1].sum())
 
     def filled(
         self, spacing: float
@@ -42,6 +43,8 @@ class Columns:
             (np.stack([y, x], -1) / self.cell).astype(int), np.array(self.inside.shape) - 1
         )
         inside = self.inside[at[..., 0], at[..., 1]]
+        within = inside & (self._depth(x / self.cell - 0.5, y / self.cell - 0.5) > RIM)
+        inside = within if within.any() else inside
         height = self.top[at[..., 0], at[..., 1]][inside].astype(float) - self.bottom
         counts = np.maximum(np.round(height / spacing), 1).astype(int)
         owner = np.repeat(np.arange(len(counts)), counts)
@@ -50,6 +53,11 @@ class Columns:
         z = self.bottom + (number + 0.5) * (height / counts)[owner]
         places = np.stack([low[0] + x[inside][owner], low[1] + y[inside][owner], z], -1)
         return places, step.prod() * (height / counts)[owner]
+
+    def _depth(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> np.ndarray:
+        """How many cells inside of the outline points are, given in cells."""
+        depth = cv2.distanceTransform(self.inside.astype(np.uint8), cv2.DIST_L2, 5)
+        return cv2.remap(depth, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR)
 
 
 def columns(

@@ -13,7 +13,7 @@ from rpaug.physics.colliders import Still, nothing, still
 from rpaug.physics.materials import Law, Material
 from rpaug.physics.rigid import Rigid
 from rpaug.physics.soft import EDGE, Soft, too_stiff
-from rpaug.scene import bound, gaussians, seeds
+from rpaug.scene import bound, gaussians, placing, seeds
 from rpaug.scene.filling import columns
 from rpaug.scene.gaussians import SPREAD, lifted
 from rpaug.scene.sampling import frames
@@ -23,12 +23,14 @@ from rpaug.types import Body, Gaussians, Scene
 
 VIEWS = 6  # frames that a thing's surface is gathered from
 MOST_SHOWN = 20_000  # Gaussians of a thing
+LONGEST = 1.5  # times its width: a pixel seen at a grazing angle does not stick out of an outline
 NEIGHBOURS = 8  # particles that carry one Gaussian
 ROOM = 0.4  # metres around a thing that it may move in, if cells allow
 BELOW = 6  # cells under the support
 MOST_CELLS = 2_000_000
 LEAST_CELL = 0.002  # metres
 APART = 1.5  # cells: what stands still closer to a thing at rest is taken for a part of its own surface
+LOWER = 0.25  # of a thing's height: what tells the outline of its foot
 AROUND = 0.3  # metres around a rigid thing in which others stand in its way
 MOST_COLUMNS = 1500
 INVALID = "actions_valid"
@@ -39,8 +41,8 @@ GENTLE = 1e-6  # newton seconds: less is no touch
 class Setting:
     """How a thing is let go: lifted by `height` metres, at `velocity` in m/s, under `gravity` in m/s2 downwards.
 
-    `fps` are recorded frames a second, `particles` about how many fill it, and `friction` is Coulomb's between it and
-    all it meets.
+    `fps` are recorded frames a second, `particles` about how many fill it, `friction` is Coulomb's between it and
+    what stands still, `grip` that between it and what moves.
     """
 
     material: Material
@@ -50,6 +52,7 @@ class Setting:
     fps: float = 20.0
     particles: int = 6000
     friction: float = 0.5
+    grip: float = 1.0
 
 
 def simulated(scene: Scene, handles: frozenset[int], how: Setting, acted: str | None) -> Scene:
@@ -68,7 +71,7 @@ def simulated(scene: Scene, handles: frozenset[int], how: Setting, acted: str | 
     rest, volume = found.filled(spacing)
     stiff = too_stiff(how.material, cell)
     if stiff is not None:
-        after, account = _rigidly(scene, handles, how, around, points)
+        after, account = _rigidly(scene, handles, how, around, _footed(points, found.bottom))
     else:
         after, account = _softly(scene, handles, how, around, shape, (rest, volume, spacing))
     touched = account.pop("touched")
@@ -103,6 +106,7 @@ def _softly(
         gravity=(0.0, 0.0, -how.gravity),
         boxes=around.boxes or nothing,
         friction=how.friction,
+        grip=how.grip,
     )
     one.v[:] = how.velocity
     states = [(one.x.copy(), one.D.copy())]
@@ -141,6 +145,7 @@ def _rigidly(
         boxes=around.boxes,
         gravity=(0.0, 0.0, -how.gravity),
         friction=how.friction,
+        grip=how.grip,
         velocity=how.velocity,
     )
     fall = thing.run(scene.episode.length, 1 / how.fps)
@@ -177,7 +182,18 @@ def _surface(scene: Scene, handles: frozenset[int]) -> Gaussians:
                     found.append(gaussians.moved(mine, back))
     if not found:
         raise Unsupported(f"simulating {sorted(handles)}: it was never seen with depth")
-    return seeds.thinned(gaussians.joined(found), MOST_SHOWN)
+    every = seeds.thinned(gaussians.joined(found), MOST_SHOWN)
+    scales = every.scales.copy()
+    scales[:, 0] = np.minimum(scales[:, 0], LONGEST * scales[:, 1])
+    return replace(every, scales=scales)
+
+
+def _footed(points: Float64[np.ndarray, "n 3"], bottom: float) -> Float64[np.ndarray, "m 3"]:
+    """Surface points with those of the lower part once more at the foot, which no camera sees."""
+    height = points[:, 2] - bottom
+    low = placing.hull(points[height < LOWER * height.max()])
+    under = np.column_stack([low, np.full(len(low), bottom)])
+    return np.concatenate([points[height >= 0], under])
 
 
 def _room(rest: Float64[np.ndarray, "n 3"], cell: float, around: Surroundings) -> Still:

@@ -13,6 +13,7 @@ from rpaug.scene.roles import surface
 from rpaug.types import Body, Scene
 
 ROUNDED = 0.002  # metres: radius of the edges of a robot's part
+SKIN = 0.0015  # metres that its box is larger than what was seen: fingers that close on a thing press it
 TRIMMED = 0.01  # share of a part's points that may lie outside its box: noise
 BALL = 0.008  # metres: radius of the balls that other moving things are made of
 MOST_BALLS = 120
@@ -98,7 +99,7 @@ def _boxed(
     low, high = np.quantile((points - middle) @ axes, [TRIMMED, 1 - TRIMMED], axis=0)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = axes, middle + axes @ ((low + high) / 2)
-    return pose, np.maximum((high - low) / 2 - ROUNDED, 0.0)
+    return pose, np.maximum((high - low) / 2 + SKIN - ROUNDED, 0.0)
 
 
 def _balls(
