@@ -32,6 +32,7 @@ class Run:
     share: bool = (
         False  # episodes of one place borrow the static Gaussians of its first, through the store
     )
+    keep_invalid: bool = False  # copies whose recorded actions no longer hold
 
     @cached_property
     def adapter(self) -> Adapter:
@@ -65,6 +66,7 @@ class Run:
         return {
             "dataset": str(self.source.resolve()),
             "tier": self.tier,
+            "keep_invalid": self.keep_invalid,
             "recipe": self.recipe.source,
             **({"share": True} if self.share else {}),
         }
@@ -211,6 +213,7 @@ def _job(run: Run, key: str, copies: Sequence[tuple[int, str]]) -> Job:
         run.recipe.source,
         run.tier,
         run.scenes,
+        keep_invalid=run.keep_invalid,
     )
 
 

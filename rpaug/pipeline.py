@@ -18,7 +18,7 @@ from rpaug.interfaces import Adapter
 from rpaug.preparing import ground, made_ready
 from rpaug.recipe import Option, Recipe, option
 from rpaug.recipe import build as build_recipe
-from rpaug.scene import surfels, views
+from rpaug.scene import simulate, surfels, views
 from rpaug.types import Episode, Scene
 
 
@@ -129,7 +129,6 @@ def render(
     return Made(episode, scene, draws, settled, tally, untrue)
 
 
-NO_LIMITS = gating.Gates(outside=None, reprojection=None, holes=None, flicker=None, color=None)
 ORIGINAL = 0
 """The copy number of an untouched episode; augmented copies count from 1."""
 
@@ -147,6 +146,7 @@ class Job:
     tier: int
     scenes: Path | None = None  # a store of fitted scenes
     founder: str | None = None  # key of the episode whose static Gaussians are borrowed
+    keep_invalid: bool = False  # copies whose recorded actions no longer hold
 
 
 def augment(job: Job) -> Iterator[dict[str, Any]]:
@@ -191,8 +191,8 @@ def _augmented(
 ) -> "Place":
     """Write one copy and say where.
 
-    While it fails its gates, or its instruction cannot be kept true, it is drawn again; a draw that failed before is
-    not tried twice. The last draw to fail goes to the folder of the rejected.
+    While it fails its gates, its instruction cannot be kept true or its actions no longer hold, it is drawn again; a
+    draw that failed before is not tried twice. The last draw to fail goes to the folder of the rejected.
     """
     watch, gates = report.Stopwatch(), recipe.gates
     failed: dict[int, Made] = {}
@@ -202,10 +202,10 @@ def _augmented(
         if any(draws == one.draws for one in failed.values()):
             continue
         made = render(edited, draws, plan, gates is not None, kept)
-        if made.untrue:
-            failed[attempt] = made
+        if made.untrue or not (edited.actions_valid or job.keep_invalid):
+            failed[attempt] = made  # known before anything is rendered
             continue
-        trial = Trial(gates, attempt, strict=True) if gates else None
+        trial = Trial(gates, attempt, True, job.keep_invalid) if gates else None
         try:
             write(adapter, made, job, place, shared | watch.seconds, trial)
         except Rejected:
@@ -214,7 +214,7 @@ def _augmented(
             return place
     attempt, made = failed.popitem()
     place = replace(place, root=job.target / REJECTED)
-    trial = Trial(gates or NO_LIMITS, attempt, strict=False)
+    trial = Trial(gates, attempt, False, job.keep_invalid)
     write(adapter, made, job, place, shared | watch.seconds, trial)
     return place
 
@@ -230,19 +230,25 @@ class Place:
 
 @dataclass(frozen=True)
 class Trial:
-    """How a copy is held to its gates: `attempt` counts its draws from 0; not `strict`, it is written all the same."""
+    """How a copy is held to its gates, if it has any: `attempt` counts its draws from 0; not `strict`, it is written
+    all the same. An instruction that is not true is a fault; so are actions that no longer hold, unless `keep_invalid`."""
 
-    gates: gating.Gates
+    gates: gating.Gates | None
     attempt: int
     strict: bool
+    keep_invalid: bool = False
 
     def judge(self, made: Made) -> dict[str, Any]:
         """What the report says of it. Raises Rejected."""
+        known = [made.untrue] if made.untrue else []
+        known += [] if self.keep_invalid else simulate.invalid(made.scene.simulated)
+        if self.gates is None:
+            return gating.described(gating.Figures(), known, self.attempt)
         outside = sum(made.tally.outside.values())
         figures = gating.measure(
             made.scene, made.episode, made.plan.carriers, outside, made.tally.holes
         )
-        faults = [*self.gates.faults(figures), *([made.untrue] if made.untrue else [])]
+        faults = [*self.gates.faults(figures), *known]
         if faults and self.strict:
             raise Rejected
         return gating.described(figures, faults, self.attempt)
@@ -277,6 +283,7 @@ def write(
             gaussians=len(made.scene.gaussians or ()),
             gates=judged,
             words=_words(made),
+            physics=simulate.described(made.scene.simulated),
             seconds=before | spent,
         )
 
@@ -317,7 +324,8 @@ def replay(
     scene, plan = made_ready(episode, recipe, job.tier, founder=_founder(adapter, job))
     scene, draws = redraw(scene, described["draws"])
     trial = None
-    if "gates" in described:
-        trial = Trial(recipe.gates or NO_LIMITS, described["gates"]["attempt"], strict=False)
-    made = render(scene, draws, plan, counted=trial is not None)
+    if judged := described.get("gates"):
+        kept = not any(fault.startswith(simulate.INVALID) for fault in judged["faults"])
+        trial = Trial(recipe.gates, judged["attempt"], False, kept)
+    made = render(scene, draws, plan, counted=recipe.gates is not None)
     write(adapter, made, job, Place(described["copy"], target, key), {}, trial)

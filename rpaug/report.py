@@ -113,9 +113,12 @@ def side_files(
     gaussians: int,
     gates: dict[str, Any] | None,
     words: dict[str, Any] | None,
+    physics: dict[str, Any],
     seconds: dict[str, float],
 ) -> dict[str, bytes]:
     """The report, and the hole masks where a camera moved. All but `seconds` is the same for the same seed.
+
+    `physics` says whether the recorded actions still hold, where things were simulated.
 
     `seconds` are wall seconds, but for `render`: the seconds threads spent on decoding and rendering frames, which
     is part of `write`.
@@ -133,6 +136,7 @@ def side_files(
         "gaussians": gaussians,
         **tally.summary(),
         **({"words": words} if words else {}),
+        **physics,
         **({"gates": gates} if gates else {}),
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},
     }

@@ -126,17 +126,19 @@ class Body:
     hypothesis explains the pixels as well. `copy_of` is set for a duplicate: it maps
     each recorded handle whose pixels show it to the handle it has here. `scale` is the size of a resized body over
     its recorded one: a recorded point p of its frame is shown at scale * p. An inserted body has a `mesh` in its frame.
+    A body that deforms is shown by `soft`: Gaussians in the world with a moment for every time.
     """
 
     handles: frozenset[int]
     to_world: Float64[np.ndarray, "t 4 4"]
-    motion: str  # "static" | "gripper" | "link" | "aligned" | "unknown"
+    motion: str  # "static" | "gripper" | "link" | "aligned" | "unknown" | "simulated"
     reference: int = 0
     residual: float = 0.0
     ambiguous: bool = False
     copy_of: Mapping[int, int] = field(default_factory=dict)
     scale: float = 1.0
     mesh: Mesh | None = None
+    soft: "Gaussians | None" = None
 
 
 class Surface(Protocol):
@@ -279,7 +281,8 @@ class Scene:
     An operator that moves, copies or removes bodies keeps the recorded ones in `recorded_bodies`
     (`recorded_bodies=scene.tracked`): the recorded pixels are carried from there to where the bodies are now.
     `inpaint` names what paints the places that this uncovers and nobody ever saw (`rpaug.providers.inpaint`).
-    `ambience` is the light that inserted bodies are shown in.
+    `ambience` is the light that inserted bodies are shown in. `simulated` says, in plain values, what each simulation
+    came to; `actions_valid` is false in it where the recorded actions would no longer do what they did.
     """
 
     episode: Episode
@@ -297,6 +300,12 @@ class Scene:
     recorded_bodies: tuple[Body, ...] | None = None
     inpaint: str = "fsr"
     ambience: Ambience | None = None
+    simulated: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def actions_valid(self) -> bool:
+        """Whether what the robot recorded would still do what it did."""
+        return all(one["actions_valid"] for one in self.simulated)
 
     @property
     def tracked(self) -> tuple[Body, ...]:

@@ -40,6 +40,10 @@ def augment(
         list[str] | None, typer.Option("--set", help="Override a value: edits.0.color=red.")
     ] = None,
     resume: Annotated[bool, typer.Option(help="Go on with a run that was stopped.")] = False,
+    keep_invalid: Annotated[
+        bool,
+        typer.Option(help="Keep copies in which physics made the recorded actions untrue."),
+    ] = False,
     dry_run: Annotated[
         bool, typer.Option(help="Print the plan with time and disk, write nothing.")
     ] = False,
@@ -59,7 +63,7 @@ def augment(
     told += [f"seed={seed}"] if seed is not None else []
     told += [f"arms={json.dumps(list(map(str, arm)))}"] if arm else []
     loaded = load_recipe(recipe, told)
-    run = Run(dataset, loaded, out, tier, scenes, share)
+    run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid)
     if dry_run:
         return _dry_run(run, resume, as_json)
     with progress_bar("augmenting", as_json) as progress:

@@ -1,5 +1,6 @@
-"""How alike two pictures are to CLIP (Radford et al. 2021, arXiv 2103.00020), from a model folder of your own."""
+"""What pictures are alike, or like which words, to CLIP (Radford et al. 2021, arXiv 2103.00020), from your own folder."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from jaxtyping import Float, UInt8
 from torch.nn import functional
 
 from rpaug.errors import BadInput, MissingExtra
+from rpaug.providers import models
 
 MEAN, DEVIATION = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
 
@@ -19,6 +21,7 @@ class Clip:
     """A `transformers.CLIPModel`, shown pictures as it was trained on them."""
 
     model: Any
+    folder: Path | None = None
 
     @classmethod
     def load(cls, folder: Path) -> "Clip":
@@ -36,7 +39,7 @@ class Clip:
         except (OSError, ValueError) as error:
             found = (str(error).splitlines() or ["an unreadable model"])[0][:120]
             raise BadInput(folder, "CLIP", found=found, expected="a saved CLIPModel") from None
-        return cls(model.eval())
+        return cls(model.eval(), folder)
 
     def embed(self, image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "d"]:
         """The unit vector that stands for a picture: its middle square, of the model's own size."""
@@ -52,3 +55,13 @@ class Clip:
             seen = self.model.vision_model(pixel_values=(pixels - mean) / deviation)
             found = self.model.visual_projection(seen.pooler_output)[0].double()
         return (found / found.norm()).numpy()
+
+    def closest(self, image: UInt8[np.ndarray, "h w 3"], texts: Sequence[str]) -> int:
+        """Which of the texts suits the picture best. Raises Unsupported without a tokenizer beside the model."""
+        assert self.folder is not None
+        asked = models.tokenizer(self.folder)(list(texts), padding=True, return_tensors="pt")
+        with torch.no_grad():
+            read = self.model.text_model(**asked).pooler_output
+            found = self.model.text_projection(read).double().numpy()
+        found /= np.linalg.norm(found, axis=1, keepdims=True)
+        return int((found @ self.embed(image)).argmax())

@@ -49,10 +49,11 @@ def carried(scene: Scene, t: int) -> tuple[Carried, ...]:
     if scene.recorded_bodies is None:
         return ()
     recorded = {handle: body for body in scene.tracked for handle in body.handles}
-    present = {h for body in scene.bodies if not body.copy_of for h in body.handles}
+    solid = [body for body in scene.bodies if body.soft is None]
+    present = {h for body in solid if not body.copy_of for h in body.handles}
     gone = frozenset(recorded) - present
     edits = [Carried(gone, {}, np.eye(4))] if gone else []
-    for body in scene.bodies:
+    for body in solid:
         if body.mesh is not None:
             continue  # never recorded, so not carried from anywhere
         names = body.copy_of or {handle: handle for handle in body.handles}

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
 from rpaug.render import mesh
-from rpaug.scene import colours, irradiance
+from rpaug.scene import colours, irradiance, softened
 from rpaug.types import Ambience, Body, Camera, Scene
 
 SAMPLES = 4  # along each side of a pixel, where the recording's outlines are smooth
@@ -14,15 +14,20 @@ Image = tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.n
 
 
 def bodies(scene: Scene) -> tuple[Body, ...]:
-    """Those of the scene that have a mesh."""
-    return tuple(body for body in scene.bodies if body.mesh is not None)
+    """Those of the scene that are drawn from what they are, not from recorded pixels."""
+    return tuple(body for body in scene.bodies if body.mesh is not None or body.soft is not None)
 
 
 def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
-    """Colour, depth in metres (0: nothing there) and handles once all meshes of the scene stand there too."""
+    """Colour, depth in metres (0: nothing there) and handles once all that has a shape of its own stands there too."""
     rgb, depth, ids = before
     ambience = scene.ambience or EVEN
     for body in bodies(scene):
+        if body.soft is not None:
+            rgb, depth, ids = softened.draw(
+                body.soft, scene.antialiased, camera, t, (rgb, depth, ids)
+            )
+            continue
         seen = _drawn(body, camera, t, 1)
         if not seen.hit.any():
             continue

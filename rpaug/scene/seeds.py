@@ -45,7 +45,7 @@ def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
     for view in scene.episode.views.values():
         if not view.camera.fixed:
             for t in frames(scene.episode.length, HISTORY_FRAMES):
-                past = _picture(view, t, kept.static)
+                past = picture_of(view, t, kept.static)
                 if past is not None:
                     part = _sparse(past)
                     yield chosen(part, np.isinf(_footprints(part, done)))
@@ -83,7 +83,7 @@ def _bodies(scene: Scene, bodies: Sequence[Body]) -> Iterator[Gaussians]:
     handles = frozenset().union(*(body.handles for body in bodies))
     for t in frames(scene.episode.length, BODY_FRAMES):
         for view in scene.episode.views.values():
-            picture = _picture(view, t, handles)
+            picture = picture_of(view, t, handles)
             if picture is None:
                 continue
             part = lifted(picture)
@@ -91,15 +91,15 @@ def _bodies(scene: Scene, bodies: Sequence[Body]) -> Iterator[Gaussians]:
                 mine = chosen(part, np.isin(part.ids, list(body.handles)))
                 if len(mine):
                     own.append(moved(mine, geometry.inverse(body.to_world[t])))
-    return (_thinned(joined(own)) for own in found if own)
+    return (thinned(joined(own)) for own in found if own)
 
 
-def _thinned(every: Gaussians) -> Gaussians:
-    """At most MOST of them, so that each place holds one, that of the finest view."""
+def thinned(every: Gaussians, most: int = MOST) -> Gaussians:
+    """At most so many of them, so that each place holds one, that of the finest view."""
     every = chosen(every, np.argsort(every.scales[:, 1], kind="stable"))
     cell = float(np.quantile(every.scales[:, 1], 0.1)) / SPREAD
     first = _first_of_each_cell(every, cell)
-    while len(first) > MOST:
+    while len(first) > most:
         cell *= 1.2
         first = _first_of_each_cell(every, cell)
     thin = chosen(every, first)
@@ -113,7 +113,7 @@ def _first_of_each_cell(gaussians: Gaussians, cell: float) -> Int[np.ndarray, "m
     return np.sort(np.unique(cells, axis=0, return_index=True)[1])
 
 
-def _picture(view: CameraView, t: int, handles: frozenset[int]) -> Picture | None:
+def picture_of(view: CameraView, t: int, handles: frozenset[int]) -> Picture | None:
     """What a camera shows of some handles at t."""
     if view.depth is None or view.ids is None:
         return None

@@ -133,7 +133,7 @@ def _table(scene: Scene, cell: float) -> _Table | None:
 def _outlines(scene: Scene, table: _Table) -> Iterator[Float64[np.ndarray, "n 3"]]:
     """Points of each standing thing, where it is now, heights above the table."""
     for body in scene.bodies:
-        if body.motion != "static" or body.handles & table.handles:
+        if body.motion != "static" or body.soft or body.handles & table.handles:
             continue
         for points in _points(scene, body):
             points = points - [0, 0, table.level]

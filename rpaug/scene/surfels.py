@@ -96,8 +96,8 @@ def recorded(scene: Scene) -> Surfels:
 
 
 def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:
-    """Painted surfels behind the static bodies that were edited."""
-    edits = carried(scene, 0)
+    """Painted surfels behind the static bodies that were edited, be it only later."""
+    edits = (*carried(scene, 0), *carried(scene, scene.episode.length - 1))
     handles = (handle for edit in edits for handle in edit.handles)
     edited = frozenset(handles) & surfels.static
     if not edited:

@@ -8,7 +8,7 @@ from rpaug.training.scenes import Scenes
 from rpaug.training.schedule import Schedule
 from rpaug.types import Episode
 
-TRIES = 4  # draws of one copy until its instruction can be kept true; else it stays as recorded
+TRIES = 4  # draws of one copy until its instruction and actions are true; else it stays as recorded
 KEPT_DRAWS = 4  # edited scenes: each keeps its recorded one in memory
 
 Drawn = tuple[Episode, list[dict[str, Any]]]
@@ -17,8 +17,9 @@ Drawn = tuple[Episode, list[dict[str, Any]]]
 class Draws:
     """Edited episodes of the selected ones, with what was drawn; in epochs they are left out of, as recorded."""
 
-    def __init__(self, scenes: Scenes, schedule: Schedule) -> None:
+    def __init__(self, scenes: Scenes, schedule: Schedule, keep_invalid: bool = False) -> None:
         self.scenes, self.schedule, self.keys = scenes, schedule, scenes.keys
+        self.keep_invalid = keep_invalid
         self._held: OrderedDict[tuple[int, int], Drawn] = OrderedDict()
 
     def __call__(self, index: int, epoch: int) -> Drawn:
@@ -40,6 +41,6 @@ class Draws:
         for attempt in range(TRIES if augmented else 0):
             edited, draws = pipeline.draw(ready.scene, recipe, epoch + 1, attempt)
             made = pipeline.render(edited, draws, ready.plan, kept=ready.surfels)
-            if not made.untrue:
+            if not made.untrue and (edited.actions_valid or self.keep_invalid):
                 return made.episode, [draw.describe() for draw in draws]
         return pipeline.render(ready.scene, (), ready.plan, kept=ready.surfels).episode, []

@@ -31,6 +31,8 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
     `frames` says which frames: the key frames (PerAct's rule, the first frame among them), all, given numbers, or
     `Windows`, of which each is an item of its own. `schedule` says which episodes of an epoch are augmented. With a
     folder `scenes`, scenes are found once and read back from there; Gaussians (tier 3) ask for one.
+    A draw after which the instruction or, unless `keep_invalid`, the recorded actions are not true is drawn again a few
+    times; then the episode comes as recorded.
     The same recipe, epoch and episode give the same item in any worker and in any order. `set_epoch` reaches workers
     that are already running. Raises BadInput, BadRecipe, Unsupported.
     """
@@ -45,6 +47,7 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         tier: int = 0,
         schedule: Schedule | None = None,
         scenes: Path | str | None = None,
+        keep_invalid: bool = False,
     ) -> None:
         choosing.check(frames)
         if isinstance(cameras, str):
@@ -55,7 +58,7 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
             )
         root = Path(dataset)
         held = Scenes(root, recipe.load(Path(recipe_file)), tier, Path(scenes) if scenes else None)
-        self.draws = Draws(held, schedule or Schedule())
+        self.draws = Draws(held, schedule or Schedule(), keep_invalid)
         self.keys, self.frames, self.cameras = self.draws.keys, frames, cameras
         if not self.keys:
             raise Unsupported(f"{root}: the recipe's select matches none of its episodes")

@@ -1,0 +1,153 @@
+"""What particles run into: things that stand still, as distances on a grid, and boxes that follow recorded tracks."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Float32, Float64, Int
+
+from rpaug import geometry
+from rpaug.errors import Unsupported
+from rpaug.physics.contact import COLUMNS
+
+MOST_NODES = 4_000_000
+FAR = 1e3  # metres: of what is not there
+
+
+@dataclass(frozen=True)
+class Still:
+    """Distances in metres to what stands still, negative inside, and the ways out of it, on the nodes of a grid.
+
+    Node (i, j, n) lies at `origin + cell * (i, j, n)`.
+    """
+
+    origin: Float64[np.ndarray, "3"]
+    cell: float
+    distance: Float32[np.ndarray, "i j n"]
+    normals: Float32[np.ndarray, "i j n 3"]
+
+    @property
+    def most(self) -> Float64[np.ndarray, "3"]:
+        """The last node's place."""
+        return self.origin + self.cell * (np.array(self.distance.shape) - 1)
+
+
+def still(
+    low: Float64[np.ndarray, "3"],
+    high: Float64[np.ndarray, "3"],
+    cell: float,
+    level: float | None = None,
+    points: Float[np.ndarray, "n 3"] | None = None,
+) -> Still:
+    """A box of the world with a floor at height `level` and surface points, each as a ball that closes the gaps.
+
+    The floor lies on nodes exactly. Raises Unsupported for a box of too many cells.
+    """
+    low = np.array(low, float)
+    if level is not None:
+        low[2] = level - cell * np.ceil((level - low[2]) / cell - 1e-9)
+    shape = np.ceil((high - low) / cell - 1e-9).astype(int) + 1
+    if np.prod(shape.astype(float)) > MOST_NODES:
+        raise Unsupported(
+            f"simulating {' x '.join(f'{s * cell:.2f}' for s in shape)} m in cells of {1000 * cell:.1f} mm: "
+            f"{np.prod(shape.astype(float)):.3g} cells, at most {MOST_NODES:.3g}; ask for larger cells"
+        )
+    distance = np.full(shape, FAR, np.float32)
+    normals = np.zeros((*shape, 3), np.float32)
+    normals[..., 2] = 1.0
+    if points is not None and len(points):
+        _balls(distance, normals, low, cell, points)
+    if level is not None:
+        # On the floor's own nodes as well: what rests there rests there.
+        height = low[2] + cell * np.arange(shape[2]) - level - 1e-6 * cell
+        lower = height[None, None] < distance
+        distance = np.where(lower, np.float32(height), distance)
+        normals[lower] = [0, 0, 1]
+    return Still(low, cell, distance, normals)
+
+
+def _balls(
+    distance: Float32[np.ndarray, "i j n"],
+    normals: Float32[np.ndarray, "i j n 3"],
+    low: Float64[np.ndarray, "3"],
+    cell: float,
+    points: Float[np.ndarray, "n 3"],
+) -> None:
+    """Fill in distances to balls around points, one cell wide: nothing slips between them."""
+    shape = np.array(distance.shape)
+    place = (points - low) / cell
+    kept = np.unique(np.round(2 * place).astype(int), axis=0) / 2
+    nearest = np.round(kept).astype(int)
+    for step in np.ndindex(3, 3, 3):
+        node = nearest + np.array(step) - 1
+        away = node - kept
+        length = np.linalg.norm(away, axis=1)
+        inside = ((node >= 0) & (node < shape)).all(1)
+        order = np.flatnonzero(inside)[np.argsort(-length[inside], kind="stable")]
+        i, j, n = node[order].T
+        near = (cell * (length[order] - 1.0)).astype(np.float32)
+        closer = near < distance[i, j, n]
+        order, i, j, n = order[closer], i[closer], j[closer], n[closer]
+        distance[i, j, n] = near[closer]  # the nearest comes last and stays
+        out = away[order] / np.maximum(length[order], 1e-6)[:, None]
+        normals[i, j, n] = np.where(length[order, None] > 1e-6, out, [0.0, 0.0, 1.0])
+
+
+Track = Callable[[float], Float64[np.ndarray, "b columns"]]
+"""Boxes as they are and move at a time in seconds, rows as `rpaug.physics.contact` describes them."""
+
+
+def nothing(seconds: float) -> Float64[np.ndarray, "b columns"]:
+    """No boxes."""
+    return np.zeros((0, COLUMNS))
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Rounded boxes fixed to bodies whose poses were recorded `pace` seconds apart; between, they go evenly.
+
+    `places` are the boxes' poses in their bodies, `halves` half sizes without the `radius` around them.
+    """
+
+    tracks: Float64[np.ndarray, "b t 4 4"]
+    halves: Float64[np.ndarray, "b 3"]
+    radius: Float64[np.ndarray, "b"]
+    pace: float
+
+    @staticmethod
+    def of(
+        tracks: Sequence[Float64[np.ndarray, "t 4 4"]],
+        places: Sequence[Float64[np.ndarray, "4 4"]],
+        halves: Sequence[Float64[np.ndarray, "3"]],
+        radius: Sequence[float],
+        pace: float,
+    ) -> "Boxes":
+        """Boxes at `places` in bodies of these tracks."""
+        world = [track @ place for track, place in zip(tracks, places, strict=True)]
+        return Boxes(np.stack(world), np.stack(halves), np.array(radius, float), pace)
+
+    def pose(self, box: Int[np.ndarray, "k"], seconds: float) -> Float64[np.ndarray, "k 4 4"]:
+        """Where boxes are at a time."""
+        rows = self(seconds)[box]
+        out = np.tile(np.eye(4), (len(box), 1, 1))
+        out[:, :3, :3], out[:, :3, 3] = rows[:, 3:12].reshape(-1, 3, 3), rows[:, :3]
+        return out
+
+    def __call__(self, seconds: float) -> Float64[np.ndarray, "b columns"]:
+        length = self.tracks.shape[1]
+        at = min(max(seconds / self.pace, 0.0), length - 1.0)
+        k = min(int(at), max(length - 2, 0))
+        share, moving = at - k, length > 1 and seconds / self.pace < length - 1
+        now = self.tracks[:, k]
+        then = self.tracks[:, min(k + 1, length - 1)]
+        rows = np.zeros((len(now), COLUMNS))
+        shift = then[:, :3, 3] - now[:, :3, 3]
+        rows[:, :3] = now[:, :3, 3] + share * shift
+        for b in range(len(now)):
+            turn = cv2.Rodrigues(then[b, :3, :3] @ now[b, :3, :3].T)[0][:, 0]
+            rows[b, 3:12] = (geometry.rotation(share * turn) @ now[b, :3, :3]).ravel()
+            rows[b, 19:22] = turn / self.pace if moving else 0.0
+        rows[:, 12:15], rows[:, 15] = self.halves, self.radius
+        rows[:, 16:19] = shift / self.pace if moving else 0.0
+        return rows

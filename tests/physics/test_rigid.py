@@ -1,0 +1,54 @@
+"""Stiff things fall, topple and are pushed as MuJoCo's own boxes are."""
+
+import numpy as np
+import pytest
+
+from rpaug import geometry
+from rpaug.physics.colliders import Boxes
+from rpaug.physics.rigid import Rigid, columns
+
+HALF = np.array([0.03, 0.03, 0.06])
+
+
+def box(pose: np.ndarray) -> np.ndarray:
+    """Points all over a box."""
+    grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 9)] * 3), -1).reshape(-1, 3)
+    return geometry.transform(pose, HALF * grid[np.abs(grid).max(1) == 1])
+
+
+def test_it_falls_as_the_formula_says_and_rests_on_the_floor() -> None:
+    points = box(geometry.rigid(np.zeros(3), np.array([0, 0, 0.26])))
+    fall = Rigid(points, 500.0, 0.0).run(41, 0.05)
+    assert (fall.motions[0] == np.eye(4)).all()
+    assert fall.motions[3, 2, 3] == pytest.approx(-0.5 * 9.81 * 0.15**2, rel=0.01)
+    ends = geometry.transform(fall.motions[-1], points)
+    assert abs(ends[:, 2].min()) < 1e-3
+    assert np.ptp(ends[:, 2]) == pytest.approx(0.12, abs=2e-3)
+
+
+def test_a_tilted_box_topples() -> None:
+    points = box(geometry.rigid(np.array([0, 0.6, 0]), np.zeros(3)))
+    points[:, 2] -= points[:, 2].min() - 1e-3
+    ends = geometry.transform(Rigid(points, 500.0, 0.0).run(41, 0.05).motions[-1], points)
+    assert np.ptp(ends[:, 2]) == pytest.approx(0.06, abs=2e-3)
+
+
+def test_a_recorded_box_pushes_it_as_far_as_it_goes() -> None:
+    track = np.tile(np.eye(4), (21, 1, 1))
+    track[:, :3, 3] = np.linspace([-0.1, 0, 0.02], [0.1, 0, 0.02], 21)
+    pusher = Boxes.of([track], [np.eye(4)], [np.array([0.02, 0.06, 0.01])], [0.005], 0.05)
+    points = box(geometry.rigid(np.zeros(3), np.array([0, 0, HALF[2]])))
+    fall = Rigid(points, 500.0, 0.0, boxes=pusher, grip=0.2).run(21, 0.05)
+    assert fall.boxes[0] > 0
+    pushed = fall.motions[-1, 0, 3]
+    assert pushed == pytest.approx(0.1 + 0.025 + HALF[0], abs=0.004)
+
+
+def test_columns_hold_it_up() -> None:
+    x, y = np.meshgrid(np.arange(-0.1, 0.1, 0.004), np.arange(-0.1, 0.1, 0.004))
+    shelf = columns(np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.1)], -1), 0.0, 0.02)
+    points = box(geometry.rigid(np.zeros(3), np.array([0, 0, 0.18])))
+    ends = geometry.transform(
+        Rigid(points, 500.0, 0.0, columns=shelf).run(21, 0.05).motions[-1], points
+    )
+    assert ends[:, 2].min() == pytest.approx(0.1, abs=2e-3)
