@@ -201,18 +201,21 @@ def told_of(camera: Camera) -> dict[str, Any]:
     return {"K": camera.K.tolist(), "cam_to_world": track.tolist()}
 
 
-def moved(episode: Episode, recorded: Mapping[str, CameraView], beside: Beside) -> dict[str, bytes]:
-    """The side file of this episode alone, where an edit moved a camera; else none."""
+def moved(
+    episode: Episode, recorded: Mapping[str, CameraView], beside: Beside, own: Path | None = None
+) -> dict[str, bytes]:
+    """The side file of this episode alone, where an edit moved a camera, or where it has one in its `own` folder."""
     changed = {
         name: view.camera
         for name, view in episode.views.items()
         if view.camera is not recorded[name].camera
     }
     if not changed:
-        return {}
+        kept = None if own is None else own / NAME
+        return {NAME: read_bytes(kept)} if kept is not None and kept.is_file() else {}
     told = beside.model_dump(mode="json", exclude_none=True)
     for name, camera in changed.items():
-        kept = told["cameras"].get(name, {})
-        kept = {key: kept[key] for key in ("depth", "metres", "ids") if key in kept}
-        told["cameras"][name] = kept | told_of(camera)
+        old = told["cameras"].get(name, {})
+        old = {key: old[key] for key in ("depth", "metres", "ids") if key in old}
+        told["cameras"][name] = old | told_of(camera)
     return {NAME: yaml.safe_dump(told, sort_keys=False).encode()}
