@@ -30,9 +30,9 @@ STATISTICS = "episode_stats.json"
 COUNTED = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64",
            "index": "int64", "task_index": "int64"}  # fmt: skip
 VERSION = "v3."
-LARGEST = (
-    2**31
-)  # bytes of one table, unpacked: more is taken for damage, before anything is allocated
+# Bytes of one table, unpacked: more is taken for damage, before anything is allocated.
+LARGEST = 2**31
+MOST = 2**20  # episodes, likewise
 
 
 def arrow() -> tuple[Any, Any]:
@@ -120,7 +120,7 @@ def _features(path: Path, told: dict[str, Any]) -> dict[str, dict[str, Any]]:
 def _splits(path: Path, told: dict[str, Any]) -> dict[str, range]:
     """Episode numbers of each split; all are for training where nothing is said."""
     total = told.get("total_episodes")
-    if isinstance(total, bool) or not isinstance(total, int) or not 0 <= total < 2**31:
+    if isinstance(total, bool) or not isinstance(total, int) or not 0 <= total <= MOST:
         raise BadInput(path, "total_episodes", found=repr(total)[:40], expected="a number")
     said = told.get("splits") or ({"train": f"0:{total}"} if total else {})
     try:
@@ -201,8 +201,9 @@ def tasks(folder: Path) -> dict[int, str]:
         found, expected = f"columns {held.column_names}"[:80], "task_index and the task"
         raise BadInput(folder / TASKS, "columns", found=found, expected=expected)
     rows = zip(held["task_index"].to_pylist(), held[words].to_pylist(), strict=True)
-    found = {number: text for number, text in rows if isinstance(text, str)}
-    return {number: text for number, text in found.items() if isinstance(number, int)}
+    return {
+        number: text for number, text in rows if isinstance(number, int) and isinstance(text, str)
+    }
 
 
 def place(row: dict[str, Any], prefix: str, folder: Path, template: Any, **more: str) -> Path:

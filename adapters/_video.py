@@ -25,6 +25,7 @@ ENCODERS = {"h264": "libx264", "hevc": "libx265", "av1": "libsvtav1", "vp9": "li
 QUALITY = "10"  # constant rate factor: what was not edited comes back nearly as it was
 EVERY = 2  # frames from one key frame to the next, as LeRobot has it: any frame is near one
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+HEVC_LEAST = 64  # pixels a side: x265 4.2 writes beyond its memory for 48x32
 BACK = 10.0  # seconds
 TICKS = 90_000  # a second
 
@@ -56,6 +57,8 @@ def opened(path: Path) -> Iterator[av.container.InputContainer]:
             if not container.streams.video:
                 raise BadInput(path, "streams", found="no video", expected="a video stream")
             stream = container.streams.video[0]
+            if stream.codec_context is None or stream.time_base is None:
+                raise BadInput(path, "codec", found="none known", expected="a video stream")
             if not (0 < stream.width <= MAX_SIDE and 0 < stream.height <= MAX_SIDE):
                 found = f"{stream.width}x{stream.height}"
                 raise BadInput(path, "size", found=found, expected=f"1 to {MAX_SIDE} a side")
@@ -235,6 +238,9 @@ def encode(
         stream = None
         for t, image in enumerate(images):
             if stream is None:
+                if codec == "hevc" and min(image.shape[:2]) < HEVC_LEAST:
+                    found, expected = f"{image.shape[1]}x{image.shape[0]}", f"{HEVC_LEAST} a side"
+                    raise BadInput(like or target, "size for HEVC", found=found, expected=expected)
                 stream = made.add_stream(ENCODERS[codec], rate=frequency, options=options)
                 stream.height, stream.width = image.shape[:2]
                 stream.pix_fmt = pixels
