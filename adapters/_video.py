@@ -245,6 +245,7 @@ def encode(
                 stream.height, stream.width = image.shape[:2]
                 stream.pix_fmt = pixels
                 stream.codec_context.thread_count = 1
+                made.start_encoding()  # the header first: an encoder that was emptied may have lost what it says
             frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
             frame.pts, frame.time_base = t, 1 / frequency
             made.mux(stream.encode(frame))

@@ -163,6 +163,7 @@ def test_images_too_small_for_hevc_are_refused(tmp_path: Path) -> None:
     with av.open(str(like), "w") as made:
         stream = made.add_stream("libx265", rate=10)
         stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+        made.start_encoding()
         frame = av.VideoFrame.from_ndarray(large(0, 0), format="rgb24")
         made.mux([*stream.encode(frame), *stream.encode()])
     with pytest.raises(BadInput, match="64 a side"):
@@ -177,6 +178,7 @@ def test_cuts_and_joins_lose_nothing(codec: str, tmp_path: Path) -> None:
     with av.open(str(like), "w") as made:
         stream = made.add_stream(_video.ENCODERS[codec], rate=10)
         stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+        made.start_encoding()
         frame = av.VideoFrame.from_ndarray(large(0, 0), format="rgb24")
         made.mux([*stream.encode(frame), *stream.encode()])
     files = [tmp_path / f"{i}.mp4" for i in range(3)]
