@@ -92,7 +92,7 @@ def spoilt_json(data: bytes, rng: np.random.Generator) -> bytes:
 
 def spoilt_yaml(data: bytes, rng: np.random.Generator) -> bytes:
     """A YAML file, bent as a tree or as text; some grow from a few anchors, some name objects of Python."""
-    match rng.integers(14):
+    match rng.integers(15):
         case 0:
             lines = ["version: 1", "a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
             lines += [
@@ -108,7 +108,8 @@ def spoilt_yaml(data: bytes, rng: np.random.Generator) -> bytes:
         case 2:
             return b"cameras: &a {x: *a}\n"
         case 3:
-            return b"[" * int(rng.integers(1, 3000))
+            sign = [b"[", b"- ", b"{", b"? ", b"&a ["][int(rng.integers(5))]
+            return sign * int(rng.integers(1, 100_000))
         case 4 | 5:
             return bytes_bent(data, rng)
         case _:
