@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 TORCH ?= torch==2.13.0
 BIN := $(VENV)/bin
 
-.PHONY: demo test check unit wheel test-gpu test-tfds test-llm clean
+.PHONY: demo test check unit wheel test-gpu test-tfds test-lerobot test-llm clean
 .DEFAULT_GOAL := test
 
 $(VENV)/.installed: pyproject.toml
@@ -38,6 +38,9 @@ test-llm: $(VENV)/.installed
 
 test-tfds: $(VENV)/.installed
 	$(BIN)/python -m pytest tests/readers/test_tfds_reader.py
+
+test-lerobot: $(VENV)/.installed
+	$(BIN)/python -m pytest tests/readers/test_lerobot_reader.py
 
 clean:
 	rm -rf $(VENV) build dist demo-output *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

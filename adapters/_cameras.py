@@ -19,7 +19,11 @@ from rpaug.geometry import pose_of, rotation
 
 NAME = "cameras.yaml"
 FOCAL = 1.2  # longest sides: what COLMAP assumes of an unknown camera
+MOST = 10**6  # values in the file
+DEEPEST = 100  # levels
+LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 LARGEST = 2**22  # bytes: a track of ten thousand poses is smaller
+Name = Annotated[str, Field(min_length=1)]
 Row = Annotated[list[float], Field(min_length=3, max_length=4)]
 
 
@@ -37,10 +41,12 @@ class Calibration(Model):
         default=None, gt=0, lt=180, description="horizontal, degrees"
     )
     cam_to_world: list[Any] | None = None
-    pose_key: str | None = None
-    depth: str | None = None
-    ids: str | None = Field(default=None, description="instance handles, a whole number a pixel")
-    metres: float = Field(default=1.0, gt=0, description="of one unit of depth")
+    pose_key: Name | None = None
+    depth: Name | None = None
+    ids: Name | None = Field(default=None, description="instance handles, a whole number a pixel")
+    metres: float = Field(
+        default=1.0, gt=0, allow_inf_nan=False, description="of one unit of depth"
+    )
 
     @model_validator(mode="after")
     def _once(self) -> "Calibration":
@@ -48,6 +54,8 @@ class Calibration(Model):
             raise ValueError("give one of K and field_of_view")
         if self.cam_to_world is not None and self.pose_key is not None:
             raise ValueError("give one of cam_to_world and pose_key")
+        if self.K is not None and not _pinhole(self.K):
+            raise ValueError("K is 3 rows of 3 finite numbers, focal lengths above 0")
         return self
 
     def intrinsics(self, width: int, height: int) -> Float64[np.ndarray, "3 3"]:
@@ -57,6 +65,13 @@ class Calibration(Model):
         assert self.field_of_view is not None
         focal = width / 2 / np.tan(np.radians(self.field_of_view) / 2)
         return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+
+
+def _pinhole(rows: list[Row]) -> bool:
+    if [len(row) for row in rows] != [3, 3, 3]:
+        return False
+    K = np.array(rows, float)
+    return bool(np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0 and K[2, 2] == 1)
 
 
 class Gripper(Model):
@@ -75,9 +90,9 @@ class Beside(Model):
     version: Literal[1] = 1
     cameras: dict[str, Calibration] = {}
     gripper: Gripper | None = None
-    joints: str | None = None
-    joint_velocities: str | None = None
-    language: str | None = None
+    joints: Name | None = None
+    joint_velocities: Name | None = None
+    language: Name | None = None
     views: list[str] | None = None
 
 
@@ -93,10 +108,16 @@ def parse(path: Path) -> Beside:
     """One file. Raises BadInput, naming the key."""
     if path.stat().st_size > LARGEST:
         raise BadInput(path, "size", found="more than 4 MiB", expected="a list of cameras")
+    data = read_bytes(path)
     try:
-        told = yaml.safe_load(read_bytes(path))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise BadInput(path, "YAML", found=str(error).split("\n")[0], expected="YAML") from None
+        _shallow(data)
+        told = yaml.load(data, LOADER)  # noqa: S506  # a safe one, in C where there is one
+        nodes = _nodes(told, {})
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError, TypeError) as error:
+        found = str(error).split("\n")[0][:120]
+        raise BadInput(path, "YAML", found=found, expected="YAML") from None
+    if nodes > MOST:
+        raise BadInput(path, "aliases", found=f"{nodes:.1g} values", expected=f"at most {MOST}")
     try:
         return Beside.model_validate(told)
     except ValidationError as error:
@@ -104,6 +125,32 @@ def parse(path: Path) -> Beside:
         where = ".".join(str(part) for part in first["loc"]) or "file"
         found = str(first["input"])[:60]
         raise BadInput(path, where, found=found, expected=first["msg"]) from None
+
+
+def _shallow(data: bytes) -> None:
+    """See that nothing is nested deeply: a loader recurses, the one in C until its stack is full. Raises ValueError."""
+    depth = 0
+    for event in yaml.parse(data, LOADER):
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        if depth > DEEPEST:
+            raise ValueError(f"more than {DEEPEST} levels")
+
+
+def _nodes(tree: Any, counted: dict[int, int]) -> int:
+    """Values in a tree whose parts may be shared: aliases make millions of few lines. Raises ValueError for a loop."""
+    if not isinstance(tree, (dict, list)):
+        return 1
+    if id(tree) in counted:
+        if not counted[id(tree)]:
+            raise ValueError("an alias of what it lies in")
+        return counted[id(tree)]
+    counted[id(tree)] = 0  # not yet known
+    inner = tree.values() if isinstance(tree, dict) else tree
+    counted[id(tree)] = 1 + sum(_nodes(one, counted) for one in inner)
+    return counted[id(tree)]
 
 
 def known(folder: Path, field: str, name: str, among: Iterable[str]) -> None:
@@ -140,7 +187,7 @@ def _poses(field: str, values: Any, length: int) -> Float64[np.ndarray, "t 4 4"]
     try:
         track = np.asarray(values, float)
         track = track.reshape((-1, 4, 4) if track.size % 16 == 0 else (-1, 3, 4))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise BadInput(NAME, field, found="no matrices", expected="4x4 or 3x4") from None
     if track.shape[1] == 3:
         last = np.broadcast_to([[[0.0, 0, 0, 1]]], (len(track), 1, 4))
@@ -148,7 +195,8 @@ def _poses(field: str, values: Any, length: int) -> Float64[np.ndarray, "t 4 4"]
     if len(track) not in (1, length):
         raise BadInput(NAME, field, found=f"{len(track)} poses", expected=f"1 or {length}")
     turn = track[:, :3, :3]
-    proper = np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max() < 1e-3
+    finite = bool(np.isfinite(track).all()) and np.abs(turn).max() < 2
+    proper = finite and np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max() < 1e-3
     if not (proper and (np.linalg.det(turn) > 0).all()):
         raise BadInput(NAME, field, found="no rigid motion", expected="a rotation, metres")
     return np.repeat(track, length, 0) if len(track) == 1 else track
@@ -201,18 +249,21 @@ def told_of(camera: Camera) -> dict[str, Any]:
     return {"K": camera.K.tolist(), "cam_to_world": track.tolist()}
 
 
-def moved(episode: Episode, recorded: Mapping[str, CameraView], beside: Beside) -> dict[str, bytes]:
-    """The side file of this episode alone, where an edit moved a camera; else none."""
+def moved(
+    episode: Episode, recorded: Mapping[str, CameraView], beside: Beside, own: Path | None = None
+) -> dict[str, bytes]:
+    """The side file of this episode alone, where an edit moved a camera, or where it has one in its `own` folder."""
     changed = {
         name: view.camera
         for name, view in episode.views.items()
         if view.camera is not recorded[name].camera
     }
     if not changed:
-        return {}
+        kept = None if own is None else own / NAME
+        return {NAME: read_bytes(kept)} if kept is not None and kept.is_file() else {}
     told = beside.model_dump(mode="json", exclude_none=True)
     for name, camera in changed.items():
-        kept = told["cameras"].get(name, {})
-        kept = {key: kept[key] for key in ("depth", "metres", "ids") if key in kept}
-        told["cameras"][name] = kept | told_of(camera)
+        old = told["cameras"].get(name, {})
+        old = {key: old[key] for key in ("depth", "metres", "ids") if key in old}
+        told["cameras"][name] = old | told_of(camera)
     return {NAME: yaml.safe_dump(told, sort_keys=False).encode()}

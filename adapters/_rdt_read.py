@@ -42,7 +42,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as file:
             yield file
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
         if isinstance(error, BadInput):
             raise
         raise BadInput(path, "HDF5", found=str(error)[:120], expected="a whole file") from None
@@ -208,8 +208,12 @@ def _words(path: Path) -> dict[str, Any] | None:
         told = json.loads(read_bytes(path))
     except (ValueError, RecursionError) as error:
         raise BadInput(path, "JSON", found=str(error), expected="instructions") from None
-    if not isinstance(told, dict) or not isinstance(told.get("instruction"), (str, list)):
+    if not isinstance(told, dict) or "instruction" not in told:
         raise BadInput(path, "instruction", found="none", expected="a text or a list of texts")
+    for name in TEXTS:
+        if not isinstance(told.get(name, []), (str, list)):
+            found = type(told[name]).__name__
+            raise BadInput(path, name, found=found, expected="a text or a list of texts")
     return told
 
 

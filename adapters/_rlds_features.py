@@ -5,6 +5,7 @@ of steps; below it every value is there once a step. Classes not known here are 
 """
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,9 +68,17 @@ def _walk(path: Path, node: Any, at: tuple[str, ...], stepwise: bool, depth: int
             kind,
             stepwise,
             _shape(path, where, about.get("shape", {})),
-            str(about.get("dtype", "")),
+            _dtype(path, where, about.get("dtype", "")),
             str(about.get("encodingFormat") or about.get("encoding", "")),
         )
+
+
+def _dtype(path: Path, where: str, named: Any) -> str:
+    """A type that TFDS may name; numpy would understand more than that."""
+    if not isinstance(named, str) or not re.fullmatch(r"[a-z]*\d{0,2}", named):
+        found = repr(named)[:40]
+        raise BadInput(path, f"{where}, dtype", found=found, expected="the name of a number type")
+    return named
 
 
 def _inner(path: Path, where: str, node: Mapping[str, Any], *names: str) -> Mapping[str, Any]:
@@ -86,7 +95,7 @@ def _shape(path: Path, where: str, shape: Any) -> tuple[int | None, ...]:
     dimensions = shape.get("dimensions", []) if isinstance(shape, Mapping) else []
     try:
         sides = [int(d) if str(d) else -1 for d in dimensions]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise BadInput(
             path, f"{where}, shape", found=repr(dimensions), expected="whole numbers"
         ) from None

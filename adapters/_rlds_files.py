@@ -21,6 +21,7 @@ from rpaug.files import PART, read_bytes, write_atomic
 
 INFO = "dataset_info.json"
 STAGED = "episode.tfrecord"
+MOST = 2**20  # episodes of a split: more is taken for damage, before any is listed
 USUAL = 256  # records of a shard where no source says
 TEMPLATE = "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}"
 
@@ -91,10 +92,10 @@ def _named(folder: Path, entry: Any) -> tuple[str, tuple[int, ...]]:
     name = entry.get("name") if isinstance(entry, dict) else None
     try:
         lengths = tuple(int(length) for length in entry["shardLengths"])
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         lengths = (-1,)
-    wrong = not isinstance(name, str) or not name or "/" in name or name.startswith(".")
-    if wrong or any(length < 0 for length in lengths):
+    wrong = not isinstance(name, str) or not name or set("/\\\0") & set(name) or name[0] == "."
+    if wrong or any(length < 0 for length in lengths) or sum(lengths) > MOST:
         expected = "a name and shardLengths"
         raise BadInput(folder / INFO, "splits", found=str(entry)[:80], expected=expected)
     assert isinstance(name, str)
@@ -113,7 +114,7 @@ def _file(template: str, dataset: str, split: str, i: int, count: int) -> str:
     name = template
     for field, value in fields.items():
         name = name.replace("{" + field + "}", value)
-    return Path(name).name  # never outside the dataset's folder
+    return Path(name.replace("\0", "")).name[:255] or "-"  # never outside the dataset's folder
 
 
 def staged(folder: Path) -> dict[str, list[int]]:

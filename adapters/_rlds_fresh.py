@@ -9,18 +9,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import yaml
-from rpaug_adapters import _cameras
+from rpaug_adapters import _fresh
 from rpaug_adapters._example import example
 from rpaug_adapters._rlds_features import Leaf
 from rpaug_adapters._rlds_pixels import packed
 
 from rpaug import Episode
 from rpaug.files import encode_png
-from rpaug.geometry import quaternion_of
 
 CORE = "tensorflow_datasets.core.features."
-STATE = "observation/state"
 DEPTH = Leaf("depth", "Image", True, (None, None, 1), "float32", "png")
 
 
@@ -38,7 +35,7 @@ def record(episode: Episode) -> bytes:
         "steps/language_instruction": [episode.instruction.encode()] * length,
         "episode_metadata/descriptions": [text.encode() for text in episode.descriptions],
     }
-    for name, track in _tracks(episode).items():
+    for name, track in _fresh.tracks(episode).items():
         values[f"steps/{name}"] = track.astype(np.float32).ravel()
     for name, view in episode.views.items():
         at = f"steps/observation/{name}"
@@ -61,7 +58,7 @@ def features(episode: Episode) -> dict[str, Any]:
         "reward": _tensor("float32"),
         "language_instruction": _text(),
     }
-    for name, track in _tracks(episode).items():
+    for name, track in _fresh.tracks(episode).items():
         where = observation if name.startswith("observation/") else steps
         where[name.removeprefix("observation/")] = _tensor("float32", track.shape[1])
     for name, view in episode.views.items():
@@ -83,53 +80,7 @@ def features(episode: Episode) -> dict[str, Any]:
 
 def beside(episode: Episode) -> bytes:
     """What `cameras.yaml` says of the episode."""
-    told: dict[str, Any] = {"version": 1, "cameras": {}}
-    for name, view in episode.views.items():
-        camera = view.camera
-        if camera.assumed:
-            continue
-        entry = _cameras.told_of(camera)
-        if view.depth is not None:
-            entry["depth"] = f"observation/{name}_depth"
-        if view.ids is not None:
-            entry["ids"] = f"observation/{name}_mask"
-        told["cameras"][name] = entry
-    robot = episode.robot
-    if robot.gripper_to_world is not None:
-        told["gripper"] = {
-            "key": STATE, "rotation": [3, 4, 5, 6], "convention": "quaternion_xyzw",
-            "opening": None if robot.gripper_open is None else 7,
-        }  # fmt: skip
-    if robot.joint_positions.shape[1]:
-        told["joints"] = "observation/joint_positions"
-        told["joint_velocities"] = "observation/joint_velocities"
-    _cameras.Beside.model_validate(told)
-    return yaml.safe_dump(told, sort_keys=False).encode()
-
-
-def _tracks(episode: Episode) -> dict[str, np.ndarray]:
-    """All numbers of the robot, by the names they get."""
-    robot, found = episode.robot, {}
-    if robot.joint_positions.shape[1]:
-        found["observation/joint_positions"] = robot.joint_positions
-        still = np.zeros_like(robot.joint_positions)
-        found["observation/joint_velocities"] = (
-            robot.joint_velocities if robot.joint_velocities.shape[1] else still
-        )
-    if robot.gripper_to_world is not None:
-        pose = robot.gripper_to_world
-        parts = [pose[:, :3, 3], quaternion_of(pose)]
-        if robot.gripper_open is not None:
-            parts.append(robot.gripper_open[:, None])
-        found[STATE] = np.concatenate(parts, 1)
-        found["action"] = found[STATE][np.minimum(np.arange(len(pose)) + 1, len(pose) - 1)]
-    for name, track in robot.extra.items():
-        rows = np.asarray(track).reshape(episode.length, -1)
-        if rows.shape[1]:
-            found.setdefault(
-                name if name == "action" else f"observation/{name.rpartition('/')[2]}", rows
-            )
-    return found
+    return _fresh.beside(episode, lambda name: name, lambda name: f"observation/{name}")
 
 
 def _tensor(dtype: str, *shape: int, encoding: str = "none") -> dict[str, Any]:

@@ -12,6 +12,9 @@ from rpaug_adapters._rlds_features import Leaf
 from rpaug import BadInput
 from rpaug.files import check_png
 
+NUMERIC = frozenset(
+    ["", "bool", *(f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64))]
+) | {"float16", "float32", "float64"}
 PACKED = ("zlib", "bytes")  # encodings of TFDS tensors that are one byte string a step
 
 
@@ -19,6 +22,9 @@ def decoder(
     example: Example, leaf: Leaf, shape: tuple[int, int], length: int
 ) -> Callable[[int], np.ndarray]:
     """A function from a step to its values, (h, w) of the feature's type. Raises BadInput."""
+    if leaf.dtype not in NUMERIC:
+        expected = f"one of {', '.join(sorted(NUMERIC))}"
+        raise BadInput(example.where, f"{leaf.key}, dtype", found=leaf.dtype, expected=expected)
     if leaf.kind == "Image" or leaf.encoding in PACKED:
         blobs = example.blobs(leaf.key)
         if len(blobs) != length:

@@ -29,6 +29,7 @@ class Recorded:
     """Where an episode came from, its record, and which features its views and words are."""
 
     folder: Path
+    own: Path  # what lies beside this episode alone
     example: Example
     views: dict[str, CameraView]
     images: dict[str, Leaf]
@@ -45,7 +46,8 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
     if known is None:
         raise BadInput(folder / FEATURES, "steps", found="none", expected="an RLDS dataset")
     example = Example(*_rlds_files.record(folder, split, number))
-    beside = _cameras.load((folder / split / str(number), folder))
+    own = folder / split / str(number)
+    beside = _cameras.load((own, folder))
     images = _images(folder, example, known, beside)
     length = len(example.blobs(next(iter(images.values())).key))
     sizes = {name: _check(example, leaf.key, length) for name, leaf in images.items()}
@@ -73,7 +75,7 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
         descriptions=descriptions,
         length=length,
         source=Recorded(
-            folder, example, views, images, depths, ids, beside, language, descriptions
+            folder, own, example, views, images, depths, ids, beside, language, descriptions
         ),
     )
 

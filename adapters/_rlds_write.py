@@ -43,7 +43,7 @@ def encoded(episode: Episode, recorded: Recorded) -> tuple[bytes, dict[str, byte
             raise Unsupported(f"{episode.key}: the words changed, and {stale[0]} was made of the old ones")
         count = len(recorded.example.blobs(key))
         changes[key] = [episode.instruction.encode()] * count
-    beside = _cameras.moved(episode, recorded.views, recorded.beside)
+    beside = _cameras.moved(episode, recorded.views, recorded.beside, recorded.own)
     return recorded.example.replaced(changes), beside
 
 

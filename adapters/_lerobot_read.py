@@ -1,0 +1,333 @@
+"""Reading a LeRobot episode: its rows, and its videos, every frame of which is found before it is believed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from jaxtyping import Float64
+from rpaug_adapters import _cameras, _lerobot_files, _tiff, _video
+from rpaug_adapters._cameras import Beside
+from rpaug_adapters._lerobot_files import COUNTED, INFO, STAGED, Info
+from rpaug_adapters._video import Frames, Span
+
+from rpaug import BadInput, Camera, CameraView, Episode
+from rpaug.files import check_image, decode_image
+
+IMAGES = ("observation.images.", "observation.")
+DEPTH = "_depth"  # ending of the feature with a camera's depth, where no side file names it
+MASK = "masks."  # before a camera's name: handles, as rpaug writes them
+UNITS = {"m": 1.0, "mm": 0.001}
+CODES = 4095  # steps of a depth video
+RANGE = {"depth_min": 0.01, "depth_max": 10.0, "shift": 3.5, "use_log": True}
+
+
+@dataclass(frozen=True)
+class Depth:
+    """The feature of a camera's depth, and metres of one unit of it (None: a video, which has its own scale)."""
+
+    key: str
+    metres: float | None
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Where an episode came from: its rows, its videos, and which features its views are."""
+
+    info: Info
+    own: Path  # what lies beside this episode alone
+    rows: Any  # a pyarrow table
+    spans: dict[str, Span]
+    views: dict[str, CameraView]
+    images: dict[str, str]
+    depths: dict[str, Depth]
+    ids: dict[str, str]
+    beside: Beside
+    tasks: tuple[str, ...]  # of each frame
+    descriptions: tuple[str, ...]
+
+
+def read(folder: Path, split: str, number: int, key: str) -> Episode:
+    """Episode `number` of a split, images lazy. Raises BadInput."""
+    about = _lerobot_files.info(folder)
+    own = folder / split / str(number)
+    if (own / STAGED).is_file():
+        rows, tasks, spans = _staged(about, own)
+    else:
+        rows, tasks, spans = _gathered(about, split, number)
+    length = rows.num_rows
+    where = f"{folder}: {split}/{number}"
+    beside = _cameras.load((own, folder))
+    images = _images(about, beside)
+    sizes = {name: _size(where, about, rows, spans, image) for name, image in images.items()}
+    tracks = _tracks(where, about, rows)
+    depths = _depths(about, beside, images)
+    ids = {name: MASK + name for name in images if MASK + name in about.features}
+    for name, told in beside.cameras.items():
+        if told.ids is not None and name in images:
+            _cameras.known(folder, f"cameras.{name}.ids", told.ids, about.features)
+            ids[name] = told.ids
+    views = {
+        name: _view(
+            where,
+            about,
+            rows,
+            spans,
+            image,
+            depths.get(name),
+            ids.get(name),
+            _cameras.camera(beside, name, sizes[name], length, tracks),
+        )
+        for name, image in images.items()
+    }
+    descriptions = tuple(dict.fromkeys(text for text in tasks if text))
+    recorded = Recorded(
+        about, own, rows, spans, views, images, depths, ids, beside, tasks, descriptions
+    )
+    return Episode(
+        key=key,
+        views=views,
+        robot=_cameras.robot(folder, beside, tracks, length),
+        descriptions=descriptions,
+        length=length,
+        source=recorded,
+    )
+
+
+def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...], dict[str, Span]]:
+    """Rows, words and videos of an episode among others."""
+    folder = about.folder
+    span = about.splits.get(split, range(0))
+    if number >= len(span):
+        found = f"{len(span)} episodes"
+        raise BadInput(folder / INFO, f"splits.{split}", found=found, expected=f"number {number}")
+    told = _lerobot_files.episode(folder, span[number])
+    path = _lerobot_files.place(told, "data", folder, about.told.get("data_path"))
+    rows = _lerobot_files.table(path, filters=[("episode_index", "=", span[number])])
+    length = _length(f"{path}: episode {span[number]}", rows, told.get("length"))
+    words = _lerobot_files.tasks(folder)
+    column = rows["task_index"].to_pylist() if "task_index" in rows.column_names else []
+    tasks = tuple(words.get(index, "") for index in column) or ("",) * length
+    spans = {}
+    for key in about.of_kind("video"):
+        prefix = f"videos/{key}"
+        video = _lerobot_files.place(
+            told, prefix, folder, about.told.get("video_path"), video_key=key
+        )
+        start = told.get(f"{prefix}/from_timestamp")
+        if not isinstance(start, (int, float)) or not 0 <= start < 1e7:
+            where = f"episode {span[number]}, {prefix}/from_timestamp"
+            found, expected = repr(start)[:40], "seconds"
+            raise BadInput(folder / _lerobot_files.EPISODES, where, found=found, expected=expected)
+        spans[key] = Span(video, float(start), length, about.rate)
+    return rows, tasks, spans
+
+
+def _staged(about: Info, own: Path) -> tuple[Any, tuple[str, ...], dict[str, Span]]:
+    """Rows, words and videos of an episode that is not gathered yet."""
+    rows = _lerobot_files.table(own / STAGED)
+    length = _length(str(own / STAGED), rows, rows.num_rows)
+    tasks = tuple(str(text) for text in rows["task"].to_pylist())
+    videos = about.of_kind("video")
+    return rows, tasks, {key: Span(own / f"{key}.mp4", 0.0, length, about.rate) for key in videos}
+
+
+def _length(where: str, rows: Any, told: Any) -> int:
+    if not rows.num_rows or rows.num_rows != told:
+        found, expected = f"{rows.num_rows} rows", f"{told}, as the table of episodes says"
+        raise BadInput(where, "rows", found=found, expected=expected)
+    if "frame_index" in rows.column_names:
+        counted = rows["frame_index"].to_pylist()
+        if counted != list(range(rows.num_rows)):
+            found = str(counted[:5])[:60]
+            raise BadInput(where, "frame_index", found=found, expected="0, 1, 2, ...")
+    return rows.num_rows
+
+
+def _images(about: Info, beside: Beside) -> dict[str, str]:
+    """The features of colour by the names of their views."""
+    found = {}
+    for key in about.of_kind("image", "video"):
+        if not _is_depth(about.features[key]):
+            prefix = next((prefix for prefix in IMAGES if key.startswith(prefix)), "")
+            found[key.removeprefix(prefix)] = key
+    if beside.views is not None:
+        for name in beside.views:
+            _cameras.known(about.folder, f"views, {name}", name, found)
+        found = {name: found[name] for name in beside.views}
+    for name in beside.cameras:
+        _cameras.known(about.folder, f"cameras.{name}", name, found)
+    if not found:
+        where = about.folder / INFO
+        raise BadInput(where, "features", found="no images", expected="a colour image a step")
+    return dict(sorted(found.items()))
+
+
+def _is_depth(feature: dict[str, Any]) -> bool:
+    about, old = feature.get("info") or {}, feature.get("video_info") or {}
+    return bool(
+        about.get("is_depth_map")
+        or about.get("video.is_depth_map")
+        or old.get("video.is_depth_map")
+    )
+
+
+def _depths(about: Info, beside: Beside, images: dict[str, str]) -> dict[str, Depth]:
+    """Each camera's feature of depth: named by the side file, or called after the camera."""
+    found = {}
+    for name, image in images.items():
+        told = beside.cameras.get(name)
+        key = told.depth if told is not None else None
+        if key is not None:
+            _cameras.known(about.folder, f"cameras.{name}.depth", key, about.features)
+        elif image + DEPTH in about.features and _is_depth(about.features[image + DEPTH]):
+            key = image + DEPTH
+        if key is None:
+            continue
+        feature = about.features[key]
+        unit = UNITS.get((feature.get("info") or {}).get("depth_unit") or "", 0.0)
+        metres = unit or (told.metres if told is not None else UNITS["mm"])
+        found[name] = Depth(key, None if feature["dtype"] == "video" else metres)
+    return found
+
+
+def blobs(where: str, rows: Any, key: str) -> list[bytes]:
+    """The encoded images of a feature. Raises BadInput."""
+    if key not in rows.column_names:
+        raise BadInput(where, key, found="nothing", expected="a column of images")
+    found = [
+        value.get("bytes") if isinstance(value, dict) else value for value in rows[key].to_pylist()
+    ]
+    odd = next((t for t, data in enumerate(found) if not isinstance(data, bytes)), None)
+    if odd is not None:
+        raise BadInput(where, f"{key}, frame {odd}", found="no bytes", expected="an encoded image")
+    return found
+
+
+def _size(where: str, about: Info, rows: Any, spans: dict[str, Span], key: str) -> tuple[int, int]:
+    """Width and height that all images of a feature share."""
+    if key in spans:
+        return _video.check(spans[key])
+    sizes = [
+        check_image(f"{where}, {key}, frame {t}", data)
+        for t, data in enumerate(blobs(where, rows, key))
+    ]
+    odd = next((t for t, size in enumerate(sizes) if size != sizes[0]), None)
+    if odd is not None:
+        found, expected = f"{sizes[odd][0]}x{sizes[odd][1]}", f"{sizes[0][0]}x{sizes[0][1]}"
+        raise BadInput(where, f"{key}, frame {odd}", found=found, expected=expected)
+    return sizes[0]
+
+
+def _tracks(where: str, about: Info, rows: Any) -> dict[str, Float64[np.ndarray, "t k"]]:
+    """All numbers of the frames, by their features; what counts frames of the whole dataset is left out."""
+    found = {}
+    for key, feature in about.features.items():
+        single = len(feature["shape"]) == 1 and feature["dtype"] not in ("string", "language")
+        if (key in COUNTED and key != "timestamp") or key not in rows.column_names or not single:
+            continue
+        if feature["dtype"] in ("image", "video"):
+            continue
+        try:
+            values = np.asarray(rows[key].to_pylist(), np.float64).reshape(rows.num_rows, -1)
+        except (TypeError, ValueError):
+            found_, expected = "rows of several lengths, or gaps", f"{feature['shape']} numbers"
+            raise BadInput(where, key, found=found_, expected=expected) from None
+        if values.shape[1] != feature["shape"][0]:
+            expected = f"{feature['shape'][0]}, as {INFO} says"
+            raise BadInput(where, key, found=f"{values.shape[1]} numbers", expected=expected)
+        found[key] = values
+    return found
+
+
+def _view(
+    where: str,
+    about: Info,
+    rows: Any,
+    spans: dict[str, Span],
+    key: str,
+    depth: Depth | None,
+    ids: str | None,
+    camera: Camera,
+) -> CameraView:
+    shape = camera.height, camera.width
+    if key in spans:
+        rgb: Callable[[int], np.ndarray] = Frames(spans[key])
+    else:
+        images = blobs(where, rows, key)
+
+        def rgb(t: int) -> np.ndarray:
+            image = decode_image(f"{where}, {key}, frame {t}", images[t])
+            return image if image.ndim == 3 else np.repeat(image[..., None], 3, 2)
+
+    return CameraView(
+        camera,
+        rgb,
+        None if depth is None else _metric(where, about, rows, spans, depth, shape),
+        None if ids is None else _whole(where, rows, ids, shape),
+    )
+
+
+def _metric(
+    where: str,
+    about: Info,
+    rows: Any,
+    spans: dict[str, Span],
+    depth: Depth,
+    shape: tuple[int, int],
+) -> Callable[[int], np.ndarray]:
+    """A camera's depth in metres."""
+    if depth.metres is None:
+        frames = Frames(spans[depth.key], "gray12le")
+        if _video.check(spans[depth.key]) != shape[::-1]:
+            found, expected = "another size", f"{shape[1]}x{shape[0]}, as the colour"
+            raise BadInput(spans[depth.key].path, "size", found=found, expected=expected)
+        told = RANGE | (about.features[depth.key].get("info") or {})
+        return lambda t: _unpacked(frames(t), told)
+    images, metres = blobs(where, rows, depth.key), np.float32(depth.metres)
+
+    def metric(t: int) -> np.ndarray:
+        at = f"{where}, {depth.key}, frame {t}"
+        image = one_channel(at, images[t], shape)
+        return np.nan_to_num(image.astype(np.float32) * metres, posinf=0, neginf=0)
+
+    return metric
+
+
+def one_channel(where: str, data: bytes, shape: tuple[int, int]) -> np.ndarray:
+    """A TIFF or PNG of one channel, of any number type. Raises BadInput."""
+    size = _tiff.size(where, data) if _tiff.is_one(data) else check_image(where, data)
+    if size != shape[::-1]:
+        found, expected = f"{size[0]}x{size[1]}", f"{shape[1]}x{shape[0]}, as the colour"
+        raise BadInput(where, "size", found=found, expected=expected)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None or image.shape != shape:
+        raise BadInput(where, "image", found="undecodable data", expected="one value a pixel")
+    return image
+
+
+def _unpacked(codes: np.ndarray, told: dict[str, Any]) -> np.ndarray:
+    """Metres of the codes of a depth video: even steps, of the logarithm where it says so."""
+    low, high, shift = (float(told[name]) for name in ("depth_min", "depth_max", "shift"))
+    share = codes.astype(np.float64) / CODES
+    if told["use_log"]:
+        return (
+            np.exp(np.log(low + shift) + share * np.log((high + shift) / (low + shift))) - shift
+        ).astype(np.float32)
+    return (low + share * (high - low)).astype(np.float32)
+
+
+def _whole(where: str, rows: Any, key: str, shape: tuple[int, int]) -> Callable[[int], np.ndarray]:
+    def whole(t: int) -> np.ndarray:
+        try:
+            values = np.asarray(rows[key][t].as_py(), np.int32)
+        except (TypeError, ValueError, KeyError, OverflowError):
+            values = np.zeros(0, np.int32)
+        if values.shape != shape:
+            expected = f"{shape[0]} rows of {shape[1]} numbers"
+            raise BadInput(f"{where}, frame {t}", key, found="another shape", expected=expected)
+        return values
+
+    return whole

@@ -1,0 +1,84 @@
+"""Statistics of a LeRobot dataset: least, most, mean, spread and quantiles of each feature, by episode and of all.
+
+Images are looked at in at most a hundred frames and at a coarser grid where they are large, their values in 0..1 and
+their statistics (3, 1, 1), as LeRobot's own are. Quantiles of several episodes are bounds: the least of their lower
+and the greatest of their upper ones, as LeRobot takes them.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+FRAMES, SIDE = 100, 150  # looked at: frames of an episode, pixels a side
+Statistics = dict[str, np.ndarray]
+
+
+def of_numbers(values: np.ndarray) -> Statistics:
+    """Of a feature with one row a step; the statistics have the shape of a row, a single number that of (1,)."""
+    rows = np.asarray(values, np.float64)
+    rows = rows.reshape(len(rows), -1) if rows.ndim < 2 else rows
+    return _of(rows, 0) | {"count": np.array([len(rows)])}
+
+
+def of_images(image: Callable[[int], np.ndarray], length: int, most: float = 255.0) -> Statistics:
+    """Of frames (h, w) or (h, w, c), by channel, divided by `most`."""
+    looked = np.unique(np.linspace(0, length - 1, min(length, FRAMES)).round().astype(int))
+    pixels = []
+    for t in looked:
+        frame = image(int(t))
+        step = max(1, max(frame.shape[:2]) // SIDE) if max(frame.shape[:2]) >= 2 * SIDE else 1
+        small = frame[::step, ::step]
+        pixels.append(small.reshape(-1, small.shape[2] if small.ndim == 3 else 1))
+    found = _of(np.concatenate(pixels).astype(np.float32), 0)
+    shaped = {name: value.reshape(-1, 1, 1) / most for name, value in found.items()}
+    return shaped | {"count": np.array([len(looked)])}
+
+
+def _of(rows: np.ndarray, axis: int) -> Statistics:
+    quantiles = np.quantile(rows, list(QUANTILES.values()), axis=axis)
+    return {
+        "min": rows.min(axis),
+        "max": rows.max(axis),
+        "mean": rows.mean(axis, dtype=np.float64),
+        "std": rows.std(axis, dtype=np.float64),
+        **dict(zip(QUANTILES, quantiles, strict=True)),
+    }
+
+
+def together(several: Iterable[Mapping[str, Mapping[str, Any]]]) -> dict[str, Statistics]:
+    """Of all episodes, by feature: exact but for the quantiles."""
+    merged: dict[str, Statistics] = {}
+    for one in several:
+        for key, statistics in one.items():
+            new = {name: np.asarray(value) for name, value in statistics.items()}
+            merged[key] = _merged(merged[key], new) if key in merged else new
+    return merged
+
+
+def _merged(one: Statistics, other: Statistics) -> Statistics:
+    """Of two groups (Chan et al. 1979)."""
+    n, m = int(one["count"][0]), int(other["count"][0])
+    share = m / (n + m)
+    apart = other["mean"] - one["mean"]
+    variance = one["std"] ** 2 * (1 - share) + other["std"] ** 2 * share
+    found = {
+        "min": np.minimum(one["min"], other["min"]),
+        "max": np.maximum(one["max"], other["max"]),
+        "mean": one["mean"] + apart * share,
+        "std": np.sqrt(variance + apart**2 * share * (1 - share)),
+        "count": np.array([n + m]),
+    }
+    for name, level in QUANTILES.items():
+        if name in one and name in other:
+            found[name] = (np.minimum if level <= 0.5 else np.maximum)(one[name], other[name])
+    return found
+
+
+def plain(statistics: Mapping[str, Statistics]) -> dict[str, dict[str, Any]]:
+    """As JSON has it."""
+    return {
+        key: {name: value.tolist() for name, value in one.items()}
+        for key, one in statistics.items()
+    }

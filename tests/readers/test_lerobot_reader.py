@@ -1,0 +1,89 @@
+"""What the lerobot adapter writes is read by LeRobot's own dataset class, in its own process, frame by frame."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rpaug import recipe, registry
+from rpaug.augment import Run, execute
+from rpaug.convert import convert
+
+DRIVER = Path(__file__).with_name("read_with_lerobot.py")
+PLACE = "toy"
+
+
+@pytest.fixture(scope="module")
+def read():
+    """Runs the driver on a dataset; returns what it says and the frames it took."""
+    if "RPAUG_READERS" not in os.environ:
+        pytest.skip("RPAUG_READERS is not set: no LeRobot here (docs/readers.md)")
+    python = Path(os.environ["RPAUG_READERS"]) / "lerobot/bin/python"
+    if not python.exists():
+        pytest.skip(f"{python} is not there: no LeRobot here (docs/readers.md)")
+
+    def run(folder: Path) -> tuple[dict, dict[str, np.ndarray]]:
+        out = folder.parent / "frames.npz"
+        environment = {
+            "PATH": os.environ["PATH"],
+            "HF_HUB_OFFLINE": "1",
+            "CUDA_VISIBLE_DEVICES": "",
+        }
+        done = subprocess.run(
+            [python, DRIVER, folder, out],
+            env=environment | {"HOME": str(folder.parent), "OMP_NUM_THREADS": "1"},
+            capture_output=True, text=True, timeout=300, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr[-2000:]
+        return json.loads(done.stdout.splitlines()[-1]), dict(np.load(out))
+
+    return run
+
+
+def test_a_converted_recording_is_read(read, samples: Path, tmp_path: Path) -> None:
+    source = samples / "rlbench_open_drawer"
+    convert(source, tmp_path / "out", "lerobot")
+    (place,) = (path.parent.parent for path in (tmp_path / "out").rglob("info.json"))
+    said, frames = read(place)
+    assert not said["rpaug"]
+    assert (said["episodes"], said["frames"], said["lengths"]) == (2, 221, [125, 96])
+    assert said["tasks"] == {
+        str(i): f"open the {'top' if i < 125 else 'bottom'} drawer" for i in map(int, said["tasks"])
+    }
+    adapter = registry.adapter("rlbench")
+    recorded = [adapter.read(source, key) for key in adapter.episodes(source)]
+    for index in map(int, said["tasks"]):
+        one, t = (recorded[0], index) if index < 125 else (recorded[1], index - 125)
+        for name, view in one.views.items():
+            image = np.moveaxis(frames[f"{index}/observation.images.{name}"], 0, -1) * 255
+            assert np.sqrt(((image - view.rgb(t)) ** 2).mean()) < 2.5  # 40 dB
+            depth = frames[f"{index}/observation.images.{name}_depth"]
+            assert np.allclose(depth[0], view.depth(t) * 1000, rtol=1e-6)  # millimetres
+            assert np.array_equal(frames[f"{index}/masks.{name}"], view.ids(t))
+        joints = frames[f"{index}/observation.joint_positions"]
+        assert np.array_equal(joints, one.robot.joint_positions[t].astype(np.float32))
+    assert said["statistics"]["action"]["count"] == [221]
+
+
+def test_an_edited_dataset_is_read(read, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+    from lerobot_samples import dataset
+
+    source = dataset(tmp_path / "in")
+    edits = [{"op": "light_color", "range": [[0.4, 0.4, 0.4], [0.4, 0.4, 0.4]]}]
+    told = {"version": 1, "edits": edits, "copies": 1, "keep_originals": True, "seed": 3}
+    execute(Run(source, recipe.build(told), tmp_path / "out"))
+    old_said, old = read(source / PLACE)
+    said, new = read(tmp_path / "out" / PLACE)
+    assert said["lengths"] == [5, 3, 5, 3, 4, 4]
+    assert (said["episodes"], said["frames"]) == (6, 24)
+    assert set(old_said["tasks"].values()) == {"pick it up", "put it down"}
+    for key, value in old.items():
+        index, _, name = key.partition("/")
+        if int(index) < 8 and name not in ("index",):
+            assert np.array_equal(value, new[key]), key  # originals come first, untouched
+    assert new["8/observation.images.front"].mean() != old["0/observation.images.front"].mean()
+    assert np.array_equal(new["8/action"], old["0/action"])

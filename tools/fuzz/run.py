@@ -1,0 +1,240 @@
+"""Reads a hundred thousand spoilt datasets: none may crash, hang, run code or fill the memory.
+
+    python tools/fuzz/run.py [--cases 100000] [--state FILE] [--json FILE]
+
+Each case takes a tiny whole dataset, spoils one file by that file's own structure (checksums and zlib streams stay
+right where the format has them), and reads all of it: keys, episode, every image. It must be read, or be refused with
+an error of rpaug that names a file and a place. Case number i is always the same. Cases run in a process of their own,
+so that a crash of a C library is seen and counted; with `--state` a run that was stopped goes on where it was.
+"""
+
+import argparse
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+BATCH = 5000  # cases of one process
+SLOW, STUCK = 2.0, 30.0  # processor seconds of one case; wall seconds without one
+GROWTH = 2**30  # bytes that a process may take beyond what it has when the cases begin
+LAYOUTS = {
+    "rlbench": "rlbench",
+    "rlds": "rlds",
+    "jpeg_rlds": "rlds",
+    "rdt": "rdt",
+    "lerobot": "lerobot",
+}
+SHARES = {
+    "rlbench": 8,
+    "rlds": 3,
+    "jpeg_rlds": 6,
+    "rdt": 2,
+    "lerobot": 1,
+}  # of twenty: what is quick is tried more
+TURNS = [name for name, share in SHARES.items() for _ in range(share)]
+STARTS = ("os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "subprocess.Popen", "pty.spawn",
+          "socket.connect", "shutil.rmtree", "os.remove", "os.rename", "os.chmod")  # fmt: skip
+
+
+def read(layout: str, root: Path) -> str:
+    """Read everything of a dataset; what came of it in a word. Raises what reading raises."""
+    from rpaug.registry import adapter
+
+    reader = adapter(layout)
+    keys = reader.episodes(root)
+    if not keys:
+        return "none found"
+    for key in list(keys)[:3]:
+        episode = reader.read(root, key)
+        reader.traps(episode)
+        for view in episode.views.values():
+            for image in (view.rgb, view.depth, view.ids):
+                for t in range(min(episode.length, 4)) if image is not None else ():
+                    image(t)
+    return "read"
+
+
+def named(error: Any, root: Path) -> bool:
+    """Whether an error says where: a file of the dataset or a side file, and a place in it."""
+    where = str(getattr(error, "where", ""))
+    return bool(getattr(error, "field", "")) and (str(root) in where or "cameras.yaml" in where)
+
+
+def work(first: int, end: int, progress: Path) -> None:
+    """Run some cases; writes a line of JSON for each that went wrong, and at the end one of counts."""
+    import numpy as np
+    import seeds
+    from binaries import spoilt
+
+    from rpaug.errors import RpaugError
+
+    started: list[str] = []
+    armed = False
+    sys.addaudithook(lambda event, _: started.append(event) if armed and event in STARTS else None)
+    base = Path(tempfile.mkdtemp(dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
+    places: dict[str, list[tuple[Path, bytes]]] = {}
+    for name in LAYOUTS:
+        getattr(seeds, name)(base / name)
+        files = sorted(path for path in (base / name).rglob("*") if path.is_file())
+        places[name] = [(path, path.read_bytes()) for path in files]
+        assert read(LAYOUTS[name], base / name) == "read"
+    own = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (own + GROWTH, own + GROWTH))
+    counts: Counter[str] = Counter()
+    mark = os.open(progress, os.O_WRONLY | os.O_CREAT)
+    for case in range(first, end):
+        os.pwrite(mark, f"{case:12d}".encode(), 0)
+        rng = np.random.default_rng([7, case])
+        name = TURNS[case % len(TURNS)]
+        kinds = sorted(
+            {path.suffix if "tfrecord" not in path.name else "tfrecord" for path, _ in places[name]}
+        )
+        kinds += [
+            one for one in kinds if one in (".hdf5", "tfrecord", ".pkl", ".parquet", ".mp4")
+        ] * 2
+        kind = kinds[int(rng.integers(len(kinds)))]
+        among = [one for one in places[name] if (one[0].suffix == kind or kind in one[0].name)]
+        path, data = among[int(rng.integers(len(among)))]
+        path.write_bytes(spoilt(path)(data, rng))
+        os.utime(path, ns=(case * 10**6, case * 10**6))  # caches go by it
+        begun, wrong = time.process_time(), None
+        armed = True
+        try:
+            outcome = read(LAYOUTS[name], base / name)
+        except RpaugError as error:
+            outcome = "refused"
+            if not named(error, base):
+                wrong = f"names no place: {error}"
+        except BaseException as error:
+            outcome, wrong = "raised", f"{type(error).__name__}: {error}"
+        armed = False
+        seconds = time.process_time() - begun
+        path.write_bytes(data)
+        os.utime(path, ns=(case * 10**6 + 1, case * 10**6 + 1))
+        if started:
+            wrong = f"started {started[0]}"
+            started.clear()
+        if seconds > SLOW:
+            wrong = f"took {seconds:.1f} processor seconds"
+        counts[f"{name} {kind}: {outcome}"] += 1
+        if case % 200 == 199 or case == end - 1:
+            print(json.dumps({"counts": counts}), flush=True)
+            counts.clear()
+        if wrong:
+            found = {"case": case, "file": str(path.relative_to(base)), "wrong": wrong[:300]}
+            print(json.dumps(found), flush=True)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    print(json.dumps({"peak": peak, "seconds": time.process_time()}), flush=True)
+    import shutil
+
+    shutil.rmtree(base)
+
+
+def batch(first: int, end: int) -> dict[str, Any]:
+    """Some cases in processes of their own; one that dies is named, and the rest go on in the next."""
+    wrong: list[dict[str, Any]] = []
+    counts: Counter[str] = Counter()
+    peak, seconds = 0, 0.0
+    while first < end:
+        with tempfile.TemporaryDirectory() as folder:
+            progress = Path(folder) / "progress"
+            out = Path(folder) / "out"
+            with out.open("wb") as stream, (Path(folder) / "err").open("wb") as errors:
+                command = [
+                    sys.executable,
+                    __file__,
+                    "--worker",
+                    str(first),
+                    str(end),
+                    str(progress),
+                ]
+                child = subprocess.Popen(command, stdout=stream, stderr=errors)
+                died = _watched(child, progress)
+            lines = [json.loads(line) for line in out.read_text().splitlines()]
+            wrong += [line for line in lines if "case" in line]
+            for line in lines:
+                counts.update(line.get("counts", {}))
+                if "peak" in line:
+                    peak, seconds = max(peak, line["peak"]), seconds + line["seconds"]
+            if not died:
+                break
+            last = int(progress.read_text()) if progress.exists() else -1
+            words = (Path(folder) / "err").read_text(errors="replace")[-300:]
+            if last < 0:
+                raise SystemExit(f"the cases cannot begin: {words}")
+            wrong.append({"case": last, "file": "?", "wrong": f"{died}: {words}"})
+            first = last + 1
+    return {"wrong": wrong, "counts": dict(counts), "peak": peak, "seconds": seconds}
+
+
+def _watched(child: subprocess.Popen, progress: Path) -> str:
+    """Wait; how the process ended if not well."""
+    seen, since = "", time.monotonic()
+    while True:
+        try:
+            code = child.wait(timeout=1)
+        except subprocess.TimeoutExpired:
+            now = progress.read_text() if progress.exists() else ""
+            if now != seen:
+                seen, since = now, time.monotonic()
+            if now and time.monotonic() - since > STUCK:
+                child.kill()
+                child.wait()
+                return "stuck"
+            continue
+        if code < 0:
+            return f"killed by {signal.Signals(-code).name}"
+        return "" if code == 0 else f"ended with {code}"
+
+
+def main() -> None:
+    """Parse, run, print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--cases", type=int, default=100_000)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--state", type=Path)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--worker", nargs=3)
+    told = parser.parse_args()
+    if told.worker:
+        work(int(told.worker[0]), int(told.worker[1]), Path(told.worker[2]))
+        return
+    state = {"next": told.first, "wrong": [], "counts": {}, "peak": 0, "seconds": 0.0}
+    if told.state and told.state.exists():
+        state = json.loads(told.state.read_text())
+    end = told.first + told.cases
+    while state["next"] < end:
+        done = batch(state["next"], min(state["next"] + BATCH, end))
+        state["next"] = min(state["next"] + BATCH, end)
+        state["wrong"] += done["wrong"]
+        state["counts"] = dict(Counter(state["counts"]) + Counter(done["counts"]))
+        state["peak"] = max(state["peak"], done["peak"])
+        state["seconds"] += done["seconds"]
+        if told.state:
+            told.state.write_text(json.dumps(state))
+        sys.stderr.write(f"{state['next']} cases, {len(state['wrong'])} wrong\n")
+    for name, count in sorted(state["counts"].items()):
+        sys.stdout.write(f"{count:8d}  {name}\n")
+    for one in state["wrong"]:
+        sys.stdout.write(f"WRONG case {one['case']}, {one['file']}: {one['wrong']}\n")
+    cases = sum(state["counts"].values())
+    words = (
+        f"{cases} cases, {len(state['wrong'])} wrong, {state['seconds']:.0f} processor seconds, "
+    )
+    sys.stdout.write(f"{words}{state['peak'] / 1024:.0f} MiB at most\n")
+    if told.json:
+        told.json.write_text(json.dumps(state, indent=1))
+    raise SystemExit(1 if state["wrong"] else 0)
+
+
+if __name__ == "__main__":
+    main()

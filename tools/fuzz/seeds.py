@@ -1,0 +1,139 @@
+"""Tiny whole datasets, one a layout, from which spoilt ones are made."""
+
+import json
+from pathlib import Path
+
+import cv2
+import h5py
+import numpy as np
+import yaml
+from rpaug_adapters import _tfrecord
+from rpaug_adapters._example import example
+
+from rpaug import Camera, CameraView, Episode, Robot
+from rpaug.registry import adapter
+
+STEPS, SIDE = 2, 8
+
+
+def episode() -> Episode:
+    """Two cameras with colour, depth and handles."""
+    rng = np.random.default_rng(0)
+    pose = np.tile(np.eye(4), (STEPS, 1, 1))
+    pose[:, 0, 3] = np.arange(STEPS)
+    K = np.array([[9.0, 0, 4], [0, 9, 4], [0, 0, 1]])
+    images = rng.integers(0, 255, (2, STEPS, SIDE, SIDE, 3), np.uint8)
+    views = {
+        name: CameraView(
+            Camera(K, pose, SIDE, SIDE),
+            lambda t, i=i: images[i, t],
+            lambda t: np.full((SIDE, SIDE), 1 + t, np.float32),
+            lambda t: np.full((SIDE, SIDE), 7 * t, np.int32),
+        )
+        for i, name in enumerate(("front", "wrist"))
+    }
+    numbers = rng.normal(size=(STEPS, 7))
+    robot = Robot(numbers, numbers, pose, np.linspace(0, 1, STEPS))
+    return Episode("0", views, robot, ("pick it up",), STEPS)
+
+
+def rlbench(root: Path) -> None:
+    """One episode."""
+    adapter("rlbench").write(episode(), root, "all_variations/episodes/episode0", dict)
+
+
+def lerobot(root: Path) -> None:
+    """One episode, gathered."""
+    writer = adapter("lerobot")
+    writer.write(episode(), root, "toy/train/0", dict)
+    writer.finish(root, root)
+
+
+def rlds(root: Path) -> None:
+    """One episode of our own writing: PNG, float images, packed tensors, a side file."""
+    writer = adapter("rlds")
+    writer.write(episode(), root, "toy/1.0.0/train/0", dict)
+    writer.finish(root, root)
+
+
+def jpeg_rlds(root: Path) -> None:
+    """One episode as Open X-Embodiment has them: JPEG, numbers, words."""
+    rng = np.random.default_rng(1)
+    core = "tensorflow_datasets.core.features."
+
+    def tensor(kind: str, *shape: int) -> dict:
+        about = {"shape": {"dimensions": [str(s) for s in shape]}, "dtype": kind}
+        return {"pythonClassName": core + "tensor_feature.Tensor", "tensor": about}
+
+    def several(inner: dict) -> dict:
+        name = core + "features_dict.FeaturesDict"
+        return {"pythonClassName": name, "featuresDict": {"features": inner}}
+
+    about = {
+        "shape": {"dimensions": [str(SIDE), str(SIDE), "3"]},
+        "dtype": "uint8",
+        "encodingFormat": "jpeg",
+    }
+    image = {"pythonClassName": core + "image_feature.Image", "image": about}
+    text = {"pythonClassName": core + "text_feature.Text", "text": {}}
+    steps = several({
+        "observation": several({"image_0": image, "state": tensor("float32", 7)}),
+        "action": tensor("float32", 7), "is_last": tensor("bool"), "language_instruction": text,
+    })  # fmt: skip
+    sequence = {"feature": steps, "length": "-1"}
+    every = {"pythonClassName": core + "dataset_feature.Dataset", "sequence": sequence}
+    folder = root / "toy/1.0.0"
+    folder.mkdir(parents=True)
+    (folder / "features.json").write_text(json.dumps(several({"steps": every})))
+    images = rng.integers(0, 255, (STEPS, SIDE, SIDE, 3), np.uint8)
+    record = example({
+        "steps/observation/image_0": [cv2.imencode(".jpg", i)[1].tobytes() for i in images],
+        "steps/observation/state": rng.normal(size=7 * STEPS).astype(np.float32),
+        "steps/action": rng.normal(size=7 * STEPS).astype(np.float32),
+        "steps/is_last": np.array([0, 1]),
+        "steps/language_instruction": [b"put it away"] * STEPS,
+    })  # fmt: skip
+    (folder / "toy-train.tfrecord-00000-of-00001").write_bytes(_tfrecord.frame(record))
+    split = {"name": "train", "numBytes": str(len(record)), "shardLengths": ["1"],
+             "filepathTemplate": "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}"}  # fmt: skip
+    info = {"fileFormat": "tfrecord", "name": "toy", "splits": [split], "version": "1.0.0"}
+    (folder / "dataset_info.json").write_text(json.dumps(info))
+
+
+def rdt(root: Path) -> None:
+    """One episode with every way to store images, depth, words and a side file."""
+    rng = np.random.default_rng(2)
+    (root / "toy").mkdir(parents=True)
+    images = rng.integers(0, 255, (STEPS, SIDE, SIDE, 3), np.uint8)
+    encoded = [cv2.imencode(".jpg", image)[1].tobytes() for image in images]
+    with h5py.File(root / "toy/episode_0.hdf5", "w") as file:
+        file["observations/qpos"] = rng.normal(size=(STEPS, 14))
+        file["action"] = rng.normal(size=(STEPS, 14))
+        file["observations/images/cam_high"] = np.array(encoded, "S")
+        width = max(map(len, encoded))
+        rows = [np.frombuffer(data.ljust(width, b"\0"), np.uint8) for data in encoded]
+        file["observations/images/cam_left_wrist"] = np.stack(rows)
+        kind = h5py.vlen_dtype(np.uint8)
+        vary = file.create_dataset("observations/images/cam_right_wrist", (STEPS,), kind)
+        for t, data in enumerate(encoded):
+            vary[t] = np.frombuffer(data, np.uint8)
+        file.create_dataset(
+            "observations/images/raw", data=images, chunks=(1, SIDE, SIDE, 3), compression="gzip"
+        )
+        depth = np.full((STEPS, SIDE, SIDE), 900, np.uint16)
+        file.create_dataset("observations/depth/cam_high", data=depth, compression="gzip")
+        file["observations/eef"] = rng.normal(size=(STEPS, 7))
+    words = {
+        "instruction": "pour",
+        "simplified_instruction": ["pour"],
+        "expanded_instruction": ["pour it"],
+    }
+    (root / "toy/expanded_instruction_gpt-4-turbo.json").write_text(json.dumps(words))
+    told = {
+        "version": 1,
+        "cameras": {"cam_high": {"K": [[9.0, 0, 4], [0, 9, 4], [0, 0, 1]], "metres": 0.001,
+                                 "depth": "observations/depth/cam_high",
+                                 "cam_to_world": np.eye(4).tolist()}},
+        "gripper": {"key": "observations/eef", "opening": 6},
+    }  # fmt: skip
+    (root / "toy/cameras.yaml").write_text(yaml.safe_dump(told))
