@@ -125,7 +125,8 @@ class Body:
     track; `residual` is its median point-to-plane distance in metres, and `ambiguous` is set where another
     hypothesis explains the pixels as well. `copy_of` is set for a duplicate: it maps
     each recorded handle whose pixels show it to the handle it has here. `scale` is the size of a resized body over
-    its recorded one: a recorded point p of its frame is shown at scale * p. An inserted body has a `mesh` in its frame.
+    its recorded one: a recorded point p of its frame is shown at scale * p. An inserted body has a `mesh` in its frame;
+    where it also has `splats` there, those are shown and the mesh only says how far it reaches.
     """
 
     handles: frozenset[int]
@@ -137,6 +138,7 @@ class Body:
     copy_of: Mapping[int, int] = field(default_factory=dict)
     scale: float = 1.0
     mesh: Mesh | None = None
+    splats: "Gaussians | None" = None
 
 
 class Surface(Protocol):
