@@ -83,7 +83,7 @@ def _checked(path: Path, thing: Mesh, scale: float, turn: Float[np.ndarray, "3 3
 
 
 def discs(gaussians: Gaussians) -> Mesh:
-    """Gaussians as small squares across their shortest axis, in their even colour: how far a thing reaches, and its hue."""
+    """Gaussians as squares across their shortest axis, in their even colour: how far a thing reaches, and its hue."""
     keep = gaussians.opacities > FAINT
     means, scales = gaussians.means[keep].astype(float), gaussians.scales[keep].astype(float)
     xyzw = gaussians.quats[keep][:, [1, 2, 3, 0]].astype(float)

@@ -1,4 +1,4 @@
-"""An inserted thing made of Gaussians, drawn into a finished view: its colour is blended, its depth is one surface's."""
+"""An inserted thing of Gaussians, drawn into a finished view: its colour is blended, its depth is one surface's."""
 
 from dataclasses import dataclass, replace
 
@@ -14,6 +14,8 @@ from rpaug.types import Body, Camera, Gaussians
 
 REACH = 3.0  # standard deviations that a Gaussian is seen out to
 FAINT = 1 / 255  # share of a pixel below which nothing is shown
+FINE = 0.6  # samples that a typical Gaussian's standard deviation covers, at least
+MOST_SAMPLES = 1 << 20  # of one picture
 
 
 @dataclass(frozen=True)
@@ -45,18 +47,37 @@ def draw(body: Body, camera: Camera, t: int) -> Picture | None:
     if window is None:
         return None
     row, column, height, width = window
+    samples = _samples(there, camera, t, height * width)
     K = camera.K.copy()
     K[:2, 2] -= column, row
-    piece = replace(camera, K=K, width=width, height=height)
+    # Sample (i, j) of a pixel lies at (i + 1/2) / samples - 1/2 from its centre.
+    K[:2] *= samples
+    K[:2, 2] += (samples - 1) / 2
+    piece = replace(camera, K=K, width=width * samples, height=height * samples)
     splats = Splats.of(there)
     drawn = Rasteriser(small(splats)).forward(splats, view_of(piece, t))
-    depth = plane_depth(drawn, splats, piece, t)
-    return Picture(row, column, drawn.colour, drawn.alpha, depth)
+    depth = plane_depth(drawn, splats, piece, t)[samples // 2 :: samples, samples // 2 :: samples]
+    return Picture(row, column, _pooled(drawn.colour, samples), _pooled(drawn.alpha, samples), depth)
+
+
+def _samples(there: Gaussians, camera: Camera, t: int, pixels: int) -> int:
+    """Along each side of a pixel, an odd number, so that a typical Gaussian is not much smaller than a sample: what is
+    smaller is blurred, and a blur loses light at outlines."""
+    middle, size = np.median(there.means, axis=0), float(np.median(there.scales.max(1)))
+    _, z = geometry.project(middle[None].astype(np.float64), camera, t)
+    wide = size * camera.K[0, 0] / max(float(z[0]), 1e-3)
+    most = max(1, int(np.sqrt(MOST_SAMPLES / max(pixels, 1))))
+    return max(1, min(int(np.ceil(FINE / max(wide, 1e-6))), most, 15) // 2 * 2 + 1)
+
+
+def _pooled(fine: Float32[np.ndarray, "h w ..."], samples: int) -> Float32[np.ndarray, "h w ..."]:
+    height, width, *rest = fine.shape
+    shape = (height // samples, samples, width // samples, samples, *rest)
+    return fine.reshape(shape).mean((1, 3))
 
 
 def small(splats: Splats) -> Settings:
-    """How things are drawn whose Gaussians may be smaller than a pixel: these must not grow by being drawn (Mip-Splatting,
-    Yu et al. 2024)."""
+    """Gaussians that may be smaller than a pixel must not grow by being drawn (Mip-Splatting, Yu et al. 2024)."""
     return replace(sharp(splats), antialiased=True)
 
 
