@@ -57,7 +57,9 @@ def draw(body: Body, camera: Camera, t: int) -> Picture | None:
     splats = Splats.of(there)
     drawn = Rasteriser(small(splats)).forward(splats, view_of(piece, t))
     depth = plane_depth(drawn, splats, piece, t)[samples // 2 :: samples, samples // 2 :: samples]
-    return Picture(row, column, _pooled(drawn.colour, samples), _pooled(drawn.alpha, samples), depth)
+    return Picture(
+        row, column, _pooled(drawn.colour, samples), _pooled(drawn.alpha, samples), depth
+    )
 
 
 def _samples(there: Gaussians, camera: Camera, t: int, pixels: int) -> int:
