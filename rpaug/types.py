@@ -125,8 +125,9 @@ class Body:
     track; `residual` is its median point-to-plane distance in metres, and `ambiguous` is set where another
     hypothesis explains the pixels as well. `copy_of` is set for a duplicate: it maps
     each recorded handle whose pixels show it to the handle it has here. `scale` is the size of a resized body over
-    its recorded one: a recorded point p of its frame is shown at scale * p. An inserted body has a `mesh` in its frame.
-    A body that deforms is shown by `soft`: Gaussians in the world with a moment for every time.
+    its recorded one: a recorded point p of its frame is shown at scale * p. An inserted body has a `mesh` in its frame;
+    where it also has `splats` there, those are shown and the mesh only says how far it reaches. A body that deforms is
+    shown by `soft`: Gaussians in the world with a moment for every time.
     """
 
     handles: frozenset[int]
@@ -139,6 +140,7 @@ class Body:
     scale: float = 1.0
     mesh: Mesh | None = None
     soft: "Gaussians | None" = None
+    splats: "Gaussians | None" = None
 
 
 class Surface(Protocol):

@@ -3,8 +3,8 @@
 import io
 import json
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,23 +14,30 @@ from rpaug.assets import picture, shapes, shipped
 from rpaug.errors import BadInput, RpaugError, TargetError
 from rpaug.files import read_bytes, write_atomic
 from rpaug.scene import colours
-from rpaug.types import Mesh
+from rpaug.scene.gaussians import ARRAYS
+from rpaug.types import Gaussians, Mesh
 
 FOLDER = "RPAUG_ASSETS"  # environment variable: where added things are kept
 ENDING = ".asset.npz"
 COARSE = 24  # of 255: colours nearer than this vote alike
 PARTS = ("points", "normals", "uv", "faces", "image")
+SPLATS = "splats_"  # before the names of Gaussians' arrays
 
 
 @dataclass(frozen=True)
 class Asset:
-    """One thing: `size` are its extents in metres along the axes of its own frame, `colour` a colour word."""
+    """One thing: `size` are its extents in metres along the axes of its own frame, `colour` a colour word.
+
+    `gaussians` is how many it is shown by, 0 for a mesh. `provenance` says how a generated thing came to be.
+    """
 
     name: str
     category: str
     colour: str
     size: tuple[float, float, float]
     source: str  # "shipped", or the file it was added from
+    gaussians: int = 0
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def largest(self) -> float:
@@ -84,27 +91,61 @@ def get(name: str) -> Asset:
     )
 
 
-@lru_cache(32)
 def mesh(name: str) -> Mesh:
-    """Its mesh, standing on its own z = 0 or lying as it was added."""
+    """Its mesh, standing on its own z = 0 or lying as it was added; of Gaussians, how far they reach."""
+    return _loaded(folder(), name)[0]
+
+
+def gaussians(name: str) -> Gaussians | None:
+    """The Gaussians that it is shown by, in its frame; None for a mesh."""
+    return _loaded(folder(), name)[1]
+
+
+@lru_cache(32)
+def _loaded(where: Path, name: str) -> tuple[Mesh, Gaussians | None]:
     if name in shipped.THINGS:
-        return shapes.joined(shipped.THINGS[name][1]())
+        return shapes.joined(shipped.THINGS[name][1]()), None
     get(name)
-    with np.load(io.BytesIO(read_bytes(folder() / f"{name}{ENDING}")), allow_pickle=False) as data:
+    with np.load(io.BytesIO(read_bytes(where / f"{name}{ENDING}")), allow_pickle=False) as data:
         points, normals, uv, faces, image = (data[part] for part in PARTS)
-    return Mesh(points, normals, uv, faces, image)
+        splats = None
+        if SPLATS + "means" in data:
+            splats = Gaussians(**{part: data[SPLATS + part] for part in ARRAYS})
+    return Mesh(points, normals, uv, faces, image), splats
 
 
-def add(name: str, category: str, thing: Mesh, source: str) -> Asset:
-    """Keep a mesh under a name. Raises BadInput if the name is taken or is no plain word."""
+def check_name(name: str) -> None:
+    """Raises BadInput if a new thing cannot be called so."""
     if not name.isidentifier():
         raise BadInput(name, "name", found=name, expected="letters, digits and underscores")
     if name in shipped.THINGS or (folder() / f"{name}{ENDING}").exists():
         raise BadInput(name, "name", found="an asset of that name", expected="a name that is free")
-    asset = _described(name, category, thing, source)
-    facts = {"category": category, "colour": asset.colour, "size": asset.size, "source": source}
+
+
+def add(
+    name: str,
+    category: str,
+    thing: Mesh,
+    source: str,
+    splats: Gaussians | None = None,
+    provenance: Mapping[str, str] | None = None,
+) -> Asset:
+    """Keep a thing under a name: a mesh, or Gaussians with the mesh that says how far they reach.
+
+    Raises BadInput if the name is taken or is no plain word.
+    """
+    check_name(name)
+    asset = replace(
+        _described(name, category, thing, source),
+        gaussians=0 if splats is None else len(splats),
+        provenance=dict(provenance or {}),
+    )
+    kept = ("category", "colour", "size", "source", "gaussians", "provenance")
+    facts = {key: getattr(asset, key) for key in kept}
     out = io.BytesIO()
     parts = {part: getattr(thing, part) for part in PARTS}
+    if splats is not None:
+        parts |= {SPLATS + part: getattr(splats, part) for part in ARRAYS}
     np.savez_compressed(out, facts=np.frombuffer(json.dumps(facts).encode(), np.uint8), **parts)
     write_atomic(folder() / f"{name}{ENDING}", out.getvalue())
     return asset
@@ -130,6 +171,8 @@ def _added() -> Iterator[Asset]:
                 facts["colour"],
                 (x, y, z),
                 facts["source"],
+                facts.get("gaussians", 0),
+                facts.get("provenance", {}),
             )
         except (OSError, ValueError, KeyError) as error:
             raise BadInput(

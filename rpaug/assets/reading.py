@@ -1,5 +1,6 @@
 """Meshes and Gaussians from files, as things of the library: glb, gltf, obj, stl, ply."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,25 +9,63 @@ from jaxtyping import Float, UInt8
 from rpaug import geometry
 from rpaug.errors import BadInput
 from rpaug.files import read_bytes
-from rpaug.scene import ply
+from rpaug.scene import harmonics, ply
+from rpaug.scene.gaussians import chosen, moved
 from rpaug.types import Gaussians, Mesh
 
 ENDINGS = (".glb", ".gltf", ".obj", ".stl", ".ply")
 FAINT = 0.3  # opacity: a Gaussian below shows too little to count as a surface
+SEEN = 0.005  # opacity: one below shows nothing
+MOST_GAUSSIANS = 2_000_000
 DISC = 1.6  # standard deviations: half a side of the square that stands for a Gaussian
 LARGEST_IMAGE = 1024  # texels a side
 MOST_METRES = 3.0
 EVEN = 0.28209479  # of the harmonics' first coefficient, above 0.5
 
 
-def read(path: Path, scale: float = 1.0, up: str = "z") -> Mesh:
-    """The thing in a file, `scale` metres to its unit, its `up` axis ("y" or "z") made z. Raises BadInput."""
+def read(path: Path, scale: float = 1.0, up: str = "z") -> tuple[Mesh, Gaussians | None]:
+    """The thing in a file, `scale` metres to its unit, its `up` axis ("y" or "z") made z. Raises BadInput.
+
+    Of a file of Gaussians, those that can be seen, and a mesh that says how far they reach.
+    """
     if path.suffix.lower() not in ENDINGS:
         raise BadInput(path, "format", found=path.suffix, expected=", ".join(ENDINGS))
     data = read_bytes(path)
-    splats = path.suffix.lower() == ".ply" and b"f_dc_0" in data[:4096]
-    thing = discs(ply.read(path)) if splats else _triangles(path)
     turn = np.eye(3) if up == "z" else geometry.rotation(np.array([np.pi / 2, 0.0, 0.0]))
+    if path.suffix.lower() == ".ply" and b"f_dc_0" in data[:4096]:
+        splats = _upright(_solid(path, ply.read(path)), scale, turn)
+        return _checked(path, discs(splats), 1.0, np.eye(3)), splats
+    return _checked(path, _triangles(path), scale, turn), None
+
+
+def _solid(path: Path, found: Gaussians) -> Gaussians:
+    """Those that show something. Raises BadInput if they are too many, or none."""
+    seen = chosen(found, found.opacities > SEEN)
+    if not 0 < len(seen) <= MOST_GAUSSIANS:
+        raise BadInput(
+            path,
+            "Gaussians",
+            found=f"{len(seen)} that can be seen",
+            expected=f"1 to {MOST_GAUSSIANS}",
+        )
+    return replace(seen, ids=np.zeros(len(seen), np.int32))
+
+
+def _upright(splats: Gaussians, scale: float, turn: Float[np.ndarray, "3 3"]) -> Gaussians:
+    """Gaussians scaled and turned, their colours along."""
+    motion = np.eye(4)
+    motion[:3, :3] = turn
+    there = moved(splats, motion)
+    return replace(
+        there,
+        means=(scale * there.means).astype(np.float32),
+        scales=(scale * there.scales).astype(np.float32),
+        sh=harmonics.turned(there.sh, turn),
+    )
+
+
+def _checked(path: Path, thing: Mesh, scale: float, turn: Float[np.ndarray, "3 3"]) -> Mesh:
+    """The mesh in metres, upright. Raises BadInput if it is no surface or of no likely size."""
     points = scale * thing.points @ turn.T
     if not len(points) or not np.isfinite(points).all():
         raise BadInput(
@@ -44,7 +83,7 @@ def read(path: Path, scale: float = 1.0, up: str = "z") -> Mesh:
 
 
 def discs(gaussians: Gaussians) -> Mesh:
-    """Gaussians as the small squares that they mostly are: across their shortest axis, in their even colour."""
+    """Gaussians as squares across their shortest axis, in their even colour: how far a thing reaches, and its hue."""
     keep = gaussians.opacities > FAINT
     means, scales = gaussians.means[keep].astype(float), gaussians.scales[keep].astype(float)
     xyzw = gaussians.quats[keep][:, [1, 2, 3, 0]].astype(float)

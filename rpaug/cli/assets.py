@@ -39,20 +39,25 @@ def add(
     category: Annotated[str, typer.Option(help="What kind of thing it is.")] = "thing",
     scale: Annotated[float, typer.Option(min=1e-6, help="Metres to one unit of the file.")] = 1.0,
     up: Annotated[str, typer.Option(help="The file's upward axis: y or z.")] = "z",
+    gaussians: Annotated[
+        int, typer.Option(min=0, help="Show a mesh by so many Gaussians; 0 keeps its triangles.")
+    ] = 0,
     as_json: AsJson = False,
 ) -> int:
     """Add a mesh, or Gaussians, to your library.
 
     Example: [bold]rpaug assets add teapot.glb --category teapot --scale 0.01 --up y[/]
     """
-    from rpaug.assets import library, reading
+    from rpaug.assets import library, reading, sampled
     from rpaug.errors import RpaugError
 
     if up not in ("y", "z"):
         raise RpaugError(f"--up {up}: give y or z")
-    asset = library.add(
-        name or file.stem.replace("-", "_"), category, reading.read(file, scale, up), file.name
-    )
+    thing, splats = reading.read(file, scale, up)
+    if gaussians and splats is None:
+        splats = sampled.gaussians(thing, gaussians)
+    name = name or file.stem.replace("-", "_")
+    asset = library.add(name, category, thing, file.name, splats)
     if as_json:
         print_json(asdict(asset))
         return 0
@@ -82,7 +87,10 @@ def show(
         print_json(facts)
         return 0
     say(_line(asset))
-    say(f"{len(thing.points)} points, {len(thing.faces)} triangles, from: {asset.source}")
+    made = f"{asset.gaussians} Gaussians" if asset.gaussians else f"{len(thing.faces)} triangles"
+    say(f"{made}, from: {asset.source}")
+    for key, value in asset.provenance.items():
+        say(f"{key}: {value}")
     return 0
 
 

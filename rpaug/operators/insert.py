@@ -15,7 +15,7 @@ from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Interval
 from rpaug.scene import ambience, shadows, standing, targets
 from rpaug.scene.placing import Room, hull, room
-from rpaug.types import Ambience, Body, Effect, Mesh, Scene
+from rpaug.types import Ambience, Body, Effect, Gaussians, Scene
 
 AS_IT_COMES: Edit = {"ambience": None, "lamps": []}
 TRIES = 12  # things or turns drawn before giving up
@@ -125,25 +125,37 @@ def light(scene: Scene) -> Edit:
 
 def inserted(scene: Scene, edit: Edit) -> Scene:
     """The scene with the things of an edit standing in it."""
-    length = scene.episode.length
-    new = tuple(
-        Body(
-            handles=frozenset([thing["handle"]]),
-            to_world=np.tile(np.array(thing["pose"]), (length, 1, 1)),
-            motion="static",
-            mesh=_scaled(library.mesh(thing["asset"]), thing["scale"]),
-        )
-        for thing in edit["things"]
-    )
     shown = edit["ambience"]
-    if shown is None:
-        return replace(scene, bodies=(*scene.bodies, *new))
-    red, green, blue = shown["tint"]
-    low, high, chroma = shown["gamut"]
-    light = Ambience(tuple(shown["light"]), (red, green, blue), (low, high, chroma))
-    after = replace(scene, bodies=(*scene.bodies, *new), ambience=light)
-    return shadows.follow(scene, after, edit["lamps"])
+    light = None
+    if shown is not None:
+        red, green, blue = shown["tint"]
+        low, high, chroma = shown["gamut"]
+        light = Ambience(tuple(shown["light"]), (red, green, blue), (low, high, chroma))
+    new = tuple(_standing(thing, light, scene.episode.length) for thing in edit["things"])
+    after = replace(scene, bodies=(*scene.bodies, *new), ambience=light or scene.ambience)
+    return after if light is None else shadows.follow(scene, after, edit["lamps"])
 
 
-def _scaled(thing: Mesh, scale: float) -> Mesh:
-    return thing if scale == 1.0 else replace(thing, points=scale * thing.points)
+def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
+    """One thing where it stands over the whole episode; its Gaussians in the scene's light."""
+    name, scale, pose = thing["asset"], thing["scale"], np.array(thing["pose"])
+    mesh, splats = library.mesh(name), library.gaussians(name)
+    if scale != 1.0:
+        mesh = replace(mesh, points=scale * mesh.points)
+    if splats is not None:
+        size = np.float32(scale)
+        splats = replace(splats, means=size * splats.means, scales=size * splats.scales)
+        splats = splats if light is None else _in_light(splats, pose, light)
+    return Body(
+        handles=frozenset([thing["handle"]]),
+        to_world=np.tile(pose, (length, 1, 1)),
+        motion="static",
+        mesh=mesh,
+        splats=splats,
+    )
+
+
+def _in_light(splats: Gaussians, pose: Float64[np.ndarray, "4 4"], light: Ambience) -> Gaussians:
+    from rpaug.scene import tuned  # only here: it brings torch and the rasteriser
+
+    return tuned.tuned(splats, pose, light)

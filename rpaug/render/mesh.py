@@ -59,8 +59,8 @@ def draw(
         away = (world * (ray @ cam_to_world[:3, :3].T)).sum(-1) > 0
         world *= np.where(away, -1.0, 1.0)[:, None]
         normals[hit] = world / np.maximum(np.linalg.norm(world, axis=-1, keepdims=True), 1e-9)
-        spread = _texels(mesh)[face[hit]] / (near[hit] * math.sqrt(K[0, 0] * K[1, 1]))
-        albedo[hit] = _look_up(mesh, (mesh.uv[corners] * share).sum(1), spread)
+        spread = texels(mesh)[face[hit]] / (near[hit] * math.sqrt(K[0, 0] * K[1, 1]))
+        albedo[hit] = look_up(mesh, (mesh.uv[corners] * share).sum(1), spread)
     depth = np.divide(1.0, near, out=np.zeros_like(near), where=hit)
     return Drawn(hit, depth, normals, albedo)
 
@@ -104,7 +104,7 @@ def _rasterise(points, faces, K, near, face, weights):
 
 
 @lru_cache(64)
-def _texels(mesh: Mesh) -> Float64[np.ndarray, "f"]:
+def texels(mesh: Mesh) -> Float64[np.ndarray, "f"]:
     """Texels of the image to a metre on each face."""
     corners, tiles = mesh.points[mesh.faces], mesh.uv[mesh.faces] * mesh.image.shape[1::-1]
     sides = corners[:, 1:] - corners[:, :1]
@@ -128,7 +128,7 @@ def _pyramid(mesh: Mesh) -> tuple[Float32[np.ndarray, "h w 3"], ...]:
     return tuple(levels)
 
 
-def _look_up(
+def look_up(
     mesh: Mesh, uv: Float64[np.ndarray, "n 2"], spread: Float64[np.ndarray, "n"]
 ) -> Float32[np.ndarray, "n 3"]:
     """The image at those places, linear between texels of the size of the pixels; `spread` texels go on a pixel."""

@@ -62,7 +62,7 @@ class Source:
 
 def lift(source: Source, tolerance: float = SAME_SURFACE) -> Source:
     """The source with its footprints worked out, for one that is drawn again and again."""
-    return replace(source, lifted=footprints(_nearness(source), source.ids, tolerance))
+    return replace(source, lifted=footprints(nearness(source), source.ids, tolerance))
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def render(
     pixel = np.zeros((height, width), np.int32)
     target = intrinsics(K)
     nobody = np.zeros((0, 0))
-    near_seen = nobody if witness is None else np.maximum(_nearness(witness), 0.0)
+    near_seen = nobody if witness is None else np.maximum(nearness(witness), 0.0)
     lifted = [each if each.lifted else lift(each, tolerance) for each in sources]
     for index, each in enumerate(lifted):
         seen, lens, back = nobody, target, np.zeros((3, 4))
@@ -157,8 +157,8 @@ def _won_ids(
     return ids
 
 
-def _nearness(source: Source) -> Float64[np.ndarray, "h w"]:
-    """1/z of each pixel: 0 is infinitely far, negative is not drawn."""
+def nearness(source: Source) -> Float64[np.ndarray, "h w"]:
+    """1/z of each pixel of a recording: 0 is infinitely far, negative is not drawn."""
     known = np.isfinite(source.depth) & (source.depth > 0)
     absent = 0.0 if source.distant else -1.0
     return np.divide(

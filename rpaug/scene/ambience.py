@@ -1,14 +1,19 @@
 """The light a new thing has to be shown in: how bright faces are by where they turn, and of which colour."""
 
+import cv2
 import numpy as np
+from jaxtyping import Float64, Int
 
-from rpaug.scene import colours, irradiance, light, sampling
+from rpaug.errors import Unsupported
+from rpaug.scene import colours, irradiance, light, sampling, surface
 from rpaug.scene.remembered import once
 from rpaug.types import Ambience, Episode
 
 FRAMES = 8
 PASSES = 8  # of the alternation between albedos and light, both robust
-RIDGE = 0.003  # of the light's terms but the even one, where few faces tell them
+RIDGE = 3e-4  # of the light's terms but the even one, where few faces tell them
+HUE, HUES = 0.06, 64  # chromaticity within which a thing has one albedo, and more than there are
+DARK, CLIPPED = 0.03, 0.97  # brightest channel of pixels that tell something of light
 ENDS = (
     0.01,
     0.995,
@@ -22,14 +27,14 @@ STEP = 7  # pixels, of which one is looked at for its colour
 def estimate(episode: Episode) -> Ambience:
     """The irradiance that explains best how each thing's brightness depends on where its faces turn, 1 on level ones.
 
-    Every thing has one albedo, fitted along; pixels that the fit leaves far off count less. Raises Unsupported without
-    depth.
+    Every hue of a thing has one albedo, fitted along; pixels that the fit leaves far off count less, and so do things
+    that face one way alone. Raises Unsupported without depth.
     """
-    facing, level, things = light.seen(episode, FRAMES)
+    facing, level, things = _seen(episode)
     _, owner = np.unique(things, return_inverse=True)
     terms = irradiance.basis(facing.astype(np.float32)).astype(np.float64)
     found = irradiance.even()
-    fair = 1 / np.sqrt(np.bincount(owner))[owner]  # a table's one face must not outweigh all others
+    fair = _telling(facing, owner)
     weight = fair
     for _ in range(PASSES):
         shade = np.maximum(terms @ found, irradiance.LEAST)
@@ -38,9 +43,8 @@ def estimate(episode: Episode) -> Ambience:
         )
         scaled = terms * albedo[owner][:, None]
         rows = scaled * weight[:, None]
-        penalty = (
-            RIDGE * len(level) * np.diag([0.0] + [1.0] * (irradiance.TERMS - 1)) * level.mean() ** 2
-        )
+        size = RIDGE * weight.sum() * level.mean() ** 2
+        penalty = size * np.diag([0.0] + [1.0] * (irradiance.TERMS - 1))
         found = np.linalg.solve(
             rows.T @ scaled + penalty + 1e-9 * np.eye(irradiance.TERMS), rows.T @ level
         )
@@ -54,6 +58,43 @@ def estimate(episode: Episode) -> Ambience:
         (round(float(red), 4), round(float(green), 4), round(float(blue), 4)),
         _gamut(episode),
     )
+
+
+def _seen(
+    episode: Episode,
+) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+    """World normals, brightness, and a number for the hue of a thing, of pixels inside things' outlines."""
+    normals, levels, hues = [], [], []
+    for name, t, rgb, ids in sampling.images(episode, FRAMES):
+        view = episode.views[name]
+        if view.depth is None:
+            continue
+        names = np.zeros(rgb.shape[:2], np.int32) if ids is None else ids
+        around = np.ones((3, 3), np.uint8)
+        high, low = (each(names.astype(np.float32), around) for each in (cv2.dilate, cv2.erode))
+        colour = rgb / 255.0
+        use = (view.depth(t) > 0) & (high == low)
+        use &= (colour.max(-1) > DARK) & (colour.max(-1) < CLIPPED)
+        rows = np.flatnonzero(use)
+        rows = rows[:: max(1, len(rows) // light.PIXELS)]
+        shown = colour.reshape(-1, 3)[rows]
+        chroma = np.rint(shown[:, :2] / shown.sum(1, keepdims=True) / HUE).astype(int)
+        normals.append(surface.of_view(view, t, (), ids)(rows).facing.astype(float))
+        levels.append(shown.mean(1))
+        hues.append((names.ravel()[rows] * HUES + chroma[:, 0]) * HUES + chroma[:, 1])
+    if not normals or not sum(map(len, levels)):
+        raise Unsupported("light is told by surfaces, and this source has no depth to know them by")
+    return np.concatenate(normals), np.concatenate(levels), np.concatenate(hues)
+
+
+def _telling(
+    facing: Float64[np.ndarray, "n 3"], owner: Int[np.ndarray, "n"]
+) -> Float64[np.ndarray, "n"]:
+    """Weights: a table must not outweigh all else, and what faces one way says nothing of the light elsewhere."""
+    count = np.bincount(owner)
+    middle = np.stack([np.bincount(owner, facing[:, k]) / count for k in range(3)], 1)
+    varied = 1 - np.linalg.norm(middle, axis=1)
+    return (np.maximum(varied, 1e-6) / np.sqrt(count))[owner]
 
 
 def _gamut(episode: Episode) -> tuple[float, float, float]:

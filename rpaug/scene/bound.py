@@ -31,9 +31,7 @@ class Bound:
     shares: Float64[np.ndarray, "n k"]
     rest: Float64[np.ndarray, "p 3"]
 
-    def moment(
-        self, x: Float[np.ndarray, "p 3"], D: Float[np.ndarray, "p 3 3"]
-    ) -> moments.Moment:
+    def moment(self, x: Float[np.ndarray, "p 3"], D: Float[np.ndarray, "p 3 3"]) -> moments.Moment:
         """How the Gaussians are where particles are at `x`, deformed by `D` since they were at rest."""
         usual = self.gaussians
         offset = usual.means[:, None].astype(float) - self.rest[self.particles]

@@ -31,9 +31,7 @@ class Columns:
         """In cubic metres."""
         return float(self.filled(self.cell)[1].sum())
 
-    def filled(
-        self, spacing: float
-    ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"]]:
+    def filled(self, spacing: float) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"]]:
         """Particles about `spacing` metres apart, and the volume of each."""
         size = self.cell * np.array(self.inside.shape[::-1])
         columns, rows = np.maximum(np.round(size / spacing), 1).astype(int)

@@ -28,6 +28,9 @@ def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
                 body.soft, scene.antialiased, camera, t, (rgb, depth, ids)
             )
             continue
+        if body.splats is not None:
+            rgb, depth, ids = _splatted(scene, body, camera, t, (rgb, depth, ids))
+            continue
         seen = _drawn(body, camera, t, 1)
         if not seen.hit.any():
             continue
@@ -41,6 +44,41 @@ def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
         depth = np.where(front, seen.depth, depth).astype(np.float32)
         ids = np.where(front, np.int32(handle), ids)
     return rgb, depth, ids
+
+
+def _splatted(scene: Scene, body: Body, camera: Camera, t: int, before: Image) -> Image:
+    """The same for a body of Gaussians: blended with what lies behind where the recording's outlines are smooth, cut
+    at its surface where they are sharp. Its light is in its colours."""
+    from rpaug.scene import splatted  # only here: it brings torch and the rasteriser
+
+    picture = splatted.draw(body, camera, t)
+    if picture is None:
+        return before
+    height, width = picture.alpha.shape
+    at = np.s_[picture.row : picture.row + height, picture.column : picture.column + width]
+    rgb, depth, ids = (plane.copy() for plane in before)
+    near = splatted.nearest(picture)
+    seen = (picture.alpha > splatted.FAINT) & (near > 0)
+    seen &= (depth[at] <= 0) | (near < depth[at])
+    surface = seen & (picture.depth > 0)
+    if scene.antialiased:
+        colour = picture.colour + (1 - picture.alpha[..., None]) * rgb[at].astype(np.float32) / 255
+    else:
+        seen = surface
+        colour = picture.colour / np.maximum(picture.alpha, splatted.FAINT)[..., None]
+    rgb[at][seen] = np.rint(np.clip(colour[seen], 0, 1) * 255).astype(np.uint8)
+    (handle,) = body.handles
+    depth[at][surface], ids[at][surface] = picture.depth[surface], handle
+    return rgb, depth, ids
+
+
+def lit(
+    albedo: Float32[np.ndarray, "n 3"], normals: Float32[np.ndarray, "n 3"], ambience: Ambience
+) -> Float32[np.ndarray, "n 3"]:
+    """Colours in 0..1 of surfaces under the scene's light, within the colours that the recording reaches."""
+    shade = irradiance.shading(irradiance.basis(normals), np.array(ambience.light))
+    colour = np.clip(albedo * shade[:, None] * np.array(ambience.tint, np.float32), 0, 1)
+    return colour if ambience.gamut is None else _within(colour, ambience.gamut)
 
 
 def _drawn(body: Body, camera: Camera, t: int, samples: int) -> mesh.Drawn:
@@ -80,12 +118,7 @@ def _pooled(fine: Float32[np.ndarray, "h w k"]) -> Float32[np.ndarray, "h w k"]:
 def _lit(
     albedo: Float32[np.ndarray, "n 3"], normals: Float32[np.ndarray, "n 3"], ambience: Ambience
 ) -> UInt8[np.ndarray, "n 3"]:
-    """8-bit colours of surfaces under the scene's light, within the colours that the recording reaches."""
-    shade = irradiance.shading(irradiance.basis(normals), np.array(ambience.light))
-    colour = albedo * shade[:, None] * np.array(ambience.tint, np.float32)
-    if ambience.gamut is not None:
-        colour = _within(np.clip(colour, 0, 1), ambience.gamut)
-    return np.rint(np.clip(colour, 0, 1) * 255).astype(np.uint8)
+    return np.rint(lit(albedo, normals, ambience) * 255).astype(np.uint8)
 
 
 def _within(

@@ -29,7 +29,9 @@ ROOM = 0.4  # metres around a thing that it may move in, if cells allow
 BELOW = 6  # cells under the support
 MOST_CELLS = 2_000_000
 LEAST_CELL = 0.002  # metres
-APART = 1.5  # cells: what stands still closer to a thing at rest is taken for a part of its own surface
+APART = (
+    1.5  # cells: what stands still closer to a thing at rest is taken for a part of its own surface
+)
 LOWER = 0.25  # of a thing's height: what tells the outline of its foot
 AROUND = 0.3  # metres around a rigid thing in which others stand in its way
 MOST_COLUMNS = 1500

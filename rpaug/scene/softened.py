@@ -22,7 +22,9 @@ def draw(gaussians: Gaussians, antialiased: bool, camera: Camera, t: int, before
     rgb, depth, ids = before
     now = moments.at(gaussians, t)
     splats = Splats.of(now)
-    drawn = Rasteriser(gaussian_view.sharp(splats)).forward(splats, gaussian_view.view_of(camera, t))
+    drawn = Rasteriser(gaussian_view.sharp(splats)).forward(
+        splats, gaussian_view.view_of(camera, t)
+    )
     surface = gaussian_view.plane_depth(drawn, splats, camera, t)
     share = np.minimum(drawn.alpha, 1.0)
     near = np.where(surface > 0, surface, drawn.depth_expected)

@@ -21,12 +21,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Int32
 
 from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
-from rpaug.render import denoise, holes, zbuffer
+from rpaug.render import denoise, holes, window, zbuffer
 from rpaug.render.gains import matched
+from rpaug.render.window import Window
 from rpaug.render.zbuffer import Rendered, Source
 from rpaug.scene import parts, unseen
 from rpaug.scene.carry import carried
@@ -129,18 +130,64 @@ def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
         known = ", ".join(scene.episode.views)
         raise TargetError(f"no camera is called {camera_name!r}; there are: {known}")
     camera, recorded = scene.cameras[camera_name], scene.episode.views[camera_name]
-    shown = list(sources(surfels, scene, camera_name, t))
-    drawn = zbuffer.render(
-        camera.K, camera.cam_to_world[t], (camera.width, camera.height), shown,
-        witness=shown[0], tolerance=surfels.tolerance,
-    )  # fmt: skip
-    filled = holes.fill(drawn)
-    # Patches come last, and what they show was invented as much as what single views are filled with.
-    filled = replace(filled, hole=drawn.hole | (drawn.source >= len(shown) - len(surfels.patches)))
-    if _stands(camera, recorded.camera, t) and recorded.depth is not None:
+    stands = _stands(camera, recorded.camera, t) and recorded.depth is not None
+    edits = carried(scene, t)
+    if stands and recorded.ids and edits and not any(edit.shows for edit in edits):
+        gone = among(recorded.ids(t), frozenset().union(*(edit.handles for edit in edits)))
+        piece = window.around(gone, camera.K, camera.cam_to_world[t])
+        return (
+            _as_recorded(recorded, t)
+            if piece is None
+            else _behind(surfels, scene, camera_name, t, piece)
+        )
+    drawn, filled = _drawn(surfels, scene, camera_name, t, None)
+    if stands and recorded.depth is not None:
         # Smoothing, and surfaces without depth, would change what was recorded.
         return replace(filled, depth=np.where(drawn.source == 0, recorded.depth(t), filled.depth))
     return filled
+
+
+def _drawn(
+    surfels: Surfels, scene: Scene, name: str, t: int, piece: Window | None
+) -> tuple[Rendered, Rendered]:
+    """What the recordings show of a camera's view, or of a piece of it, and the same with its holes filled."""
+    camera = scene.cameras[name]
+    K, size = (
+        (camera.K, (camera.width, camera.height)) if piece is None else (piece.own, piece.size)
+    )
+    known = list(_known(surfels, scene, name, t, piece))
+    drawn = zbuffer.render(
+        K, camera.cam_to_world[t], size, [*known, *_painted(surfels, known[0], piece)],
+        witness=known[0], tolerance=surfels.tolerance,
+    )  # fmt: skip
+    filled = holes.fill(drawn)
+    # What patches show was invented as much as what single views are filled with.
+    return drawn, replace(filled, hole=drawn.hole | (drawn.source >= len(known)))
+
+
+def _as_recorded(view: CameraView, t: int) -> Rendered:
+    assert view.depth is not None
+    assert view.ids is not None
+    rgb, ids = view.rgb(t), view.ids(t)
+    nowhere = np.zeros(ids.shape, bool)
+    return Rendered(
+        rgb.astype(np.float32) / 255, view.depth(t), ids, nowhere.astype(np.int16), nowhere
+    )
+
+
+def _behind(surfels: Surfels, scene: Scene, name: str, t: int, piece: Window) -> Rendered:
+    """The recorded image, with what the recordings show in a piece of it where its own surfels are cut out."""
+    drawn, filled = _drawn(surfels, scene, name, t, piece)
+    whole, at = _as_recorded(scene.episode.views[name], t), np.s_[piece.rows, piece.columns]
+    new = drawn.source != 0
+    depth, ids, hole, source = whole.depth.copy(), whole.ids.copy(), whole.hole, whole.source
+    whole.rgb[at][new], depth[at][new], ids[at][new] = (
+        filled.rgb[new],
+        filled.depth[new],
+        filled.ids[new],
+    )
+    hole[at][new], source[at][new] = filled.hole[new], filled.source[new]
+    return replace(whole, depth=depth, ids=ids)
 
 
 def _stands(camera: Camera, recorded: Camera, t: int) -> bool:
@@ -148,11 +195,23 @@ def _stands(camera: Camera, recorded: Camera, t: int) -> bool:
     return same and np.array_equal(camera.K, recorded.K)
 
 
-def sources(surfels: Surfels, scene: Scene, own: str, t: int) -> Iterator[Source]:
-    """The recorded images that show camera `own` its view at time t, the most trusted first, itself before all."""
+def sources(
+    surfels: Surfels, scene: Scene, own: str, t: int, piece: Window | None = None
+) -> Iterator[Source]:
+    """The recorded images that show camera `own` its view at time t, the most trusted first, itself before all, and
+    what was painted last; or their parts that show a piece of the view."""
+    shown = list(_known(surfels, scene, own, t, piece))
+    yield from shown
+    yield from _painted(surfels, shown[0], piece)
+
+
+def _known(
+    surfels: Surfels, scene: Scene, own: str, t: int, piece: Window | None
+) -> Iterator[Source]:
+    """What was recorded, edited bodies carried to where they are now."""
     edits = carried(scene, t)
     edited = frozenset(handle for edit in edits for handle in edit.handles)
-    whole = list(_recordings(surfels, scene, own, t, edited))
+    whole = list(_recordings(surfels, scene, own, t, edited, piece))
     yield from (_without(source, edited) for source in whole) if edits else whole
     for edit in edits:
         for source in whole if edit.shows else ():
@@ -162,31 +221,49 @@ def sources(surfels: Surfels, scene: Scene, own: str, t: int) -> Iterator[Source
                 use = use & ~_shown(whole[0], source, use)
             if use.any():
                 yield edit.carry(replace(source, use=use, before=True))
+
+
+def _painted(surfels: Surfels, recorded: Source, piece: Window | None) -> Iterator[Source]:
+    """What stands for what nobody saw, in the light of what the camera recorded."""
     for patch in surfels.patches:
-        lit = matched(replace(patch, use=None), whole[0], surfels.tolerance)
-        yield replace(lit, use=patch.use)
+        part = patch if piece is None else piece.part(patch)
+        if part is not None:
+            lit = matched(replace(part, use=None), recorded, surfels.tolerance)
+            yield replace(lit, use=part.use)
 
 
 def _recordings(
-    surfels: Surfels, scene: Scene, own: str, t: int, edited: frozenset[int]
+    surfels: Surfels, scene: Scene, own: str, t: int, edited: frozenset[int], piece: Window | None
 ) -> Iterator[Source]:
-    """All recordings that show what was there at time t, where it was then."""
+    """All recordings that show what was there at time t, where it was then, or their parts that show the piece."""
     views, near = scene.episode.views, surfels.tolerance
-    yield (recorded := zbuffer.lift(source_at(views[own], t, surfels.noise, distant=True), near))
-    now = {own: recorded}
+    recorded = source_at(views[own], t, surfels.noise, distant=True)
+    recorded = zbuffer.lift(recorded if piece is None else piece.of(recorded), near)
+    yield recorded
+
+    def like(source: Source) -> Iterator[Source]:
+        part = source if piece is None else piece.part(source)
+        if part is not None:
+            yield matched(part if part.lifted else zbuffer.lift(part, near), recorded, near)
+
+    def names(view: CameraView) -> Int32[np.ndarray, "h w"]:
+        size = view.camera.height, view.camera.width
+        return view.ids(t) if view.ids else np.zeros(size, np.int32)
+
+    now = {name: names(view) for name, view in views.items()}
     for name in views:
         if name != own:
-            now[name] = zbuffer.lift(source_at(views[name], t, surfels.noise, carved=True), near)
-            yield matched(now[name], recorded, near)
+            yield from like(source_at(views[name], t, surfels.noise, carved=True))
     for name, kept in surfels.plates.items():
-        hidden = kept.known & ~among(now[name].ids, surfels.static - edited)
+        hidden = kept.known & ~among(now[name], surfels.static - edited)
         if hidden.any():
-            yield replace(matched(kept.source, recorded, near), use=hidden)
+            yield from like(replace(kept.source, use=hidden))
     for past in surfels.history.values():
-        yield from (matched(source, recorded, near) for source in past)
+        for source in past:
+            yield from like(source)
     poses = {body.handles: body.to_world[t] for body in scene.tracked}
     for part in surfels.parts:
-        yield matched(part.at(poses[part.handles]), recorded, near)
+        yield from like(part.at(poses[part.handles]))
 
 
 def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

@@ -17,7 +17,11 @@ SKIN = 0.0015  # metres that its box is larger than what was seen: fingers that 
 TRIMMED = 0.01  # share of a part's points that may lie outside its box: noise
 BALL = 0.008  # metres: radius of the balls that other moving things are made of
 MOST_BALLS = 120
-FINGERS = (0.012, 0.045, 0.03)  # metres: half the size of a hand that was never seen, around its tip
+FINGERS = (
+    0.012,
+    0.045,
+    0.03,
+)  # metres: half the size of a hand that was never seen, around its tip
 FEW = 20  # points
 
 

@@ -1,13 +1,14 @@
 """Whether a thing may go elsewhere: if the robot acts on it, the recorded actions would no longer be true."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from rpaug.errors import Unsupported
 from rpaug.scene.looks import look
+from rpaug.scene.remembered import once
 from rpaug.scene.targets import Target, find
 from rpaug.scene.touch import touching
-from rpaug.types import Scene
+from rpaug.types import Episode, Scene
 
 FEW = 2  # looked-at frames: a contact seen less often is chance
 ACTED_ON = ("robot", "manipulated")
@@ -52,12 +53,18 @@ def check_seen(scene: Scene, target: object, doing: str) -> None:
 
 def _touched(scene: Scene, handles: frozenset[int], acted: frozenset[int]) -> frozenset[int]:
     """Those of the handles that were seen to touch what acts."""
-    seen = touching(look(scene.episode))
+    seen = _contacts(scene.episode)
     return frozenset(
         handle
         for handle in handles
         if sum(seen.get(frozenset({handle, other}), 0) for other in acted) > FEW
     )
+
+
+@once
+def _contacts(episode: Episode) -> Mapping[frozenset[int], int]:
+    """In how many looked-at frames each pair of things touches."""
+    return touching(look(episode))
 
 
 def _names(handles: Iterable[int]) -> str:

@@ -15,6 +15,7 @@ from rpaug.render import holes
 from rpaug.render.composite import composite
 from rpaug.render.zbuffer import Rendered
 from rpaug.scene import inserted, surface, surfels
+from rpaug.scene.shelf import shelved
 from rpaug.types import CameraView, Episode, Scene, Sensor
 
 KEPT_FRAMES = 8  # a writer asks for rgb, depth and ids of one frame in turn
@@ -57,9 +58,10 @@ def edited(
     `blended` names the handles that Gaussians show in a camera whose other pixels are surfels. `kept` gives the
     surfels of the recorded scene, where they were built before.
     """
-    shared = None
-    if 1 in carriers.values():
-        shared = surfels.build(scene, kept() if kept else None)
+    near, shared = scene, None
+    if 1 in carriers.values():  # each camera's view is drawn from all cameras' images
+        near = replace(scene, episode=shelved(scene.episode))
+        shared = surfels.build(near, kept() if kept else None)
     views = {}
     for name in scene.episode.views:
         if carriers[name] == 0 and inserted.bodies(scene):
@@ -67,10 +69,10 @@ def edited(
         elif carriers[name] == 0:
             views[name] = _composited(scene, name, watch)
         elif shared is not None and carriers[name] == 1:
-            render = partial(_surfels, scene, shared, name)
+            render = partial(_surfels, near, shared, name)
             if blended and blended.get(name):
-                render = partial(_blended, scene, shared, name, blended[name])
-            views[name] = _rendered(scene, name, render, watch)
+                render = partial(_blended, near, shared, name, blended[name])
+            views[name] = _rendered(near, name, render, watch)
         else:
             views[name] = _rendered(scene, name, partial(_gaussians, scene, name), watch)
     shown = {name: _as_recorded(view, scene.episode.views[name]) for name, view in views.items()}

@@ -9,7 +9,7 @@ from rpaug.training.schedule import Schedule
 from rpaug.types import Episode
 
 TRIES = 4  # draws of one copy until its instruction and actions are true; else it stays as recorded
-KEPT_DRAWS = 4  # edited scenes: each keeps its recorded one in memory
+KEPT_DRAWS = 2  # edited scenes: each keeps its recorded one, and decoded images of it
 
 Drawn = tuple[Episode, list[dict[str, Any]]]
 

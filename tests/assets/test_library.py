@@ -67,7 +67,7 @@ def test_a_mesh_is_added_found_and_not_overwritten(tmp_path):
     mesh = trimesh.creation.box((10, 20, 30))
     mesh.visual.vertex_colors = np.tile([20, 40, 220, 255], (8, 1))
     mesh.export(tmp_path / "crate.ply")
-    thing = reading.read(tmp_path / "crate.ply", scale=0.01)
+    thing, _ = reading.read(tmp_path / "crate.ply", scale=0.01)
     asset = library.add("crate", "box", thing, "crate.ply")
     assert asset.size == pytest.approx((0.1, 0.2, 0.3))
     assert library.get("crate") == asset
@@ -86,7 +86,7 @@ def test_a_textured_mesh_keeps_its_image(tmp_path):
         uv=np.full((len(mesh.vertices), 2), 0.5), image=image
     )
     mesh.export(tmp_path / "cube.glb")
-    thing = reading.read(tmp_path / "cube.glb", up="y")
+    thing, _ = reading.read(tmp_path / "cube.glb", up="y")
     assert thing.image.shape == (8, 8, 3)
     assert (thing.image[4, 4] == [200, 30, 30]).all()
 
@@ -101,7 +101,7 @@ def test_gaussians_become_squares_of_their_colour(tmp_path):
         np.full(count, 0.9, np.float32), sh, np.zeros(count, np.int32),
     )  # fmt: skip
     ply.write(tmp_path / "cloud.ply", gaussians)
-    thing = reading.read(tmp_path / "cloud.ply")
+    thing, _ = reading.read(tmp_path / "cloud.ply")
     assert len(thing.faces) == 2 * count
     np.testing.assert_allclose(np.abs(thing.normals[:, 2]), 1, atol=1e-6)
     assert abs(int(np.median(thing.image[thing.image.sum(-1) > 0])) - 230) <= 1
