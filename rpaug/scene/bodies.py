@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int
+from jaxtyping import Bool, Float64, Int
 
 from rpaug import geometry
 from rpaug.scene import evidence
 from rpaug.scene.arms import KNOWN, Kinematics, link_tracks
+from rpaug.scene.chain import OFTEN, Place, places
 from rpaug.scene.looks import Looks, events, look
 from rpaug.scene.motion import (
     FREE,
@@ -69,9 +70,9 @@ def track(
     """Every instance's rigid motion, instances that move as one in one body, most pixels first.
 
     A motion is chosen among standing still, hanging on the gripper (from a grasp on, until a release), being
-    a link of one of the `arms`, and, where none of these explains the depth images, alignment by depth. What
-    cannot be told (one frame only, nothing seen twice) is called static and `ambiguous`. Without depth or
-    handles there is no body.
+    a link of one of the `arms` (told along their row, `chain`), and, where none of these explains the depth
+    images, alignment by depth. What cannot be told (one frame only, nothing seen twice) is called static and
+    `ambiguous`. Without depth or handles there is no body.
     """
     looks = look(episode) if looks is None else looks
     handles = looks.handles
@@ -80,11 +81,20 @@ def track(
     samples = evidence.draw(looks, handles)
     carriers = _carriers(episode, arms)
     happens = events(episode.robot.gripper_open)
-    tracks = []
+    cases = []
     for number, handle in enumerate(handles.tolist()):
         seen = np.flatnonzero((samples.counts[:, number] >= evidence.ENOUGH).any(1))
-        tracks.append(_track(Case(number, handle, looks, samples, seen, carriers), happens))
-    return _merge(tracks, touching(looks))
+        cases.append(Case(number, handle, looks, samples, seen, carriers))
+    costed = {case.handle: costs(case) for case in cases if len(case.seen) > 1}
+    touch = touching(looks)
+    row = _row(cases, costed, touch)
+    tracks = [
+        _track(case, happens, *costed[case.handle], row.get(case.handle))
+        if case.handle in costed
+        else _unseen(case)
+        for case in cases
+    ]
+    return _merge(tracks, touch)
 
 
 def _carriers(episode: Episode, arms: Sequence[Kinematics]) -> Float64[np.ndarray, "m t 4 4"]:
@@ -103,13 +113,39 @@ def _carriers(episode: Episode, arms: Sequence[Kinematics]) -> Float64[np.ndarra
     return np.stack([world, gripper, *(() if links is None else links[:-1])])
 
 
-def _track(case: Case, happens: Int[np.ndarray, "e"]) -> _Track:
+def _row(
+    cases: Sequence[Case],
+    costed: Mapping[int, tuple[Float64[np.ndarray, "i m"], Bool[np.ndarray, "i"]]],
+    touch: Mapping[frozenset[int], int],
+) -> dict[int, Place]:
+    """Places of the instances that are an arm's links."""
+    fits = {h: cost.sum(0) / known.sum() for h, (cost, known) in costed.items() if known.any()}
+    limits = {h: AS_WELL[0] * float(fit.min()) + AS_WELL[1] for h, fit in fits.items()}
+    seen = {case.handle: set(case.seen.tolist()) for case in cases}
+    often = {
+        pair
+        for pair, times in touch.items()
+        if pair <= fits.keys() and times >= OFTEN * len(set.intersection(*(seen[h] for h in pair)))
+    }
+    return places(fits, limits, often)
+
+
+def _unseen(case: Case) -> _Track:
+    """What no two frames show: at rest, for all we know."""
+    rest = np.tile(np.eye(4), (case.carriers.shape[1], 1, 1))
+    weight = int(case.samples.counts[:, case.number].sum())
+    return _Track(case.handle, np.zeros(0, int), rest, np.zeros(3), weight, True, 0.0)
+
+
+def _track(
+    case: Case,
+    happens: Int[np.ndarray, "e"],
+    cost: Float64[np.ndarray, "i m"],
+    known: Bool[np.ndarray, "i"],
+    place: Place | None,
+) -> _Track:
     counts = case.samples.counts[:, case.number].sum(1)
     weight = int(counts.sum())
-    if len(case.seen) < 2:
-        rest = np.tile(np.eye(4), (case.carriers.shape[1], 1, 1))
-        return _Track(case.handle, np.zeros(0, int), rest, np.zeros(3), weight, True, 0.0)
-    cost, known = costs(case)
     at_event = at_events(case.times, happens)
     choices: dict[float, np.ndarray] = {}
     path = cheapest(cost[:, :2], at_event)
@@ -120,6 +156,8 @@ def _track(case: Case, happens: Int[np.ndarray, "e"]) -> _Track:
         choices.setdefault(total(cost, same, at_event) + extra, same)
     best, *others = sorted(choices)
     labels = choices[best]
+    if place is not None and place.label > GRIPPER:
+        labels = np.full(len(cost), place.label)
     free: Mapping[int, np.ndarray] = {}
     certain = True
     if (labels <= GRIPPER).all():
@@ -134,9 +172,10 @@ def _track(case: Case, happens: Int[np.ndarray, "e"]) -> _Track:
         to_world = to_world if straight is None else straight
     limit = AS_WELL[0] * best + AS_WELL[1] * known.sum()
     rivals = [follow(case, spread(case, choices[c]), {}) for c in others if c <= limit]
-    ambiguous = (
-        not known.any() or not certain or any(_apart(to_world, r, middle) > APART for r in rivals)
-    )
+    rivalled = any(_apart(to_world, r, middle) > APART for r in rivals)
+    if place is not None and (labels == place.label).all():
+        rivalled = not place.certain
+    ambiguous = not known.any() or not certain or rivalled
     return _Track(
         case.handle, labels, to_world, middle, weight, ambiguous, _residual(case, most, to_world)
     )

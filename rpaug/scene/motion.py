@@ -13,10 +13,15 @@ from rpaug.scene.align import between
 from rpaug.scene.looks import Looks
 
 # Costs are millimetres of mean distance per interval.
-SWITCH = 6.0  # from static to held or back, anywhere
-SWITCH_AT_EVENT = 1.0  # the same next to a frame at which the gripper opens or closes
+SWITCH = 6.0  # from static to held, anywhere
+SWITCH_AT_EVENT = (
+    1.0  # the same next to a frame at which the gripper opens or closes; and back, anywhere
+)
 FULL_WEIGHT = 60  # points on which an interval's evidence counts in full
 TIE = 5e-5  # metres: switch times that explain the images as well as one another
+
+REACH = 2  # seen frames before and after a switch among which its moment is looked for
+QUIET = 1e-4  # metres a frame: slower is at rest
 
 STATIC, GRIPPER, FREE = 0, 1, -1  # labels; 2 and up are links of the arm
 
@@ -94,8 +99,7 @@ def cheapest(
     """The labels with the least cost, switches paid for (Viterbi 1967)."""
     total, back = cost[0].copy(), np.zeros(cost.shape, int)
     for i in range(1, len(cost)):
-        toll = SWITCH_AT_EVENT if at_event[i] else SWITCH
-        step = total[:, None] + toll * (1 - np.eye(len(total)))
+        step = total[:, None] + _tolls(len(total), bool(at_event[i]))
         back[i] = step.argmin(0)
         total = step.min(0) + cost[i]
     path = np.zeros(len(cost), int)
@@ -109,9 +113,18 @@ def total(
     cost: Float64[np.ndarray, "i m"], labels: Int[np.ndarray, "i"], at_event: Bool[np.ndarray, "n"]
 ) -> float:
     """What a path costs with its switches."""
-    switches = np.flatnonzero(labels[1:] != labels[:-1]) + 1
-    tolls = np.where(at_event[switches], SWITCH_AT_EVENT, SWITCH).sum()
+    tolls = sum(
+        _tolls(cost.shape[1], bool(at_event[i]))[labels[i - 1], labels[i]]
+        for i in range(1, len(labels))
+    )
     return float(cost[np.arange(len(cost)), labels].sum() + tolls)
+
+
+def _tolls(labels: int, at_event: bool) -> Float64[np.ndarray, "m m"]:
+    """What going from one label (row) to another (column) costs. What was pushed may be left behind anywhere."""
+    toll = (SWITCH_AT_EVENT if at_event else SWITCH) * (1 - np.eye(labels))
+    toll[STATIC + 1 :, STATIC] = SWITCH_AT_EVENT
+    return toll
 
 
 def spread(case: Case, labels: Int[np.ndarray, "i"]) -> Int[np.ndarray, "steps"]:
@@ -127,7 +140,8 @@ def sharpen(case: Case, labels: Int[np.ndarray, "i"]) -> Int[np.ndarray, "steps"
         before, after = int(labels[i]), int(labels[i + 1])
         if FREE in (before, after):
             continue
-        first, last = int(times[i]), int(times[i + 2])
+        a, b = _around(labels, int(i))
+        first, last = int(times[a]), int(times[b])
         turns = np.arange(first, last + 1)
         motions = (
             case.carriers[after, last]
@@ -135,12 +149,38 @@ def sharpen(case: Case, labels: Int[np.ndarray, "i"]) -> Int[np.ndarray, "steps"
             @ case.carriers[before, turns]
             @ geometry.inverse(case.carriers[before, first])
         )
-        average, _ = case.judge(int(case.seen[i]), int(case.seen[i + 2]), motions)
-        # Where the gripper rests the choice is free: stay close to the frame in the middle.
+        average, _ = case.judge(int(case.seen[a]), int(case.seen[b]), motions)
+        # Among switches that explain as much: where both are at rest to one another, as at a grasp or at the
+        # beginning of a push, and close to the frame in the middle.
         close = np.flatnonzero(average <= average.min() + TIE)
-        turn = int(turns[close[np.argmin(np.abs(turns[close] - times[i + 1]))]])
+        speed = np.maximum(_apart(case, before, after, turns[close]), QUIET)
+        turn = int(turns[close[np.lexsort((np.abs(turns[close] - times[i + 1]), speed))[0]]])
         steps[first:turn], steps[turn:last] = before, after
     return steps
+
+
+def _around(labels: Int[np.ndarray, "i"], i: int) -> tuple[int, int]:
+    """Numbers of the seen frames between which the switch after interval i is looked for: no other lies there."""
+    others = np.flatnonzero(labels[1:] != labels[:-1])
+    first, last = max(i + 1 - REACH, 0), min(i + 1 + REACH, len(labels))
+    earlier, later = others[others < i], others[others > i]
+    return (
+        max([first, *(earlier[-1:] + 1).tolist()]),
+        min([last, *(later[:1] + 1).tolist()]),
+    )
+
+
+def _apart(
+    case: Case, before: int, after: int, turns: Int[np.ndarray, "n"]
+) -> Float64[np.ndarray, "n"]:
+    """How far two carriers go apart from each frame to the next, in metres where the thing is."""
+    ahead = np.minimum(turns + 1, case.carriers.shape[1] - 1)
+    gap = (
+        case.carriers[after, ahead] @ geometry.inverse(case.carriers[after, turns])
+        - case.carriers[before, ahead] @ geometry.inverse(case.carriers[before, turns])
+    )  # fmt: skip
+    at = np.median(case.points(int(case.seen[0]))[0], 0)
+    return np.linalg.norm(gap[:, :3, :3] @ at + gap[:, :3, 3], axis=-1)
 
 
 def follow(
