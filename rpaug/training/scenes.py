@@ -73,7 +73,8 @@ class Scenes:
         if self.folder is None or not plain or self.recipe.accuracy:
             scene, plan = preparing.made_ready(episode, self.recipe, self.tier, self.folder)
             return Ready(scene, plan, self._counted(key, lambda: surfels.recorded(scene)))
-        name = store.key(episode, {"prepared": prepared.VERSION}, 0)
+        arms = [path.read_bytes().hex() for path in self.recipe.arms]
+        name = store.key(bare, {"prepared": prepared.VERSION, "arms": arms}, 0)
         path = self.folder / f"{name}{prepared.ENDING}"
         moved = 1 in plan.carriers.values()
         found = prepared.load(path, bare)
