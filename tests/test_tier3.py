@@ -66,3 +66,15 @@ def test_a_recipe_works_on_gaussians_alone(sample: Scene, recipe: str) -> None:
             ]
             # Close surfaces are blurred in the hand's camera after so short a fit.
             assert off[0] < (0.8 if name == "wrist" else 0.5) * off[1], name
+
+
+def test_tasks_use_no_other_operators() -> None:
+    """COLOSSEUM's twenty tasks draw from the factors above: what works for these works for those."""
+
+    def used(path: Path) -> set[str]:
+        return {option.name for step in load(path).steps for option in step.options}
+
+    tried = set().union(*(used(FOLDER / recipe) for recipe in RECIPES))
+    tasks = list(FOLDER.glob("colosseum/tasks/*.yaml"))
+    assert len(tasks) == 20
+    assert set().union(*map(used, tasks)) <= tried

@@ -25,7 +25,10 @@ from rpaug.types import Camera, CameraView, Episode, Gaussians, Scene
 
 SAME_DEPTH = 0.02  # of depth: nearer than that is one surface
 ALIKE = 0.05  # of display colour, mean over 3x3 pixels: the founder's fit shows its own plates to about 0.01
-COVERED = 0.9  # of the light stopped: less is a gap to be filled
+COVERED = 0.98  # of the light stopped: less is a gap to be filled
+SMOOTH = (
+    0.02  # of display colour: borrowed Gaussians without their neighbours are darker at their rims
+)
 RIM = 2  # pixels around what disagrees where nothing is borrowed: Gaussians there reach over
 PIXELS, METRES = 1e-3, 1e-5  # to which cameras of one place agree
 
@@ -57,7 +60,7 @@ def borrowed(scene: Scene, key: str, founder: Scene) -> Borrowed:
     lent = chosen(founder.gaussians, rows)
     ids, refuted = np.zeros(len(rows), np.int32), np.zeros(len(rows), bool)
     for plate, camera in _plates(scene):
-        good, _ = _agrees(lent, plate, camera)
+        good, _ = _agrees(lent, plate, camera, ALIKE)
         inner = cv2.erode(good.astype(np.uint8), np.ones((3, 3)), iterations=RIM) > 0
         seen = _Seen.of(lent.means, plate, camera)
         confirmed = seen.shown & inner[seen.r, seen.c]
@@ -73,7 +76,7 @@ def begun(scene: Scene, lent: Borrowed) -> Gaussians:
     own = seeds(scene)
     seen_at_all, gap = np.zeros(len(own), bool), np.zeros(len(own), bool)
     for plate, camera in _plates(scene):
-        good, alpha = _agrees(lent.gaussians, plate, camera)
+        good, alpha = _agrees(lent.gaussians, plate, camera, SMOOTH)
         covered = good & (alpha > COVERED)
         seen = _Seen.of(own.means, plate, camera)
         mine = seen.shown & (plate.ids[seen.r, seen.c] == own.ids)
@@ -114,7 +117,7 @@ class _Seen:
 
 
 def _agrees(
-    gaussians: Gaussians, plate: Plate, camera: Camera
+    gaussians: Gaussians, plate: Plate, camera: Camera, alike: float
 ) -> tuple[Bool[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
     """Where a render of the Gaussians shows the plate's surface in its colours, and how much light they stop."""
     splats = Splats.of(gaussians)
@@ -128,7 +131,7 @@ def _agrees(
     mean = cv2.blur(np.where(known & near, off, 0).astype(np.float32), (3, 3)) / np.maximum(
         weight, 1e-6
     )
-    return known & near & (mean < ALIKE), drawn.alpha
+    return known & near & (mean < alike), drawn.alpha
 
 
 def _plates(scene: Scene) -> Iterator[tuple[Plate, Camera]]:

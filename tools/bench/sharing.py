@@ -1,0 +1,84 @@
+"""What an episode gains and loses by borrowing static Gaussians from another one of its place.
+
+    python tools/bench/sharing.py --dataset RECORDINGS/rlbench_open_drawer --steps 800
+    python tools/bench/sharing.py --twin open_drawer --steps 300
+
+The dataset's first two episodes of one place, or the twin's recording of one layout and the same with the moved thing in
+another colour. The first lends. Prints, for the second fitted by itself, by itself in as many steps as a borrower takes,
+and borrowing: Gaussians of its own, processor seconds of the fit (the lender's apart), PSNR at held-out times over all
+cameras and at all looked-at times over the fixed ones, and megabytes in the store.
+"""
+
+import argparse
+import json
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rpaug import preparing, registry, twin
+from rpaug.scene import cached, store
+from rpaug.scene.build import build
+from rpaug.scene.descent import FitSettings, settings_for
+from rpaug.types import Episode, Scene
+
+
+def pair(told: argparse.Namespace) -> tuple[Episode, Episode]:
+    """Who lends, and who borrows."""
+    if told.twin:
+        first = twin.perform(told.twin, told.seed, frames=told.frames).episode
+        take = twin.perform(told.twin, told.seed, frames=told.frames, factor="object_color")
+        return first, replace(take.episode, key="second")
+    adapter = registry.adapter_for(told.dataset)
+    lent = preparing.founders(adapter, told.dataset, adapter.episodes(told.dataset))
+    borrower, lender = next(iter(lent.items()))
+    return adapter.read(told.dataset, lender), adapter.read(told.dataset, borrower)
+
+
+def row(name: str, scene: Scene, folder: Path, settings: FitSettings, founder: Any) -> dict:
+    if founder is not None:
+        cached.fitted(founder, folder, settings=settings)
+    start = time.process_time()
+    made, facts = cached.fitted(scene, folder, settings=settings, founder=founder)
+    seconds = time.process_time() - start
+    kept = store.described(folder, cached.name_of(scene, settings, 0, founder))
+    return {
+        "name": name,
+        "steps": facts["steps"],
+        "own": len(made.gaussians or ()) - facts.get("borrowed", 0),
+        "borrowed": facts.get("borrowed", 0),
+        "processor_seconds": seconds,
+        "held_out_db": facts["held_out_db"],
+        "fixed_db": facts["fixed_db"],
+        "megabytes": kept["bytes"] / 1e6,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--dataset", type=Path)
+    parser.add_argument("--twin", help="a task of the twin instead")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--frames", type=int, default=17, help="that the twin records")
+    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--json", type=Path, help="write the rows here too")
+    told = parser.parse_args()
+    first, second = (build(episode, with_bodies=True) for episode in pair(told))
+    usual = replace(settings_for(steps=told.steps), threads=1)
+    fewer = replace(usual, steps=round(cached.LESS * told.steps))
+    rows = []
+    with tempfile.TemporaryDirectory() as work:
+        for name, settings, founder in (
+            ("by itself", usual, None),
+            ("by itself, as many steps", fewer, None),
+            ("borrowing", usual, first),
+        ):
+            rows.append(row(name, second, Path(work), settings, founder))
+            print(json.dumps(rows[-1]), flush=True)
+    if told.json:
+        told.json.write_text(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    main()
