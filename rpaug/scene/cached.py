@@ -16,7 +16,7 @@ from rpaug.types import Scene
 
 Progress = Callable[[float], None]
 Facts = Mapping[str, Any]
-LESS = 0.5  # of the steps: where most of what stands still is known, moving things are what is left
+SPARED = 0.5  # of the steps, times the share of the Gaussians that are borrowed: moving things are left to be fitted
 
 
 def fitted(
@@ -89,7 +89,8 @@ def _fitted(
             scene, lender, fitted(founder, folder, settings=settings, seed=seed)[0]
         )
         begun = fit.Begun(sharing.begun(scene, lent), len(lent))
-        shorter = replace(settings, steps=max(1, round(LESS * settings.steps)))
+        spared = SPARED * len(lent) / max(len(begun.gaussians), 1)
+        shorter = replace(settings, steps=max(1, round((1 - spared) * settings.steps)))
     made, full = fit.fitted(scene, settings=shorter, seed=seed, progress=progress, begun=begun)
     facts = {
         name: value

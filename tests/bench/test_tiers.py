@@ -34,6 +34,22 @@ def test_a_camera_that_was_left_out_is_shown_from_the_others(episode) -> None:
     assert tiers.run("front left out", [(known, sights)], ["recorded image unchanged"]) == []
 
 
+def test_every_tier_has_a_row_on_the_same_views(episode) -> None:
+    """Two recordings taken together; a fit of three steps shows something, and nothing bends."""
+    pairs = [moved.left_out(episode, "front", every=2) for _ in range(2)]
+    done = []
+    rows = tiers.run("front left out", pairs, steps=3, threads=1, progress=lambda: done.append(1))
+    assert [row.method for row in rows] == list(tiers.METHODS)[1:]
+    assert {(row.recordings, row.views) for row in rows} == {(2, 2)}
+    assert len(done) == 2 * len(tiers.METHODS)
+    by_name = {row.method: row for row in rows}
+    rigid, bending = by_name["Gaussians"], by_name["Gaussians, also in time"]
+    assert bending.covisible_db == rigid.covisible_db
+    assert bending.prepare_seconds > rigid.prepare_seconds
+    assert by_name["Gaussians of each moment"].gaussians > 500
+    assert all(row.covisible_db > 15 for row in rows)
+
+
 def test_holes_take_the_gaussians_where_they_show_something(monkeypatch) -> None:
     hole = np.array([[True, True, False]])
     base = tiers.Shown(np.full((1, 3, 3), 10, np.uint8), np.ones((1, 3), np.float32), hole)

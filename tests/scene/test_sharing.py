@@ -111,6 +111,7 @@ def test_a_borrower_is_stored_once_and_comes_back_whole(tmp_path: Path) -> None:
     made, facts = cached.fitted(second, tmp_path, settings=SETTINGS, founder=first)
     assert facts["founder"] == first.episode.key
     assert facts["borrowed"] > 1000
+    assert SETTINGS.steps / 2 < facts["steps"] < SETTINGS.steps
     # In any order, and with or without a store, the same.
     again, _ = cached.fitted(second, None, settings=SETTINGS, founder=first)
     key = cached.name_of(second, SETTINGS, 0, first)
