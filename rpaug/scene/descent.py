@@ -33,7 +33,7 @@ class FitSettings:
     checked_frames: int = 16  # at most, of those trained on and of those held out each
     last_rate: float = 0.03  # share of the rates left at the end (cosine schedule)
     refine: bool = True  # let tracks and moving cameras give way
-    moment_steps: int = 10  # of one pass over the moments, each on all views of a time
+    moment_steps: int = 7  # of one pass over the moments, each on all views of a time
     moment_passes: int = 4  # at most
     rates: Rates = field(
         default_factory=lambda: Rates(means=0.08, quats=1e-2, scales=5e-2, opacities=0.15, sh=7e-2)

@@ -20,8 +20,9 @@ from rpaug.scene.gaussians import Placement
 from rpaug.scene.moments import PARTS
 from rpaug.types import Moment, Scene
 
-RATES = Rates(means=0.08, quats=1e-2, scales=5e-2, opacities=0.15, sh=7e-2)
-LAST_RATE = 0.03  # share of the rates left at the end
+# Twice those of the fit before: few steps, each on all that is seen at a time.
+RATES = Rates(means=0.16, quats=2e-2, scales=0.1, opacities=0.3, sh=0.14)
+LAST_RATE = 0.1  # share of the rates left at the end
 MARGIN = 2  # pixels around what moves
 SEEN = 1e-4  # pixels' worth of light: what shows less in a window is left out of it
 
