@@ -101,19 +101,24 @@ def energy() -> dict[str, float]:
 
 
 def halving() -> dict[str, float]:
-    """The same falls with half the step: how far particles end from where they ended, over how far they went."""
+    """The same falls with half the step: how far particles end from where they ended, over the way they went, and over
+    how far that took them (a thing that bounces comes back)."""
     out = {}
     for name, material in KINDS.items():
-        ends = []
+        ends, way = [], 0.0
         for courant in (COURANT, COURANT / 2):
             one = cube(material, 0.05, courant)
-            before = one.x.copy()
-            one.run(0.3)
+            first = before = one.x.copy()
+            way = 0.0
+            for _ in range(30):
+                one.run(0.01)
+                way += float(np.linalg.norm(one.x - before, axis=1).mean())
+                before = one.x.copy()
             ends.append(one.x)
-        off = np.linalg.norm(ends[0] - ends[1], axis=1).mean()
-        out[f"half_step_{name}_percent"] = float(
-            100 * off / np.linalg.norm(ends[1] - before, axis=1).mean()
-        )
+        off = float(np.linalg.norm(ends[0] - ends[1], axis=1).mean())
+        net = float(np.linalg.norm(ends[1] - first, axis=1).mean())
+        out[f"half_step_{name}_percent"] = 100 * off / way
+        out[f"half_step_{name}_percent_of_net"] = 100 * off / net
     return out
 
 
