@@ -1,4 +1,4 @@
-"""What pictures are alike, or like which words, to CLIP (Radford et al. 2021, arXiv 2103.00020), from your own folder."""
+"""Which pictures and words are alike to CLIP (Radford et al. 2021, arXiv 2103.00020), from a folder of your own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

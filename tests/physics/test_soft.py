@@ -42,7 +42,7 @@ def test_a_free_fall_is_that_of_the_formula() -> None:
 @pytest.mark.parametrize("material", KINDS, ids=lambda m: m.law.name)
 def test_momentum_stays_where_nothing_is_touched(material: Material) -> None:
     one = cube(material, 0.1, floor=None, gravity=(0, 0, 0))
-    one.v[:] = np.cross([0, 0, 20.0], one.x - one.x.mean(0)) + [0.5, 0.2, 0]
+    one.v[:] = np.cross([0, 0, 20.0], one.x - one.x.mean(0)) + np.array([0.5, 0.2, 0])
     before = one.momentum()
     one.run(0.03)
     np.testing.assert_allclose(one.momentum(), before, rtol=0, atol=1e-4 * np.abs(before).max())

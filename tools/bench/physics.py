@@ -53,13 +53,15 @@ def falls() -> dict[str, float]:
     one = cube(HARD, 0.4, floor=None)
     before = one.x[:, 2].mean()
     one.run(0.2)
-    return {"fall_error_percent": 100 * abs((before - one.x[:, 2].mean()) / (0.5 * 9.81 * 0.04) - 1)}
+    return {
+        "fall_error_percent": 100 * abs((before - one.x[:, 2].mean()) / (0.5 * 9.81 * 0.04) - 1)
+    }
 
 
 def momentum() -> dict[str, float]:
     """A cube that flies and spins for 0.2 s."""
     one = cube(HARD, 0.2, gravity=0.0, floor=None)
-    one.v[:] = np.cross([0, 0, 20.0], one.x - one.x.mean(0)) + [0.5, 0, 0]
+    one.v[:] = np.cross([0, 0, 20.0], one.x - one.x.mean(0)) + np.array([0.5, 0, 0])
     before = one.momentum()
     one.run(0.2)
     return {"momentum_change": float(np.abs(one.momentum() - before).max() / np.abs(before).max())}
@@ -168,11 +170,15 @@ def random(steps: int = 100_000, seed: int = 0) -> dict[str, float]:
 
 def _between(rng: np.random.Generator, low: float, high: float) -> float:
     """Evenly in logarithms where a range spans decades."""
-    return float(10 ** rng.uniform(np.log10(low), np.log10(high)) if low > 0 else rng.uniform(low, min(high, 1e6)))
+    return float(
+        10 ** rng.uniform(np.log10(low), np.log10(high))
+        if low > 0
+        else rng.uniform(low, min(high, 1e6))
+    )
 
 
 def in_torch(steps: int = 20) -> dict[str, float]:
-    """One scatter of 20k particles as torch tensors, which would also run on CUDA, beside the compiled one; one core."""
+    """One scatter of 20k particles as torch tensors, which CUDA could run, beside the compiled one; one core."""
     torch.set_num_threads(1)
     x, _ = block((0.135, 0.135, 0.137), (0.05, 0.05, 0.05), CELL / 2)
     x = x[:20_000]
@@ -260,10 +266,10 @@ def main() -> None:
         found |= MEASURES[name]()
         if not asked.json:
             for key, value in list(found.items()):
-                print(f"{key:32s} {value:.6g}")  # noqa: T201
+                print(f"{key:32s} {value:.6g}")
             found = {}
     if asked.json:
-        print(json.dumps(found, indent=1))  # noqa: T201
+        print(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":
