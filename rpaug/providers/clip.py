@@ -61,7 +61,9 @@ class Clip:
         assert self.folder is not None
         asked = models.tokenizer(self.folder)(list(texts), padding=True, return_tensors="pt")
         with torch.no_grad():
-            read = self.model.text_model(**asked).pooler_output
+            read = self.model.text_model(
+                input_ids=asked["input_ids"], attention_mask=asked["attention_mask"]
+            ).pooler_output
             found = self.model.text_projection(read).double().numpy()
         found /= np.linalg.norm(found, axis=1, keepdims=True)
         return int((found @ self.embed(image)).argmax())
