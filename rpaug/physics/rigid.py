@@ -77,7 +77,7 @@ class Rigid:
             return
         rows, n = self.boxes(seconds), self._count
         turns = rows[:, 3:12].reshape(-1, 3, 3)
-        poses = geometry.rigid(np.zeros(3), np.zeros(3)) * np.ones((n, 1, 1))
+        poses = np.tile(np.eye(4), (n, 1, 1))
         poses[:, :3, :3] = turns
         places = data.qpos[: 7 * n].reshape(n, 7)
         places[:, :3] = rows[:, :3]
