@@ -46,13 +46,15 @@ def load_recipe(name: str, overrides: list[str]) -> Any:
     if not path.is_file():
         import rpaug_recipes
 
+        from rpaug.physics.materials import FILE
+
         folder = Path(rpaug_recipes.__file__).parent
         shipped = folder / f"{name}.yaml"
         if not shipped.resolve().is_relative_to(folder.resolve()) or not shipped.is_file():
             known = sorted(
                 p.relative_to(folder).with_suffix("").as_posix()
                 for p in folder.rglob("*.yaml")
-                if "tasks" not in p.parts
+                if "tasks" not in p.parts and p.name != FILE
             )
             raise BadInput(
                 name,

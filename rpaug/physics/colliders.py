@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, Float64, Int
+from jaxtyping import Float, Float32, Float64
 
-from rpaug import geometry
 from rpaug.errors import Unsupported
 from rpaug.physics.contact import COLUMNS
 
@@ -127,12 +127,12 @@ class Boxes:
         world = [track @ place for track, place in zip(tracks, places, strict=True)]
         return Boxes(np.stack(world), np.stack(halves), np.array(radius, float), pace)
 
-    def pose(self, box: Int[np.ndarray, "k"], seconds: float) -> Float64[np.ndarray, "k 4 4"]:
-        """Where boxes are at a time."""
-        rows = self(seconds)[box]
-        out = np.tile(np.eye(4), (len(box), 1, 1))
-        out[:, :3, :3], out[:, :3, 3] = rows[:, 3:12].reshape(-1, 3, 3), rows[:, :3]
-        return out
+    @cached_property
+    def _turns(self) -> Float64[np.ndarray, "b t 3"]:
+        """Rotation vectors from each frame to the next."""
+        steps = self.tracks[:, 1:, :3, :3] @ np.swapaxes(self.tracks[:, :-1, :3, :3], -1, -2)
+        flat = [cv2.Rodrigues(step)[0][:, 0] for step in steps.reshape(-1, 3, 3)]
+        return np.array(flat).reshape(*steps.shape[:2], 3)
 
     def __call__(self, seconds: float) -> Float64[np.ndarray, "b columns"]:
         length = self.tracks.shape[1]
@@ -144,10 +144,22 @@ class Boxes:
         rows = np.zeros((len(now), COLUMNS))
         shift = then[:, :3, 3] - now[:, :3, 3]
         rows[:, :3] = now[:, :3, 3] + share * shift
-        for b in range(len(now)):
-            turn = cv2.Rodrigues(then[b, :3, :3] @ now[b, :3, :3].T)[0][:, 0]
-            rows[b, 3:12] = (geometry.rotation(share * turn) @ now[b, :3, :3]).ravel()
-            rows[b, 19:22] = turn / self.pace if moving else 0.0
+        if length > 1:
+            turns = self._turns[:, k]
+            rows[:, 3:12] = (_rotations(share * turns) @ now[:, :3, :3]).reshape(-1, 9)
+            rows[:, 19:22] = turns / self.pace if moving else 0.0
+        else:
+            rows[:, 3:12] = now[:, :3, :3].reshape(-1, 9)
         rows[:, 12:15], rows[:, 15] = self.halves, self.radius
         rows[:, 16:19] = shift / self.pace if moving else 0.0
         return rows
+
+
+def _rotations(turns: Float64[np.ndarray, "b 3"]) -> Float64[np.ndarray, "b 3 3"]:
+    """Rotation matrices of rotation vectors in radians (Rodrigues' formula)."""
+    angle = np.linalg.norm(turns, axis=1)
+    x, y, z = (turns / np.maximum(angle, 1e-12)[:, None]).T
+    nil = np.zeros_like(x)
+    cross = np.stack([nil, -z, y, z, nil, -x, -y, x, nil], -1).reshape(-1, 3, 3)
+    sine, rest = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
+    return np.eye(3) + sine * cross + rest * (cross @ cross)

@@ -15,7 +15,7 @@ TOUCH = 0.1  # of a particle's mass: a node that carries less does not make a co
 
 
 @inlined
-def _meet(nodes, i, j, n, normal, wall, friction):  # type: ignore[no-untyped-def]
+def _meet(nodes, i, j, n, normal, wall, friction):
     """Nothing goes into a wall that moves with `wall`; friction after Coulomb, a negative one sticks.
 
     Returns the speed at which the node was going in, 0 if it was not.
@@ -35,12 +35,16 @@ def _meet(nodes, i, j, n, normal, wall, friction):  # type: ignore[no-untyped-de
         slide = math.sqrt(vx * vx + vy * vy + vz * vz)
         keep = max(0.0, 1.0 + friction * into / slide) if slide > 0.0 else 0.0
         vx, vy, vz = keep * vx, keep * vy, keep * vz
-    nodes[i, j, n, 0], nodes[i, j, n, 1], nodes[i, j, n, 2] = wall[0] + vx, wall[1] + vy, wall[2] + vz
+    nodes[i, j, n, 0], nodes[i, j, n, 1], nodes[i, j, n, 2] = (
+        wall[0] + vx,
+        wall[1] + vy,
+        wall[2] + vz,
+    )
     return max(-into, 0.0)
 
 
 @inlined
-def _box_distance(box, x, y, z, normal):  # type: ignore[no-untyped-def]
+def _box_distance(box, x, y, z, normal):
     """Metres from a point to a rounded box, negative inside; fills `normal` with the way out."""
     px, py, pz = x - box[0], y - box[1], z - box[2]
     square, deepest, side = 0.0, -np.inf, 0
@@ -67,7 +71,7 @@ def _box_distance(box, x, y, z, normal):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def advance(grids, gravity, dt, low, high):  # type: ignore[no-untyped-def]
+def advance(grids, gravity, dt, low, high):
     """Sum the momenta of several grids into velocities of the first, with gravity, in its slabs low..high."""
     nodes = grids[0]
     for i in range(low, high):
@@ -87,7 +91,7 @@ def advance(grids, gravity, dt, low, high):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def collide(nodes, distance, normals, base, boxes, friction, box_friction, origin, cell, least):  # type: ignore[no-untyped-def]
+def collide(nodes, distance, normals, base, boxes, friction, box_friction, origin, cell, least):
     """Apply contacts to velocities: boxes first, then what stands still, which gives no way.
 
     `distance` and `normals` cover a larger grid, in which node (0, 0, 0) here is node `base`. Returns the impulse
@@ -102,8 +106,8 @@ def collide(nodes, distance, normals, base, boxes, friction, box_friction, origi
             half = box[15]
             for k in range(3):
                 half += abs(box[3 + 3 * r + k]) * box[12 + k]
-            first[r] = max(0, int(math.ceil((box[r] - half - origin[r]) / cell)))
-            last[r] = min(nodes.shape[r] - 1, int(math.floor((box[r] + half - origin[r]) / cell)))
+            first[r] = max(0, math.ceil((box[r] - half - origin[r]) / cell))
+            last[r] = min(nodes.shape[r] - 1, math.floor((box[r] + half - origin[r]) / cell))
         for i in range(first[0], last[0] + 1):
             for j in range(first[1], last[1] + 1):
                 for n in range(first[2], last[2] + 1):

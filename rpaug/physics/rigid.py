@@ -77,7 +77,7 @@ class Rigid:
             return
         rows, n = self.boxes(seconds), self._count
         turns = rows[:, 3:12].reshape(-1, 3, 3)
-        poses = geometry.rigid(np.zeros(3), np.zeros(3)) * np.ones((n, 1, 1))
+        poses = np.tile(np.eye(4), (n, 1, 1))
         poses[:, :3, :3] = turns
         places = data.qpos[: 7 * n].reshape(n, 7)
         places[:, :3] = rows[:, :3]
@@ -137,7 +137,9 @@ def columns(
     """Surface points of what stands still as upright columns that reach down from them."""
     if not len(points):
         return np.zeros((0, 5))
-    cells, owner = np.unique(np.round(points[:, :2] / strip).astype(int), axis=0, return_inverse=True)
+    cells, owner = np.unique(
+        np.round(points[:, :2] / strip).astype(int), axis=0, return_inverse=True
+    )
     top = np.full(len(cells), -np.inf)
     np.maximum.at(top, owner.ravel(), points[:, 2])
     keep = top > bottom

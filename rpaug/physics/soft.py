@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float64, Int
+from jaxtyping import Float, Float64
 
 from rpaug.errors import Unsupported
 from rpaug.physics import contact, transfer
@@ -59,8 +59,8 @@ class Soft:
     """Particles of one material: places, velocities, velocity gradients, elastic and whole deformation.
 
     It is changed by `run`. `grid` holds what stands still, and is the box that particles are held in; `boxes` are what
-    moves. `friction` is Coulomb's on what stands still, `grip` that on boxes, negative to stick. Raises Unsupported for particles outside the box, and
-    for a material whose stable step is shorter than SHORTEST.
+    moves. `friction` is Coulomb's on what stands still, `grip` that on boxes, negative to stick. Raises Unsupported for
+    particles outside the box, and for a material whose stable step is shorter than SHORTEST.
     """
 
     x: Float64[np.ndarray, "n 3"]
@@ -165,14 +165,14 @@ class Soft:
 
     def _gather(self, nodes: Any, origin: Any, dt: float, low: int, high: int) -> None:
         cell = self.grid.cell
-        transfer.gather(
-            self.x, self.v, self.C, self.F, self.D, nodes, origin, cell, dt, low, high
-        )
+        transfer.gather(self.x, self.v, self.C, self.F, self.D, nodes, origin, cell, dt, low, high)
 
     def _stress(self, apply: Callable[..., Any] = map) -> None:
         def part(k: int) -> tuple[float, int, float]:
             low, high = _part(len(self.x), k)
-            return stress(self.F, self.C, self._law, *self._values, self.volume, self._tau, low, high)
+            return stress(
+                self.F, self.C, self._law, *self._values, self.volume, self._tau, low, high
+            )
 
         found = list(apply(part, range(PARTS)))
         self.elastic = sum(energy for energy, _, _ in found)
@@ -189,7 +189,7 @@ def block(
     size: Sequence[float], at: Sequence[float], spacing: float
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
     """Particles that fill a box evenly, from its lowest corner `at`, and the volume of each; metres."""
-    counts: Int[np.ndarray, "3"] = np.maximum(np.round(np.array(size) / spacing), 1).astype(int)
+    counts = np.maximum(np.round(np.array(size) / spacing), 1).astype(int)
     sides = [(np.arange(n) + 0.5) / n * s for n, s in zip(counts, size, strict=True)]
     places = np.stack(np.meshgrid(*sides, indexing="ij"), -1).reshape(-1, 3) + np.array(at)
     return places, np.full(len(places), float(np.prod(size)) / len(places))

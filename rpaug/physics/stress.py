@@ -17,7 +17,7 @@ ELASTIC, JELLY, PLASTICINE, SAND = 0, 1, 2, 3
 
 
 @inlined
-def _determinant(f):  # type: ignore[no-untyped-def]
+def _determinant(f):
     return (
         f[0, 0] * (f[1, 1] * f[2, 2] - f[1, 2] * f[2, 1])
         - f[0, 1] * (f[1, 0] * f[2, 2] - f[1, 2] * f[2, 0])
@@ -26,7 +26,7 @@ def _determinant(f):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def singular(f, u, s, w):  # type: ignore[no-untyped-def]
+def singular(f, u, s, w):
     """F = U diag(s) W^T for det F > 0, by Jacobi rotations of F^T F (Golub and Van Loan, section 8.5)."""
     a = np.empty((3, 3))
     for r in range(3):
@@ -46,17 +46,17 @@ def singular(f, u, s, w):  # type: ignore[no-untyped-def]
             t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
             if theta < 0:
                 t = -t
-            c = 1.0 / math.sqrt(t * t + 1.0)
-            d = t * c
+            cosine = 1.0 / math.sqrt(t * t + 1.0)
+            sine = t * cosine
             for k in range(3):
                 p, q = a[k, i], a[k, j]
-                a[k, i], a[k, j] = c * p - d * q, d * p + c * q
+                a[k, i], a[k, j] = cosine * p - sine * q, sine * p + cosine * q
             for k in range(3):
                 p, q = a[i, k], a[j, k]
-                a[i, k], a[j, k] = c * p - d * q, d * p + c * q
+                a[i, k], a[j, k] = cosine * p - sine * q, sine * p + cosine * q
             for k in range(3):
                 p, q = w[k, i], w[k, j]
-                w[k, i], w[k, j] = c * p - d * q, d * p + c * q
+                w[k, i], w[k, j] = cosine * p - sine * q, sine * p + cosine * q
     for c in range(3):
         s[c] = math.sqrt(max(a[c, c], 1e-12))
         for r in range(3):
@@ -64,7 +64,7 @@ def singular(f, u, s, w):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _mended(f):  # type: ignore[no-untyped-def]
+def _mended(f):
     """The volume ratio of a deformation, and whether it had to be forgotten: inside out, crushed or torn."""
     J = _determinant(f)
     wide = 0.0
@@ -81,7 +81,7 @@ def _mended(f):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _returned(e, law, mu, la, limit):  # type: ignore[no-untyped-def]
+def _returned(e, law, mu, la, limit):
     """Bring logarithmic strains back to the yield surface; whether they had left it.
 
     `limit` is the yield stress in Pa (plasticine), or Drucker-Prager's alpha (sand).
@@ -104,7 +104,7 @@ def _returned(e, law, mu, la, limit):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def stress(F, C, law, shear, volumetric, limit, viscosity, volume, tau, low, high):  # type: ignore[no-untyped-def]
+def stress(F, C, law, shear, volumetric, limit, viscosity, volume, tau, low, high):
     """Fill `tau` with initial volume times Kirchhoff stress; strains beyond yield are taken out of F first.
 
     Returns the elastic energy in joules, how many particles were crushed, and the least volume ratio.

@@ -11,12 +11,12 @@ from rpaug.render.jit import inlined, kernel
 
 
 @inlined
-def _weights(x):  # type: ignore[no-untyped-def]
+def _weights(x):
     return 0.5 * (1.5 - x) * (1.5 - x), 0.75 - (x - 1.0) * (x - 1.0), 0.5 * (x - 0.5) * (x - 0.5)
 
 
 @kernel
-def scatter(x, v, C, tau, mass, nodes, origin, cell, dt, low, high):  # type: ignore[no-untyped-def]
+def scatter(x, v, C, tau, mass, nodes, origin, cell, dt, low, high):
     """Momentum and mass of particles low..high, added onto `nodes`; `tau` is initial volume times Kirchhoff stress."""
     inverse = 1.0 / cell
     k = 4.0 * inverse * inverse * dt
@@ -54,7 +54,7 @@ def scatter(x, v, C, tau, mass, nodes, origin, cell, dt, low, high):  # type: ig
 
 
 @kernel
-def gather(x, v, C, F, D, nodes, origin, cell, dt, low, high):  # type: ignore[no-untyped-def]
+def gather(x, v, C, F, D, nodes, origin, cell, dt, low, high):
     """Velocities and their gradients back from the grid; particles move on, with what they are deformed by.
 
     `F` is the elastic deformation, which a law may take back in part, and `D` the whole one since the start.
@@ -108,7 +108,7 @@ def gather(x, v, C, F, D, nodes, origin, cell, dt, low, high):  # type: ignore[n
 
 
 @inlined
-def _grow(F, p, C, dt, f):  # type: ignore[no-untyped-def]
+def _grow(F, p, C, dt, f):
     """Row p of F becomes (1 + dt C) F; `f` is room to work in."""
     for r in range(3):
         for c in range(3):
@@ -121,7 +121,7 @@ def _grow(F, p, C, dt, f):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def reach(x, v, low, high):  # type: ignore[no-untyped-def]
+def reach(x, v, low, high):
     """The box that the particles are in, as (low (3), high (3)), and their highest speed."""
     out = np.empty((2, 3))
     out[0], out[1] = np.inf, -np.inf
@@ -137,7 +137,7 @@ def reach(x, v, low, high):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def hold(x, v, least, most):  # type: ignore[no-untyped-def]
+def hold(x, v, least, most):
     """Put particles that left the box `least`..`most` back onto its side, without the speed that took them there.
 
     Returns how many there were; what is not a number goes to the middle, at rest.

@@ -1,4 +1,4 @@
-"""What pictures are alike, or like which words, to CLIP (Radford et al. 2021, arXiv 2103.00020), from your own folder."""
+"""Which pictures and words are alike to CLIP (Radford et al. 2021, arXiv 2103.00020), from a folder of your own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -61,7 +61,9 @@ class Clip:
         assert self.folder is not None
         asked = models.tokenizer(self.folder)(list(texts), padding=True, return_tensors="pt")
         with torch.no_grad():
-            read = self.model.text_model(**asked).pooler_output
+            read = self.model.text_model(
+                input_ids=asked["input_ids"], attention_mask=asked["attention_mask"]
+            ).pooler_output
             found = self.model.text_projection(read).double().numpy()
         found /= np.linalg.norm(found, axis=1, keepdims=True)
         return int((found @ self.embed(image)).argmax())

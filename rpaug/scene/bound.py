@@ -1,7 +1,7 @@
-"""Gaussians bound to particles: where those go and how they deform, the Gaussians go and deform (PhysGaussian).
+"""Gaussians bound to particles: where those go and how they deform, the Gaussians go and deform.
 
-Xie et al. 2024, "PhysGaussian: Physics-Integrated 3D Gaussians for Generative Dynamics" (arXiv 2311.12198), section 3.3:
-a Gaussian's covariance A becomes F A F^T, and its harmonics turn with F's rotation.
+Xie et al. 2024, "PhysGaussian: Physics-Integrated 3D Gaussians for Generative Dynamics" (arXiv 2311.12198): a
+Gaussian's covariance A becomes F A F^T, and its harmonics turn with F's rotation.
 """
 
 from collections.abc import Sequence

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Float64
 
 from rpaug import geometry
 from rpaug.physics.colliders import Boxes
-from rpaug.scene.looks import Looks, look
+from rpaug.scene.looks import look
 from rpaug.scene.roles import surface
 from rpaug.types import Body, Scene
 

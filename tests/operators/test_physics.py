@@ -1,0 +1,150 @@
+"""A thing left to physics falls and bends in all cameras alike; where the robot touches it, actions do not hold."""
+
+import json
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rpaug_adapters.rlbench import RLBench
+from tabletop import handle, scene, take
+from test_augment import augment
+
+from rpaug import Unsupported, pipeline, recipe, report
+from rpaug.augment import Run, execute
+from rpaug.errors import BadRecipe
+from rpaug.files import REJECTED
+from rpaug.operators.physics import Physics
+from rpaug.scene.targets import Target
+from rpaug.testing import OperatorContract, shown
+from rpaug.training import AugmentedEpisodes
+
+QUICK = {"particles": 400, "fps": 40.0}
+
+
+def jelly(**more) -> Physics:
+    target = Target(handle=handle("cylinder"))
+    return Physics(target=target, **{"material": "jelly", "height": (0.03, 0.03), **QUICK, **more})
+
+
+@lru_cache(4)
+def fallen(material: str):
+    operator = jelly(material=material)
+    return operator.apply(scene(), operator.sample(scene(), np.random.default_rng(0)))
+
+
+@pytest.mark.gl
+class TestPhysics(OperatorContract):
+    def operator(self) -> Physics:
+        return jelly()
+
+    def scene(self):
+        return scene()
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize(("material", "solver"), [("jelly", "material points"), ("wood", "rigid")])
+def test_it_falls_and_everything_else_stays_bit_for_bit(material: str, solver: str) -> None:
+    after = fallen(material)
+    (told,) = after.simulated
+    assert (told["solver"], told["actions_valid"]) == (solver, True)
+    assert ("because" in told) == (solver == "rigid")
+    made, mine = shown(after), handle("cylinder")
+    seen = 0
+    for name, view in made.views.items():
+        for t in (0, 16):
+            old = scene().episode.views[name]
+            rest = (view.ids(t) != mine) & (old.ids(t) != mine)
+            same = (view.rgb(t) == old.rgb(t)).all(-1) & (view.depth(t) == old.depth(t))
+            assert same[rest].all(), (name, t)
+            seen += int((view.ids(t) == mine).sum())
+            assert (view.depth(t)[view.ids(t) == mine] > 0).all()
+    assert seen > 50
+
+
+@pytest.mark.gl
+def test_cameras_agree_on_where_a_soft_thing_is() -> None:
+    """Points that two cameras show of it lie on one surface, within its pixels' footprint."""
+    from rpaug import geometry
+
+    made, mine, clouds = shown(fallen("jelly")), handle("cylinder"), []
+    for name in ("overhead", "left_shoulder", "right_shoulder"):
+        view = made.views[name]
+        points = geometry.world_points(view.depth(16).astype(float), view.camera, 16)
+        if len(found := points[view.ids(16) == mine]) > 20:
+            clouds.append(found)
+    assert len(clouds) >= 2
+    apart = np.linalg.norm(clouds[0][:, None] - clouds[1][None], axis=-1).min(1)
+    assert np.median(apart) < 0.01
+
+
+@pytest.mark.gl
+def test_what_the_robot_moves_marks_the_actions() -> None:
+    operator = Physics(
+        target=Target(role="manipulated"), material="jelly", particles=400, fps=200.0
+    )
+    after = operator.apply(scene(), operator.sample(scene(), np.random.default_rng(0)))
+    assert not after.actions_valid
+    assert "moved by the robot" in after.simulated[0]["reasons"][0]
+
+
+@pytest.mark.gl
+def test_invalid_actions_are_kept_out_unless_asked_for(tmp_path: Path) -> None:
+    key = "pick_block/all_variations/episodes/episode0"
+    two = {name: take().episode.views[name] for name in ("front", "left_shoulder")}
+    RLBench().write(replace(take().episode, views=two), tmp_path / "data", key, dict)
+    edit = {"op": "physics", "target": {"role": "manipulated"}, "material": "wood", **QUICK}
+    wanted = recipe.build({"version": 1, "copies": 1, "edits": [edit]})
+    summary = augment(tmp_path / "data", wanted, tmp_path / "out")
+    assert (summary.exit_code, summary.copies) == (1, 0)
+    assert "actions_valid" in next(iter(summary.rejected.values()))
+    described = json.loads((tmp_path / "out" / REJECTED / key / report.NAME).read_bytes())
+    assert described["actions_valid"] is False
+    assert described["physics"][0]["solver"] == "rigid"
+    again = tmp_path / "again"
+    pipeline.replay(RLBench(), tmp_path / "data", described, again, key)
+    replayed = json.loads((again / key / report.NAME).read_bytes())
+    assert {k: v for k, v in replayed.items() if k != "seconds"} == {
+        k: v for k, v in described.items() if k != "seconds"
+    }
+    kept = execute(Run(tmp_path / "data", wanted, tmp_path / "kept", keep_invalid=True))
+    assert (kept.exit_code, kept.copies) == (0, 1)
+    written = json.loads((tmp_path / "kept" / key / report.NAME).read_bytes())
+    assert written["actions_valid"] is False
+
+    path = tmp_path / "r.yaml"
+    path.write_text(json.dumps(wanted.source))
+    assert not AugmentedEpisodes(tmp_path / "data", path, frames=[0])[0]["edits"]  # as recorded
+    assert AugmentedEpisodes(tmp_path / "data", path, keep_invalid=True, frames=[0])[0]["edits"]
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "said"),
+    [
+        ("young", 1.0, "allowed are 100 to 5e"),
+        ("poisson", 0.5, "allowed are 0 to 0.49"),
+        ("density", 0.5, "allowed are 10 to 20000"),
+        ("inner_friction", 80, "allowed are 0 to 60"),
+        ("material", "cheese", "there are: rubber"),
+        ("height", [0.1, 2.0], "not within 0..0.5"),
+        ("velocity", [0, 0, 99], "less than or equal to 10"),
+    ],
+)
+def test_values_out_of_range_are_refused_with_the_range(field, value, said) -> None:
+    edit = {"op": "physics", "target": "cup", "material": "jelly", field: value}
+    with pytest.raises(BadRecipe, match=said):
+        recipe.build({"version": 1, "edits": [edit]})
+
+
+def test_without_a_material_it_says_what_it_needs() -> None:
+    with pytest.raises(Unsupported, match=r"say its material, one of rubber, .*CLIPModel"):
+        Physics(target=Target(role="receiver")).ready()
+
+
+@pytest.mark.gl
+def test_the_table_cannot_be_let_go() -> None:
+    with pytest.raises(Unsupported, match="it is the table"):
+        Physics(target=Target(role="table"), material="jelly").sample(
+            scene(), np.random.default_rng(0)
+        )
