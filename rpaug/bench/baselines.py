@@ -56,7 +56,7 @@ def jitter(episode: Episode, seed: int) -> Episode:
 
 
 def painted(episode: Episode, gone: frozenset[int]) -> Episode:
-    """Each picture's masks of these handles inpainted by themselves, colour and depth; handles as the nearest pixel's."""
+    """Each picture's masks of these handles inpainted by themselves, colour and depth; handles from beside."""
     return _each(episode, lambda view, t: _painted(_planes(view, t), gone))
 
 
