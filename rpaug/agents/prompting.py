@@ -47,6 +47,8 @@ def prompt(stage: str, version: int | None = None) -> Prompt:
     told = [(kind, body.strip()) for kind, _, body in (block.partition("\n") for block in blocks)]
     kinds = [kind for kind, _ in told]
     if kinds != ["system", *["user", "assistant"] * (len(kinds) // 2)]:
-        raise BadInput(name, "blocks", found=kinds, expected="system, then user and assistant in turn")
+        raise BadInput(
+            name, "blocks", found=kinds, expected="system, then user and assistant in turn"
+        )
     turns = [body for _, body in told[1:]]
     return Prompt(stage, number, told[0][1], tuple(zip(turns[::2], turns[1::2], strict=True)))

@@ -1,17 +1,21 @@
-"""What people do without a scene: nothing, a recolouring of the mask in CIELAB, jitter of the whole image."""
+"""What people do without a scene: nothing, colours in the mask or the whole image, pictures painted, scaled, pasted."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float32, Int32, UInt8
 
+from rpaug.providers import inpaint
+from rpaug.render import mesh as triangles
 from rpaug.scene import colours
-from rpaug.types import CameraView, Episode
+from rpaug.twin.look import Extra
+from rpaug.types import CameraView, Episode, Mesh
 
+FINE = 8000.0  # steps to a metre in which depth is inpainted
 STRENGTH, HUE = 0.3, 0.05  # torchvision's usual ColorJitter for robot policies
 
 
@@ -49,6 +53,89 @@ def jitter(episode: Episode, seed: int) -> Episode:
         return _quantised(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB))
 
     return _mapped(episode, edit)
+
+
+def painted(episode: Episode, gone: frozenset[int]) -> Episode:
+    """Each picture's masks of these handles inpainted by themselves, colour and depth; handles from beside."""
+    return _each(episode, lambda view, t: _painted(_planes(view, t), gone))
+
+
+def scaled(episode: Episode, handle: int, scale: float) -> Episode:
+    """The handle's pixels scaled in each picture about the middle of their lower edge, over the picture inpainted."""
+
+    def edit(view: CameraView, t: int) -> Planes:
+        rgb, depth, ids = _planes(view, t)
+        behind = _painted((rgb, depth, ids), frozenset({handle}))
+        rows, columns = np.nonzero(ids == handle)
+        if not len(rows):
+            return rgb, depth, ids
+        foot, middle = float(rows.max()) + 0.5, (float(columns.min()) + float(columns.max())) / 2
+        height, width = ids.shape
+        y, x = np.mgrid[:height, :width].astype(float)
+        i = np.rint(foot + (y - foot) / scale).astype(int).clip(0, height - 1)
+        j = np.rint(middle + (x - middle) / scale).astype(int).clip(0, width - 1)
+        here = ids[i, j] == handle
+        return (
+            np.where(here[..., None], rgb[i, j], behind[0]),
+            np.where(here, depth[i, j], behind[1]),
+            np.where(here, ids[i, j], behind[2]),
+        )
+
+    return _each(episode, edit)
+
+
+def pasted(episode: Episode, extras: Sequence[Extra]) -> Episode:
+    """Things drawn where they truly stand, in the colours they come in, over whatever is there."""
+
+    def edit(view: CameraView, t: int) -> Planes:
+        rgb, depth, ids = (plane.copy() for plane in _planes(view, t))
+        for extra in extras:
+            mesh = Mesh(extra.points, extra.normals, extra.uv, extra.faces, extra.image)
+            camera = view.camera
+            size = camera.width, camera.height
+            seen = triangles.draw(mesh, extra.pose, camera.K, camera.cam_to_world[t], size)
+            rgb[seen.hit] = _quantised(seen.albedo[seen.hit])
+            depth[seen.hit], ids[seen.hit] = seen.depth[seen.hit], extra.handle
+        return rgb, depth, ids
+
+    return _each(episode, edit)
+
+
+Planes = tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]
+
+
+def _planes(view: CameraView, t: int) -> Planes:
+    assert view.depth is not None
+    assert view.ids is not None
+    return view.rgb(t), view.depth(t), view.ids(t)
+
+
+def _painted(planes: Planes, gone: frozenset[int]) -> Planes:
+    rgb, depth, ids = planes
+    hole = np.isin(ids, list(gone))
+    if not hole.any() or hole.all():
+        return planes
+    fine = np.clip(depth * FINE, 0, 65535).astype(np.uint16)
+    near = cv2.inpaint(fine, hole.astype(np.uint8), 3, cv2.INPAINT_TELEA).astype(np.float32) / FINE
+    labels = cv2.distanceTransformWithLabels(
+        hole.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )[1]
+    names = np.zeros(int(labels.max()) + 1, np.int32)
+    names[labels[~hole]] = ids[~hole]
+    return inpaint.paint("fsr", rgb, hole), np.where(hole, near, depth), names[labels]
+
+
+def _each(episode: Episode, edit: Callable[[CameraView, int], Planes]) -> Episode:
+    def changed(view: CameraView) -> CameraView:
+        made = lru_cache(2)(partial(edit, view))
+        return replace(
+            view,
+            rgb=lambda t: made(t)[0],
+            depth=lambda t: made(t)[1],
+            ids=lambda t: made(t)[2],
+        )
+
+    return replace(episode, views={name: changed(view) for name, view in episode.views.items()})
 
 
 def _shifted(image: Any, old: Any, new: Any, chroma: float) -> Any:

@@ -8,10 +8,16 @@ from typing import Any
 import numpy as np
 
 from rpaug import geometry
+from rpaug.assets import library
+from rpaug.bench import baselines
 from rpaug.interfaces import Edit
-from rpaug.scene import albedo, light
+from rpaug.operators import insert as inserting
+from rpaug.operators.distractors import Distractors
+from rpaug.scene import albedo, build, light
 from rpaug.twin import LAMPS, RIG, Laid, Lamp, Take
+from rpaug.twin.look import Extra
 from rpaug.twin.mjcf import AMBIENT
+from rpaug.types import Episode
 
 TOLD, ESTIMATED = "rpaug", "rpaug, estimated"
 
@@ -36,7 +42,8 @@ class Case:
 
     `ask` gets the recording, its truly changed version, and a folder for images. `colours` gives what a 2D recolouring
     goes by, old and new by handle: the old ones known, or read off the recording as `rpaug, estimated` does.
-    `targets` are taken in turn.
+    `targets` are taken in turn. `value` draws the true change where the twin does not, and `baseline` is what is done
+    to single pictures by those who know as much.
     """
 
     operator: str
@@ -44,6 +51,8 @@ class Case:
     colours: Callable[[Take, Take, bool], Colours] | None = None
     lamps: tuple[Lamp, ...] = RIG
     targets: tuple[str | None, ...] = (None,)
+    value: Callable[[Take], Any] | None = None
+    baseline: tuple[str, Callable[[Take, Take], Episode]] | None = None
 
 
 def _recolor(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
@@ -103,6 +112,51 @@ def _camera_pose(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     return (Ask(TOLD, ({"camera": list(edit)},), edit),)
 
 
+def _remove(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    return (Ask(TOLD, ({"target": {"handle": list(true.truth.changed)}},)),)
+
+
+def _object_size(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    (handle,) = true.truth.changed
+    scale = _scale(true)
+    return (Ask(TOLD, ({"target": {"handle": handle}, "range": (scale, scale)},)),)
+
+
+def _scale(true: Take) -> float:
+    (scale,) = true.truth.new.scales.values()
+    return scale
+
+
+def _things(take: Take) -> tuple[Extra, ...]:
+    """Two things of the library where `distractors` would put them."""
+    scene = build.build(take.episode, with_bodies=True)
+    drawn = Distractors().sample(scene, np.random.default_rng(take.truth.seed))
+    return tuple(map(_extra, drawn["things"]))
+
+
+def _extra(thing: Edit) -> Extra:
+    mesh = library.mesh(thing["asset"])
+    return Extra(
+        name=f"{thing['asset']}-{thing['handle']}", handle=thing["handle"], points=mesh.points, normals=mesh.normals,
+        uv=mesh.uv, faces=mesh.faces, image=mesh.image, pose=np.array(thing["pose"]),
+    )  # fmt: skip
+
+
+def _distractors(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    """The very things in their very places; how they are lit is estimated."""
+    things = [
+        {
+            "asset": extra.name.rpartition("-")[0],
+            "scale": 1.0,
+            "handle": extra.handle,
+            "pose": extra.pose.tolist(),
+        }
+        for extra in true.truth.new.extras
+    ]
+    found = inserting.light(build.build(recorded.episode, with_bodies=True))
+    return (Ask(TOLD, ({},), {"things": things, **found}),)
+
+
 def _albedos(recorded: Take, true: Take, known: bool) -> Colours:
     old, new = recorded.truth.albedos, true.truth.albedos
     shown = [handle for handle in true.truth.changed if known or handle in _seen(recorded)]
@@ -135,6 +189,36 @@ CASES: Mapping[str, Case] = {
     "table_texture": Case("table_texture", _texture, _albedos),
     "background_texture": Case("background_texture", _texture, _albedos),
     "camera_pose": Case("camera_pose", _camera_pose),
+    "removal": Case(
+        "remove",
+        _remove,
+        baseline=(
+            "inpainting each picture",
+            lambda recorded, true: baselines.painted(
+                recorded.episode, frozenset(true.truth.changed)
+            ),
+        ),
+    ),
+    "object_size": Case(
+        "object_size",
+        _object_size,
+        targets=("cylinder",),
+        baseline=(
+            "scaling in each picture",
+            lambda recorded, true: baselines.scaled(
+                recorded.episode, true.truth.changed[0], _scale(true)
+            ),
+        ),
+    ),
+    "distractor": Case(
+        "distractors",
+        _distractors,
+        value=_things,
+        baseline=(
+            "pasting into each picture",
+            lambda recorded, true: baselines.pasted(recorded.episode, true.truth.new.extras),
+        ),
+    ),
 }
 
 

@@ -25,7 +25,8 @@ from rpaug.types import CameraView, Episode
 GAUSSIANS = "Gaussian render"
 NONE, LAB, JITTER = "no edit", "CIELAB in the mask", "colour jitter"
 LAB_ESTIMATED = "CIELAB in the mask, estimated"
-BASELINES = frozenset({GAUSSIANS, NONE, LAB, LAB_ESTIMATED, JITTER})
+SINGLE = frozenset(case.baseline[0] for case in CASES.values() if case.baseline is not None)
+BASELINES = SINGLE | {GAUSSIANS, NONE, LAB, LAB_ESTIMATED, JITTER}
 TOLD_MORE = frozenset({GAUSSIANS, LAB})  # than an operator that is left to estimate
 
 
@@ -185,7 +186,11 @@ def _one(
             perceived = judge.measure(recorded, made[method], true, setting.antialias)
             names = {handle: name for name, handle in true.truth.handles.items()}
             everything = len(true.truth.changed) == len(names)
-            changed = "all" if everything else "+".join(names[h] for h in true.truth.changed)
+            changed = (
+                "all"
+                if everything
+                else "+".join(names.get(h, "inserted") for h in true.truth.changed)
+            )
             yield Row(factor, method, seed, true.truth.task, changed, scores, perceived)
     keep(Shot(factor, seed, recorded, true, made))
 
@@ -201,10 +206,14 @@ def _takes(setting: Setting, case: Case, factor: str, seed: int) -> tuple[twin.T
         seed,
         factor=factor,
         target=target,
+        value=case.value(recorded) if case.value else None,
         look=recorded.truth.new,
         size=setting.size,
         frames=setting.frames,
     )
+    if true.truth.new.extras:  # all that is new is what was put there
+        new = tuple(extra.handle for extra in true.truth.new.extras)
+        true = replace(true, truth=replace(true.truth, changed=new))
     return recorded, true
 
 
@@ -237,6 +246,9 @@ def _methods(
         told, guessed = (case.colours(recorded, true, known) for known in (True, False))
         yield LAB, lambda: (_held(baselines.lab(episode, told)), {})
         yield LAB_ESTIMATED, lambda: (_held(baselines.lab(episode, guessed)), {})
+    if case.baseline is not None:
+        name, make = case.baseline
+        yield name, lambda: (_held(make(recorded, true)), {})
     yield JITTER, lambda: (_held(baselines.jitter(episode, seed)), {})
     if setting.gaussians:
         yield GAUSSIANS, partial(_edited, episode, case, asks[0], 3)

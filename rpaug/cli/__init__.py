@@ -43,7 +43,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
 GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
     "assets": (
         "The library of things to insert.",
-        {"ls": assets.ls, "add": assets.add, "show": assets.show},
+        {"ls": assets.ls, "add": assets.add, "generate": assets.generate, "show": assets.show},
     ),
     "twin": ("A simulated tabletop that knows the truth.", {"record": twin.record}),
     "bench": (

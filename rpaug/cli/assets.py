@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.console import AsJson, print_json, say
+from rpaug.cli.console import AsJson, console, print_json, say
 
 
 def ls(
@@ -58,6 +58,53 @@ def add(
         splats = sampled.gaussians(thing, gaussians)
     name = name or file.stem.replace("-", "_")
     asset = library.add(name, category, thing, file.name, splats)
+    if as_json:
+        print_json(asdict(asset))
+        return 0
+    say(f"added to {library.folder()}:")
+    say(_line(asset))
+    return 0
+
+
+def generate(
+    name: Annotated[str, typer.Argument(help="What to call it.")],
+    text: Annotated[str, typer.Option(help="Words that say what to make.")] = "",
+    image: Annotated[Path | None, typer.Option(help="A PNG or JPEG of what to make.")] = None,
+    command: Annotated[
+        str | None,
+        typer.Option(help="Program that makes it: {text}, {image} and {out} are put in."),
+    ] = None,
+    endpoint: Annotated[str | None, typer.Option(help="HTTP address that makes it.")] = None,
+    category: Annotated[str, typer.Option(help="What kind of thing it is.")] = "thing",
+    scale: Annotated[float, typer.Option(min=1e-6, help="Metres to one unit of the file.")] = 1.0,
+    up: Annotated[str, typer.Option(help="The file's upward axis: y or z.")] = "z",
+    timeout: Annotated[float, typer.Option(min=0.1, help="Seconds to wait.")] = 600.0,
+    most_megabytes: Annotated[int, typer.Option(min=1, help="Largest answer taken.")] = 512,
+    as_json: AsJson = False,
+) -> int:
+    """Have a model of yours make Gaussians of words or a picture, and add them to your library.
+
+    Example: [bold]rpaug assets generate mug_blue --text "a blue mug" --command "python lgm.py {text} {out}"[/]
+    """
+    from rpaug.assets import generate as generating
+    from rpaug.assets import library
+    from rpaug.errors import RpaugError
+
+    if (command is None) == (endpoint is None):
+        raise RpaugError("generate: name who makes it, with --command or --endpoint, not both")
+    if up not in ("y", "z"):
+        raise RpaugError(f"--up {up}: give y or z")
+    library.check_name(name)
+    wish = generating.Wish(text, image)
+    wish.check()
+    limits = generating.Limits(timeout, most_megabytes << 20)
+    with console.status(f"waiting for {name} (at most {timeout:g} s)"):
+        if command is not None:
+            by, data = command, generating.by_command(command, wish, limits)
+        else:
+            assert endpoint is not None
+            by, data = endpoint, generating.by_endpoint(endpoint, wish, limits)
+    asset = generating.keep(data, name, wish, by, category, scale, up)
     if as_json:
         print_json(asdict(asset))
         return 0

@@ -8,7 +8,16 @@ from pydantic import Field
 
 from rpaug.assets import library
 from rpaug.interfaces import Edit, Operator
-from rpaug.operators.insert import AS_IT_COMES, Sizes, draw, inserted, light
+from rpaug.operators.insert import (
+    AS_IT_COMES,
+    Harmoniser,
+    Sizes,
+    draw,
+    inserted,
+    light,
+    suited,
+)
+from rpaug.providers import harmonise
 from rpaug.scene.placing import room
 from rpaug.types import Effect, Scene
 
@@ -26,8 +35,12 @@ class Distractors(Operator):
     color: str | None = None
     size: Sizes | None = (0.04, 0.16)  # metres of the longest side
     harmonise: bool = True
+    harmoniser: Harmoniser = "scene"
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+
+    def ready(self) -> None:
+        harmonise.ready(self.harmoniser)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         if self.assets is not None:
@@ -35,7 +48,9 @@ class Distractors(Operator):
         else:
             choices = library.find(self.category, self.color, self.size)
         things, _ = draw(scene, room(scene), choices, self.count, 1.0, rng)
-        return {"things": things, **(light(scene) if self.harmonise else AS_IT_COMES)}
+        if not self.harmonise:
+            return {"things": things, **AS_IT_COMES}
+        return suited(scene, {"things": things, **light(scene)}, self.harmoniser)
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         return inserted(scene, edit)

@@ -10,10 +10,12 @@ from pydantic import AfterValidator, Field
 from rpaug import geometry
 from rpaug.assets import library, settle
 from rpaug.assets.library import Asset
-from rpaug.errors import Unsupported
+from rpaug.errors import RpaugError, Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Interval
+from rpaug.providers import harmonise
 from rpaug.scene import ambience, shadows, standing, targets
+from rpaug.scene.inserted import draw as draw_all
 from rpaug.scene.placing import Room, hull, room
 from rpaug.types import Ambience, Body, Effect, Gaussians, Scene
 
@@ -27,6 +29,15 @@ def _metres(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
+def _known(method: str) -> str:
+    try:
+        harmonise.check(method)
+    except RpaugError as error:
+        raise ValueError(str(error)) from None
+    return method
+
+
+Harmoniser = Annotated[str, AfterValidator(_known)]
 Sizes = Annotated[Interval[float], AfterValidator(_metres)]
 
 
@@ -36,7 +47,8 @@ class Insert(Operator):
 
     It stands at rest on a free place of the table, or at `at`: 5 cm away from other things and from all that moves. It
     is lit by the light that the recording shows, unless `harmonise` is off. With `near` its place is drawn from those
-    that are `within` so many metres of that thing.
+    that are `within` so many metres of that thing. With `harmoniser` "libcom:FOLDER", what libcom's network makes of it
+    in all views becomes one factor a channel, the same for all of them.
     """
 
     asset: str | None = None
@@ -48,6 +60,7 @@ class Insert(Operator):
     near: targets.Target | None = None
     within: Annotated[float, Field(gt=0, le=10)] = 0.15  # metres
     harmonise: bool = True
+    harmoniser: Harmoniser = "scene"
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
 
@@ -55,13 +68,18 @@ class Insert(Operator):
         if self.at is not None and self.near is not None:
             raise ValueError("give `at` or `near`, not both")
 
+    def ready(self) -> None:
+        harmonise.ready(self.harmoniser)
+
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         choices = library.find(self.category, self.color, self.size)
         if self.asset is not None:
             choices = (library.get(self.asset),)
         near = None if self.near is None else (targets.find(scene, self.near), self.within)
         things, _ = draw(scene, room(scene), choices, 1, self.scale, rng, self.at, near)
-        return {"things": things, **(light(scene) if self.harmonise else AS_IT_COMES)}
+        if not self.harmonise:
+            return {"things": things, **AS_IT_COMES}
+        return suited(scene, {"things": things, **light(scene)}, self.harmoniser)
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         return inserted(scene, edit)
@@ -121,6 +139,30 @@ def light(scene: Scene) -> Edit:
     found = ambience.estimate(scene.episode)
     shown = {"light": list(found.light), "tint": list(found.tint), "gamut": list(found.gamut or ())}
     return {"ambience": shown, "lamps": shadows.lamps(scene)}
+
+
+def suited(scene: Scene, edit: Edit, harmoniser: str) -> Edit:
+    """The edit, its light's colour as a harmoniser would have it: the typical factor by channel over all views."""
+    if harmoniser == harmonise.SCENE:
+        return edit
+    after = inserted(scene, edit)
+    handles = [thing["handle"] for thing in edit["things"]]
+    ratios = []
+    for view in scene.episode.views.values():
+        if view.depth is None:
+            continue
+        ids = view.ids(0) if view.ids else np.zeros(view.depth(0).shape, np.int32)
+        rgb, _, seen = draw_all(after, view.camera, 0, (view.rgb(0), view.depth(0), ids))
+        mask = np.isin(seen, handles)
+        if mask.any():
+            made = harmonise.harmonised(harmoniser, rgb, mask)
+            ratios.append((made[mask] + 1.0) / (rgb[mask] + 1.0))
+    if not ratios:
+        return edit
+    factor = np.median(np.concatenate(ratios), 0)
+    shown = edit["ambience"]
+    tint = [round(float(old * new), 4) for old, new in zip(shown["tint"], factor, strict=True)]
+    return edit | {"ambience": shown | {"tint": tint}}
 
 
 def inserted(scene: Scene, edit: Edit) -> Scene:

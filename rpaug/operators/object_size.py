@@ -11,7 +11,7 @@ from rpaug import geometry
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Interval
-from rpaug.scene import grip, placing, shadows, targets, untouched
+from rpaug.scene import grip, growing, placing, shadows, targets, untouched
 from rpaug.scene.looks import look
 from rpaug.types import Body, Effect, Scene
 
@@ -55,6 +55,7 @@ class ObjectSize(Operator):
             low, high = max(low, 1 - bears), min(high, 1 + bears)
         if worst is not None or low > high:
             raise Unsupported(self._reason(worst, handles))
+        high = self._with_room(scene, handles, pivot, low, high)
         return {
             "handles": sorted(handles),
             "scale": float(rng.uniform(low, high)),
@@ -81,6 +82,25 @@ class ObjectSize(Operator):
                 bodies.append(replace(body, handles=rest))
         after = replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
         return shadows.follow(scene, after, edit["lamps"])
+
+    def _with_room(
+        self,
+        scene: Scene,
+        handles: frozenset[int],
+        pivot: Float64[np.ndarray, "3"],
+        low: float,
+        high: float,
+    ) -> float:
+        """The largest factor at which it meets nothing. Raises Unsupported, with the number, if that is too small."""
+        body = next(body for body in scene.bodies if body.handles & handles)
+        where = geometry.transform(body.to_world[0], pivot)
+        fits, what = growing.largest(scene, handles, where, high)
+        if fits < low:
+            names = ", ".join(map(str, sorted(handles)))
+            raise Unsupported(
+                f"resizing {names}: at {low:g} times its size it meets {what}; {fits:.3g} is the most it has room for"
+            )
+        return fits
 
     def _pivot(self, scene: Scene, handles: frozenset[int]) -> Float64[np.ndarray, "3"]:
         """What stays in place, in the bodies' own frames."""

@@ -133,11 +133,13 @@ def look_up(
 ) -> Float32[np.ndarray, "n 3"]:
     """The image at those places, linear between texels of the size of the pixels; `spread` texels go on a pixel."""
     levels = _pyramid(mesh)
-    wanted = np.clip(np.log2(np.maximum(spread, 1.0)).round().astype(int), 0, len(levels) - 1)
+    # Half a level coarser than the mean footprint: on a slant it is longer than wide.
+    level = (np.log2(np.maximum(spread, 1.0)) + 0.5).round().astype(int)
+    wanted = np.clip(level, 0, len(levels) - 1)
     out = np.zeros((len(uv), 3), np.float32)
-    for level in np.unique(wanted):
-        rows = wanted == level
-        out[rows] = _bilinear(levels[level], uv[rows])
+    for size in np.unique(wanted):
+        rows = wanted == size
+        out[rows] = _bilinear(levels[size], uv[rows])
     return out
 
 

@@ -105,12 +105,11 @@ def _bounds(near, use, lens, pose, target, width, height):
             if near[row, column] < 0.0 or not use[row, column]:
                 continue
             x, y, ahead = map_pixel(column, row, near[row, column], lens, pose, target)
-            if ahead > NEAR:
-                # A pixel's own size on the target, turned however it may be.
-                reach = 1.0 + 2.0 * grown / ahead
-                if not (-reach <= x < width + reach and -reach <= y < height + reach):
-                    continue
-            elif ahead < -1.0:
+            if not ahead > NEAR:  # what reaches behind the camera is not drawn
+                continue
+            # A pixel's own size on the target, turned however it may be.
+            reach = 1.0 + 2.0 * grown / ahead
+            if not (-reach <= x < width + reach and -reach <= y < height + reach):
                 continue
             top, bottom = min(top, row), max(bottom, row)
             left, right = min(left, column), max(right, column)

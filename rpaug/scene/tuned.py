@@ -32,13 +32,13 @@ def tuned(splats: Gaussians, to_world: Float64[np.ndarray, "4 4"], ambience: Amb
     """The Gaussians, in their own frame, with the colours that they have at that place in that light."""
     there = standing(splats, to_world)
     cameras = ring(there)
-    refined = [_refined(there, camera, ambience) for camera in cameras]
+    goals = [refined(there, camera, ambience) for camera in cameras]
     state = Splats.of(there)
     engine, adam = Rasteriser(small(state)), Adam(state, RATES)
     order = np.argsort(np.random.default_rng(0).random((PASSES, len(cameras))), 1)
     for number, index in enumerate(order.ravel()):
         engine.forward(adam.splats, view_of(cameras[index], 0), surface=False)
-        _, slopes = engine.backward_loss(Loss(), refined[index])
+        _, slopes = engine.backward_loss(Loss(), goals[index])
         adam.step(slopes, 1 - 0.9 * number / order.size)
     world = replace(there, sh=adam.splats.sh)
     back = geometry.inverse(to_world)
@@ -62,7 +62,7 @@ def ring(there: Gaussians, side: int = SIDE) -> list[Camera]:
     return found
 
 
-def _refined(there: Gaussians, camera: Camera, ambience: Ambience) -> Float32[np.ndarray, "h w 3"]:
+def refined(there: Gaussians, camera: Camera, ambience: Ambience) -> Float32[np.ndarray, "h w 3"]:
     """The view as the light of the scene would show it, on black."""
     splats = Splats.of(there)
     drawn = Rasteriser(small(splats)).forward(splats, view_of(camera, 0))

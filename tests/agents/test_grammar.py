@@ -34,7 +34,9 @@ def told(one: known.Known) -> dict[str, Any] | None:
     return rounded({**answer.settings, "edits": list(answer.edits)})
 
 
-@pytest.mark.parametrize("one", OURS, ids=lambda one: f"{one.kind}: {' / '.join([*one.after, one.say])[:60]}")
+@pytest.mark.parametrize(
+    "one", OURS, ids=lambda one: f"{one.kind}: {' / '.join([*one.after, one.say])[:60]}"
+)
 def test_commands_with_known_answers(one: known.Known) -> None:
     there = one.needs is None or one.needs in registry.operator_names()
     assert told(one) == (rounded(one.answer) if there else None)

@@ -7,7 +7,7 @@ from tabletop import handle, scene
 
 from rpaug.errors import Unsupported
 from rpaug.operators.object_size import ObjectSize
-from rpaug.scene import placing
+from rpaug.scene import growing, placing
 from rpaug.scene.targets import Target
 from rpaug.testing import OperatorContract, shown
 
@@ -78,3 +78,16 @@ def test_what_is_not_moved_has_no_grasp():
 def test_ranges_out_of_bounds_are_refused(wrong):
     with pytest.raises(ValidationError):
         TypeAdapter(ObjectSize).validate_python({"target": {"handle": 1}, "range": wrong})
+
+
+def test_it_grows_no_farther_than_there_is_room():
+    alone = {handle("cylinder")}
+    points = placing.points_of(scene(), alone)
+    foot = np.array([*points[:, :2].mean(0), points[:, 2].min()])
+    fits, what = growing.largest(scene(), frozenset(alone), foot, 9.0)
+    assert 1.3 < fits < 9.0
+    assert what in ("what stands beside it", "what moves past it")
+    wanted = ObjectSize(target=Target(handle=handle("cylinder")), range=(8.0, 9.0))
+    with pytest.raises(Unsupported, match=r"at 8 times its size it meets what .* is the most"):
+        wanted.sample(scene(), np.random.default_rng(0))
+    assert growing.largest(scene(), frozenset(alone), foot, 0.8) == (0.8, None)

@@ -1,10 +1,10 @@
-"""Seconds of colour and texture edits on a large recording: one camera, 1920x1080, 121 frames, read to written.
+"""Seconds of edits on a large recording: one camera, 1920x1080, 121 frames, read to written.
 
     python tools/bench/large.py [--frames 121] [--width 1920] [--height 1080] [--edit colour] [--json]
 
-The recording is made once: a table seen by one fixed camera, a ball that rolls over it, depth and masks, in RLBench's
-format. Each edit is then a process of its own (`rpaug augment`), so start-up counts; kernels are compiled beforehand.
-RoboPearls reports 1 minute for a colour and 5 for a texture at this size.
+The recording is made once: a table seen by one fixed camera, a ball that rolls over it and one that lies beside, depth
+and masks, in RLBench's format. Each edit is then a process of its own (`rpaug augment`), so start-up counts; kernels
+are compiled beforehand. RoboPearls reports 1 minute for a colour, 5 for a texture and 6 for a removal or an insertion.
 """
 
 import argparse
@@ -27,12 +27,14 @@ EDITS: dict[str, dict[str, Any]] = {
     "texture": {"op": "retexture", "target": {"handle": 2}, "texture": "oak"},
     "table's texture": {"op": "retexture", "target": {"handle": 1}, "texture": "oak"},
     "light": {"op": "light_color"},
+    "remove": {"op": "remove", "target": {"handle": 3}},
+    "distractors": {"op": "distractors", "count": 2},
 }
-RADIUS, HEIGHT = 0.15, 1.2  # metres: of the ball, and of the camera over the table
+RADIUS, LYING, HEIGHT = 0.15, 0.06, 1.2  # metres: of the balls, and of the camera over the table
 
 
 def recording(frames: int, width: int, height: int) -> Episode:
-    """The camera looks straight down on a patterned table (handle 1) and a ball on it (handle 2)."""
+    """The camera looks straight down on a patterned table (handle 1), a ball that rolls (2) and one that lies (3)."""
     K = np.array([[width * 0.8, 0, width / 2], [0, width * 0.8, height / 2], [0, 0, 1.0]])
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[2, 3] = HEIGHT
@@ -42,16 +44,25 @@ def recording(frames: int, width: int, height: int) -> Episode:
 
     @lru_cache(4)
     def shoot(t: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        middle = np.array([-0.3 + 0.6 * t / max(frames - 1, 1), 0.0, HEIGHT - RADIUS])
+        z, ids, facing = np.full(across.shape, HEIGHT), np.ones(across.shape, np.int32), 1.0
         along = 1 + across**2 + down**2
-        reach = across * middle[0] + down * middle[1] + middle[2]
-        inside = reach**2 - along * (middle @ middle - RADIUS**2)
-        z = np.where(inside > 0, (reach - np.sqrt(np.maximum(inside, 0))) / along, HEIGHT)
-        ids = np.where(inside > 0, 2, 1).astype(np.int32)
-        facing = np.where(inside > 0, (middle[2] - z) / RADIUS, 1.0)
+        rolls = -0.3 + 0.6 * t / max(frames - 1, 1), 0.1, RADIUS
+        for handle, (x, y, radius) in ((2, rolls), (3, (-0.45, -0.22, LYING))):
+            middle = np.array([x, y, HEIGHT - radius])
+            reach = across * middle[0] + down * middle[1] + middle[2]
+            inside = reach**2 - along * (middle @ middle - radius**2)
+            ball = inside > 0
+            z = np.where(ball, (reach - np.sqrt(np.maximum(inside, 0))) / along, z)
+            ids = np.where(ball, handle, ids).astype(np.int32)
+            facing = np.where(ball, (middle[2] - z) / radius, facing)
         grain = 0.85 + 0.1 * np.sin(40 * across * z) * np.sin(31 * down * z)
-        albedo = np.where(
-            (inside > 0)[..., None], [0.8, 0.2, 0.15], grain[..., None] * [0.7, 0.6, 0.5]
+        albedo = np.choose(
+            (ids - 1)[..., None],
+            [
+                grain[..., None] * [0.7, 0.6, 0.5],
+                np.array([0.8, 0.2, 0.15]),
+                np.array([0.2, 0.5, 0.2]),
+            ],
         )
         rgb = np.rint(255 * albedo * (0.3 + 0.7 * np.maximum(facing, 0))[..., None])
         return rgb.astype(np.uint8), z.astype(np.float32), ids

@@ -19,14 +19,14 @@ import mujoco
 import numpy as np
 
 from rpaug import geometry, twin
-from rpaug.assets import library
+from rpaug.assets import library, sampled
 from rpaug.bench import metrics
 from rpaug.operators import insert as inserting
 from rpaug.operators.distractors import Distractors
 from rpaug.operators.object_size import ObjectSize
 from rpaug.operators.remove import Remove
 from rpaug.providers import inpaint
-from rpaug.scene import build, placing
+from rpaug.scene import build, placing, tuned
 from rpaug.scene.targets import Target
 from rpaug.twin import mjcf, tabletop, tasks
 from rpaug.types import CameraView, Episode, Scene
@@ -121,7 +121,11 @@ def remove(seeds: int, look: twin.Look, frames: int, method: str) -> Iterator[di
                     "inpainting each picture": _painted(before, t, was),
                 }
                 for way, (rgb, depth) in ways.items():
-                    for kind, where in (("seen", was & known), ("never seen", was & ~known)):
+                    for kind, where in (
+                        ("seen", was & known),
+                        ("never seen", was & ~known),
+                        ("all", was),
+                    ):
                         pools.setdefault((way, kind), Pool()).add(rgb, depth, view, t, where)
         seconds = time.process_time() - start
         for (way, kind), pool in pools.items():
@@ -230,9 +234,11 @@ def insert(seeds: int, look: twin.Look, frames: int, method: str) -> Iterator[di
         start = time.process_time()
         edit = operator.sample(scene, np.random.default_rng(seed))
         extras = tuple(_extra(thing) for thing in edit["things"])
+        after = operator.apply(scene, edit)
         made = {
-            "harmonised": _rendered(operator.apply(scene, edit), {}),
+            "harmonised": _rendered(after, {}),
             "as it comes": _rendered(operator.apply(scene, edit | {"ambience": None}), {}),
+            "as Gaussians": _rendered(_as_gaussians(after), {}),
         }
         true = twin.perform(task, seed, look=look, frames=frames, factor="distractor", value=extras)
         for way, episode in made.items():
@@ -265,6 +271,21 @@ def insert(seeds: int, look: twin.Look, frames: int, method: str) -> Iterator[di
                     | pool.row()
                     | {"seconds": round(time.process_time() - start, 1)}
                 )
+
+
+def _as_gaussians(scene: Scene) -> Scene:
+    """The scene with its inserted meshes shown by Gaussians, tuned to its light."""
+    ambience = scene.ambience
+    assert ambience is not None
+    bodies = [
+        body
+        if body.mesh is None
+        else replace(
+            body, splats=tuned.tuned(sampled.gaussians(body.mesh), body.to_world[0], ambience)
+        )
+        for body in scene.bodies
+    ]
+    return replace(scene, bodies=tuple(bodies))
 
 
 def _extra(thing: dict) -> twin.look.Extra:
