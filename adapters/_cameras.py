@@ -178,7 +178,7 @@ def camera(
         known(Path(), f"cameras.{name}.pose_key", told.pose_key, tracks)
         values = tracks[told.pose_key]
     track = _poses(f"cameras.{name}", values, length)
-    return Camera(told.intrinsics(width, height), track, width, height)
+    return Camera(told.intrinsics(width, height), track, width, height, unplaced=values is None)
 
 
 def _poses(field: str, values: Any, length: int) -> Float64[np.ndarray, "t 4 4"]:

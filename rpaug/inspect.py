@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.files import encode_png
-from rpaug.scene import arms, calibration, keyframes
+from rpaug.scene import arms, calibration, keyframes, rgb_only
 from rpaug.scene.build import build
 from rpaug.scene.survey import InstanceSummary, survey
 from rpaug.types import CameraView, Episode
@@ -21,8 +21,8 @@ MARGIN = 4  # pixels around an instance's thumbnail
 
 def inspect(
     episode: Episode, files: Sequence[Path] = ()
-) -> tuple[dict[str, Any], tuple[InstanceSummary, ...]]:
-    """Plain values about the episode, and one summary per instance (none where it has no masks or no depth).
+) -> tuple[dict[str, Any], tuple[InstanceSummary, ...], Episode]:
+    """Plain values about the episode, one summary per instance, and the episode with handles where they were found.
 
     `files` are URDF or MJCF files of arms whose links are looked for first.
     """
@@ -36,16 +36,18 @@ def inspect(
     }
     described["misplaced"] = {m.camera: str(m) for m in calibration.check(episode)}
     described["arms"] = list(arms.misfits(files, episode.robot))
-    if not any(view.ids and view.depth for view in episode.views.values()):
-        return described | {"instances": []}, ()
+    described["assumed"] = []
     scene = build(episode, with_bodies=True, arms=arms.for_robot(files, episode.robot))
-    rows = survey(episode, scene.bodies, scene.roles)
+    if not scene.bodies:
+        return described | {"instances": []}, (), episode
+    described["assumed"] = list(rgb_only.assumptions(scene.episode))
+    rows = survey(scene.episode, scene.bodies, scene.roles)
     described["antialiased"] = scene.antialiased
     described["instances"] = [
         asdict(row) | {"body": sorted(row.body), "pixels": dict(row.pixels), "moving": row.moving}
         for row in rows
     ]
-    return described, rows
+    return described, rows, scene.episode
 
 
 def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummary, ...]) -> bytes:
@@ -65,6 +67,7 @@ def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummar
         + (f"<br><strong>{html.escape(off[name])}</strong>" if name in off else "")
         for name, c in described["cameras"].items()
     )
+    assumed = "".join(f"<li>{html.escape(told)}" for told in described["assumed"])
     return (
         "<!doctype html><html lang=en><meta charset=utf-8><title>rpaug inspect</title><style>"
         "body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1100px;padding:0 1rem;color:#1d232b}"
@@ -73,7 +76,7 @@ def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummar
         "td span{display:inline-block;width:1em;height:1em;border:1px solid #889;vertical-align:-.15em}</style>"
         f"<h1>{html.escape(described['episode'])}</h1><p>“{html.escape(described['instruction'])}”, "
         f"{described['frames']} frames, key frames {', '.join(map(str, described['key_frames']))}</p>"
-        f"<ul>{cameras}</ul><table><tr><th><th>handle<th>role<th>colour<th>size, cm<th>motion"
+        f"<ul>{cameras}{assumed}</ul><table><tr><th><th>handle<th>role<th>colour<th>size, cm<th>motion"
         f"<th>residual, mm<th>seen in frames</tr>{lines}</table></html>"
     ).encode()
 
@@ -87,6 +90,7 @@ def _camera(view: CameraView) -> dict[str, Any]:
         "focal": float(camera.K[0, 0]),
         "fixed": camera.fixed,
         "assumed": camera.assumed,
+        "placed": camera.placed,
         "images": images,
     }
 

@@ -102,7 +102,8 @@ class Plan:
     """`tier` is the least tier wanted, `carriers` the tier that draws each camera, `bodies` whether instances must
     be told apart and tracked. Of a camera that surfels draw, single regions may be at tier 3. `fit` is what a fit of
     Gaussians said of itself, `warnings` what is wrong with the recording, `parts` the targets of which a part finer
-    than the masks is meant. `modelled`: an edit works on Gaussians, whatever shows what comes of it."""
+    than the masks is meant. `modelled`: an edit works on Gaussians, whatever shows what comes of it.
+    `assumed` is what the source does not say and edits go by, in sentences."""
 
     tier: int
     carriers: dict[str, int]
@@ -112,6 +113,7 @@ class Plan:
     warnings: tuple[str, ...] = ()
     parts: tuple[Target, ...] = ()
     modelled: bool = False
+    assumed: tuple[str, ...] = ()
 
     @property
     def gaussians(self) -> bool:
@@ -139,6 +141,7 @@ class Plan:
             "regions": regions,
         }
         facts |= {"fit": dict(self.fit)} if self.fit else {}
+        facts |= {"assumed": list(self.assumed)} if self.assumed else {}
         return facts | ({"warnings": list(self.warnings)} if self.warnings else {})
 
     def cost(self, episode: Episode, copies: int) -> dict[str, float]:

@@ -10,10 +10,10 @@ import numpy as np
 
 from rpaug import plan as planning
 from rpaug import report, residuals
-from rpaug.errors import RpaugError
-from rpaug.interfaces import Adapter, Operator
+from rpaug.errors import RpaugError, Unsupported
+from rpaug.interfaces import Adapter, Edit, Operator
 from rpaug.recipe import Recipe
-from rpaug.scene import arms, calibration
+from rpaug.scene import arms, calibration, rgb_only
 from rpaug.scene.build import build
 from rpaug.types import Camera, Effect, Episode, Scene
 
@@ -24,9 +24,41 @@ def operators(recipe: Recipe) -> list[Operator]:
 
 
 def ground(scene: Scene, recipe: Recipe) -> None:
-    """See that the scene has what every edit of the recipe asks for. Raises TargetError."""
-    for operator in operators(recipe):
-        operator.sample(scene, np.random.default_rng(0))
+    """See that the scene has what every edit of the recipe asks for. Raises TargetError, Unsupported.
+
+    What an episode without depth cannot give is refused here, naming operator, reason, and how to give it.
+    """
+    for step in recipe.steps:
+        for option in step.options:
+            try:
+                edit = option.operator.sample(scene, np.random.default_rng(0))
+                _showable(scene, option.operator, edit)
+            except Unsupported as error:
+                raise Unsupported(f"{option.name}: {error}{_how(scene, str(error))}") from None
+
+
+def _showable(scene: Scene, operator: Operator, edit: Edit) -> None:
+    """See that every camera can show what the edit comes to. Raises Unsupported."""
+    flat = [name for name, view in scene.episode.views.items() if view.depth is None]
+    if not flat or not operator.effect & planning.GEOMETRY:
+        return
+    edited = operator.apply(scene, json.loads(json.dumps(edit)))
+    carriers = planning.settle(planning.make([operator], scene.episode), edited).carriers
+    for name in flat:
+        if carriers[name] > 0:
+            raise Unsupported(
+                f"{name} would show what its images hide, and that takes depth, which this source lacks"
+            )
+
+
+def _how(scene: Scene, reason: str) -> str:
+    """How to give an episode the depth that it lacks, if that is what the reason is about."""
+    if "depth" not in reason or all(view.depth for view in scene.episode.views.values()):
+        return ""
+    return (
+        "; recorded depth is named in cameras.yaml (docs/rgb_only.md), a model that estimates it by the recipe's key"
+        " depth_model: torchscript:FILE"
+    )
 
 
 def made_ready(
@@ -60,6 +92,7 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
         operator.ready()
     plan = planning.make(operators(recipe), episode, tier)
     scene = _built(episode, recipe, plan)
+    plan = replace(plan, assumed=rgb_only.assumptions(scene.episode))
     if plan.bodies:
         # Whatever looks at depth is misled by cameras that are not where they say they are.
         off = tuple(map(str, calibration.check(episode)))
@@ -73,14 +106,20 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
 
 def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> Scene:
     known = arms.for_robot(recipe.arms, episode.robot) if plan.bodies else ()
-    return build(episode, with_bodies=plan.bodies, arms=known)
+    return build(episode, with_bodies=plan.bodies, arms=known, depth=recipe.depth_model)
 
 
 def planned(episode: Episode, recipe: Recipe, tier: int) -> planning.Plan:
-    """The plan, with no more work than it takes: images are looked at only where the recipe asks for an accuracy."""
-    if recipe.accuracy is None:
-        return planning.make(operators(recipe), episode, tier)
-    return surveyed(episode, recipe, tier)[1]
+    """The plan, with no more work than it takes: images are looked at only where the recipe asks for an accuracy, and
+    where nothing but images tells what there is; then what cannot be done is refused as it would be later."""
+    made = planning.make(operators(recipe), episode, tier)
+    alone = made.bodies and rgb_only.lacking(episode)
+    if recipe.accuracy is None and not alone:
+        return made
+    scene, made = surveyed(episode, recipe, tier)
+    if alone:
+        ground(scene, recipe)
+    return made
 
 
 def _moved(scene: Scene, recipe: Recipe) -> Iterator[tuple[str, Camera]]:

@@ -59,6 +59,7 @@ class _Top(BaseModel):
     select: Select = Select()
     accuracy: Accuracy | None = None
     arms: list[Path] = []
+    depth_model: str | None = None
     edits: list[dict[str, Any]] = []
     gates: Gates | None = None
 
@@ -117,6 +118,7 @@ class Recipe:
     gates: Gates | None = None
     accuracy: Accuracy | None = None
     arms: tuple[Path, ...] = ()  # URDF or MJCF files
+    depth_model: str | None = None  # for episodes without depth
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.
@@ -164,6 +166,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         gates=top.gates,
         accuracy=top.accuracy,
         arms=tuple(top.arms),
+        depth_model=top.depth_model,
     )
 
 

@@ -33,7 +33,8 @@ class Effect(Flag):
 class Camera:
     """Intrinsics and pose track of one camera (OpenCV axes, integer pixel centres).
 
-    `assumed` is set where a source says neither and both are stand-ins that nothing may be measured by.
+    `assumed` is set where a source says neither and both are stand-ins that nothing may be measured by; `unplaced`
+    where it knows the intrinsics alone.
     """
 
     K: Float64[np.ndarray, "3 3"]
@@ -41,11 +42,34 @@ class Camera:
     width: int
     height: int
     assumed: bool = False
+    unplaced: bool = False
+
+    @property
+    def placed(self) -> bool:
+        """True if the source says where the camera is."""
+        return not (self.assumed or self.unplaced)
 
     @property
     def fixed(self) -> bool:
         """True if the camera never moves during the episode."""
         return bool((self.cam_to_world == self.cam_to_world[:1]).all())
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """What a scene puts in the place of a depth that its source lacks: for edits to lie and stand on.
+
+    `camera` is the recorded one, for whom the view's own may stand in. `depth` is that of a stage, metres, the same at
+    all times, None where there can be none; `blank` tells of images that show nothing. `assumed` says in sentences
+    what was assumed. `modelled`: the view's depth is a model's guess. Nothing is measured by
+    it and nothing of it is written.
+    """
+
+    camera: Camera
+    depth: Float32[np.ndarray, "h w"] | None
+    assumed: tuple[str, ...] = ()
+    blank: bool = False
+    modelled: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,7 +79,8 @@ class CameraView:
     `rgb(t)` is (h, w, 3) uint8; `depth(t)` (h, w) float32 metres, 0 where the sensor saw nothing;
     `ids(t)` (h, w) int32 instance handles, 0 for nothing. `depth` and `ids` are None where a source has none.
     Views that share an accessor share its images: a writer may then copy the recorded file. `inferred` handles were
-    not recorded but found by motion: a scene may use them, and no dataset gets them.
+    not recorded but found by motion or colour: a scene may use them, and no dataset gets them. So it is with
+    `stand_in`.
     """
 
     camera: Camera
@@ -63,6 +88,7 @@ class CameraView:
     depth: Callable[[int], Float32[np.ndarray, "h w"]] | None = None
     ids: Callable[[int], Int32[np.ndarray, "h w"]] | None = None
     inferred: bool = False
+    stand_in: StandIn | None = None
 
 
 @dataclass(frozen=True)

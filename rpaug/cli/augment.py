@@ -123,7 +123,7 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
         bodies = "bodies tracked" if one["bodies"] else "bodies not needed"
         about = f"about {one['estimate']['seconds']} s, {one['estimate']['megabytes']} MB"
         say(f"{one['episode']}: {one['frames']} frames; at most {carriers}; {bodies}; {about}")
-        for line in lines[one["episode"]]:
+        for line in [*lines[one["episode"]], *one.get("assumed", [])]:
             say(f"  {line}")
     for key, reason in failed.items():
         console.print(

@@ -33,9 +33,9 @@ def inspect(
     from rpaug import inspect as inspection
 
     found = read_episode(dataset, episode)
-    described, rows = inspection.inspect(found, arm or ())
+    described, rows, seen = inspection.inspect(found, arm or ())
     if html is not None:
-        write_new(html, inspection.page(found, described, rows))
+        write_new(html, inspection.page(seen, described, rows))
         described["html"] = str(html)
     if as_json:
         print_json(described)
@@ -43,14 +43,17 @@ def inspect(
     say(f"{described['episode']}: “{described['instruction']}”, {found.length} frames")
     say(f"key frames: {', '.join(map(str, described['key_frames'])) or 'none'}")
     for name, camera in described["cameras"].items():
-        kind = "unknown pose" if camera["assumed"] else "fixed" if camera["fixed"] else "moving"
+        kind = "fixed" if camera["fixed"] else "moving"
+        kind = kind if camera["placed"] else "unknown pose"
         say(
             f"  {name}: {camera['width']}x{camera['height']}, {kind}, {', '.join(camera['images'])}"
         )
     for warning in (*described["misplaced"].values(), *described["arms"]):
         say(f"  warning: {warning}")
+    for told in described["assumed"]:
+        say(f"  {told}")
     if not rows:
-        say("no instances: that takes masks and depth")
+        say("no instances: that takes masks, or several frames")
         return 0
     say(
         f"{'handle':>8}  {'role':12}{'colour':9}{'size, cm':22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"

@@ -20,6 +20,7 @@ ENDS = (
 )  # quantiles of lightness and chroma that count as a recording's darkest and strongest
 CAST = 0.12  # difference between channels below which light counts as white: walls are as yellow as that
 UP = np.array([[0.0, 0.0, 1.0]], np.float32)
+WHITE = 0.9  # albedo of the whitest things that rooms hold
 STEP = 7  # pixels, of which one is looked at for its colour
 
 
@@ -30,6 +31,8 @@ def estimate(episode: Episode) -> Ambience:
     Every hue of a thing has one albedo, fitted along; pixels that the fit leaves far off count less, and so do things
     that face one way alone. Raises Unsupported without depth.
     """
+    if all(view.depth is None and view.stand_in for view in episode.views.values()):
+        return _unseen(episode)
     facing, level, things = _seen(episode)
     _, owner = np.unique(things, return_inverse=True)
     terms = irradiance.basis(facing.astype(np.float32)).astype(np.float64)
@@ -51,13 +54,25 @@ def estimate(episode: Episode) -> Ambience:
         off = np.abs(scaled @ found - level)
         weight = fair / np.maximum(off, max(float(np.median(off)), 1e-3))
         found = found / max(float((irradiance.basis(UP) @ found)[0]), irradiance.LEAST)
+    return Ambience(tuple(round(float(term), 5) for term in found), _tint(episode), _gamut(episode))
+
+
+def _unseen(episode: Episode) -> Ambience:
+    """Where no depth tells faces: light that falls from all sides alike, as bright as the recording's whites."""
+    whites = [
+        np.quantile(rgb.reshape(-1, 3)[::STEP].min(1), ENDS[1]) / 255.0
+        for name, _, rgb, _ in sampling.images(episode, FRAMES)
+        if (stand_in := episode.views[name].stand_in) and not stand_in.blank
+    ]
+    level = min(max(float(np.median(whites)) / WHITE, 0.3), 1.0) if whites else 1.0
+    terms = tuple(round(level * float(term), 5) for term in irradiance.even())
+    return Ambience(terms, _tint(episode), _gamut(episode))
+
+
+def _tint(episode: Episode) -> tuple[float, float, float]:
     tint = light.estimate(episode) / light.LAMP
     red, green, blue = tint / tint.max() if np.ptp(tint) > CAST else np.ones(3)
-    return Ambience(
-        tuple(round(float(term), 5) for term in found),
-        (round(float(red), 4), round(float(green), 4), round(float(blue), 4)),
-        _gamut(episode),
-    )
+    return round(float(red), 4), round(float(green), 4), round(float(blue), 4)
 
 
 def _seen(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rpaug.scene import antialias, bodies, roles, sampling
+from rpaug.scene import antialias, bodies, rgb_only, roles, sampling
 from rpaug.scene.arms import KNOWN, Kinematics
 from rpaug.scene.looks import look
 from rpaug.scene.segmentation import motion
@@ -13,17 +13,29 @@ from rpaug.types import Body, Episode, Scene
 SAMPLED = 32  # frames of each camera in which instances without depth are looked for
 
 
-def build(episode: Episode, *, with_bodies: bool, arms: Sequence[Kinematics] = KNOWN) -> Scene:
+def build(
+    episode: Episode,
+    *,
+    with_bodies: bool,
+    arms: Sequence[Kinematics] = KNOWN,
+    depth: str | None = None,
+) -> Scene:
     """The recorded scene. Bodies and roles are found only where an edit needs to know them.
 
     `arms` are those whose links are looked for; `arms.read` adds one from a URDF or MJCF file. Where
-    instances are needed and an episode has depth but no masks, they are told by motion.
+    instances are needed and an episode has depth but no masks, they are told by motion; without depth, by colour too,
+    and the model that `depth` names guesses it (`rpaug.providers.depth`).
     """
     if with_bodies:
         episode = motion.masked(episode)
     tracked: tuple = ()
     named: dict = {}
-    if with_bodies and not all(view.depth and view.ids for view in episode.views.values()):
+    lens = False
+    if with_bodies and rgb_only.lacking(episode):
+        found = rgb_only.find(episode, depth)
+        episode, tracked, named = found.episode, found.bodies, dict(found.roles)
+        lens = True  # a real one: it mixes the colours on either side of every outline
+    elif with_bodies and not all(view.depth and view.ids for view in episode.views.values()):
         tracked = _untracked(episode)
     elif with_bodies:
         looks = look(episode)
@@ -34,7 +46,7 @@ def build(episode: Episode, *, with_bodies: bool, arms: Sequence[Kinematics] = K
         cameras={name: view.camera for name, view in episode.views.items()},
         bodies=tracked,
         roles=named,
-        antialiased=antialias.detect(episode),
+        antialiased=lens or antialias.detect(episode),
         descriptions=episode.descriptions,
     )
 

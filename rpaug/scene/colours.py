@@ -68,6 +68,22 @@ TO_XYZ = np.array(
 )
 FROM_XYZ = np.linalg.inv(TO_XYZ)
 BEND = 6.0 / 29.0
+COLOURLESS = 8.0  # chroma below which a colour has no hue to go by
+KINDRED = 50.0  # degrees of hue within which a colour goes by a word's name
+RIVAL = 16.0  # degrees by which another word may fit better
+
+# Names whose hues are those of the plain words for hues.
+HUES: Mapping[str, tuple[str, ...]] = {
+    "red": ("red",),
+    "orange": ("orange",),
+    "brown": ("orange",),
+    "yellow": ("yellow",),
+    "green": ("green",),
+    "cyan": ("cyan",),
+    "blue": ("blue", "azure"),
+    "purple": ("purple", "violet"),
+    "pink": ("pink", "rose"),
+}
 
 
 def to_linear(srgb: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
@@ -156,6 +172,28 @@ def nearest(colour: Float[np.ndarray, "3"]) -> str:
 def means(name: str, shade: str) -> bool:
     """Would a person call `shade` by `name`?"""
     return shade == name or shade in SHADES.get(name, ())
+
+
+def hued(name: str, colour: Float[np.ndarray, "3"]) -> bool:
+    """Would a person call a washed-out colour by a colour word? Never so for greys, which have no hue (CIELAB).
+
+    Cameras show few things as pure as their names: a sink that people call blue is nearest to grey. So hues are
+    compared, and a word fits if hardly another fits better.
+    """
+    known = canonical(name)
+    if known is None or np.hypot(*to_lab(np.asarray(colour, float))[1:]) < COLOURLESS:
+        return False
+    off = _turn(known, colour)
+    return off < min(KINDRED, min(_turn(word, colour) for word in HUES) + RIVAL)
+
+
+def _turn(name: str, colour: Float[np.ndarray, "3"]) -> float:
+    """Degrees of hue between a colour and a word, inf for a word without hue."""
+    shades = np.array([NAMES[word] for word in HUES.get(name, (name,))])
+    a, b = np.moveaxis(to_lab(shades), -1, 0)[1:]
+    c, d = to_lab(np.asarray(colour, float))[1:]
+    off = np.abs((np.degrees(np.arctan2(b, a) - np.arctan2(d, c)) + 180) % 360 - 180)
+    return float(np.where(np.hypot(a, b) < COLOURLESS, np.inf, off).min())
 
 
 def typical(pixels: UInt8[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:

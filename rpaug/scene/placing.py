@@ -114,6 +114,10 @@ def _room(scene: Scene, leaving: frozenset[int]) -> Room:
     support = scene.roles.get("table")
     if not support:
         raise TargetError("nothing was seen to be the table, so there is nowhere to put things")
+    if any(view.stand_in for view in scene.episode.views.values()):
+        from rpaug.scene.rgb_only import room as by_sight  # only here: it makes a Room
+
+        return by_sight.room(scene, leaving)
     points = _support(scene, support)
     level = float(np.median(points[:, 2]))
     points = points[np.abs(points[:, 2] - level) < LEVEL]

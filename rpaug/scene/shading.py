@@ -54,12 +54,12 @@ def sample(
     episode: Episode, bodies: tuple[Body, ...], wanted: tuple[int, ...]
 ) -> dict[int, Samples]:
     """Pixels of each of the `wanted` handles that is seen at all. Raises Unsupported if no camera has depth."""
-    if all(view.depth is None for view in episode.views.values()):
+    if all(surface.depth_of(view, 0) is None for view in episode.views.values()):
         raise Unsupported("a texture needs recorded depth to lie on, and this source has none")
     parts: dict[int, list[tuple[np.ndarray, ...]]] = {handle: [] for handle in sorted(wanted)}
     for name, t, rgb, ids in sampling.images(episode, FRAMES):
         view = episode.views[name]
-        if ids is None or view.depth is None:
+        if ids is None or (view.depth is None and surface.depth_of(view, t) is None):
             continue
         at = surface.of_view(view, t, bodies, ids)
         for handle in wanted:

@@ -79,11 +79,19 @@ def of_view(
 
     @cache
     def depth() -> Float32[np.ndarray, "h w"]:
-        if view.depth is None:
+        known = depth_of(view, t)
+        if known is None:
             raise Unsupported("this edit needs recorded depth, and this source has none")
-        return view.depth(t)
+        return known
 
     return of_image(depth, ids, view.camera, t, bodies)
+
+
+def depth_of(view: CameraView, t: int) -> Float32[np.ndarray, "h w"] | None:
+    """What the view's pixels lie on: at their recorded depth, else on its stage; None where it has neither."""
+    if view.depth is not None:
+        return view.depth(t)
+    return None if view.stand_in is None else view.stand_in.depth
 
 
 def of_image(

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug.scene import colours
+from rpaug.scene import colours, sampling
 from rpaug.scene.looks import Looks, look
 from rpaug.scene.roles import NAMES, surface
 from rpaug.types import Body, Episode
@@ -45,6 +45,8 @@ class InstanceSummary:
     def __str__(self) -> str:
         length, width, height = self.size_cm
         role = f", {self.role}" if self.role else ""
+        if not any(self.size_cm):
+            return f"{self.handle} ({self.colour_name}{role})"
         return f"{self.handle} ({self.colour_name}{role}, {length:.0f} x {width:.0f} x {height:.0f} cm)"
 
 
@@ -61,7 +63,7 @@ def survey(
     role_of |= dict.fromkeys(roles.get("table", ()), "table")
     handles = sorted(body_of)
     seen = _seen(episode, np.array(handles, np.int32))
-    tints = _colours(episode, looks, handles)
+    tints = _colours(episode, looks, handles) if looks.cameras else _colours_alone(episode, handles)
     rows = []
     for i, handle in enumerate(handles):
         body, tint = body_of[handle], tints[handle]
@@ -114,6 +116,27 @@ def _seen(episode: Episode, handles: np.ndarray) -> np.ndarray:
             known = at < len(handles)
             known[known] = handles[at[known]] == found[known]
             out[t, at[known], c] = count[known]
+    return out
+
+
+def _colours_alone(
+    episode: Episode, handles: Iterable[int]
+) -> dict[int, tuple[float, float, float]]:
+    """Typical colours over a few frames of all cameras, where no depth is looked at."""
+    found: dict[int, list[np.ndarray]] = {handle: [] for handle in handles}
+    for _, _, rgb, ids in sampling.images(episode, COLOUR_FRAMES):
+        if ids is None:
+            continue
+        flat, image = ids.reshape(-1), rgb.reshape(-1, 3)
+        order = np.argsort(flat, kind="stable")
+        names, starts = np.unique(flat[order], return_index=True)
+        for handle, rows in zip(names.tolist(), np.split(order, starts[1:]), strict=True):
+            if handle in found:
+                found[handle].append(image[rows])
+    out = {}
+    for handle, pixels in found.items():
+        tint = colours.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
+        out[handle] = (float(tint[0]), float(tint[1]), float(tint[2]))
     return out
 
 

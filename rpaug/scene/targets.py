@@ -4,6 +4,7 @@ import zlib
 from collections.abc import Iterable, Sequence
 from typing import Any, Self
 
+import numpy as np
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -177,6 +178,8 @@ class _Finder:
         for meaning in meanings:
             if meaning.role is not None:
                 fits = _as_one(self._coloured(phrase, self._of_role(meaning.role)))
+            elif not self._look().cameras:  # without depth nothing has a shape
+                fits = []
             else:
                 shaped = [row for row in self._movable() if self._shape(row) in meaning.shapes]
                 fits = _bodies(self._coloured(phrase, shaped))
@@ -217,7 +220,11 @@ class _Finder:
         if colour is None:
             return rows
         exact = [row for row in rows if row.colour_name == colour]
-        return exact or [row for row in rows if colours.means(colour, row.colour_name)]
+        exact = exact or [row for row in rows if colours.means(colour, row.colour_name)]
+        if not any(view.stand_in for view in self._scene.episode.views.values()):
+            return exact
+        # A camera alone shows colours washed out: their hue says more than the nearest name.
+        return [row for row in rows if colours.hued(colour, np.array(row.colour))] or exact
 
     def _shape(self, row: InstanceSummary) -> str:
         body = next(body for body in self._scene.bodies if row.handle in body.handles)

@@ -64,7 +64,9 @@ def edited(
         shared = surfels.build(near, kept() if kept else None)
     views = {}
     for name in scene.episode.views:
-        if carriers[name] == 0 and inserted.bodies(scene):
+        stand_in = scene.episode.views[name].stand_in
+        blank = stand_in is not None and stand_in.blank
+        if carriers[name] == 0 and inserted.bodies(scene) and not blank:
             views[name] = _rendered(scene, name, partial(_recorded, scene, name), watch)
         elif carriers[name] == 0:
             views[name] = _composited(scene, name, watch)
@@ -80,8 +82,13 @@ def edited(
 
 
 def _as_recorded(view: CameraView, recorded: CameraView) -> CameraView:
-    """The view without handles that were only inferred: what a source lacks is not written into its copies."""
-    return replace(view, ids=None, inferred=False) if recorded.inferred else view
+    """The view without what was only inferred: what a source lacks is not written into its copies."""
+    stand_in = recorded.stand_in
+    if stand_in is not None and view.camera is recorded.camera:
+        view = replace(view, camera=stand_in.camera)
+    if stand_in is not None and stand_in.modelled:
+        view = replace(view, depth=None)
+    return replace(view, ids=None, inferred=False, stand_in=None) if recorded.inferred else view
 
 
 def sense(
@@ -134,11 +141,12 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
 def _recorded(scene: Scene, name: str, t: int) -> Frame:
     """What was recorded, with what was inserted."""
     view = scene.episode.views[name]
-    if view.depth is None:
+    depth = surface.depth_of(view, t)
+    if depth is None:
         raise Unsupported(
             f"{name}: inserting things needs recorded depth, and this source has none"
         )
-    rgb, depth = view.rgb(t), view.depth(t)
+    rgb = view.rgb(t)
     ids = view.ids(t) if view.ids else np.zeros(depth.shape, np.int32)
     return _finished(scene, name, t, (rgb, depth, ids), np.zeros(depth.shape, bool))
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -53,6 +54,31 @@ def test_an_edited_dataset_differs_in_its_images_alone(read, samples: Path, tmp_
     images = {f"observation/image_{i}" for i in range(3)}  # the fourth is a black dummy
     assert images <= set(said["differs"]) <= images | {"observation/image_3"}
     assert all(said["mean_difference"][name] > 3 for name in images)
+
+
+def test_edits_that_colour_images_alone_allow_leave_all_else(
+    read, samples: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "in").mkdir()
+    shutil.copytree(samples / "rlds_bridge", tmp_path / "in", dirs_exist_ok=True)
+    (tmp_path / "in" / PLACE / "cameras.yaml").write_text("version: 1\nviews: [image_0]\n")
+    edits = (
+        {"op": "recolor", "target": {"role": "table"}, "color": {"sample": "colosseum"}},
+        {"op": "background_texture"},
+        {"op": "light_color"},
+        {"op": "insert", "asset": "die"},
+    )
+    run = run_of(tmp_path / "in", tmp_path / "trial", *edits)
+    left = sorted(execute(run).failures)  # where the support has no room for one more thing
+    assert len(left) < 5
+    edits = edits[:3] if left else edits
+    summary = execute(run_of(tmp_path / "in", tmp_path / "out", *edits))
+    assert not summary.failures
+    said = read(tmp_path / "in" / PLACE, tmp_path / "out" / PLACE)
+    assert said["steps"] == 150
+    assert set(said["differs"]) == {"observation/image_0"}
+    trial = read(tmp_path / "trial" / PLACE, tmp_path / "trial" / PLACE)
+    assert trial["steps"] == 150 - 10 * len(left)
 
 
 def test_an_unedited_copy_is_the_same(read, samples: Path, tmp_path: Path) -> None:

@@ -1,0 +1,200 @@
+"""What colour images alone are enough for: the twin's recordings with depth, masks and calibration hidden.
+
+    python tools/bench/rgb_only.py [--seeds 4] [--size 128] [--frames 17] [--json]
+
+Of each seed's recording only the fixed cameras' colours are kept. Edits made from those are held against the truly
+changed recording: dB inside the truly changed pixels and outside them, beside the unedited images'. `IoU` is that of
+the mask an edit went by with the true one; `handle` asks for the handle that fits best, `words` for the colour's name.
+The background's texture lies in another place than the true one: dB are of its mean colour there.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool
+from pydantic import TypeAdapter
+
+from rpaug import Camera, CameraView, registry, twin
+from rpaug.bench.metrics import psnr
+from rpaug.errors import RpaugError
+from rpaug.scene import colours, targets
+from rpaug.scene.build import build
+from rpaug.testing import shown
+from rpaug.types import Episode, Scene
+
+FACTORS = ("object_color", "table_color", "background_texture", "light_color")
+FOCAL = 1.2  # longest sides, as adapters assume
+
+
+def bare(episode: Episode) -> Episode:
+    """The fixed cameras' colours, and nothing else."""
+
+    def stripped(view: CameraView) -> CameraView:
+        w, h = view.camera.width, view.camera.height
+        focal = FOCAL * max(w, h)
+        K = np.array([[focal, 0, (w - 1) / 2], [0, focal, (h - 1) / 2], [0, 0, 1]])
+        still = np.tile(np.eye(4), (episode.length, 1, 1))
+        return CameraView(Camera(K, still, w, h, assumed=True), view.rgb)
+
+    views = {name: stripped(v) for name, v in episode.views.items() if v.camera.fixed}
+    return replace(episode, views=views)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One edit of one seed."""
+
+    edit: str
+    seed: int
+    task: str
+    iou: float
+    inside: float  # dB
+    unedited: float  # dB inside, of the recording itself
+    outside: float  # dB
+    seconds: float
+
+
+def overlap(scene: Scene, true: twin.Take, ours: frozenset[int], theirs: set[int]) -> float:
+    """Intersection over union of two sets of handles, all cameras and frames pooled."""
+    both = either = 0
+    for name, view in scene.episode.views.items():
+        for t in range(scene.episode.length):
+            a = np.isin(view.ids(t), list(ours))  # type: ignore[misc]
+            b = np.isin(true.episode.views[name].ids(t), list(theirs))  # type: ignore[misc]
+            both, either = both + int((a & b).sum()), either + int((a | b).sum())
+    return both / max(either, 1)
+
+
+def best(scene: Scene, true: twin.Take, theirs: set[int]) -> frozenset[int]:
+    """The found handle that fits the true ones best."""
+    each = {h: overlap(scene, true, frozenset([h]), theirs) for h in scene.handles}
+    return frozenset([max(each, key=lambda h: each[h])])
+
+
+def errors(
+    scene: Scene, edited: Episode, recorded: twin.Take, true: twin.Take, mean: bool
+) -> tuple[float, float, float]:
+    """dB inside the truly changed pixels, the recording's own, and dB outside."""
+    ours, theirs, before = [], [], []
+    out, kept = [], []
+    for name in scene.episode.views:
+        view, view_true = recorded.episode.views[name], true.episode.views[name]
+        for t in range(scene.episode.length):
+            a, b, c = edited.views[name].rgb(t), view_true.rgb(t), view.rgb(t)
+            inside: Bool[np.ndarray, "h w"] = np.isin(view_true.ids(t), true.truth.changed)  # type: ignore[misc]
+            if true.truth.factor == "light_color":
+                inside = np.ones(inside.shape, bool)
+            if mean and inside.any():
+                ours.append(a[inside].mean(0)[None])
+                theirs.append(b[inside].mean(0)[None])
+                before.append(c[inside].mean(0)[None])
+            elif inside.any():
+                ours.append(a[inside])
+                theirs.append(b[inside])
+                before.append(c[inside])
+            out.append(a[~inside])
+            kept.append(b[~inside])
+    wanted = np.concatenate(theirs)
+    outside = _db(np.concatenate(out), np.concatenate(kept)) if sum(map(len, out)) else np.nan
+    return _db(np.concatenate(ours), wanted), _db(np.concatenate(before), wanted), outside
+
+
+def _db(one: np.ndarray, other: np.ndarray) -> float:
+    return psnr(float(((one.astype(float) - other) ** 2).mean()))
+
+
+def asked(
+    scene: Scene, factor: str, recorded: twin.Take, true: twin.Take, folder: Path
+) -> Iterator[tuple[str, frozenset[int] | None, str, dict[str, Any]]]:
+    """The edits that imitate a factor: a name, the handles it goes by, operator and fields."""
+    changed = true.truth.changed
+    if factor == "light_color":
+        new = true.truth.light[1]
+        yield "light", None, "light_color", {"range": (new, new)}
+    elif factor == "table_color":
+        new = true.truth.albedos[changed[0]]
+        yield "table", scene.roles.get("table"), "table_color", {"range": (new, new)}
+    elif factor == "background_texture":
+        laid = next(iter(true.truth.covers.values()))
+        (folder / laid.file).write_bytes(true.side()[laid.file])
+        fields = {"textures": str(folder), "texture": laid.file, "scale": laid.cover.side}
+        yield "background", scene.roles.get("background"), "background_texture", fields
+    else:
+        fields = {"color": {"rgb": true.truth.albedos[changed[0]]}}
+        handles = best(scene, recorded, set(changed))
+        target = {"handle": sorted(handles)}
+        yield "object by handle", handles, "recolor", fields | {"target": target}
+        word = colours.nearest(np.array(recorded.truth.albedos[changed[0]]))
+        target = {"text": f"the {word} thing", "all": True}
+        try:
+            handles = targets.find(scene, targets.Target(**target))
+        except RpaugError:
+            return
+        yield "object by words", handles, "recolor", fields | {"target": target}
+
+
+def rows(seed: int, size: int, frames: int, folder: Path) -> Iterator[Row]:
+    """All edits of one seed."""
+    task = tuple(twin.TASKS)[seed % len(twin.TASKS)]
+    recorded = twin.perform(task, seed, frames=frames, size=size)
+    for factor in FACTORS:
+        true = twin.perform(
+            task, seed, factor=factor, look=recorded.truth.new, size=size, frames=frames
+        )
+        start = time.process_time()
+        scene = build(bare(recorded.episode), with_bodies=True)
+        built = time.process_time() - start
+        for name, handles, op, fields in asked(scene, factor, recorded, true, folder):
+            if handles is not None and not handles:
+                continue
+            start = time.process_time()
+            operator = TypeAdapter(registry.operator(op)).validate_python(fields)
+            edit = operator.sample(scene, np.random.default_rng(seed))
+            edited = shown(operator.apply(scene, edit))
+            inside, unedited, outside = errors(scene, edited, recorded, true, name == "background")
+            iou = overlap(scene, recorded, handles, set(true.truth.changed)) if handles else np.nan
+            spent = built + time.process_time() - start
+            yield Row(name, seed, task, iou, inside, unedited, outside, spent)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--size", type=int, default=128)
+    parser.add_argument("--frames", type=int, default=17)
+    parser.add_argument("--json", action="store_true")
+    told = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        found = [
+            row
+            for seed in range(told.seeds)
+            for row in rows(seed, told.size, told.frames, Path(folder))
+        ]
+    if told.json:
+        json.dump([vars(row) for row in found], sys.stdout, indent=1)
+        return
+    head = f"{'edit':18}{'seeds':>6}{'IoU':>7}{'inside, dB':>12}{'unedited':>10}{'outside, dB':>13}{'CPU s':>7}"
+    sys.stdout.write(head + "\n")
+    for name in dict.fromkeys(row.edit for row in found):
+        mine = [row for row in found if row.edit == name]
+
+        def mean(part: str, mine: list[Row] = mine) -> float:
+            values = np.array([getattr(row, part) for row in mine])
+            return float(values[~np.isnan(values)].mean()) if (~np.isnan(values)).any() else np.nan
+
+        sys.stdout.write(
+            f"{name:18}{len(mine):6d}{mean('iou'):7.2f}{mean('inside'):12.1f}{mean('unedited'):10.1f}"
+            f"{mean('outside'):13.1f}{mean('seconds'):7.1f}\n"
+        )
+
+
+if __name__ == "__main__":
+    main()
