@@ -1,7 +1,7 @@
 """The instruction follows the edit: what was "the red cup" is "the blue cup" once it is blue, and only then.
 
-A colour word of an instruction is changed where the thing it names was painted as a whole. Where that cannot be told, or
-where the words would now fit another thing as well, the copy is rejected rather than written with words that lie.
+A colour word of an instruction is changed where the thing it names was painted as a whole. Where that cannot be told,
+or where the words would now fit another thing as well, the copy is rejected rather than written with words that lie.
 """
 
 import re
@@ -18,7 +18,12 @@ from rpaug.scene.nouns import TOWARDS, VERBS, understood
 from rpaug.scene.survey import InstanceSummary, survey
 from rpaug.types import Scene
 
-STOPS = TOWARDS | VERBS | relations.FILLERS | {"for", "but", "until", "both", "or", "left", "right", "while", "using"}
+STOPS = (
+    TOWARDS
+    | VERBS
+    | relations.FILLERS
+    | {"for", "but", "until", "both", "or", "left", "right", "while", "using"}
+)
 
 
 class Untrue(RpaugError):
@@ -130,7 +135,9 @@ class _Judge:
         if named is None:
             doubtful = [h for h in self._loose() if colours.means(phrase.colour, self._was(h))]
             if doubtful:
-                raise Untrue(f"it cannot be told whether {phrase.text!r} is handle {doubtful[0]}, which was painted")
+                raise Untrue(
+                    f"it cannot be told whether {phrase.text!r} is handle {doubtful[0]}, which was painted"
+                )
             return phrase.colour
         new = {self._painted.looks.get(handle, phrase.colour) for handle in named}
         if None in new:
@@ -149,12 +156,21 @@ class _Judge:
             raise Untrue(f"{phrase.text!r} is there more than once now")
         for handle in self._loose():
             new = self._painted.looks[handle]
-            if handle not in own and new and colours.means(name, new) and self._fits(phrase, handle):
-                raise Untrue(f"handle {handle} was painted {new}: {name} {' '.join(phrase.nouns)} could be it too")
+            if (
+                handle not in own
+                and new
+                and colours.means(name, new)
+                and self._fits(phrase, handle)
+            ):
+                raise Untrue(
+                    f"handle {handle} was painted {new}: {name} {' '.join(phrase.nouns)} could be it too"
+                )
         for kind, tint in self._painted.added:
             alike = not phrase.nouns or phrase.nouns[-1].removesuffix("s") == kind
             if alike and colours.means(name, tint):
-                raise Untrue(f"a {tint} {kind} was put in: {name} {' '.join(phrase.nouns)} could be it too")
+                raise Untrue(
+                    f"a {tint} {kind} was put in: {name} {' '.join(phrase.nouns)} could be it too"
+                )
 
     def _named(self, phrase: Phrase) -> frozenset[int] | None:
         """The handles that a phrase means in the recorded scene; None if that cannot be told."""

@@ -11,6 +11,7 @@ from rpaug.providers.language import Endpoint
 
 KEY = "sk-very-secret-0123"
 
+
 def completion(content: Any, **usage: int) -> bytes:
     choice = {"message": {"role": "assistant", "content": content}}
     return json.dumps({"choices": [choice], "usage": usage}).encode()
@@ -35,7 +36,9 @@ class Handler(BaseHTTPRequestHandler):
 
 
 @contextmanager
-def served(play: Callable[[Handler, int], None], timeout: float = 5.0) -> Iterator[tuple[Endpoint, list]]:
+def served(
+    play: Callable[[Handler, int], None], timeout: float = 5.0
+) -> Iterator[tuple[Endpoint, list]]:
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     server.daemon_threads = True
     server.seen, server.play = [], play  # type: ignore[attr-defined]

@@ -90,7 +90,9 @@ class TestFollowed:
         edited, draws = pipeline.draw(base, made, 1)
         from rpaug import plan
 
-        drawn = pipeline.render(edited, draws, plan.make([d.option.operator for d in draws], said, 0))
+        drawn = pipeline.render(
+            edited, draws, plan.make([d.option.operator for d in draws], said, 0)
+        )
         assert "pattern" in drawn.untrue
         assert drawn.episode.descriptions == said.descriptions
 
@@ -101,7 +103,10 @@ class TestFollowed:
         # RLBench's variation descriptions, by task.
         ("open the top drawer", []),
         ("put the ring on the azure spoke", [("azure", ("spoke",))]),
-        ("push the maroon button, then push the green button", [("maroon", ("button",)), ("green", ("button",))]),
+        (
+            "push the maroon button, then push the green button",
+            [("maroon", ("button",)), ("green", ("button",))],
+        ),
         ("screw in the blue light bulb", [("blue", ("light", "bulb"))]),
         ("stack 2 red blocks", [("red", ("blocks",))]),
         ("reach the gray target", [("gray", ("target",))]),
@@ -136,7 +141,9 @@ def test_it_is_written_and_reported(tmp_path, block):
     assert out.descriptions == ("put the cyan block on the pad", "move it")
     report = json.loads((tmp_path / "out" / key / "rpaug.json").read_text())
     assert report["words"]["recorded"][0] == said.descriptions[0]
-    findings = [one for one in verify(tmp_path / "out", tmp_path / "in").findings if one.level == "bad"]
+    findings = [
+        one for one in verify(tmp_path / "out", tmp_path / "in").findings if one.level == "bad"
+    ]
     assert not [one for one in findings if one.topic == "instruction"], findings
 
 

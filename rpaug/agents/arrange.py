@@ -1,4 +1,5 @@
 """Rules for things that are there: taken out, copied, moved, resized, rearranged, simulated."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 
@@ -20,7 +21,18 @@ WAYS = {
     **dict.fromkeys(("towards the robot", "toward the robot", "closer to the robot", "closer", "nearer"), (-1, 0)),
 }  # fmt: skip
 WAY = slots.any_of(WAYS)
-MATERIALS = ("rubber", "cloth", "foam", "sand", "jelly", "wood", "metal", "ceramic", "plasticine", "clay")
+MATERIALS = (
+    "rubber",
+    "cloth",
+    "foam",
+    "sand",
+    "jelly",
+    "wood",
+    "metal",
+    "ceramic",
+    "plasticine",
+    "clay",
+)
 MATERIAL = rf"(?:a |an )?(?P<material>{'|'.join(MATERIALS)})"
 
 
@@ -43,7 +55,9 @@ def duplicate(said: Said) -> Meant:
     if times > 20:
         raise refuse(f"{times} copies are too many: at most 20")
     count: Entry = {"count": times} if times > 1 else {}
-    return done({"op": "duplicate", "target": where, **count}, mention=Mention(kind="target", target=where))
+    return done(
+        {"op": "duplicate", "target": where, **count}, mention=Mention(kind="target", target=where)
+    )
 
 
 MOVE = r"(?:move|shift|push|pull|slide|put|place|set|bring|displace|relocate)"
@@ -79,10 +93,14 @@ def anywhere(said: Said) -> Meant:
     return _move(said, {"shift": slots.length(far)} if far else {})
 
 
-@rule(rf"{MOVE} {{thing}} (?:(?:by )?{{length}} )?(?:forward|forwards|back|backwards|up|down)(?: (?:by )?{slots.LENGTH})?")
+@rule(
+    rf"{MOVE} {{thing}} (?:(?:by )?{{length}} )?(?:forward|forwards|back|backwards|up|down)(?: (?:by )?{slots.LENGTH})?"
+)
 def which_way(said: Said) -> Meant:
     thing(said)
-    raise refuse("say `away from the robot`, `towards the robot`, `to the left` or `to the right`; things stay on the table")
+    raise refuse(
+        "say `away from the robot`, `towards the robot`, `to the left` or `to the right`; things stay on the table"
+    )
 
 
 @rule(rf"{MOVE} {{thing}} (?P<way>{WAY})")
@@ -104,7 +122,10 @@ OTHERS = (
 SPREAD = r"(?:rearrange|shuffle|scatter|spread(?: out)?|mix up|reorder)"
 
 
-@rule(rf"{SPREAD} {OTHERS}(?: (?:by )?<UP_TO> {{length}})?", rf"{SPREAD} {{thing}}(?: (?:by )?<UP_TO> {{length}})?")
+@rule(
+    rf"{SPREAD} {OTHERS}(?: (?:by )?<UP_TO> {{length}})?",
+    rf"{SPREAD} {{thing}}(?: (?:by )?<UP_TO> {{length}})?",
+)
 def spread(said: Said) -> Meant:
     edit: Entry = {"op": "spread"}
     if said.get("thing"):
@@ -118,7 +139,12 @@ def spread(said: Said) -> Meant:
       rf"(?P<way>enlarge|grow|shrink) {{thing}}{ABOUT}")  # fmt: skip
 def resized(said: Said) -> Meant:
     low, high = SMALLER if said["way"] in ("smaller", "shrink") else BIGGER
-    return _scale(said, low, high, (f"between {low:g} and {high:g} times its size, since no factor was named",))
+    return _scale(
+        said,
+        low,
+        high,
+        (f"between {low:g} and {high:g} times its size, since no factor was named",),
+    )
 
 
 @rule(rf"(?:make|render) {{thing}} (?:by )?{{share}} (?P<way>{LARGER}|smaller){ABOUT}",
@@ -157,7 +183,7 @@ def absolute(said: Said) -> Meant:
 
 @rule(rf"(?:make|let) {{thing}} (?:behave|act|move|fall|deform|bend) (?:like|as) {MATERIAL}",
       rf"turn {{thing}} into {MATERIAL}", rf"(?:simulate|treat) {{thing}} as {MATERIAL}",
-      rf"make {{thing}} (?:out )?of (?P<material>rubber|foam|sand|jelly|plasticine|clay|cloth)")  # fmt: skip
+      r"make {thing} (?:out )?of (?P<material>rubber|foam|sand|jelly|plasticine|clay|cloth)")  # fmt: skip
 def physics(said: Said) -> Meant:
     if "physics" not in registry.operator_names():
         raise refuse("this installation has no operator `physics`")

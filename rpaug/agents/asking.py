@@ -25,7 +25,7 @@ class Understanding(Protocol):
 
 @dataclass(frozen=True)
 class Asked:
-    """What came of a wish: a recipe that is valid, notes on what was taken for granted, the log, and the talk so far."""
+    """What came of a wish: a valid recipe, notes on what was taken for granted, the log, and the talk so far."""
 
     recipe: dict[str, Any]
     notes: tuple[str, ...]
@@ -37,12 +37,18 @@ class Asked:
         """The recipe as a file, with the wishes and the notes on top."""
         lines = [f"# asked: {_line(one.said)}" for one in self.history.rounds]
         lines += [f"# note: {_line(note)}" for note in self.notes]
-        return "\n".join(lines) + "\n" + yaml.dump(self.recipe, Dumper=_Dumper, sort_keys=False, width=110)
+        return (
+            "\n".join(lines)
+            + "\n"
+            + yaml.dump(self.recipe, Dumper=_Dumper, sort_keys=False, width=110)
+        )
 
     @property
     def log(self) -> str:
         """Every stage, one JSON value a line."""
-        return "".join(json.dumps(one.model_dump(), ensure_ascii=False) + "\n" for one in self.trace)
+        return "".join(
+            json.dumps(one.model_dump(), ensure_ascii=False) + "\n" for one in self.trace
+        )
 
 
 class _Dumper(yaml.SafeDumper):

@@ -1,4 +1,5 @@
 """Rules for new things: looked for in the library, and made by a generator where a wish names one."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 from typing import Any
@@ -70,7 +71,9 @@ def insert(said: Said) -> Meant:
       r"|(?:to |on )?the (?:left|right) of|left of|right of|between) .+")  # fmt: skip
 def elsewhere(said: Said) -> Meant:
     asset(said["asset"])
-    raise refuse("new things stand on the table: `near` something, `within` a length of it, or `at` (x, y)")
+    raise refuse(
+        "new things stand on the table: `near` something, `within` a length of it, or `at` (x, y)"
+    )
 
 
 def asset(words: str) -> tuple[int, dict[str, Any], list[str]]:
@@ -119,7 +122,9 @@ def _named(words: str) -> str | None:
     parts = sorted(_singular(words).replace(" ", "_").split("_"))
     kinds = {one.category for one in library.assets()}
     known = [one.name for one in library.assets() if sorted(one.name.split("_")) == parts]
-    if not known or (known[0] != words and set(parts) & kinds and len(parts) == 2 and _tinted(parts)):
+    if not known or (
+        known[0] != words and set(parts) & kinds and len(parts) == 2 and _tinted(parts)
+    ):
         return known[0] if known and known[0] == words else None
     return known[0]
 
@@ -130,7 +135,12 @@ def _tinted(parts: list[str]) -> bool:
 
 
 def _singular(words: str) -> str:
-    for plural, one in (("boxes", "box"), ("dishes", "dish"), ("brushes", "brush"), ("dice", "die")):
+    for plural, one in (
+        ("boxes", "box"),
+        ("dishes", "dish"),
+        ("brushes", "brush"),
+        ("dice", "die"),
+    ):
         words = re.sub(rf"\b{plural}$", one, words)
     return words[:-1] if words.endswith("s") and not words.endswith("ss") else words
 

@@ -104,7 +104,10 @@ def compiled(pattern: str) -> re.Pattern[str]:
 
 
 def done(
-    *edits: Entry, mention: Mention | None = None, notes: tuple[str, ...] = (), replaces: tuple[int, ...] = ()
+    *edits: Entry,
+    mention: Mention | None = None,
+    notes: tuple[str, ...] = (),
+    replaces: tuple[int, ...] = (),
 ) -> Meant:
     """What a rule gives back."""
     return Meant(edits=edits, mention=mention, notes=notes, replaces=replaces)

@@ -12,7 +12,23 @@ from rpaug.scene.nouns import ROLES, VERBS
 
 Target = str | dict[str, Any]
 
-PRONOUNS = frozenset({"it", "that", "this", "them", "these", "those", "itself", "same", "me", "us", "you", "him", "her"})
+PRONOUNS = frozenset(
+    {
+        "it",
+        "that",
+        "this",
+        "them",
+        "these",
+        "those",
+        "itself",
+        "same",
+        "me",
+        "us",
+        "you",
+        "him",
+        "her",
+    }
+)
 ARTICLES = ("the", "a", "an", "that", "this", "its", "your", "our", "my")
 PHRASES: Mapping[str, str] = {
     **dict.fromkeys(("robot arm", "robot's arm", "robotic arm"), "robot"),
@@ -34,7 +50,7 @@ NO_THING = (
     | frozenset(
         {
             "make", "paint", "remove", "delete", "add", "duplicate", "copy", "clone", "dim", "raise", "lower", "blur",
-            "add", "color", "colour", "recolor", "recolour", "texture", "give", "cover", "shift", "jitter", "shake",
+            "color", "colour", "recolor", "recolour", "texture", "give", "cover", "shift", "jitter", "shake",
             "erase", "resize", "scale", "shrink", "enlarge", "stylise", "stylize", "style", "light", "lights", "lamp",
             "lamps", "lighting", "camera", "cameras", "image", "images", "picture", "pictures", "frame", "frames",
             "noise", "exposure", "view", "size", "dataset", "file", "files", "folder", "folders", "recipe", "recipes",
@@ -79,10 +95,14 @@ def target(words: str, mention: Mention | None = None) -> Target:
             reason = why.get(mention.kind if mention else None, "what was named before is no thing")
             raise NotUnderstood(f"{words!r}: {reason}; say which thing is meant")
         return mention.target
-    several = re.match(r"(?:all(?: of)?(?: the)?|every|each(?: of the)?|both(?: of)?(?: the)?) ", words)
+    several = re.match(
+        r"(?:all(?: of)?(?: the)?|every|each(?: of the)?|both(?: of)?(?: the)?) ", words
+    )
     words = words[several.end() :] if several else words
     words = re.sub(rf"^(?:{'|'.join(ARTICLES)}) ", "", words)
-    numbered = re.fullmatch(r"(?:object|handle|instance|thing|number|#)(?: number)? ?#?(\d+)", words)
+    numbered = re.fullmatch(
+        r"(?:object|handle|instance|thing|number|#)(?: number)? ?#?(\d+)", words
+    )
     if numbered:
         return {"handle": int(numbered[1])}
     if words in PHRASES:

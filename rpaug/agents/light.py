@@ -1,4 +1,5 @@
 """Rules for the lamps, and for what the sensor does to finished images."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 from typing import Any
 
@@ -25,7 +26,9 @@ def any_light(said: Said) -> Meant:
     return done({"op": "light_color"}, mention=LIGHT)
 
 
-@rule(r"(?:make|turn|paint|change|set) <LIGHT> (?:colou?r )?(?:to |into )?{tint}", r"{tint} <LIGHT>")
+@rule(
+    r"(?:make|turn|paint|change|set) <LIGHT> (?:colou?r )?(?:to |into )?{tint}", r"{tint} <LIGHT>"
+)
 def tinted(said: Said) -> Meant:
     tint = slots.rgb(slots.colour(said["tint"]))
     return _lit(tuple(slots.rounded(RECORDED * (0.5 + 0.5 * v)) for v in tint))
@@ -52,7 +55,9 @@ def dim(said: Said) -> Meant:
       r"turn up <LIGHT>(?: by {share})?",
       r"(?:use )?(?:brighter|bright|more|stronger) <LIGHT>")  # fmt: skip
 def brighten(said: Said) -> Meant:
-    return _level(RECORDED * (1 + slots.share(said["share"])) if said.get("share") else BRIGHT, said)
+    return _level(
+        RECORDED * (1 + slots.share(said["share"])) if said.get("share") else BRIGHT, said
+    )
 
 
 @rule(r"(?:make )?<LIGHT> (?P<times>twice|half|{number} times) as (?:bright|strong|much)",
@@ -76,7 +81,9 @@ def elsewhere(said: Said) -> Meant:
 
 @rule(r"(?:move|turn|rotate) <LIGHT> (?:by )?{angle}")
 def exactly(said: Said) -> Meant:
-    raise refuse("a lamp turns by at most an angle, about any axis: say `up to`, or give the direction (x, y, z) to it")
+    raise refuse(
+        "a lamp turns by at most an angle, about any axis: say `up to`, or give the direction (x, y, z) to it"
+    )
 
 
 @rule(r"(?:light|illuminate) (?:it|the scene|everything|the table) from (?:straight |right )?(?P<above>above|overhead|the top)",
@@ -91,7 +98,9 @@ def towards(said: Said) -> Meant:
 @rule(r"(?:light|illuminate) (?:it|the scene|everything|the table) from .+",
       r"(?:put|move|place|set|turn) <LIGHT> (?:to|on|from) the .+")  # fmt: skip
 def which_side(said: Said) -> Meant:
-    raise refuse("the lamp's directions are the world's: say `from above`, or give the direction (x, y, z) to it")
+    raise refuse(
+        "the lamp's directions are the world's: say `from above`, or give the direction (x, y, z) to it"
+    )
 
 
 NOISE = r"(?:some |more |a bit of |a little )?(?:sensor |camera |image )?noise"
@@ -106,7 +115,9 @@ def noise(said: Said) -> Meant:
     if not said.get("share"):
         return done({"op": "sensor_noise"})
     most = slots.share(said["share"])
-    return done({"op": "sensor_noise", "read": [0, most]}, notes=(f"noise is drawn up to {most:g}",))
+    return done(
+        {"op": "sensor_noise", "read": [0, most]}, notes=(f"noise is drawn up to {most:g}",)
+    )
 
 
 @rule(rf"(?:blur|soften|defocus) {SENSORS}(?: (?:a bit|slightly|a little))?",
@@ -169,7 +180,9 @@ def _interval(name: str, said: Said) -> dict[str, Any]:
 
 def _level(value: float, said: Said) -> Meant:
     if not 0 < value <= 1:
-        raise refuse(f"lamps can be from 0 to 2 times as bright as recorded, not {value / RECORDED:g}")
+        raise refuse(
+            f"lamps can be from 0 to 2 times as bright as recorded, not {value / RECORDED:g}"
+        )
     return _lit((slots.rounded(value),) * 3)
 
 

@@ -1,4 +1,5 @@
 """A whole wish into steps, and what holds for all of them: settings, chances, what must not change, what to undo."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 from collections.abc import Iterator, Sequence
@@ -16,7 +17,9 @@ POLITE = re.compile(
     r"i would like to|i'd like to|let us|let's|just|in addition|additionally|so)\b[, ]*)+"
 )
 AFTER = re.compile(r"(?:[, ]+(?:please|too|as well|now|thanks|thank you|for me))+$")
-BREAK = re.compile(r"(?:\s*[;.]\s+|\s*;\s*|,? and then |, then | then |,? but |,? (?=without )|, | and )")
+BREAK = re.compile(
+    r"(?:\s*[;.]\s+|\s*;\s*|,? and then |, then | then |,? but |,? (?=without )|, | and )"
+)
 CHANCE = (
     r"(?:with (?:a )?(?:probability|chance)(?: of)? (?P<p1>{n} ?(?:%|percent)?)|with (?:a )?(?P<p2>{n} ?(?:%|percent)) (?:probability|chance)"
     r"|(?P<p3>half) (?:of )?the time|in (?P<p4>{n} ?(?:%|percent)|half) of (?:the |all )?(?:copies|cases|episodes)|(?P<p5>sometimes))"
@@ -32,9 +35,20 @@ UNDO = re.compile(r"(?:undo|forget|revert|cancel|drop|take back)(?: (?P<what>[a-
 UNDO_LAST = frozenset(
     f"{verb}{what}"
     for verb in ("undo", "revert", "cancel", "take back")
-    for what in ("", " it", " that", " the last step", " the last edit", " the last change", " the last one", " last")
+    for what in (
+        "",
+        " it",
+        " that",
+        " the last step",
+        " the last edit",
+        " the last change",
+        " the last one",
+        " last",
+    )
 )  # the whole round before, whatever it was
-RESTART = re.compile(r"(?:start (?:over|again|afresh|from scratch)|forget everything|undo everything|clear the recipe)")
+RESTART = re.compile(
+    r"(?:start (?:over|again|afresh|from scratch)|forget everything|undo everything|clear the recipe)"
+)
 NOT = re.compile(
     r"(?:do not|don't|dont|never|must not|should not|without|not) (?P<verb>[a-z]+)(?P<rest>.*)"
 )
@@ -100,7 +114,9 @@ def answer(wish: Wish) -> Answer:
     if not gathered.did or not (gathered.edits or gathered.wish.edits):
         raise NotUnderstood(f"{wish.said!r}: that asks for no change, so there is nothing to do")
     steps = [one.input for one in gathered.trace]
-    whole = Trace(stage="manager", by="grammar", input=wish.said, output={"steps": steps, "settings": found})
+    whole = Trace(
+        stage="manager", by="grammar", input=wish.said, output={"steps": steps, "settings": found}
+    )
     return Answer(
         edits=tuple(gathered.edits),
         settings=gathered.settings,
@@ -122,7 +138,9 @@ def _settings(text: str) -> tuple[str, dict[str, Any]]:
     """The wish without what it says about the whole recipe, and that."""
     found: dict[str, Any] = {}
     for name, pattern in SETTINGS:
-        match = re.search(rf"(?:^|(?P<before>[,;]? )){pattern}(?P<after>$|[,;:]? ?)(?![a-z]* of )", text)
+        match = re.search(
+            rf"(?:^|(?P<before>[,;]? )){pattern}(?P<after>$|[,;:]? ?)(?![a-z]* of )", text
+        )
         if match is None:
             continue
         if name == "copies" and re.match(r" ?of ", text[match.end() :]):
@@ -135,7 +153,9 @@ def _settings(text: str) -> tuple[str, dict[str, Any]]:
         else:
             found[name] = int(value) if name == "seed" else slots.count(value)
         rest = text[match.end() :]
-        if name == "copies" and (led := re.match(r"(?:with|where|in which|that have) (?=[a-z])", rest)):
+        if name == "copies" and (
+            led := re.match(r"(?:with|where|in which|that have) (?=[a-z])", rest)
+        ):
             rest = f"make {rest[led.end() :]}"
         text = f"{text[: match.start()].strip(' ,;')}, {rest.strip(' ,;')}".strip(" ,;")
         text = re.sub(r"^(?:and|but) | (?:and|but)$", "", text)
@@ -206,7 +226,9 @@ def _meant(part: str, gathered: _Round) -> Meant:
     try:
         return meant(part, gathered.here())
     except NotUnderstood:
-        shorter = re.sub(rf" (?:instead|rather)(?: of {slots.ONE_COLOUR})?$|^(?:instead|rather),? ", "", part)
+        shorter = re.sub(
+            rf" (?:instead|rather)(?: of {slots.ONE_COLOUR})?$|^(?:instead|rather),? ", "", part
+        )
         if shorter == part or not gathered.edits:
             raise
         return meant(shorter, gathered.here())
@@ -302,10 +324,23 @@ def called(what: str, edit: Entry) -> bool:
     words = {_plain(word) for word in what.split()} - {"new", "extra", "added"}
     about = " ".join(
         str(value)
-        for name in ("target", "targets", "category", "asset", "color", "near", "camera", "texture", "style", "material")
+        for name in (
+            "target",
+            "targets",
+            "category",
+            "asset",
+            "color",
+            "near",
+            "camera",
+            "texture",
+            "style",
+            "material",
+        )
         if name != "near" and (value := edit.get(name)) is not None
     )
-    return bool(words) and words <= {_plain(word) for word in re.findall(r"[a-z0-9]+", about.lower())}
+    return bool(words) and words <= {
+        _plain(word) for word in re.findall(r"[a-z0-9]+", about.lower())
+    }
 
 
 def _plain(word: str) -> str:
@@ -347,19 +382,23 @@ def _about(edit: Entry) -> str:
         return target
     if isinstance(target, dict):
         return str(target.get("role") or target.get("text") or target.get("handle"))
-    return OWN_TARGET.get(edit["op"], edit["op"])
+    return str(OWN_TARGET.get(edit["op"], edit["op"]))
 
 
 def _respect(gathered: _Round) -> None:
     """Hold what must not happen against the edits of this wish. Raises NotUnderstood."""
     for what in gathered.barred:
-        words = re.sub(r"^(?:the|all|any|anything about|of) ", "", re.sub(r"^(?:all )?the ", "", what)).strip()
+        words = re.sub(
+            r"^(?:the|all|any|anything about|of) ", "", re.sub(r"^(?:all )?the ", "", what)
+        ).strip()
         if words in ANY_WORK and gathered.fresh:
             raise NotUnderstood("the wish asks for edits and forbids all of them")
         for edit in gathered.fresh:
             own = OWN_TARGET.get(edit.get("op", ""))
             if called(words, edit) or _about_all(words, edit) or own == words:
-                raise NotUnderstood(f"{what!r} must not change, and the same wish asks for: {_short(edit)}")
+                raise NotUnderstood(
+                    f"{what!r} must not change, and the same wish asks for: {_short(edit)}"
+                )
 
 
 def _about_all(words: str, edit: Entry) -> bool:

@@ -41,7 +41,9 @@ def meant(step: str, wish: Wish) -> Meant:
     if other is not None and not reasons:
         verb, known = other
         found = meant(f"{known}{step[len(verb) :]}", wish)
-        return found.model_copy(update={"notes": (*found.notes, f"{verb!r} is taken to mean {known!r}")})
+        return found.model_copy(
+            update={"notes": (*found.notes, f"{verb!r} is taken to mean {known!r}")}
+        )
     raise NotUnderstood(reasons[0] if reasons else f"{step!r}: no rule fits")
 
 

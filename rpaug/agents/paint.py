@@ -1,4 +1,5 @@
 """Rules for colours, textures and styles."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 
@@ -51,7 +52,9 @@ def one_of_colours(said: Said) -> Meant:
     return done({"one_of": options}, mention=Mention(kind="target", target=where))
 
 
-@rule(r"(?:make|paint|turn) {thing} (?:(?:a bit|a little|slightly|much|even) )?(?P<way>darker|lighter|brighter)(?: still)?")
+@rule(
+    r"(?:make|paint|turn) {thing} (?:(?:a bit|a little|slightly|much|even) )?(?P<way>darker|lighter|brighter)(?: still)?"
+)
 def shade(said: Said) -> Meant:
     where, notes = _shaded(said)
     for number, edit in reversed(list(enumerate(said.wish.edits))):
@@ -72,7 +75,10 @@ def shade(said: Said) -> Meant:
 
 def _shaded(said: Said) -> tuple[Target, tuple[str, ...]]:
     """What is to be darker or lighter. "it" may be the one thing that was painted, if it was not named last."""
-    mention, painted = said.wish.mention, [e["target"] for e in said.wish.edits if e.get("op") == "recolor"]
+    mention, painted = (
+        said.wish.mention,
+        [e["target"] for e in said.wish.edits if e.get("op") == "recolor"],
+    )
     unclear = said["thing"] == "it" and (mention is None or mention.kind in ("camera", "new"))
     if unclear and len(painted) == 1:
         return painted[0], (f"'it' is taken to mean what was painted: {painted[0]}",)
@@ -124,7 +130,9 @@ def _each(where: list[Target], edit: Entry, name: str, last: tuple[str, ...]) ->
 
 def _picture(name: str, words: str) -> Entry:
     """The field for a texture in words. Raises NotThis, or NotUnderstood for one that does not ship."""
-    words = re.sub(r"^(?:a |an |the )?(?:random |other |another |different |new )+", "", words + " ").strip()
+    words = re.sub(
+        r"^(?:a |an |the )?(?:random |other |another |different |new )+", "", words + " "
+    ).strip()
     words = re.sub(r" ?(?:texture|style)$", "", words)
     if words in ("", "any", "another", "random", "new"):
         return {}
@@ -134,7 +142,9 @@ def _picture(name: str, words: str) -> Entry:
     same = [known for known in shipped.NAMES if sorted(known.split("_")) == parts]
     singular = sorted(part.removesuffix("s") for part in parts)
     same = same or [
-        known for known in shipped.NAMES if sorted(p.removesuffix("s") for p in known.split("_")) == singular
+        known
+        for known in shipped.NAMES
+        if sorted(p.removesuffix("s") for p in known.split("_")) == singular
     ]
     if same:
         return {name: same[0]}
@@ -146,4 +156,6 @@ def _picture(name: str, words: str) -> Entry:
     if len(parts) > 3:
         raise NotThis
     kinds = ", ".join(shipped.KINDS)
-    raise refuse(f"no texture is called {words!r}; kinds are: {kinds}; names are: {', '.join(shipped.NAMES)}")
+    raise refuse(
+        f"no texture is called {words!r}; kinds are: {kinds}; names are: {', '.join(shipped.NAMES)}"
+    )

@@ -1,8 +1,8 @@
 """Prompts: versioned text files with examples, one for each stage that a model may take over.
 
 A file begins with `stage:` and `version:`; blocks that begin with `--- system`, `--- user` and `--- assistant` follow.
-The examples are sent as turns of the talk before the question. A changed prompt is a new file with a new number, so that
-a log says which words a model was given.
+The examples are sent as turns of the talk before the question. A changed prompt is a new file with a new number, so
+that a log says which words a model was given.
 """
 
 from dataclasses import dataclass
@@ -47,6 +47,8 @@ def prompt(stage: str, version: int | None = None) -> Prompt:
     told = [(kind, body.strip()) for kind, _, body in (block.partition("\n") for block in blocks)]
     kinds = [kind for kind, _ in told]
     if kinds != ["system", *["user", "assistant"] * (len(kinds) // 2)]:
-        raise BadInput(name, "blocks", found=kinds, expected="system, then user and assistant in turn")
+        raise BadInput(
+            name, "blocks", found=kinds, expected="system, then user and assistant in turn"
+        )
     turns = [body for _, body in told[1:]]
     return Prompt(stage, number, told[0][1], tuple(zip(turns[::2], turns[1::2], strict=True)))

@@ -1,4 +1,5 @@
 """Viewpoint words into a camera's motion, in the frame it was recorded in: x right, y down, z into the scene."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 from typing import Any
@@ -20,7 +21,15 @@ DIRECTIONS = {
 TURNS = {"up": (1, 0, 0), "down": (-1, 0, 0), "right": (0, 1, 0), "left": (0, -1, 0), "clockwise": (0, 0, 1),
          "counterclockwise": (0, 0, -1), "counter-clockwise": (0, 0, -1), "anticlockwise": (0, 0, -1)}  # fmt: skip
 STEP, WRIST_STEP, TURN = 0.1, 0.02, 10 * slots.RADIANS["degree"]  # where no amount was named
-AMOUNTS = {"a bit": 0.5, "slightly": 0.5, "a little": 0.5, "a little bit": 0.5, "much": 2.0, "a lot": 2.0, "far": 2.0}
+AMOUNTS = {
+    "a bit": 0.5,
+    "slightly": 0.5,
+    "a little": 0.5,
+    "a little bit": 0.5,
+    "much": 2.0,
+    "a lot": 2.0,
+    "far": 2.0,
+}
 
 DIRECTION = slots.any_of(DIRECTIONS)
 AMOUNT = slots.any_of(AMOUNTS)
@@ -32,9 +41,11 @@ TERMS = rf"(?P<terms>{TERM}(?:(?:,? and |, ){TERM})*)"
 MOVE = r"(?:move|shift|bring|slide|push|pull|put|set|take|place|translate)"
 
 
-@rule(rf"(?P<way>raise|lift|lower|drop) {{camera}}(?: (?:by )?{{length}})?(?: (?P<amount>{AMOUNT}))?")
+@rule(
+    rf"(?P<way>raise|lift|lower|drop) {{camera}}(?: (?:by )?{{length}})?(?: (?P<amount>{AMOUNT}))?"
+)
 def height(said: Said) -> Meant:
-    sign = -1.0 if said["way"] in ("raise", "lift") else 1.0
+    sign = -1 if said["way"] in ("raise", "lift") else 1
     return _shifted(said, [((0, sign, 0), said.get("length"), said.get("amount"))])
 
 
@@ -121,26 +132,36 @@ def cameras(said: Said) -> tuple[str | list[str], Mention]:
 
 def _same(words: str, name: str) -> bool:
     plain = name.lower().replace("-", "_")
-    return words.replace(" ", "_") in (plain, plain.removesuffix("_camera"), plain.removesuffix("_rgb"))
+    return words.replace(" ", "_") in (
+        plain,
+        plain.removesuffix("_camera"),
+        plain.removesuffix("_rgb"),
+    )
 
 
-def _terms(text: str) -> list[tuple[tuple[float, float, float], str | None, str | None]]:
+Term = tuple[tuple[int, int, int], str | None, str | None]
+"""A direction along the camera's axes, and the words for how far."""
+
+
+def _terms(text: str) -> list[Term]:
     """Direction, length and amount of each part of a motion."""
     out = []
     for part in re.findall(TERM, text):
         far = re.search(slots.LENGTH, part)
         amount = re.search(rf"\b{AMOUNT}\b", part)
         words = part.replace(far.group(), " ") if far else part
-        found = [d for d in sorted(DIRECTIONS, key=len, reverse=True) if re.search(rf"\b{d}\b", words)]
+        found = [
+            d for d in sorted(DIRECTIONS, key=len, reverse=True) if re.search(rf"\b{d}\b", words)
+        ]
         # "further left" is to the left; "further" alone is back.
         way = next((d for d in found if d not in ("further", "farther")), found[0])
-        out.append((DIRECTIONS[way], far.group() if far else None, amount.group() if amount else None))
+        out.append(
+            (DIRECTIONS[way], far.group() if far else None, amount.group() if amount else None)
+        )
     return out
 
 
-def _shifted(
-    said: Said, terms: list[tuple[tuple[float, float, float], str | None, str | None]]
-) -> Meant:
+def _shifted(said: Said, terms: list[Term]) -> Meant:
     names, mention = cameras(said)
     by, notes = [0.0, 0.0, 0.0], []
     for direction, far, amount in terms:

@@ -44,11 +44,19 @@ class History(Message):
         if not self.rounds:
             return Wish(said=said, setting=setting)
         last = self.rounds[-1]
-        return Wish(said=said, setting=setting, edits=last.edits, settings=last.settings, mention=last.mention)
+        return Wish(
+            said=said,
+            setting=setting,
+            edits=last.edits,
+            settings=last.settings,
+            mention=last.mention,
+        )
 
     def after(self, said: str, answer: Answer) -> "History":
         """The history with one more round."""
-        made = Round(said=said, edits=answer.edits, settings=answer.settings, mention=answer.mention)
+        made = Round(
+            said=said, edits=answer.edits, settings=answer.settings, mention=answer.mention
+        )
         return History(rounds=(*self.rounds, made)[-MOST:])
 
     def before(self) -> Answer:
@@ -67,7 +75,9 @@ def load(path: Path) -> History:
         return History.model_validate(json.loads(read_bytes(path)))
     except (ValueError, ValidationError) as error:
         reason = str(error).splitlines()[0][:200]
-        raise BadInput(path, "history", found=reason, expected="a file that `rpaug ask --history` wrote") from None
+        raise BadInput(
+            path, "history", found=reason, expected="a file that `rpaug ask --history` wrote"
+        ) from None
 
 
 def undone(said: str) -> bool:
@@ -86,7 +96,9 @@ def said_after(said: str, before: Sequence[str], setting: Setting) -> Answer:
 def next_round(history: History, said: str, setting: Setting) -> Answer:
     """What a wish comes to after these rounds, by the grammar. Raises NotUnderstood."""
     if len(said) > LONGEST:
-        raise NotUnderstood(f"a wish of {len(said)} characters; at most {LONGEST}: say it in several")
+        raise NotUnderstood(
+            f"a wish of {len(said)} characters; at most {LONGEST}: say it in several"
+        )
     if undone(said) and history.rounds:
         return history.before()
     return manager.answer(history.wish(said, setting))

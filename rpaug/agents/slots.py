@@ -90,9 +90,7 @@ def count(text: str) -> int:
 
 def numbers(text: str) -> list[float]:
     """All numbers in digits, whole ones as they are."""
-    return [
-        int(v) if v == int(v) else v for v in (float(d) for d in re.findall(DIGITS, text))
-    ]
+    return [int(v) if v == int(v) else v for v in (float(d) for d in re.findall(DIGITS, text))]
 
 
 def colour(text: str) -> str | dict[str, object]:

@@ -66,10 +66,17 @@ class Viewpoint(Message):
         names = self.cameras[0] if len(self.cameras) == 1 else list(self.cameras)
         out: Entry = {"op": "camera_pose", "camera": names}
         if self.random:
-            limits = {"shift": self.most_metres, "turn": self.most_degrees and self.most_degrees * DEGREE}
-            return out | {name: round(value, 4) for name, value in limits.items() if value is not None}
+            limits = {
+                "shift": self.most_metres,
+                "turn": self.most_degrees and self.most_degrees * DEGREE,
+            }
+            return out | {
+                name: round(value, 4) for name, value in limits.items() if value is not None
+            }
         out["by"] = [round(value, 4) or 0 for value in (self.right, -self.up, self.forward)]
-        turned = [round(v * DEGREE, 4) or 0 for v in (self.turn_up, self.turn_right, self.turn_clockwise)]
+        turned = [
+            round(v * DEGREE, 4) or 0 for v in (self.turn_up, self.turn_right, self.turn_clockwise)
+        ]
         return out | ({"turned": turned} if any(turned) else {})
 
 
@@ -87,7 +94,9 @@ class Model:
     def __call__(self, history: History, said: str, setting: Setting) -> Answer:
         """What a wish comes to. Raises NotUnderstood, or LanguageError where the endpoint is of no use."""
         if not 0 < len(said.strip()) <= rounds.LONGEST:
-            raise NotUnderstood(f"a wish has 1 to {rounds.LONGEST} characters, not {len(said.strip())}")
+            raise NotUnderstood(
+                f"a wish has 1 to {rounds.LONGEST} characters, not {len(said.strip())}"
+            )
         wish = history.wish(said, setting)
         question = {
             "wish": said,
@@ -97,7 +106,9 @@ class Model:
         }
         trace: list[Trace] = []
         check = partial(_plan, said=said, earlier=len(wish.edits))
-        plan: Plan = self._asked("manager", question, _plan_schema(), check, trace, operators=_operators())
+        plan: Plan = self._asked(
+            "manager", question, _plan_schema(), check, trace, operators=_operators()
+        )
         if plan.refuse:
             raise NotUnderstood(f"{self._endpoint.model}: {self._endpoint.hidden(plan.refuse)}")
         edits = [edit for number, edit in enumerate(wish.edits) if number not in plan.drop]
@@ -111,15 +122,29 @@ class Model:
         if not (plan.steps or plan.drop or _settings(plan)):
             raise NotUnderstood(f"{self._endpoint.model} finds no change in {said!r}")
         answer = Answer(
-            edits=tuple(edits), settings=settings, mention=mention, notes=_unused(said, plan), trace=tuple(trace)
+            edits=tuple(edits),
+            settings=settings,
+            mention=mention,
+            notes=_unused(said, plan),
+            trace=tuple(trace),
         )
-        return answer.model_copy(update={"notes": (*answer.notes, *_compared(history, said, setting, answer))})
+        return answer.model_copy(
+            update={"notes": (*answer.notes, *_compared(history, said, setting, answer))}
+        )
 
     def _made(
-        self, step: Step, mention: Mention | None, setting: Setting, known: frozenset[str], trace: list[Trace]
+        self,
+        step: Step,
+        mention: Mention | None,
+        setting: Setting,
+        known: frozenset[str],
+        trace: list[Trace],
     ) -> list[Entry]:
         if step.op == "camera_pose":
-            question: dict[str, Any] = {"step": step.said, "cameras": list(map(_short, setting.cameras))}
+            question: dict[str, Any] = {
+                "step": step.said,
+                "cameras": list(map(_short, setting.cameras)),
+            }
             check = partial(_viewpoint, cameras=setting.cameras)
             schema = Viewpoint.model_json_schema()
             return [self._asked("renderer", question, schema, check, trace).edit()]
@@ -132,7 +157,13 @@ class Model:
         )  # fmt: skip
 
     def _asked(
-        self, stage: str, question: Mapping[str, Any], schema: dict[str, Any], check: Any, trace: list[Trace], **values: str
+        self,
+        stage: str,
+        question: Mapping[str, Any],
+        schema: dict[str, Any],
+        check: Any,
+        trace: list[Trace],
+        **values: str,
     ) -> Any:
         words = prompt(stage)
         messages = words.messages(json.dumps(question, ensure_ascii=False), **values)
@@ -157,7 +188,9 @@ def _plan(value: Any, said: str, earlier: int) -> Plan:
         if step.op not in registry.operator_names():
             raise ValueError(f"op {step.op!r}: there are: {', '.join(registry.operator_names())}")
     if any(not 0 <= number < earlier for number in plan.drop):
-        raise ValueError(f"drop {list(plan.drop)}: there are {earlier} earlier edits, counted from 0")
+        raise ValueError(
+            f"drop {list(plan.drop)}: there are {earlier} earlier edits, counted from 0"
+        )
     if plan.refuse and plan.steps:
         raise ValueError("either refuse, or give steps")
     return plan
@@ -166,7 +199,11 @@ def _plan(value: Any, said: str, earlier: int) -> Plan:
 def _edits(value: Any, op: str, known: frozenset[str]) -> list[Entry]:
     """The operator's edits, if each is valid and names only what was said. Raises ValueError, RpaugError."""
     edits = value.get("edits") if isinstance(value, dict) else None
-    if not isinstance(edits, list) or not 0 < len(edits) <= 30 or not all(isinstance(e, dict) for e in edits):
+    if (
+        not isinstance(edits, list)
+        or not 0 < len(edits) <= 30
+        or not all(isinstance(e, dict) for e in edits)
+    ):
         raise ValueError('expected {"edits": [...]} with 1 to 30 edits')
     for edit in edits:
         fields = {name: field for name, field in edit.items() if name != "op"}
@@ -186,7 +223,9 @@ def _viewpoint(value: Any, cameras: tuple[str, ...]) -> Viewpoint:
     found = _valid(Viewpoint, value)
     for name in found.cameras:
         if name not in cameras and found.cameras != ("static",):
-            raise ValueError(f"camera {name!r}: there are: {', '.join(map(_short, cameras))}, or static for all")
+            raise ValueError(
+                f"camera {name!r}: there are: {', '.join(map(_short, cameras))}, or static for all"
+            )
     return found
 
 
@@ -210,7 +249,9 @@ def _words(value: Any) -> set[str]:
         return set()
     grammar = {word for spelling, _ in relations.SPELLED for word in spelling}
     skipped = grammar | relations.FILLERS | relations.ANYTHING | set(roles.NAMES)
-    return {_stem(word) for word in re.findall(r"[a-z0-9_]+", text.lower())} - {_stem(w) for w in skipped}
+    return {_stem(word) for word in re.findall(r"[a-z0-9_]+", text.lower())} - {
+        _stem(w) for w in skipped
+    }
 
 
 def _known(said: str, earlier: tuple[Entry, ...]) -> frozenset[str]:
@@ -234,7 +275,11 @@ def _unused(said: str, plan: Plan) -> tuple[str, ...]:
     left = manager.normal(said)
     for step in plan.steps:
         left = left.replace(manager.normal(step.said), " ")
-    words = [word for word in re.findall(r"[a-z0-9]+", left) if word not in ("and", "then", "the", "please")]
+    words = [
+        word
+        for word in re.findall(r"[a-z0-9]+", left)
+        if word not in ("and", "then", "the", "please")
+    ]
     return (f"no step rests on: {' '.join(words)}",) if words else ()
 
 
@@ -251,7 +296,8 @@ def _compared(history: History, said: str, setting: Setting, answer: Answer) -> 
 
 def _operators() -> str:
     return "\n".join(
-        f"- {name}: {(registry.operator(name).__doc__ or '').split(chr(10))[0]}" for name in registry.operator_names()
+        f"- {name}: {(registry.operator(name).__doc__ or '').split(chr(10))[0]}"
+        for name in registry.operator_names()
     )
 
 
@@ -265,7 +311,9 @@ def _edits_schema(op: str) -> dict[str, Any]:
     whole = recipe.schema()["$defs"]
     one = {name: value for name, value in whole[f"op_{op}"].items() if name != "title"}
     one["properties"] = {"op": {"const": op}} | {
-        name: value for name, value in one["properties"].items() if name not in ("op", "probability")
+        name: value
+        for name, value in one["properties"].items()
+        if name not in ("op", "probability")
     }
     schema = {
         "type": "object",

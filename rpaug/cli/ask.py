@@ -13,31 +13,39 @@ def ask(
     dataset: Dataset,
     wish: Annotated[str, typer.Argument(help="What to change, in English.", show_default=False)],
     out: Annotated[Path | None, typer.Option(help="Write the recipe here; must not exist.")] = None,
-    run: Annotated[bool, typer.Option("--run", help="Show the recipe, then augment with it.")] = False,
+    run: Annotated[
+        bool, typer.Option("--run", help="Show the recipe, then augment with it.")
+    ] = False,
     into: Annotated[
         Path | None, typer.Option(help="Folder that --run writes; must not exist.")
     ] = None,
     history: Annotated[
         Path | None,
-        typer.Option(help="File of the talk so far: wishes may go on from it. Written by each round."),
+        typer.Option(
+            help="File of the talk so far: wishes may go on from it. Written by each round."
+        ),
     ] = None,
     log: Annotated[
         Path | None, typer.Option(help="Write every stage's input, prompt and output here.")
     ] = None,
     episode: Annotated[
-        str | None, typer.Option(help="Episode in which targets are looked for; the first if not given.")
+        str | None,
+        typer.Option(help="Episode in which targets are looked for; the first if not given."),
     ] = None,
     ground: Annotated[
         bool, typer.Option(help="Look for every target in a recorded scene before answering.")
     ] = True,
     llm: Annotated[
-        str | None, typer.Option(help="URL of an OpenAI-compatible endpoint, instead of the grammar.")
+        str | None,
+        typer.Option(help="URL of an OpenAI-compatible endpoint, instead of the grammar."),
     ] = None,
     model: Annotated[str | None, typer.Option(help="The model to ask there.")] = None,
     key_env: Annotated[
         str, typer.Option(help="Environment variable that holds the endpoint's key.")
     ] = "RPAUG_LLM_KEY",
-    timeout: Annotated[float, typer.Option(min=1, help="Seconds for one answer of the endpoint.")] = 60,
+    timeout: Annotated[
+        float, typer.Option(min=1, help="Seconds for one answer of the endpoint.")
+    ] = 60,
     price: Annotated[
         tuple[float, float] | None,
         typer.Option(help="Cost of a million tokens in and out, to report the cost."),
@@ -87,7 +95,11 @@ def ask(
 
 
 def _endpoint(
-    url: str | None, model: str | None, key_env: str, timeout: float, price: tuple[float, float] | None
+    url: str | None,
+    model: str | None,
+    key_env: str,
+    timeout: float,
+    price: tuple[float, float] | None,
 ) -> Any:
     if url is None:
         if model is not None:
@@ -144,5 +156,3 @@ def _kept(asked: Any, out: Path | None, into: Path | None) -> str:
     path = into.parent / f"{into.name}.recipe.yaml"
     write_new(path, asked.yaml.encode())
     return str(path)
-
-

@@ -110,7 +110,10 @@ class Endpoint:
                 complaint = self.hidden(" ".join(str(error).split()))[: 5 * SHOWN]
             told += [
                 {"role": "assistant", "content": said[: 20 * SHOWN]},
-                {"role": "user", "content": f"That cannot be used: {complaint}\nAnswer again, with JSON alone."},
+                {
+                    "role": "user",
+                    "content": f"That cannot be used: {complaint}\nAnswer with JSON.",
+                },
             ]
         raise LanguageError(
             f"{self.url}: {self.model} gave {FEW} answers that cannot be used; the last: {complaint[: 2 * SHOWN]}"
@@ -121,7 +124,10 @@ class Endpoint:
         return text.replace(self.key, "***") if self.key else text
 
     def _body(self, messages: Messages, name: str, schema: dict[str, Any]) -> bytes:
-        form = {"type": "json_schema", "json_schema": {"name": name, "schema": schema, "strict": True}}
+        form = {
+            "type": "json_schema",
+            "json_schema": {"name": name, "schema": schema, "strict": True},
+        }
         body = {
             "model": self.model, "messages": list(messages), "response_format": form,
             "temperature": 0, "max_tokens": MOST_TOKENS, "stream": False,
@@ -139,7 +145,9 @@ class Endpoint:
                 wait = busy.wait if busy.wait is not None else 0.5 * 2**attempt
                 if attempt == FEW - 1 or wait > LONGEST_WAIT:
                     longer = f" and asks to wait {wait:g} s" if wait > LONGEST_WAIT else ""
-                    raise LanguageError(f"{self.url}: {busy}{longer}; asked {attempt + 1} times") from None
+                    raise LanguageError(
+                        f"{self.url}: {busy}{longer}; asked {attempt + 1} times"
+                    ) from None
                 self.usage.retries += 1
                 time.sleep(wait)
             finally:
@@ -154,13 +162,17 @@ class Endpoint:
             headers["Authorization"] = f"Bearer {self.key}"
         late = threading.Event()
         try:
-            with _connection(parts.scheme, parts.hostname or "", parts.port, self.timeout, late) as connection:
+            with _connection(
+                parts.scheme, parts.hostname or "", parts.port, self.timeout, late
+            ) as connection:
                 connection.request("POST", f"{parts.path}/chat/completions", body, headers)
                 reply = connection.getresponse()
                 data = reply.read(MOST_BYTES + 1)
         except (OSError, http.client.HTTPException, ValueError) as error:
             if late.is_set() or isinstance(error, TimeoutError):
-                raise LanguageError(f"{self.url}: no whole answer within {self.timeout:g} s") from None
+                raise LanguageError(
+                    f"{self.url}: no whole answer within {self.timeout:g} s"
+                ) from None
             why = getattr(error, "strerror", None) or str(error) or type(error).__name__
             raise LanguageError(f"{self.url}: {self.hidden(str(why))[:SHOWN]}") from None
         if late.is_set():
@@ -177,8 +189,14 @@ class Endpoint:
             seconds = float(wait) if wait and wait.strip().isdigit() else None
             raise _Busy(f"status {status} ({shown})", seconds)
         if 300 <= status < 400:
-            raise LanguageError(f"{self.url}: it redirects, which is not followed; give the URL it leads to")
-        why = {401: "the key is not accepted", 403: "the key is not allowed this", 404: "no such path or model"}
+            raise LanguageError(
+                f"{self.url}: it redirects, which is not followed; give the URL it leads to"
+            )
+        why = {
+            401: "the key is not accepted",
+            403: "the key is not allowed this",
+            404: "no such path or model",
+        }
         raise LanguageError(f"{self.url}: status {status}: {why.get(status, 'refused')} ({shown})")
 
     def _said(self, data: bytes) -> tuple[str, bool]:

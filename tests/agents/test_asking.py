@@ -24,7 +24,13 @@ def test_a_wish_becomes_a_recipe_with_a_log(tmp_path):
     assert [step.options[0].name for step in recipe.load(path).steps] == ["recolor", "camera_pose"]
     assert "# asked: make the cylinder blue" in asked.yaml
     stages = [json.loads(line) for line in asked.log.splitlines()]
-    assert [one["stage"] for one in stages] == ["manager", "operation", "renderer", "grounding", "refiner"]
+    assert [one["stage"] for one in stages] == [
+        "manager",
+        "operation",
+        "renderer",
+        "grounding",
+        "refiner",
+    ]
     assert all({"input", "output", "prompt", "by"} <= one.keys() for one in stages)
     assert stages[3]["output"]
 
@@ -33,7 +39,7 @@ def test_a_wish_becomes_a_recipe_with_a_log(tmp_path):
 def test_both_sides_of_a_relation_are_found_first():
     asked = asking.ask("make the block closest to the cylinder white", setting(), scene)
     (found,) = [one.output for one in asked.trace if one.stage == "grounding"]
-    assert list(found)[0] == "cylinder"
+    assert next(iter(found)) == "cylinder"
     assert len(found) == 2
 
 
@@ -94,4 +100,6 @@ def test_the_phrases_inside_a_target(said, inner):
 
 def test_notes_and_wishes_cannot_break_out_of_their_comment():
     asked = asking.ask("paint the cup\nblue\n", Setting())
-    assert yaml.safe_load(asked.yaml)["edits"] == [{"op": "recolor", "target": "cup", "color": "blue"}]
+    assert yaml.safe_load(asked.yaml)["edits"] == [
+        {"op": "recolor", "target": "cup", "color": "blue"}
+    ]

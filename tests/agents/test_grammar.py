@@ -1,5 +1,7 @@
 """The grammar: every command of the half that is worked with is exactly right, and nonsense changes nothing."""
 
+import contextlib
+import re
 from typing import Any
 
 import known
@@ -34,7 +36,9 @@ def told(one: known.Known) -> dict[str, Any] | None:
     return rounded({**answer.settings, "edits": list(answer.edits)})
 
 
-@pytest.mark.parametrize("one", OURS, ids=lambda one: f"{one.kind}: {' / '.join([*one.after, one.say])[:60]}")
+@pytest.mark.parametrize(
+    "one", OURS, ids=lambda one: f"{one.kind}: {' / '.join([*one.after, one.say])[:60]}"
+)
 def test_commands_with_known_answers(one: known.Known) -> None:
     there = one.needs is None or one.needs in registry.operator_names()
     assert told(one) == (rounded(one.answer) if there else None)
@@ -83,8 +87,11 @@ def test_what_is_taken_for_granted_is_told() -> None:
 
 
 WORDS = st.sampled_from(
-    "make paint the a drawer cup red blue and not near two mug camera front raise 5 cm % it undo remove table of "
-    "light by up to left copies with seed delete dataset rm -rf / ; , ( ) . ignore all".split(" ")
+    re.findall(
+        r"\S+",
+        "make paint the a drawer cup red blue and not near two mug camera front raise 5 cm % it undo remove table of "
+        "light by up to left copies with seed delete dataset rm -rf / ; , ( ) . ignore all",
+    )
 )
 
 
@@ -101,7 +108,5 @@ def test_whatever_is_said_is_refused_or_valid(words: list[str]) -> None:
 @settings(max_examples=100, deadline=None)
 @given(st.text(max_size=80))
 def test_no_text_breaks_it(text: str) -> None:
-    try:
+    with contextlib.suppress(NotUnderstood):
         said_after(text, (), Setting(cameras=("front",)))
-    except NotUnderstood:
-        pass

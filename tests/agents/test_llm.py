@@ -18,7 +18,10 @@ from rpaug.agents.talk import Viewpoint, _plain, _viewpoint
 from rpaug.providers.language import Endpoint, LanguageError
 
 FOLDER = os.environ.get("RPAUG_LLM")
-pytestmark = [pytest.mark.llm, pytest.mark.skipif(not FOLDER, reason="make test-llm brings the model")]
+pytestmark = [
+    pytest.mark.llm,
+    pytest.mark.skipif(not FOLDER, reason="make test-llm brings the model"),
+]
 SERVE = """
 import sys, time
 sys.path.insert(0, sys.argv[1])
@@ -77,7 +80,7 @@ def test_a_complaint_is_told_and_answered(endpoint: Endpoint) -> None:
     def check(value: object) -> Viewpoint:
         asked.append(value)
         if len(asked) == 1:
-            raise ValueError("the camera moves up, so \"up\" is more than 0")
+            raise ValueError('the camera moves up, so "up" is more than 0')
         return _viewpoint(value, CAMERAS)
 
     before = endpoint.usage.requests
