@@ -43,7 +43,7 @@ PHRASES: Mapping[str, str] = {
     ),
     **dict.fromkeys(("receiving object", "receiving thing", "receiver object"), "receiver"),
 }  # fmt: skip
-# What no thing on a table is called: parts of the wish that a rule did not account for, and what rpaug itself is made of.
+# What no thing on a table is called: words that a rule should have accounted for, and what rpaug itself is made of.
 NO_THING = (
     PRONOUNS
     | VERBS
@@ -61,7 +61,8 @@ NO_THING = (
             "lighter", "percent", "times", "stop", "stops", "copies", "seed", "probability", "scene", "world",
             "distractor", "distractors", "clutter", "cm", "mm", "m", "metres", "meters", "degrees", "random",
             "previous", "all", "both", "every", "each", "instead", "if", "when", "while", "because", "like", "as",
-            "look", "looks", "into", "onto", "for", "so", "also", "now", "again", "more", "less", "very", "too", "somewhere", "elsewhere", "else", "anywhere",
+            "look", "looks", "into", "onto", "for", "so", "also", "now", "again", "more", "less", "very", "too",
+            "somewhere", "elsewhere", "else", "anywhere",
         }
     )
  | frozenset(word for phrase in slots.WORDS for word in phrase.split())

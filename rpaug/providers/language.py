@@ -135,7 +135,7 @@ class Endpoint:
         return json.dumps(body).encode()
 
     def _patiently(self, body: bytes) -> tuple[str, bool]:
-        """What the model said, and whether it was cut off; a busy server is asked again a few times. Raises LanguageError."""
+        """What the model said, and whether it was cut off; a busy server is asked again. Raises LanguageError."""
         for attempt in range(FEW):
             self.usage.requests += 1
             start = time.monotonic()
