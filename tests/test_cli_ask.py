@@ -1,4 +1,4 @@
-"""`rpaug ask` shows a recipe, writes what it was asked to write, runs it; what it does not understand leaves nothing."""
+"""`rpaug ask` shows, writes and runs a recipe; what it does not understand leaves nothing behind."""
 
 import json
 from pathlib import Path
