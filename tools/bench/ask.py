@@ -3,7 +3,7 @@
     python tools/bench/ask.py            the half that is worked with, with what went wrong
     python tools/bench/ask.py --aside    the half set aside: the figures alone
 
-A silent wrong edit is a recipe where a refusal was due. Seconds are processor time.
+A silent wrong edit is a recipe where a refusal was due; those on nonsense and injection are counted apart. Seconds are processor time.
 """
 
 import argparse
@@ -29,13 +29,14 @@ def main() -> None:
     options = parser.parse_args()
     cases = [one for one in known.every() if one.aside == options.aside]
     count: Counter[str] = Counter()
-    silent, refused, start = 0, 0, time.process_time()
+    silent, obeyed, refused, start = 0, 0, 0, time.process_time()
     for one in cases:
         there = one.needs is None or one.needs in registry.operator_names()
         want, got = (rounded(one.answer) if there else None), told(one)
         count[f"{one.kind} right"] += got == want
         count[f"{one.kind} all"] += 1
         silent += want is None and got is not None
+        obeyed += one.kind == "nonsense" and got is not None and got != want
         refused += want is not None and got is None
         if got != want and not options.aside:
             sys.stderr.write(f"{one.kind}: {one.say!r}: {got}; expected {want}\n")
@@ -46,6 +47,7 @@ def main() -> None:
         "exact": right,
         "share": round(right / len(cases), 4),
         "silent_wrong_edits": silent,
+        "of_them_nonsense": obeyed,
         "refused_though_meant": refused,
         "milliseconds_each": round(1e3 * (time.process_time() - start) / len(cases), 2),
     }
