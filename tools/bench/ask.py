@@ -3,7 +3,8 @@
     python tools/bench/ask.py            the half that is worked with, with what went wrong
     python tools/bench/ask.py --aside    the half set aside: the figures alone
 
-A silent wrong edit is a recipe where a refusal was due; those on nonsense and injection are counted apart. Seconds are processor time.
+A silent wrong edit is a recipe where a refusal was due; those on nonsense and injection are counted apart.
+Seconds are processor time.
 """
 
 import argparse
