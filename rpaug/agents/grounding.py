@@ -138,7 +138,6 @@ def _kind(word: str) -> int:
     describing = (
         word in relations.RANKS
         or word in relations.ORDINALS
-        or word in roles.NAMES
         or word == "most"
         or colours.canonical(word) is not None
     )

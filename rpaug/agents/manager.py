@@ -31,7 +31,7 @@ SETTINGS = (
     ("seed", r"(?:and |with |use |using )*(?:the |a )?(?:random )?seed (?:of |= ?)?(?P<value>\d+)"),
     ("select", r"(?:and )?(?:only )?(?:in|for|on|of|from|using) (?:only )?(?:the )?first (?P<value>{n} )?episodes?(?: only)?".replace("{n}", slots.NUMBER)),
 )  # fmt: skip
-UNDO = re.compile(r"(?:undo|forget|revert|cancel|drop|take back)(?: (?P<what>[a-z0-9_ ]+))?")
+UNDO = re.compile(r"(?:undo|forget|revert|cancel|take back)(?: (?P<what>[a-z0-9_ ]+))?")
 UNDO_LAST = frozenset(
     f"{verb}{what}"
     for verb in ("undo", "revert", "cancel", "take back")

@@ -35,7 +35,11 @@ def _meet(nodes, i, j, n, normal, wall, friction):  # type: ignore[no-untyped-de
         slide = math.sqrt(vx * vx + vy * vy + vz * vz)
         keep = max(0.0, 1.0 + friction * into / slide) if slide > 0.0 else 0.0
         vx, vy, vz = keep * vx, keep * vy, keep * vz
-    nodes[i, j, n, 0], nodes[i, j, n, 1], nodes[i, j, n, 2] = wall[0] + vx, wall[1] + vy, wall[2] + vz
+    nodes[i, j, n, 0], nodes[i, j, n, 1], nodes[i, j, n, 2] = (
+        wall[0] + vx,
+        wall[1] + vy,
+        wall[2] + vz,
+    )
     return max(-into, 0.0)
 
 

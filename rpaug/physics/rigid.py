@@ -137,7 +137,9 @@ def columns(
     """Surface points of what stands still as upright columns that reach down from them."""
     if not len(points):
         return np.zeros((0, 5))
-    cells, owner = np.unique(np.round(points[:, :2] / strip).astype(int), axis=0, return_inverse=True)
+    cells, owner = np.unique(
+        np.round(points[:, :2] / strip).astype(int), axis=0, return_inverse=True
+    )
     top = np.full(len(cells), -np.inf)
     np.maximum.at(top, owner.ravel(), points[:, 2])
     keep = top > bottom

@@ -165,14 +165,14 @@ class Soft:
 
     def _gather(self, nodes: Any, origin: Any, dt: float, low: int, high: int) -> None:
         cell = self.grid.cell
-        transfer.gather(
-            self.x, self.v, self.C, self.F, self.D, nodes, origin, cell, dt, low, high
-        )
+        transfer.gather(self.x, self.v, self.C, self.F, self.D, nodes, origin, cell, dt, low, high)
 
     def _stress(self, apply: Callable[..., Any] = map) -> None:
         def part(k: int) -> tuple[float, int, float]:
             low, high = _part(len(self.x), k)
-            return stress(self.F, self.C, self._law, *self._values, self.volume, self._tau, low, high)
+            return stress(
+                self.F, self.C, self._law, *self._values, self.volume, self._tau, low, high
+            )
 
         found = list(apply(part, range(PARTS)))
         self.elastic = sum(energy for energy, _, _ in found)

@@ -86,6 +86,14 @@ def test_what_is_taken_for_granted_is_told() -> None:
     assert any("takes the place of" in note for note in after.notes)
 
 
+def test_a_colour_belongs_to_what_it_was_said_of() -> None:
+    wish = "make the table brown and the walls white"
+    assert said_after(wish, (), Setting()).edits == (
+        {"op": "recolor", "target": {"role": "table"}, "color": "brown"},
+        {"op": "recolor", "target": {"role": "background"}, "color": "white"},
+    )
+
+
 WORDS = st.sampled_from(
     re.findall(
         r"\S+",

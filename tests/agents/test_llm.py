@@ -28,7 +28,7 @@ sys.path.insert(0, sys.argv[1])
 import xllamacpp
 params = xllamacpp.CommonParams()
 params.model.path, params.n_ctx, params.n_parallel = sys.argv[2], 4096, 1
-params.cpuparams.n_threads = 2
+params.cpuparams.n_threads = 1
 server = xllamacpp.Server(params)
 print(server.listening_address, flush=True)
 time.sleep(3600)
@@ -37,8 +37,6 @@ CAMERAS = ("front", "wrist")
 WISHES = (
     "raise the front camera 5 cm",
     "move the wrist camera back 1 cm",
-    "tilt the front camera down 10 degrees",
-    "jitter the front camera",
     "look from further left",
 )
 
@@ -53,7 +51,7 @@ def endpoint() -> Iterator[Endpoint]:
     try:
         assert server.stdout
         url = next(line.strip() for line in server.stdout if line.startswith("http"))
-        yield Endpoint(f"{url}/v1", "smollm2-135m", timeout=240)
+        yield Endpoint(f"{url}/v1", "smollm2-135m", timeout=400)
     finally:
         server.kill()
         server.wait()

@@ -53,7 +53,9 @@ def falls() -> dict[str, float]:
     one = cube(HARD, 0.4, floor=None)
     before = one.x[:, 2].mean()
     one.run(0.2)
-    return {"fall_error_percent": 100 * abs((before - one.x[:, 2].mean()) / (0.5 * 9.81 * 0.04) - 1)}
+    return {
+        "fall_error_percent": 100 * abs((before - one.x[:, 2].mean()) / (0.5 * 9.81 * 0.04) - 1)
+    }
 
 
 def momentum() -> dict[str, float]:
@@ -163,7 +165,11 @@ def random(steps: int = 100_000, seed: int = 0) -> dict[str, float]:
 
 def _between(rng: np.random.Generator, low: float, high: float) -> float:
     """Evenly in logarithms where a range spans decades."""
-    return float(10 ** rng.uniform(np.log10(low), np.log10(high)) if low > 0 else rng.uniform(low, min(high, 1e6)))
+    return float(
+        10 ** rng.uniform(np.log10(low), np.log10(high))
+        if low > 0
+        else rng.uniform(low, min(high, 1e6))
+    )
 
 
 def in_torch(steps: int = 20) -> dict[str, float]:
