@@ -62,7 +62,7 @@ NO_THING = (
             "distractor", "distractors", "clutter", "cm", "mm", "m", "metres", "meters", "degrees", "random",
             "previous", "all", "both", "every", "each", "instead", "if", "when", "while", "because", "like", "as",
             "look", "looks", "into", "onto", "for", "so", "also", "now", "again", "more", "less", "very", "too",
-            "somewhere", "elsewhere", "else", "anywhere",
+            "somewhere", "elsewhere", "else", "anywhere", "left", "right", "other", "middle",
         }
     )
  | frozenset(word for phrase in slots.WORDS for word in phrase.split())
