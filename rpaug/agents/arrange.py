@@ -184,7 +184,7 @@ def physics(said: Said) -> Meant:
 
 
 @rule(
-    rf"(?:drop|let) {{thing}} (?:fall )?from {{length}}",
+    r"(?:drop|let) {thing} (?:fall )?from {length}",
     r"(?:drop|let) {thing} fall",
     r"simulate {thing}",
 )
