@@ -40,7 +40,9 @@ def encoded(episode: Episode, recorded: Recorded) -> tuple[bytes, dict[str, byte
         if key is None:
             raise Unsupported(f"{episode.key}: the words changed, and no feature holds any")
         if stale := [name for name in recorded.example.features if "embedding" in name]:
-            raise Unsupported(f"{episode.key}: the words changed, and {stale[0]} was made of the old ones")
+            raise Unsupported(
+                f"{episode.key}: the words changed, and {stale[0]} was made of the old ones"
+            )
         count = len(recorded.example.blobs(key))
         changes[key] = [episode.instruction.encode()] * count
     beside = _cameras.moved(episode, recorded.views, recorded.beside, recorded.own)

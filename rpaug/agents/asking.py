@@ -25,7 +25,7 @@ class Understanding(Protocol):
 
 @dataclass(frozen=True)
 class Asked:
-    """What came of a wish: a recipe that is valid, notes on what was taken for granted, the log, and the talk so far."""
+    """What came of a wish: a valid recipe, notes on what was taken for granted, the log, and the talk so far."""
 
     recipe: dict[str, Any]
     notes: tuple[str, ...]

@@ -43,14 +43,14 @@ PHRASES: Mapping[str, str] = {
     ),
     **dict.fromkeys(("receiving object", "receiving thing", "receiver object"), "receiver"),
 }  # fmt: skip
-# What no thing on a table is called: parts of the wish that a rule did not account for, and what rpaug itself is made of.
+# What no thing on a table is called: words that a rule should have accounted for, and what rpaug itself is made of.
 NO_THING = (
     PRONOUNS
     | VERBS
     | frozenset(
         {
             "make", "paint", "remove", "delete", "add", "duplicate", "copy", "clone", "dim", "raise", "lower", "blur",
-            "add", "color", "colour", "recolor", "recolour", "texture", "give", "cover", "shift", "jitter", "shake",
+            "color", "colour", "recolor", "recolour", "texture", "give", "cover", "shift", "jitter", "shake",
             "erase", "resize", "scale", "shrink", "enlarge", "stylise", "stylize", "style", "light", "lights", "lamp",
             "lamps", "lighting", "camera", "cameras", "image", "images", "picture", "pictures", "frame", "frames",
             "noise", "exposure", "view", "size", "dataset", "file", "files", "folder", "folders", "recipe", "recipes",
@@ -61,7 +61,8 @@ NO_THING = (
             "lighter", "percent", "times", "stop", "stops", "copies", "seed", "probability", "scene", "world",
             "distractor", "distractors", "clutter", "cm", "mm", "m", "metres", "meters", "degrees", "random",
             "previous", "all", "both", "every", "each", "instead", "if", "when", "while", "because", "like", "as",
-            "look", "looks", "into", "onto", "for", "so", "also", "now", "again", "more", "less", "very", "too", "somewhere", "elsewhere", "else", "anywhere",
+            "look", "looks", "into", "onto", "for", "so", "also", "now", "again", "more", "less", "very", "too",
+            "somewhere", "elsewhere", "else", "anywhere", "left", "right", "other", "middle",
         }
     )
  | frozenset(word for phrase in slots.WORDS for word in phrase.split())
@@ -137,7 +138,6 @@ def _kind(word: str) -> int:
     describing = (
         word in relations.RANKS
         or word in relations.ORDINALS
-        or word in roles.NAMES
         or word == "most"
         or colours.canonical(word) is not None
     )

@@ -1,4 +1,5 @@
 """Rules for the lamps, and for what the sensor does to finished images."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 from typing import Any
 

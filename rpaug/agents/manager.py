@@ -1,4 +1,5 @@
 """A whole wish into steps, and what holds for all of them: settings, chances, what must not change, what to undo."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 from collections.abc import Iterator, Sequence
@@ -30,7 +31,7 @@ SETTINGS = (
     ("seed", r"(?:and |with |use |using )*(?:the |a )?(?:random )?seed (?:of |= ?)?(?P<value>\d+)"),
     ("select", r"(?:and )?(?:only )?(?:in|for|on|of|from|using) (?:only )?(?:the )?first (?P<value>{n} )?episodes?(?: only)?".replace("{n}", slots.NUMBER)),
 )  # fmt: skip
-UNDO = re.compile(r"(?:undo|forget|revert|cancel|drop|take back)(?: (?P<what>[a-z0-9_ ]+))?")
+UNDO = re.compile(r"(?:undo|forget|revert|cancel|take back)(?: (?P<what>[a-z0-9_ ]+))?")
 UNDO_LAST = frozenset(
     f"{verb}{what}"
     for verb in ("undo", "revert", "cancel", "take back")
@@ -381,7 +382,7 @@ def _about(edit: Entry) -> str:
         return target
     if isinstance(target, dict):
         return str(target.get("role") or target.get("text") or target.get("handle"))
-    return OWN_TARGET.get(edit["op"], edit["op"])
+    return str(OWN_TARGET.get(edit["op"], edit["op"]))
 
 
 def _respect(gathered: _Round) -> None:

@@ -37,23 +37,25 @@ def meant(step: str, wish: Wish) -> Meant:
         if found is not None:
             stage = STAGES.get(rule.make.__module__, "operation")
             return found.model_copy(update={"stage": stage})
-    other = _other_verb(step)
-    if other is not None and not reasons:
-        verb, known = other
-        found = meant(f"{known}{step[len(verb) :]}", wish)
-        return found.model_copy(
-            update={"notes": (*found.notes, f"{verb!r} is taken to mean {known!r}")}
-        )
-    raise NotUnderstood(reasons[0] if reasons else f"{step!r}: no rule fits")
+    if reasons:
+        raise NotUnderstood(reasons[0])
+    try:
+        other = _other_verb(step)
+    except MissingExtra:
+        hint = "the extra rpaug[words] brings synonyms"
+        raise NotUnderstood(f"{step!r}: no rule fits ({hint})") from None
+    if other is None:
+        raise NotUnderstood(f"{step!r}: no rule fits")
+    verb, known = other
+    found = meant(f"{known}{step[len(verb) :]}", wish)
+    note = f"{verb!r} is taken to mean {known!r}"
+    return found.model_copy(update={"notes": (*found.notes, note)})
 
 
 def _other_verb(step: str) -> tuple[str, str] | None:
-    """The step's first word and a known verb that means about the same, if the extra `words` is there."""
+    """The step's first word and a known verb that means about the same. Raises MissingExtra."""
     verb = re.match(r"[a-z]{3,}", step)
     if verb is None or verb.group() in VERBS or " " not in step:
         return None
-    try:
-        known = synonym(verb.group(), VERBS)
-    except MissingExtra:
-        return None
+    known = synonym(verb.group(), VERBS)
     return None if known is None else (verb.group(), known)

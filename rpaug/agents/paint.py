@@ -1,4 +1,5 @@
 """Rules for colours, textures and styles."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 

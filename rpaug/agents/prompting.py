@@ -1,8 +1,8 @@
 """Prompts: versioned text files with examples, one for each stage that a model may take over.
 
 A file begins with `stage:` and `version:`; blocks that begin with `--- system`, `--- user` and `--- assistant` follow.
-The examples are sent as turns of the talk before the question. A changed prompt is a new file with a new number, so that
-a log says which words a model was given.
+The examples are sent as turns of the talk before the question. A changed prompt is a new file with a new number, so
+that a log says which words a model was given.
 """
 
 from dataclasses import dataclass

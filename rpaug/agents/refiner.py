@@ -1,4 +1,4 @@
-"""What is left to make consistent once all edits are known: which of them are carried by Gaussians, and who tunes those.
+"""What is left to make consistent once all edits are known: which are carried by Gaussians, and who tunes those.
 
 RoboPearls ends with a joint fine-tune, because each of its edits writes pixels or Gaussians of its own. Here an edit
 changes one scene, stated once in its body's frame, from which all cameras are rendered: there is nothing to reconcile

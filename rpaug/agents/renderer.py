@@ -1,4 +1,5 @@
 """Viewpoint words into a camera's motion, in the frame it was recorded in: x right, y down, z into the scene."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 from typing import Any
@@ -44,7 +45,7 @@ MOVE = r"(?:move|shift|bring|slide|push|pull|put|set|take|place|translate)"
     rf"(?P<way>raise|lift|lower|drop) {{camera}}(?: (?:by )?{{length}})?(?: (?P<amount>{AMOUNT}))?"
 )
 def height(said: Said) -> Meant:
-    sign = -1.0 if said["way"] in ("raise", "lift") else 1.0
+    sign = -1 if said["way"] in ("raise", "lift") else 1
     return _shifted(said, [((0, sign, 0), said.get("length"), said.get("amount"))])
 
 
@@ -138,7 +139,11 @@ def _same(words: str, name: str) -> bool:
     )
 
 
-def _terms(text: str) -> list[tuple[tuple[float, float, float], str | None, str | None]]:
+Term = tuple[tuple[int, int, int], str | None, str | None]
+"""A direction along the camera's axes, and the words for how far."""
+
+
+def _terms(text: str) -> list[Term]:
     """Direction, length and amount of each part of a motion."""
     out = []
     for part in re.findall(TERM, text):
@@ -156,9 +161,7 @@ def _terms(text: str) -> list[tuple[tuple[float, float, float], str | None, str 
     return out
 
 
-def _shifted(
-    said: Said, terms: list[tuple[tuple[float, float, float], str | None, str | None]]
-) -> Meant:
+def _shifted(said: Said, terms: list[Term]) -> Meant:
     names, mention = cameras(said)
     by, notes = [0.0, 0.0, 0.0], []
     for direction, far, amount in terms:

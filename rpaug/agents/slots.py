@@ -10,7 +10,8 @@ from rpaug.scene import colours
 WORDS: Mapping[str, float] = {
     **{w: n for n, w in enumerate(("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"))},
     **{w: n for n, w in enumerate(("ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen"), 10)},
-    **{w: 10 * n for n, w in enumerate(("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety"), 2)},
+    **{w: 10 * n for n, w in enumerate(("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty"), 2)},
+    "ninety": 90,
     "a dozen": 12, "half a": 0.5, "half an": 0.5, "a quarter": 0.25, "half": 0.5, "a third": 1 / 3,
     "a hundred": 100, "a": 1, "an": 1,
 }  # fmt: skip

@@ -146,7 +146,7 @@ class Model:
                 "cameras": list(map(_short, setting.cameras)),
             }
             check = partial(_viewpoint, cameras=setting.cameras)
-            schema = Viewpoint.model_json_schema()
+            schema = viewpoint_schema(setting.cameras)
             return [self._asked("renderer", question, schema, check, trace).edit()]
         it = mention.target if mention and mention.kind == "target" else None
         question = {"step": step.said, "op": step.op, "it": it}
@@ -304,6 +304,14 @@ def _operators() -> str:
 def _plan_schema() -> dict[str, Any]:
     schema = Plan.model_json_schema()
     schema["$defs"]["Step"]["properties"]["op"] = {"enum": registry.operator_names()}
+    return schema
+
+
+def viewpoint_schema(cameras: tuple[str, ...]) -> dict[str, Any]:
+    """The schema of a camera's motion: only cameras that there are."""
+    schema = Viewpoint.model_json_schema()
+    schema["properties"]["cameras"]["items"] = {"enum": [*map(_short, cameras), "static"]}
+    schema["properties"]["cameras"]["maxItems"] = max(1, len(cameras))
     return schema
 
 

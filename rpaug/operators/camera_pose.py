@@ -12,7 +12,6 @@ from rpaug.errors import TargetError
 from rpaug.interfaces import Edit, Operator
 from rpaug.types import Effect, Scene
 
-
 Motion = tuple[float, float, float]
 
 
@@ -44,7 +43,7 @@ class CameraPose(Operator):
         if self.by is not None or self.turned is not None:
             still = (0.0, 0.0, 0.0)
             motion = {"turn": list(self.turned or still), "shift": list(self.by or still)}
-            return {name: motion for name in self._names(scene)}
+            return dict.fromkeys(self._names(scene), motion)
         return {
             name: {
                 "turn": rng.uniform(-self.turn, self.turn, 3).tolist(),

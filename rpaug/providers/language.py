@@ -112,7 +112,7 @@ class Endpoint:
                 {"role": "assistant", "content": said[: 20 * SHOWN]},
                 {
                     "role": "user",
-                    "content": f"That cannot be used: {complaint}\nAnswer again, with JSON alone.",
+                    "content": f"That cannot be used: {complaint}\nAnswer with JSON.",
                 },
             ]
         raise LanguageError(
@@ -135,7 +135,7 @@ class Endpoint:
         return json.dumps(body).encode()
 
     def _patiently(self, body: bytes) -> tuple[str, bool]:
-        """What the model said, and whether it was cut off; a busy server is asked again a few times. Raises LanguageError."""
+        """What the model said, and whether it was cut off; a busy server is asked again. Raises LanguageError."""
         for attempt in range(FEW):
             self.usage.requests += 1
             start = time.monotonic()

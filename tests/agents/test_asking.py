@@ -39,7 +39,7 @@ def test_a_wish_becomes_a_recipe_with_a_log(tmp_path):
 def test_both_sides_of_a_relation_are_found_first():
     asked = asking.ask("make the block closest to the cylinder white", setting(), scene)
     (found,) = [one.output for one in asked.trace if one.stage == "grounding"]
-    assert list(found)[0] == "cylinder"
+    assert next(iter(found)) == "cylinder"
     assert len(found) == 2
 
 

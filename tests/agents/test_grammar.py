@@ -1,5 +1,7 @@
 """The grammar: every command of the half that is worked with is exactly right, and nonsense changes nothing."""
 
+import contextlib
+import re
 from typing import Any
 
 import known
@@ -84,9 +86,20 @@ def test_what_is_taken_for_granted_is_told() -> None:
     assert any("takes the place of" in note for note in after.notes)
 
 
+def test_a_colour_belongs_to_what_it_was_said_of() -> None:
+    wish = "make the table brown and the walls white"
+    assert said_after(wish, (), Setting()).edits == (
+        {"op": "recolor", "target": {"role": "table"}, "color": "brown"},
+        {"op": "recolor", "target": {"role": "background"}, "color": "white"},
+    )
+
+
 WORDS = st.sampled_from(
-    "make paint the a drawer cup red blue and not near two mug camera front raise 5 cm % it undo remove table of "
-    "light by up to left copies with seed delete dataset rm -rf / ; , ( ) . ignore all".split(" ")
+    re.findall(
+        r"\S+",
+        "make paint the a drawer cup red blue and not near two mug camera front raise 5 cm % it undo remove table of "
+        "light by up to left copies with seed delete dataset rm -rf / ; , ( ) . ignore all",
+    )
 )
 
 
@@ -103,7 +116,5 @@ def test_whatever_is_said_is_refused_or_valid(words: list[str]) -> None:
 @settings(max_examples=100, deadline=None)
 @given(st.text(max_size=80))
 def test_no_text_breaks_it(text: str) -> None:
-    try:
+    with contextlib.suppress(NotUnderstood):
         said_after(text, (), Setting(cameras=("front",)))
-    except NotUnderstood:
-        pass

@@ -67,7 +67,7 @@ def test_a_wish_goes_through_its_stages() -> None:
 def test_words_that_nobody_said_are_refused() -> None:
     with pytest.raises(LanguageError, match="not words of the wish"):
         asked("make the cup blue", plan(("remove the table", "remove")))
-    with pytest.raises(LanguageError, match="'table' was not said|'bowl' was not said"):
+    with pytest.raises(LanguageError, match="'bowl' was not said"):
         asked(
             "make the cup blue",
             plan(("make the cup blue", "recolor")),

@@ -116,7 +116,7 @@ def test_a_slow_endpoint_is_cut(play: Callable[[Handler, int], None]) -> None:
     start = time.monotonic()
     with (
         served(play, timeout=0.8) as (endpoint, _),
-        pytest.raises(LanguageError, match="within 0.8 s"),
+        pytest.raises(LanguageError, match=r"within 0\.8 s"),
     ):
         ask(endpoint)
     assert time.monotonic() - start < 15  # it would trickle on for 20
