@@ -62,7 +62,7 @@ def test_files_that_do_not_fit_are_told(tmp_path: Path) -> None:
     code, found = told(*asked)
     assert code == 2
     assert "arm.urdf" in found["error"]
-    path.write_text(panda_urdf().replace('xyz="0.0825', 'xyz="0.2825'))
+    path.write_text(panda_urdf().replace('<axis xyz="0 0 2"/>', '<axis xyz="0 2 0"/>'))
     code, found = told("inspect", SAMPLE, "--arm", path)
     assert code == 0
     assert "arm.urdf: this arm is not used: its gripper is" in found["arms"][0]
