@@ -161,7 +161,7 @@ def _track(
     free: Mapping[int, np.ndarray] = {}
     certain = True
     if (labels <= GRIPPER).all():
-        free, certain = slips(case, cost, labels, at_event)
+        free, certain = slips(case, cost, labels)
         labels = np.where(np.isin(np.arange(len(cost)), list(free)), FREE, labels)
     to_world = follow(case, sharpen(case, labels), free)
     most = int(case.seen[np.argmax(counts[case.seen])])

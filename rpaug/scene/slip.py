@@ -1,7 +1,7 @@
 """Motions that no carrier explains, found by aligning depth: pushed things, things that slip, closing jaws."""
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int
+from jaxtyping import Float64, Int
 
 from rpaug import geometry
 from rpaug.scene.align import align
@@ -11,7 +11,6 @@ from rpaug.scene.motion import FULL_WEIGHT, GRIPPER, STATIC, Case, price
 # Costs are millimetres of mean distance per interval, as in `motion`.
 UNEXPLAINED = 2.0  # intervals explained worse than this are aligned
 JAW_MOVED = 5.0  # the same for a part of the gripper, which hangs on it but for its jaws
-JAW_ACTS = (2.0, 1.0)  # next to an opening or closing: a * what is usual for it + b, at most JAW_MOVED
 TOLERATED = 0.3  # the same for a thing picked up by the gripper, which may slip
 ALIGNED = 0.3  # what an alignment must win by: it has six free numbers
 GAIN = 0.7  # and the share of the cost that it may leave
@@ -25,10 +24,7 @@ MODEL = 5  # seen frames whose points are aligned together, beside the newest
 
 
 def slips(
-    case: Case,
-    cost: Float64[np.ndarray, "i m"],
-    labels: Int[np.ndarray, "i"],
-    at_event: Bool[np.ndarray, "n"],
+    case: Case, cost: Float64[np.ndarray, "i m"], labels: Int[np.ndarray, "i"]
 ) -> tuple[dict[int, Float64[np.ndarray, "4 4"]], bool]:
     """Motions of the intervals that `labels` (static or gripper) do not explain, and whether they are certain.
 
@@ -37,7 +33,6 @@ def slips(
     """
     found: dict[int, Float64[np.ndarray, "4 4"]] = {}
     certain, last = True, np.eye(4)
-    acts = JAW_ACTS[0] * float(np.median(cost[:, GRIPPER])) + JAW_ACTS[1]
     picked_up = bool((labels == STATIC).any())
     at = np.eye(4)  # pose at the interval's first frame
     model: list[Float64[np.ndarray, "k 4"]] = []  # points in the body's own frame, and their trust
@@ -50,8 +45,6 @@ def slips(
         rows = np.concatenate(model)
         ahead = case.ahead(a, b)[:2]
         limit = UNEXPLAINED if known == STATIC else TOLERATED if picked_up else JAW_MOVED
-        if limit == JAW_MOVED and at_event[i : i + 2].any():
-            limit = min(acts, JAW_MOVED)
         if cost[i, known] > limit and len(rows) >= FULL_WEIGHT:
             rows[:, :3] = geometry.transform(at, rows[:, :3])
             motion, sure, least = _best(case, a, b, rows, [ahead[0], ahead[1], last], ahead[known])
