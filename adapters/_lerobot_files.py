@@ -179,14 +179,19 @@ def _episodes(folder: Path, _: int) -> dict[int, dict[str, Any]]:
     return rows
 
 
-def episode(folder: Path, number: int) -> dict[str, Any]:
-    """What the table of episodes says of one, without its statistics. Raises BadInput."""
+def episodes(folder: Path) -> dict[int, dict[str, Any]]:
+    """The table of episodes without their statistics, by number. Raises BadInput."""
     pa, _ = arrow()
     try:
-        rows = _episodes(folder, (folder / INFO).stat().st_mtime_ns)
+        return _episodes(folder, (folder / INFO).stat().st_mtime_ns)
     except (pa.ArrowException, OSError) as error:
         found = str(error).split("\n")[0][:120]
         raise BadInput(folder / EPISODES, "parquet", found=found, expected="a table") from None
+
+
+def episode(folder: Path, number: int) -> dict[str, Any]:
+    """What the table of episodes says of one. Raises BadInput."""
+    rows = episodes(folder)
     if number not in rows:
         found = f"{len(rows)} episodes"
         raise BadInput(folder / EPISODES, f"episode {number}", found=found, expected="a row")

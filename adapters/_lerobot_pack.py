@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rpaug_adapters import _lerobot_files, _lerobot_read, _lerobot_stats, _lerobot_write, _video
 from rpaug_adapters._lerobot_files import (
     DATA_PATH,
@@ -25,7 +26,7 @@ from rpaug_adapters._lerobot_files import (
     filled,
 )
 
-from rpaug.files import PART, atomic_folder, write_atomic
+from rpaug.files import PART, atomic_folder, read_bytes, write_atomic
 
 MIB = 2**20
 FILES = 1000  # in a chunk, where nothing is told
@@ -226,6 +227,43 @@ def _meta(work: Path, rows: list[dict[str, Any]], tasks: dict[str, int]) -> None
     listed = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
     named = listed.replace_schema_metadata({"pandas": json.dumps(pandas)})
     pq.write_table(named, work / TASKS)
+
+
+def faults(folder: Path) -> Iterator[str]:
+    """Where a gathered dataset's description or statistics are not those of its rows."""
+    about = _lerobot_files.info(folder)
+    if not about.told.get("total_episodes"):
+        return
+    rows = _lerobot_files.episodes(folder)
+    at = 0
+    for number in range(about.told["total_episodes"]):
+        row = rows.get(number, {})
+        if (row.get("dataset_from_index"), row.get("dataset_to_index")) != (
+            at,
+            at + (row.get("length") or 0),
+        ):
+            yield f"episode {number}: rows {row.get('dataset_from_index')} on, expected {at} on"
+            return
+        at = row["dataset_to_index"]
+    if about.told.get("total_frames") != at:
+        yield f"total_frames {about.told.get('total_frames')}, the episodes have {at}"
+    told = json.loads(read_bytes(folder / STATS)) if (folder / STATS).is_file() else {}
+    for key, feature in about.features.items():
+        if feature["dtype"].startswith("float") and len(feature["shape"]) == 1 and key in told:
+            values = _column(folder, key)
+            found = _lerobot_stats.plain({key: _lerobot_stats.of_numbers(values)})[key]
+            for name in ("min", "max", "mean", "std", "count"):
+                if not np.allclose(told[key].get(name, np.nan), found[name], atol=1e-4, rtol=1e-3):
+                    yield f"{STATS}: {key}: {name} is not that of the rows"
+                    break
+
+
+def _column(folder: Path, key: str) -> np.ndarray:
+    """A feature's numbers of all frames."""
+    tables = [
+        _lerobot_files.table(path, [key]) for path in sorted((folder / "data").glob("*/*.parquet"))
+    ]
+    return np.asarray([value for held in tables for value in held[key].to_pylist()], np.float64)
 
 
 def _drop(folder: Path) -> None:

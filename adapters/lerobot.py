@@ -28,10 +28,9 @@ from rpaug_adapters import (
 from rpaug_adapters._lerobot_files import INFO, Info
 from rpaug_adapters._lerobot_read import Recorded
 
-from rpaug import Adapter, BadInput, Episode, Side, Unsupported
+from rpaug import Adapter, BadInput, Episode, Side, Unsupported, splits
 from rpaug.files import atomic_folder, read_bytes, write_atomic
 
-SPLITS = ("train", "val", "validation", "test")
 PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 EMPTY = {"total_episodes": 0, "total_frames": 0, "total_tasks": 0, "splits": {}}
 
@@ -82,9 +81,17 @@ class LeRobot(Adapter):
     def key_for(self, like: str, index: int) -> str:
         """`<task>/<split>/<number>`; without a split in its key an episode is for training."""
         parts = PurePosixPath(like).parts
-        split = next((part for part in parts if part in SPLITS), "train")
-        named = [part for part in parts[:-1] if part not in SPLITS and part not in PLACES]
+        split = splits.of(like) or "train"
+        named = [part for part in parts[:-1] if part != split and part not in PLACES]
         return f"{'_'.join(named) or 'episodes'}/{split}/{index}"
+
+    def faults(self, root: Path) -> Sequence[str]:
+        """Counts, places and statistics that are not those of the episodes."""
+        return [
+            words
+            for folder in _lerobot_files.datasets(root)
+            for words in _lerobot_pack.faults(folder)
+        ]
 
     def finish(self, source: Path, target: Path) -> None:
         """Episodes into shared files."""

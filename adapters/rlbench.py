@@ -21,11 +21,12 @@ from typing import ClassVar
 from rpaug_adapters import _rlbench_read, _rlbench_write
 from rpaug_adapters._rlbench_read import DESCRIPTIONS, LOW_DIM, Recorded
 
-from rpaug import Adapter, BadInput, Episode, Side
+from rpaug import Adapter, BadInput, Episode, Side, splits
 from rpaug.files import REJECTED, atomic_folder
 
 CAMERAS = ("front", "left_shoulder", "right_shoulder", "overhead", "wrist")
 VERSION = re.compile(r"\d+\.\d+\.\d+")
+ELSEWHERE = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 EPISODE = re.compile(r"episode(\d+)$")
 
 
@@ -73,9 +74,10 @@ class RLBench(Adapter):
         parts = PurePosixPath(like).parts
         if EPISODE.search(parts[-1]):
             return self.key_at(like, index)
-        split = [part for part in parts[:-1] if part in ("train", "val", "test")]
-        task = [part for part in parts[:-1] if part not in split and not VERSION.fullmatch(part)]
-        place = PurePosixPath(*split[:1], "_".join(task) or "task", "all_variations", "episodes")
+        named = (splits.of(like), *ELSEWHERE)
+        task = [part for part in parts[:-1] if part not in named and not VERSION.fullmatch(part)]
+        split = [kind] if (kind := splits.kind(like)) else []
+        place = PurePosixPath(*split, "_".join(task) or "task", "all_variations", "episodes")
         return (place / f"episode{index}").as_posix()
 
     def traps(self, episode: Episode) -> Sequence[str]:

@@ -22,10 +22,9 @@ from rpaug_adapters import _cameras, _rlds_files, _rlds_fresh, _rlds_read, _rlds
 from rpaug_adapters._rlds_features import FEATURES, leaves
 from rpaug_adapters._rlds_read import Recorded
 
-from rpaug import Adapter, BadInput, Episode, Side, Unsupported
+from rpaug import Adapter, BadInput, Episode, Side, Unsupported, splits
 from rpaug.files import atomic_folder, read_bytes, write_atomic
 
-SPLITS = ("train", "val", "validation", "test")
 PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 
 
@@ -91,9 +90,15 @@ class RLDS(Adapter):
     def key_for(self, like: str, index: int) -> str:
         """`<task>/1.0.0/<split>/<number>`; without a split in its key an episode is for training."""
         parts = PurePosixPath(like).parts
-        split = next((part for part in parts if part in SPLITS), "train")
-        named = [part for part in parts[:-1] if part not in SPLITS and part not in PLACES]
+        split = splits.of(like) or "train"
+        named = [part for part in parts[:-1] if part != split and part not in PLACES]
         return f"{'_'.join(named) or 'episodes'}/1.0.0/{split}/{index}"
+
+    def faults(self, root: Path) -> Sequence[str]:
+        """Counts in `dataset_info.json` that are not those of the shards."""
+        return [
+            words for folder in _rlds_files.datasets(root) for words in _rlds_files.faults(folder)
+        ]
 
     def finish(self, source: Path, target: Path) -> None:
         """Records into shards, `dataset_info.json`, and whatever else lies beside a dataset's features."""

@@ -3,13 +3,16 @@
 import json
 import os
 import shutil
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from rpaug import preparing, registry, report
+import numpy as np
+
+from rpaug import card, preparing, registry, report, splits
 from rpaug.engine import local
 from rpaug.errors import BadInput
 from rpaug.files import PART, REJECTED, write_atomic
@@ -33,6 +36,8 @@ class Run:
         False  # episodes of one place borrow the static Gaussians of its first, through the store
     )
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
+    ratio: tuple[int, int] | None = None  # recorded to synthetic episodes, in each group
+    licence: str | None = None  # of the source, where it does not say
 
     @cached_property
     def adapter(self) -> Adapter:
@@ -57,8 +62,27 @@ class Run:
     @property
     def copies(self) -> range:
         """The copy numbers of each episode, the original's among them if it is kept."""
-        first = ORIGINAL if self.recipe.keep_originals else ORIGINAL + 1
-        return range(first, self.recipe.copies + 1)
+        first = ORIGINAL if self.recipe.keep_originals or self.ratio else ORIGINAL + 1
+        last = self.recipe.copies
+        if self.ratio:
+            last = -(-self.ratio[1] // self.ratio[0])
+        return range(first, last + 1)
+
+    @cached_property
+    def spared(self) -> frozenset[tuple[str, int]]:
+        """Episodes that get no last copy, so that `ratio` is met: drawn from the recipe's seed, group by group."""
+        if not self.ratio:
+            return frozenset()
+        groups: dict[str, list[str]] = {}
+        for key in self.keys:
+            groups.setdefault(_group(self.adapter, key), []).append(key)
+        found, last = set(), self.copies[-1]
+        for group, keys in groups.items():
+            wanted = round(len(keys) * self.ratio[1] / self.ratio[0])
+            rng = np.random.default_rng([self.recipe.seed, zlib.crc32(group.encode())])
+            order = rng.permutation(len(keys))
+            found |= {(keys[i], last) for i in order[wanted - len(keys) * (last - 1) :]}
+        return frozenset(found)
 
     @property
     def marker(self) -> dict[str, Any]:
@@ -69,6 +93,7 @@ class Run:
             "keep_invalid": self.keep_invalid,
             "recipe": self.recipe.source,
             **({"share": True} if self.share else {}),
+            **({"ratio": list(self.ratio)} if self.ratio else {}),
         }
 
 
@@ -95,6 +120,9 @@ class Summary:
 
 def check(run: Run, resume: bool = False) -> None:
     """See that a run may start. Raises BadInput."""
+    if run.ratio and any(synthetic(run.source, key) for key in run.keys):
+        expected = "recorded ones, of which the ratio is"
+        raise BadInput(run.source, "--ratio", found="synthetic episodes", expected=expected)
     assert run.keys  # raises for a dataset that is none, or a selection that is empty
     if run.target.resolve().is_relative_to(run.source.resolve()):
         raise BadInput(
@@ -113,7 +141,7 @@ def check(run: Run, resume: bool = False) -> None:
         raise BadInput(
             path, "--resume", found="no run of rpaug here", expected="the --out of a stopped run"
         ) from None
-    for name, value in ({"share": None} | run.marker).items():
+    for name, value in ({"share": None, "ratio": None} | run.marker).items():
         if not isinstance(described, dict) or described.get(name) != value:
             raise BadInput(path, name, found=f"another {name}", expected="the one being resumed")
 
@@ -154,10 +182,48 @@ def execute(
             if keys:
                 run.adapter.finish(run.source, root)
         _total(summary, run)
+        _write_card(run)
         write_atomic(run.target / report.SUMMARY, report.encode(vars(summary) | run.marker))
     elif made_folders:
         shutil.rmtree(made_folders[-1], ignore_errors=True)
     return summary
+
+
+def _write_card(run: Run) -> None:
+    """The dataset card; it counts the episodes that are there."""
+    told = card.text(
+        run.source,
+        run.adapter.name,
+        run.recipe.source,
+        _reports(run),
+        rejected=len(_keys(run, REJECTED)),
+        licence=run.licence,
+        ratio=run.ratio and f"{run.ratio[0]}:{run.ratio[1]}",
+    )
+    write_atomic(run.target / card.NAME, told.encode())
+
+
+def _sources_warned(run: Run, summary: Summary) -> None:
+    """Warn of sources that are synthetic themselves, and of a run over several splits."""
+    for key in run.keys:
+        if synthetic(run.source, key):
+            words = "it is synthetic itself: a copy of a copy"
+            summary.warnings[key] = [*summary.warnings.get(key, []), words]
+    held = {splits.kind(key) for key in run.keys} - {None, "train"}
+    if held:
+        named = " and ".join(sorted(str(one) for one in held))
+        words = f"copies of {named} episodes are made too: evaluate on recorded ones, or select train alone"
+        first = next(key for key in run.keys if splits.kind(key) in held)
+        summary.warnings[first] = [*summary.warnings.get(first, []), words]
+
+
+def synthetic(root: Path, key: str) -> bool:
+    """Whether an episode of a dataset is one that rpaug made."""
+    try:
+        told = json.loads((root / key / report.NAME).read_bytes())
+    except (OSError, ValueError):
+        return False
+    return isinstance(told, dict) and bool(told.get("synthetic"))
 
 
 def _staged(run: Run, todo: Sequence[Job]) -> list[list[Job]]:
@@ -193,12 +259,16 @@ def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
     copies: dict[str, list[tuple[int, str]]] = {key: [] for key in run.keys}
     for copy in run.copies:
         for key in run.keys:
-            if (key, copy) in finished:
+            if (key, copy) in finished or (key, copy) in run.spared:
                 continue
             group = _group(run.adapter, key)
             while run.adapter.key_at(key, free.setdefault(group, 0)) in taken:
                 free[group] += 1
-            copies[key].append((copy, run.adapter.key_at(key, free[group])))
+            made = run.adapter.key_at(key, free[group])
+            if splits.of(made) != splits.of(key):  # an adapter's mistake, and the worst of all
+                found, expected = f"{made}, of another split", "a copy in its source's split"
+                raise BadInput(run.source / key, "split", found=found, expected=expected)
+            copies[key].append((copy, made))
             free[group] += 1
     return [_job(run, key, made) for key, made in copies.items() if made]
 
@@ -281,9 +351,10 @@ def _total(summary: Summary, run: Run) -> None:
         summary.rejected[key] = "; ".join(described["gates"]["faults"])
     for described in reports:
         if found := described["plan"].get("warnings"):
-            summary.warnings[described["source"]] = found
+            summary.warnings[described["source"]] = list(found)
         for stage, seconds in described["seconds"].items():
             summary.seconds[stage] = round(summary.seconds.get(stage, 0.0) + seconds, 4)
     for name in sorted({name for described in reports for name in described["changed_share"]}):
         shares = [described["changed_share"].get(name, 0.0) for described in reports]
         summary.changed_share[name] = round(sum(shares) / len(shares), 6)
+    _sources_warned(run, summary)

@@ -1,11 +1,14 @@
 """Write a dataset in another layout."""
 
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
+from typing import Any
 
-from rpaug import registry
+import rpaug
+from rpaug import registry, report
 from rpaug.errors import BadInput, RpaugError
 
 NAMED = 3  # slashes of a key that names its dataset
@@ -25,6 +28,17 @@ class Conversion:
     def exit_code(self) -> int:
         """0: all done; 1: some were skipped; 2: nothing was made."""
         return 0 if not self.failures else 1 if self.episodes else 2
+
+
+def _told(source: Path, key: str, layout: str) -> dict[str, Any]:
+    """The report of an episode in another layout: what it was made from, and whether that was synthetic."""
+    try:
+        before = json.loads((source / key / report.NAME).read_bytes())
+        synthetic = bool(before.get("synthetic"))
+    except (OSError, ValueError, AttributeError):
+        synthetic = False
+    told = {"rpaug": rpaug.__version__, "synthetic": synthetic, "source": key}
+    return told | {"converted": layout, "draws": []}
 
 
 def convert(
@@ -50,7 +64,9 @@ def convert(
         try:
             # Another layout takes the values alone: what was recorded beside them stays behind.
             episode = replace(reader.read(source, key), source=None)
-            writer.write(episode, target, writer.key_for(like, free.get(group, 0)), dict)
+            side = report.encode(_told(source, key, reader.name))
+            made = writer.key_for(like, free.get(group, 0))
+            writer.write(episode, target, made, lambda side=side: {report.NAME: side})
         except RpaugError as error:
             done.failures[key] = str(error)
             continue

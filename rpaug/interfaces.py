@@ -84,5 +84,9 @@ class Adapter(ABC):
         """What known readers of this layout would trip over in an episode, in words."""
         return ()
 
+    def faults(self, root: Path) -> Sequence[str]:  # most layouts describe nothing as a whole
+        """What a dataset of this layout says of itself as a whole that is not so, in words."""
+        return ()
+
     def finish(self, source: Path, target: Path) -> None:  # noqa: B027  # nothing to do for most layouts
         """Bring along what belongs to the dataset and to no single episode."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rpaug import plan as planning
-from rpaug import report, residuals
+from rpaug import report, residuals, splits
 from rpaug.errors import RpaugError, Unsupported
 from rpaug.interfaces import Adapter, Edit, Operator
 from rpaug.recipe import Recipe
@@ -160,20 +160,24 @@ def _with_gaussians(
 def founders(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str]:
     """For each of these episodes that may borrow static Gaussians the one that lends them.
 
-    That is the first episode of its place in the whole dataset, in natural order: whatever was selected or fitted
-    before, and in whatever order, it is the same. The first itself, and what cannot be read, is left out.
+    That is the first episode of its place in its split of the whole dataset, in natural order: whatever was selected
+    or fitted before, and in whatever order, it is the same. The first itself, and what cannot be read, is left out.
     """
     from rpaug.scene import sharing  # only here: it brings torch and the rasteriser
 
-    first: dict[str, str] = {}
+    first: dict[tuple[str | None, str], str] = {}
     found, wanted = {}, set(keys)
     for key in adapter.episodes(root):
         try:
             where = sharing.place(adapter.read(root, key))
         except RpaugError:
             continue  # told when its turn comes
-        if where is not None and first.setdefault(where, key) != key and key in wanted:
-            found[key] = first[where]
+        if where is None:
+            continue
+        # Pixels of one split never come into another.
+        lender = first.setdefault((splits.kind(key), where), key)
+        if lender != key and key in wanted:
+            found[key] = lender
     return found
 
 

@@ -8,15 +8,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rpaug import registry, report
+from rpaug import converted, registry, report, splits
 from rpaug.errors import RpaugError
+from rpaug.files import REJECTED
 from rpaug.interfaces import Adapter
 from rpaug.scene import agreement
 from rpaug.types import CameraView, Effect, Episode
 
 LOOKED_AT = 6  # frames of each episode whose images are compared, evenly spread
 SLACK = 2.0  # millimetres by which cameras may agree worse than they were recorded to
-SPLITS = frozenset({"train", "val", "valid", "validation", "test"})
 Level = Literal["bad", "note"]
 KINDS = {Effect.RGB: "rgb", Effect.DEPTH: "depth", Effect.MASK: "ids"}
 
@@ -70,7 +70,8 @@ def verify(
     keys = list(adapter.episodes(target))
     theirs = registry.adapter_for(source)
     known = set(theirs.episodes(source))
-    findings = list(_numbering(adapter, keys))
+    findings = [*_numbering(adapter, keys), *_counts(target, keys)]
+    findings += [Finding("bad", ".", "dataset", words) for words in adapter.faults(target)]
     tallies = {"rgb, source": _Tally(), "rgb, output": _Tally()}
     for number, key in enumerate(keys):
         progress(number, len(keys))
@@ -90,7 +91,11 @@ def verify(
             findings.append(Finding("bad", key, "reading", str(error)))
             continue
         findings += _leak(key, told)
-        findings += compare(key, recorded, made, told, frames)
+        if told.get("converted"):
+            times = _times(made.length, frames)
+            findings += [Finding(*one) for one in converted.compare(key, recorded, made, times)]
+        else:
+            findings += compare(key, recorded, made, told, frames)
         for name, episode in zip(tallies, (recorded, made), strict=True):
             tallies[name].add(episode, frames)
         findings += [Finding("note", key, "reader", words) for words in adapter.traps(made)]
@@ -128,6 +133,19 @@ def compare(
             key, name, recorded.views[name], view, allowed, _times(made.length, frames)
         )
     yield from _agreement(key, recorded, made, _times(made.length, frames))
+    if told.get("synthetic") and allowed & Effect.RGB and not _shown(recorded, made, frames):
+        words = "no pixel differs in the frames compared, though the episode is called synthetic"
+        yield Finding("note", key, "statistics", words)
+
+
+def _shown(recorded: Episode, made: Episode, frames: int | None) -> bool:
+    """Whether any image differs."""
+    return any(
+        view.rgb is not recorded.views[name].rgb
+        and not np.array_equal(view.rgb(t), recorded.views[name].rgb(t))
+        for name, view in made.views.items()
+        for t in _times(made.length, frames)
+    )
 
 
 def _report(folder: Path) -> dict[str, Any] | None:
@@ -231,14 +249,27 @@ def _numbering(adapter: Adapter, keys: Sequence[str]) -> Iterator[Finding]:
             yield Finding("bad", key, "numbering", f"expected {wanted}: readers stop at a gap")
 
 
+def _counts(target: Path, keys: Sequence[str]) -> Iterator[Finding]:
+    """As many episodes as the run that made them counted."""
+    try:
+        told = json.loads((target / report.SUMMARY).read_bytes()).get("copies")
+    except (OSError, ValueError, AttributeError):
+        return
+    held = sum(PurePosixPath(key).parts[0] != REJECTED for key in keys)
+    if isinstance(told, int) and told != held:
+        yield Finding("bad", ".", "counts", f"{held} episodes; {report.SUMMARY} counted {told}")
+
+
 def _stem(key: str) -> str:
     return key.rstrip("0123456789")
 
 
 def _leak(key: str, told: dict[str, Any]) -> Iterator[Finding]:
     """A copy stays in its source's split, or what is trained on has seen what is tested on."""
-    mine, theirs = (set(PurePosixPath(k).parts) & SPLITS for k in (key, told["source"]))
-    if mine != theirs and mine | theirs:
+    mine, theirs = splits.kind(key), splits.kind(told["source"])
+    if told.get("converted") and theirs is None:  # layouts that have splits call all of it train
+        theirs = "train" if mine else None
+    if mine != theirs:
         yield Finding("bad", key, "splits", f"made from {told['source']}, of another split")
 
 

@@ -1,15 +1,17 @@
 """Datasets in another layout hold the same images, cameras, words and robot."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rpaug import BadInput, Episode, registry
+from rpaug import BadInput, Episode, converted, registry
 from rpaug.cli import app
 from rpaug.convert import convert
+from rpaug.verify import verify
 
 
 def episodes(root: Path) -> list[Episode]:
@@ -84,3 +86,54 @@ def test_an_unknown_layout_is_named(template: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(app, [*told, "--json"])
     assert result.exit_code == 0
     assert json.loads(result.stdout)["episodes"] == 2
+
+
+LAYOUTS = ("rlbench", "rlds", "rdt", "lerobot")
+
+
+@pytest.fixture(scope="module")
+def in_every_layout(template: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+    folder = tmp_path_factory.mktemp("layouts")
+    for layout in LAYOUTS[1:]:
+        convert(template, folder / layout, layout)
+    return {"rlbench": template} | {layout: folder / layout for layout in LAYOUTS[1:]}
+
+
+@pytest.mark.parametrize("to", LAYOUTS)
+@pytest.mark.parametrize("source", LAYOUTS)
+def test_every_layout_becomes_every_other(
+    in_every_layout: dict[str, Path], source: str, to: str, tmp_path: Path
+) -> None:
+    if source == to:
+        return
+    done = convert(in_every_layout[source], tmp_path / "out", to)
+    assert (done.episodes, done.failures) == (2, {})
+    verdict = verify(tmp_path / "out", in_every_layout[source], frames=2)
+    assert verdict.passed, verdict.findings
+    assert verdict.episodes == 2
+
+
+def test_a_converted_episode_that_was_spoilt_is_found(template: Path) -> None:
+    (episode, _) = episodes(template)
+    front = episode.views["front"]
+
+    def topics(**changes: object) -> set[str]:
+        view = replace(front, **changes)
+        made = replace(episode, views={**episode.views, "front": view})
+        return {found[2] for found in converted.compare("x", episode, made, [0, 3])}
+
+    assert topics() == set()
+    assert topics(rgb=lambda t: 255 - front.rgb(t)) == {"images"}
+    assert topics(depth=lambda t: front.depth(t) + 0.01) == {"depth"}
+    assert topics(ids=lambda t: front.ids(t) + 1) == {"ids"}
+    assert topics(camera=replace(front.camera, assumed=True)) == {"camera"}
+    moved = front.camera.cam_to_world + np.eye(4)[3] * 0.01
+    assert topics(camera=replace(front.camera, cam_to_world=moved)) == {"camera"}
+    other = replace(episode, descriptions=("do nothing",))
+    assert [one[2] for one in converted.compare("x", episode, other, [0])] == ["instruction"]
+    shorter = replace(episode, length=3)
+    assert [one[2] for one in converted.compare("x", episode, shorter, [0])] == ["length"]
+    robot = replace(episode.robot, joint_positions=episode.robot.joint_positions + 0.1)
+    bent = replace(episode, robot=robot)
+    assert [one[2] for one in converted.compare("x", episode, bent, [0])] == ["robot"]

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from rpaug import recipe
 from rpaug.augment import Run, execute
 from rpaug.cli import app
+from rpaug.convert import convert
 from rpaug.verify import Finding, compare, verify
 
 EPISODES = "roll_ball/all_variations/episodes"
@@ -154,3 +155,77 @@ def test_depth_that_no_longer_fits_the_cameras_is_found() -> None:
         compare("x", episode, replace(episode, views={**episode.views, "left": farther}), told)
     )
     assert [finding.topic for finding in found] == ["depth and cameras"]
+
+
+def shown(**changes: object) -> list[str]:
+    """Topics found in the analytic episode after some of its fields were replaced."""
+    episode = scene({"front": (1.6, 0.3, 1.0), "left": (1.2, 1.0, 1.0)}, length=2).episode
+    front = episode.views["front"]
+    one = {
+        "shorter": lambda: replace(episode, length=1),
+        "without a camera": lambda: replace(episode, views={"front": front}),
+        "without depth": lambda: replace(
+            episode, views={**episode.views, "front": replace(front, depth=None)}
+        ),
+        "of floats": lambda: replace(
+            episode,
+            views={**episode.views, "front": replace(front, rgb=lambda t: front.rgb(t) / 1.0)},
+        ),
+        "another pixel": lambda: replace(
+            episode,
+            views={**episode.views, "front": replace(front, rgb=lambda t: front.rgb(t) ^ 1)},
+        ),
+    }
+    told = {"source": "x", "synthetic": True, "draws": changes.get("draws", [])}
+    return [found.topic for found in compare("x", episode, one[str(changes["how"])](), told)]
+
+
+@pytest.mark.parametrize(
+    ("how", "topic"),
+    [
+        ("shorter", "length"),
+        ("without a camera", "cameras"),
+        ("without depth", "depth"),
+        ("of floats", "kind of image"),
+        ("another pixel", "untouched images"),
+    ],
+)
+def test_what_is_missing_or_of_another_kind_is_found(how: str, topic: str) -> None:
+    assert shown(how=how) == [topic]
+
+
+def test_an_edit_that_shows_nothing_is_noted() -> None:
+    episode = scene({"front": (1.6, 0.3, 1.0)}, length=2).episode
+    told = {"source": "x", "synthetic": True, "draws": [{"op": "light_color"}]}
+    assert [found.topic for found in compare("x", episode, episode, told)] == ["statistics"]
+
+
+def test_a_lost_episode_is_counted(output: Path, template: Path) -> None:
+    shutil.rmtree(output / EPISODES / "episode1")
+    assert [finding.topic for finding in bad(output, template)] == ["counts"]
+
+
+def test_wrong_counts_of_a_tfds_dataset_are_found(template: Path, tmp_path: Path) -> None:
+    convert(template, tmp_path / "rlds", "rlds")
+    assert verify(tmp_path / "rlds", template).passed
+    path = next((tmp_path / "rlds").rglob("dataset_info.json"))
+    told = json.loads(path.read_bytes())
+    told["splits"][0]["numBytes"] = "7"
+    path.write_text(json.dumps(told))
+    (found,) = bad(tmp_path / "rlds", template)
+    assert (found.topic, "numBytes 7" in found.message) == ("dataset", True)
+
+
+def test_wrong_statistics_of_a_lerobot_dataset_are_found(template: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+    convert(template, tmp_path / "out", "lerobot")
+    assert verify(tmp_path / "out", template).passed
+    path = next((tmp_path / "out").rglob("stats.json"))
+    told = json.loads(path.read_bytes())
+    told["action"]["mean"][0] += 1
+    path.write_text(json.dumps(told))
+    (found,) = bad(tmp_path / "out", template)
+    assert (found.topic, "action: mean" in found.message) == ("dataset", True)
+    described = path.with_name("info.json")
+    described.write_text(json.dumps(json.loads(described.read_bytes()) | {"total_frames": 3}))
+    assert any("total_frames 3" in one.message for one in bad(tmp_path / "out", template))

@@ -35,6 +35,15 @@ def augment(
         bool, typer.Option(help="Episodes of one place share static Gaussians, through --scenes.")
     ] = False,
     arm: Arms = None,
+    ratio: Annotated[
+        str | None,
+        typer.Option(
+            help="Recorded to synthetic episodes, as 1:3; keeps originals, instead of `copies`."
+        ),
+    ] = None,
+    licence: Annotated[
+        str | None, typer.Option(help="Of the source, for the dataset card, where it states none.")
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Instead of the recipe's.")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Override a value: edits.0.color=red.")
@@ -63,7 +72,7 @@ def augment(
     told += [f"seed={seed}"] if seed is not None else []
     told += [f"arms={json.dumps(list(map(str, arm)))}"] if arm else []
     loaded = load_recipe(recipe, told)
-    run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid)
+    run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid, _ratio(ratio), licence)
     if dry_run:
         return _dry_run(run, resume, as_json)
     with progress_bar("augmenting", as_json) as progress:
@@ -79,6 +88,16 @@ def augment(
     else:
         _print_summary(described, run.adapter.after)
     return code
+
+
+def _ratio(told: str | None) -> tuple[int, int] | None:
+    """`1:3` in numbers. Raises RpaugError."""
+    if told is None:
+        return None
+    parts = told.split(":")
+    if len(parts) != 2 or not all(part.isdigit() and 0 < int(part) <= 10_000 for part in parts):
+        raise RpaugError(f"--ratio {told}: expected recorded:synthetic in whole numbers, as 1:3")
+    return int(parts[0]), int(parts[1])
 
 
 def _contact_sheet(run: Any, described: dict[str, Any]) -> int:

@@ -11,7 +11,10 @@ from rpaug.scene.motion import FULL_WEIGHT, GRIPPER, STATIC, Case, price
 # Costs are millimetres of mean distance per interval, as in `motion`.
 UNEXPLAINED = 2.0  # intervals explained worse than this are aligned
 JAW_MOVED = 5.0  # the same for a part of the gripper, which hangs on it but for its jaws
-JAW_ACTS = (2.0, 1.0)  # next to an opening or closing: a * what is usual for it + b, at most JAW_MOVED
+JAW_ACTS = (
+    2.0,
+    1.0,
+)  # next to an opening or closing: a * what is usual for it + b, at most JAW_MOVED
 TOLERATED = 0.3  # the same for a thing picked up by the gripper, which may slip
 ALIGNED = 0.3  # what an alignment must win by: it has six free numbers
 GAIN = 0.7  # and the share of the cost that it may leave
