@@ -109,7 +109,8 @@ def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...
     length = _length(f"{path}: episode {span[number]}", rows, told.get("length"))
     words = _lerobot_files.tasks(folder)
     column = rows["task_index"].to_pylist() if "task_index" in rows.column_names else []
-    tasks = tuple(words.get(index, "") for index in column) or ("",) * length
+    known = (words.get(index, "") if isinstance(index, int) else "" for index in column)
+    tasks = tuple(known) or ("",) * length
     spans = {}
     for key in about.of_kind("video"):
         prefix = f"videos/{key}"
@@ -190,7 +191,7 @@ def _depths(about: Info, beside: Beside, images: dict[str, str]) -> dict[str, De
         if key is None:
             continue
         feature = about.features[key]
-        unit = UNITS.get((feature.get("info") or {}).get("depth_unit") or "", 0.0)
+        unit = UNITS.get(str((feature.get("info") or {}).get("depth_unit")), 0.0)
         metres = unit or (told.metres if told is not None else UNITS["mm"])
         found[name] = Depth(key, None if feature["dtype"] == "video" else metres)
     return found

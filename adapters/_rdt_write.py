@@ -14,10 +14,12 @@ from rpaug_adapters._rdt_read import IMAGES, QPOS, TEXTS, WORDS, Recorded, datas
 
 from rpaug import CameraView, Episode, Unsupported
 from rpaug.files import encode_jpeg
+from rpaug.geometry import quaternion_of
 
 HIGH, LEFT, RIGHT = "cam_high", "cam_left_wrist", "cam_right_wrist"
 EXTERNAL = ("front", "cam_high", "third_person", "image", "image_0", "overhead")  # best first
 HAND = ("wrist", "hand", "gripper")  # in the names of cameras that ride on it
+EFFECTOR = "observations/eef"  # position, quaternion (x, y, z, w), opening
 JOINTS = 6  # of one arm in RDT's stock reader, and then its gripper
 QPOS_OPEN, ACTION_OPEN = 4.7888, 13.9231  # what that reader divides the right gripper by
 UNIFIED, ARM, GRIPPER, EEF = 128, 0, 10, 30  # RDT's vector (configs/state_vec.py), right arm
@@ -136,6 +138,10 @@ def _fresh(episode: Episode, path: Path) -> None:
         state, indicator = _unified(episode, opening)
         file["unified/state"], file["unified/action"] = state, state[following]
         file["unified/indicator"] = indicator
+        if robot.gripper_to_world is not None:
+            pose = robot.gripper_to_world
+            parts = [pose[:, :3, 3], quaternion_of(pose), opening[:, None]]
+            file[EFFECTOR] = np.concatenate(parts, 1)
         size = next(iter(episode.views.values())).camera
         blank = np.zeros((size.height, size.width, 3), np.uint8)
         for name, view in views.items():
@@ -199,7 +205,14 @@ def _calibration(episode: Episode) -> bytes:
         cameras[name] = _cameras.told_of(view.camera)
         if view.depth is not None:
             cameras[name]["depth"] = f"observations/depth/{name}"
-    return yaml.safe_dump({"version": 1, "cameras": cameras}, sort_keys=False).encode()
+    told: dict[str, Any] = {"version": 1, "cameras": cameras}
+    robot = episode.robot
+    if robot.gripper_to_world is not None:
+        opening = None if robot.gripper_open is None else 7
+        told["gripper"] = {
+            "key": EFFECTOR, "rotation": [3, 4, 5, 6], "convention": "quaternion_xyzw", "opening": opening,
+        }  # fmt: skip
+    return yaml.safe_dump(told, sort_keys=False).encode()
 
 
 def _told(episode: Episode) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from rpaug_adapters._rlbench_read import (
     read_code,
 )
 
-from rpaug import Episode
+from rpaug import Episode, Unsupported
 from rpaug.files import decode_png, encode_png
 from rpaug.geometry import quaternion_of
 
@@ -85,6 +85,14 @@ def _edited_demo(recorded: Recorded, episode: Episode) -> Demo:
 def _fresh_pickles(episode: Episode) -> dict[str, bytes]:
     """The three pickles of an episode that no RLBench simulation recorded."""
     robot, misc = episode.robot, []
+    if robot.gripper_to_world is None or robot.gripper_open is None:
+        reason = (
+            "RLBench needs the gripper's pose and opening; the source does not say which they are"
+        )
+        raise Unsupported(f"{episode.key}: {reason} (cameras.yaml may)")
+    velocities = robot.joint_velocities
+    if not velocities.shape[1]:
+        velocities = np.zeros_like(robot.joint_positions)
     for t in range(episode.length):
         here: dict[str, Any] = {}
         for name, view in episode.views.items():
@@ -99,7 +107,7 @@ def _fresh_pickles(episode: Episode) -> dict[str, bytes]:
     for t in range(episode.length):
         observation = Observation()
         observation.__dict__ = dict.fromkeys(IMAGES) | {
-            "joint_velocities": robot.joint_velocities[t],
+            "joint_velocities": velocities[t],
             "joint_positions": robot.joint_positions[t],
             "joint_forces": None,
             "gripper_open": float(robot.gripper_open[t]),
