@@ -72,9 +72,7 @@ def augment(
     told += [f"seed={seed}"] if seed is not None else []
     told += [f"arms={json.dumps(list(map(str, arm)))}"] if arm else []
     loaded = load_recipe(recipe, told)
-    run = Run(
-        dataset, loaded, out, tier, scenes, share, keep_invalid, _ratio(ratio), licence
-    )
+    run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid, _ratio(ratio), licence)
     if dry_run:
         return _dry_run(run, resume, as_json)
     with progress_bar("augmenting", as_json) as progress:
