@@ -12,7 +12,7 @@ from test_ply import some
 from rpaug.errors import BadInput
 from rpaug.scene import store
 from rpaug.scene.fit import FitSettings
-from rpaug.types import Scene
+from rpaug.types import Body, Scene
 
 
 @pytest.fixture
@@ -119,14 +119,20 @@ def test_listing_naming_removing(tmp_path: Path, fitted: Scene) -> None:
 
 
 def test_the_key_follows_content_settings_and_seed_only() -> None:
-    def name(world: World, settings: FitSettings, seed: int = 0) -> str:
-        return store.key(world.episode(), settings, seed)
+    def name(
+        world: World, settings: FitSettings, seed: int = 0, bodies: tuple[Body, ...] = ()
+    ) -> str:
+        episode = world.episode()
+        cameras = {name: view.camera for name, view in episode.views.items()}
+        return store.key(Scene(episode, cameras, bodies, {}, False, ()), settings, seed)
 
     plain = FitSettings()
     first = name(boxes.still(2), plain)
     assert name(boxes.still(2), plain) == first
     assert name(boxes.still(2), FitSettings(steps=7)) != first
     assert name(boxes.still(2), plain, 1) != first
+    links = (Body(frozenset({boxes.OTHER}), np.tile(np.eye(4), (2, 1, 1)), "link"),)
+    assert name(boxes.still(2), plain, 0, links) != first  # an arm's file that explains it
     painted = boxes.still(2)
     box = replace(painted.boxes[boxes.OTHER], colour=(201, 0, 0))
     assert name(replace(painted, boxes={**painted.boxes, boxes.OTHER: box}), plain) != first
