@@ -254,7 +254,9 @@ def portrait(scene: Scene, handles: frozenset[int]) -> UInt8[np.ndarray, "h w 3"
     """The thing cut out of the first frame of the camera that shows most of it. Raises Unsupported if none does."""
     best, most = None, 0
     for view in scene.episode.views.values():
-        rows, columns_ = np.nonzero(np.isin(view.ids(0), list(handles))) if view.ids else ((), ())
+        if view.ids is None:
+            continue
+        rows, columns_ = np.nonzero(np.isin(view.ids(0), list(handles)))
         if len(rows) > most:
             window = np.s_[rows.min() : rows.max() + 1, columns_.min() : columns_.max() + 1]
             best, most = view.rgb(0)[window], len(rows)

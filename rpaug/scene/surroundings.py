@@ -40,7 +40,8 @@ def surroundings(scene: Scene, handles: frozenset[int], pace: float) -> Surround
     """What is around some instances; recorded frames are `pace` seconds apart."""
     looks = look(scene.episode)
     support = scene.roles.get("table", frozenset())
-    tops, points = [], []
+    tops: list[np.ndarray] = []
+    points: list[np.ndarray] = []
     for body, handle in _solid(scene, handles):
         if body.motion != "static":
             continue
@@ -59,9 +60,13 @@ def surroundings(scene: Scene, handles: frozenset[int], pace: float) -> Surround
             others += [(body.to_world, *ball) for ball in _balls(seen)]
     if not mine and (gripper := scene.episode.robot.gripper_to_world) is not None:
         mine.append((gripper, np.eye(4), np.array(FINGERS), ROUNDED))
-    boxes = Boxes.of(*zip(*mine, *others, strict=True), pace) if mine or others else None
-    every = np.concatenate(points) if points else np.zeros((0, 3))
-    return Surroundings(level, every, boxes, len(mine))
+    every = [*mine, *others]
+    boxes = None
+    if every:
+        tracks, places, halves, radius = (list(part) for part in zip(*every, strict=True))
+        boxes = Boxes.of(tracks, places, halves, radius, pace)
+    standing = np.concatenate(points) if points else np.zeros((0, 3))
+    return Surroundings(level, standing, boxes, len(mine))
 
 
 def clear(
@@ -82,7 +87,7 @@ def within(
     high: Float[np.ndarray, "3"],
 ) -> Bool[np.ndarray, "n"]:
     """Which points lie in a box."""
-    return ((points >= low) & (points <= high)).all(1)
+    return np.asarray(((points >= low) & (points <= high)).all(1))
 
 
 def _solid(scene: Scene, handles: frozenset[int]) -> Iterator[tuple[Body, int]]:
@@ -112,7 +117,7 @@ def _balls(
     """Balls under surface points, as few as close the surface or as are allowed."""
     side = BALL
     while True:
-        cells = np.unique(np.round(points / side).astype(int), axis=0) if len(points) else []
+        cells = np.unique(np.round(points.reshape(-1, 3) / side).astype(int), axis=0)
         if len(cells) <= MOST_BALLS:
             break
         side *= 1.2
