@@ -22,6 +22,7 @@ from rpaug.errors import Unsupported
 from rpaug.sfm.model import Model, believed
 
 MOST_FRAMES = 300
+DOUBLED = 800  # pixels: narrower images are doubled before features are looked for
 Progress = Callable[[float, str], None]
 
 
@@ -29,7 +30,7 @@ Progress = Callable[[float, str], None]
 class Settings:
     """How a video's frames are matched and mapped."""
 
-    width: int = 960  # pixels: larger frames are made smaller
+    width: int = 640  # pixels: larger frames are made smaller
     features: int = 1500  # of a frame, at most
     overlap: int = 10  # neighbours in time that a frame is matched with, and further ones at powers of two
     enough: float = 0.95  # share of registered frames from which on the global mapper is not tried
@@ -100,11 +101,12 @@ def _features(work: Path, focal: float | None, settings: Settings) -> None:
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.use_gpu, extraction.num_threads = False, settings.threads
     extraction.sift.max_num_features = settings.features
+    image = cv2.imread(str(next((work / "images").iterdir())))
+    height, width = image.shape[:2]
+    extraction.sift.first_octave = -1 if width < DOUBLED else 0
     reader = pycolmap.ImageReaderOptions()
     reader.camera_model = "SIMPLE_RADIAL"
     if focal is not None:
-        image = cv2.imread(str(next((work / "images").iterdir())))
-        height, width = image.shape[:2]
         reader.camera_params = f"{focal},{width / 2},{height / 2},0"
     pycolmap.extract_features(
         work / "features.db",

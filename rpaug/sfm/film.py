@@ -30,6 +30,7 @@ KEPT = 8  # images of one kind
 LOOKED = 16  # frames that things are told by
 ASIDE = 3  # registered frames before and after whose points bound a frame's depth
 SPAN = (0.4, 1.5)  # around the depths of the points
+SNAP = 0.35  # of depth: what of the support is farther from its plane is something else
 LOOK_WIDTH = 640  # pixels, at most, in which handles are told
 JOINED = 20  # frames that a video's fingerprint is taken of
 
@@ -152,17 +153,10 @@ class Film:
             return depth
         ids = self._told(k, depth)
         mine = np.isin(ids, list(self.things.support))
-        pose, K = self.model.cam_to_world[k], self.lens.K
-        rows, columns = np.nonzero(mine)
-        rays = np.stack(
-            [(columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1], np.ones(len(rows))], -1
-        )
-        fall = rays @ pose[2, :3]
-        met = (self.things.level - pose[2, 3]) / np.where(np.abs(fall) < 1e-6, 1e-6, fall)
-        near = np.abs(met / depth[mine] - 1) < 0.5
-        out = depth.copy()
-        out[rows[near], columns[near]] = met[near]
-        return out
+        pose = self.model.cam_to_world[k]
+        met = things.plane_depth(self.lens.K, pose, depth.shape, self.things.level)
+        near = mine & (met > 0) & (np.abs(met / depth - 1) < SNAP)
+        return np.where(near, met, depth).astype(np.float32)
 
     def _ids(self, k: int) -> Int32[np.ndarray, "h w"]:
         image = self.episode.views[self.name].rgb(k)
@@ -207,13 +201,12 @@ def develop(
     depths = [np.asarray(factor * depth, np.float32) for depth in depths]
     some = [int(k) for k in np.linspace(0, len(shots) - 1, min(LOOKED, len(shots))).round()]
 
-    def looks(model: Model) -> list[Look]:
-        return [Look(shots[k].rgb, depths[k], shots[k].K, model.cam_to_world[k]) for k in some]
-
-    up = world.upright(model, things.planes(things.find(looks(model))))
+    up, level = world.upright(model)
     model = model.moved(up, 1.0)
-    lowest = float(model.cam_to_world[:, 2, 3].min())
-    told = things.with_support(things.find(looks(model)), lowest)
+    looks = [Look(shots[k].rgb, depths[k], shots[k].K, model.cam_to_world[k]) for k in some]
+    told = things.find(looks)
+    if level is not None:
+        told = things.with_support(told, looks, level)
     unit = (
         f"relative: the median depth is taken to be {world.TYPICAL} m, nothing tells the true one"
         if scale is None

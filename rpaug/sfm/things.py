@@ -19,10 +19,10 @@ CELL = 0.02  # of the median depth: points so near to each other, and of one col
 FEWEST = 60  # cells of a thing
 MOST = 60  # things
 SHARE = 0.3  # of a patch's points must be the thing's
-FLAT = 0.6  # share of a thing's points in the support's plane, if it is part of that
-LEVEL = 2.0  # cells: what is nearer to the support's height belongs to it
-SAMPLES = 150
-FACING = 0.9  # cosine to the vertical of what is level
+FLAT = 0.5  # share of a thing's pixels in the support's plane, if it is part of that
+NEAR = 0.12  # of depth: so near to the plane counts as in it
+BROAD = 0.005  # of all pixels: what is smaller lies on the support and is no part of it
+REACH = 2**20  # cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +75,8 @@ def find(looks: Sequence[Look]) -> Things:
         keys.append(at)
         names.append(called.ravel())
         frames.append(np.full(len(at), k))
-    cells, of = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
-    of = of.ravel()
+    codes, of = np.unique(_packed(np.concatenate(keys)), return_inverse=True)
+    cells = _unpacked(codes)
     votes = np.zeros((len(cells), names_known()), np.int32)
     np.add.at(votes, (of, np.concatenate(names)), 1)
     mine = votes.argmax(1)
@@ -131,64 +131,50 @@ def _flat(cells: np.ndarray, shape: np.ndarray) -> np.ndarray:
 
 
 def _looked_up(keys: np.ndarray, handles: Mapping[tuple[int, int, int], int]) -> np.ndarray:
-    different, of = np.unique(keys, axis=0, return_inverse=True)
-    found = np.array([handles.get(tuple(key), 0) for key in different.tolist()])
-    return found[of.ravel()]
+    different, of = np.unique(_packed(keys), return_inverse=True)
+    found = np.array([handles.get(tuple(key), 0) for key in _unpacked(different).tolist()])
+    return found[of]
 
 
-@dataclass(frozen=True, eq=False)
-class Plane:
-    """The plane that most cells of a thing lie in: unit normal, offset (normal @ p = offset), and how many lie in it."""
-
-    handle: int
-    normal: Float64[np.ndarray, "3"]
-    offset: float
-    inside: int
-    share: float
+def _packed(cells: np.ndarray) -> np.ndarray:
+    """Three whole numbers in one, which sorts faster; what is farther than REACH cells is brought there."""
+    near = np.clip(cells, -REACH, REACH - 1) + REACH
+    return (near[:, 0] * 2 * REACH + near[:, 1]) * 2 * REACH + near[:, 2]
 
 
-def planes(things: Things) -> list[Plane]:
-    """The plane of every thing that is flat, by random samples (Fischler and Bolles 1981), always the same ones."""
-    keys, owners = np.array(list(things.handles)), np.array(list(things.handles.values()))
-    found = []
-    for handle in np.unique(owners).tolist() if len(keys) else ():
-        points = (keys[owners == handle] + 0.5) * things.cell
-        plane = _plane(points, handle, 1.5 * things.cell)
-        if plane.share > FLAT:
-            found.append(plane)
-    return found
+def _unpacked(codes: np.ndarray) -> np.ndarray:
+    side = 2 * REACH
+    return np.stack([codes // side**2, codes // side % side, codes % side], 1) - REACH
 
 
-def _plane(points: Float64[np.ndarray, "n 3"], handle: int, near: float) -> Plane:
-    rng = np.random.default_rng(handle)
-    best, kept = -1, np.zeros(len(points), bool)
-    for _ in range(SAMPLES):
-        a, b, c = points[rng.integers(len(points), size=3)]
-        normal = np.cross(b - a, c - a)
-        length = float(np.linalg.norm(normal))
-        if length == 0:
-            continue
-        inside = np.abs((points - a) @ (normal / length)) < near
-        if inside.sum() > best:
-            best, kept = int(inside.sum()), inside
-    middle = points[kept].mean(0)
-    normal = np.linalg.svd(points[kept] - middle)[2][2]
-    return Plane(handle, normal, float(normal @ middle), best, best / len(points))
+def with_support(things: Things, looks: Sequence[Look], level: float) -> Things:
+    """The same in a world whose z is up, with the plane at `level` as the support: the things that mostly lie there."""
+    votes = np.zeros((FIRST + things.count, 2))
+    for look in looks:
+        ids, met = things.of(look), plane_depth(look.K, look.cam_to_world, look.depth.shape, level)
+        there = (met > 0) & (np.abs(met / look.depth - 1) < NEAR)
+        np.add.at(votes, (ids.ravel(), 0), there.ravel())
+        np.add.at(votes, (ids.ravel(), 1), 1)
+    share = votes[:, 0] / np.maximum(votes[:, 1], 1)
+    large = votes[:, 1] > BROAD * sum(look.depth.size for look in looks)
+    support = np.flatnonzero((share > FLAT) & large)
+    if not len(support[support >= FIRST]):
+        # One thing at least: the one that has most of it.
+        support = np.array([FIRST + int(votes[FIRST:, 0].argmax())]) if things.count else support
+    named = frozenset(int(h) for h in support if h >= FIRST)
+    return replace(things, support=named, level=level)
 
 
-def with_support(things: Things, below: float = np.inf) -> Things:
-    """The same in a world whose z is up: the support is the largest level thing below the camera, with what lies in
-    its plane."""
-    level = [
-        plane
-        for plane in planes(things)
-        if abs(plane.normal[2]) > FACING and plane.offset / plane.normal[2] < below
-    ]
-    if not level:
-        return things
-    main = max(level, key=lambda plane: plane.inside)
-    height = main.offset / main.normal[2]
-    keys, owners = np.array(list(things.handles)), np.array(list(things.handles.values()))
-    near = np.abs((keys[:, 2] + 0.5) * things.cell - height) < LEVEL * things.cell
-    inside = frozenset(p.handle for p in level if near[owners == p.handle].mean() > FLAT)
-    return replace(things, support=inside | {main.handle}, level=float(height))
+def plane_depth(
+    K: Float64[np.ndarray, "3 3"],
+    cam_to_world: Float64[np.ndarray, "4 4"],
+    shape: tuple[int, ...],
+    level: float,
+) -> Float64[np.ndarray, "h w"]:
+    """Depth at which each pixel's ray meets the plane z = `level`; 0 where it never does."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    x, y = (columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]
+    down = cam_to_world[2, 0] * x + cam_to_world[2, 1] * y + cam_to_world[2, 2]
+    with np.errstate(divide="ignore"):
+        met = (level - cam_to_world[2, 3]) / down
+    return np.where(np.isfinite(met) & (met > 0), met, 0.0)

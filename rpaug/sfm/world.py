@@ -7,26 +7,44 @@ from jaxtyping import Float64
 
 from rpaug import geometry
 from rpaug.sfm.model import Model
-from rpaug.sfm.things import Plane
 
 TILTED = 45.0  # degrees that the scene's level surfaces may differ from level by the cameras' own upright
-KERNEL = 10.0  # degrees within which normals belong to one direction
+SAMPLES = 3000
+THICK = 0.006  # of the median distance: points so near to a plane lie in it
+LEAST = 0.05  # of all sightings of points lie in a plane that is one
 TYPICAL = 1.2  # metres: taken for the median depth where nothing tells the unit
 
 
-def upright(model: Model, planes: Sequence[Plane]) -> Float64[np.ndarray, "4 4"]:
-    """The motion into a world whose z is up: what most flat things are level by, nearest to the cameras' own upright."""
+def upright(model: Model) -> tuple[Float64[np.ndarray, "4 4"], float | None]:
+    """The motion into a world whose z is up, and the support's height there, None where no level plane is found.
+
+    The support is the plane that most sightings of points lie in, among those that are level by the cameras' own upright
+    (random samples, Fischler and Bolles 1981, always the same ones). Its normal is up.
+    """
     ups = -model.cam_to_world[:, :3, 1]
     start = ups.mean(0) / np.linalg.norm(ups.mean(0))
-    turned = [(np.sign(p.normal @ start) * p.normal, p.inside) for p in planes]
-    near = [(n, w) for n, w in turned if n @ start > np.cos(np.radians(TILTED))]
-    up, most = start, 0.0
-    for candidate, _ in near:
-        alike = [(n, w) for n, w in near if n @ candidate > np.cos(np.radians(KERNEL))]
-        weight = sum(w for _, w in alike)
-        if weight > most:
-            total = np.sum([w * n for n, w in alike], 0)
-            up, most = total / np.linalg.norm(total), weight
+    points, weight = model.points, model.seen.sum(0)
+    size = float(np.median(np.linalg.norm(points - model.cam_to_world[:, :3, 3].mean(0), axis=1)))
+    rng, best, kept = np.random.default_rng(0), 0.0, np.zeros(len(points), bool)
+    for _ in range(SAMPLES):
+        a, b, c = points[rng.integers(len(points), size=3)]
+        normal = np.cross(b - a, c - a)
+        normal /= max(float(np.linalg.norm(normal)), 1e-12)
+        if abs(normal @ start) < np.cos(np.radians(TILTED)):
+            continue
+        inside = np.abs((points - a) @ normal) < THICK * size
+        if (total := float(weight[inside].sum())) > best:
+            best, kept = total, inside
+    if best < LEAST * weight.sum():
+        return _turned(start), None
+    middle = points[kept].mean(0)
+    normal = np.linalg.svd(points[kept] - middle)[2][2]
+    motion = _turned(normal * np.sign(normal @ start))
+    return motion, float((motion[:3, :3] @ middle)[2])
+
+
+def _turned(up: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "4 4"]:
+    """The rotation that makes a direction z."""
     axis = np.cross(up, [0.0, 0.0, 1.0])
     sine, cosine = float(np.linalg.norm(axis)), float(up[2])
     if sine < 1e-9:
