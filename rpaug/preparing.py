@@ -176,7 +176,7 @@ def _with_gaussians(
     if isinstance(scene.back, film.Film):
         from rpaug.sfm import splats  # only here: it brings torch and the rasteriser
 
-        return splats.fitted(scene, scene.back, scenes)
+        return splats.fitted(scene, scene.back)
     from rpaug.scene import cached  # only here: it brings torch and the rasteriser
 
     fitted = cached.fitted_in_time if plan.tier >= 4 else cached.fitted

@@ -13,7 +13,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Int32, UInt8
+from jaxtyping import Float32, Int32, UInt8, UInt16
 
 from rpaug import geometry
 from rpaug.errors import Unsupported
@@ -106,17 +106,18 @@ class Film:
     def __call__(self, edited: Episode) -> Episode:
         """The recording with the frames of an edited scene in it."""
         before, after = self.episode.views[self.name], edited.views[self.name]
-        view = self.recorded.views[self.name]
+        recorded = self.recorded.views[self.name]
+        view = recorded
         if after.rgb is not before.rgb:
             place = {int(t): k for k, t in enumerate(self.model.times)}
 
             def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
                 if t not in place:
-                    return view.rgb(t)
+                    return recorded.rgb(t)
                 k = place[t]
-                return self.lens.bent(view.rgb(t), before.rgb(k), after.rgb(k))
+                return self.lens.bent(recorded.rgb(t), before.rgb(k), after.rgb(k))
 
-            view = replace(view, rgb=rgb)
+            view = replace(recorded, rgb=rgb)
         return replace(
             self.recorded, views={self.name: view}, descriptions=edited.descriptions
         )
@@ -151,25 +152,33 @@ class Film:
     def _on_support(self, k: int, depth: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
         if self.things.level is None:
             return depth
-        ids = self._told(k, depth)
-        mine = np.isin(ids, list(self.things.support))
+        view = self.episode.views[self.name]
+        assert view.ids is not None
+        mine = np.isin(view.ids(k), list(self.things.support))
         pose = self.model.cam_to_world[k]
         met = things.plane_depth(self.lens.K, pose, depth.shape, self.things.level)
         near = mine & (met > 0) & (np.abs(met / depth - 1) < SNAP)
         return np.where(near, met, depth).astype(np.float32)
 
     def _ids(self, k: int) -> Int32[np.ndarray, "h w"]:
-        image = self.episode.views[self.name].rgb(k)
-        inverse = cv2.resize(1 / self.depths[k], image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-        return self._told(k, (1 / inverse).astype(np.float32))
+        size = self.lens.size
+        small = self._told(k)
+        return cv2.resize(small, size, interpolation=cv2.INTER_NEAREST).astype(np.int32)
 
-    def _told(self, k: int, depth: Float32[np.ndarray, "h w"]) -> Int32[np.ndarray, "h w"]:
-        image = self.episode.views[self.name].rgb(k)
-        small = sweep.shot(image, self.lens.K, self.model.cam_to_world[k], LOOK_WIDTH)
-        size = (small.rgb.shape[1], small.rgb.shape[0])
-        near = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST)
-        ids = self.things.of(Look(small.rgb, near, small.K, small.cam_to_world))
-        return cv2.resize(ids, image.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+    @cached_property
+    def _told(self) -> Callable[[int], UInt16[np.ndarray, "h w"]]:
+        """Handles of each frame at the size that they are told in, kept once told."""
+
+        @lru_cache(None)
+        def told(k: int) -> UInt16[np.ndarray, "h w"]:
+            image = self.episode.views[self.name].rgb(k)
+            small = sweep.shot(image, self.lens.K, self.model.cam_to_world[k], LOOK_WIDTH)
+            size = (small.rgb.shape[1], small.rgb.shape[0])
+            depth = 1 / cv2.resize(1 / self.depths[k], size, interpolation=cv2.INTER_LINEAR)
+            look = Look(small.rgb, depth.astype(np.float32), small.K, small.cam_to_world)
+            return self.things.of(look).astype(np.uint16)
+
+        return told
 
 
 def develop(

@@ -50,6 +50,11 @@ class Things:
         """All handles."""
         return [BACKGROUND, *range(FIRST, FIRST + self.count)]
 
+    def at(self, points: Float32[np.ndarray, "n 3"]) -> Int32[np.ndarray, "n"]:
+        """Handles of points in the world."""
+        found = _looked_up(np.floor(points / self.cell).astype(np.int64), self.handles)
+        return np.where(found > 0, found, BACKGROUND).astype(np.int32)
+
     def of(self, look: Look) -> Int32[np.ndarray, "h w"]:
         """Handles of one frame's pixels."""
         patch = patches(look.rgb)
