@@ -110,15 +110,15 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
     return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
 
 
-def _built(
-    episode: Episode, recipe: Recipe, plan: planning.Plan
-) -> tuple[Scene, planning.Plan]:
+def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
     """The recorded scene; where instances are asked for, that of a video by structure from motion if that succeeds."""
     if plan.bodies and recipe.depth_model is None and film.unplaced(episode):
         try:
             found = film.develop(episode, progress=_told_of(episode.key))
         except Unsupported as error:
-            plan = replace(plan, warnings=(*plan.warnings, f"{error}; its images alone are gone by"))
+            plan = replace(
+                plan, warnings=(*plan.warnings, f"{error}; its images alone are gone by")
+            )
         else:
             return found.scene(), replace(plan, film=found.describe())
     known = arms.for_robot(recipe.arms, episode.robot) if plan.bodies else ()

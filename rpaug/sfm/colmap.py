@@ -32,7 +32,9 @@ class Settings:
 
     width: int = 640  # pixels: larger frames are made smaller
     features: int = 1500  # of a frame, at most
-    overlap: int = 10  # neighbours in time that a frame is matched with, and further ones at powers of two
+    overlap: int = (
+        10  # neighbours in time that a frame is matched with, and further ones at powers of two
+    )
     enough: float = 0.95  # share of registered frames from which on the global mapper is not tried
     threads: int = 2  # of features and matches; results do not depend on it
     seed: int = 0
@@ -90,7 +92,9 @@ def _lay_out(
         if factor < 1:
             size = (round(image.shape[1] * factor), round(image.shape[0] * factor))
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        cv2.imwrite(str(folder / f"{t:08d}.png"), image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        cv2.imwrite(
+            str(folder / f"{t:08d}.png"), image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1]
+        )
     return factor
 
 

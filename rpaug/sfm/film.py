@@ -118,9 +118,7 @@ class Film:
                 return self.lens.bent(recorded.rgb(t), before.rgb(k), after.rgb(k))
 
             view = replace(recorded, rgb=rgb)
-        return replace(
-            self.recorded, views={self.name: view}, descriptions=edited.descriptions
-        )
+        return replace(self.recorded, views={self.name: view}, descriptions=edited.descriptions)
 
     def describe(self) -> dict[str, Any]:
         """Plain values for the report."""
@@ -305,6 +303,13 @@ def _bounds(
         inside = local[:, 2] > 0
     near, far = np.quantile(z[inside], [0.02, 0.98])
     sparse = np.zeros(shot.grey.shape, np.float32)
-    own = inside & model.seen[k, about] & (row < height) & (column < width) & (row >= 0) & (column >= 0)
+    own = (
+        inside
+        & model.seen[k, about]
+        & (row < height)
+        & (column < width)
+        & (row >= 0)
+        & (column >= 0)
+    )
     sparse[row[own].astype(int), column[own].astype(int)] = z[own]
     return (SPAN[0] * float(near), SPAN[1] * float(far)), sparse

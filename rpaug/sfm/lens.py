@@ -96,13 +96,17 @@ class Lens:
         changed = (before != after).any(-1).astype(np.uint8)
         if not changed.any():
             return recorded
-        near = cv2.remap(cv2.dilate(changed, np.ones((3, 3), np.uint8)), *self._backward, cv2.INTER_NEAREST)
+        near = cv2.remap(
+            cv2.dilate(changed, np.ones((3, 3), np.uint8)), *self._backward, cv2.INTER_NEAREST
+        )
         # The difference is carried over, not the image: what the lens softens is softened once.
         way = after.astype(np.float32) - before.astype(np.float32)
         way = cv2.remap(way, *self._backward, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         shown = np.clip(np.rint(recorded + way), 0, 255).astype(np.uint8)
         if changed.mean() > WHOLE:
-            direct = cv2.remap(after, *self._backward, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+            direct = cv2.remap(
+                after, *self._backward, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+            )
             return direct
         return np.where(near[..., None] > 0, shown, recorded)
 

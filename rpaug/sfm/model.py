@@ -54,9 +54,7 @@ class Model:
         factor = width / self.width
         # Pixel edges scale, and centres lie half a pixel inside them.
         x, y = (factor * (value + 0.5) - 0.5 for value in self.middle)
-        return replace(
-            self, focal=factor * self.focal, middle=(x, y), width=width, height=height
-        )
+        return replace(self, focal=factor * self.focal, middle=(x, y), width=width, height=height)
 
     def moved(self, motion: Float64[np.ndarray, "4 4"], scale: float) -> "Model":
         """The same in another world: every length times `scale`, then moved."""

@@ -16,6 +16,7 @@ from rpaug import geometry
 from rpaug.render.splat import Loss, Splats, View
 from rpaug.scene.frame_fit import FrameFitSettings, fit_views
 from rpaug.scene.gaussians import SH0, Picture, chosen, joined, lifted
+from rpaug.scene.plates import spread
 from rpaug.scene.shots import Shot
 from rpaug.sfm import sweep
 from rpaug.sfm.film import Film
@@ -29,8 +30,8 @@ class SplatSettings:
 
     width: int = 320  # pixels: of the images that are fitted
     kept_back: int = 8  # every so many-th frame is never fitted, and judged by
-    rounds: float = 6.0  # times that each fitted frame is looked at
-    stride: int = 2  # pixels between Gaussians of one frame
+    rounds: float = 12.0  # times that each fitted frame is looked at
+    stride: int = 3  # pixels between Gaussians of one frame
     most: int = 60000  # Gaussians to begin with
     threads: int = 2
 
@@ -72,7 +73,8 @@ def seeds(film: Film, shots: list[Shot], settings: SplatSettings) -> Gaussians:
     parts = [_points(film)]
     cell = 1.5 * settings.stride * float(np.median([_footprint(shot) for shot in shots]))
     taken = _cells(parts[0].means, cell)
-    for k, shot in enumerate(shots):
+    for k in spread(len(shots)):  # so that any part of the video has its share
+        shot = shots[k]
         if shot.judged.any() or sum(map(len, parts)) > settings.most:
             continue
         assert shot.depth is not None

@@ -75,7 +75,9 @@ def depths(
         votes = np.zeros(depth.shape, np.float32)
         for j in others:
             votes += _confirmed(one, depth, shots[j], raw[j][0])
-        trust = np.where((sure > SURE) & (votes >= min(2, len(others))), sure**2, 0).astype(np.float32)
+        trust = np.where((sure > SURE) & (votes >= min(2, len(others))), sure**2, 0).astype(
+            np.float32
+        )
         known = sparse[i] > 0
         trust = np.where(known, np.float32(4), trust)
         given = np.where(known, sparse[i], depth)
@@ -119,7 +121,9 @@ def swept(
     below = np.take_along_axis(scores, np.maximum(at - 1, 0)[None], 0)[0]
     above = np.take_along_axis(scores, np.minimum(at + 1, STEPS - 1)[None], 0)[0]
     curve = below + above - 2 * top
-    shift = np.where(np.abs(curve) > 1e-6, (below - above) / (2 * np.where(curve == 0, 1, curve)), 0)
+    shift = np.where(
+        np.abs(curve) > 1e-6, (below - above) / (2 * np.where(curve == 0, 1, curve)), 0
+    )
     step = (1 / span[0] - 1 / span[1]) / (STEPS - 1)
     inverse = 1 / span[1] + step * (at + np.clip(shift, -0.5, 0.5))
     # A plain window fits anywhere: what the other planes score says how much the best one is worth.
@@ -186,9 +190,7 @@ def flattened(
         at, value, weight = place[known], inverse[known], trust[known].astype(float)
         drawn = rng.integers(len(at), size=(DRAWS, 3))
         try:
-            tried = np.linalg.solve(
-                at[drawn] + 1e-9 * np.eye(3), value[drawn][..., None]
-            )[..., 0]
+            tried = np.linalg.solve(at[drawn] + 1e-9 * np.eye(3), value[drawn][..., None])[..., 0]
         except np.linalg.LinAlgError:
             continue
         off = np.abs(at @ tried.T / value[:, None] - 1)

@@ -21,7 +21,7 @@ MOST = 60  # things
 SHARE = 0.3  # of a patch's points must be the thing's
 FLAT = 0.5  # share of a thing's pixels in the support's plane, if it is part of that
 NEAR = 0.12  # of depth: so near to the plane counts as in it
-BROAD = 0.005  # of all pixels: what is smaller lies on the support and is no part of it
+BROAD = 0.02  # of all pixels: what is smaller lies on the support and is no part of it
 REACH = 2**20  # cells
 
 

@@ -8,6 +8,7 @@ from rpaug.sfm.model import Model
 
 WIDTH, HEIGHT, FOCAL = 192, 144, 180.0
 LEVEL = -0.4
+WALL = 0.4
 
 
 def poses(length: int) -> np.ndarray:
@@ -37,10 +38,24 @@ def K() -> np.ndarray:
 
 
 def frame(pose: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """What a pinhole camera sees of the table; nothing else is there."""
+    """What a pinhole camera sees of the table, and of a wall of the same stuff that stands where the table ends."""
     onto = np.array([[1e-3, 0, -1.2], [0, 1e-3, -1.2], [0, 0, LEVEL], [0, 0, 1]])
-    seen = K() @ (geometry.inverse(pose)[:3] @ onto)
-    return cv2.warpPerspective(table, seen, (WIDTH, HEIGHT), flags=cv2.INTER_AREA, borderValue=(150,) * 3)
+    up = np.array([[1e-3, 0, -1.2], [0, 0, WALL], [0, -1e-3, LEVEL + 2.4], [0, 0, 1]])
+    images = []
+    for plane in (onto, up):
+        seen = K() @ (geometry.inverse(pose)[:3] @ plane)
+        images.append(cv2.warpPerspective(table, seen, (WIDTH, HEIGHT), flags=cv2.INTER_AREA))
+    return np.where(_beyond(pose)[..., None], images[1], images[0])
+
+
+def _beyond(pose: np.ndarray) -> np.ndarray:
+    """Pixels whose rays meet the wall before the table."""
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+    rays = np.stack([columns, rows, np.ones_like(rows)], -1) @ np.linalg.inv(K()).T @ pose[:3, :3].T
+    with np.errstate(divide="ignore"):
+        table = (LEVEL - pose[2, 3]) / rays[..., 2]
+        wall = (WALL - pose[1, 3]) / rays[..., 1]
+    return (wall > 0) & ((table < 0) | (wall < table))
 
 
 def walk(length: int = 10) -> Episode:
@@ -58,7 +73,9 @@ def model(length: int, times: list[int] | None = None, radial: float = 0.0) -> M
     """What structure from motion should find: points on the table, in a world that is turned and scaled."""
     times = list(range(length)) if times is None else times
     rng = np.random.default_rng(1)
-    points = np.stack([rng.uniform(-0.5, 0.5, 600), rng.uniform(-0.2, 0.6, 600), np.full(600, LEVEL)], 1)
+    points = np.stack(
+        [rng.uniform(-0.5, 0.5, 600), rng.uniform(-0.2, 0.6, 600), np.full(600, LEVEL)], 1
+    )
     track = poses(length)[times]
     seen = np.zeros((len(times), len(points)), bool)
     for k, pose in enumerate(track):
