@@ -19,7 +19,6 @@ from rpaug.scene.build import build
 from rpaug.sfm import film
 from rpaug.types import Camera, Effect, Episode, Scene
 
-
 log = logging.getLogger(__name__)
 
 
@@ -158,7 +157,7 @@ def _moved(scene: Scene, recipe: Recipe) -> Iterator[tuple[str, Camera]]:
 
 def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -> Scene:
     """The recorded scene with what the plan asks for, Gaussians among it: from the store `scenes`, or fitted."""
-    scene, plan = _built(episode, recipe, plan)
+    scene = build(episode, with_bodies=plan.bodies)
     scene = _with_gaussians(scene, plan, scenes)[0] if plan.gaussians else scene
     return _with_parts(scene, plan)
 

@@ -1,8 +1,8 @@
 """Structure from motion by COLMAP: SIFT, matches of neighbours in time, then mapping, incremental and global.
 
 Schönberger and Frahm 2016 (Structure-from-Motion Revisited); the global mapper is GLOMAP (Pan et al. 2024, arXiv
-2407.20219). The global one is tried where the incremental one leaves frames out. Mapping runs in one thread, seeded: the
-same frames give the same model.
+2407.20219). The global one is tried where the incremental one leaves frames out. Mapping runs in one thread, seeded:
+the same frames give the same model.
 """
 
 import contextlib
@@ -106,6 +106,7 @@ def _features(work: Path, focal: float | None, settings: Settings) -> None:
     extraction.use_gpu, extraction.num_threads = False, settings.threads
     extraction.sift.max_num_features = settings.features
     image = cv2.imread(str(next((work / "images").iterdir())))
+    assert image is not None  # it was written just now
     height, width = image.shape[:2]
     extraction.sift.first_octave = -1 if width < DOUBLED else 0
     reader = pycolmap.ImageReaderOptions()
@@ -139,6 +140,8 @@ def _mapped(work: Path, mapper: str, settings: Settings) -> list[Model]:
 
     out = work / mapper
     out.mkdir()
+    options: Any
+    run: Any
     if mapper == "incremental":
         options, run = pycolmap.IncrementalPipelineOptions(), pycolmap.incremental_mapping
     elif hasattr(pycolmap, "global_mapping"):

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float32, Float64, UInt8
 
 from rpaug.sfm.model import Model
 
+WHOLE = 0.9  # share of changed pixels from which on the image was rendered anew
 ROUNDS = 20  # of the fixed-point iteration that undoes the bend
 
 
@@ -44,8 +45,7 @@ class Lens:
     def shown(self) -> Bool[np.ndarray, "h w"]:
         """Which pinhole pixels were recorded."""
         x, y = self._forward
-        inside = (x >= 0) & (y >= 0) & (x <= self.model.width - 1) & (y <= self.model.height - 1)
-        return inside
+        return (x >= 0) & (y >= 0) & (x <= self.model.width - 1) & (y <= self.model.height - 1)
 
     @cached_property
     def _forward(self) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
@@ -99,16 +99,12 @@ class Lens:
         near = cv2.remap(
             cv2.dilate(changed, np.ones((3, 3), np.uint8)), *self._backward, cv2.INTER_NEAREST
         )
-        # The difference is carried over, not the image: what the lens softens is softened once.
-        way = after.astype(np.float32) - before.astype(np.float32)
-        way = cv2.remap(way, *self._backward, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        shown = np.clip(np.rint(recorded + way), 0, 255).astype(np.uint8)
         if changed.mean() > WHOLE:
-            direct = cv2.remap(
+            return cv2.remap(
                 after, *self._backward, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
             )
-            return direct
+        # The difference is carried over, not the image: what the lens softens is softened once.
+        way = after.astype(np.float32) - before.astype(np.float32)
+        bent = cv2.remap(way, *self._backward, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        shown = np.clip(np.rint(recorded + bent), 0, 255).astype(np.uint8)
         return np.where(near[..., None] > 0, shown, recorded)
-
-
-WHOLE = 0.9  # share of changed pixels from which on the image was rendered anew

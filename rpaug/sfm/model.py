@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, Int32, UInt8
+from jaxtyping import Bool, Float64, Int32, UInt8
 
 from rpaug import geometry
 from rpaug.errors import Unsupported

@@ -158,8 +158,8 @@ def with_support(things: Things, looks: Sequence[Look], level: float) -> Things:
     for look in looks:
         ids, met = things.of(look), plane_depth(look.K, look.cam_to_world, look.depth.shape, level)
         there = (met > 0) & (np.abs(met / look.depth - 1) < NEAR)
-        np.add.at(votes, (ids.ravel(), 0), there.ravel())
-        np.add.at(votes, (ids.ravel(), 1), 1)
+        votes[:, 0] += np.bincount(ids[there], minlength=len(votes))
+        votes[:, 1] += np.bincount(ids.ravel(), minlength=len(votes))
     share = votes[:, 0] / np.maximum(votes[:, 1], 1)
     large = votes[:, 1] > BROAD * sum(look.depth.size for look in looks)
     support = np.flatnonzero((share > FLAT) & large)

@@ -18,8 +18,8 @@ TYPICAL = 1.2  # metres: taken for the median depth where nothing tells the unit
 def upright(model: Model) -> tuple[Float64[np.ndarray, "4 4"], float | None]:
     """The motion into a world whose z is up, and the support's height there, None where no level plane is found.
 
-    The support is the plane that most sightings of points lie in, among those that are level by the cameras' own upright
-    (random samples, Fischler and Bolles 1981, always the same ones). Its normal is up.
+    The support is the plane that most sightings of points lie in, among those that are level by the cameras' own
+    upright (random samples, Fischler and Bolles 1981, always the same ones). Its normal is up.
     """
     ups = -model.cam_to_world[:, :3, 1]
     start = ups.mean(0) / np.linalg.norm(ups.mean(0))
