@@ -18,10 +18,11 @@ from jaxtyping import Float32, Int32, UInt8, UInt16
 from rpaug import geometry
 from rpaug.errors import Unsupported
 from rpaug.render.jit import cache_folder
+from rpaug.scene.rgb_only import backdrop
 from rpaug.sfm import colmap, sweep, things, world
 from rpaug.sfm.colmap import Settings
 from rpaug.sfm.lens import Lens
-from rpaug.sfm.model import Model, fingerprint, load, save
+from rpaug.sfm.model import FEWEST_FRAMES, Model, fingerprint, load, save
 from rpaug.sfm.things import Look, Things
 from rpaug.types import Body, Camera, CameraView, Episode, Scene
 
@@ -38,7 +39,9 @@ JOINED = 20  # frames that a video's fingerprint is taken of
 def unplaced(episode: Episode) -> bool:
     """Whether this is a video of one moving camera of which nothing but images is known."""
     views = list(episode.views.values())
-    return len(views) == 1 and views[0].camera.assumed and not views[0].depth and not views[0].ids
+    if len(views) != 1 or not views[0].camera.assumed or views[0].depth or views[0].ids:
+        return False
+    return episode.length >= FEWEST_FRAMES and not backdrop.find(views[0], episode.length).still
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,16 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Film:
         return film.develop(walks.walk(LENGTH), cache=tmp_path_factory.mktemp("cache"))
 
 
+def test_only_a_camera_that_moves_is_looked_for() -> None:
+    walk = walks.walk(LENGTH)
+    assert film.unplaced(walk)
+    (view,) = walk.views.values()
+    still = replace(walk, views={"ego": replace(view, rgb=lambda t: view.rgb(0))})
+    assert not film.unplaced(still)
+    depth = replace(walk, views={"ego": replace(view, depth=lambda t: np.ones((144, 192)))})
+    assert not film.unplaced(depth)
+
+
 def test_a_lens_that_does_not_bend_changes_nothing() -> None:
     lens, image = Lens(walks.model(3)), walks.walk(3).views["ego"].rgb(1)
     assert lens.margin == (0, 0)
