@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,6 @@ from jaxtyping import Float32, Int32, UInt8, UInt16
 from rpaug import geometry
 from rpaug.errors import Unsupported
 from rpaug.render.jit import cache_folder
-from rpaug.scene.rgb_only import backdrop
 from rpaug.sfm import colmap, sweep, things, world
 from rpaug.sfm.colmap import Settings
 from rpaug.sfm.lens import Lens
@@ -27,6 +27,11 @@ from rpaug.sfm.things import Look, Things
 from rpaug.types import Body, Camera, CameraView, Episode, Scene
 
 Progress = Callable[[float, str], None]
+SAMPLED, DIFFERS, RESTLESS = (
+    6,
+    4,
+    0.35,
+)  # frames, grey levels, share of pixels: what a moving camera changes
 KEPT = 8  # images of one kind
 LOOKED = 16  # frames that things are told by
 ASIDE = 3  # registered frames before and after whose points bound a frame's depth
@@ -41,7 +46,15 @@ def unplaced(episode: Episode) -> bool:
     views = list(episode.views.values())
     if len(views) != 1 or not views[0].camera.assumed or views[0].depth or views[0].ids:
         return False
-    return episode.length >= FEWEST_FRAMES and not backdrop.find(views[0], episode.length).still
+    return episode.length >= FEWEST_FRAMES and _moves(views[0], episode.length)
+
+
+def _moves(view: CameraView, length: int) -> bool:
+    """Whether most of the image changes between frames that are far apart: a robot before a still camera does not."""
+    times = np.linspace(0, length - 1, SAMPLED).round().astype(int)
+    grey = [cv2.blur(cv2.cvtColor(view.rgb(int(t)), cv2.COLOR_RGB2GRAY), (5, 5)) for t in times]
+    pairs = pairwise(grey)
+    return float(np.median([(cv2.absdiff(a, b) > DIFFERS).mean() for a, b in pairs])) > RESTLESS
 
 
 @dataclass(frozen=True, eq=False)
