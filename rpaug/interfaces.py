@@ -51,6 +51,7 @@ class Adapter(ABC):
     """
 
     name: ClassVar[str]
+    loose: ClassVar[bool] = False  # claims files that other layouts hold too: is asked last
     after: ClassVar[str] = (
         ""  # what whoever trains on the output should know, said at the end of a run
     )

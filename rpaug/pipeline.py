@@ -56,6 +56,11 @@ class Made:
     tally: report.Tally
     untrue: str = ""
 
+    @property
+    def recorded(self) -> Episode:
+        """The episode as its source has it: `episode` is what the scene shows."""
+        return self.scene.back(self.episode) if self.scene.back else self.episode
+
 
 class Rejected(Exception):
     """A copy that exceeds a limit of its gates, told once all its frames are rendered and before it appears."""
@@ -287,7 +292,7 @@ def write(
             seconds=before | spent,
         )
 
-    adapter.write(made.episode, place.root, place.key, side)
+    adapter.write(made.recorded, place.root, place.key, side)
 
 
 def _words(made: Made) -> dict[str, Any] | None:

@@ -103,7 +103,8 @@ class Plan:
     be told apart and tracked. Of a camera that surfels draw, single regions may be at tier 3. `fit` is what a fit of
     Gaussians said of itself, `warnings` what is wrong with the recording, `parts` the targets of which a part finer
     than the masks is meant. `modelled`: an edit works on Gaussians, whatever shows what comes of it.
-    `assumed` is what the source does not say and edits go by, in sentences."""
+    `assumed` is what the source does not say and edits go by, in sentences. `film` is what structure from motion said
+    of a video."""
 
     tier: int
     carriers: dict[str, int]
@@ -114,6 +115,7 @@ class Plan:
     parts: tuple[Target, ...] = ()
     modelled: bool = False
     assumed: tuple[str, ...] = ()
+    film: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def gaussians(self) -> bool:
@@ -142,6 +144,7 @@ class Plan:
         }
         facts |= {"fit": dict(self.fit)} if self.fit else {}
         facts |= {"assumed": list(self.assumed)} if self.assumed else {}
+        facts |= {"film": dict(self.film)} if self.film else {}
         return facts | ({"warnings": list(self.warnings)} if self.warnings else {})
 
     def cost(self, episode: Episode, copies: int) -> dict[str, float]:

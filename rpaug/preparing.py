@@ -1,6 +1,7 @@
 """From an episode and a recipe to a scene in which its edits can be made, and the plan of who shows what."""
 
 import json
+import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,10 @@ from rpaug.interfaces import Adapter, Edit, Operator
 from rpaug.recipe import Recipe
 from rpaug.scene import arms, calibration, rgb_only
 from rpaug.scene.build import build
+from rpaug.sfm import film
 from rpaug.types import Camera, Effect, Episode, Scene
+
+log = logging.getLogger(__name__)
 
 
 def operators(recipe: Recipe) -> list[Operator]:
@@ -91,12 +95,13 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
     for operator in operators(recipe):
         operator.ready()
     plan = planning.make(operators(recipe), episode, tier)
-    scene = _built(episode, recipe, plan)
+    scene, plan = _built(episode, recipe, plan)
     plan = replace(plan, assumed=rgb_only.assumptions(scene.episode))
-    if plan.bodies:
+    if plan.bodies and scene.back is None:
         # Whatever looks at depth is misled by cameras that are not where they say they are.
         off = tuple(map(str, calibration.check(episode)))
-        plan = replace(plan, warnings=(*off, *arms.misfits(recipe.arms, episode.robot)))
+        found = (*plan.warnings, *off, *arms.misfits(recipe.arms, episode.robot))
+        plan = replace(plan, warnings=found)
     if recipe.accuracy is None:
         return scene, plan
     moved = {name: camera for name, camera in _moved(scene, recipe) if plan.carriers[name] == 1}
@@ -104,9 +109,25 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
     return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
 
 
-def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> Scene:
+def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
+    """The recorded scene; where instances are asked for, that of a video by structure from motion if that succeeds."""
+    if plan.bodies and recipe.depth_model is None and film.unplaced(episode):
+        try:
+            found = film.develop(episode, progress=_told_of(episode.key))
+        except Unsupported as error:
+            plan = replace(
+                plan, warnings=(*plan.warnings, f"{error}; its images alone are gone by")
+            )
+        else:
+            return found.scene(), replace(plan, film=found.describe())
     known = arms.for_robot(recipe.arms, episode.robot) if plan.bodies else ()
-    return build(episode, with_bodies=plan.bodies, arms=known, depth=recipe.depth_model)
+    made = build(episode, with_bodies=plan.bodies, arms=known, depth=recipe.depth_model)
+    return made, plan
+
+
+def _told_of(key: str) -> film.Progress:
+    """Tells a log how far a video is: minutes pass."""
+    return lambda share, what: log.info("%s: %.0f %% (%s)", key, 100 * share, what)
 
 
 def planned(episode: Episode, recipe: Recipe, tier: int) -> planning.Plan:
@@ -151,6 +172,10 @@ def _lender(founder: Callable[[], Episode] | None, recipe: Recipe) -> Scene | No
 def _with_gaussians(
     scene: Scene, plan: planning.Plan, scenes: Path | None, lender: Scene | None = None
 ) -> tuple[Scene, Mapping[str, Any]]:
+    if isinstance(scene.back, film.Film):
+        from rpaug.sfm import splats  # only here: it brings torch and the rasteriser
+
+        return splats.fitted(scene, scene.back)
     from rpaug.scene import cached  # only here: it brings torch and the rasteriser
 
     fitted = cached.fitted_in_time if plan.tier >= 4 else cached.fitted

@@ -50,12 +50,15 @@ def adapter(name: str) -> Adapter:
 
 def adapter_for(root: Path) -> Adapter:
     """The adapter that finds episodes under `root`. Raises BadInput if none does."""
-    if not root.is_dir():
-        found = "a file" if root.exists() else "no such folder"
-        raise BadInput(root, "dataset", found=found, expected="the folder of a dataset")
-    for name in _found("rpaug.adapters"):
-        candidate = adapter(name)
-        if candidate.episodes(root):
+    if not root.exists():
+        raise BadInput(root, "dataset", found="no such folder", expected="the folder of a dataset")
+    every = [adapter(name) for name in _found("rpaug.adapters")]
+    for candidate in sorted(every, key=lambda one: one.loose):
+        if (root.is_dir() or candidate.loose) and candidate.episodes(root):
             return candidate
+    if root.is_file():
+        raise BadInput(
+            root, "dataset", found="a file", expected="the folder of a dataset, or a video"
+        )
     known = ", ".join(_found("rpaug.adapters"))
     raise BadInput(root, "layout", found="no episodes", expected=f"a dataset in one of: {known}")

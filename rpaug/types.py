@@ -311,6 +311,7 @@ class Scene:
     `inpaint` names what paints the places that this uncovers and nobody ever saw (`rpaug.providers.inpaint`).
     `ambience` is the light that inserted bodies are shown in. `simulated` says, in plain values, what each simulation
     came to; `actions_valid` is false in it where the recorded actions would no longer do what they did.
+    `back` brings what the scene shows back into the recording, where that is no set of pinhole images: None leaves it.
     """
 
     episode: Episode
@@ -329,6 +330,7 @@ class Scene:
     inpaint: str = "fsr"
     ambience: Ambience | None = None
     simulated: tuple[Mapping[str, Any], ...] = ()
+    back: Callable[[Episode], Episode] | None = None
 
     @property
     def actions_valid(self) -> bool:

@@ -32,12 +32,16 @@ class Albedo:
 
 def pixels(episode: Episode, handle: int, count: int = 6) -> Float64[np.ndarray, "n 3"]:
     """Recorded colours of an instance, 0..1, away from its outline where it is large enough for that."""
-    inner, outer = [], []
-    for _, _, rgb, ids in sampling.images(episode, count):
-        if ids is None or not (mask := ids == handle).any():
-            continue
-        outer.append(rgb[mask])
-        inner.append(rgb[_eroded(mask)])
+    inner: list[np.ndarray] = []
+    outer: list[np.ndarray] = []
+    for looked in (count, episode.length):  # a camera that moves may show it in others alone
+        for _, _, rgb, ids in sampling.images(episode, looked):
+            if ids is None or not (mask := ids == handle).any():
+                continue
+            outer.append(rgb[mask])
+            inner.append(rgb[_eroded(mask)])
+        if outer:
+            break
     inside = np.concatenate(inner) if inner else np.empty((0, 3), np.uint8)
     whole = inside if len(inside) >= LEAST_PIXELS else np.concatenate([*outer, inside])
     return whole / 255.0

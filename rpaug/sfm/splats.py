@@ -1,0 +1,145 @@
+"""Gaussians of a video's still world, from its points and swept depth; some frames are kept back to judge by.
+
+They start on the model's points and on every frame's depth where earlier frames left a gap, and descend on colour and,
+weakly, on depth, over images made small.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from jaxtyping import Float64
+
+from rpaug import geometry
+from rpaug.render.splat import Loss, Splats, View
+from rpaug.scene.frame_fit import FrameFitSettings, fit_views
+from rpaug.scene.gaussians import SH0, Picture, chosen, joined, lifted
+from rpaug.scene.plates import spread
+from rpaug.scene.shots import Shot
+from rpaug.sfm import sweep
+from rpaug.sfm.film import Film
+from rpaug.sfm.things import BACKGROUND
+from rpaug.types import Gaussians, Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplatSettings:
+    """How a video's Gaussians are fitted."""
+
+    width: int = 320  # pixels: of the images that are fitted
+    kept_back: int = 8  # every so many-th frame is never fitted, and judged by
+    rounds: float = 12.0  # times that each fitted frame is looked at
+    stride: int = 3  # pixels between Gaussians of one frame
+    most: int = 60000  # Gaussians to begin with
+    threads: int = 2
+
+
+def fitted(
+    scene: Scene, film: Film, settings: SplatSettings | None = None
+) -> tuple[Scene, Mapping[str, Any]]:
+    """The scene with Gaussians, and how well they show the frames: PSNR in dB of fitted and of kept-back ones."""
+    settings = settings or SplatSettings()
+    shots = [_shot(film, k, settings) for k in range(film.episode.length)]
+    begun = seeds(film, shots, settings)
+    trained = [shot for shot in shots if not shot.judged.any()]
+    judged = [shot for shot in shots if shot.judged.any()]
+    steps = max(2, round(settings.rounds * len(trained) / 2))
+    # Kept-back frames come once in a while, weightless: checks look at them, steps do not.
+    rule = FrameFitSettings(
+        iterations=steps, stop="iterations", threads=settings.threads, loss=Loss(l2=1.0, depth=0.3),
+        check_every=max(1, steps // 3),
+    )  # fmt: skip
+    found = fit_views(Splats.of(begun), [*trained, *judged], rule)
+    made = _gaussians(found.splats, film)
+    last = found.trace[-1]
+    facts = {
+        "steps": steps,
+        "train_db": round(last.recorded_db, 2),
+        "held_out_db": None if last.held_out_db is None else round(last.held_out_db, 2),
+        "held_out_frames": len(judged),
+        "seconds": round(last.processor_seconds, 1),
+        "gaussians": len(made),
+        "per_camera_db": {film.name: last.held_out_db or last.recorded_db},
+        "depth_error_mm": None,
+    }
+    return replace(scene, gaussians=made), facts
+
+
+def seeds(film: Film, shots: list[Shot], settings: SplatSettings) -> Gaussians:
+    """The model's points, and swept depth of fitted frames where no earlier frame showed the place."""
+    model = film.model
+    parts = [_points(film)]
+    cell = 1.5 * settings.stride * float(np.median([_footprint(shot) for shot in shots]))
+    taken = _cells(parts[0].means, cell)
+    for k in spread(len(shots)):  # so that any part of the video has its share
+        shot = shots[k]
+        if shot.judged.any() or sum(map(len, parts)) > settings.most:
+            continue
+        assert shot.depth is not None
+        use = np.zeros(shot.depth.shape, bool)
+        use[:: settings.stride, :: settings.stride] = True
+        image = np.rint(shot.colour * 255).astype(np.uint8)
+        ids = np.full(shot.depth.shape, BACKGROUND, np.int32)
+        picture = Picture(image, shot.depth, ids, shot.view.K, model.cam_to_world[k], use)
+        part = lifted(picture, settings.stride)
+        cells = _cells(part.means, cell)
+        fresh = ~np.isin(cells, taken)
+        first = np.zeros(len(part), bool)
+        first[np.unique(cells, return_index=True)[1]] = True
+        parts.append(chosen(part, fresh & first))
+        taken = np.concatenate([taken, cells[fresh]])
+    return joined(parts)
+
+
+def _points(film: Film) -> Gaussians:
+    """The points themselves: round, as wide as the distance to the cameras makes a few pixels."""
+    model = film.model
+    count = len(model.points)
+    near = np.linalg.norm(model.points - model.cam_to_world[:, :3, 3].mean(0), axis=1)
+    size = (2.0 / model.focal * near)[:, None].repeat(3, 1)
+    return Gaussians(
+        means=model.points.astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+        scales=size.astype(np.float32),
+        opacities=np.full(count, 0.5, np.float32),
+        sh=((model.colours.astype(np.float32) / 255 - 0.5) / SH0)[:, None],
+        ids=np.full(count, BACKGROUND, np.int32),
+    )
+
+
+def _cells(points: np.ndarray, size: float) -> np.ndarray:
+    near = np.clip(np.floor(points / size).astype(np.int64), -(2**20), 2**20 - 1) + 2**20
+    return (near[:, 0] << 42) | (near[:, 1] << 21) | near[:, 2]
+
+
+def _footprint(shot: Shot) -> float:
+    assert shot.depth is not None
+    return float(np.median(shot.depth)) / float(shot.view.K[0, 0])
+
+
+def _shot(film: Film, k: int, settings: SplatSettings) -> Shot:
+    image = film.episode.views[film.name].rgb(k)
+    small = sweep.shot(image, film.lens.K, film.model.cam_to_world[k], settings.width)
+    size = (small.rgb.shape[1], small.rgb.shape[0])
+    depth = 1 / cv2.resize(1 / film.depths[k], size, interpolation=cv2.INTER_LINEAR)
+    shown = cv2.resize(film.lens.shown.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    judged = k % settings.kept_back == settings.kept_back - 1
+    view = View(small.K, geometry.inverse(small.cam_to_world), *size)
+    return Shot(
+        view, small.rgb.astype(np.float32) / 255, depth.astype(np.float32),
+        np.ones_like(shown) if judged else ~shown, shown if judged else np.zeros_like(shown),
+    )  # fmt: skip
+
+
+def _gaussians(splats: Splats, film: Film) -> Gaussians:
+    """Splats with the handles of the cells that they lie in."""
+    assert splats.quats is not None
+    assert splats.scales is not None
+    length: Float64[np.ndarray, "n 1"] = np.linalg.norm(splats.quats, axis=-1, keepdims=True)
+    ids = film.things.at(splats.means)
+    return Gaussians(
+        splats.means.astype(np.float32), (splats.quats / np.maximum(length, 1e-12)).astype(np.float32),
+        splats.scales, splats.opacities, splats.sh, ids,
+    )  # fmt: skip

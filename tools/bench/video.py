@@ -1,0 +1,92 @@
+"""Videos: frames registered, trajectory error, processor seconds, and how well Gaussians show frames kept back.
+
+python tools/bench/video.py walk FOLDER     # RGB-D frames with poses (7-Scenes layout), their colours made a video
+python tools/bench/video.py clip VIDEO      # any video: registered or refused, and why
+Add --gaussians for the fit, --json for one JSON value. Nothing is taken from or left in the user's cache.
+"""
+
+import argparse
+import json
+import tempfile
+import time
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+from rpaug_adapters.ego4d import Ego4D
+
+from rpaug.errors import Unsupported
+from rpaug.sfm import film, splats, world
+from rpaug.sfm.colmap import Settings
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("kind", choices=("walk", "clip"))
+    parser.add_argument("path", type=Path)
+    parser.add_argument("--gaussians", action="store_true", help="fit them too")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        path = given.path
+        if given.kind == "walk":
+            path = as_video(given.path, Path(folder) / "walk.mp4")
+        facts = measured(given, path, Path(folder) / "cache")
+    if given.json:
+        print(json.dumps(facts))
+        return
+    for name, value in facts.items():
+        print(f"{name:32} {value}")
+
+
+def measured(given: argparse.Namespace, path: Path, cache: Path) -> dict[str, object]:
+    adapter = Ego4D()
+    episode = adapter.read(path, adapter.episodes(path)[0])
+    start = time.process_time()
+    try:
+        found = film.develop(episode, Settings(threads=given.threads), cache=cache)
+    except Unsupported as error:
+        return {"refused": str(error), "processor_s": round(time.process_time() - start, 1)}
+    facts: dict[str, object] = {
+        **found.describe(),
+        "processor_s": round(time.process_time() - start, 1),
+    }
+    if given.kind == "walk":
+        truth = np.array([np.loadtxt(p)[:3, 3] for p in sorted(given.path.glob("*.pose.txt"))])
+        truth = truth[found.model.times]
+        at = found.model.cam_to_world[:, :3, 3]
+        motion, scale = world.aligned(at, truth)
+        off = scale * at @ motion[:3, :3].T + motion[:3, 3] - truth
+        facts["trajectory_rmse_cm"] = round(100 * float(np.sqrt((off**2).sum(1).mean())), 2)
+    if given.gaussians:
+        start = time.process_time()
+        _, told = splats.fitted(found.scene(), found, splats.SplatSettings(threads=given.threads))
+        facts |= {
+            f"gaussians_{name}": told[name] for name in ("gaussians", "train_db", "held_out_db")
+        }
+        facts["gaussians_processor_s"] = round(time.process_time() - start, 1)
+    return facts
+
+
+def as_video(folder: Path, path: Path) -> Path:
+    """The colour images of a folder as an MP4 of three frames a second."""
+    images = sorted(folder.glob("*.color.*"))
+    with av.open(str(path), "w") as made:
+        stream = made.add_stream("libx264", rate=3, options={"crf": "10"})
+        stream.height, stream.width = cv2.imread(str(images[0])).shape[:2]
+        stream.pix_fmt = "yuv420p"
+        for image in images:
+            rgb = np.ascontiguousarray(cv2.imread(str(image))[..., ::-1])
+            for packet in stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")):
+                made.mux(packet)
+        for packet in stream.encode():
+            made.mux(packet)
+    return path
+
+
+if __name__ == "__main__":
+    main()
