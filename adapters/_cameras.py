@@ -93,6 +93,7 @@ class Beside(Model):
     joints: Name | None = None
     joint_velocities: Name | None = None
     language: Name | None = None
+    images: dict[Name, Name] = Field(default={}, description="features of colour, by their views")
     views: list[str] | None = None
 
 

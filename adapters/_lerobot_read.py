@@ -154,6 +154,9 @@ def _images(about: Info, beside: Beside) -> dict[str, str]:
         if not _is_depth(about.features[key]):
             prefix = next((prefix for prefix in IMAGES if key.startswith(prefix)), "")
             found[key.removeprefix(prefix)] = key
+    for name, key in beside.images.items():
+        _cameras.known(about.folder, f"images.{name}", key, about.of_kind("image", "video"))
+        found = {n: k for n, k in found.items() if k != key} | {name: key}
     if beside.views is not None:
         for name in beside.views:
             _cameras.known(about.folder, f"views, {name}", name, found)

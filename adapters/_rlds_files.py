@@ -21,6 +21,7 @@ from rpaug.files import PART, read_bytes, write_atomic
 
 INFO = "dataset_info.json"
 STAGED = "episode.tfrecord"
+LONGEST = 200  # bytes of a file's name
 MOST = 2**20  # episodes of a split: more is taken for damage, before any is listed
 USUAL = 256  # records of a shard where no source says
 TEMPLATE = "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}"
@@ -94,7 +95,13 @@ def _named(folder: Path, entry: Any) -> tuple[str, tuple[int, ...]]:
         lengths = tuple(int(length) for length in entry["shardLengths"])
     except (KeyError, TypeError, ValueError, OverflowError):
         lengths = (-1,)
-    wrong = not isinstance(name, str) or not name or set("/\\\0") & set(name) or name[0] == "."
+    wrong = (
+        not isinstance(name, str)
+        or not name
+        or set("/\\\0") & set(name)
+        or name[0] == "."
+        or len(name) > LONGEST // 4
+    )
     if wrong or any(length < 0 for length in lengths) or sum(lengths) > MOST:
         expected = "a name and shardLengths"
         raise BadInput(folder / INFO, "splits", found=str(entry)[:80], expected=expected)
@@ -114,7 +121,22 @@ def _file(template: str, dataset: str, split: str, i: int, count: int) -> str:
     name = template
     for field, value in fields.items():
         name = name.replace("{" + field + "}", value)
-    return Path(name.replace("\0", "")).name[:255] or "-"  # never outside the dataset's folder
+    plain = Path(name.replace("\0", "")).name.encode(errors="replace")[:LONGEST]
+    return plain.decode(errors="ignore") or "-"  # never outside the dataset's folder
+
+
+def faults(folder: Path) -> Iterator[str]:
+    """Where the shards of a packed dataset hold other records, or bytes of records, than its description says."""
+    if not (folder / INFO).is_file():
+        return
+    told = {entry["name"]: entry.get("numBytes") for entry in info(folder)["splits"]}
+    for name, split in splits(folder).items():
+        held = [[length for _, length in _tfrecord.places(path)] for path in split.files]
+        if tuple(map(len, held)) != split.lengths:
+            yield f"{name}: shardLengths {list(split.lengths)}, the shards hold {[*map(len, held)]}"
+        total = sum(map(sum, held))
+        if told[name] is not None and str(told[name]) != str(total):
+            yield f"{name}: numBytes {told[name]}, the records have {total}"
 
 
 def faults(folder: Path) -> Iterator[str]:

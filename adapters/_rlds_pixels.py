@@ -22,7 +22,7 @@ def decoder(
     example: Example, leaf: Leaf, shape: tuple[int, int], length: int
 ) -> Callable[[int], np.ndarray]:
     """A function from a step to its values, (h, w) of the feature's type. Raises BadInput."""
-    if leaf.dtype not in NUMERIC:
+    if leaf.dtype not in NUMERIC or (leaf.dtype == "" and leaf.kind != "Image"):
         expected = f"one of {', '.join(sorted(NUMERIC))}"
         raise BadInput(example.where, f"{leaf.key}, dtype", found=leaf.dtype, expected=expected)
     if leaf.kind == "Image" or leaf.encoding in PACKED:

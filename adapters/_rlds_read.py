@@ -95,6 +95,11 @@ def _images(
         leaf.name if names.count(leaf.name) == 1 else leaf.key.removeprefix(STEPS): leaf
         for leaf in found
     }
+    for name, key in beside.images.items():
+        among = [k.removeprefix(STEPS) for k, leaf in known.items() if leaf.stepwise]
+        _cameras.known(folder, f"images.{name}", key, among)
+        views = {n: leaf for n, leaf in views.items() if leaf.key != STEPS + key}
+        views[name] = known[STEPS + key]
     if beside.views is not None:
         for name in beside.views:
             _cameras.known(folder, f"views, {name}", name, views)

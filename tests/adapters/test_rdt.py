@@ -207,3 +207,48 @@ def test_a_robot_without_joints_cannot_be_written(template: Path, tmp_path: Path
     with pytest.raises(Unsupported, match="joint positions"):
         RDT().write(replace(episode, robot=none), tmp_path, KEY, dict)
     assert not list(tmp_path.rglob("*.hdf5"))
+
+
+def test_a_single_arm_with_two_rgbd_cameras(tmp_path: Path) -> None:
+    """As in docs/formats.md: third-person and wrist camera, depth in millimetres, poses and gripper by a key map."""
+    eye = [[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]]
+    K = [[15.0, 0, 8], [0, 15, 6], [0, 0, 1]]
+    poses = np.tile(np.eye(4), (STEPS, 1, 1))
+    poses[:, 0, 3] = np.arange(STEPS) / 10
+    (tmp_path / "arm").mkdir()
+    with h5py.File(tmp_path / "arm/episode_0.hdf5", "w") as file:
+        file["observations/qpos"] = np.zeros((STEPS, 14))
+        file["observations/joints"] = np.arange(STEPS * 7.0).reshape(STEPS, 7)
+        file["observations/wrist_pose"] = poses.reshape(STEPS, 16)
+        file["observations/eef"] = np.tile([0.1, 0.2, 0.3, 0, 0, 0, 1, 0.5], (STEPS, 1))
+        for name in ("cam_high", "cam_right_wrist"):
+            images = [jpeg(picture(t)) for t in range(STEPS)]
+            file[f"observations/images/{name}"] = np.array(images, "S")
+            deep = np.full((STEPS, HEIGHT, WIDTH), 1500, np.uint16)
+            file[f"observations/images_depth/{name}"] = deep
+
+    def camera(name: str, **where: object) -> dict:
+        return {"K": K, "depth": f"observations/images_depth/{name}", "metres": 0.001, **where}
+
+    told = {
+        "version": 1,
+        "views": ["cam_high", "cam_right_wrist"],
+        "cameras": {
+            "cam_high": camera("cam_high", cam_to_world=eye),
+            "cam_right_wrist": camera("cam_right_wrist", pose_key="observations/wrist_pose"),
+        },
+        "gripper": {
+            "key": "observations/eef", "position": [0, 1, 2], "rotation": [3, 4, 5, 6],
+            "convention": "quaternion_xyzw", "opening": 7,
+        },
+        "joints": "observations/joints",
+    }  # fmt: skip
+    (tmp_path / "arm/cameras.yaml").write_text(yaml.safe_dump(told))
+    episode = RDT().read(tmp_path, "arm/episode_0")
+    wrist = episode.views["cam_right_wrist"]
+    assert np.array_equal(wrist.camera.cam_to_world, poses)
+    assert np.allclose(wrist.depth(0), 1.5)
+    assert episode.robot.joint_positions.shape == (STEPS, 7)
+    assert np.allclose(episode.robot.gripper_to_world[0, :3, 3], [0.1, 0.2, 0.3])
+    assert np.allclose(episode.robot.gripper_open, 0.5)
+    assert any("128 steps" in words for words in RDT().traps(episode))

@@ -281,3 +281,32 @@ def test_bad_numbers_are_refused_with_frame_and_field(
     edit_demo(dataset, lambda demo: change(demo._observations[3]))
     message = refusal(dataset)
     assert all(word in message for word in ["low_dim_obs.pkl", *words]), message
+
+
+def test_colosseums_own_layout(dataset: Path, tmp_path: Path) -> None:
+    """As robot-colosseum's `save_demo` and dataset generator leave it: masks of one channel, words beside the
+    episodes, no overhead camera, a state of its own among the episodes."""
+    place = tmp_path / "in/slide_block_to_target_3/variation0/episodes"
+    shutil.copytree(dataset / KEY, place / "episode0")
+    episode = place / "episode0"
+    shutil.move(episode / "variation_descriptions.pkl", place.parent)
+    (episode / "variation_number.pkl").unlink()
+    (place / "save_state.pkl").write_bytes(b"cos\nsystem\n(S'true'\ntR.")  # never opened
+    for path in episode.glob("*_mask/*.png"):
+        handles = RLBench().read(dataset, KEY).views[path.parent.name[:-5]].ids(int(path.stem))
+        path.write_bytes(encode_png((handles * 255 % 256).astype(np.uint8)))
+    for kind in ("rgb", "depth", "mask"):
+        shutil.rmtree(episode / f"overhead_{kind}", ignore_errors=True)
+    adapter, key = RLBench(), "slide_block_to_target_3/variation0/episodes/episode0"
+    assert adapter.episodes(tmp_path / "in") == [key]
+    read, recorded = adapter.read(tmp_path / "in", key), adapter.read(dataset, KEY)
+    assert read.descriptions == ("roll the ball", "push it")
+    assert "overhead" not in read.views
+    one, other = read.views["front"].ids(0), recorded.views["front"].ids(0)
+    assert np.array_equal(one, -other % 256)
+    adapter.write(read, tmp_path / "out", key, dict)
+    adapter.finish(tmp_path / "in", tmp_path / "out")
+    again = adapter.read(tmp_path / "out", key)
+    assert again.descriptions == read.descriptions
+    assert np.array_equal(again.views["front"].ids(0), one)
+    assert not list((tmp_path / "out").rglob("save_state.pkl"))

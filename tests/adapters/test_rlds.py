@@ -251,3 +251,17 @@ def test_real_episodes_come_back_byte_for_byte(samples: Path, tmp_path: Path) ->
     for path in root.rglob("1.0.0/*"):
         if path.is_file():
             assert (tmp_path / "out" / path.relative_to(root)).read_bytes() == path.read_bytes()
+
+
+def test_images_may_be_named_by_the_side_file(tmp_path: Path) -> None:
+    root = dataset(tmp_path)
+    before = RLDS().read(root, RLDS().episodes(root)[0])
+    name, leaf = next(iter(before.source.images.items()))
+    told = {"images": {"hand": leaf.key.removeprefix("steps/")}, "views": ["hand"]}
+    (root / "toy/1.0.0/cameras.yaml").write_text(yaml.safe_dump(told))
+    after = RLDS().read(root, RLDS().episodes(root)[0])
+    assert list(after.views) == ["hand"]
+    assert np.array_equal(after.views["hand"].rgb(0), before.views[name].rgb(0))
+    (root / "toy/1.0.0/cameras.yaml").write_text("images: {hand: nowhere}")
+    with pytest.raises(BadInput, match=r"images\.hand: found nowhere"):
+        RLDS().read(root, RLDS().episodes(root)[0])
