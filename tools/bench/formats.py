@@ -1,0 +1,116 @@
+"""RLDS copied through unedited: megabytes a processor second, and the memory it takes beside one episode's size.
+
+    python tools/bench/formats.py [--megabytes 2048] [--steps 64] [--json FILE]
+
+Makes one shard of that size in a temporary folder (removed after), episodes of `steps` JPEG frames of 640x480, then
+reads every episode and writes it unedited, and gathers the shard, as `rpaug augment` does.
+"""
+
+import argparse
+import json
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+from rpaug_adapters import _tfrecord
+from rpaug_adapters._example import example
+
+from rpaug.registry import adapter
+
+CORE = "tensorflow_datasets.core.features."
+
+
+def features() -> dict:
+    """`features.json` of one camera, actions and words."""
+
+    def tensor(kind: str, *shape: int) -> dict:
+        about = {"shape": {"dimensions": [str(s) for s in shape]}, "dtype": kind}
+        return {"pythonClassName": CORE + "tensor_feature.Tensor", "tensor": about}
+
+    def several(inner: dict) -> dict:
+        name = CORE + "features_dict.FeaturesDict"
+        return {"pythonClassName": name, "featuresDict": {"features": inner}}
+
+    about = {
+        "shape": {"dimensions": ["480", "640", "3"]},
+        "dtype": "uint8",
+        "encodingFormat": "jpeg",
+    }
+    image = {"pythonClassName": CORE + "image_feature.Image", "image": about}
+    text = {"pythonClassName": CORE + "text_feature.Text", "text": {}}
+    steps = several({
+        "observation": several({"image_0": image}),
+        "action": tensor("float32", 7), "language_instruction": text,
+    })  # fmt: skip
+    sequence = {"feature": steps, "length": "-1"}
+    every = {"pythonClassName": CORE + "dataset_feature.Dataset", "sequence": sequence}
+    return several({"steps": every})
+
+
+def make(root: Path, megabytes: int, steps: int) -> tuple[int, int]:
+    """One shard; its bytes of records, and those of one."""
+    folder = root / "bench/1.0.0"
+    folder.mkdir(parents=True)
+    (folder / "features.json").write_text(json.dumps(features()))
+    rng = np.random.default_rng(0)
+    noise = rng.integers(0, 255, (480, 640, 3), np.uint8)
+    frame = cv2.imencode(".jpg", noise, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
+    record = example({
+        "steps/observation/image_0": [frame] * steps,
+        "steps/action": rng.normal(size=7 * steps).astype(np.float32),
+        "steps/language_instruction": [b"put it away"] * steps,
+    })  # fmt: skip
+    count = max(1, megabytes * 10**6 // len(record))
+    framed = _tfrecord.frame(record)
+    with (folder / "bench-train.tfrecord-00000-of-00001").open("wb") as stream:
+        for _ in range(count):
+            stream.write(framed)
+    total = count * len(record)
+    split = {"name": "train", "numBytes": str(total), "shardLengths": [str(count)],
+             "filepathTemplate": "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}"}  # fmt: skip
+    info = {"fileFormat": "tfrecord", "name": "bench", "splits": [split], "version": "1.0.0"}
+    (folder / "dataset_info.json").write_text(json.dumps(info))
+    return total, len(record)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--megabytes", type=int, default=2048)
+    parser.add_argument("--steps", type=int, default=64)
+    parser.add_argument("--json", type=Path)
+    told = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "in", Path(folder) / "out"
+        total, one = make(source, told.megabytes, told.steps)
+        rlds = adapter("rlds")
+        before = resource.getrusage(resource.RUSAGE_SELF)
+        begun = time.perf_counter()
+        for key in rlds.episodes(source):
+            rlds.write(rlds.read(source, key), target, key, dict)
+        rlds.finish(source, target)
+        after = resource.getrusage(resource.RUSAGE_SELF)
+        user, system = after.ru_utime - before.ru_utime, after.ru_stime - before.ru_stime
+        figures = {
+            "megabytes": total / 1e6,
+            "episode_megabytes": one / 1e6,
+            "user_seconds": user,
+            "system_seconds": system,
+            "wall_seconds": time.perf_counter() - begun,
+            "megabytes_a_processor_second": total / 1e6 / (user + system),
+            "peak_growth_megabytes": (after.ru_maxrss - before.ru_maxrss) * 1024 / 1e6,
+        }
+    for name, value in figures.items():
+        sys.stdout.write(f"{name:32} {value:10.1f}\n")
+    if told.json:
+        told.json.write_text(json.dumps(figures, indent=1))
+
+
+if __name__ == "__main__":
+    main()
