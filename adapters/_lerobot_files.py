@@ -184,7 +184,7 @@ def episodes(folder: Path) -> dict[int, dict[str, Any]]:
     pa, _ = arrow()
     try:
         return _episodes(folder, (folder / INFO).stat().st_mtime_ns)
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         found = str(error).split("\n")[0][:120]
         raise BadInput(folder / EPISODES, "parquet", found=found, expected="a table") from None
 
