@@ -139,20 +139,6 @@ def faults(folder: Path) -> Iterator[str]:
             yield f"{name}: numBytes {told[name]}, the records have {total}"
 
 
-def faults(folder: Path) -> Iterator[str]:
-    """Where the shards of a packed dataset hold other records, or bytes of records, than its description says."""
-    if not (folder / INFO).is_file():
-        return
-    told = {entry["name"]: entry.get("numBytes") for entry in info(folder)["splits"]}
-    for name, split in splits(folder).items():
-        held = [[length for _, length in _tfrecord.places(path)] for path in split.files]
-        if tuple(map(len, held)) != split.lengths:
-            yield f"{name}: shardLengths {list(split.lengths)}, the shards hold {[*map(len, held)]}"
-        total = sum(map(sum, held))
-        if told[name] is not None and str(told[name]) != str(total):
-            yield f"{name}: numBytes {told[name]}, the records have {total}"
-
-
 def staged(folder: Path) -> dict[str, list[int]]:
     """Numbers of the episodes that are not packed yet, by split, ascending."""
     found: dict[str, list[int]] = {}

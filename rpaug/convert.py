@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -66,7 +67,7 @@ def convert(
             episode = replace(reader.read(source, key), source=None)
             side = report.encode(_told(source, key, reader.name))
             made = writer.key_for(like, free.get(group, 0))
-            writer.write(episode, target, made, lambda side=side: {report.NAME: side})
+            writer.write(episode, target, made, partial(dict, {report.NAME: side}))
         except RpaugError as error:
             done.failures[key] = str(error)
             continue

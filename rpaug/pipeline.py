@@ -236,7 +236,8 @@ class Place:
 @dataclass(frozen=True)
 class Trial:
     """How a copy is held to its gates, if it has any: `attempt` counts its draws from 0; not `strict`, it is written
-    all the same. An instruction that is not true is a fault; so are actions that no longer hold, unless `keep_invalid`."""
+    all the same. An instruction that is not true is a fault, and so are actions that no longer hold, unless they are to
+    be kept (`keep_invalid`)."""
 
     gates: gating.Gates | None
     attempt: int

@@ -1,4 +1,4 @@
-"""Rules for new things: looked for in the library, and made by a generator where a wish names one."""
+"""Rules for new things: looked for in the library."""
 # ruff: noqa: E501  # patterns are easiest to read whole
 
 import re

@@ -1,4 +1,4 @@
-"""Spherical harmonics of turned Gaussians: a colour that depended on direction turns along (PhysGaussian, section 3.3)."""
+"""Spherical harmonics of turned Gaussians: colours that depend on direction turn along (PhysGaussian, section 3.3)."""
 
 from functools import cache
 

@@ -70,8 +70,8 @@ def refined(there: Gaussians, camera: Camera, ambience: Ambience) -> Float32[np.
     known = drawn.surface_index >= 0
     faces = np.zeros((*known.shape, 3), np.float32)
     faces[known] = outward(there, camera)[drawn.surface_index[known]]
-    faces = cv2.blur(faces, (SMOOTH, SMOOTH))
-    faces /= np.maximum(np.linalg.norm(faces, axis=-1, keepdims=True), 1e-6)
+    faces = np.asarray(cv2.blur(faces, (SMOOTH, SMOOTH)), np.float32)
+    faces = faces / np.maximum(np.linalg.norm(faces, axis=-1, keepdims=True), 1e-6)
     colour = np.clip(drawn.colour[shown] / drawn.alpha[shown][:, None], 0, 1)
     out = np.zeros_like(drawn.colour)
     out[shown] = lit(colour, faces[shown], ambience) * drawn.alpha[shown][:, None]
