@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from jaxtyping import Float32, Int32, UInt8
+from jaxtyping import Bool, Float32, Int32, UInt8
 
 from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
@@ -22,6 +22,8 @@ SHARP = Settings(dilation=0.1)
 NEAR = 3.0  # typical standard deviations: the near plane where scenes are smaller than metres
 ROUGH = 2e-3  # of depth: how much, at least, the planes of neighbouring Gaussians stand apart
 ROUNDS = 3  # of smoothing over 5x5 pixels, for normals that light can fall on
+CLOSED = 0.9  # share of light that is gone where something closes the view
+FRINGE = 0.05  # less of it than before the edit: something was taken away
 REACH = 3.0  # standard deviations: how far from its middle a Gaussian's plane is followed
 
 
@@ -67,15 +69,26 @@ def blended(
     placement = Placement.of(then.ids, scene.tracked, scene.irradiance)
     there = placement.place(Splats.of(then), t)
     assert there.quats is not None
-    then = replace(then, means=there.means, quats=there.quats, sh=there.sh)
+    unedited = then = replace(then, means=there.means, quats=there.quats, sh=there.sh)
     then = flowing.edited(then, scene, t, np.zeros(3))
-    splats, names = Splats.of(then), then.ids
+    splats, names, before = Splats.of(then), then.ids, Splats.of(unedited)
     if scene.flowing is not None:
         now, middle = flowing.standing(scene.flowing, t), scene.flowing.origin
+        before, _ = flowing.beside(before, unedited.ids, now, middle)
         splats, names = flowing.beside(splats, names, flowing.edited(now, scene, t, middle), middle)
     drawn = Rasteriser(sharp(splats)).forward(splats, view_of(eye, t))
+    depth = plane_depth(drawn, splats, eye, t)
     ids = np.where(drawn.surface_index >= 0, names[drawn.surface_index], 0)
-    return to_bytes(drawn.colour), plane_depth(drawn, splats, eye, t), ids.astype(np.int32)
+    if then is not unedited:
+        opened = _opened(drawn, before, eye, t)
+        depth, ids = np.where(opened, 0, depth), np.where(opened, 0, ids)
+    return to_bytes(drawn.colour), depth, ids.astype(np.int32)
+
+
+def _opened(drawn: Rendering, before: Splats, eye: Camera, t: int) -> Bool[np.ndarray, "h w"]:
+    """Where an edit took away what closed the view, and left a fringe that no longer does."""
+    closed = Rasteriser(sharp(before)).forward(before, view_of(eye, t)).alpha
+    return (drawn.alpha < CLOSED) & (drawn.alpha < closed - FRINGE)
 
 
 def surfaces(
