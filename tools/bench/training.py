@@ -40,7 +40,8 @@ for epoch in range(1, 1 + int(epochs)):
     cameras = episodes[0]["cameras"]
     spent += time.process_time() - start
     frames += sum(len(images["rgb"]) for images in cameras.values())
-print(json.dumps({"imports_s": round(imported, 2), "first_s": round(first, 2), "frames_per_s": round(frames / spent, 1)}))
+rate = round(frames / spent, 1)
+print(json.dumps({"imports_s": round(imported, 2), "first_s": round(first, 2), "frames_per_s": rate}))
 """
 
 
