@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from rpaug.errors import BadInput
-from rpaug.scene import arms, cached, ply, store
 from rpaug.scene.build import build
-from rpaug.scene.descent import FitSettings
-from rpaug.scene.gaussians import placed
+from rpaug.scene.splats import cached, ply, store
+from rpaug.scene.splats.descent import FitSettings
+from rpaug.scene.splats.gaussians import placed
+from rpaug.scene.tracking import arms
 from rpaug.types import Episode, Scene
 
 

@@ -14,7 +14,10 @@ import numpy as np
 from jaxtyping import Bool, Int32, UInt8
 from pydantic import BaseModel, ConfigDict, Field
 
-from rpaug.scene import agreement, albedo, colours, views
+from rpaug.scene import views
+from rpaug.scene.lighting import albedo
+from rpaug.scene.naming import colours
+from rpaug.scene.tracking import agreement
 from rpaug.types import CameraView, Episode, Scene
 
 MOMENTS = 8  # pairs of neighbouring frames that flicker and agreement are measured at

@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.files import encode_png
-from rpaug.scene import arms, calibration, keyframes, rgb_only
+from rpaug.scene import keyframes, rgb_only
 from rpaug.scene.build import build
-from rpaug.scene.survey import InstanceSummary, survey
+from rpaug.scene.naming.survey import InstanceSummary, survey
+from rpaug.scene.tracking import arms, calibration
 from rpaug.types import CameraView, Episode
 
 MARGIN = 4  # pixels around an instance's thumbnail

@@ -13,9 +13,9 @@ import numpy as np
 
 from rpaug.assets import library
 from rpaug.errors import RpaugError, TargetError
-from rpaug.scene import colours, relations, targets
-from rpaug.scene.nouns import TOWARDS, VERBS, understood
-from rpaug.scene.survey import InstanceSummary, survey
+from rpaug.scene.naming import colours, relations, targets
+from rpaug.scene.naming.nouns import TOWARDS, VERBS, understood
+from rpaug.scene.naming.survey import InstanceSummary, survey
 from rpaug.types import Scene
 
 STOPS = (

@@ -18,7 +18,9 @@ from rpaug.interfaces import Adapter
 from rpaug.preparing import ground, made_ready
 from rpaug.recipe import Option, Recipe, option
 from rpaug.recipe import build as build_recipe
-from rpaug.scene import simulate, surfels, views
+from rpaug.scene import views
+from rpaug.scene.recorded import surfels
+from rpaug.scene.simulated import simulate
 from rpaug.types import Episode, Scene
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from rpaug.interfaces import Operator
 from rpaug.recipe import Accuracy
 from rpaug.residuals import Residual
-from rpaug.scene.targets import Target
+from rpaug.scene.naming.targets import Target
 from rpaug.types import Effect, Episode, Scene
 
 TIERS = {0: "recorded pixels", 1: "surfels", 3: "Gaussians", 4: "Gaussians in space and time"}

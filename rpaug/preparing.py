@@ -14,8 +14,9 @@ from rpaug import report, residuals, splits
 from rpaug.errors import RpaugError, Unsupported
 from rpaug.interfaces import Adapter, Edit, Operator
 from rpaug.recipe import Recipe
-from rpaug.scene import arms, calibration, rgb_only
+from rpaug.scene import rgb_only
 from rpaug.scene.build import build
+from rpaug.scene.tracking import arms, calibration
 from rpaug.sfm import film
 from rpaug.types import Camera, Effect, Episode, Scene
 
@@ -176,7 +177,7 @@ def _with_gaussians(
         from rpaug.sfm import splats  # only here: it brings torch and the rasteriser
 
         return splats.fitted(scene, scene.back)
-    from rpaug.scene import cached  # only here: it brings torch and the rasteriser
+    from rpaug.scene.splats import cached  # only here: it brings torch and the rasteriser
 
     fitted = cached.fitted_in_time if plan.tier >= 4 else cached.fitted
     return fitted(scene, scenes, founder=lender)
@@ -188,7 +189,7 @@ def founders(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str
     That is the first episode of its place in its split of the whole dataset, in natural order: whatever was selected
     or fitted before, and in whatever order, it is the same. The first itself, and what cannot be read, is left out.
     """
-    from rpaug.scene import sharing  # only here: it brings torch and the rasteriser
+    from rpaug.scene.splats import sharing  # only here: it brings torch and the rasteriser
 
     first: dict[tuple[str | None, str], str] = {}
     found, wanted = {}, set(keys)

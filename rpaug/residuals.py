@@ -13,8 +13,8 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float32, Float64, Int32, UInt8
 
-from rpaug.scene import surfels
-from rpaug.scene.plates import spread
+from rpaug.scene.recorded import surfels
+from rpaug.scene.recorded.plates import spread
 from rpaug.types import Camera, CameraView, Scene
 
 FRAMES = 2  # moments that are looked at
@@ -52,7 +52,7 @@ def measure(scene: Scene, moved: Mapping[str, Camera]) -> list[Residual]:
 
 def of_gaussians(scene: Scene, cameras: Iterable[str]) -> list[Residual]:
     """Residuals of the scene's Gaussians in the recorded views of some cameras, which they were fitted to."""
-    from rpaug.scene import gaussian_view  # only here: it brings torch and the rasteriser
+    from rpaug.scene.splats import gaussian_view  # only here: it brings torch and the rasteriser
 
     def drawn(name: str, t: int) -> tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
         return gaussian_view.render_view(scene, name, t)[:2]

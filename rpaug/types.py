@@ -286,8 +286,8 @@ class Gaussians4:
 class Ambience:
     """The light that inserted things are shown in, and how far colours reach in the recording.
 
-    `light` are the nine terms of `rpaug.scene.irradiance`, 1 on a face that looks up, and `tint` its colour. `gamut` is
-    the darkest and brightest lightness and the strongest chroma recorded (CIELAB), None to leave colours alone.
+    `light` are the nine terms of `rpaug.scene.lighting.irradiance`, 1 on a face that looks up, and `tint` its colour.
+    `gamut` is the darkest and brightest lightness and the strongest chroma recorded (CIELAB), None to leave colours be.
     """
 
     light: tuple[float, ...]

@@ -12,7 +12,7 @@ from rpaug import converted, registry, report, splits
 from rpaug.errors import RpaugError
 from rpaug.files import REJECTED
 from rpaug.interfaces import Adapter
-from rpaug.scene import agreement
+from rpaug.scene.tracking import agreement
 from rpaug.types import CameraView, Effect, Episode
 
 LOOKED_AT = 6  # frames of each episode whose images are compared, evenly spread

@@ -1,5 +1,7 @@
 """A scene in closed form: a patterned table, a box on it, a ball that moves; exact from any camera."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from rpaug.types import Body, Camera, CameraView, Episode, Robot, Scene
@@ -8,6 +10,8 @@ TABLE, BOX, BALL = 7, 0xABCDEF, 300  # one small handle, one that needs 24 bits
 BOX_LOW, BOX_HIGH = np.array([-0.15, -0.1, 0.0]), np.array([0.15, 0.1, 0.25])
 BALL_RADIUS = 0.12
 TABLE_HALF = 0.8
+EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "wrist": (-0.3, -0.5, 0.8)}
+LENGTH = 8
 
 
 def look(eye, at) -> np.ndarray:
@@ -109,3 +113,20 @@ def scene(eyes, length: int = 8, moving: str | None = None, ball: bool = True) -
         cameras={name: view.camera for name, view in views.items()}, bodies=bodies, roles={},
         antialiased=False, descriptions=("roll the ball",),
     )  # fmt: skip
+
+
+def seen_by(scene_, change):
+    """The scene with each view's (rgb, depth, ids) at t changed by `change(name, t, rgb, depth, ids)`."""
+
+    def altered(name, view):
+        def image(t, part):
+            return change(name, t, view.rgb(t).copy(), view.depth(t).copy(), view.ids(t).copy())[
+                part
+            ]
+
+        return replace(
+            view, rgb=lambda t: image(t, 0), depth=lambda t: image(t, 1), ids=lambda t: image(t, 2)
+        )
+
+    views = {name: altered(name, view) for name, view in scene_.episode.views.items()}
+    return replace(scene_, episode=replace(scene_.episode, views=views))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from analytic import scene
 
-from rpaug.scene.gaussians import Picture, joined, lifted
+from rpaug.scene.splats.gaussians import Picture, joined, lifted
 from rpaug.types import Scene
 
 EYES = {"front": (1.1, 0.2, 0.7), "side": (0.2, 1.1, 0.6)}

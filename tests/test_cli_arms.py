@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_arms import panda_mjcf, panda_urdf
+from arm_files import panda_mjcf, panda_urdf
 from typer.testing import CliRunner
 
 from rpaug.cli import app
 from rpaug.doctor import SAMPLE
-from rpaug.scene import arms
+from rpaug.scene.tracking import arms
 
 EDIT = "{version: 1, edits: [{op: recolor, target: {role: robot}, color: blue}]}"
 

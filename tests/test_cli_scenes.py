@@ -10,8 +10,8 @@ from analytic import scene as analytic_scene
 from typer.testing import CliRunner
 
 from rpaug.cli import app
-from rpaug.scene import ply, store
-from rpaug.scene.seeds import seeds
+from rpaug.scene.splats import ply, store
+from rpaug.scene.splats.seeds import seeds
 from rpaug.types import Scene
 
 

@@ -8,7 +8,7 @@ import rpaug_recipes
 import yaml
 
 from rpaug import BadRecipe, recipe
-from rpaug.scene import colours
+from rpaug.scene.naming import colours
 
 ROOT = Path(rpaug_recipes.__file__).parent / "colosseum"
 

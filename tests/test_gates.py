@@ -16,7 +16,7 @@ from rpaug.operators.camera_pose import CameraPose
 from rpaug.operators.fields import Palette
 from rpaug.operators.recolor import AlbedoRatio, Recolor
 from rpaug.operators.sensor_noise import SensorNoise
-from rpaug.scene.targets import Target
+from rpaug.scene.naming.targets import Target
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}
 BLUE = (0.1, 0.2, 0.9)

@@ -9,7 +9,7 @@ from tabletop import gl, handle, scene
 
 from rpaug import instruct, pipeline, recipe
 from rpaug.instruct import Untrue
-from rpaug.scene.survey import survey
+from rpaug.scene.naming.survey import survey
 from rpaug.types import Scene
 
 

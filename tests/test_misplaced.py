@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from rpaug import registry
 from rpaug.cli import app
 from rpaug.doctor import SAMPLE
-from rpaug.scene import calibration
+from rpaug.scene.tracking import calibration
 
 RECIPE = "version: 1\nedits:\n  - {op: recolor, target: {role: manipulated}, color: blue}\n"
 

@@ -13,9 +13,9 @@ from test_augment import GROUP, contents
 
 from rpaug import pipeline, preparing, recipe, report
 from rpaug.augment import Run, execute
-from rpaug.scene import cached, store
-from rpaug.scene.descent import FitSettings
 from rpaug.scene.four.fit4 import FourSettings
+from rpaug.scene.splats import cached, store
+from rpaug.scene.splats.descent import FitSettings
 
 RECIPE = {
     "version": 1,

@@ -13,8 +13,8 @@ from rpaug import pipeline, plan, preparing, registry
 from rpaug.errors import TargetError
 from rpaug.recipe import load
 from rpaug.scene.build import build
-from rpaug.scene.descent import settings_for
-from rpaug.scene.fit import fitted, psnr
+from rpaug.scene.splats.descent import settings_for
+from rpaug.scene.splats.fit import fitted, psnr
 from rpaug.types import Scene
 
 FOLDER = Path(rpaug_recipes.__file__).parent

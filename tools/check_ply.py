@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from rpaug.render.splat import render
-from rpaug.scene import ply
+from rpaug.scene.splats import ply
 from rpaug.types import Gaussians
 
 AGREE = 1e-4  # of full colour: float32 through logarithms and logits

@@ -13,7 +13,7 @@ from rpaug.agents import grounding, refiner, rounds
 from rpaug.agents.messages import Answer, Entry, NotUnderstood, Setting, Trace
 from rpaug.agents.rounds import History
 from rpaug.errors import BadRecipe, RpaugError, TargetError, Unsupported
-from rpaug.scene import targets
+from rpaug.scene.naming import targets
 from rpaug.types import Episode, Scene
 
 

@@ -11,7 +11,7 @@ from rpaug.agents.messages import Entry, Meant, Mention
 from rpaug.assets import library
 from rpaug.errors import MissingExtra
 from rpaug.providers.words import synonym
-from rpaug.scene import colours
+from rpaug.scene.naming import colours
 
 ADD = r"(?:add|put|place|insert|set|stand|drop|introduce|spawn)"
 HERE = r"(?: (?:on|onto|to|in) (?:the )?(?:table|scene|desk|counter|tabletop|workspace|picture))?"

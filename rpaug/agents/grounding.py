@@ -7,8 +7,8 @@ from typing import Any
 from rpaug.agents import slots
 from rpaug.agents.grammar import NotThis, Said
 from rpaug.agents.messages import Mention, NotUnderstood
-from rpaug.scene import colours, relations, roles
-from rpaug.scene.nouns import ROLES, VERBS
+from rpaug.scene.naming import colours, relations, roles
+from rpaug.scene.naming.nouns import ROLES, VERBS
 
 Target = str | dict[str, Any]
 

@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 
 from rpaug.agents.messages import NotUnderstood
-from rpaug.scene import colours
+from rpaug.scene.naming import colours
 
 WORDS: Mapping[str, float] = {
     **{w: n for n, w in enumerate(("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"))},

@@ -21,7 +21,7 @@ from rpaug.agents.rounds import History
 from rpaug.assets import library
 from rpaug.errors import RpaugError
 from rpaug.providers.language import Endpoint
-from rpaug.scene import relations, roles
+from rpaug.scene.naming import relations, roles
 from rpaug.textures import shipped
 
 DEGREE = 0.017453292519943295

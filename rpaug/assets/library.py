@@ -13,8 +13,8 @@ import numpy as np
 from rpaug.assets import picture, shapes, shipped
 from rpaug.errors import BadInput, RpaugError, TargetError
 from rpaug.files import read_bytes, write_atomic
-from rpaug.scene import colours
-from rpaug.scene.gaussians import ARRAYS
+from rpaug.scene.naming import colours
+from rpaug.scene.splats.gaussians import ARRAYS
 from rpaug.types import Gaussians, Mesh
 
 FOLDER = "RPAUG_ASSETS"  # environment variable: where added things are kept

@@ -9,8 +9,8 @@ from jaxtyping import Float, UInt8
 from rpaug import geometry
 from rpaug.errors import BadInput
 from rpaug.files import read_bytes
-from rpaug.scene import harmonics, ply
-from rpaug.scene.gaussians import chosen, moved
+from rpaug.scene.splats import harmonics, ply
+from rpaug.scene.splats.gaussians import chosen, moved
 from rpaug.types import Gaussians, Mesh
 
 ENDINGS = (".glb", ".gltf", ".obj", ".stl", ".ply")

@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from rpaug.render import mesh as triangles
-from rpaug.scene.carrying import SH0
-from rpaug.scene.gaussians import quaternions
+from rpaug.scene.splats.carrying import SH0
+from rpaug.scene.splats.gaussians import quaternions
 from rpaug.types import Gaussians, Mesh
 
 COUNT = 50_000

@@ -11,7 +11,7 @@ from jaxtyping import Float32, Int32, UInt8
 
 from rpaug.providers import inpaint
 from rpaug.render import mesh as triangles
-from rpaug.scene import colours
+from rpaug.scene.naming import colours
 from rpaug.twin.look import Extra
 from rpaug.types import CameraView, Episode, Mesh
 

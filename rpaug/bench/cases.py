@@ -13,7 +13,8 @@ from rpaug.bench import baselines
 from rpaug.interfaces import Edit
 from rpaug.operators import insert as inserting
 from rpaug.operators.distractors import Distractors
-from rpaug.scene import albedo, build, light
+from rpaug.scene import build
+from rpaug.scene.lighting import albedo, light
 from rpaug.twin import LAMPS, RIG, Laid, Lamp, Take
 from rpaug.twin.look import Extra
 from rpaug.twin.mjcf import AMBIENT

@@ -7,9 +7,9 @@ from typing import Any
 
 from rpaug.bench.pareto import Panel
 from rpaug.errors import MissingExtra, RpaugError, Unsupported
-from rpaug.scene.densify import Densify
-from rpaug.scene.frame_fit import FrameFit, FrameFitSettings, fit_views
-from rpaug.scene.shots import shots_at
+from rpaug.scene.splats.densify import Densify
+from rpaug.scene.splats.frame_fit import FrameFit, FrameFitSettings, fit_views
+from rpaug.scene.splats.shots import shots_at
 from rpaug.types import Episode
 
 OPTIMISERS = {"adam": None, "adam, splitting": Densify()}

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float64, Int32, UInt8
 
-from rpaug.scene import colours
+from rpaug.scene.naming import colours
 
 LEAST_ERROR = 1e-4  # squared grey levels: equal images score 88 dB, not infinity
 _WINDOW, _SIGMA = 11, 1.5  # pixels: Wang et al. 2004

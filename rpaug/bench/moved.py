@@ -8,8 +8,8 @@ from jaxtyping import Bool
 
 from rpaug import geometry, twin
 from rpaug.errors import Unsupported
-from rpaug.scene import surfels
 from rpaug.scene.build import build
+from rpaug.scene.recorded import surfels
 from rpaug.types import CameraView, Episode, Scene
 
 SAME_POINT = 0.004, 0.01  # metres and share of depth: a recorded pixel this close saw the point

@@ -14,7 +14,7 @@ from rpaug import geometry
 from rpaug.bench.pareto import Panel
 from rpaug.errors import MissingExtra, RpaugError, Unsupported
 from rpaug.render.splat import Rasteriser, Splats, View, rasterise
-from rpaug.scene.gaussians import Picture, joined, lifted
+from rpaug.scene.splats.gaussians import Picture, joined, lifted
 from rpaug.types import CameraView, Episode, Gaussians
 
 NAMES = tuple(field.name for field in fields(Splats))

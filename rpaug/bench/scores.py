@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from rpaug.bench import metrics
-from rpaug.scene import agreement
+from rpaug.scene.tracking import agreement
 from rpaug.twin import Take
 from rpaug.types import CameraView, Episode
 

@@ -15,11 +15,12 @@ from rpaug.errors import RpaugError
 from rpaug.render import holes
 from rpaug.render.splat import Rasteriser, Splats, warm
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene import fit, gaussian_view, surfels
-from rpaug.scene.descent import settings_for
 from rpaug.scene.four import fit4
-from rpaug.scene.frame_fit import FrameFitSettings, fit_views
-from rpaug.scene.shots import shots_at
+from rpaug.scene.recorded import surfels
+from rpaug.scene.splats import fit, gaussian_view
+from rpaug.scene.splats.descent import settings_for
+from rpaug.scene.splats.frame_fit import FrameFitSettings, fit_views
+from rpaug.scene.splats.shots import shots_at
 from rpaug.types import Scene
 
 FAR = 0.02  # metres

@@ -61,7 +61,7 @@ def fit(
     Example: [bold]rpaug fit data/train/open_drawer --out scenes --ply drawer.ply[/]
     """
     from rpaug.fitting import fit_episode
-    from rpaug.scene.descent import settings_for
+    from rpaug.scene.splats.descent import settings_for
 
     if target is not None and stop is Stop.HELDOUT:
         raise RpaugError("--target: only --stop fidelity has one")

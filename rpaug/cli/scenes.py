@@ -23,7 +23,7 @@ def ls(
 
     Exit code 1 if some are damaged. Example: [bold]rpaug scenes ls scenes --check[/]
     """
-    from rpaug.scene import store as stored
+    from rpaug.scene.splats import store as stored
 
     rows: list[dict[str, Any]] = []
     for name in stored.names(store):
@@ -76,7 +76,7 @@ def rm(
 
     Example: [bold]rpaug scenes rm scenes 3fa2[/]
     """
-    from rpaug.scene import store as stored
+    from rpaug.scene.splats import store as stored
 
     names = list(dict.fromkeys(stored.named(store, key) for key in keys))
     for name in names:
@@ -112,8 +112,8 @@ def export(
     """
     import numpy as np
 
-    from rpaug.scene import gaussians, ply
-    from rpaug.scene import store as stored
+    from rpaug.scene.splats import gaussians, ply
+    from rpaug.scene.splats import store as stored
 
     found = stored.load(store, stored.named(store, key))
     assert found is not None

@@ -18,7 +18,7 @@ from rpaug.operators.insert import (
     suited,
 )
 from rpaug.providers import harmonise
-from rpaug.scene.placing import room
+from rpaug.scene.placement.placing import room
 from rpaug.types import Effect, Scene
 
 

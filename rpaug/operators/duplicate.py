@@ -8,8 +8,10 @@ from pydantic import Field
 
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
-from rpaug.scene import shadows, standing, targets, untouched
-from rpaug.scene.placing import room
+from rpaug.scene.lighting import shadows
+from rpaug.scene.naming import targets
+from rpaug.scene.placement import standing, untouched
+from rpaug.scene.placement.placing import room
 from rpaug.types import Body, Effect, Scene
 
 

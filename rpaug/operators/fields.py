@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from rpaug.scene import colours
+from rpaug.scene.naming import colours
 
 Unit = Annotated[float, Field(ge=0, le=1)]
 RGB = tuple[Unit, Unit, Unit]

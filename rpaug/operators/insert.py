@@ -14,9 +14,11 @@ from rpaug.errors import RpaugError, Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Interval
 from rpaug.providers import harmonise
-from rpaug.scene import ambience, shadows, standing, targets
-from rpaug.scene.inserted import draw as draw_all
-from rpaug.scene.placing import Room, hull, room
+from rpaug.scene.added.inserted import draw as draw_all
+from rpaug.scene.lighting import ambience, shadows
+from rpaug.scene.naming import targets
+from rpaug.scene.placement import standing
+from rpaug.scene.placement.placing import Room, hull, room
 from rpaug.types import Ambience, Body, Effect, Gaussians, Scene
 
 AS_IT_COMES: Edit = {"ambience": None, "lamps": []}
@@ -198,6 +200,6 @@ def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
 
 
 def _in_light(splats: Gaussians, pose: Float64[np.ndarray, "4 4"], light: Ambience) -> Gaussians:
-    from rpaug.scene import tuned  # only here: it brings torch and the rasteriser
+    from rpaug.scene.added import tuned  # only here: it brings torch and the rasteriser
 
     return tuned.tuned(splats, pose, light)

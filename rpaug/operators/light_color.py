@@ -8,7 +8,7 @@ from jaxtyping import Float32
 from pydantic import Field
 
 from rpaug.interfaces import Edit, Operator
-from rpaug.scene import light
+from rpaug.scene.lighting import light
 from rpaug.types import Effect, Scene, Surface
 
 Unit = Annotated[float, Field(ge=0, le=1)]

@@ -11,8 +11,8 @@ from pydantic import Field
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Unit
-from rpaug.scene import light
-from rpaug.scene.light import Lamp
+from rpaug.scene.lighting import light
+from rpaug.scene.lighting.light import Lamp
 from rpaug.types import Effect, Scene, Surface
 
 Direction = tuple[float, float, float]

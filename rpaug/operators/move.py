@@ -9,9 +9,11 @@ from pydantic import Field
 
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
-from rpaug.scene import places, shadows, standing, targets, untouched
+from rpaug.scene.lighting import shadows
 from rpaug.scene.looks import look
-from rpaug.scene.placing import room
+from rpaug.scene.naming import places, targets
+from rpaug.scene.placement import standing, untouched
+from rpaug.scene.placement.placing import room
 from rpaug.types import Effect, Scene
 
 

@@ -11,8 +11,10 @@ from rpaug import geometry
 from rpaug.errors import Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Interval
-from rpaug.scene import grip, growing, placing, shadows, targets, untouched
+from rpaug.scene.lighting import shadows
 from rpaug.scene.looks import look
+from rpaug.scene.naming import targets
+from rpaug.scene.placement import grip, growing, placing, untouched
 from rpaug.types import Body, Effect, Scene
 
 

@@ -12,8 +12,11 @@ from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Interval
 from rpaug.physics import materials
 from rpaug.physics.materials import Law, Material
-from rpaug.scene import shadows, simulate, targets, untouched
-from rpaug.scene.simulate import Setting
+from rpaug.scene.lighting import shadows
+from rpaug.scene.naming import targets
+from rpaug.scene.placement import untouched
+from rpaug.scene.simulated import simulate
+from rpaug.scene.simulated.simulate import Setting
 from rpaug.types import Effect, Scene
 
 LAWS = Literal["elastic", "jelly", "plasticine", "sand"]

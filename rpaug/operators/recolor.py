@@ -8,7 +8,8 @@ from jaxtyping import Float32
 
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import RGB, Color
-from rpaug.scene import albedo, colours, shading, targets
+from rpaug.scene.lighting import albedo, shading
+from rpaug.scene.naming import colours, targets
 from rpaug.types import Appearance, Effect, Scene, Surface
 
 # Per channel the pixel is divided by the old albedo only while that does not blow up its noise: a gain of 6 turns

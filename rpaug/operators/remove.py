@@ -9,7 +9,9 @@ from pydantic import AfterValidator
 from rpaug.errors import RpaugError
 from rpaug.interfaces import Edit, Operator
 from rpaug.providers import inpaint
-from rpaug.scene import shadows, targets, untouched
+from rpaug.scene.lighting import shadows
+from rpaug.scene.naming import targets
+from rpaug.scene.placement import untouched
 from rpaug.types import Effect, Scene
 
 

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import Interval
-from rpaug.scene import colours
+from rpaug.scene.naming import colours
 from rpaug.types import Effect, Scene
 
 

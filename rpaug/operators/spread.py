@@ -8,9 +8,10 @@ from pydantic import Field
 
 from rpaug.errors import RpaugError, Unsupported
 from rpaug.interfaces import Edit, Operator
-from rpaug.scene import shadows, standing, untouched
-from rpaug.scene.placing import Room, room
-from rpaug.scene.targets import Target
+from rpaug.scene.lighting import shadows
+from rpaug.scene.naming.targets import Target
+from rpaug.scene.placement import standing, untouched
+from rpaug.scene.placement.placing import Room, room
 from rpaug.types import Effect, Scene
 
 LARGEST = 0.4  # metres: what is wider is furniture

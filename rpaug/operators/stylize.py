@@ -11,8 +11,8 @@ from pydantic import Field
 from rpaug.errors import BadInput, TargetError, Unsupported
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators import fields, texturing
-from rpaug.scene import targets
-from rpaug.scene.painting import Painting
+from rpaug.scene.naming import targets
+from rpaug.scene.painted.painting import Painting
 from rpaug.textures import folder, shipped
 from rpaug.types import Effect, Scene, Surface
 
@@ -89,7 +89,7 @@ class Stylize(Operator):
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         from rpaug.providers import features  # only here: both bring torch
-        from rpaug.scene import nnfm
+        from rpaug.scene.painted import nnfm
 
         network = features.load(self.weights)
         if network.digest != edit["weights"]["digest"]:

@@ -8,7 +8,8 @@ import numpy as np
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import RGB
 from rpaug.operators.recolor import AlbedoRatio
-from rpaug.scene import shading, targets
+from rpaug.scene.lighting import shading
+from rpaug.scene.naming import targets
 from rpaug.types import Effect, Scene
 
 

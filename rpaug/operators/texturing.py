@@ -13,7 +13,8 @@ from rpaug import geometry
 from rpaug.errors import BadInput, TargetError
 from rpaug.interfaces import Edit, Operator
 from rpaug.operators.fields import RGB
-from rpaug.scene import albedo, shading, targets
+from rpaug.scene.lighting import albedo, shading
+from rpaug.scene.naming import targets
 from rpaug.textures import folder, shipped
 from rpaug.textures.mapping import Mapping, Texture
 from rpaug.types import Appearance, Effect, Scene, Surface

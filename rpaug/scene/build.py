@@ -4,10 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rpaug.scene import antialias, bodies, rgb_only, roles, sampling
-from rpaug.scene.arms import KNOWN, Kinematics
+from rpaug.scene import antialias, rgb_only, sampling
 from rpaug.scene.looks import look
+from rpaug.scene.naming import roles
 from rpaug.scene.segmentation import motion
+from rpaug.scene.tracking import bodies
+from rpaug.scene.tracking.arms import KNOWN, Kinematics
 from rpaug.types import Body, Episode, Scene
 
 SAMPLED = 32  # frames of each camera in which instances without depth are looked for

@@ -14,7 +14,8 @@ from rpaug.errors import Unsupported
 from rpaug.render import holes
 from rpaug.render.composite import composite
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene import inserted, surface, surfels
+from rpaug.scene.added import inserted
+from rpaug.scene.recorded import surface, surfels
 from rpaug.scene.shelf import shelved
 from rpaug.types import CameraView, Episode, Scene, Sensor
 
@@ -182,7 +183,7 @@ def _blended(
 
 
 def _gaussians(scene: Scene, name: str, t: int) -> Frame:
-    from rpaug.scene import gaussian_view  # only here: it brings torch and the rasteriser
+    from rpaug.scene.splats import gaussian_view  # only here: it brings torch and the rasteriser
 
     rgb, depth, ids = gaussian_view.blended(scene, name, t)
     empty = depth == 0

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Int32, UInt8
 
-from rpaug.scene import colours
+from rpaug.scene.naming import colours
 
 LEVELS = 16  # of each colour channel, in the table of names
 LEAST = 0.002  # share of an image: smaller patches belong to what is around them

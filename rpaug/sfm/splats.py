@@ -14,10 +14,10 @@ from jaxtyping import Float64
 
 from rpaug import geometry
 from rpaug.render.splat import Loss, Splats, View
-from rpaug.scene.frame_fit import FrameFitSettings, fit_views
-from rpaug.scene.gaussians import SH0, Picture, chosen, joined, lifted
-from rpaug.scene.plates import spread
-from rpaug.scene.shots import Shot
+from rpaug.scene.recorded.plates import spread
+from rpaug.scene.splats.frame_fit import FrameFitSettings, fit_views
+from rpaug.scene.splats.gaussians import SH0, Picture, chosen, joined, lifted
+from rpaug.scene.splats.shots import Shot
 from rpaug.sfm import sweep
 from rpaug.sfm.film import Film
 from rpaug.sfm.things import BACKGROUND

@@ -19,9 +19,9 @@ from rpaug.errors import BadInput
 from rpaug.files import read_bytes, write_atomic
 from rpaug.render import zbuffer
 from rpaug.render.zbuffer import Source
-from rpaug.scene.parts import Part
-from rpaug.scene.plates import Plate
-from rpaug.scene.surfels import Surfels
+from rpaug.scene.recorded.parts import Part
+from rpaug.scene.recorded.plates import Plate
+from rpaug.scene.recorded.surfels import Surfels
 from rpaug.types import Body, Scene
 
 VERSION = 1

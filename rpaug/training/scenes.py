@@ -10,9 +10,10 @@ from typing import Any
 from rpaug import preparing, registry
 from rpaug.plan import Plan, make
 from rpaug.recipe import Recipe
-from rpaug.scene import store, surfels
 from rpaug.scene.build import build
-from rpaug.scene.surfels import Surfels
+from rpaug.scene.recorded import surfels
+from rpaug.scene.recorded.surfels import Surfels
+from rpaug.scene.splats import store
 from rpaug.training import prepared
 from rpaug.types import Scene
 

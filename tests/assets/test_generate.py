@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from rpaug.assets import generate, library
 from rpaug.cli import app
 from rpaug.errors import BadInput, RpaugError, Unsupported
-from rpaug.scene import ply
+from rpaug.scene.splats import ply
 from rpaug.types import Gaussians
 
 WISH = generate.Wish("a grey ball")

@@ -7,7 +7,7 @@ import trimesh
 from rpaug.assets import library, reading, settle
 from rpaug.assets.shipped import THINGS
 from rpaug.errors import BadInput, TargetError
-from rpaug.scene import ply
+from rpaug.scene.splats import ply
 from rpaug.types import Gaussians
 
 

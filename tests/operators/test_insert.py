@@ -8,8 +8,9 @@ from rpaug.assets import library
 from rpaug.errors import TargetError, Unsupported
 from rpaug.operators.distractors import Distractors
 from rpaug.operators.insert import Insert
-from rpaug.scene import inserted, placing
-from rpaug.scene.targets import Target
+from rpaug.scene.added import inserted
+from rpaug.scene.naming.targets import Target
+from rpaug.scene.placement import placing
 from rpaug.testing import OperatorContract, shown
 from rpaug.twin import tabletop
 

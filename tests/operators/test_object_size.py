@@ -7,8 +7,8 @@ from tabletop import handle, scene
 
 from rpaug.errors import Unsupported
 from rpaug.operators.object_size import ObjectSize
-from rpaug.scene import growing, placing
-from rpaug.scene.targets import Target
+from rpaug.scene.naming.targets import Target
+from rpaug.scene.placement import growing, placing
 from rpaug.testing import OperatorContract, shown
 
 pytestmark = pytest.mark.gl

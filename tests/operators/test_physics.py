@@ -16,7 +16,7 @@ from rpaug.augment import Run, execute
 from rpaug.errors import BadRecipe
 from rpaug.files import REJECTED
 from rpaug.operators.physics import Physics
-from rpaug.scene.targets import Target
+from rpaug.scene.naming.targets import Target
 from rpaug.testing import OperatorContract, shown
 from rpaug.training import AugmentedEpisodes
 

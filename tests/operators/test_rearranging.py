@@ -8,8 +8,8 @@ from rpaug.errors import Unsupported
 from rpaug.operators.duplicate import Duplicate
 from rpaug.operators.move import Move
 from rpaug.operators.spread import Spread
-from rpaug.scene import placing, standing
-from rpaug.scene.targets import Target
+from rpaug.scene.naming.targets import Target
+from rpaug.scene.placement import placing, standing
 from rpaug.testing import OperatorContract, shown
 
 pytestmark = pytest.mark.gl

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rpaug import Scene, TargetError
 from rpaug.operators.fields import Palette
 from rpaug.operators.recolor import AlbedoRatio, Recolor
-from rpaug.scene.targets import Target
+from rpaug.scene.naming.targets import Target
 from rpaug.testing import OperatorContract, shown
 
 UNIT = st.floats(0.15, 1.0)

@@ -8,7 +8,7 @@ from analytic import BOX, TABLE, scene
 
 from rpaug.errors import TargetError, Unsupported
 from rpaug.operators.remove import Remove
-from rpaug.scene.targets import Target
+from rpaug.scene.naming.targets import Target
 from rpaug.testing import OperatorContract, shown
 
 EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "back": (-0.2, 0.9, 0.8)}

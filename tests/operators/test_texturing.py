@@ -15,7 +15,7 @@ from rpaug.operators.background_texture import BackgroundTexture
 from rpaug.operators.retexture import Retexture
 from rpaug.operators.table_texture import TableTexture
 from rpaug.operators.texturing import Sample
-from rpaug.scene.targets import Target
+from rpaug.scene.naming.targets import Target
 from rpaug.testing import OperatorContract, shown
 from rpaug.textures import shipped
 from rpaug.textures.mapping import Texture

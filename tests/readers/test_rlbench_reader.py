@@ -12,7 +12,7 @@ import pytest
 
 from rpaug import Scene, geometry, registry
 from rpaug.operators.camera_pose import CameraPose
-from rpaug.scene import surfels
+from rpaug.scene.recorded import surfels
 
 DRIVER = Path(__file__).with_name("read_with_rlbench.py")
 KEYS = ("all_variations/episodes/episode0", "all_variations/episodes/episode5")

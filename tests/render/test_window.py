@@ -5,7 +5,7 @@ import pytest
 from analytic import BOX, scene
 
 from rpaug.render import window, zbuffer
-from rpaug.scene.plates import among, source_at
+from rpaug.scene.recorded.plates import among, source_at
 
 EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "back": (-0.2, 0.9, 0.8)}
 

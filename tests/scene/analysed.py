@@ -1,7 +1,8 @@
 """An episode with its bodies and roles found, unedited."""
 
-from rpaug.scene import bodies, roles
 from rpaug.scene.looks import look
+from rpaug.scene.naming import roles
+from rpaug.scene.tracking import bodies
 from rpaug.types import Episode, Scene
 
 

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from rpaug import BadInput, registry
-from rpaug.scene import surfels
 from rpaug.scene.build import build
+from rpaug.scene.recorded import surfels
 from rpaug.training import AugmentedEpisodes, prepared
 
 KEY = "roll_ball/all_variations/episodes/episode0"

@@ -20,10 +20,10 @@ import numpy as np
 
 from rpaug import registry
 from rpaug.files import encode_png, write_atomic
-from rpaug.scene import fit, gaussian_view
 from rpaug.scene.build import build
-from rpaug.scene.descent import settings_for
 from rpaug.scene.sampling import frames
+from rpaug.scene.splats import fit, gaussian_view
+from rpaug.scene.splats.descent import settings_for
 from rpaug.types import Scene
 
 TIMES = 12  # frames looked at per camera

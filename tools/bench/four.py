@@ -20,10 +20,10 @@ import cv2
 import numpy as np
 
 from rpaug import twin
-from rpaug.scene import fit, gaussian_view
 from rpaug.scene.build import build
-from rpaug.scene.descent import FitSettings
 from rpaug.scene.four import fit4
+from rpaug.scene.splats import fit, gaussian_view
+from rpaug.scene.splats.descent import FitSettings
 from rpaug.twin.soft_tasks import SOFT_TASKS
 from rpaug.types import Scene
 

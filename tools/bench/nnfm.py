@@ -26,10 +26,12 @@ from rpaug.files import encode_png, write_atomic
 from rpaug.operators.stylize import Stylised
 from rpaug.providers import features
 from rpaug.render.splat import Splats, rasterise
-from rpaug.scene import build, fit, nnfm
-from rpaug.scene.descent import FitSettings
-from rpaug.scene.gaussian_view import SHARP, render_view, standing, view_of
-from rpaug.scene.gaussians import SH0, Placement
+from rpaug.scene import build
+from rpaug.scene.painted import nnfm
+from rpaug.scene.splats import fit
+from rpaug.scene.splats.descent import FitSettings
+from rpaug.scene.splats.gaussian_view import SHARP, render_view, standing, view_of
+from rpaug.scene.splats.gaussians import SH0, Placement
 from rpaug.testing import shown
 from rpaug.textures import shipped
 from rpaug.types import Episode, Scene

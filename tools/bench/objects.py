@@ -26,8 +26,10 @@ from rpaug.operators.distractors import Distractors
 from rpaug.operators.object_size import ObjectSize
 from rpaug.operators.remove import Remove
 from rpaug.providers import inpaint
-from rpaug.scene import build, placing, tuned
-from rpaug.scene.targets import Target
+from rpaug.scene import build
+from rpaug.scene.added import tuned
+from rpaug.scene.naming.targets import Target
+from rpaug.scene.placement import placing
 from rpaug.twin import mjcf, tabletop, tasks
 from rpaug.types import CameraView, Episode, Scene
 

@@ -20,9 +20,9 @@ import numpy as np
 
 from rpaug.registry import adapter
 from rpaug.render.splat import Rasteriser
-from rpaug.scene.densify import Densify
-from rpaug.scene.frame_fit import Checkpoint, FrameFitSettings, fit_views
-from rpaug.scene.shots import shots_at
+from rpaug.scene.splats.densify import Densify
+from rpaug.scene.splats.frame_fit import Checkpoint, FrameFitSettings, fit_views
+from rpaug.scene.splats.shots import shots_at
 
 
 def show(point: Checkpoint) -> None:

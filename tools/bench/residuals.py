@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from rpaug import residuals, twin
-from rpaug.scene import surfels
 from rpaug.scene.build import build
+from rpaug.scene.recorded import surfels
 
 LOOKED = 4  # frames between the true views
 LARGE = 200  # pixels

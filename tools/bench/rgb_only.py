@@ -25,8 +25,8 @@ from pydantic import TypeAdapter
 from rpaug import Camera, CameraView, registry, twin
 from rpaug.bench.metrics import psnr
 from rpaug.errors import RpaugError
-from rpaug.scene import colours, targets
 from rpaug.scene.build import build
+from rpaug.scene.naming import colours, targets
 from rpaug.testing import shown
 from rpaug.types import Episode, Scene
 

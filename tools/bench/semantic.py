@@ -22,11 +22,12 @@ from pathlib import Path
 import numpy as np
 from surfels import covisible
 
-from rpaug.scene import fit, semantic
+from rpaug.scene import semantic
 from rpaug.scene.build import build
-from rpaug.scene.descent import FitSettings
 from rpaug.scene.semantic.distil import FINE_TUNING
 from rpaug.scene.semantic.encoding import Learning, descend, neighbours
+from rpaug.scene.splats import fit
+from rpaug.scene.splats.descent import FitSettings
 from rpaug.twin import Bump, Look, perform
 from rpaug.types import CameraView, Episode, Scene
 

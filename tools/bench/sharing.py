@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from rpaug import preparing, registry, twin
-from rpaug.scene import cached, store
 from rpaug.scene.build import build
-from rpaug.scene.descent import FitSettings, settings_for
+from rpaug.scene.splats import cached, store
+from rpaug.scene.splats.descent import FitSettings, settings_for
 from rpaug.types import Episode, Scene
 
 

@@ -20,9 +20,11 @@ import numpy as np
 from rpaug.bench.moved import covisible
 from rpaug.render import holes, zbuffer
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene import build, gaussian_view, surfels
-from rpaug.scene.descent import FitSettings, settings_for
-from rpaug.scene.fit import fitted
+from rpaug.scene import build
+from rpaug.scene.recorded import surfels
+from rpaug.scene.splats import gaussian_view
+from rpaug.scene.splats.descent import FitSettings, settings_for
+from rpaug.scene.splats.fit import fitted
 from rpaug.twin.look import Look
 from rpaug.twin.record import Take, perform
 from rpaug.types import Body, CameraView, Scene

@@ -4,7 +4,7 @@
 
 dB over the table against the table truly textured, the old albedo given: as recorded under distant lamps, and with both
 recordings darkened as a lamp 0.7 m above the table would light them. `--by-place` and `--hollow` are the two limits of
-`rpaug.scene.shading` by which light may vary over the place; `--by-place 0` never lets it.
+`rpaug.scene.lighting.shading` by which light may vary over the place; `--by-place 0` never lets it.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from rpaug import CameraView, geometry, twin
 from rpaug.bench.cases import CASES
 from rpaug.bench.metrics import psnr
 from rpaug.operators.table_texture import TableTexture
-from rpaug.scene import shading
+from rpaug.scene.lighting import shading
 from rpaug.testing import shown
 from rpaug.types import Body, Episode, Scene
 

@@ -9,7 +9,7 @@ from jaxtyping import Float, Float32, Float64, Int
 
 from rpaug.render.splat import Gradients, Rasteriser, Splats, View
 from rpaug.scene.four import gaussians4
-from rpaug.scene.gaussian_view import sharp_for
+from rpaug.scene.splats.gaussian_view import sharp_for
 from rpaug.types import Gaussians4
 
 FADE, SPREAD = 0.9, 0.99  # Adam's memories

@@ -10,13 +10,13 @@ import numpy as np
 from rpaug.errors import Unsupported
 from rpaug.render.splat import Rasteriser, Splats, View
 from rpaug.render.zbuffer import SAME_SURFACE
-from rpaug.scene import gaussian_view
 from rpaug.scene.four import seeds4
 from rpaug.scene.four.descent4 import Crop, Descent4
 from rpaug.scene.four.flowing import seen_by, some
-from rpaug.scene.gaussians import Picture, chosen, joined, lifted, placed
-from rpaug.scene.plates import plate
+from rpaug.scene.recorded.plates import plate
 from rpaug.scene.sampling import frames
+from rpaug.scene.splats import gaussian_view
+from rpaug.scene.splats.gaussians import Picture, chosen, joined, lifted, placed
 from rpaug.types import Body, Gaussians, Scene
 
 Progress = Callable[[float], None]

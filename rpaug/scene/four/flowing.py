@@ -8,9 +8,9 @@ from jaxtyping import Bool, Float, Float64, Int32
 
 from rpaug import geometry
 from rpaug.render.splat import Splats, View
-from rpaug.scene.carry import Carried, carried
 from rpaug.scene.four import gaussians4
-from rpaug.scene.gaussians import chosen, joined, moved, quaternions
+from rpaug.scene.recorded.carry import Carried, carried
+from rpaug.scene.splats.gaussians import chosen, joined, moved, quaternions
 from rpaug.types import Gaussians, Gaussians4, Scene
 
 

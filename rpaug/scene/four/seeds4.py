@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from rpaug.scene.four import gaussians4
 from rpaug.scene.four.flow import flow
 from rpaug.scene.four.flowing import shapes
-from rpaug.scene.gaussians import SH0, SPREAD, Picture, chosen, joined, lifted, normals
+from rpaug.scene.splats.gaussians import SH0, SPREAD, Picture, chosen, joined, lifted, normals
 from rpaug.types import Gaussians, Gaussians4, Scene
 
 A_FRAME = 1800  # Gaussians of one frame, at most

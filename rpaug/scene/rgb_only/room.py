@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float64
 from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
 from rpaug.scene import sampling
-from rpaug.scene.placing import CELL, SWEEPS, Room
+from rpaug.scene.placement.placing import CELL, SWEEPS, Room
 from rpaug.scene.rgb_only.stage import rays_of, seen_at
 from rpaug.types import Camera, CameraView, Scene
 

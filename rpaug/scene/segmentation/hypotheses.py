@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from rpaug import geometry
-from rpaug.scene.arms import link_tracks
 from rpaug.scene.looks import events
+from rpaug.scene.tracking.arms import link_tracks
 from rpaug.types import Robot
 
 STATIC = 0

@@ -8,10 +8,10 @@ from jaxtyping import Float64
 
 from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
-from rpaug.scene import ply
-from rpaug.scene.gaussians import chosen, joined, moved
 from rpaug.scene.semantic.labels import Labelled
 from rpaug.scene.semantic.vote import vote
+from rpaug.scene.splats import ply
+from rpaug.scene.splats.gaussians import chosen, joined, moved
 from rpaug.types import Body, Gaussians, Scene
 
 

@@ -16,11 +16,11 @@ from rpaug import geometry
 from rpaug.errors import TargetError
 from rpaug.providers.detect import Detector
 from rpaug.providers.segment import Box, GrabCut, Segmenter, whole_pixels
-from rpaug.scene.gaussian_view import plane_depth, standing
 from rpaug.scene.sampling import frames
 from rpaug.scene.semantic.encoding import Identities, Learning, descend, learn, neighbours
 from rpaug.scene.semantic.labels import UNKNOWN, Labelled, Stage
 from rpaug.scene.semantic.vote import ballots
+from rpaug.scene.splats.gaussian_view import plane_depth, standing
 from rpaug.types import Body, Scene
 
 AGREES = 0.5  # overlap (IoU) of the retrieved mask's box with the prompt's, from which nothing finer is needed

@@ -8,9 +8,9 @@ from jaxtyping import Float32, Int32
 
 from rpaug.errors import Unsupported
 from rpaug.render.splat import Rasteriser, Rendering, Splats, View
-from rpaug.scene.gaussian_view import SHARP, standing, view_of
-from rpaug.scene.gaussians import Placement
 from rpaug.scene.sampling import frames
+from rpaug.scene.splats.gaussian_view import SHARP, standing, view_of
+from rpaug.scene.splats.gaussians import Placement
 from rpaug.types import Scene
 
 UNKNOWN = -1  # a pixel that says nothing; 0 says that there is no instance

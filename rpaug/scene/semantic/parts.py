@@ -10,11 +10,11 @@ from jaxtyping import Int32
 from rpaug.errors import TargetError, Unsupported
 from rpaug.providers.detect import detector
 from rpaug.providers.segment import segmenter
-from rpaug.scene import targets
-from rpaug.scene.seeds import seeds
+from rpaug.scene.naming import targets
+from rpaug.scene.naming.targets import Target
 from rpaug.scene.semantic.distil import Prompt, detected, tell_apart
 from rpaug.scene.semantic.labels import Stage
-from rpaug.scene.targets import Target
+from rpaug.scene.splats.seeds import seeds
 from rpaug.types import CameraView, Scene
 
 Ids = Callable[[int], Int32[np.ndarray, "h w"]]

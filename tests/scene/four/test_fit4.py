@@ -7,9 +7,9 @@ import pytest
 import waves
 
 from rpaug import Unsupported
-from rpaug.scene import gaussian_view, store
 from rpaug.scene.four import fit4
 from rpaug.scene.four.descent4 import split
+from rpaug.scene.splats import gaussian_view, store
 from rpaug.types import Gaussians
 
 QUICK = fit4.FourSettings(rounds=6, checked_frames=3, densify_rounds=(3,), least_pixels=20)

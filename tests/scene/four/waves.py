@@ -3,7 +3,7 @@
 import numpy as np
 
 from rpaug import geometry
-from rpaug.scene.gaussians import Picture, joined, lifted
+from rpaug.scene.splats.gaussians import Picture, joined, lifted
 from rpaug.types import Body, Camera, CameraView, Episode, Robot, Scene
 
 TABLE, SHEET = 3, 9

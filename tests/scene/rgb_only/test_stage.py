@@ -11,7 +11,7 @@ from rpaug import geometry, registry
 from rpaug.errors import Unsupported
 from rpaug.scene import rgb_only
 from rpaug.scene.build import build
-from rpaug.scene.placing import room
+from rpaug.scene.placement.placing import room
 from rpaug.scene.rgb_only import stage
 from rpaug.testing import shown
 

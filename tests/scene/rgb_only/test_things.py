@@ -7,8 +7,8 @@ from rgb_only_tables import BLOCK, PLATE, TABLE, episode, image, still
 from rpaug.errors import TargetError, Unsupported
 from rpaug.scene import rgb_only
 from rpaug.scene.build import build
+from rpaug.scene.naming.targets import Target, find
 from rpaug.scene.rgb_only import backdrop, things, tints
-from rpaug.scene.targets import Target, find
 from rpaug.types import CameraView
 
 

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from boxes import BLOCK, World
-from test_ply import some
+from clouds import some
 
 from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
-from rpaug.scene import gaussian_view, gaussians, ply, semantic
-from rpaug.scene.seeds import seeds
+from rpaug.scene import semantic
+from rpaug.scene.splats import gaussian_view, gaussians, ply
+from rpaug.scene.splats.seeds import seeds
 from rpaug.types import Scene
 
 

@@ -12,10 +12,10 @@ from pydantic import ValidationError
 from rpaug.errors import TargetError, Unsupported
 from rpaug.providers.detect import Detection
 from rpaug.scene import semantic
-from rpaug.scene.seeds import seeds
+from rpaug.scene.naming.targets import Part, Target, find
 from rpaug.scene.semantic import parts
 from rpaug.scene.semantic.distil import detected, overlap
-from rpaug.scene.targets import Part, Target, find
+from rpaug.scene.splats.seeds import seeds
 from rpaug.types import Body, Episode, Gaussians, Scene
 
 LID = 77

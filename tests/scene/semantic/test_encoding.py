@@ -9,13 +9,13 @@ from boxes import BLOCK, World
 from test_vote import overlap
 
 from rpaug.scene import semantic
-from rpaug.scene.seeds import seeds
 from rpaug.scene.semantic.encoding import (
     descend,
     divergence_pull,
     entropy_pull,
     neighbours,
 )
+from rpaug.scene.splats.seeds import seeds
 from rpaug.types import Scene
 
 QUICK = semantic.Learning(steps=80, rate=0.1, smoothness=0.05, sampled=200)

@@ -9,8 +9,8 @@ from boxes import BLOCK, OTHER, PAD, World
 
 from rpaug.errors import Unsupported
 from rpaug.scene import semantic
-from rpaug.scene.gaussians import chosen
-from rpaug.scene.seeds import seeds
+from rpaug.scene.splats.gaussians import chosen
+from rpaug.scene.splats.seeds import seeds
 from rpaug.types import Gaussians, Scene
 
 TIMES = (0, 9, 16, 24)

@@ -1,0 +1,127 @@
+"""The light a new thing has to be shown in: how bright faces are by where they turn, and of which colour."""
+
+import cv2
+import numpy as np
+from jaxtyping import Float64, Int
+
+from rpaug.errors import Unsupported
+from rpaug.scene import sampling
+from rpaug.scene.lighting import irradiance, light
+from rpaug.scene.naming import colours
+from rpaug.scene.recorded import surface
+from rpaug.scene.remembered import once
+from rpaug.types import Ambience, Episode
+
+FRAMES = 8
+PASSES = 8  # of the alternation between albedos and light, both robust
+RIDGE = 3e-4  # of the light's terms but the even one, where few faces tell them
+HUE, HUES = 0.06, 64  # chromaticity within which a thing has one albedo, and more than there are
+DARK, CLIPPED = 0.03, 0.97  # brightest channel of pixels that tell something of light
+ENDS = (
+    0.01,
+    0.995,
+)  # quantiles of lightness and chroma that count as a recording's darkest and strongest
+CAST = 0.12  # difference between channels below which light counts as white: walls are as yellow as that
+UP = np.array([[0.0, 0.0, 1.0]], np.float32)
+WHITE = 0.9  # albedo of the whitest things that rooms hold
+STEP = 7  # pixels, of which one is looked at for its colour
+
+
+@once
+def estimate(episode: Episode) -> Ambience:
+    """The irradiance that explains best how each thing's brightness depends on where its faces turn, 1 on level ones.
+
+    Every hue of a thing has one albedo, fitted along; pixels that the fit leaves far off count less, and so do things
+    that face one way alone. Raises Unsupported without depth.
+    """
+    if all(view.depth is None and view.stand_in for view in episode.views.values()):
+        return _unseen(episode)
+    facing, level, things = _seen(episode)
+    _, owner = np.unique(things, return_inverse=True)
+    terms = irradiance.basis(facing.astype(np.float32)).astype(np.float64)
+    found = irradiance.even()
+    fair = _telling(facing, owner)
+    weight = fair
+    for _ in range(PASSES):
+        shade = np.maximum(terms @ found, irradiance.LEAST)
+        albedo = np.bincount(owner, weight * level * shade) / np.maximum(
+            np.bincount(owner, weight * shade * shade), 1e-9
+        )
+        scaled = terms * albedo[owner][:, None]
+        rows = scaled * weight[:, None]
+        size = RIDGE * weight.sum() * level.mean() ** 2
+        penalty = size * np.diag([0.0] + [1.0] * (irradiance.TERMS - 1))
+        found = np.linalg.solve(
+            rows.T @ scaled + penalty + 1e-9 * np.eye(irradiance.TERMS), rows.T @ level
+        )
+        off = np.abs(scaled @ found - level)
+        weight = fair / np.maximum(off, max(float(np.median(off)), 1e-3))
+        found = found / max(float((irradiance.basis(UP) @ found)[0]), irradiance.LEAST)
+    return Ambience(tuple(round(float(term), 5) for term in found), _tint(episode), _gamut(episode))
+
+
+def _unseen(episode: Episode) -> Ambience:
+    """Where no depth tells faces: light that falls from all sides alike, as bright as the recording's whites."""
+    whites = [
+        np.quantile(rgb.reshape(-1, 3)[::STEP].min(1), ENDS[1]) / 255.0
+        for name, _, rgb, _ in sampling.images(episode, FRAMES)
+        if (stand_in := episode.views[name].stand_in) and not stand_in.blank
+    ]
+    level = min(max(float(np.median(whites)) / WHITE, 0.3), 1.0) if whites else 1.0
+    terms = tuple(round(level * float(term), 5) for term in irradiance.even())
+    return Ambience(terms, _tint(episode), _gamut(episode))
+
+
+def _tint(episode: Episode) -> tuple[float, float, float]:
+    tint = light.estimate(episode) / light.LAMP
+    red, green, blue = tint / tint.max() if np.ptp(tint) > CAST else np.ones(3)
+    return round(float(red), 4), round(float(green), 4), round(float(blue), 4)
+
+
+def _seen(
+    episode: Episode,
+) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+    """World normals, brightness, and a number for the hue of a thing, of pixels inside things' outlines."""
+    normals, levels, hues = [], [], []
+    for name, t, rgb, ids in sampling.images(episode, FRAMES):
+        view = episode.views[name]
+        if view.depth is None:
+            continue
+        names = np.zeros(rgb.shape[:2], np.int32) if ids is None else ids
+        around = np.ones((3, 3), np.uint8)
+        high, low = (each(names.astype(np.float32), around) for each in (cv2.dilate, cv2.erode))
+        colour = rgb / 255.0
+        use = (view.depth(t) > 0) & (high == low)
+        use &= (colour.max(-1) > DARK) & (colour.max(-1) < CLIPPED)
+        rows = np.flatnonzero(use)
+        rows = rows[:: max(1, len(rows) // light.PIXELS)]
+        shown = colour.reshape(-1, 3)[rows]
+        chroma = np.rint(shown[:, :2] / shown.sum(1, keepdims=True) / HUE).astype(int)
+        normals.append(surface.of_view(view, t, (), ids)(rows).facing.astype(float))
+        levels.append(shown.mean(1))
+        hues.append((names.ravel()[rows] * HUES + chroma[:, 0]) * HUES + chroma[:, 1])
+    if not normals or not sum(map(len, levels)):
+        raise Unsupported("light is told by surfaces, and this source has no depth to know them by")
+    return np.concatenate(normals), np.concatenate(levels), np.concatenate(hues)
+
+
+def _telling(
+    facing: Float64[np.ndarray, "n 3"], owner: Int[np.ndarray, "n"]
+) -> Float64[np.ndarray, "n"]:
+    """Weights: a table must not outweigh all else, and what faces one way says nothing of the light elsewhere."""
+    count = np.bincount(owner)
+    middle = np.stack([np.bincount(owner, facing[:, k]) / count for k in range(3)], 1)
+    varied = 1 - np.linalg.norm(middle, axis=1)
+    return (np.maximum(varied, 1e-6) / np.sqrt(count))[owner]
+
+
+def _gamut(episode: Episode) -> tuple[float, float, float]:
+    lab = np.concatenate(
+        [
+            colours.to_lab(rgb.reshape(-1, 3)[::STEP] / 255.0)
+            for _, _, rgb, _ in sampling.images(episode, FRAMES)
+        ]
+    )
+    low, high = np.quantile(lab[:, 0], ENDS)
+    chroma = np.quantile(np.hypot(lab[:, 1], lab[:, 2]), ENDS[1])
+    return round(float(low), 2), round(float(high), 2), round(float(chroma), 2)

@@ -1,0 +1,121 @@
+"""The light an episode was recorded in: its colour, read off grey surfaces, and where its lamp stands."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float64, Int
+
+from rpaug.errors import Unsupported
+from rpaug.scene import sampling
+from rpaug.scene.recorded import surface
+from rpaug.types import Episode
+
+LAMP = 0.5  # COLOSSEUM's scenes: each lamp's diffuse colour is (0.5, 0.5, 0.5) before it is varied
+GREY = 0.12  # saturation up to which a surface may be taken for grey under coloured light
+LEAST_SHARE = 0.02
+
+DIRECTIONS = 300
+AMBIENTS = (0.1, 0.2, 0.3, 0.45, 0.6, 0.75)
+PIXELS = 500  # of one image
+WELL_LIT = 0.98  # quantile of a thing's pixels
+
+
+def estimate(episode: Episode, count: int = 3) -> Float64[np.ndarray, "3"]:
+    """The lamps' colour, in COLOSSEUM's unit where white recorded light is (0.5, 0.5, 0.5).
+
+    The median chromaticity of near-grey pixels of middling brightness; robots and walls mostly are. White where
+    too few of them are seen. Only the chromaticity is measured: a brightness cannot be told from albedos.
+    """
+    chroma, total = [], 0
+    for _, _, rgb, _ in sampling.images(episode, count):
+        colour = rgb.reshape(-1, 3)[::3] / 255.0
+        high, low = colour.max(1), colour.min(1)
+        grey = (high > 0.2) & (high < 0.97) & (high - low < GREY * high)
+        chroma.append(colour[grey] / colour[grey].mean(1, keepdims=True))
+        total += len(colour)
+    grey_pixels = np.concatenate(chroma)
+    if len(grey_pixels) < LEAST_SHARE * total:
+        return np.full(3, LAMP)
+    middle = np.median(grey_pixels, 0)
+    return LAMP * middle / middle.mean()
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """One lamp far away: pixel = albedo x (ambient + (1 - ambient) max(0, normal . direction)).
+
+    `direction` points to the lamp, a unit vector in the world. `explained` is the share of the things' variation in
+    brightness that this model explains: near 0, the direction means little.
+    """
+
+    direction: tuple[float, float, float]
+    ambient: float
+    explained: float
+
+    def shading(self, facing: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Light on surfaces of these normals, 1 where the lamp is straight above them."""
+        towards = np.maximum(facing @ np.array(self.direction, facing.dtype), 0)
+        return self.ambient + (1 - self.ambient) * towards
+
+
+def dominant(episode: Episode, count: int = 3) -> Lamp:
+    """The one lamp that explains best how things' brightness depends on where their faces turn (Lambert's law).
+
+    Every direction of a grid over the upper half space is tried with several shares of ambient light; each thing has
+    one albedo, fitted along. Raises Unsupported without depth.
+    """
+    facing, level, things = seen(episode, count)
+    _, owner = np.unique(things, return_inverse=True)
+    level = level / (np.bincount(owner, level) / np.bincount(owner))[owner]
+    axes = _upper_half()
+    towards = np.maximum(facing @ axes.T, 0)
+    best = (np.inf, 0, 0.0)
+    for ambient in AMBIENTS:
+        light = ambient + (1 - ambient) * towards
+        for index in range(len(axes)):
+            shade = light[:, index]
+            across = np.bincount(owner, shade * level) / np.bincount(owner, shade * shade)
+            off = float(np.abs(level - across[owner] * shade).sum())
+            if off < best[0]:
+                best = (off, index, ambient)
+    explained = 1 - best[0] / max(float(np.abs(level - 1).sum()), 1e-9)
+    x, y, z = axes[best[1]].tolist()
+    return Lamp((x, y, z), best[2], explained)
+
+
+def brightest(episode: Episode, lamp: Lamp, count: int = 3) -> dict[int, float]:
+    """Per thing, the mean of the channels that its well-lit parts would have straight below the lamp."""
+    facing, level, things = seen(episode, count)
+    albedo = level / lamp.shading(facing)
+    return {int(h): float(np.quantile(albedo[things == h], WELL_LIT)) for h in np.unique(things)}
+
+
+def seen(
+    episode: Episode, count: int
+) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+    """World normals, brightness and handle of some pixels. Raises Unsupported without depth."""
+    normals, light, things = [], [], []
+    for name, t, rgb, ids in sampling.images(episode, count):
+        view = episode.views[name]
+        if view.depth is None:
+            continue
+        known = np.flatnonzero(view.depth(t) > 0)
+        rows = known[:: max(1, len(known) // PIXELS)]
+        here = surface.of_view(view, t, (), ids)(rows)
+        colour = rgb.reshape(-1, 3)[rows] / 255.0
+        good = (colour.max(1) > 0.03) & (colour.max(1) < 0.97)
+        normals.append(here.facing[good].astype(float))
+        light.append(colour.mean(1)[good])
+        things.append(here.ids[good])
+    if not normals or not sum(map(len, light)):
+        raise Unsupported("light is told by surfaces, and this source has no depth to know them by")
+    return np.concatenate(normals), np.concatenate(light), np.concatenate(things)
+
+
+def _upper_half() -> Float64[np.ndarray, "n 3"]:
+    """Directions spread evenly over the upper half space (a Fibonacci lattice)."""
+    number = np.arange(DIRECTIONS) + 0.5
+    z = number / DIRECTIONS
+    turn = np.pi * (1 + 5**0.5) * number
+    flat = np.sqrt(1 - z * z)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], -1)

@@ -1,0 +1,243 @@
+"""How light falls on a thing, told apart from the pattern that was on it: what a new texture is lit by.
+
+A pixel is albedo times shading, and the pixel alone does not say which of the two a dark spot is. On a thing of one
+colour everything that varies is shading. On a patterned one, shading is taken to be smooth: a quadratic in the normal
+(all that a matte surface keeps of distant light: Ramamoorthi and Hanrahan 2001) and, only if that explains most of what
+is left and falls off all around as the light of a near lamp does, in the place: else the broad parts of a pattern would
+pass for light. What is then darker than the old pattern's contrast explains is a shadow, and stays.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from rpaug.errors import Unsupported
+from rpaug.render.jit import kernel
+from rpaug.scene import remembered, sampling
+from rpaug.scene.lighting import albedo
+from rpaug.scene.recorded import surface
+from rpaug.types import Body, Episode, Scene
+
+RGB = tuple[float, float, float]
+
+FRAMES = 6
+MOST_PIXELS = 600  # of one thing, from one image
+PATTERN = 0.03  # spread of log brightness about the smooth fit from which a surface is taken for patterned
+SPREADS = (2.5, 4.0)  # of them, below the fit: from where a pixel may be, and is, in shadow
+SHADOW = (0.25, 0.5)  # the same in log brightness, at least: gaps between tiles are that dark too
+DARK, BRIGHT = 0.02, 0.98  # of the brightest channel: outside, no shading is measured
+LIT = 0.98  # quantile of the fit that counts as fully lit, where the albedo is a guess
+BY_NORMAL = 9  # terms of the fit that know the normal only
+BY_PLACE = (
+    0.6  # of the spread: light is taken to vary over the place only if it leaves no more than this
+)
+HOLLOW = (
+    0.1  # of full light, per squared extent: by how much a lamp's pool of light may curve upwards
+)
+RIDGE = 1e-3
+PASSES = 6  # of the robust fit
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Some pixels of one thing from several cameras and frames, 0..1, and where they lie in its body's frame."""
+
+    colour: Float32[np.ndarray, "n 3"]
+    points: Float32[np.ndarray, "n 3"]
+    normals: Float32[np.ndarray, "n 3"]
+    facing: Float32[np.ndarray, "n 3"]
+
+
+@remembered.of_episode
+def sample(
+    episode: Episode, bodies: tuple[Body, ...], wanted: tuple[int, ...]
+) -> dict[int, Samples]:
+    """Pixels of each of the `wanted` handles that is seen at all. Raises Unsupported if no camera has depth."""
+    if all(surface.depth_of(view, 0) is None for view in episode.views.values()):
+        raise Unsupported("a texture needs recorded depth to lie on, and this source has none")
+    parts: dict[int, list[tuple[np.ndarray, ...]]] = {handle: [] for handle in sorted(wanted)}
+    for name, t, rgb, ids in sampling.images(episode, FRAMES):
+        view = episode.views[name]
+        if ids is None or (view.depth is None and surface.depth_of(view, t) is None):
+            continue
+        at = surface.of_view(view, t, bodies, ids)
+        for handle in wanted:
+            rows = np.flatnonzero(ids == handle)
+            rows = rows[:: max(1, len(rows) // MOST_PIXELS)]
+            if len(rows):
+                here = at(rows)
+                colour = rgb.reshape(-1, 3)[rows].astype(np.float32) / 255
+                parts[handle].append((colour, here.points, here.normals, here.facing))
+    return {
+        handle: Samples(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        for handle, found in parts.items()
+        if found
+    }
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """Shading as a smooth function of place and normal, fitted to a patterned surface.
+
+    `spread` is the old pattern's contrast: one standard deviation of log brightness about the fit.
+    """
+
+    middle: tuple[float, ...]
+    extent: float
+    weights: tuple[float, ...]
+    spread: float
+    level: float = 1.0  # of the shading that pixels measure, where the fit says 1
+
+    def of(
+        self, measured: Float32[np.ndarray, "n"], points: np.ndarray, facing: np.ndarray
+    ) -> Float32[np.ndarray, "n"]:
+        """The shading where `measured` is what the pixels' brightness came to: without pattern, with shadows."""
+        weights = np.array(self.weights, np.float32)
+        fitted = np.maximum(_basis(points, facing, self.middle, self.extent) @ weights, 0.02)
+        darker = np.log(np.maximum(measured / self.level, 1e-3) / fitted)
+        low, high = (
+            max(spreads * self.spread, least)
+            for spreads, least in zip(SPREADS, SHADOW, strict=True)
+        )
+        kept = np.clip((-darker - low) / (high - low), 0, 1)
+        return (fitted * np.exp(kept * darker)).astype(np.float32)
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values, from which `Smooth(**values)` makes it again."""
+        return {
+            "middle": list(self.middle),
+            "extent": self.extent,
+            "weights": list(self.weights),
+            "spread": self.spread,
+            "level": self.level,
+        }
+
+
+def describe(
+    scene: Scene, handles: Iterable[int], known: RGB | None = None
+) -> list[dict[str, Any]]:
+    """What an edit stores of each thing's surface, as `albedo.describe` does.
+
+    An albedo's brightness is that of the best-lit pixels; where depth tells light from pattern, that of the best-lit
+    part of the fit, since the brightest pixels of a patterned thing are its palest spots.
+    """
+    return [dict(one) for one in _described(scene.episode, scene.bodies, tuple(handles), known)]
+
+
+@remembered.of_episode
+def _described(
+    episode: Episode, bodies: tuple[Body, ...], handles: tuple[int, ...], known: RGB | None
+) -> list[dict[str, Any]]:
+    found = [albedo.describe(episode, handle, known) for handle in handles]
+    if known is None and any(view.depth is not None for view in episode.views.values()):
+        seen = sample(episode, bodies, handles)
+        for one in found:
+            here = seen.get(one["handle"])
+            smooth = fit(here, tuple(one["albedo"]), known=False) if here else None
+            if smooth:
+                one["albedo"] = [min(value * smooth.level, 1.0) for value in one["albedo"]]
+    return found
+
+
+def fit(samples: Samples, colour: tuple[float, float, float], known: bool = True) -> Smooth | None:
+    """The smooth shading of a patterned thing, or None if its brightness varies no more than its shading does.
+
+    `colour` is the thing's albedo. Unless it is `known`, its brightness is a guess, and the best-lit part is taken to
+    be fully lit.
+    """
+    old = np.array(colour)
+    high = samples.colour.max(1)
+    good = (high > DARK) & (high < BRIGHT)
+    if good.sum() < 60 or old.max() < DARK:
+        return None
+    points, facing = samples.points[good], samples.facing[good]
+    shade = samples.colour[good] @ old / (old @ old)
+    low, top = np.percentile(points, [1, 99], axis=0)
+    middle, extent = (low + top) / 2, max(float((top - low).max()), 1e-3)
+    basis = _basis(points, facing, middle, extent).astype(float)
+    weights, spread = _robust(basis[:, :BY_NORMAL], shade)
+    everywhere, less = _robust(basis, shade)
+    if less < BY_PLACE * spread and _falls_off(everywhere):
+        weights, spread = everywhere, less
+    else:
+        weights = np.pad(weights, (0, basis.shape[1] - BY_NORMAL))
+    if spread < PATTERN:
+        return None
+    level = 1.0 if known else max(float(np.quantile(basis @ weights, LIT)), 0.05)
+    return Smooth(tuple(middle.tolist()), extent, tuple((weights / level).tolist()), spread, level)
+
+
+def _falls_off(weights: Float64[np.ndarray, "15"]) -> bool:
+    """Whether the fit curves downwards over the place, in every direction: brightest in one spot."""
+    p, q, cross = weights[BY_NORMAL + 3 :]
+    bend = np.linalg.eigvalsh([[2 * p, cross], [cross, 2 * q]])
+    return bool(bend.max() < HOLLOW)
+
+
+def _robust(
+    basis: Float64[np.ndarray, "n k"], value: Float64[np.ndarray, "n"]
+) -> tuple[Float64[np.ndarray, "k"], float]:
+    """Least squares with Cauchy weights, since shadows and highlights are few and far off; and the log's spread."""
+    trust = np.ones(len(value))
+    weights = np.zeros(basis.shape[1])
+    ridge = RIDGE * np.diag([0.0] + [1.0] * (basis.shape[1] - 1))
+    for _ in range(PASSES):
+        weighted = basis * trust[:, None]
+        weights = np.linalg.solve(basis.T @ weighted + trust.sum() * ridge, weighted.T @ value)
+        off = value - basis @ weights
+        scale = 1.4826 * np.median(np.abs(off)) + 1e-4
+        trust = 1 / (1 + (off / (2 * scale)) ** 2)
+    residual = np.log(np.maximum(value, 1e-3) / np.maximum(basis @ weights, 0.02))
+    return weights, 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+
+
+def _basis(
+    points: np.ndarray, facing: np.ndarray, middle: np.ndarray | tuple[float, ...], extent: float
+) -> Float32[np.ndarray, "n 15"]:
+    """Quadratic in the normal and, more loosely, in the place."""
+    return _terms(
+        points.astype(np.float32), facing.astype(np.float32), np.array(middle, np.float32), extent
+    )
+
+
+@kernel
+def _terms(
+    points: Float32[np.ndarray, "n 3"],
+    facing: Float32[np.ndarray, "n 3"],
+    middle: Float32[np.ndarray, "3"],
+    extent: float,
+) -> Float32[np.ndarray, "n 15"]:
+    out = np.empty((len(points), 15), np.float32)
+    for n in range(len(points)):
+        x, y, z = facing[n]
+        p, q, r = (points[n] - middle) / np.float32(extent)
+        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = 1.0, x, y, z
+        out[n, 4], out[n, 5], out[n, 6] = x * y, y * z, z * x
+        out[n, 7], out[n, 8] = x * x - y * y, 3 * z * z - 1
+        out[n, 9], out[n, 10], out[n, 11] = p, q, r
+        out[n, 12], out[n, 13], out[n, 14] = p * p, q * q, p * q
+    return out
+
+
+def frame(samples: Mapping[int, Samples]) -> Float64[np.ndarray, "4 4"]:
+    """From the bodies' frame to one that suits the thing: its middle, its side faces along x and y, z up.
+
+    The faces' bearing is the mean of their normals' with all quarter turns taken for the same; round things keep the
+    world's.
+    """
+    points = np.concatenate([one.points for one in samples.values()])
+    normals = np.concatenate([one.normals for one in samples.values()]).astype(float)
+    low, high = np.percentile(points, [1, 99], axis=0)
+    sides = normals[np.abs(normals[:, 2]) < 0.3]
+    bearing = 0.0
+    if len(sides):
+        quarter = np.exp(4j * np.arctan2(sides[:, 1], sides[:, 0])).mean()
+        bearing = float(np.angle(quarter)) / 4 if abs(quarter) > 0.5 else 0.0
+    back = np.eye(4)
+    cosine, sine = np.cos(bearing), np.sin(bearing)
+    back[:2, :2] = [[cosine, sine], [-sine, cosine]]
+    back[:3, 3] = -back[:3, :3] @ ((low + high) / 2)
+    return back

@@ -1,0 +1,222 @@
+"""Shadows that standing things cast on the table: found where a recording has them, sent along with edited things.
+
+A lamp far away darkens the same share of light on all that a thing hides from it. Where a direction is a lamp's, the
+table is darker inside the outlines that all standing things cast along it than just outside. Outlines are the convex
+outlines of what was seen of the things. Only the table's own shading is changed, by one factor per lamp and place.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Float64
+
+from rpaug import geometry
+from rpaug.scene.placement import placing
+from rpaug.scene.placement.placing import hull, points_of
+from rpaug.scene.remembered import once
+from rpaug.types import Body, Scene, Surface
+
+CELL, COARSE = (
+    0.005,
+    0.01,
+)  # metres: shadows are drawn in cells of the first, lamps sought in the second
+REACH = 0.3  # metres around the support's seen part in which shadows are drawn
+LOWEST, HIGHEST = np.deg2rad(15.0), np.deg2rad(80.0)  # above the horizon
+HEADINGS, HEIGHTS = 40, 8  # directions tried
+LEAST = 0.1  # share of light that a shadow has to take to count
+SURE = 4.0  # standard errors by which a shadow is darker than what lies beside it
+AGREE = (
+    0.75  # of the things, at least, that show a lamp's shadow each by itself, where it can be told
+)
+MOST_LAMPS = 3
+FEW = 12  # cells
+BESIDE = 3  # cells around an outline that it is compared with
+SOFT = 0.7  # cells: standard deviation of a shadow's edge
+THICK = 0.006  # metres: what is lower casts nothing worth drawing
+
+
+@dataclass(frozen=True)
+class Shade:
+    """A factor on the colours of the support by place: cell (row, column) is about `origin + CELL * (column, row)`."""
+
+    handles: frozenset[int]
+    origin: tuple[float, float]
+    gain: Float32[np.ndarray, "r c"]
+
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]:
+        at = (surface.points[:, :2] - np.array(self.origin, np.float32)) / np.float32(CELL)
+        x, y = at.T.astype(np.float32)
+        factor = cv2.remap(
+            self.gain, x[None], y[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )[0]
+        return np.clip(colour * factor[:, None], 0, 1).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The support from above: its origin, level and shape in cells, and what stands on it."""
+
+    handles: frozenset[int]
+    origin: Float64[np.ndarray, "2"]
+    level: float
+    cell: float
+    shape: tuple[int, int]
+
+
+@once
+def lamps(scene: Scene) -> list[list[float]]:
+    """Directions to the lamps that cast shadows on the table, and the share of light that each takes: (x, y, z, share).
+
+    Empty where the recording has no shadows, or no table to see them on.
+    """
+    table = _table(scene, COARSE)
+    if table is None:
+        return []
+    light = _brightness(scene, table)
+    casters = list(_outlines(scene, table))
+    if not casters:
+        return []
+    covered = _filled([points[:, :2] for points in casters], table)
+    found: list[list[float]] = []
+    grid = _directions()
+    for _ in range(MOST_LAMPS):
+        scores = [_contrast(light, covered, casters, direction, table) for direction in grid]
+        share, sure = max(scores, key=lambda score: score[1])
+        if share < LEAST or sure < SURE:
+            break
+        best = grid[int(np.argmax([score[1] for score in scores]))]
+        alone = [_contrast(light, covered, [one], best, table) for one in casters]
+        told = [one_share > LEAST / 2 for one_share, one_sure in alone if one_sure != 0]
+        if np.mean(told) < AGREE if told else True:
+            break
+        found.append([round(float(value), 5) for value in (*best, share)])
+        shadow = _cast(casters, best, table)
+        light = np.where(shadow, light / (1 - share), light)
+    return found
+
+
+def follow(before: Scene, after: Scene, cast: Sequence[Sequence[float]]) -> Scene:
+    """The edited scene with the shadows of what was edited where the things are now. `cast` are `lamps`."""
+    table = _table(before, CELL) if cast else None
+    if table is None:
+        return after
+    gain = np.ones(table.shape, np.float32)
+    old, new = list(_outlines(before, table)), list(_outlines(after, table))
+    for *direction, share in cast:
+        was = _soft(_cast(old, np.array(direction), table))
+        now = _soft(_cast(new, np.array(direction), table))
+        gain *= (1 - share * now) / (1 - share * was)
+    if np.abs(gain - 1).max() < 1e-3:
+        return after
+    x, y = table.origin.tolist()
+    return replace(after, appearance=(*after.appearance, Shade(table.handles, (x, y), gain)))
+
+
+def _table(scene: Scene, cell: float) -> _Table | None:
+    handles = scene.roles.get("table")
+    if not handles or any(v.depth is None or v.ids is None for v in scene.episode.views.values()):
+        return None
+    points = points_of(scene, handles, 1)
+    if not len(points):
+        return None
+    level = float(np.median(points[:, 2]))
+    points = points[np.abs(points[:, 2] - level) < placing.LEVEL, :2]
+    low, high = points.min(0) - REACH, points.max(0) + REACH
+    columns, rows = np.ceil((high - low) / cell).astype(int) + 1
+    return _Table(handles, low, level, cell, (int(rows), int(columns)))
+
+
+def _outlines(scene: Scene, table: _Table) -> Iterator[Float64[np.ndarray, "n 3"]]:
+    """Points of each standing thing, where it is now, heights above the table."""
+    for body in scene.bodies:
+        if body.motion != "static" or body.soft or body.handles & table.handles:
+            continue
+        for points in _points(scene, body):
+            points = points - [0, 0, table.level]
+            small = np.ptp(points[:, :2], axis=0).max() < 1.0 if len(points) else False
+            if small and points[:, 2].max() > THICK and points[:, 2].min() < placing.MARGIN:
+                yield points
+
+
+def _points(scene: Scene, body: Body) -> Iterator[Float64[np.ndarray, "n 3"]]:
+    if body.mesh is not None:
+        yield geometry.transform(body.to_world[0], body.mesh.points)
+        return
+    names = body.copy_of or {handle: handle for handle in body.handles}
+    for source in names:
+        recorded = next(one for one in scene.tracked if source in one.handles)
+        own = geometry.transform(
+            geometry.inverse(recorded.to_world[0]), points_of(scene, [source], 2)
+        )
+        if len(own) > 3:
+            yield geometry.transform(body.to_world[0], body.scale * own)
+
+
+def _brightness(scene: Scene, table: _Table) -> Float64[np.ndarray, "r c"]:
+    """The table's brightness by cell as fixed cameras saw it at first, in their mean; nan where none did."""
+    total, count = np.zeros(table.shape), np.zeros(table.shape)
+    for view in scene.episode.views.values():
+        if not view.camera.fixed or view.depth is None or view.ids is None:
+            continue
+        use = np.isin(view.ids(0), list(table.handles)) & (view.depth(0) > 0)
+        points = geometry.world_points(view.depth(0).astype(float), view.camera, 0)[use]
+        columns, rows = np.rint((points[:, :2] - table.origin) / table.cell).astype(int).T
+        good = (np.abs(points[:, 2] - table.level) < placing.LEVEL) & (rows >= 0) & (columns >= 0)
+        good &= (rows < table.shape[0]) & (columns < table.shape[1])
+        np.add.at(total, (rows[good], columns[good]), view.rgb(0)[use][good].mean(-1))
+        np.add.at(count, (rows[good], columns[good]), 1)
+    return np.divide(total, count, out=np.full(table.shape, np.nan), where=count > 0)
+
+
+def _contrast(
+    light: Float64[np.ndarray, "r c"],
+    covered: Bool[np.ndarray, "r c"],
+    casters: list[Float64[np.ndarray, "n 3"]],
+    direction: Float64[np.ndarray, "3"],
+    table: _Table,
+) -> tuple[float, float]:
+    """Share of light that is missing in the shadows along a direction, and by how many standard errors."""
+    shadow = _cast(casters, direction, table)
+    around = cv2.dilate(shadow.astype(np.uint8), np.ones((2 * BESIDE + 1,) * 2, np.uint8)) > 0
+    inside, beside = light[shadow & ~covered], light[around & ~shadow & ~covered]
+    inside, beside = (np.log(np.maximum(part[~np.isnan(part)], 1)) for part in (inside, beside))
+    if len(inside) < FEW or len(beside) < FEW:
+        return 0.0, 0.0
+    off = float(np.median(beside) - np.median(inside))
+    error = np.hypot(inside.std() / np.sqrt(len(inside)), beside.std() / np.sqrt(len(beside)))
+    return 1 - float(np.exp(-off)), off / max(float(error), 1e-3)
+
+
+def _cast(
+    casters: Sequence[Float[np.ndarray, "n 3"]], direction: Float[np.ndarray, "3"], table: _Table
+) -> Bool[np.ndarray, "r c"]:
+    """Cells that lie in the shadow of one of the casters."""
+    slide = direction[:2] / direction[2]
+    return _filled(
+        [points[:, :2] - np.maximum(points[:, 2:], 0) * slide for points in casters], table
+    )
+
+
+def _filled(parts: Sequence[Float[np.ndarray, "n 2"]], table: _Table) -> Bool[np.ndarray, "r c"]:
+    mask = np.zeros(table.shape, np.uint8)
+    for points in parts:
+        corners = (hull(points) - table.origin) / table.cell
+        cv2.fillConvexPoly(mask, np.rint(16 * corners).astype(np.int32), 1, shift=4)
+    return mask > 0
+
+
+def _soft(mask: Bool[np.ndarray, "r c"]) -> Float32[np.ndarray, "r c"]:
+    return np.asarray(cv2.GaussianBlur(mask.astype(np.float32), (0, 0), SOFT), np.float32)
+
+
+def _directions() -> list[Float64[np.ndarray, "3"]]:
+    """Unit vectors to where a lamp may be."""
+    return [
+        np.array([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)])
+        for up in np.linspace(LOWEST, HIGHEST, HEIGHTS)
+        for turn in 2 * np.pi * np.arange(HEADINGS) / HEADINGS
+    ]

@@ -1,0 +1,87 @@
+"""Moving bodies at other times: what of them cannot be seen now, carried along by their pose.
+
+A robot's part that is outside the frame now, or turned away, was seen at some other time. Where the body's track can be
+trusted, a recording of that time shows it now as well, drawn from a camera that moved along with the body.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from rpaug import geometry
+from rpaug.render.zbuffer import Source, lift
+from rpaug.scene.recorded.plates import among, source_at, spread
+from rpaug.types import Body, Scene
+
+CANDIDATES = 16  # frames, spread over the episode, that are looked at
+MOST = 4  # recordings kept of a body
+CELL = 0.01  # metres: how finely it is told what is new in a recording
+NEW = 0.08  # of all cells: a recording that adds less is not kept
+TRUSTED = 0.003  # metres: residual of a track up to which its poses carry surfels
+
+
+@dataclass(frozen=True)
+class Part:
+    """A recording of a body at another time: its surfels, and the pose that the body had then."""
+
+    handles: frozenset[int]
+    source: Source
+    to_world: Float64[np.ndarray, "4 4"]
+
+    def at(self, to_world: Float64[np.ndarray, "4 4"]) -> Source:
+        """The surfels with the body where it is now."""
+        carried = to_world @ geometry.inverse(self.to_world)
+        return replace(self.source, cam_to_world=carried @ self.source.cam_to_world)
+
+
+_Seen = tuple[Part, set[int]]
+
+
+def trusted(body: Body) -> bool:
+    """Whether a body's track is good enough to carry its surface."""
+    moves = body.motion not in ("static", "unknown")
+    return moves and not body.ambiguous and body.residual <= TRUSTED
+
+
+def recorded(scene: Scene, noise: float, tolerance: float) -> tuple[Part, ...]:
+    """A few recordings of each trusted body that together show most of what was ever seen of it.
+
+    Reads `CANDIDATES` frames of each camera, and none if no body can be trusted.
+    """
+    bodies = [body for body in scene.tracked if trusted(body)]
+    seen: dict[frozenset[int], list[_Seen]] = {body.handles: [] for body in bodies}
+    for t in spread(scene.episode.length)[:CANDIDATES] if bodies else ():
+        for view in scene.episode.views.values():
+            source = source_at(view, t, noise, carved=True)
+            for body in bodies:
+                if (found := _seen(source, body, t)) is not None:
+                    seen[body.handles].append(found)
+    kept = [part for found in seen.values() for part in _most_telling(found)]
+    return tuple(replace(part, source=lift(part.source, tolerance)) for part in kept)
+
+
+def _seen(source: Source, body: Body, t: int) -> _Seen | None:
+    """What a recording shows of the body, and which cells of the body's own frame that fills."""
+    use = among(source.ids, body.handles) & np.isfinite(source.depth) & (source.depth > 0)
+    if not use.any():
+        return None
+    points = geometry.unproject(np.where(use, source.depth, 0).astype(np.float64), source.K)[use]
+    own = geometry.inverse(body.to_world[t]) @ source.cam_to_world
+    cells = np.floor(geometry.transform(own, points) / CELL).astype(np.int64) & 0x1FFFFF
+    packed = cells[:, 0] << 42 | cells[:, 1] << 21 | cells[:, 2]
+    part = Part(body.handles, replace(source, use=use), body.to_world[t])
+    return part, set(packed.tolist())
+
+
+def _most_telling(seen: list[_Seen]) -> Iterator[Part]:
+    """Greedily the recordings that add most, while they add enough."""
+    every = {cell for _, cells in seen for cell in cells}
+    known: set[int] = set()
+    for _ in range(min(MOST, len(seen))):
+        part, cells = max(seen, key=lambda one: len(one[1] - known))
+        if len(cells - known) < NEW * len(every):
+            return
+        known |= cells
+        yield part

@@ -1,0 +1,301 @@
+"""Which recorded pixels show a moved camera its view: its own, other cameras', and other times'.
+
+A view at time t draws, in this order (an earlier source keeps a pixel that a later one confirms):
+
+1. the camera's own recorded image at t;
+2. what the other cameras recorded at t;
+3. *plates*: what a fixed camera saw of static bodies where something moving hides them at t;
+4. *history*: what a moving camera saw of static bodies at other times;
+5. *parts*: what any camera saw of moving bodies at other times, carried along by their poses;
+6. *patches*: what nobody ever saw behind edited bodies, painted.
+
+All but the first are carved by the first: a surfel where the own camera saw farther is not there. And all but the
+first take on the first's light, thing by thing.
+
+Bodies that were edited are cut out of all of these and drawn once more from the same recordings, carried from where
+they were recorded to where they are now. They come before all others, to keep their pixels where they touch what they
+stand on.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Int32
+
+from rpaug import geometry
+from rpaug.errors import TargetError, Unsupported
+from rpaug.render import denoise, holes, window, zbuffer
+from rpaug.render.gains import matched
+from rpaug.render.window import Window
+from rpaug.render.zbuffer import Rendered, Source
+from rpaug.scene.recorded import parts, unseen
+from rpaug.scene.recorded.carry import carried
+from rpaug.scene.recorded.parts import Part
+from rpaug.scene.recorded.plates import Plate, among, plate, source_at, spread
+from rpaug.types import Camera, CameraView, Scene
+
+HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
+SAME_PLACE = 0.01  # metres: what another camera saw this close to what the own one shows of a body is the same
+NOISES = 3.0  # standard deviations of depth noise within which two depths are one surface
+
+
+@dataclass(frozen=True)
+class Surfels:
+    """What is kept of an episode between views.
+
+    `static` are the handles that never move; `noise` is the standard deviation of recorded depth as a share of it.
+    `patches` stand for what nobody saw.
+    """
+
+    static: frozenset[int]
+    plates: Mapping[str, Plate]
+    history: Mapping[str, tuple[Source, ...]]
+    parts: tuple[Part, ...] = ()
+    noise: float = 0.0
+    patches: tuple[Source, ...] = ()
+
+    @property
+    def tolerance(self) -> float:
+        """The share of depth within which two recordings show one surface."""
+        return tolerance(self.noise)
+
+
+def tolerance(noise: float) -> float:
+    """The share of depth within which two recordings of that much noise show one surface."""
+    return max(zbuffer.SAME_SURFACE, NOISES * noise)
+
+
+def build(scene: Scene, kept: Surfels | None = None) -> Surfels:
+    """What `recorded` says of the scene (`kept`, if it was asked before), and patches behind what was edited in it."""
+    kept = kept or recorded(scene)
+    return replace(kept, patches=_patches(kept, scene))
+
+
+def recorded(scene: Scene) -> Surfels:
+    """Plates of the fixed cameras, history of the moving ones, and what was seen of moving bodies whose track holds.
+
+    Edits do not change it: all copies of an episode share it. Keeps a few images in memory. Raises Unsupported if a
+    source has no depth.
+    """
+    static = frozenset().union(*(body.handles for body in scene.tracked if body.motion == "static"))
+    views, length = scene.episode.views, scene.episode.length
+    for name, view in views.items():
+        if view.depth is None:
+            raise Unsupported(
+                f"{name}: moving a camera needs recorded depth, and this source has none"
+            )
+    noise = _noise(scene)
+    near = tolerance(noise)
+    fixed = {name: view for name, view in views.items() if static and view.camera.fixed}
+    moving = {name: view for name, view in views.items() if static and not view.camera.fixed}
+    plates = {name: plate(view, length, static, noise, near) for name, view in fixed.items()}
+    history = {
+        name: tuple(_history(view, length, static, noise, near)) for name, view in moving.items()
+    }
+    return Surfels(static, plates, history, parts.recorded(scene, noise, near), noise)
+
+
+def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:
+    """Painted surfels behind the static bodies that were edited, be it only later."""
+    edits = (*carried(scene, 0), *carried(scene, scene.episode.length - 1))
+    handles = (handle for edit in edits for handle in edit.handles)
+    edited = frozenset(handles) & surfels.static
+    if not edited:
+        return ()
+    cameras = {name: scene.episode.views[name].camera for name in surfels.plates}
+    plates = {name: (cameras[name], kept) for name, kept in surfels.plates.items()}
+    past = [_without(source, edited) for kept in surfels.history.values() for source in kept]
+    return unseen.patches(plates, past, edited, scene.inpaint, surfels.tolerance)
+
+
+def _noise(scene: Scene) -> float:
+    """The noise of the least noisy camera's first and last depth image: noise is the sensor's, clutter is not."""
+    found = []
+    for view in scene.episode.views.values():
+        for t in (0, scene.episode.length - 1):
+            now = source_at(view, t)
+            found.append(denoise.noise(now.depth, now.ids))
+    return min(found, default=0.0)
+
+
+def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
+    """What `scene.cameras[camera_name]` sees at time t, drawn from recorded pixels, holes filled.
+
+    Colours are as recorded: appearance edits are functions of colour and id, and are applied to the result. Where
+    the camera stands as recorded, what no edited body hides or uncovers is the recorded image bit for bit. Raises
+    TargetError.
+    """
+    if camera_name not in scene.cameras or camera_name not in scene.episode.views:
+        known = ", ".join(scene.episode.views)
+        raise TargetError(f"no camera is called {camera_name!r}; there are: {known}")
+    camera, recorded = scene.cameras[camera_name], scene.episode.views[camera_name]
+    stands = _stands(camera, recorded.camera, t) and recorded.depth is not None
+    edits = carried(scene, t)
+    if stands and recorded.ids and edits and not any(edit.shows for edit in edits):
+        gone = among(recorded.ids(t), frozenset().union(*(edit.handles for edit in edits)))
+        piece = window.around(gone, camera.K, camera.cam_to_world[t])
+        return (
+            _as_recorded(recorded, t)
+            if piece is None
+            else _behind(surfels, scene, camera_name, t, piece)
+        )
+    drawn, filled = _drawn(surfels, scene, camera_name, t, None)
+    if stands and recorded.depth is not None:
+        # Smoothing, and surfaces without depth, would change what was recorded.
+        return replace(filled, depth=np.where(drawn.source == 0, recorded.depth(t), filled.depth))
+    return filled
+
+
+def _drawn(
+    surfels: Surfels, scene: Scene, name: str, t: int, piece: Window | None
+) -> tuple[Rendered, Rendered]:
+    """What the recordings show of a camera's view, or of a piece of it, and the same with its holes filled."""
+    camera = scene.cameras[name]
+    K, size = (
+        (camera.K, (camera.width, camera.height)) if piece is None else (piece.own, piece.size)
+    )
+    known = list(_known(surfels, scene, name, t, piece))
+    drawn = zbuffer.render(
+        K, camera.cam_to_world[t], size, [*known, *_painted(surfels, known[0], piece)],
+        witness=known[0], tolerance=surfels.tolerance,
+    )  # fmt: skip
+    filled = holes.fill(drawn)
+    # What patches show was invented as much as what single views are filled with.
+    return drawn, replace(filled, hole=drawn.hole | (drawn.source >= len(known)))
+
+
+def _as_recorded(view: CameraView, t: int) -> Rendered:
+    assert view.depth is not None
+    assert view.ids is not None
+    rgb, ids = view.rgb(t), view.ids(t)
+    nowhere = np.zeros(ids.shape, bool)
+    return Rendered(
+        rgb.astype(np.float32) / 255, view.depth(t), ids, nowhere.astype(np.int16), nowhere
+    )
+
+
+def _behind(surfels: Surfels, scene: Scene, name: str, t: int, piece: Window) -> Rendered:
+    """The recorded image, with what the recordings show in a piece of it where its own surfels are cut out."""
+    drawn, filled = _drawn(surfels, scene, name, t, piece)
+    whole, at = _as_recorded(scene.episode.views[name], t), np.s_[piece.rows, piece.columns]
+    new = drawn.source != 0
+    depth, ids, hole, source = whole.depth.copy(), whole.ids.copy(), whole.hole, whole.source
+    whole.rgb[at][new], depth[at][new], ids[at][new] = (
+        filled.rgb[new],
+        filled.depth[new],
+        filled.ids[new],
+    )
+    hole[at][new], source[at][new] = filled.hole[new], filled.source[new]
+    return replace(whole, depth=depth, ids=ids)
+
+
+def _stands(camera: Camera, recorded: Camera, t: int) -> bool:
+    same = np.array_equal(camera.cam_to_world[t], recorded.cam_to_world[t])
+    return same and np.array_equal(camera.K, recorded.K)
+
+
+def sources(
+    surfels: Surfels, scene: Scene, own: str, t: int, piece: Window | None = None
+) -> Iterator[Source]:
+    """The recorded images that show camera `own` its view at time t, the most trusted first, itself before all, and
+    what was painted last; or their parts that show a piece of the view."""
+    shown = list(_known(surfels, scene, own, t, piece))
+    yield from shown
+    yield from _painted(surfels, shown[0], piece)
+
+
+def _known(
+    surfels: Surfels, scene: Scene, own: str, t: int, piece: Window | None
+) -> Iterator[Source]:
+    """What was recorded, edited bodies carried to where they are now."""
+    edits = carried(scene, t)
+    edited = frozenset(handle for edit in edits for handle in edit.handles)
+    whole = list(_recordings(surfels, scene, own, t, edited, piece))
+    yield from (_without(source, edited) for source in whole) if edits else whole
+    for edit in edits:
+        for source in whole if edit.shows else ():
+            use = among(source.ids, frozenset(edit.shows))
+            use = use if source.use is None else use & source.use
+            if source is not whole[0] and use.any():
+                use = use & ~_shown(whole[0], source, use)
+            if use.any():
+                yield edit.carry(replace(source, use=use, before=True))
+
+
+def _painted(surfels: Surfels, recorded: Source, piece: Window | None) -> Iterator[Source]:
+    """What stands for what nobody saw, in the light of what the camera recorded."""
+    for patch in surfels.patches:
+        part = patch if piece is None else piece.part(patch)
+        if part is not None:
+            lit = matched(replace(part, use=None), recorded, surfels.tolerance)
+            yield replace(lit, use=part.use)
+
+
+def _recordings(
+    surfels: Surfels, scene: Scene, own: str, t: int, edited: frozenset[int], piece: Window | None
+) -> Iterator[Source]:
+    """All recordings that show what was there at time t, where it was then, or their parts that show the piece."""
+    views, near = scene.episode.views, surfels.tolerance
+    recorded = source_at(views[own], t, surfels.noise, distant=True)
+    recorded = zbuffer.lift(recorded if piece is None else piece.of(recorded), near)
+    yield recorded
+
+    def like(source: Source) -> Iterator[Source]:
+        part = source if piece is None else piece.part(source)
+        if part is not None:
+            yield matched(part if part.lifted else zbuffer.lift(part, near), recorded, near)
+
+    def names(view: CameraView) -> Int32[np.ndarray, "h w"]:
+        size = view.camera.height, view.camera.width
+        return view.ids(t) if view.ids else np.zeros(size, np.int32)
+
+    now = {name: names(view) for name, view in views.items()}
+    for name in views:
+        if name != own:
+            yield from like(source_at(views[name], t, surfels.noise, carved=True))
+    for name, kept in surfels.plates.items():
+        hidden = kept.known & ~among(now[name], surfels.static - edited)
+        if hidden.any():
+            yield from like(replace(kept.source, use=hidden))
+    for past in surfels.history.values():
+        for source in past:
+            yield from like(source)
+    poses = {body.handles: body.to_world[t] for body in scene.tracked}
+    for part in surfels.parts:
+        yield from like(part.at(poses[part.handles]))
+
+
+def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Which pixels of another recording show a place that one's own shows as well, or sees through."""
+    rows, columns = np.nonzero(use)
+    z = other.depth[rows, columns].astype(np.float64)
+    ray = np.stack([columns, rows, np.ones(len(rows))], -1) @ np.linalg.inv(other.K).T
+    back = geometry.inverse(own.cam_to_world) @ other.cam_to_world
+    local = geometry.transform(back, ray * z[:, None])
+    ahead = np.maximum(local[:, 2], 1e-6)
+    pixel = np.rint((local / ahead[:, None]) @ own.K.T)[:, :2].clip(-1, 1 << 20).astype(int)
+    height, width = own.ids.shape
+    inside = (local[:, 2] > 0) & (pixel >= 0).all(1) & (pixel < [width, height]).all(1)
+    x, y = np.where(inside[:, None], pixel, 0).T
+    beyond = own.depth[y, x] - local[:, 2]
+    same = (own.ids[y, x] == other.ids[rows, columns]) & (np.abs(beyond) < SAME_PLACE)
+    spare = inside & (same | (beyond > SAME_PLACE))
+    out = np.zeros_like(use)
+    out[rows[spare], columns[spare]] = True
+    return out
+
+
+def _without(source: Source, handles: frozenset[int]) -> Source:
+    rest = ~among(source.ids, handles)
+    return replace(source, use=rest if source.use is None else rest & source.use)
+
+
+def _history(
+    view: CameraView, length: int, static: frozenset[int], noise: float, near: float
+) -> Iterator[Source]:
+    for t in sorted(spread(length)[:HISTORY_FRAMES]):
+        past = source_at(view, t, noise, carved=True)
+        use = among(past.ids, static)
+        if use.any():
+            yield zbuffer.lift(replace(past, use=use), near)

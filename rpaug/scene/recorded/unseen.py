@@ -1,0 +1,168 @@
+"""What nobody ever saw behind edited bodies, painted once and shown alike to all cameras at all times.
+
+What another camera or time saw of the background is no hole. The rest is painted in the view that shows most of it,
+lifted to surfels, and drawn into the other views, where only what is still missing is painted in turn. Its depth
+continues the surfaces around the hole; where one plane explains what is seen of a surface there, that very plane.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, Float64, UInt8
+
+from rpaug.providers.inpaint import paint
+from rpaug.render import holes, zbuffer
+from rpaug.render.zbuffer import Rendered, Source
+from rpaug.scene.recorded.plates import Plate, among
+from rpaug.types import Camera
+
+FEWEST = 2  # pixels: a hole smaller than this is left to the filling of single views
+RING = 12  # pixels around a hole that tell the surfaces which it continues
+MARGIN = 24  # pixels around a hole that its texture is painted from
+EXPLAINED = 0.8  # share of a surface's pixels around a hole that lie on one plane, if it is one
+PASSES = 3  # of the plane's fit, each on what the last explains
+
+
+@dataclass(frozen=True)
+class _View:
+    """One camera's background without the edited bodies, and which of its pixels nobody saw."""
+
+    camera: Camera
+    drawn: Rendered
+    hole: Bool[np.ndarray, "h w"]
+
+
+def patches(
+    plates: dict[str, tuple[Camera, Plate]],
+    others: Sequence[Source],
+    edited: frozenset[int],
+    method: str,
+    tolerance: float,
+) -> tuple[Source, ...]:
+    """Surfels for what lies unseen behind the `edited` handles in the fixed cameras, painted by `method`.
+
+    `others` are recordings of static things from other cameras, the edited ones left out.
+    """
+    found: list[Source] = []
+    left = dict(plates)
+    while left:
+        views = {
+            name: _view(camera, plate, plates, (*others, *found), edited, tolerance)
+            for name, (camera, plate) in left.items()
+        }
+        best = max(views, key=lambda name: int(views[name].hole.sum()))
+        if views[best].hole.sum() < FEWEST:
+            break
+        found.append(zbuffer.lift(_painted(views[best], method, tolerance), tolerance))
+        del left[best]
+    return tuple(found)
+
+
+def _view(
+    camera: Camera,
+    plate: Plate,
+    plates: dict[str, tuple[Camera, Plate]],
+    others: Sequence[Source],
+    edited: frozenset[int],
+    tolerance: float,
+) -> _View:
+    def rest(one: Plate) -> Source:
+        return replace(one.source, use=one.known & ~among(one.ids, edited))
+
+    sources = [rest(plate), *(rest(one) for _, one in plates.values() if one is not plate), *others]
+    drawn = zbuffer.render(
+        camera.K, camera.cam_to_world[0], (camera.width, camera.height), sources,
+        witness=plate.source, tolerance=tolerance,
+    )  # fmt: skip
+    behind = plate.known & among(plate.ids, edited)
+    return _View(camera, drawn, drawn.hole & behind)
+
+
+def _painted(view: _View, method: str, tolerance: float) -> Source:
+    """The view's hole as a recording: depth and handles continued, colours painted thing by thing."""
+    filled = holes.fill(view.drawn)
+    known = ~view.drawn.hole & (view.drawn.depth > 0)
+    depth = filled.depth.copy()
+    rgb = filled.image
+    for handle in np.unique(filled.ids[view.hole]).tolist():
+        here = view.hole & (filled.ids == handle)
+        around = _grown(here, RING) & known & (filled.ids == handle)
+        plane = _plane(depth, around, tolerance)
+        if plane is not None:
+            continued = _on(plane, here.shape)
+            good = here & (continued > 0)
+            depth[good] = 1 / continued[good]
+        rgb = np.where(
+            here[..., None], _texture(rgb, here, known & (filled.ids == handle), method), rgb
+        )
+    return Source(
+        K=view.camera.K, cam_to_world=view.camera.cam_to_world[0], rgb=rgb, depth=depth,
+        ids=filled.ids, use=view.hole, carved=True,
+    )  # fmt: skip
+
+
+def _plane(
+    depth: Float32[np.ndarray, "h w"], around: Bool[np.ndarray, "h w"], tolerance: float
+) -> Float64[np.ndarray, "3"] | None:
+    """1/z = a x + b y + c of the pixels `around`, if most of them lie on one plane."""
+    rows, columns = np.nonzero(around)
+    if len(rows) < 6:
+        return None
+    near = 1 / depth[rows, columns].astype(np.float64)
+    terms = np.stack([columns, rows, np.ones(len(rows))], -1).astype(np.float64)
+    use = np.ones(len(rows), bool)
+    for _ in range(PASSES):
+        plane = np.linalg.lstsq(terms[use], near[use], rcond=None)[0]
+        off = np.abs(terms @ plane - near) / near
+        use = off <= max(tolerance, float(np.quantile(off, 0.5)))
+    explained = float((np.abs(terms @ plane - near) <= tolerance * near).mean())
+    return plane if explained >= EXPLAINED else None
+
+
+def _on(plane: Float64[np.ndarray, "3"], shape: tuple[int, int]) -> Float64[np.ndarray, "h w"]:
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    return plane[0] * columns + plane[1] * rows + plane[2]
+
+
+def _texture(
+    rgb: UInt8[np.ndarray, "h w 3"],
+    hole: Bool[np.ndarray, "h w"],
+    same: Bool[np.ndarray, "h w"],
+    method: str,
+) -> UInt8[np.ndarray, "h w 3"]:
+    """The hole painted from what is seen of the same thing alone.
+
+    Other things, and a frame around the image, take its nearest colours first, so that no hole lies at a border; and no
+    colour is painted that is not seen.
+    """
+    wide = [np.pad(plane, MARGIN) for plane in (hole, same)]
+    rows, columns = np.nonzero(_grown(wide[0], MARGIN))
+    window = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    gap, known = (plane[window] for plane in wide)
+    if not known.any():
+        return rgb
+    colours = np.pad(rgb, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)))[window]
+    painted = paint(method, _nearest(colours, known), gap)
+    low, high = colours[known].min(0), colours[known].max(0)
+    out = rgb.copy()
+    out[hole] = np.clip(painted[gap], low, high)
+    return out
+
+
+def _nearest(
+    rgb: UInt8[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Every pixel in the colour of the nearest known one."""
+    labels = cv2.distanceTransformWithLabels(
+        (~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )[1]
+    colour = np.zeros((labels.max() + 1, 3), np.uint8)
+    colour[labels[known]] = rgb[known]
+    return colour[labels]
+
+
+def _grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:
+    square = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
+    return cv2.dilate(mask.astype(np.uint8), square).astype(bool)

@@ -1,0 +1,282 @@
+"""A recorded thing left to physics: filled, let go among its surroundings, and shown as it then moves or deforms."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64, UInt8
+
+from rpaug.errors import Unsupported
+from rpaug.physics import rigid
+from rpaug.physics.colliders import Still, nothing, still
+from rpaug.physics.materials import Law, Material
+from rpaug.physics.rigid import Rigid
+from rpaug.physics.soft import EDGE, Soft, too_stiff
+from rpaug.scene.placement import placing
+from rpaug.scene.placement.standing import LIFTED
+from rpaug.scene.sampling import frames
+from rpaug.scene.simulated import bound
+from rpaug.scene.simulated.filling import columns
+from rpaug.scene.simulated.surroundings import Surroundings, clear, surroundings, within
+from rpaug.scene.splats import gaussians, seeds
+from rpaug.scene.splats.gaussians import SPREAD, lifted
+from rpaug.types import Body, Gaussians, Scene
+
+VIEWS = 6  # frames that a thing's surface is gathered from
+MOST_SHOWN = 20_000  # Gaussians of a thing
+LONGEST = 1.5  # times its width: a pixel seen at a grazing angle does not stick out of an outline
+NEIGHBOURS = 8  # particles that carry one Gaussian
+ROOM = 0.4  # metres around a thing that it may move in, if cells allow
+BELOW = 6  # cells under the support
+MOST_CELLS = 2_000_000
+LEAST_CELL = 0.002  # metres
+APART = (
+    1.5  # cells: what stands still closer to a thing at rest is taken for a part of its own surface
+)
+LOWER = 0.25  # of a thing's height: what tells the outline of its foot
+AROUND = 0.3  # metres around a rigid thing in which others stand in its way
+MOST_COLUMNS = 1500
+INVALID = "actions_valid"
+GENTLE = 1e-6  # newton seconds: less is no touch
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How a thing is let go: lifted by `height` metres, at `velocity` in m/s, under `gravity` in m/s2 downwards.
+
+    `fps` are recorded frames a second, `particles` about how many fill it, `friction` is Coulomb's between it and
+    what stands still, `grip` that between it and what moves.
+    """
+
+    material: Material
+    height: float = 0.0
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gravity: float = 9.81
+    fps: float = 20.0
+    particles: int = 6000
+    friction: float = 0.5
+    grip: float = 1.0
+
+
+def simulated(scene: Scene, handles: frozenset[int], how: Setting, acted: str | None) -> Scene:
+    """The scene with some instances, as one thing, simulated from its first frame on.
+
+    `acted` says why the recorded actions depend on the thing, None if they do not. Raises Unsupported where too little
+    of it was seen.
+    """
+    around = surroundings(scene, handles, 1 / how.fps)
+    shape = _surface(scene, handles)
+    points = shape.means.astype(float)
+    footprint = float(np.median(shape.scales[:, :2].max(1))) / SPREAD
+    found = columns(points, footprint, around.level, LIFTED)
+    spacing = max((found.volume / how.particles) ** (1 / 3), LEAST_CELL / 2)
+    cell = 2 * spacing
+    rest, volume = found.filled(spacing)
+    stiff = too_stiff(how.material, cell)
+    if stiff is not None:
+        after, account = _rigidly(scene, handles, how, around, _footed(points, found.bottom))
+    else:
+        after, account = _softly(scene, handles, how, around, shape, (rest, volume, spacing))
+    touched = account.pop("touched")
+    reasons = [acted] if acted else []
+    reasons += ["the robot touches it in the simulation"] if touched else []
+    told: dict[str, Any] = {
+        "handles": sorted(handles),
+        "solver": "rigid" if stiff else "material points",
+        **({"because": stiff} if stiff else {}),
+        **account,
+        "actions_valid": not reasons,
+        **({"reasons": reasons} if reasons else {}),
+    }
+    return replace(after, recorded_bodies=scene.tracked, simulated=(*scene.simulated, told))
+
+
+def _softly(
+    scene: Scene,
+    handles: frozenset[int],
+    how: Setting,
+    around: Surroundings,
+    shape: Gaussians,
+    inside: tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], float],
+) -> tuple[Scene, dict[str, Any]]:
+    rest, volume, spacing = inside
+    up = np.array([0.0, 0.0, how.height])
+    one = Soft(
+        rest + up,
+        volume,
+        how.material,
+        _room(rest + up, 2 * spacing, around),
+        gravity=(0.0, 0.0, -how.gravity),
+        boxes=around.boxes or nothing,
+        friction=how.friction,
+        grip=how.grip,
+    )
+    one.v[:] = how.velocity
+    states = [(one.x.copy(), one.D.copy())]
+    for _ in range(scene.episode.length - 1):
+        one.run(1 / how.fps)
+        states.append((one.x.copy(), one.D.copy()))
+    flows = how.material.law in (Law.SAND, Law.PLASTICINE)
+    neighbours = 1 if how.material.law is Law.SAND else NEIGHBOURS
+    tied = bound.bind(shape, rest, spacing, neighbours, inside=flows)
+    looks = bound.shown(tied, states)
+    told = {
+        "particles": len(rest),
+        "cell_mm": round(2000 * spacing, 3),
+        "steps": one.account.steps,
+        "clamped": one.account.clamped,
+        "crushed": one.account.crushed,
+        "touched": bool(one.account.boxes[: around.robot].sum() > GENTLE),
+    }
+    return replace(scene, bodies=_split(scene, handles, _deforming(looks))), told
+
+
+def _rigidly(
+    scene: Scene,
+    handles: frozenset[int],
+    how: Setting,
+    around: Surroundings,
+    points: Float64[np.ndarray, "n 3"],
+) -> tuple[Scene, dict[str, Any]]:
+    up = np.array([0.0, 0.0, how.height])
+    bottom = around.level if around.level is not None else float(points[:, 2].min())
+    thing = Rigid(
+        points=points + up,
+        density=how.material.density,
+        level=around.level,
+        columns=_columns(points, around, bottom),
+        boxes=around.boxes,
+        gravity=(0.0, 0.0, -how.gravity),
+        friction=how.friction,
+        grip=how.grip,
+        velocity=how.velocity,
+    )
+    fall = thing.run(scene.episode.length, 1 / how.fps)
+    motions = fall.motions.copy()
+    motions[:, :3, 3] += motions[:, :3, :3] @ up
+
+    def move(body: Body, held: frozenset[int]) -> Body:
+        track = motions @ body.to_world[0]
+        return replace(body, handles=held, to_world=track, motion="simulated")
+
+    told = {"steps": fall.steps, "touched": bool(fall.boxes[: around.robot].sum() > GENTLE)}
+    return replace(scene, bodies=_split(scene, handles, move)), told
+
+
+def _surface(scene: Scene, handles: frozenset[int]) -> Gaussians:
+    """The thing's Gaussians in the world of the first frame: fitted ones, or its recorded pixels."""
+    if scene.gaussians is not None:
+        placed = gaussians.placed(scene, 0)
+        mine = gaussians.chosen(placed, np.isin(placed.ids, list(handles)))
+        if len(mine):
+            return replace(mine, moments={})
+    found = []
+    motions = {h: body for body in scene.tracked for h in body.handles & handles}
+    for t in frames(scene.episode.length, VIEWS):
+        for view in scene.episode.views.values():
+            picture = seeds.picture_of(view, t, handles)
+            if picture is None:
+                continue
+            part = lifted(picture)
+            for handle, body in motions.items():
+                mine = gaussians.chosen(part, part.ids == handle)
+                if len(mine):
+                    back = body.to_world[0] @ np.linalg.inv(body.to_world[t])
+                    found.append(gaussians.moved(mine, back))
+    if not found:
+        raise Unsupported(f"simulating {sorted(handles)}: it was never seen with depth")
+    every = seeds.thinned(gaussians.joined(found), MOST_SHOWN)
+    scales = every.scales.copy()
+    scales[:, 0] = np.minimum(scales[:, 0], LONGEST * scales[:, 1])
+    return replace(every, scales=scales)
+
+
+def _footed(points: Float64[np.ndarray, "n 3"], bottom: float) -> Float64[np.ndarray, "m 3"]:
+    """Surface points with those of the lower part once more at the foot, which no camera sees."""
+    height = points[:, 2] - bottom
+    low = placing.hull(points[height < LOWER * height.max()])
+    under = np.column_stack([low, np.full(len(low), bottom)])
+    return np.concatenate([points[height >= 0], under])
+
+
+def _room(rest: Float64[np.ndarray, "n 3"], cell: float, around: Surroundings) -> Still:
+    """The box that the thing may move in, as large as the number of cells allows."""
+    level, room = around.level, ROOM
+    while True:
+        low, high = rest.min(0) - room, rest.max(0) + room
+        if level is not None:
+            low[2] = min(level, rest[:, 2].min()) - BELOW * cell
+        if np.prod((high - low) / cell) < MOST_CELLS or room < (EDGE + 2) * cell:
+            break
+        room *= 0.8
+    points = around.points[within(around.points, low, high)]
+    if level is not None:
+        points = points[points[:, 2] > level + cell]
+    points = points[clear(points, rest, APART * cell)] if len(points) else points
+    return still(low, high, cell, level, points)
+
+
+def _columns(
+    points: Float64[np.ndarray, "n 3"], around: Surroundings, bottom: float
+) -> Float64[np.ndarray, "c 5"]:
+    low, high = points.min(0) - AROUND, points.max(0) + AROUND
+    others = around.points[within(around.points, low, high)]
+    others = others[others[:, 2] > bottom + rigid.STRIP]
+    others = others[clear(others, points, rigid.STRIP)] if len(others) else others
+    strip = rigid.STRIP
+    while len(found := rigid.columns(others, bottom, strip)) > MOST_COLUMNS:
+        strip *= 1.3
+    return found
+
+
+def _deforming(looks: Gaussians) -> Any:
+    def bend(body: Body, held: frozenset[int]) -> Body:
+        mine = gaussians.chosen(looks, np.isin(looks.ids, list(held)))
+        return replace(body, handles=held, soft=mine, motion="simulated")
+
+    return bend
+
+
+def _split(scene: Scene, handles: frozenset[int], change: Any) -> tuple[Body, ...]:
+    """The scene's bodies, those of some instances apart and changed; what else is rigid to them stays."""
+    out: list[Body] = []
+    for body in scene.bodies:
+        held = body.handles & handles
+        if not held or body.copy_of:
+            out.append(body)
+            continue
+        out.append(change(body, held))
+        if rest := body.handles - held:
+            out.append(replace(body, handles=rest))
+    return tuple(out)
+
+
+def portrait(scene: Scene, handles: frozenset[int]) -> UInt8[np.ndarray, "h w 3"]:
+    """The thing cut out of the first frame of the camera that shows most of it. Raises Unsupported if none does."""
+    best, most = None, 0
+    for view in scene.episode.views.values():
+        if view.ids is None:
+            continue
+        rows, columns_ = np.nonzero(np.isin(view.ids(0), list(handles)))
+        if len(rows) > most:
+            window = np.s_[rows.min() : rows.max() + 1, columns_.min() : columns_.max() + 1]
+            best, most = view.rgb(0)[window], len(rows)
+    if best is None:
+        raise Unsupported(f"simulating {sorted(handles)}: no camera shows it in the first frame")
+    return best
+
+
+def invalid(tellings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Why recorded actions no longer hold, in words; nothing if they do."""
+    return [
+        f"{INVALID}: {'; '.join(one['reasons'])}" for one in tellings if not one["actions_valid"]
+    ]
+
+
+def described(tellings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What a report says of simulations; nothing where there were none."""
+    if not tellings:
+        return {}
+    valid = all(one["actions_valid"] for one in tellings)
+    return {"actions_valid": valid, "physics": [dict(one) for one in tellings]}

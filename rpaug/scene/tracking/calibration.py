@@ -1,0 +1,210 @@
+"""Whether recorded cameras agree about where things are, and which of them does not.
+
+Two cameras that see one surface at one time must put it in one place. Each camera's points are held against the planes
+that the other cameras recorded there, and the small rigid motion that would make it agree with them is its misfit. One
+whose misfit is too large is named and left out, and the rest is judged again without it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int32
+
+from rpaug import geometry
+from rpaug.scene.recorded.plates import source_at, spread
+from rpaug.types import Episode
+
+FRAMES = 4  # times that are looked at
+STRIDE = 2  # pixels: every other one in each direction
+CLOSE = 0.04  # metres and share of depth: farther apart are two surfaces
+FEWEST = 200  # points a camera must share with the others
+ROUNDS = 15  # of reweighting
+WIDENED = 6  # doublings of the scale to begin with
+SCALE = 0.001  # metres: residuals beyond this count less and less (Cauchy weights)
+FLAT = 1e-3  # of the strongest direction: motions that surfaces resist less cannot be told
+SMOOTH = 0.003  # of depth: second differences beyond this are an edge
+EXPLAINED = 0.25  # of what is off: a motion that explains less is none
+RARE = 0.1  # of all points: rarer directions count no more than this
+TOLERATED = 0.007  # metres that a camera's points may be off before it is named; curved surfaces leave up to 6 mm
+TOLERATED_MOVING = (
+    0.009  # for a camera that moves: real ones are about a pixel off where they say they are
+)
+
+
+_Pair = tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"]]
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How far a camera's points are from where the other cameras saw them.
+
+    `millimetres` is how far its motion towards agreement carries its points, in the mean; `milliradians` by how much
+    that motion turns; `points` how many were compared. Motions that the surfaces seen cannot tell are left out.
+    """
+
+    camera: str
+    millimetres: float
+    milliradians: float
+    points: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.camera}: what it sees lies {self.millimetres:.0f} mm from where the other cameras see it; "
+            "check its extrinsics"
+        )
+
+
+def check(
+    episode: Episode, tolerated: float = TOLERATED, moving: float = TOLERATED_MOVING
+) -> tuple[Misfit, ...]:
+    """The cameras whose points are off by more than `tolerated` metres, or `moving` if they move, worst first.
+
+    Blamed is the camera without which the others agree best, and so on until they agree; it is judged against those
+    that are left. Of two that disagree both are named, since neither is more right. A camera that shares too little
+    with the others, or has no depth, is not judged.
+    """
+    views = {name: view for name, view in episode.views.items() if view.depth is not None}
+    limits = {n: 1e3 * (tolerated if v.camera.fixed else moving) for n, v in views.items()}
+    names = list(views)
+    pairs = {
+        (name, other): _compared(episode, name, other)
+        for name in names
+        for other in names
+        if other != name
+    }
+    blamed: list[str] = []
+    while len(names) > 2 and _worst(pairs, names, limits) > 1:
+        without = {name: _worst(pairs, [n for n in names if n != name], limits) for name in names}
+        blamed.append(min(without, key=lambda name: without[name]))
+        names.remove(blamed[-1])
+    if len(names) == 2 and _worst(pairs, names, limits) > 1:
+        blamed += names
+    found = [m for name in blamed if (m := _misfit(pairs, name, names)) is not None]
+    # One that was left out because it disagreed with another that is off is not off itself.
+    found = [m for m in found if m.millimetres > limits[m.camera]]
+    return tuple(sorted(found, key=lambda m: -m.millimetres))
+
+
+def _worst(
+    pairs: Mapping[tuple[str, str], _Pair], names: Sequence[str], limits: Mapping[str, float]
+) -> float:
+    """The largest misfit among cameras, as a multiple of what is tolerated."""
+    found = (_misfit(pairs, name, names) for name in names)
+    return max((m.millimetres / limits[m.camera] for m in found if m is not None), default=0.0)
+
+
+def _misfit(
+    pairs: Mapping[tuple[str, str], _Pair], name: str, others: Sequence[str]
+) -> Misfit | None:
+    """One camera against others; None if they share too little."""
+    shared = [pairs[name, other] for other in others if other != name]
+    if sum(len(points) for points, _, _ in shared) < FEWEST:
+        return None
+    points, normals, off = (np.concatenate(part) for part in zip(*shared, strict=True))
+    middle = points.mean(0)
+    lever = max(float(np.sqrt(((points - middle) ** 2).sum(1).mean())), 1e-12)
+    # Small motion (turn * lever, shift): its effect on each distance, all in metres.
+    rows = np.concatenate([np.cross((points - middle) / lever, normals), normals], 1)
+    # Rare directions count as much as common ones: most points lie on one table, which resists one shift only.
+    spread_out = normals.T @ normals / len(normals) + RARE * np.eye(3)
+    share = ((normals @ np.linalg.inv(spread_out)) * normals).sum(1)
+    # Begun wide, since few points may tell of a motion that most, on one plane, cannot; and begun where the camera is
+    # said to be, since a few outliers may pull the wide one away from there. The better of the two counts.
+    found = [_settled(rows, off, share, widened) for widened in (0, WIDENED)]
+    motion = min(found, key=lambda motion: _cost(rows, off, share, motion))
+    left = _cost(rows, off, share, motion) / max(_cost(rows, off, share, np.zeros(6)), 1e-300)
+    if left > 1 - EXPLAINED:  # curved surfaces and outliers make any camera look a little off
+        motion = np.zeros(6)
+    turn, shift = motion[:3] / lever, motion[3:]
+    carried = np.cross(turn, points - middle) + shift
+    return Misfit(
+        camera=name,
+        millimetres=1e3 * float(np.sqrt((carried**2).sum(1).mean())),
+        milliradians=1e3 * float(np.linalg.norm(turn)),
+        points=len(points),
+    )
+
+
+def _settled(
+    rows: Float64[np.ndarray, "n 6"],
+    off: Float64[np.ndarray, "n"],
+    share: Float64[np.ndarray, "n"],
+    widened: int,
+) -> Float64[np.ndarray, "6"]:
+    """The motion that leaves least of `off`: reweighted least squares from none, the scale halved `widened` times."""
+    motion = np.zeros(6)
+    for step in range(ROUNDS):
+        scale = SCALE * 2.0 ** max(0, widened - step)
+        weight = share / (1.0 + ((off + rows @ motion) / scale) ** 2)
+        values, axes = np.linalg.eigh((rows * weight[:, None]).T @ rows)
+        keep = values > FLAT * values[-1]
+        pull = axes[:, keep].T @ (rows.T @ (weight * off))
+        motion = -axes[:, keep] @ (pull / values[keep])
+    return motion
+
+
+def _cost(
+    rows: Float64[np.ndarray, "n 6"],
+    off: Float64[np.ndarray, "n"],
+    share: Float64[np.ndarray, "n"],
+    motion: Float64[np.ndarray, "6"],
+) -> float:
+    """What the motion leaves, as those weights count it (Cauchy's loss)."""
+    return float((share * np.log1p(((off + rows @ motion) / SCALE) ** 2)).sum())
+
+
+def _compared(episode: Episode, name: str, other: str) -> _Pair:
+    """Points of one camera, the normals of what the other saw there, and signed distances, all in metres."""
+    found = [_at(episode, name, other, t) for t in spread(episode.length)[:FRAMES]]
+    points, normals, off = (np.concatenate(part) for part in zip(*found, strict=True))
+    return points, normals, off
+
+
+def _at(episode: Episode, name: str, other: str, t: int) -> _Pair:
+    mine, theirs = source_at(episode.views[name], t), source_at(episode.views[other], t)
+    depth = np.where(np.isfinite(mine.depth) & (mine.depth > 0), mine.depth, 0.0)
+    use = np.zeros(depth.shape, bool)
+    use[::STRIDE, ::STRIDE] = depth[::STRIDE, ::STRIDE] > 0
+    # Relative to the camera, so that a scene far from the origin loses no digits.
+    points = geometry.unproject(depth.astype(np.float64), mine.K)[use] @ mine.cam_to_world[:3, :3].T
+    surface = geometry.unproject(theirs.depth.astype(np.float64), theirs.K)
+    turn = theirs.cam_to_world[:3, :3]
+    seen = (points - (theirs.cam_to_world[:3, 3] - mine.cam_to_world[:3, 3])) @ turn
+    kept, row, column = _same(seen, mine.ids[use], theirs.depth, theirs.ids, theirs.K)
+    normal = _normals(surface, theirs.ids)[row, column]
+    off = ((seen[kept] - surface[row, column]) * normal).sum(1)
+    good = np.isfinite(off)
+    return points[kept][good], (normal @ turn.T)[good], off[good]
+
+
+def _same(seen, ids, depth, handles, K):
+    """Which points lie where the other camera saw the same thing as near, and the pixels they fall in."""
+    z = np.where(seen[:, 2] > 0, seen[:, 2], 1.0)
+    column = np.rint(K[0, 0] * seen[:, 0] / z + K[0, 2])
+    row = np.rint(K[1, 1] * seen[:, 1] / z + K[1, 2])
+    height, width = depth.shape
+    inside = (seen[:, 2] > 0) & (row > 0) & (row < height - 1)
+    inside &= (column > 0) & (column < width - 1)
+    r, c = np.where(inside, row, 1).astype(int), np.where(inside, column, 1).astype(int)
+    near = np.abs(depth[r, c] - z) < CLOSE * np.minimum(1.0, z)
+    kept = inside & near & (handles[r, c] == ids)
+    return kept, r[kept], c[kept]
+
+
+def _normals(
+    surface: Float64[np.ndarray, "h w 3"], ids: Int32[np.ndarray, "h w"]
+) -> Float64[np.ndarray, "h w 3"]:
+    """Unit normals by central differences; not a number at the edge of a thing, or of a face of it."""
+    across, down = np.full_like(surface, np.nan), np.full_like(surface, np.nan)
+    across[:, 1:-1] = surface[:, 2:] - surface[:, :-2]
+    down[1:-1] = surface[2:] - surface[:-2]
+    normal = np.cross(across, down)
+    bend = np.abs(surface[1:-1, 2:] + surface[1:-1, :-2] - 2 * surface[1:-1, 1:-1])[..., 2]
+    fold = np.abs(surface[2:, 1:-1] + surface[:-2, 1:-1] - 2 * surface[1:-1, 1:-1])[..., 2]
+    smooth = np.maximum(bend, fold) < SMOOTH * surface[1:-1, 1:-1, 2]
+    for beside in (ids[1:-1, 2:], ids[1:-1, :-2], ids[2:, 1:-1], ids[:-2, 1:-1]):
+        smooth &= beside == ids[1:-1, 1:-1]
+    normal[1:-1, 1:-1][~smooth] = np.nan
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return normal / np.linalg.norm(normal, axis=-1, keepdims=True)

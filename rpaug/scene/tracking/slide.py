@@ -1,0 +1,89 @@
+"""Things on a rail: a track that is nearly straight becomes exactly straight, and sharper for it."""
+
+import numpy as np
+from jaxtyping import Float64
+
+from rpaug import geometry
+from rpaug.scene.tracking import evidence
+from rpaug.scene.tracking.align import align
+from rpaug.scene.tracking.evidence import TRUST
+from rpaug.scene.tracking.motion import Case
+
+TRAVEL = 0.03  # metres: less does not show a direction
+OFF_RAIL = 0.006  # metres beside the rail that alignment may have been off
+TURN = 0.02  # radians that it may have been off
+STIRS = 1e-3  # metres (and radians): less is rest
+MODEL = 6  # seen frames whose points are aligned together
+
+
+def straightened(
+    case: Case, to_world: Float64[np.ndarray, "t 4 4"], middle: Float64[np.ndarray, "3"]
+) -> Float64[np.ndarray, "t 4 4"] | None:
+    """The same motion as a slide along one axis without turning, None if it is no slide.
+
+    The axis is the main direction of the track; how far along it the body is comes from aligning each seen
+    frame again with that one freedom, and in between from the track.
+    """
+    way = np.einsum("tij,j->ti", to_world[:, :3, :3], middle) + to_world[:, :3, 3] - middle
+    axis = np.linalg.svd(way, full_matrices=False)[2][0]
+    along = way @ axis
+    cosine = (np.trace(to_world[:, :3, :3], axis1=1, axis2=2).min() - 1) / 2
+    beside = np.linalg.norm(way - np.outer(along, axis), axis=-1).max()
+    if np.ptp(along) < TRAVEL or beside > OFF_RAIL or cosine < np.cos(TURN):
+        return None
+    moving = np.abs(np.diff(along)).max() > 0
+    if not moving:
+        return None
+    corrected = _corrected(case, along, axis)
+    out = np.tile(np.eye(4), (len(along), 1, 1))
+    out[:, :3, 3] = corrected[:, None] * axis
+    return out if _distance(case, out) <= _distance(case, to_world) else None
+
+
+def _corrected(
+    case: Case, along: Float64[np.ndarray, "t"], axis: Float64[np.ndarray, "3"]
+) -> Float64[np.ndarray, "t"]:
+    """Positions on the rail: aligned in the seen frames, the track's own course in between."""
+    times, found = case.times, []
+    model: list[Float64[np.ndarray, "k 4"]] = []
+    before = 0.0
+    for s, t in zip(case.seen.tolist(), times.tolist(), strict=True):
+        points, still = case.points(s)
+        trust = np.where(np.arange(len(points)) < still, 1.0, TRUST)
+        resting = abs(along[t]) < 1e-9
+        position = along[t] + before
+        if model and not resting:
+            rows = np.concatenate(model)
+            guess = np.eye(4)
+            guess[:3, 3] = position * axis
+            motion, certain = align(
+                rows[:, :3], rows[:, 3], guess, case.looks, s, case.handle, axis=axis
+            )
+            position = float(motion[:3, 3] @ axis) if certain else position
+        before = position - along[t]
+        found.append(before)
+        model = [*model[-MODEL:], np.concatenate([points - position * axis, trust[:, None]], 1)]
+    late = np.interp(np.arange(len(along)), times, found)
+    return along + np.where(np.abs(along) < 1e-9, 0.0, late)
+
+
+def _distance(case: Case, to_world: Float64[np.ndarray, "t 4 4"]) -> float:
+    """Metres from each seen frame to the one a quarter of the way on: mean, and median to planes.
+
+    The mean has outlines in it, which see a thing slide in its own plane but are as coarse as a pixel; the median
+    has not, and tells half a millimetre.
+    """
+    step, outlines, planes = max(1, len(case.seen) // 4), [], []
+    for a, b in zip(case.seen[:-step].tolist(), case.seen[step:].tolist(), strict=True):
+        first, last = case.looks.frames[[a, b]]
+        motion = to_world[last] @ geometry.inverse(to_world[first])
+        average, count = case.judge(a, b, motion[None])
+        if count[0]:
+            outlines.append(float(average[0]))
+        if np.abs(motion - np.eye(4)).max() > STIRS:  # what rests fits any track that rests
+            points, still = case.points(a)
+            points = points[:still] if still >= evidence.ENOUGH else points
+            off = evidence.distances(points, motion, case.looks, b, case.handle)[0]
+            planes.append(np.abs(off[~np.isnan(off)]))
+    flat = np.concatenate([np.zeros(0), *planes])
+    return float(np.mean(outlines or [0.0]) + np.median(flat if len(flat) else [0.0]))

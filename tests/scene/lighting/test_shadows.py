@@ -1,0 +1,71 @@
+"""Shadows on the table: lamps are found where there are some, and shadows go along with what casts them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rpaug import twin
+from rpaug.scene.build import build
+from rpaug.scene.lighting import shadows
+from rpaug.scene.placement.untouched import without
+from rpaug.testing import shown
+from rpaug.twin.look import RIG
+
+pytestmark = pytest.mark.gl
+
+
+def recorded(**look):
+    take = twin.perform("push_button", 2, frames=17, look=twin.Look(**look))
+    return take, build(take.episode, with_bodies=True)
+
+
+@pytest.fixture(scope="module")
+def shaded():
+    return recorded(shadows=True)
+
+
+def test_the_lamps_of_the_twin_are_found(shaded):
+    found = np.array(shadows.lamps(shaded[1]))
+    assert 1 <= len(found) <= 3
+    along = np.cos([lamp.height for lamp in RIG])
+    true = np.stack(
+        [along * np.cos([lamp.heading for lamp in RIG]), along * np.sin([lamp.heading for lamp in RIG]),
+         np.sin([lamp.height for lamp in RIG])], -1,
+    )  # fmt: skip
+    assert ((found[:, :3] @ true.T).max(1) > np.cos(0.2)).all()
+    assert (np.abs(found[:, 3] - 0.22) < 0.1).all()
+
+
+def test_without_shadows_none_are_found():
+    assert shadows.lamps(recorded()[1]) == []
+
+
+def test_a_shadow_goes_with_what_casts_it(shaded):
+    take, scene = shaded
+    handle = take.truth.handles["block_textured"]
+    gone = without(scene, [handle])
+    after = shown(shadows.follow(scene, gone, shadows.lamps(scene)))
+    true = twin.perform(
+        "push_button",
+        2,
+        frames=17,
+        look=twin.Look(shadows=True),
+        factor="removal",
+        target="block_textured",
+    )
+    left = shown(gone)
+    errors = {True: 0.0, False: 0.0}
+    for name, view in true.episode.views.items():
+        goal = view.rgb(0).astype(float)
+        near = (np.abs(goal - take.episode.views[name].rgb(0)) > 8).any(-1)
+        near &= view.ids(0) == take.truth.handles["table"]
+        for lifted, made in ((True, after), (False, left)):
+            errors[lifted] += ((made.views[name].rgb(0) - goal)[near] ** 2).sum()
+    assert errors[True] < 0.6 * errors[False]
+
+
+def test_without_lamps_nothing_changes(shaded):
+    scene = shaded[1]
+    gone = replace(scene, bodies=scene.bodies[:-1])
+    assert shadows.follow(scene, gone, []) is gone

@@ -1,0 +1,101 @@
+"""Colour conversions against published values and as inverses of one another; names of shades."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpaug.scene.naming import colours
+
+channel = st.floats(0.0, 1.0)
+
+
+@given(st.tuples(channel, channel, channel))
+def test_lab_and_back(srgb: tuple[float, float, float]) -> None:
+    np.testing.assert_allclose(colours.from_lab(colours.to_lab(np.array(srgb))), srgb, atol=1e-6)
+
+
+def test_lab_is_opencvs() -> None:
+    grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 6)] * 3), -1).reshape(1, -1, 3)
+    theirs = cv2.cvtColor(grid.astype(np.float32), cv2.COLOR_RGB2LAB)
+    # OpenCV interpolates the transfer curves from tables.
+    np.testing.assert_allclose(colours.to_lab(grid), theirs, atol=0.3)
+
+
+def test_white_is_white() -> None:
+    np.testing.assert_allclose(colours.to_lab(np.ones(3)), [100.0, 0.0, 0.0], atol=0.02)
+
+
+@pytest.mark.parametrize("name", sorted(colours.NAMES))
+def test_a_name_is_its_own_nearest(name: str) -> None:
+    assert colours.nearest(np.array(colours.rgb(name))) == name
+    assert colours.means(name, name)
+
+
+def test_rlbench_has_twenty_colours() -> None:
+    assert len(colours.RLBENCH) == 20
+    assert colours.RLBENCH["azure"] == (0.0, 0.5, 1.0)
+
+
+def test_plain_words_cover_their_shades() -> None:
+    assert colours.means("red", "maroon")
+    assert not colours.means("maroon", "red")
+    assert colours.canonical("Grey") == "gray"
+    assert colours.canonical("cup") is None
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(KeyError, match="there are: azure"):
+        colours.rgb("mauve-ish")
+
+
+def test_typical_leaves_out_highlights_and_shadows() -> None:
+    pixels = np.full((100, 3), (200, 10, 10), np.uint8)
+    pixels[:20], pixels[80:] = 255, 0
+    np.testing.assert_allclose(colours.typical(pixels), np.array([200, 10, 10]) / 255)
+
+
+# Sharma, Wu, Dalal: The CIEDE2000 Color-Difference Formula (2005), table 1.
+SHARMA = """
+50.0000 2.6772 -79.7751 50.0000 0.0000 -82.7485 2.0425
+50.0000 3.1571 -77.2803 50.0000 0.0000 -82.7485 2.8615
+50.0000 2.8361 -74.0200 50.0000 0.0000 -82.7485 3.4412
+50.0000 -1.3802 -84.2814 50.0000 0.0000 -82.7485 1.0000
+50.0000 -1.1848 -84.8006 50.0000 0.0000 -82.7485 1.0000
+50.0000 -0.9009 -85.5211 50.0000 0.0000 -82.7485 1.0000
+50.0000 0.0000 0.0000 50.0000 -1.0000 2.0000 2.3669
+50.0000 -1.0000 2.0000 50.0000 0.0000 0.0000 2.3669
+50.0000 2.4900 -0.0010 50.0000 -2.4900 0.0009 7.1792
+50.0000 2.4900 -0.0010 50.0000 -2.4900 0.0010 7.1792
+50.0000 2.4900 -0.0010 50.0000 -2.4900 0.0011 7.2195
+50.0000 2.4900 -0.0010 50.0000 -2.4900 0.0012 7.2195
+50.0000 -0.0010 2.4900 50.0000 0.0009 -2.4900 4.8045
+50.0000 -0.0010 2.4900 50.0000 0.0010 -2.4900 4.8045
+50.0000 -0.0010 2.4900 50.0000 0.0011 -2.4900 4.7461
+50.0000 2.5000 0.0000 50.0000 0.0000 -2.5000 4.3065
+50.0000 2.5000 0.0000 73.0000 25.0000 -18.0000 27.1492
+50.0000 2.5000 0.0000 61.0000 -5.0000 29.0000 22.8977
+50.0000 2.5000 0.0000 56.0000 -27.0000 -3.0000 31.9030
+50.0000 2.5000 0.0000 58.0000 24.0000 15.0000 19.4535
+50.0000 2.5000 0.0000 50.0000 3.1736 0.5854 1.0000
+50.0000 2.5000 0.0000 50.0000 3.2972 0.0000 1.0000
+50.0000 2.5000 0.0000 50.0000 1.8634 0.5757 1.0000
+50.0000 2.5000 0.0000 50.0000 3.2592 0.3350 1.0000
+60.2574 -34.0099 36.2677 60.4626 -34.1751 39.4387 1.2644
+63.0109 -31.0961 -5.8663 62.8187 -29.7946 -4.0864 1.2630
+61.2901 3.7196 -5.3901 61.4292 2.2480 -4.9620 1.8731
+35.0831 -44.1164 3.7933 35.0232 -40.0716 1.5901 1.8645
+22.7233 20.0904 -46.6940 23.0331 14.9730 -42.5619 2.0373
+36.4612 47.8580 18.3852 36.2715 50.5065 21.2231 1.4146
+90.8027 -2.0831 1.4410 91.1528 -1.6435 0.0447 1.4441
+90.9257 -0.5406 -0.9208 88.6381 -0.8985 -0.7239 1.5381
+6.7747 -0.2908 -2.4247 5.8714 -0.0985 -2.2286 0.6377
+2.0776 0.0795 -1.1350 0.9033 -0.0636 -0.5514 0.9082
+"""
+
+
+def test_ciede2000_of_the_published_pairs():
+    rows = np.array(SHARMA.split(), float).reshape(34, 7)
+    np.testing.assert_allclose(colours.ciede2000(rows[:, :3], rows[:, 3:6]), rows[:, 6], atol=5e-5)
+    np.testing.assert_allclose(colours.ciede2000(rows[:, 3:6], rows[:, :3]), rows[:, 6], atol=5e-5)

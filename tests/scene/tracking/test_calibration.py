@@ -1,0 +1,61 @@
+"""Cameras that disagree about where things are, in a scene known in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from analytic import scene
+
+from rpaug.scene.tracking import calibration
+
+EYES = {
+    "front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "left": (-0.7, -0.5, 0.9),
+    "above": (0.2, 0.3, 1.2),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def episode():
+    return scene(EYES, length=4).episode
+
+
+def shifted(episode, name, shift, where=(0.0, 0.0, 0.0)):
+    """The episode with one camera's stated pose off by `shift`, and everything moved by `where`."""
+    views = {}
+    for each, view in episode.views.items():
+        track = view.camera.cam_to_world.copy()
+        track[:, :3, 3] += np.asarray(where) + (np.asarray(shift) if each == name else 0.0)
+        views[each] = replace(view, camera=replace(view.camera, cam_to_world=track))
+    return replace(episode, views=views)
+
+
+def test_cameras_that_agree_are_not_named(episode):
+    assert calibration.check(episode, tolerated=0.001, moving=0.001) == ()
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("name", ["front", "above"])
+def test_a_centimetre_is_found_and_the_camera_named(episode, name, axis):
+    found = calibration.check(shifted(episode, name, 0.01 * np.eye(3)[axis]))
+    assert [misfit.camera for misfit in found] == [name]
+    assert 8 < found[0].millimetres < 12
+
+
+def test_far_from_the_origin_it_is_the_same(episode):
+    far = (1e4, -2e4, 5e3)
+    assert (
+        calibration.check(shifted(episode, "front", (0, 0, 0), far), tolerated=0.001, moving=0.001)
+        == ()
+    )
+    found = calibration.check(shifted(episode, "front", (0, 0, 0.01), far))
+    assert [misfit.camera for misfit in found] == ["front"]
+
+
+def test_of_two_that_disagree_both_are_named(episode):
+    two = replace(episode, views={name: episode.views[name] for name in ("front", "side")})
+    found = calibration.check(shifted(two, "front", (0, 0, 0.01)))
+    assert {misfit.camera for misfit in found} == {"front", "side"}
+
+
+def test_one_camera_has_nothing_to_agree_with(episode):
+    assert calibration.check(replace(episode, views={"front": episode.views["front"]})) == ()
