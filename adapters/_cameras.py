@@ -6,7 +6,7 @@ where a camera was moved). Keys are the names of an episode's features, as the a
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 import yaml
@@ -24,6 +24,7 @@ DEEPEST = 100  # levels
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 LARGEST = 2**22  # bytes: a track of ten thousand poses is smaller
 Name = Annotated[str, Field(min_length=1)]
+Named = TypeVar("Named")
 Row = Annotated[list[float], Field(min_length=3, max_length=4)]
 
 
@@ -158,6 +159,23 @@ def known(folder: Path, field: str, name: str, among: Iterable[str]) -> None:
     """See that a name in the side file is one of the episode's. Raises BadInput."""
     if name not in (held := sorted(among)):
         raise BadInput(folder / NAME, field, found=name, expected=f"one of: {', '.join(held)}")
+
+
+def chosen(
+    folder: Path, beside: Beside, found: Mapping[str, Named], among: Mapping[str, Named]
+) -> dict[str, Named]:
+    """Features of colour by view: those `found`, as the side file names and picks them `among` all. Raises BadInput."""
+    views = dict(found)
+    for name, key in beside.images.items():
+        known(folder, f"images.{name}", key, among)
+        views = {n: one for n, one in views.items() if one != among[key]} | {name: among[key]}
+    if beside.views is not None:
+        for name in beside.views:
+            known(folder, f"views, {name}", name, views)
+        views = {name: views[name] for name in beside.views}
+    for name in beside.cameras:
+        known(folder, f"cameras.{name}", name, views)
+    return dict(sorted(views.items()))
 
 
 def camera(

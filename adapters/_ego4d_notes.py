@@ -4,15 +4,15 @@ Times and frames count from the start of the video, or, in `clip_frame`, of the 
 first frame, and what lies outside is left out. Fields not known here survive.
 """
 
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rpaug_adapters._folders import read_json
+
 from rpaug import BadInput
-from rpaug.files import read_bytes
 
 INDEX = "ego4d.json"
 FOLDER = "annotations"
@@ -206,10 +206,7 @@ def _json(path: Path) -> dict[str, Any]:
         return {}
     if path.stat().st_size > LARGEST:
         raise BadInput(path, "size", found="more than 2 GiB", expected="annotations")
-    try:
-        told = json.loads(read_bytes(path))
-    except (ValueError, RecursionError) as error:
-        raise BadInput(path, "JSON", found=str(error)[:80], expected="JSON") from None
+    told = read_json(path, "JSON")
     if not isinstance(told, dict):
         raise BadInput(path, "JSON", found=type(told).__name__, expected="an object")
     return told

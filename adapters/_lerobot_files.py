@@ -5,18 +5,16 @@ A finished dataset has `meta/{info.json, stats.json, tasks.parquet, episodes/*/*
 table, one video a camera, and its statistics, so that it can appear by one rename.
 """
 
-import json
-import os
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from rpaug_adapters._folders import read_json
+
 from rpaug import BadInput, MissingExtra
-from rpaug.files import read_bytes
 
 INFO = "meta/info.json"
 STATS = "meta/stats.json"
@@ -64,22 +62,10 @@ class Info:
         return tuple(self.features[key]["shape"])
 
 
-def datasets(root: Path) -> Iterator[Path]:
-    """Folders at or under `root` that hold a LeRobot dataset."""
-    for folder, subfolders, _ in os.walk(root):
-        subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
-        if (Path(folder) / INFO).is_file():
-            yield Path(folder)
-            subfolders.clear()
-
-
 def info(folder: Path) -> Info:
     """The description of the dataset in a folder. Raises BadInput."""
     path = folder / INFO
-    try:
-        told = json.loads(read_bytes(path))
-    except (ValueError, RecursionError) as error:
-        raise BadInput(path, "JSON", found=str(error), expected="a description") from None
+    told = read_json(path, "a description")
     if not isinstance(told, dict) or not isinstance(told.get("codebase_version"), str):
         raise BadInput(path, "codebase_version", found="none", expected="a LeRobot dataset")
     if not told["codebase_version"].startswith(VERSION):
@@ -230,12 +216,3 @@ def filled(template: str, values: dict[str, Any]) -> str:
         return str(value).zfill(int(match[2] or 0)) if isinstance(value, int) else str(value)
 
     return re.sub(r"\{(\w+)(?::0?(\d)d)?\}", one, template)
-
-
-def staged(folder: Path) -> dict[str, list[int]]:
-    """Numbers of the episodes that are not gathered yet, by split, ascending."""
-    found: dict[str, list[int]] = {}
-    for path in folder.glob(f"*/*/{STAGED}"):
-        if path.parent.name.isdigit():
-            found.setdefault(path.parent.parent.name, []).append(int(path.parent.name))
-    return {split: sorted(numbers) for split, numbers in sorted(found.items())}

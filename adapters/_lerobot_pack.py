@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from rpaug_adapters import _lerobot_files, _lerobot_read, _lerobot_stats, _lerobot_write, _video
+from rpaug_adapters._folders import staged
 from rpaug_adapters._lerobot_files import (
     DATA_PATH,
     EPISODES_PATH,
@@ -35,7 +36,7 @@ SHARED = ("meta/episodes", "data", "videos")
 
 def pack(folder: Path) -> None:
     """Gather what is in episodes' own folders, with what was gathered before, and describe it all."""
-    if not _lerobot_files.staged(folder):
+    if not staged(folder, STAGED):
         return
     about = _lerobot_files.info(folder)
     _scatter(about)
@@ -128,7 +129,7 @@ def _gather(about: Info, work: Path) -> dict[str, Any]:
 
 def _own(folder: Path) -> Iterator[tuple[str, Path]]:
     """Split and folder of each episode, splits as they were told first."""
-    known, found = list(_lerobot_files.info(folder).splits), _lerobot_files.staged(folder)
+    known, found = list(_lerobot_files.info(folder).splits), staged(folder, STAGED)
     for split in sorted(found, key=lambda name: known.index(name) if name in known else len(known)):
         for number in found[split]:
             yield split, folder / split / str(number)
@@ -268,7 +269,7 @@ def _column(folder: Path, key: str) -> np.ndarray:
 
 def _drop(folder: Path) -> None:
     """Remove the episodes' own tables and videos, and their folders where nothing lies beside them."""
-    for split, numbers in _lerobot_files.staged(folder).items():
+    for split, numbers in staged(folder, STAGED).items():
         for number in numbers:
             own = folder / split / str(number)
             for path in (own / STAGED, own / STATISTICS, *own.glob("*.mp4")):

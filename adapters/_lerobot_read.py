@@ -8,13 +8,13 @@ from typing import Any
 import cv2
 import numpy as np
 from jaxtyping import Float64
-from rpaug_adapters import _cameras, _lerobot_files, _tiff, _video
+from rpaug_adapters import _cameras, _episodes, _images, _lerobot_files, _tiff, _video
 from rpaug_adapters._cameras import Beside
 from rpaug_adapters._lerobot_files import COUNTED, INFO, STAGED, Info
 from rpaug_adapters._video import Frames, Span
 
 from rpaug import BadInput, Camera, CameraView, Episode
-from rpaug.files import check_image, decode_image
+from rpaug.files import check_image
 
 IMAGES = ("observation.images.", "observation.")
 DEPTH = "_depth"  # ending of the feature with a camera's depth, where no side file names it
@@ -60,7 +60,7 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
     length = rows.num_rows
     where = f"{folder}: {split}/{number}"
     beside = _cameras.load((own, folder))
-    images = _images(about, beside)
+    images = _found(about, beside)
     sizes = {name: _size(where, about, rows, spans, image) for name, image in images.items()}
     tracks = _tracks(where, about, rows)
     depths = _depths(about, beside, images)
@@ -69,30 +69,19 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
         if told.ids is not None and name in images:
             _cameras.known(folder, f"cameras.{name}.ids", told.ids, about.features)
             ids[name] = told.ids
-    views = {
-        name: _view(
-            where,
-            about,
-            rows,
-            spans,
-            image,
-            depths.get(name),
-            ids.get(name),
-            _cameras.camera(beside, name, sizes[name], length, tracks),
-        )
-        for name, image in images.items()
-    }
     descriptions = tuple(dict.fromkeys(text for text in tasks if text))
-    recorded = Recorded(
-        about, own, rows, spans, views, images, depths, ids, beside, tasks, descriptions
-    )
-    return Episode(
-        key=key,
-        views=views,
-        robot=_cameras.robot(folder, beside, tracks, length),
-        descriptions=descriptions,
-        length=length,
-        source=recorded,
+
+    def view(name: str, camera: Camera) -> CameraView:
+        depth, mask = depths.get(name), ids.get(name)
+        return _view(where, about, rows, spans, images[name], depth, mask, camera)
+
+    def recorded(views: dict[str, CameraView]) -> Recorded:
+        return Recorded(
+            about, own, rows, spans, views, images, depths, ids, beside, tasks, descriptions
+        )
+
+    return _episodes.episode(
+        key, folder, beside, sizes, tracks, length, descriptions, view, recorded
     )
 
 
@@ -147,26 +136,18 @@ def _length(where: str, rows: Any, told: Any) -> int:
     return rows.num_rows
 
 
-def _images(about: Info, beside: Beside) -> dict[str, str]:
+def _found(about: Info, beside: Beside) -> dict[str, str]:
     """The features of colour by the names of their views."""
-    found = {}
-    for key in about.of_kind("image", "video"):
+    found, among = {}, about.of_kind("image", "video")
+    for key in among:
         if not _is_depth(about.features[key]):
             prefix = next((prefix for prefix in IMAGES if key.startswith(prefix)), "")
             found[key.removeprefix(prefix)] = key
-    for name, key in beside.images.items():
-        _cameras.known(about.folder, f"images.{name}", key, about.of_kind("image", "video"))
-        found = {n: k for n, k in found.items() if k != key} | {name: key}
-    if beside.views is not None:
-        for name in beside.views:
-            _cameras.known(about.folder, f"views, {name}", name, found)
-        found = {name: found[name] for name in beside.views}
-    for name in beside.cameras:
-        _cameras.known(about.folder, f"cameras.{name}", name, found)
-    if not found:
+    views = _cameras.chosen(about.folder, beside, found, {key: key for key in among})
+    if not views:
         where = about.folder / INFO
         raise BadInput(where, "features", found="no images", expected="a colour image a step")
-    return dict(sorted(found.items()))
+    return views
 
 
 def _is_depth(feature: dict[str, Any]) -> bool:
@@ -214,15 +195,7 @@ def _size(where: str, about: Info, rows: Any, spans: dict[str, Span], key: str) 
     """Width and height that all images of a feature share."""
     if key in spans:
         return _video.check(spans[key])
-    sizes = [
-        check_image(f"{where}, {key}, frame {t}", data)
-        for t, data in enumerate(blobs(where, rows, key))
-    ]
-    odd = next((t for t, size in enumerate(sizes) if size != sizes[0]), None)
-    if odd is not None:
-        found, expected = f"{sizes[odd][0]}x{sizes[odd][1]}", f"{sizes[0][0]}x{sizes[0][1]}"
-        raise BadInput(where, f"{key}, frame {odd}", found=found, expected=expected)
-    return sizes[0]
+    return _images.size(blobs(where, rows, key), lambda t: f"{where}, {key}, frame {t}")
 
 
 def _tracks(where: str, about: Info, rows: Any) -> dict[str, Float64[np.ndarray, "t k"]]:
@@ -257,18 +230,14 @@ def _view(
     camera: Camera,
 ) -> CameraView:
     shape = camera.height, camera.width
-    if key in spans:
-        rgb: Callable[[int], np.ndarray] = Frames(spans[key])
-    else:
-        images = blobs(where, rows, key)
-
-        def rgb(t: int) -> np.ndarray:
-            image = decode_image(f"{where}, {key}, frame {t}", images[t])
-            return image if image.ndim == 3 else np.repeat(image[..., None], 3, 2)
-
+    recorded: Callable[[int], np.ndarray] = (
+        Frames(spans[key])
+        if key in spans
+        else _images.colours(blobs(where, rows, key), lambda t: f"{where}, {key}, frame {t}")
+    )
     return CameraView(
         camera,
-        rgb,
+        recorded,
         None if depth is None else _metric(where, about, rows, spans, depth, shape),
         None if ids is None else _whole(where, rows, ids, shape),
     )
@@ -290,14 +259,10 @@ def _metric(
             raise BadInput(spans[depth.key].path, "size", found=found, expected=expected)
         told = RANGE | (about.features[depth.key].get("info") or {})
         return lambda t: _unpacked(frames(t), told)
-    images, metres = blobs(where, rows, depth.key), np.float32(depth.metres)
-
-    def metric(t: int) -> np.ndarray:
-        at = f"{where}, {depth.key}, frame {t}"
-        image = one_channel(at, images[t], shape)
-        return np.nan_to_num(image.astype(np.float32) * metres, posinf=0, neginf=0)
-
-    return metric
+    images = blobs(where, rows, depth.key)
+    return _images.metric(
+        lambda t: one_channel(f"{where}, {depth.key}, frame {t}", images[t], shape), depth.metres
+    )
 
 
 def one_channel(where: str, data: bytes, shape: tuple[int, int]) -> np.ndarray:

@@ -7,15 +7,21 @@ from typing import Any
 
 import cv2
 import numpy as np
-from rpaug_adapters import _cameras, _lerobot_files, _lerobot_fresh, _lerobot_stats, _tiff, _video
+from rpaug_adapters import (
+    _cameras,
+    _images,
+    _lerobot_files,
+    _lerobot_fresh,
+    _lerobot_stats,
+    _tiff,
+    _video,
+)
 from rpaug_adapters._lerobot_files import COUNTED, STAGED, STATISTICS, Info
 from rpaug_adapters._lerobot_read import Recorded, blobs
 from rpaug_adapters._video import Frames
 
-from rpaug import CameraView, Episode, Unsupported
-from rpaug.files import encode_jpeg, encode_png
+from rpaug import Episode, Unsupported
 
-JPEG = b"\xff\xd8"
 OF_THE_WHOLE = ("index", "episode_index", "task_index")  # columns that count in the whole dataset
 Image = Callable[[int], np.ndarray]
 
@@ -49,7 +55,8 @@ def _edited(episode: Episode, recorded: Recorded) -> Any:
     for name, view in episode.views.items():
         before, key = recorded.views[name], recorded.images[name]
         if key not in recorded.spans and view.rgb is not before.rgb:
-            new[key] = _lerobot_fresh.images(_colours(recorded, key, view, before, length))
+            encoded = _images.edited(blobs("", rows, key), view, before)
+            new[key] = _lerobot_fresh.images(encoded)
         if name in recorded.depths and view.depth is not before.depth:
             new[recorded.depths[name].key] = _depth(episode, recorded, name)
         if name in recorded.ids and view.ids is not before.ids:
@@ -73,18 +80,6 @@ def _words(episode: Episode, recorded: Recorded) -> list[str]:
         by = dict(zip(old, new, strict=True))
         return [by.get(text, text) for text in recorded.tasks]
     return [episode.instruction] * episode.length
-
-
-def _colours(
-    recorded: Recorded, key: str, view: CameraView, before: CameraView, length: int
-) -> list[bytes]:
-    images = []
-    for t, data in enumerate(blobs("", recorded.rows, key)[:length]):
-        image = view.rgb(t)
-        if not np.array_equal(image, before.rgb(t)):
-            data = encode_jpeg(image) if data[:2] == JPEG else encode_png(image)
-        images.append(data)
-    return images
 
 
 def _depth(episode: Episode, recorded: Recorded, name: str) -> Any:

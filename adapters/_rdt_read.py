@@ -1,6 +1,5 @@
 """Reading an ALOHA or RDT episode: one HDF5 file, nothing followed out of it, every image's header checked."""
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,11 +9,11 @@ from typing import Any
 import h5py
 import numpy as np
 from jaxtyping import Float32, Float64, UInt8
-from rpaug_adapters import _cameras
+from rpaug_adapters import _cameras, _episodes, _images
 from rpaug_adapters._cameras import Beside
+from rpaug_adapters._folders import read_json
 
-from rpaug import BadInput, CameraView, Episode
-from rpaug.files import check_image, decode_image, read_bytes
+from rpaug import BadInput, Camera, CameraView, Episode
 
 IMAGES = "observations/images"
 QPOS = "observations/qpos"
@@ -25,10 +24,12 @@ MOST = 2**28  # numbers in one dataset: more is taken for damage, before anythin
 
 @dataclass(frozen=True)
 class Recorded:
-    """Where an episode came from, its encoded images (None: stored as pixels), and what lies beside it."""
+    """Where an episode came from, the datasets of its images, their encoded ones (None: stored as pixels), and what
+    lies beside it."""
 
     path: Path
     views: dict[str, CameraView]
+    images: dict[str, str]
     encoded: dict[str, list[bytes] | None]
     depths: dict[str, tuple[str, float]]
     words: dict[str, Any] | None
@@ -70,47 +71,38 @@ def read(path: Path, key: str) -> Episode:
     folder = path.parent
     beside = _cameras.load((folder, folder.parent))
     with opened(path) as file:
-        tracks = _tracks(path, file)
+        images = _found(path, file, beside)
+        tracks = _tracks(path, file, frozenset(images.values()))
         length = len(tracks[QPOS])
-        names = beside.views or _names(path, file)
-        encoded = {name: _encoded(path, file, name, length) for name in names}
-        sizes = {name: _size(path, file, name, images) for name, images in encoded.items()}
+        encoded = {name: _encoded(path, file, at, length) for name, at in images.items()}
+        sizes = {name: _size(path, file, at, encoded[name]) for name, at in images.items()}
         depths = _depths(path, file, beside, sizes, length)
-    for name in beside.cameras:
-        _cameras.known(folder, f"cameras.{name}", name, names)
-    views = {
-        name: CameraView(
-            _cameras.camera(beside, name, sizes[name], length, tracks),
-            _colours(path, name, images),
-            None if name not in depths else _depth(path, *depths[name]),
-        )
-        for name, images in encoded.items()
-    }
     words = _words(folder / WORDS)
     told = beside if beside.joints else beside.model_copy(update={"joints": QPOS})
     descriptions = _descriptions(words)
-    return Episode(
-        key=key,
-        views=views,
-        robot=_cameras.robot(folder, told, tracks, length),
-        descriptions=descriptions,
-        length=length,
-        source=Recorded(path, views, encoded, depths, words, beside, descriptions),
-    )
+
+    def view(name: str, camera: Camera) -> CameraView:
+        depth = None if name not in depths else _depth(path, *depths[name])
+        return CameraView(camera, _colours(path, images[name], encoded[name]), depth)
+
+    def recorded(views: dict[str, CameraView]) -> Recorded:
+        return Recorded(path, views, images, encoded, depths, words, beside, descriptions)
+
+    return _episodes.episode(key, folder, told, sizes, tracks, length, descriptions, view, recorded)
 
 
-def _tracks(path: Path, file: h5py.File) -> dict[str, Float64[np.ndarray, "t k"]]:
-    """Every dataset of numbers with one row a step, by its path."""
+def _tracks(
+    path: Path, file: h5py.File, images: frozenset[str]
+) -> dict[str, Float64[np.ndarray, "t k"]]:
+    """Every dataset of numbers with one row a step that holds no images, by its path."""
     length = len(dataset(path, file, QPOS))
     if dataset(path, file, QPOS).ndim != 2 or not length:
         raise BadInput(
             path, QPOS, found=str(dataset(path, file, QPOS).shape), expected="one row a step"
         )
-    names: list[str] = []
-    file.visit(names.append)  # hard links alone are visited
     found = {}
-    for name in names:
-        if not isinstance(file[name], h5py.Dataset) or name.startswith(IMAGES):
+    for name in _datasets(file):
+        if name in images or name.startswith(IMAGES):
             continue
         held = dataset(path, file, name)
         if held.dtype.kind in "fiub" and held.ndim in (1, 2) and len(held) == length:
@@ -120,17 +112,26 @@ def _tracks(path: Path, file: h5py.File) -> dict[str, Float64[np.ndarray, "t k"]
     return found
 
 
-def _names(path: Path, file: h5py.File) -> list[str]:
+def _datasets(file: h5py.File) -> list[str]:
+    names: list[str] = []
+    file.visit(names.append)  # hard links alone are visited
+    return [name for name in names if isinstance(file[name], h5py.Dataset)]
+
+
+def _found(path: Path, file: h5py.File, beside: Beside) -> dict[str, str]:
+    """The dataset of each camera's images: those in their usual group, as the side file names and picks them."""
     group = file.get(IMAGES)
-    names = sorted(group) if isinstance(group, h5py.Group) else []
-    if not names:
+    held = sorted(group) if isinstance(group, h5py.Group) else []
+    usual = {name: f"{IMAGES}/{name}" for name in held}
+    among = {name: name for name in (*_datasets(file), *usual.values())}
+    views = _cameras.chosen(path.parent, beside, usual, among)
+    if not views:
         raise BadInput(path, IMAGES, found="no cameras", expected="a dataset of images each")
-    return names
+    return views
 
 
-def _encoded(path: Path, file: h5py.File, name: str, length: int) -> list[bytes] | None:
+def _encoded(path: Path, file: h5py.File, where: str, length: int) -> list[bytes] | None:
     """A camera's encoded images; None if pixels are stored."""
-    where = f"{IMAGES}/{name}"
     held = dataset(path, file, where)
     if len(held.shape) == 0 or len(held) != length:
         found = f"shape {held.shape}"
@@ -147,18 +148,12 @@ def _encoded(path: Path, file: h5py.File, name: str, length: int) -> list[bytes]
     return [bytes(row) for row in rows]
 
 
-def _size(path: Path, file: h5py.File, name: str, images: list[bytes] | None) -> tuple[int, int]:
+def _size(path: Path, file: h5py.File, where: str, images: list[bytes] | None) -> tuple[int, int]:
     """Width and height that all images of a camera share."""
     if images is None:
-        _, height, width, _ = dataset(path, file, f"{IMAGES}/{name}").shape
+        _, height, width, _ = dataset(path, file, where).shape
         return width, height
-    sizes = [check_image(f"{path}: {IMAGES}/{name}[{t}]", data) for t, data in enumerate(images)]
-    odd = next((t for t, size in enumerate(sizes) if size != sizes[0]), None)
-    if odd is not None:
-        found = "{}x{}".format(*sizes[odd])
-        expected = "{}x{} as in the first".format(*sizes[0])
-        raise BadInput(path, f"{IMAGES}/{name}[{odd}]", found=found, expected=expected)
-    return sizes[0]
+    return _images.size(images, lambda t: f"{path}: {where}[{t}]")
 
 
 def _depths(
@@ -176,38 +171,32 @@ def _depths(
 
 
 def _colours(
-    path: Path, name: str, images: list[bytes] | None
+    path: Path, where: str, images: list[bytes] | None
 ) -> Callable[[int], UInt8[np.ndarray, "h w 3"]]:
     def from_file(t: int) -> UInt8[np.ndarray, "h w 3"]:
         with opened(path) as file:
-            return dataset(path, file, f"{IMAGES}/{name}")[t]
+            return dataset(path, file, where)[t]
 
-    def decoded(t: int) -> UInt8[np.ndarray, "h w 3"]:
-        assert images is not None
-        image = decode_image(f"{path}: {IMAGES}/{name}[{t}]", images[t])
-        # RDT takes what OpenCV decodes for RGB as it is: its files hold red where a JPEG has blue.
-        return np.ascontiguousarray(image[..., ::-1]) if image.ndim == 3 else np.dstack([image] * 3)
-
-    return from_file if images is None else decoded
+    if images is None:
+        return from_file
+    decoded = _images.colours(images, lambda t: f"{path}: {where}[{t}]")
+    # RDT takes what OpenCV decodes for RGB as it is: its files hold red where a JPEG has blue.
+    return lambda t: np.ascontiguousarray(decoded(t)[..., ::-1])
 
 
 def _depth(path: Path, name: str, metres: float) -> Callable[[int], Float32[np.ndarray, "h w"]]:
-    def metric(t: int) -> Float32[np.ndarray, "h w"]:
+    def stored(t: int) -> np.ndarray:
         with opened(path) as file:
-            stored = dataset(path, file, name)[t]
-        return np.nan_to_num(stored.astype(np.float32) * np.float32(metres), posinf=0, neginf=0)
+            return dataset(path, file, name)[t]
 
-    return metric
+    return _images.metric(stored, metres)
 
 
 def _words(path: Path) -> dict[str, Any] | None:
     """The instruction's file, or None where there is none. Raises BadInput."""
     if not path.is_file():
         return None
-    try:
-        told = json.loads(read_bytes(path))
-    except (ValueError, RecursionError) as error:
-        raise BadInput(path, "JSON", found=str(error), expected="instructions") from None
+    told = read_json(path, "instructions")
     if not isinstance(told, dict) or "instruction" not in told:
         raise BadInput(path, "instruction", found="none", expected="a text or a list of texts")
     for name in TEXTS:

@@ -46,7 +46,8 @@ def _edited(episode: Episode, recorded: Recorded, path: Path) -> None:
     for name, view in episode.views.items():
         before = recorded.views[name]
         if view.rgb is not before.rgb:
-            new[f"{IMAGES}/{name}"] = _images(view, before, recorded.encoded[name], episode.length)
+            images = _images(view, before, recorded.encoded[name], episode.length)
+            new[recorded.images[name]] = images
         if name in recorded.depths and view.depth is not before.depth:
             place, metres = recorded.depths[name]
             assert view.depth is not None

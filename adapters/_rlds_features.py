@@ -4,15 +4,15 @@ The file is a tree of `pythonClassName`s (tensorflow_datasets' `core/features`).
 of steps; below it every value is there once a step. Classes not known here are leaves that are carried along unread.
 """
 
-import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rpaug_adapters._folders import read_json
+
 from rpaug import BadInput
-from rpaug.files import read_bytes
 
 FEATURES = "features.json"
 DEEPEST = 32  # levels of nesting
@@ -38,10 +38,7 @@ class Leaf:
 def leaves(folder: Path) -> dict[str, Leaf] | None:
     """All features of the dataset in a folder by key, or None if its features have no steps. Raises BadInput."""
     path = folder / FEATURES
-    try:
-        tree = json.loads(read_bytes(path))
-    except (ValueError, RecursionError) as error:
-        raise BadInput(path, "JSON", found=str(error), expected="a tree of features") from None
+    tree = read_json(path, "a tree of features")
     found = {leaf.key: leaf for leaf in _walk(path, tree, (), False, 0)}
     return found if any(leaf.stepwise for leaf in found.values()) else None
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rpaug_adapters import _tfrecord
-from rpaug_adapters._rlds_features import FEATURES
+from rpaug_adapters._folders import read_json, staged
 
 from rpaug import BadInput
 from rpaug.files import PART, read_bytes, write_atomic
@@ -49,22 +49,10 @@ class Split:
         raise IndexError(number)
 
 
-def datasets(root: Path) -> Iterator[Path]:
-    """Folders at or under `root` that hold a dataset's features."""
-    for folder, subfolders, files in os.walk(root):
-        subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
-        if FEATURES in files:
-            yield Path(folder)
-            subfolders.clear()
-
-
 def info(folder: Path) -> dict[str, Any]:
     """What `dataset_info.json` says. Raises BadInput."""
     path = folder / INFO
-    try:
-        described = json.loads(read_bytes(path))
-    except (ValueError, RecursionError) as error:
-        raise BadInput(path, "JSON", found=str(error), expected="a description by TFDS") from None
+    described = read_json(path, "a description by TFDS")
     if not isinstance(described, dict) or not isinstance(described.get("splits"), list):
         raise BadInput(path, "splits", found="none", expected="a list of splits")
     kind = described.get("fileFormat", "tfrecord")
@@ -139,15 +127,6 @@ def faults(folder: Path) -> Iterator[str]:
             yield f"{name}: numBytes {told[name]}, the records have {total}"
 
 
-def staged(folder: Path) -> dict[str, list[int]]:
-    """Numbers of the episodes that are not packed yet, by split, ascending."""
-    found: dict[str, list[int]] = {}
-    for path in folder.glob(f"*/*/{STAGED}"):
-        if path.parent.name.isdigit():
-            found.setdefault(path.parent.parent.name, []).append(int(path.parent.name))
-    return {split: sorted(numbers) for split, numbers in sorted(found.items())}
-
-
 def record(folder: Path, split: str, number: int) -> tuple[str, bytes]:
     """What to call an episode's record, and its bytes. Raises BadInput."""
     path = folder / split / str(number) / STAGED
@@ -163,12 +142,12 @@ def pack(source: Path, folder: Path) -> None:
     With as many episodes as the source's the shards are divided alike. Killed at any point, every record is still
     there, packed or not.
     """
-    numbers = staged(folder)
+    numbers = staged(folder, STAGED)
     if not numbers:
         return
     if (folder / INFO).is_file():
         _unpack(folder)
-        numbers = staged(folder)
+        numbers = staged(folder, STAGED)
     packed = (source / INFO).is_file()
     described = info(source) if packed else _described(folder, numbers)
     like = splits(source) if packed else {name: Split(name, (), ()) for name in numbers}

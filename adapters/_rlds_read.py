@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64
-from rpaug_adapters import _cameras, _rlds_files
+from rpaug_adapters import _cameras, _episodes, _images, _rlds_files
 from rpaug_adapters._cameras import Beside
 from rpaug_adapters._example import Example
 from rpaug_adapters._rlds_features import FEATURES, Leaf, leaves
 from rpaug_adapters._rlds_pixels import decoder
 
 from rpaug import BadInput, Camera, CameraView, Episode
-from rpaug.files import check_image, decode_image
 
 STEPS = "steps/"
 WORDS = (
@@ -48,39 +47,30 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
     example = Example(*_rlds_files.record(folder, split, number))
     own = folder / split / str(number)
     beside = _cameras.load((own, folder))
-    images = _images(folder, example, known, beside)
+    images = _found(folder, example, known, beside)
     length = len(example.blobs(next(iter(images.values())).key))
-    sizes = {name: _check(example, leaf.key, length) for name, leaf in images.items()}
+    sizes = {name: _size(example, leaf.key, length) for name, leaf in images.items()}
     tracks = _tracks(example, known, length)
     named = _beside(folder, example, known, beside, "depth")
     depths = {name: (leaf, beside.cameras[name].metres) for name, leaf in named.items()}
     ids = _beside(folder, example, known, beside, "ids")
-    views = {
-        name: _view(
-            example,
-            leaf,
-            depths.get(name),
-            ids.get(name),
-            _cameras.camera(beside, name, sizes[name], length, tracks),
-            length,
-        )
-        for name, leaf in images.items()
-    }
     language = _language(example, known, beside)
     descriptions = _descriptions(example, language)
-    return Episode(
-        key=key,
-        views=views,
-        robot=_cameras.robot(folder, beside, tracks, length),
-        descriptions=descriptions,
-        length=length,
-        source=Recorded(
+
+    def view(name: str, camera: Camera) -> CameraView:
+        return _view(example, images[name], depths.get(name), ids.get(name), camera, length)
+
+    def recorded(views: dict[str, CameraView]) -> Recorded:
+        return Recorded(
             folder, own, example, views, images, depths, ids, beside, language, descriptions
-        ),
+        )
+
+    return _episodes.episode(
+        key, folder, beside, sizes, tracks, length, descriptions, view, recorded
     )
 
 
-def _images(
+def _found(
     folder: Path, example: Example, known: dict[str, Leaf], beside: Beside
 ) -> dict[str, Leaf]:
     """Colour images by the name of their view: the last part of the key, or all of it where two share that."""
@@ -95,36 +85,23 @@ def _images(
         leaf.name if names.count(leaf.name) == 1 else leaf.key.removeprefix(STEPS): leaf
         for leaf in found
     }
-    for name, key in beside.images.items():
-        among = [k.removeprefix(STEPS) for k, leaf in known.items() if leaf.stepwise]
-        _cameras.known(folder, f"images.{name}", key, among)
-        views = {n: leaf for n, leaf in views.items() if leaf.key != STEPS + key}
-        views[name] = known[STEPS + key]
-    if beside.views is not None:
-        for name in beside.views:
-            _cameras.known(folder, f"views, {name}", name, views)
-        views = {name: views[name] for name in beside.views}
-    for name in beside.cameras:
-        _cameras.known(folder, f"cameras.{name}", name, views)
+    views = _cameras.chosen(folder, beside, views, _stepwise(known))
     if not views:
         raise BadInput(folder / FEATURES, "images", found="none", expected="a colour image a step")
-    return dict(sorted(views.items()))
+    return views
 
 
-def _check(example: Example, key: str, length: int) -> tuple[int, int]:
+def _stepwise(known: dict[str, Leaf]) -> dict[str, Leaf]:
+    """The features of the steps, by the names that a side file calls them."""
+    return {key.removeprefix(STEPS): leaf for key, leaf in known.items() if leaf.stepwise}
+
+
+def _size(example: Example, key: str, length: int) -> tuple[int, int]:
     """Width and height that all images of a feature share."""
-    size, blobs = None, example.blobs(key)
+    blobs = example.blobs(key)
     if len(blobs) != length:
         raise BadInput(example.where, key, found=f"{len(blobs)} images", expected=f"{length}")
-    for t, data in enumerate(blobs):
-        here = check_image(f"{example.where}, {key}, step {t}", data)
-        if here != (size := size or here):
-            expected = f"{size[0]}x{size[1]} as in the first step"
-            raise BadInput(
-                example.where, f"{key}, step {t}", found=f"{here[0]}x{here[1]}", expected=expected
-            )
-    assert size is not None
-    return size
+    return _images.size(blobs, lambda t: f"{example.where}, {key}, step {t}")
 
 
 def _beside(
@@ -135,8 +112,7 @@ def _beside(
     for name, calibration in beside.cameras.items():
         told = getattr(calibration, which)
         if told is not None:
-            among = [k.removeprefix(STEPS) for k, leaf in known.items() if leaf.stepwise]
-            _cameras.known(folder, f"cameras.{name}.{which}", told, among)
+            _cameras.known(folder, f"cameras.{name}.{which}", told, _stepwise(known))
             found[name] = known[STEPS + told]
     return found
 
@@ -150,24 +126,18 @@ def _view(
     length: int,
 ) -> CameraView:
     shape = camera.height, camera.width
-    blobs = example.blobs(leaf.key)
-
-    def rgb(t: int) -> np.ndarray:
-        image = decode_image(f"{example.where}, {leaf.key}, step {t}", blobs[t])
-        return image if image.ndim == 3 else np.repeat(image[..., None], 3, 2)
-
-    def metric(stored: Callable[[int], np.ndarray], unit: float) -> Callable[[int], np.ndarray]:
-        return lambda t: np.nan_to_num(
-            stored(t).astype(np.float32) * np.float32(unit), posinf=0, neginf=0
-        )
 
     def whole(stored: Callable[[int], np.ndarray]) -> Callable[[int], np.ndarray]:
         return lambda t: stored(t).astype(np.int32)
 
     return CameraView(
         camera,
-        rgb,
-        None if depth is None else metric(decoder(example, depth[0], shape, length), depth[1]),
+        _images.colours(
+            example.blobs(leaf.key), lambda t: f"{example.where}, {leaf.key}, step {t}"
+        ),
+        None
+        if depth is None
+        else _images.metric(decoder(example, depth[0], shape, length), depth[1]),
         None if ids is None else whole(decoder(example, ids, shape, length)),
     )
 

@@ -2,17 +2,13 @@
 
 from collections.abc import Callable, Sequence
 
-import cv2
 import numpy as np
-from rpaug_adapters import _cameras
+from rpaug_adapters import _cameras, _images
 from rpaug_adapters._rlds_features import Leaf
 from rpaug_adapters._rlds_pixels import encoded as encoded_pixels
 from rpaug_adapters._rlds_read import Recorded
 
-from rpaug import CameraView, Episode, Unsupported
-from rpaug.files import encode_jpeg, encode_png
-
-JPEG = b"\xff\xd8"
+from rpaug import Episode, Unsupported
 
 
 def encoded(episode: Episode, recorded: Recorded) -> tuple[bytes, dict[str, bytes]]:
@@ -22,7 +18,7 @@ def encoded(episode: Episode, recorded: Recorded) -> tuple[bytes, dict[str, byte
         before = recorded.views[name]
         if view.rgb is not before.rgb:
             leaf = recorded.images[name]
-            changes[leaf.key] = _colours(recorded, leaf, view, before, episode.length)
+            changes[leaf.key] = _images.edited(recorded.example.blobs(leaf.key), view, before)
         if name in recorded.depths and view.depth is not before.depth:
             leaf, metres = recorded.depths[name]
             assert view.depth
@@ -47,27 +43,6 @@ def encoded(episode: Episode, recorded: Recorded) -> tuple[bytes, dict[str, byte
         changes[key] = [episode.instruction.encode()] * count
     beside = _cameras.moved(episode, recorded.views, recorded.beside, recorded.own)
     return recorded.example.replaced(changes), beside
-
-
-def _colours(
-    recorded: Recorded, leaf: Leaf, view: CameraView, before: CameraView, length: int
-) -> list[bytes]:
-    images = []
-    for t, data in enumerate(recorded.example.blobs(leaf.key)[:length]):
-        image = view.rgb(t)
-        if not np.array_equal(image, before.rgb(t)):
-            data = encode_jpeg(image) if data[:2] == JPEG else _like_png(image, data)
-        images.append(data)
-    return images
-
-
-def _like_png(image: np.ndarray, data: bytes) -> bytes:
-    """A PNG with the channels of the recorded one: transparency stays as it was."""
-    whole = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if whole.ndim == 3 and whole.shape[2] == 4:
-        whole[..., :3] = image[..., ::-1]
-        return cv2.imencode(".png", whole)[1].tobytes()
-    return encode_png(image)
 
 
 def _pixels(

@@ -24,6 +24,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from rpaug_adapters import _cameras, _ego4d_encode, _ego4d_notes
 from rpaug_adapters._ego4d_notes import Notes
 from rpaug_adapters._ego4d_video import Video
+from rpaug_adapters._folders import natural
 
 from rpaug import Adapter, BadInput, CameraView, Episode, Robot, Side
 from rpaug.files import atomic_folder, read_bytes, write_atomic
@@ -90,7 +91,7 @@ class Ego4D(Adapter):
                 key = at.relative_to(root).as_posix()
                 mine = [n for n, cut in enumerate(cuts) if cut.video == path.stem]
                 keys += [f"{key}/cut_{n}" for n in mine] or [key]
-        return sorted(set(keys), key=_natural)
+        return sorted(set(keys), key=natural)
 
     def read(self, root: Path, key: str) -> Episode:
         path, cut = _place(root, key)
@@ -262,7 +263,3 @@ def _facts(root: Path, key: str) -> dict[str, Any]:
 
 def _json(value: Any) -> bytes:
     return (json.dumps(value, indent=1, ensure_ascii=False) + "\n").encode()
-
-
-def _natural(key: str) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", key)]

@@ -13,8 +13,8 @@ Keys are `<split>/<number>`, below the dataset's own path.
 """
 
 import json
-from collections.abc import Sequence
-from pathlib import Path, PurePosixPath
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, ClassVar
 
 from rpaug_adapters import (
@@ -25,46 +25,34 @@ from rpaug_adapters import (
     _lerobot_read,
     _lerobot_write,
 )
-from rpaug_adapters._lerobot_files import INFO, Info
+from rpaug_adapters._folders import Gathered, datasets, place
+from rpaug_adapters._lerobot_files import INFO, STAGED, Info
 from rpaug_adapters._lerobot_read import Recorded
 
-from rpaug import Adapter, BadInput, Episode, Side, Unsupported, splits
+from rpaug import Episode, Side, Unsupported
 from rpaug.files import atomic_folder, read_bytes, write_atomic
 
-PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 EMPTY = {"total_episodes": 0, "total_frames": 0, "total_tasks": 0, "splits": {}}
 
 
-class LeRobot(Adapter):
+class LeRobot(Gathered):
     """Reads and writes LeRobot v3.0 datasets."""
 
     name: ClassVar[str] = "lerobot"
+    mark: ClassVar[str] = INFO
+    staged: ClassVar[str] = STAGED
 
-    def episodes(self, root: Path) -> Sequence[str]:
-        keys = []
-        for folder in _lerobot_files.datasets(root):
-            about = _lerobot_files.info(folder)
-            counts = {name: set(range(len(span))) for name, span in about.splits.items()}
-            for name, numbers in _lerobot_files.staged(folder).items():
-                counts.setdefault(name, set()).update(numbers)
-            at = PurePosixPath(folder.relative_to(root).as_posix())
-            keys += [
-                (at / name / str(i)).as_posix()
-                for name, held in counts.items()
-                for i in sorted(held)
-            ]
-        return keys
+    def gathered(self, folder: Path) -> Mapping[str, int]:
+        return {name: len(span) for name, span in _lerobot_files.info(folder).splits.items()}
 
     def read(self, root: Path, key: str) -> Episode:
-        folder, split, number = _place(root, key)
+        folder, split, number = place(root, key)
         return _lerobot_read.read(folder, split, number, key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source if isinstance(episode.source, Recorded) else None
-        folder, split, number = _place(root, key)
+        folder, _, _ = self.free(root, key)
         about = _described(episode, recorded, folder, key)
-        if number < len(about.splits.get(split, ())):
-            raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
         with atomic_folder(root / key) as work:
             files = _lerobot_write.write(episode, recorded, about, work)
             for name, data in {**files, **side()}.items():
@@ -75,33 +63,14 @@ class LeRobot(Adapter):
             if told and told.is_file() and not (folder / _cameras.NAME).exists():
                 write_atomic(folder / _cameras.NAME, read_bytes(told))
 
-    def key_at(self, like: str, index: int) -> str:
-        return (PurePosixPath(like).parent / str(index)).as_posix()
-
-    def key_for(self, like: str, index: int) -> str:
-        """`<task>/<split>/<number>`; without a split in its key an episode is for training."""
-        parts = PurePosixPath(like).parts
-        split = splits.of(like) or "train"
-        named = [part for part in parts[:-1] if part != split and part not in PLACES]
-        return f"{'_'.join(named) or 'episodes'}/{split}/{index}"
-
     def faults(self, root: Path) -> Sequence[str]:
         """Counts, places and statistics that are not those of the episodes."""
-        return [
-            words
-            for folder in _lerobot_files.datasets(root)
-            for words in _lerobot_pack.faults(folder)
-        ]
+        return [words for folder in datasets(root, INFO) for words in _lerobot_pack.faults(folder)]
 
     def finish(self, source: Path, target: Path) -> None:
         """Episodes into shared files."""
-        for folder in _lerobot_files.datasets(target):
+        for folder in datasets(target, INFO):
             _lerobot_pack.pack(folder)
-
-
-def _place(root: Path, key: str) -> tuple[Path, str, int]:
-    *above, split, number = PurePosixPath(key).parts
-    return root.joinpath(*above), split, int(number)
 
 
 def _described(episode: Episode, recorded: Recorded | None, folder: Path, key: str) -> Info:

@@ -11,13 +11,13 @@ each episode has words and a report of its own; RDT's reader walks folders and f
 """
 
 import os
-import re
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
 import numpy as np
 from rpaug_adapters import _rdt_read, _rdt_write
+from rpaug_adapters._folders import natural
 from rpaug_adapters._rdt_read import Recorded
 
 from rpaug import Adapter, BadInput, Episode, Side
@@ -43,7 +43,7 @@ class RDT(Adapter):
                     own = path.parent.name == path.stem and path.parent != root
                     at = path.parent if own else path.with_suffix("")
                     keys.append(at.relative_to(root).as_posix())
-        return sorted(keys, key=_natural)
+        return sorted(keys, key=natural)
 
     def read(self, root: Path, key: str) -> Episode:
         return _rdt_read.read(_path(root, key), key)
@@ -76,7 +76,3 @@ def _path(root: Path, key: str) -> Path:
     """The file of an episode: in a folder of its own, or among others."""
     own = root / key / (PurePosixPath(key).name + ENDING)
     return own if own.is_file() else root / (key + ENDING)
-
-
-def _natural(key: str) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", key)]

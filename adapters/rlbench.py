@@ -19,6 +19,7 @@ from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
 from rpaug_adapters import _rlbench_read, _rlbench_write
+from rpaug_adapters._folders import natural
 from rpaug_adapters._rlbench_read import DESCRIPTIONS, LOW_DIM, Recorded
 
 from rpaug import Adapter, BadInput, Episode, Side, splits
@@ -53,7 +54,7 @@ class RLBench(Adapter):
             if here == root and REJECTED in subfolders:
                 subfolders.remove(REJECTED)
             subfolders[:] = [name for name in subfolders if not name.startswith(".")]
-        return sorted(keys, key=_natural)
+        return sorted(keys, key=natural)
 
     def read(self, root: Path, key: str) -> Episode:
         return _rlbench_read.read(root / key, key)
@@ -121,7 +122,3 @@ def _homeless(recorded: Recorded, key: str) -> bool:
         and not (recorded.folder / DESCRIPTIONS).is_file()
         and not _beside(key)
     )
-
-
-def _natural(key: str) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", key)]

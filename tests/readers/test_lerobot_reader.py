@@ -1,10 +1,8 @@
 """What the lerobot adapter writes is read by LeRobot's own dataset class, in its own process, frame by frame."""
 
-import json
-import os
-import subprocess
 from pathlib import Path
 
+import drivers
 import numpy as np
 import pytest
 
@@ -12,33 +10,19 @@ from rpaug import recipe, registry
 from rpaug.augment import Run, execute
 from rpaug.convert import convert
 
-DRIVER = Path(__file__).with_name("read_with_lerobot.py")
 PLACE = "toy"
 
 
 @pytest.fixture(scope="module")
 def read():
     """Runs the driver on a dataset; returns what it says and the frames it took."""
-    if "RPAUG_READERS" not in os.environ:
-        pytest.skip("RPAUG_READERS is not set: no LeRobot here (docs/readers.md)")
-    python = Path(os.environ["RPAUG_READERS"]) / "lerobot/bin/python"
-    if not python.exists():
-        pytest.skip(f"{python} is not there: no LeRobot here (docs/readers.md)")
+    python = drivers.reader("lerobot/bin/python")
 
     def run(folder: Path) -> tuple[dict, dict[str, np.ndarray]]:
         out = folder.parent / "frames.npz"
-        environment = {
-            "PATH": os.environ["PATH"],
-            "HF_HUB_OFFLINE": "1",
-            "CUDA_VISIBLE_DEVICES": "",
-        }
-        done = subprocess.run(
-            [python, DRIVER, folder, out],
-            env=environment | {"HOME": str(folder.parent), "OMP_NUM_THREADS": "1"},
-            capture_output=True, text=True, timeout=300, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr[-2000:]
-        return json.loads(done.stdout.splitlines()[-1]), dict(np.load(out))
+        home = str(folder.parent)
+        said = drivers.run(python, "read_with_lerobot.py", folder, out, HOME=home)
+        return said, dict(np.load(out))
 
     return run
 
@@ -48,7 +32,6 @@ def test_a_converted_recording_is_read(read, samples: Path, tmp_path: Path) -> N
     convert(source, tmp_path / "out", "lerobot")
     (place,) = (path.parent.parent for path in (tmp_path / "out").rglob("info.json"))
     said, frames = read(place)
-    assert not said["rpaug"]
     assert (said["episodes"], said["frames"], said["lengths"]) == (2, 221, [125, 96])
     assert said["tasks"] == {
         str(i): f"open the {'top' if i < 125 else 'bottom'} drawer" for i in map(int, said["tasks"])

@@ -1,17 +1,14 @@
 """What the rdt adapter writes is read by RDT's own dataset class, in its own process, in the right colours."""
 
-import json
-import os
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
+import drivers
 import numpy as np
 import pytest
 
 from rpaug import CameraView, Episode, registry
 
-DRIVER = Path(__file__).with_name("read_with_rdt.py")
 KEY = "all_variations/episodes/episode0"
 RIGHT_ARM, GRIPPER = slice(0, 6), 10  # in RDT's unified vector
 
@@ -19,22 +16,15 @@ RIGHT_ARM, GRIPPER = slice(0, 6), 10  # in RDT's unified vector
 @pytest.fixture(scope="module")
 def read():
     """Runs the driver on a folder; returns what it says and the frames it drew."""
-    if "RPAUG_READERS" not in os.environ:
-        pytest.skip("RPAUG_READERS is not set: no RDT here (docs/readers.md)")
-    readers = Path(os.environ["RPAUG_READERS"])
-    repository = readers / "RoboticsDiffusionTransformer"
-    if not repository.is_dir():
-        pytest.skip(f"{repository} is not there: no RDT here (docs/readers.md)")
+    repository, python = (
+        drivers.reader("RoboticsDiffusionTransformer"),
+        drivers.reader("rdt/bin/python"),
+    )
 
     def run(folder: Path) -> tuple[dict, dict[str, np.ndarray]]:
         out = folder.parent / "frames.npz"
-        done = subprocess.run(
-            [readers / "rdt/bin/python", DRIVER, repository, folder, out],
-            env={"PATH": os.environ["PATH"]},
-            capture_output=True, text=True, timeout=300, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr[-2000:]
-        return json.loads(done.stdout), dict(np.load(out))
+        said = drivers.run(python, "read_with_rdt.py", repository, folder, out)
+        return said, dict(np.load(out))
 
     return run
 
@@ -67,7 +57,6 @@ def test_rdts_own_dataset_reads_an_exported_episode(read, samples: Path, tmp_pat
     root = tmp_path / "out"
     registry.adapter("rdt").write(episode, root, "open_drawer/episode_0", dict)
     said, frames = read(root)
-    assert not said["rpaug"]
     assert len(said["samples"]) == 6
     for sample in said["samples"]:
         t = sample["step"]

@@ -1,16 +1,13 @@
 """RVT's own dataset code fills its replay buffer from what we write: key points and actions are the recording's."""
 
-import json
 import os
-import subprocess
 from pathlib import Path
 
-import pytest
+import drivers
 
 from rpaug import recipe
 from rpaug.augment import Run, execute
 
-DRIVER = Path(__file__).with_name("fill_rvt_replay.py")
 LIBRARIES = ("", "rvt/libs/YARR", "rvt/libs/peract_colab")
 RECIPE = {
     "version": 1,
@@ -23,22 +20,14 @@ RECIPE = {
 
 
 def test_rvt_trains_on_what_we_write(samples: Path, tmp_path: Path) -> None:
-    if "RPAUG_READERS" not in os.environ:
-        pytest.skip("RPAUG_READERS is not set: no RVT here (docs/readers.md)")
-    readers, source = Path(os.environ["RPAUG_READERS"]), samples / "rlbench_open_drawer"
-    if not (readers / "RVT").is_dir():
-        pytest.skip("RPAUG_READERS holds no RVT (docs/readers.md)")
+    rvt, library = drivers.reader("RVT"), drivers.reader("peract_colab")
+    python, source = drivers.reader("rvt/bin/python"), samples / "rlbench_open_drawer"
     execute(Run(source, recipe.build(RECIPE), tmp_path / "out"))
     episodes = [root / "all_variations/episodes" for root in (source, tmp_path / "out")]
-    paths = [*(readers / "RVT" / one for one in LIBRARIES), readers / "peract_colab"]
-    done = subprocess.run(
-        [readers / "rvt/bin/python", DRIVER, tmp_path, episodes[0], "1", episodes[1], "1"],
-        env={"PYTHONPATH": os.pathsep.join(map(str, paths)), "PATH": os.environ["PATH"]},
-        capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
-    assert not said["rpaug"]
+    paths = os.pathsep.join(map(str, [*(rvt / one for one in LIBRARIES), library]))
+    said = drivers.run(
+        python, "fill_rvt_replay.py", tmp_path, episodes[0], "1", episodes[1], "1", PYTHONPATH=paths
+    )
     assert said["transitions"][0] == said["transitions"][1] > 20
     assert len({end for *_, end in said["points"]}) >= 3
     moved = ("rgb", "depth", "point_cloud", "camera_extrinsics")

@@ -1,18 +1,15 @@
 """What the rlds adapter writes is read by stock TFDS under TensorFlow, in its own process."""
 
-import json
-import os
 import shutil
-import subprocess
 from pathlib import Path
 
+import drivers
 import pytest
 
 from rpaug import recipe
 from rpaug.augment import Run, execute
 from rpaug.convert import convert
 
-DRIVER = Path(__file__).with_name("read_with_tfds.py")
 PLACE = "bridge_dataset/1.0.0"
 
 
@@ -24,20 +21,10 @@ def run_of(source: Path, target: Path, *edits: dict) -> Run:
 @pytest.fixture(scope="module")
 def read():
     """Runs the driver on two datasets and returns what it says."""
-    if "RPAUG_READERS" not in os.environ:
-        pytest.skip("RPAUG_READERS is not set: no TensorFlow here (docs/readers.md)")
-    python = Path(os.environ["RPAUG_READERS"]) / "tfds/bin/python"
-    if not python.exists():
-        pytest.skip(f"{python} is not there: no TensorFlow here (docs/readers.md)")
+    python = drivers.reader("tfds/bin/python")
 
     def run(one: Path, other: Path) -> dict:
-        done = subprocess.run(
-            [python, DRIVER, one, other],
-            env={"PATH": os.environ["PATH"], "CUDA_VISIBLE_DEVICES": "", "HOME": "/tmp"},
-            capture_output=True, text=True, timeout=600, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr[-2000:]
-        return json.loads(done.stdout.splitlines()[-1])
+        return drivers.run(python, "read_with_tfds.py", one, other, HOME="/tmp")
 
     return run
 
@@ -47,7 +34,6 @@ def test_an_edited_dataset_differs_in_its_images_alone(read, samples: Path, tmp_
     edits = {"op": "light_color"}, {"op": "sensor_exposure"}
     execute(run_of(source, tmp_path / "out", *edits))
     said = read(source / PLACE, tmp_path / "out" / PLACE)
-    assert not said["rpaug"]
     assert said["counts"] == [{"train": 12, "val": 3}] * 2
     assert said["steps"] == 150
     assert said["values"] > 1500

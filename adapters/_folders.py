@@ -1,0 +1,106 @@
+"""Datasets whose episodes share files: while one grows, each of its episodes is a folder `<split>/<number>` of its own.
+
+So that an episode appears by one rename, whatever it is gathered into at the end. Keys are `<split>/<number>` below the
+dataset's own path.
+"""
+
+import json
+import os
+import re
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any, ClassVar
+
+from rpaug import Adapter, BadInput, splits
+from rpaug.files import read_bytes
+
+PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
+
+
+class Gathered(Adapter):
+    """An adapter of such datasets. `mark` is the file that makes a folder a dataset, `staged` an episode's own.
+
+    New datasets have the folder `version` between their name and their splits, if there is one.
+    """
+
+    mark: ClassVar[str]
+    staged: ClassVar[str]
+    version: ClassVar[str] = ""
+
+    @abstractmethod
+    def gathered(self, folder: Path) -> Mapping[str, int] | None:
+        """How many episodes each split of a dataset has in shared files; None for a dataset of another kind."""
+
+    def episodes(self, root: Path) -> Sequence[str]:
+        keys = []
+        for folder in datasets(root, self.mark):
+            told = self.gathered(folder)
+            if told is None:
+                continue
+            held = {split: set(range(count)) for split, count in told.items()}
+            for split, numbers in staged(folder, self.staged).items():
+                held.setdefault(split, set()).update(numbers)
+            at = PurePosixPath(folder.relative_to(root).as_posix())
+            keys += [
+                (at / split / str(number)).as_posix()
+                for split, numbers in held.items()
+                for number in sorted(numbers)
+            ]
+        return keys
+
+    def key_at(self, like: str, index: int) -> str:
+        return (PurePosixPath(like).parent / str(index)).as_posix()
+
+    def key_for(self, like: str, index: int) -> str:
+        """`<task>[/<version>]/<split>/<number>`; without a split in its key an episode is for training."""
+        parts = PurePosixPath(like).parts
+        split = splits.of(like) or "train"
+        named = [part for part in parts[:-1] if part != split and part not in PLACES]
+        task = "_".join(named) or "episodes"
+        return PurePosixPath(task, self.version, split, str(index)).as_posix()
+
+    def free(self, root: Path, key: str) -> tuple[Path, str, int]:
+        """Dataset, split and number of an episode to be written. Raises BadInput for one that is there already."""
+        folder, split, number = place(root, key)
+        told = (self.gathered(folder) if (folder / self.mark).is_file() else None) or {}
+        if number < told.get(split, 0):
+            raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
+        return folder, split, number
+
+
+def place(root: Path, key: str) -> tuple[Path, str, int]:
+    """Dataset, split and number of an episode."""
+    *above, split, number = PurePosixPath(key).parts
+    return root.joinpath(*above), split, int(number)
+
+
+def datasets(root: Path, mark: str) -> Iterator[Path]:
+    """Folders at or under `root` with the file `mark` in them, in order; none lies in another."""
+    for folder, subfolders, _ in os.walk(root):
+        subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
+        if (Path(folder) / mark).is_file():
+            yield Path(folder)
+            subfolders.clear()
+
+
+def staged(folder: Path, name: str) -> dict[str, list[int]]:
+    """Numbers of the episodes that are not gathered yet, by split, ascending; `name` is the file of each."""
+    found: dict[str, list[int]] = {}
+    for path in folder.glob(f"*/*/{name}"):
+        if path.parent.name.isdecimal():
+            found.setdefault(path.parent.parent.name, []).append(int(path.parent.name))
+    return {split: sorted(numbers) for split, numbers in sorted(found.items())}
+
+
+def read_json(path: Path, expected: str) -> Any:
+    """What a JSON file holds. Raises BadInput: `expected` is what it should have been."""
+    try:
+        return json.loads(read_bytes(path))
+    except (ValueError, RecursionError) as error:
+        raise BadInput(path, "JSON", found=str(error)[:80], expected=expected) from None
+
+
+def natural(key: str) -> list[tuple[int, str]]:
+    """For sorting: numbers in a key count as numbers."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", key)]
