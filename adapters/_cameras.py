@@ -11,7 +11,8 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 import yaml
 from jaxtyping import Float64
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from rpaug_adapters._texts import read_yaml
 
 from rpaug import BadInput, Camera, CameraView, Episode, Robot
 from rpaug.files import read_bytes
@@ -20,8 +21,6 @@ from rpaug.geometry import pose_of, rotation
 NAME = "cameras.yaml"
 FOCAL = 1.2  # longest sides: what COLMAP assumes of an unknown camera
 MOST = 10**6  # values in the file
-DEEPEST = 100  # levels
-LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 LARGEST = 2**22  # bytes: a track of ten thousand poses is smaller
 Name = Annotated[str, Field(min_length=1)]
 Named = TypeVar("Named")
@@ -110,49 +109,7 @@ def parse(path: Path) -> Beside:
     """One file. Raises BadInput, naming the key."""
     if path.stat().st_size > LARGEST:
         raise BadInput(path, "size", found="more than 4 MiB", expected="a list of cameras")
-    data = read_bytes(path)
-    try:
-        _shallow(data)
-        told = yaml.load(data, LOADER)  # noqa: S506  # a safe one, in C where there is one
-        nodes = _nodes(told, {})
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError, TypeError) as error:
-        found = str(error).split("\n")[0][:120]
-        raise BadInput(path, "YAML", found=found, expected="YAML") from None
-    if nodes > MOST:
-        raise BadInput(path, "aliases", found=f"{nodes:.1g} values", expected=f"at most {MOST}")
-    try:
-        return Beside.model_validate(told)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "file"
-        found = str(first["input"])[:60]
-        raise BadInput(path, where, found=found, expected=first["msg"]) from None
-
-
-def _shallow(data: bytes) -> None:
-    """See that nothing is nested deeply: a loader recurses, the one in C until its stack is full. Raises ValueError."""
-    depth = 0
-    for event in yaml.parse(data, LOADER):
-        if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-        elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
-        if depth > DEEPEST:
-            raise ValueError(f"more than {DEEPEST} levels")
-
-
-def _nodes(tree: Any, counted: dict[int, int]) -> int:
-    """Values in a tree whose parts may be shared: aliases make millions of few lines. Raises ValueError for a loop."""
-    if not isinstance(tree, (dict, list)):
-        return 1
-    if id(tree) in counted:
-        if not counted[id(tree)]:
-            raise ValueError("an alias of what it lies in")
-        return counted[id(tree)]
-    counted[id(tree)] = 0  # not yet known
-    inner = tree.values() if isinstance(tree, dict) else tree
-    counted[id(tree)] = 1 + sum(_nodes(one, counted) for one in inner)
-    return counted[id(tree)]
+    return read_yaml(path, Beside, MOST)
 
 
 def known(folder: Path, field: str, name: str, among: Iterable[str]) -> None:

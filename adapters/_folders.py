@@ -4,16 +4,14 @@ So that an episode appears by one rename, whatever it is gathered into at the en
 dataset's own path.
 """
 
-import json
 import os
 import re
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from rpaug import Adapter, BadInput, splits
-from rpaug.files import read_bytes
 
 PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 
@@ -91,14 +89,6 @@ def staged(folder: Path, name: str) -> dict[str, list[int]]:
         if path.parent.name.isdecimal():
             found.setdefault(path.parent.parent.name, []).append(int(path.parent.name))
     return {split: sorted(numbers) for split, numbers in sorted(found.items())}
-
-
-def read_json(path: Path, expected: str) -> Any:
-    """What a JSON file holds. Raises BadInput: `expected` is what it should have been."""
-    try:
-        return json.loads(read_bytes(path))
-    except (ValueError, RecursionError) as error:
-        raise BadInput(path, "JSON", found=str(error)[:80], expected=expected) from None
 
 
 def natural(key: str) -> list[tuple[int, str]]:

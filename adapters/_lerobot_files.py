@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from rpaug_adapters._folders import read_json
+from rpaug_adapters._texts import read_json
 
 from rpaug import BadInput, MissingExtra
 

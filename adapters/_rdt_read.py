@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, UInt8
 from rpaug_adapters import _cameras, _episodes, _images
 from rpaug_adapters._cameras import Beside
-from rpaug_adapters._folders import read_json
+from rpaug_adapters._texts import read_json
 
 from rpaug import BadInput, Camera, CameraView, Episode
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rpaug_adapters._folders import read_json
+from rpaug_adapters._texts import read_json
 
 from rpaug import BadInput
 

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from rpaug_adapters import _tfrecord
-from rpaug_adapters._folders import read_json, staged
+from rpaug_adapters._folders import staged
+from rpaug_adapters._texts import read_json
 
 from rpaug import BadInput
 from rpaug.files import PART, read_bytes, write_atomic

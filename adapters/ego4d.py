@@ -19,18 +19,19 @@ from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 from rpaug_adapters import _cameras, _ego4d_encode, _ego4d_notes
 from rpaug_adapters._ego4d_notes import Notes
 from rpaug_adapters._ego4d_video import Video
 from rpaug_adapters._folders import natural
+from rpaug_adapters._texts import read_yaml
 
 from rpaug import Adapter, BadInput, CameraView, Episode, Robot, Side
-from rpaug.files import atomic_folder, read_bytes, write_atomic
+from rpaug.files import atomic_folder, write_atomic
 
 ENDINGS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi")
 STAGED, SAID, CUTS = "video", "annotations.json", "clips.yaml"
+MOST = 10**6  # values in `clips.yaml`
 VIEW = "ego"
 PARTS = ("full_scale", "clips")
 FOREIGN = ("meta/info.json",)  # datasets that hold videos and are not made of them
@@ -187,15 +188,7 @@ def _cuts(folder: Path) -> list[Cut]:
     path = folder / CUTS
     if not path.is_file():
         return []
-    try:
-        return Cuts.model_validate(yaml.safe_load(read_bytes(path))).clips
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise BadInput(path, "YAML", found=str(error).split("\n")[0], expected="YAML") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"])) or "file"
-        found = str(first["input"])[:60]
-        raise BadInput(path, where, found=found, expected=first["msg"]) from None
+    return read_yaml(path, Cuts, MOST).clips
 
 
 def _part(whole: Video, notes: Notes, folder: Path, number: int) -> Video:

@@ -3,25 +3,23 @@
 import fnmatch
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from rpaug import registry
 from rpaug.errors import BadRecipe, RpaugError
+from rpaug.faults import Faults
 from rpaug.files import read_bytes
 from rpaug.gates import Gates
 from rpaug.interfaces import Operator
+from rpaug.recipe_text import Path_, kind_of, override, parse
 
 MAX_BYTES = 2**20
-MAX_NODES = 20_000  # aliases expand: a small file can name a very large tree
-
-Path_ = tuple[str | int, ...]
 
 
 class Select(BaseModel):
@@ -136,21 +134,19 @@ def load(path: Path, overrides: Sequence[str] = ()) -> Recipe:
     data = read_bytes(path)
     if len(data) > MAX_BYTES:
         raise BadRecipe(f"{path}: found {len(data)} bytes; expected at most {MAX_BYTES}")
-    try:
-        text = data.decode()
-    except UnicodeDecodeError as error:
-        raise BadRecipe(f"{path}: byte {error.start} is not UTF-8") from None
-    tree, lines = _parse(text, str(path))
-    for override in overrides:
-        _override(tree, override)
+    tree, lines = parse(data, str(path))
+    for told in overrides:
+        override(tree, told)
     return build(tree, name=str(path), lines=lines)
 
 
 def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = None) -> Recipe:
     """The recipe of plain data. Raises BadRecipe naming every fault by line (if known) and key."""
-    faults = _Faults(name, lines or {})
+    faults = Faults(name, lines or {})
     if not isinstance(tree, dict):
-        raise BadRecipe(f"{name}: found {_kind(tree)}; expected keys such as version, seed, edits")
+        raise BadRecipe(
+            f"{name}: found {kind_of(tree)}; expected keys such as version, seed, edits"
+        )
     top = faults.check((), _Top, tree)
     entries = tree.get("edits") if isinstance(tree.get("edits"), list) else []
     steps = [_step(faults, ("edits", i), entry) for i, entry in enumerate(entries or [])]
@@ -172,7 +168,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
 
 def option(name: str, fields: dict[str, Any]) -> Option:
     """An operator made from its recipe fields. Raises BadRecipe."""
-    faults = _Faults(name, {})
+    faults = Faults(name, {})
     made = _option(faults, (), {"op": name, **fields})
     faults.raise_any()
     assert made is not None
@@ -210,9 +206,9 @@ def schema() -> dict[str, Any]:
     return top
 
 
-def _step(faults: "_Faults", path: Path_, entry: Any) -> Step | None:
+def _step(faults: Faults, path: Path_, entry: Any) -> Step | None:
     if not isinstance(entry, dict):
-        faults.add(path, f"found {_kind(entry)}; expected a mapping with `op` or `one_of`")
+        faults.add(path, f"found {kind_of(entry)}; expected a mapping with `op` or `one_of`")
         return None
     chance = faults.check(path, _Chance, {k: v for k, v in entry.items() if k == "probability"})
     rest = {k: v for k, v in entry.items() if k != "probability"}
@@ -223,14 +219,14 @@ def _step(faults: "_Faults", path: Path_, entry: Any) -> Step | None:
             faults.add((*path, key), "unknown key; beside one_of only probability is known")
         choices = entry["one_of"]
         if not isinstance(choices, list) or not choices:
-            faults.add((*path, "one_of"), f"found {_kind(choices)}; expected a list of edits")
+            faults.add((*path, "one_of"), f"found {kind_of(choices)}; expected a list of edits")
             return None
         options = [_alternative(faults, (*path, "one_of", i), one) for i, one in enumerate(choices)]
     made = tuple(option for option in options if option)
     return Step(made, chance.probability) if chance and made else None
 
 
-def _alternative(faults: "_Faults", path: Path_, entry: Any) -> Option | None:
+def _alternative(faults: Faults, path: Path_, entry: Any) -> Option | None:
     if not isinstance(entry, dict):
         return _option(faults, path, entry)
     weight = faults.check(path, _Weight, {k: v for k, v in entry.items() if k == "weight"})
@@ -238,9 +234,9 @@ def _alternative(faults: "_Faults", path: Path_, entry: Any) -> Option | None:
     return replace(made, weight=weight.weight) if made and weight else None
 
 
-def _option(faults: "_Faults", path: Path_, entry: Any) -> Option | None:
+def _option(faults: Faults, path: Path_, entry: Any) -> Option | None:
     if not isinstance(entry, dict) or not isinstance(entry.get("op"), str):
-        faults.add(path, f"found {_kind(entry)} without `op`; expected one of: {_names()}")
+        faults.add(path, f"found {kind_of(entry)} without `op`; expected one of: {_names()}")
         return None
     fields = {k: v for k, v in entry.items() if k != "op"}
     try:
@@ -254,112 +250,3 @@ def _option(faults: "_Faults", path: Path_, entry: Any) -> Option | None:
 
 def _names() -> str:
     return ", ".join(registry.operator_names())
-
-
-class _Faults:
-    """Collects what is wrong, so that one run tells all of it."""
-
-    def __init__(self, name: str, lines: dict[Path_, int]) -> None:
-        self.name, self.lines, self.found = name, lines, []  # type: ignore[var-annotated]
-
-    def add(self, path: Path_, message: str) -> None:
-        line = next(
-            (self.lines[path[:n]] for n in range(len(path), -1, -1) if path[:n] in self.lines), None
-        )
-        place = f"{self.name}:{line}" if line else self.name
-        self.found.append(f"{place}: {dotted(path)}: {message}" if path else f"{place}: {message}")
-
-    def check(self, path: Path_, kind: type, data: Any) -> Any:
-        try:
-            return TypeAdapter(kind).validate_python(data)
-        except ValidationError as error:
-            for fault in error.errors(include_url=False):
-                where = (
-                    *path,
-                    *(part for part in fault["loc"] if not str(part).startswith("function-")),
-                )
-                message = fault["msg"].removeprefix("Value error, ")
-                if fault["type"] == "missing":
-                    self.add(where, "missing")
-                elif fault["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-                    self.add(where, "unknown key")
-                else:
-                    self.add(where, f"found {fault['input']!r:.80}; {message}")
-            return None
-
-    def raise_any(self) -> None:
-        if self.found:
-            raise BadRecipe("\n".join(self.found))
-
-
-def dotted(path: Path_) -> str:
-    """`edits[0].color` for ("edits", 0, "color")."""
-    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
-    return text.removeprefix(".")
-
-
-def _kind(value: Any) -> str:
-    return {dict: "a mapping", list: "a list", type(None): "nothing"}.get(
-        type(value), repr(value)[:60]
-    )
-
-
-def _parse(text: str, name: str) -> tuple[Any, dict[Path_, int]]:
-    """Plain data and the line of every key. Safe tags only, no duplicate keys, bounded aliases."""
-    try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-        lines = dict(_walk(node, (), name)) if node else {}
-        return yaml.safe_load(text), lines
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        raise BadRecipe(f"{name}:{mark.line + 1 if mark else '?'}: {error.problem}") from None
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise BadRecipe(f"{name}: not YAML: {str(error)[:200]}") from None
-
-
-def _walk(node: yaml.Node, path: Path_, name: str) -> Iterator[tuple[Path_, int]]:
-    stack, seen = [(node, path)], 0
-    while stack:
-        node, path = stack.pop()
-        seen += 1
-        if seen > MAX_NODES or len(path) > 50:
-            raise BadRecipe(
-                f"{name}: found more than {MAX_NODES} values or 50 levels; expected a recipe"
-            )
-        yield path, node.start_mark.line + 1
-        if isinstance(node, yaml.MappingNode):
-            keys = set()
-            for key, value in node.value:
-                if not isinstance(key, yaml.ScalarNode):
-                    raise BadRecipe(
-                        f"{name}:{key.start_mark.line + 1}: found a key that is no word"
-                    )
-                if key.value in keys:
-                    raise BadRecipe(f"{name}:{key.start_mark.line + 1}: {key.value}: given twice")
-                keys.add(key.value)
-                stack.append((value, (*path, str(key.value))))
-        elif isinstance(node, yaml.SequenceNode):
-            stack += [(value, (*path, i)) for i, value in enumerate(node.value)]
-
-
-def _override(tree: Any, override: str) -> None:
-    """Apply `edits.0.color=red` to plain data. Raises BadRecipe."""
-    dotted_path, equals, text = override.partition("=")
-    if not equals or not dotted_path:
-        raise BadRecipe(f"--set {override}: expected key.path=value")
-    *parents, last = dotted_path.split(".")
-    here = tree
-    try:
-        for part in parents:
-            here = here[int(part)] if isinstance(here, list) else here.setdefault(part, {})
-        value = yaml.safe_load(text)
-        if isinstance(here, list):
-            here[int(last)] = value
-        elif isinstance(here, dict):
-            here[last] = value
-        else:
-            raise BadRecipe(
-                f"--set {override}: {'.'.join(parents)} holds {_kind(here)}, not a mapping or list"
-            )
-    except (ValueError, IndexError, AttributeError, yaml.YAMLError):
-        raise BadRecipe(f"--set {override}: no such place in the recipe, or not a value") from None

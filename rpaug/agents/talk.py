@@ -20,6 +20,7 @@ from rpaug.agents.prompting import prompt
 from rpaug.agents.rounds import History
 from rpaug.assets import library
 from rpaug.errors import RpaugError
+from rpaug.faults import dotted
 from rpaug.providers.language import Endpoint
 from rpaug.scene.naming import relations, roles
 from rpaug.textures import shipped
@@ -233,7 +234,7 @@ def _valid(kind: Any, value: Any) -> Any:
     try:
         return kind.model_validate(value)
     except ValidationError as error:
-        faults = [f"{recipe.dotted(fault['loc'])}: {fault['msg']}" for fault in error.errors()]
+        faults = [f"{dotted(fault['loc'])}: {fault['msg']}" for fault in error.errors()]
         raise ValueError("; ".join(faults[:5])) from None
 
 

@@ -1,0 +1,34 @@
+"""JSON and YAML files that lie beside recordings: read, and what is wrong with one said by file and place."""
+
+import json
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from rpaug import BadInput, plain_yaml
+from rpaug.files import read_bytes
+
+Kind = TypeVar("Kind", bound=BaseModel)
+
+
+def read_json(path: Path, expected: str) -> Any:
+    """What a JSON file holds. Raises BadInput: `expected` is what it should have been."""
+    try:
+        return json.loads(read_bytes(path))
+    except (ValueError, RecursionError) as error:
+        raise BadInput(path, "JSON", found=str(error)[:80], expected=expected) from None
+
+
+def read_yaml(path: Path, kind: type[Kind], most: int) -> Kind:
+    """What a YAML file of at most so many values holds. Raises BadInput, naming line or key."""
+    try:
+        return kind.model_validate(plain_yaml.load(read_bytes(path), most)[0])
+    except plain_yaml.NotPlain as error:
+        line = f"line {error.line}" if error.line else "YAML"
+        raise BadInput(path, line, found=error.found, expected=error.expected) from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "file"
+        found = str(first["input"])[:60]
+        raise BadInput(path, where, found=found, expected=first["msg"]) from None
