@@ -15,19 +15,24 @@ NAME = "README.md"
 LICENCES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt", "COPYING")
 UNSTATED = "unknown: the source states none"
 LONGEST = 200  # characters of a licence's first line
+Lines = tuple[str, ...]
 
 
 def text(
     source: Path,
     layout: str,
-    recipe: Mapping[str, Any],
     reports: Mapping[str, Mapping[str, Any]],
     *,
+    recipe: Mapping[str, Any] | None = None,
+    converted: str | None = None,
     rejected: int = 0,
     licence: str | None = None,
     ratio: str | None = None,
 ) -> str:
-    """The card of a dataset made from `source`, by the reports of its episodes. The same run gives the same card."""
+    """The card of a dataset made from `source`, by the reports of its episodes. The same run gives the same card.
+
+    It was made by a `recipe`, or `converted` from another layout, which is then named.
+    """
     made = Counter(
         (splits.of(key) or "all", bool(one["synthetic"])) for key, one in reports.items()
     )
@@ -45,20 +50,51 @@ def text(
         f"| {split} | {made[split, False]} | {made[split, True]} |"
         for split in sorted({split for split, _ in made})
     ]
-    told = yaml.safe_dump(dict(recipe), sort_keys=False, allow_unicode=True).rstrip()
+    title, opening, closing = (
+        _converted(layout, converted) if converted else _augmented(layout, recipe or {}, rejected)
+    )
     lines = [
         f"---\n{yaml.safe_dump(header, sort_keys=False, allow_unicode=True)}---",
-        f"# {source.resolve().name}, augmented",
-        f"Edited copies of recorded episodes in the layout `{layout}`, made by rpaug {rpaug.__version__}. "
-        "Images are synthetic where an edit changed them; actions and robot states are the recorded ones, bit for bit. "
-        "Each episode's `rpaug.json` says what was drawn and whether the episode is synthetic.",
+        f"# {source.resolve().name}, {title}",
+        *opening,
         "| split | recorded | synthetic |\n|---|---|---|\n" + "\n".join(rows),
-        f"Copies that failed their gates, kept aside in `rejected/`: {rejected}.",
-        f"Source: `{source.resolve().name}`. Licence of the source, which its copies are under too: {licence}.",
-        "Copies are in the split of the episode that they were made from. Evaluate on recorded episodes.",
-        f"## Recipe\n\n```yaml\n{told}\n```",
+        f"Source: `{source.resolve().name}`. Licence of the source, which this dataset is under too: {licence}.",
+        *closing,
     ]
     return "\n\n".join(lines) + "\n"
+
+
+def _augmented(layout: str, recipe: Mapping[str, Any], rejected: int) -> tuple[str, Lines, Lines]:
+    """Title, and what is said before and after the counts."""
+    told = yaml.safe_dump(dict(recipe), sort_keys=False, allow_unicode=True).rstrip()
+    return (
+        "augmented",
+        (
+            f"Edited copies of recorded episodes in the layout `{layout}`, made by rpaug {rpaug.__version__}. "
+            "Images are synthetic where an edit changed them; actions and robot states are the recorded ones, bit for "
+            "bit. Each episode's `rpaug.json` says what was drawn and whether the episode is synthetic.",
+        ),
+        (
+            f"Copies that failed their gates, kept aside in `rejected/`: {rejected}.",
+            "Copies are in the split of the episode that they were made from. Evaluate on recorded episodes.",
+            f"## Recipe\n\n```yaml\n{told}\n```",
+        ),
+    )
+
+
+def _converted(layout: str, before: str) -> tuple[str, Lines, Lines]:
+    """Title, and what is said before and after the counts."""
+    return (
+        f"in the layout `{layout}`",
+        (
+            f"The episodes of a dataset in the layout `{before}`, written as `{layout}` by rpaug {rpaug.__version__}; "
+            "nothing was edited. Each episode's `rpaug.json` names the one that it was made from and says whether that "
+            "was synthetic.",
+        ),
+        (
+            "What this layout has no place for was left out; `rpaug verify` against the source lists it.",
+        ),
+    )
 
 
 def licence_of(source: Path, keys: Iterable[str]) -> str:

@@ -52,11 +52,9 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
     for key in adapter.episodes(target):
         if PurePosixPath(key).parts[0] == REJECTED:
             continue
-        path = target / key / report.NAME
-        if path.is_file():
-            one = json.loads(path.read_bytes())
-            if one["synthetic"]:
-                described[key] = one
+        one = report.of(target / key)
+        if one is not None and one["synthetic"]:
+            described[key] = one
     keys = list(described)
     picked = [
         keys[i]

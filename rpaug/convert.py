@@ -1,6 +1,5 @@
 """Write a dataset in another layout."""
 
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -9,8 +8,9 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import rpaug
-from rpaug import registry, report
+from rpaug import card, registry, report
 from rpaug.errors import BadInput, RpaugError
+from rpaug.files import write_atomic
 
 NAMED = 3  # slashes of a key that names its dataset
 
@@ -33,11 +33,7 @@ class Conversion:
 
 def _told(source: Path, key: str, layout: str) -> dict[str, Any]:
     """The report of an episode in another layout: what it was made from, and whether that was synthetic."""
-    try:
-        before = json.loads((source / key / report.NAME).read_bytes())
-        synthetic = bool(before.get("synthetic"))
-    except (OSError, ValueError, AttributeError):
-        synthetic = False
+    synthetic = report.synthetic(source, key)
     told = {"rpaug": rpaug.__version__, "synthetic": synthetic, "source": key}
     return told | {"converted": layout, "draws": []}
 
@@ -47,16 +43,20 @@ def convert(
     target: Path,
     layout: str,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    licence: str | None = None,
 ) -> Conversion:
-    """Write every episode of `source` into the new folder `target` in another layout.
+    """Write every episode of `source` into the new folder `target` in another layout, and its dataset card.
 
-    Episodes appear whole, one by one. Raises BadInput where the source is no dataset or the target is there already.
+    Episodes appear whole, one by one. `licence` is the source's, where it does not say. Raises BadInput where
+    the source is no dataset or the target is there already.
     """
     reader, writer = registry.adapter_for(source), registry.adapter(layout)
     if target.exists():
         raise BadInput(target, "--out", found="something there already", expected="a new path")
     keys, done = list(reader.episodes(source)), Conversion()
     free: dict[str, int] = {}
+    reports: dict[str, dict[str, Any]] = {}
     for number, key in enumerate(keys):
         progress(number, len(keys))
         # A short key does not say what the dataset is called: its folder does.
@@ -65,12 +65,14 @@ def convert(
         try:
             # Another layout takes the values alone: what was recorded beside them stays behind.
             episode = replace(reader.read(source, key), source=None)
-            side = report.encode(_told(source, key, reader.name))
             made = writer.key_for(like, free.get(group, 0))
-            writer.write(episode, target, made, partial(dict, {report.NAME: side}))
+            told = _told(source, key, reader.name)
+            side = {report.NAME: report.encode(told)}
+            writer.write(episode, target, made, partial(dict, side))
         except RpaugError as error:
             done.failures[key] = str(error)
             continue
+        reports[made] = told
         free[group] = free.get(group, 0) + 1
         done.episodes += 1
         for words in writer.traps(episode):
@@ -78,6 +80,8 @@ def convert(
     progress(len(keys), len(keys))
     if done.episodes:
         writer.finish(source, target)
+        text = card.text(source, writer.name, reports, converted=reader.name, licence=licence)
+        write_atomic(target / card.NAME, text.encode())
     else:
         shutil.rmtree(target, ignore_errors=True)
     return done

@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from threading import Lock
 from typing import Any
 
@@ -149,3 +150,17 @@ def side_files(
 def encode(described: dict[str, Any]) -> bytes:
     """UTF-8 JSON, indented, keys in the order given."""
     return (json.dumps(described, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def of(folder: Path) -> dict[str, Any] | None:
+    """The report in an episode's folder; None where there is none that can be read."""
+    try:
+        told = json.loads((folder / NAME).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    return told if isinstance(told, dict) else None
+
+
+def synthetic(root: Path, key: str) -> bool:
+    """Whether an episode of a dataset is one that rpaug made."""
+    return bool((of(root / key) or {}).get("synthetic"))

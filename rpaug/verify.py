@@ -77,9 +77,9 @@ def verify(
         progress(number, len(keys))
         try:
             made = adapter.read(target, key)
-            told = _report(target / key)
-            if told is None:
-                words = f"no {report.NAME}: not made by rpaug augment"
+            told = report.of(target / key)
+            if told is None or not {"source", "draws"} <= told.keys():
+                words = f"no {report.NAME} of a copy or a conversion: rpaug did not make it"
                 findings.append(Finding("bad", key, "report", words))
                 continue
             if told["source"] not in known:
@@ -146,14 +146,6 @@ def _shown(recorded: Episode, made: Episode, frames: int | None) -> bool:
         for name, view in made.views.items()
         for t in _times(made.length, frames)
     )
-
-
-def _report(folder: Path) -> dict[str, Any] | None:
-    try:
-        told = json.loads((folder / report.NAME).read_bytes())
-    except (OSError, ValueError):
-        return None
-    return told if isinstance(told, dict) and {"source", "draws"} <= told.keys() else None
 
 
 def _allowed(told: dict[str, Any]) -> Effect:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from rpaug import BadInput, Episode, converted, registry
@@ -50,6 +51,19 @@ def test_there_and_back_through_rlds(template: Path, tmp_path: Path) -> None:
     convert(tmp_path / "rlds", tmp_path / "back", "rlbench")
     for before, after in zip(recorded, episodes(tmp_path / "back"), strict=True):
         assert_alike(before, after)
+
+
+def test_the_card_of_a_conversion(template: Path, tmp_path: Path) -> None:
+    convert(template, tmp_path / "out", "rlds", licence="CC-BY-4.0")
+    card = (tmp_path / "out/README.md").read_text()
+    header = yaml.safe_load(card.split("---")[1])
+    assert header["synthetic"] is False
+    assert header["license"] == "CC-BY-4.0"
+    assert header["episodes"] == {"recorded": 2, "synthetic": 0}
+    assert "in the layout `rlds`" in card
+    assert "the layout `rlbench`" in card
+    assert "| train | 2 | 0 |" in card
+    assert "Recipe" not in card
 
 
 def test_rdt_says_what_its_reader_drops(template: Path, tmp_path: Path) -> None:

@@ -6,7 +6,17 @@ from typing import Annotated, Any
 
 import typer
 
-from rpaug.cli.console import Arms, AsJson, Dataset, console, plain, print_json, progress_bar, say
+from rpaug.cli.console import (
+    Arms,
+    AsJson,
+    Dataset,
+    Licence,
+    console,
+    plain,
+    print_json,
+    progress_bar,
+    say,
+)
 from rpaug.cli.recipes import load_recipe
 from rpaug.errors import RpaugError
 
@@ -41,9 +51,7 @@ def augment(
             help="Recorded to synthetic episodes, as 1:3; keeps originals, instead of `copies`."
         ),
     ] = None,
-    licence: Annotated[
-        str | None, typer.Option(help="Of the source, for the dataset card, where it states none.")
-    ] = None,
+    licence: Licence = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Instead of the recipe's.")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Override a value: edits.0.color=red.")

@@ -27,6 +27,9 @@ Arms = Annotated[
     list[Path] | None,
     typer.Option("--arm", help="URDF or MJCF file of the robot's arm; may be given several times."),
 ]
+Licence = Annotated[
+    str | None, typer.Option(help="Of the source, for the dataset card, where it states none.")
+]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON value on stdout, nothing else.")
 ]

@@ -5,13 +5,23 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.console import AsJson, Dataset, console, plain, print_json, progress_bar, say
+from rpaug.cli.console import (
+    AsJson,
+    Dataset,
+    Licence,
+    console,
+    plain,
+    print_json,
+    progress_bar,
+    say,
+)
 
 
 def convert(
     dataset: Dataset,
     to: Annotated[str, typer.Option(help="Layout to write: rlbench, rlds, rdt, ...")],
     out: Annotated[Path, typer.Option(help="Folder to write; must not exist.")],
+    licence: Licence = None,
     as_json: AsJson = False,
 ) -> int:
     """Write a dataset in another layout: images, words, cameras, robot.
@@ -21,7 +31,7 @@ def convert(
     from rpaug.convert import convert as write
 
     with progress_bar("converting", as_json) as progress:
-        done = write(dataset, out, to, progress)
+        done = write(dataset, out, to, progress, licence=licence)
     if as_json:
         print_json({**vars(done), "out": str(out)})
         return done.exit_code
