@@ -2,17 +2,21 @@
 
 import json
 import shutil
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import demonstration
 from rpaug_adapters.rlbench import RLBench
 from test_augment import GROUP, contents
 
 from rpaug import pipeline, preparing, recipe, report
 from rpaug.augment import Run, execute
+from rpaug.engine import local
 from rpaug.scene.four.fit4 import FourSettings
 from rpaug.scene.splats import cached, store
 from rpaug.scene.splats.descent import FitSettings
@@ -29,16 +33,31 @@ SHORT = FitSettings(steps=8, train_frames=3, checked_frames=1, threads=1)
 BOTH = cached.Both(SHORT, FourSettings(rounds=2, checked_frames=2, densify_rounds=()))
 
 
+QUICK = {
+    "fitted": partial(cached.fitted, settings=SHORT),
+    "fitted_in_time": partial(cached.fitted_in_time, settings=BOTH),
+}
+
+
+def shorten() -> None:
+    """What a fresh worker does first: it knows nothing of what a test changed."""
+    vars(cached).update(QUICK)
+
+
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fits of a few steps: what is asked for here does not hang on how good they are."""
-    monkeypatch.setattr(cached, "fitted", partial(cached.fitted, settings=SHORT))
-    monkeypatch.setattr(cached, "fitted_in_time", partial(cached.fitted_in_time, settings=BOTH))
+    for name, fit in QUICK.items():
+        monkeypatch.setattr(cached, name, fit)
+    pool = partial(ProcessPoolExecutor, initializer=shorten)
+    monkeypatch.setattr(local, "ProcessPoolExecutor", pool)
 
 
-def run(source: Path, target: Path, scenes: Path, tier: int = 3, **changes: Any) -> Path:
+def run(
+    source: Path, target: Path, scenes: Path, tier: int = 3, workers: int = 1, **changes: Any
+) -> Path:
     wanted = recipe.build(RECIPE | changes)
-    done = execute(Run(source, wanted, target, tier, scenes, share=True))
+    done = execute(Run(source, wanted, target, tier, scenes, share=True), workers=workers)
     assert not done.failures, done.failures
     return target
 
@@ -71,6 +90,32 @@ def test_no_order_of_fitting_changes_anything(template: Path, tmp_path: Path) ->
     # And from the report alone, without a store.
     pipeline.replay(RLBench(), template, described, tmp_path / "again", SECOND)
     assert contents(both / SECOND) == contents(tmp_path / "again" / SECOND)
+
+
+def test_any_number_of_workers_and_any_order_of_jobs_give_the_same(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = Path(shutil.copytree(template, tmp_path / "source"))
+    RLBench().write(demonstration(5), source, f"{GROUP}/episode2", dict)
+    one = run(source, tmp_path / "one", tmp_path / "alone")
+    in_turn = local.run
+
+    def backwards(jobs: Sequence[pipeline.Job], workers: int) -> Iterator[local.Outcome]:
+        return in_turn(jobs[::-1], workers)
+
+    monkeypatch.setattr(local, "run", backwards)
+    two = run(source, tmp_path / "two", tmp_path / "together", workers=2)
+    found = contents(one / GROUP)
+    described = [json.loads(data) for name, data in found.items() if name.endswith(report.NAME)]
+    assert [d["plan"]["fit"].get("founder") for d in described] == [None, FIRST, FIRST]
+    assert found == contents(two / GROUP)
+    assert arrays(tmp_path / "alone") == arrays(tmp_path / "together")
+
+
+def arrays(scenes: Path) -> dict[str, bytes]:
+    """What a store holds but for each scene's own facts, which tell seconds."""
+    kept = contents(scenes)
+    return {name: data for name, data in kept.items() if not name.endswith(".zarr/zarr.json")}
 
 
 def test_what_cannot_be_read_lends_nothing(template: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from jaxtyping import Float64
 from rpaug import geometry
 from rpaug.scene.looks import events
 from rpaug.scene.tracking.arms import link_tracks
+from rpaug.scene.tracking.jaws import fingers
 from rpaug.types import Robot
 
 STATIC = 0
@@ -30,12 +31,8 @@ def known(robot: Robot, length: int) -> tuple[Motion, ...]:
         return tuple(found)
     gripper = robot.gripper_to_world
     found.append(Motion("gripper", gripper))
-    openings = robot.extra.get("gripper_joint_positions")
-    if openings is not None and openings.shape == (length, 2) and np.ptp(openings) > 1e-3:
-        for name, sign in (("finger", 1.0), ("other finger", -1.0)):
-            aside = still.copy()
-            aside[:, 1, 3] = sign * openings[:, 0]
-            found.append(Motion(name, gripper @ aside))
+    both = zip(("finger", "other finger"), fingers(robot), strict=False)
+    found += [Motion(name, track) for name, track in both]
     links = link_tracks(robot)
     if links is not None:
         found += [Motion(f"link {k + 1}", track) for k, track in enumerate(links[:-1])]

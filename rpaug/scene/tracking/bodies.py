@@ -11,6 +11,7 @@ from rpaug.scene.looks import Looks, events, look
 from rpaug.scene.tracking import evidence
 from rpaug.scene.tracking.arms import KNOWN, Kinematics, link_tracks
 from rpaug.scene.tracking.chain import OFTEN, Place, places
+from rpaug.scene.tracking.jaws import fingers, sliding
 from rpaug.scene.tracking.motion import (
     FREE,
     GRIPPER,
@@ -88,8 +89,9 @@ def track(
     costed = {case.handle: costs(case) for case in cases if len(case.seen) > 1}
     touch = touching(looks)
     row = _row(cases, costed, touch)
+    jaws = fingers(episode.robot)
     tracks = [
-        _track(case, happens, *costed[case.handle], row.get(case.handle))
+        _track(case, happens, *costed[case.handle], row.get(case.handle), jaws)
         if case.handle in costed
         else _unseen(case)
         for case in cases
@@ -143,6 +145,7 @@ def _track(
     cost: Float64[np.ndarray, "i m"],
     known: Bool[np.ndarray, "i"],
     place: Place | None,
+    jaws: Float64[np.ndarray, "f t 4 4"],
 ) -> _Track:
     counts = case.samples.counts[:, case.number].sum(1)
     weight = int(counts.sum())
@@ -160,10 +163,11 @@ def _track(
         labels = np.full(len(cost), place.label)
     free: Mapping[int, np.ndarray] = {}
     certain = True
-    if (labels <= GRIPPER).all():
+    jaw = sliding(case, labels, jaws)
+    if jaw is None and (labels <= GRIPPER).all():
         free, certain = slips(case, cost, labels)
         labels = np.where(np.isin(np.arange(len(cost)), list(free)), FREE, labels)
-    to_world = follow(case, sharpen(case, labels), free)
+    to_world = follow(case, sharpen(case, labels), free) if jaw is None else jaw
     most = int(case.seen[np.argmax(counts[case.seen])])
     own = geometry.inverse(to_world[case.looks.frames[most]])
     middle = geometry.transform(own, np.median(case.points(most)[0], 0))
