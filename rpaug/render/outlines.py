@@ -69,12 +69,15 @@ def _footprints(near, ids, step, slope, edge, line):
         for column in range(near.shape[1]):
             if near[row, column] <= 0.0:
                 continue
-            across = _slope(near, ids, row, column, 0, 1)
-            down = _slope(near, ids, row, column, 1, 0)
-            slope[row, column, 0], slope[row, column, 1] = across, down
-            edge[row, column] = _edge(near, ids, step, row, column, across, down)
+            slope[row, column, 0] = _slope(near, ids, row, column, 0, 1)
+            slope[row, column, 1] = _slope(near, ids, row, column, 1, 0)
+    for row in range(near.shape[0]):
+        for column in range(near.shape[1]):
+            if near[row, column] <= 0.0:
+                continue
+            edge[row, column] = _edge(near, ids, slope, step, row, column)
             if edge[row, column] >= TOUCHING:
-                a, b, c = _outline(near, ids, step, row, column, across, down)
+                a, b, c = _outline(near, ids, slope, step, row, column)
                 line[row, column, 0], line[row, column, 1], line[row, column, 2] = a, b, c
 
 
@@ -96,9 +99,16 @@ def _slope(near, ids, row, column, down, right):
 
 
 @inlined
-def _edge(near, ids, step, row, column, across, down):
+def _hides(near, slope, step, row, column, i, j):
+    """Whether the nearer surface at (i, j) stands before the one at (row, column), rather than meets it."""
+    there = near[i, j] + slope[i, j, 0] * (column - j) + slope[i, j, 1] * (row - i)
+    return there >= (1.0 + step) * near[row, column]
+
+
+@inlined
+def _edge(near, ids, slope, step, row, column):
     """How the surfel ends, from its eight neighbours."""
-    here = near[row, column]
+    here, across, down = near[row, column], slope[row, column, 0], slope[row, column, 1]
     found = INSIDE
     for i in range(max(0, row - 1), min(near.shape[0], row + 2)):
         for j in range(max(0, column - 1), min(near.shape[1], column + 2)):
@@ -107,7 +117,7 @@ def _edge(near, ids, step, row, column, across, down):
                 continue
             if off <= -step * here:
                 found = max(found, BEFORE)
-            elif off < step * here:
+            elif off < step * here or not _hides(near, slope, step, row, column, i, j):
                 found = max(found, TOUCHING)
             else:
                 found = max(found, BEHIND)
@@ -115,12 +125,13 @@ def _edge(near, ids, step, row, column, across, down):
 
 
 @kernel
-def _outline(near, ids, step, row, column, across, down):
-    """The straight line between this surface and what lies behind or beside it; nearer things tell nothing.
+def _outline(near, ids, slope, step, row, column):
+    """The straight line between this surface and what lies behind or beside it; what hides it tells nothing.
 
-    Under Gaussian weights the share of a half-plane is erf(c / sqrt(2) SPREAD) for a line at distance c.
+    Under Gaussian weights the share of a half-plane is erf(c / sqrt(2) SPREAD) for a line at distance c. No
+    neighbour's centre that shows something else is within it.
     """
-    here = near[row, column]
+    here, across, down = near[row, column], slope[row, column, 0], slope[row, column, 1]
     total = share = x_share = y_share = 0.0
     for i in range(max(0, row - RADIUS), min(near.shape[0], row + RADIUS + 1)):
         for j in range(max(0, column - RADIUS), min(near.shape[1], column + RADIUS + 1)):
@@ -128,7 +139,9 @@ def _outline(near, ids, step, row, column, across, down):
             off = near[i, j] - (here + across * x + down * y)
             bend = BEND * here * (1 + max(abs(x), abs(y)))
             side = 1.0 if ids[i, j] == ids[row, column] and abs(off) < bend else -1.0
-            if near[i, j] < 0.0 or (side < 0.0 and off >= step * here):
+            if near[i, j] < 0.0:
+                continue
+            if side < 0.0 and off >= step * here and _hides(near, slope, step, row, column, i, j):
                 continue
             weight = _BELL[abs(y)] * _BELL[abs(x)]
             total += weight
@@ -140,7 +153,27 @@ def _outline(near, ids, step, row, column, across, down):
         return 0.0, 0.0, HALF  # the same on all sides
     share = min(max(share / total, -MOST), MOST)
     away = math.sqrt(2.0) * SPREAD * _inverse_erf(share)
-    return x_share / size, y_share / size, max(away, INNERMOST)
+    a, b = x_share / size, y_share / size
+    away = min(away, _nearest_other(near, ids, slope, step, row, column, a, b) - INNERMOST)
+    return a, b, max(away, INNERMOST)
+
+
+@inlined
+def _nearest_other(near, ids, slope, step, row, column, a, b):
+    """How far out along (-a, -b) the first neighbour's centre lies that shows something beside or behind."""
+    here, across, down = near[row, column], slope[row, column, 0], slope[row, column, 1]
+    nearest = 2.0
+    for i in range(max(0, row - 1), min(near.shape[0], row + 2)):
+        for j in range(max(0, column - 1), min(near.shape[1], column + 2)):
+            away = -a * (j - column) - b * (i - row)
+            if away <= 0.0 or away >= nearest or near[i, j] < 0.0:
+                continue
+            off = near[i, j] - (here + across * (j - column) + down * (i - row))
+            if ids[i, j] == ids[row, column] and abs(off) < 2.0 * BEND * here:
+                continue
+            if off < step * here or not _hides(near, slope, step, row, column, i, j):
+                nearest = away
+    return nearest
 
 
 @inlined

@@ -67,3 +67,41 @@ def test_what_a_pixel_is_to_its_neighbours():
     one = footprints(np.ones_like(near), np.ones_like(ids))
     assert (one.edge == INSIDE).all()
     assert not one.slope.any()
+
+
+def standing(contact: int = 9, wall: float = 0.0, size: int = 17):
+    """A wall that faces the camera and the table that it stands on; the table comes nearer from row `contact` on."""
+    rows = np.mgrid[:size, :size][0]
+    below = rows >= contact
+    near = np.where(below, 1.0 + 0.02 * (rows - contact + 0.5), 1.0 + wall)
+    return near, np.where(below, 2, 1).astype(np.int32)
+
+
+def test_a_thing_ends_where_it_meets_what_it_stands_on():
+    """The table before it is nearer than the wall, and yet hides nothing of it."""
+    near, ids = standing()
+    found = footprints(near, ids)
+    assert (found.edge[8] == TOUCHING).all()
+    a, b, c = found.line[8, 8]
+    assert abs(a) < 1e-9
+    assert b == -1.0
+    assert abs(c - 0.5) < 0.3
+
+
+def test_what_hides_a_thing_does_not_end_it():
+    near, ids = standing(wall=-0.3)
+    assert (footprints(near, ids).edge[8] == BEHIND).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0, 2 * np.pi), st.floats(0, 0.5))
+def test_no_outline_takes_in_a_neighbours_centre(angle, away):
+    near, ids = halves(angle, away, far=0.5)
+    found = footprints(near, ids)
+    a, b, c = found.line[7, 7]
+    if found.edge[7, 7] != BEFORE:
+        return
+    for down, right in [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]:
+        out = -a * right - b * down
+        if ids[7 + down, 7 + right] == 2 and out > 0.04:
+            assert c < out

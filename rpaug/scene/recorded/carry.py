@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int32
 
 from rpaug import geometry
-from rpaug.render.outlines import grown
+from rpaug.render.outlines import BEFORE, TOUCHING, Footprints, grown
 from rpaug.render.zbuffer import Source
 from rpaug.types import Body, Scene
 
@@ -37,11 +38,18 @@ class Carried:
             source,
             ids=ids,
             depth=source.depth * np.float32(self.scale),
-            lifted=None if source.lifted is None else grown(source.lifted, self.scale),
+            lifted=None if source.lifted is None else self._loose(source.ids, source.lifted),
             cam_to_world=self.motion @ pose,
             carved=False,
             distant=False,
         )
+
+    def _loose(self, ids: Int32[np.ndarray, "h w"], prints: Footprints) -> Footprints:
+        """The body's footprints as it now is: where it touched what stays, it ends."""
+        rest = ~np.isin(ids, list(self.shows))
+        met = cv2.dilate(rest.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+        edge = np.where((prints.edge == TOUCHING) & met, np.int8(BEFORE), prints.edge)
+        return grown(replace(prints, edge=edge), self.scale)
 
 
 def carried(scene: Scene, t: int) -> tuple[Carried, ...]:
