@@ -59,7 +59,8 @@ Component = Annotated[float, Field(ge=-SPEED, le=SPEED)]
 class Physics(Operator):
     """Simulate `target` from the first frame on, made of `material`, of values given here, or of what `vision` sees.
 
-    It is let go `height` metres (drawn) above where it stands, at `velocity`. The robot goes on as it was recorded: if
+    It is let go `height` metres (drawn) above where it stands, at `velocity`; what is held, as a drawer on its rails,
+    stays held unless it is `loose`. The robot goes on as it was recorded: if
     it touches the thing, or did in the recording, the actions are marked as no longer valid.
     """
 
@@ -78,6 +79,7 @@ class Physics(Operator):
     gravity: Annotated[float, Field(ge=0, le=30)] = 9.81
     friction: Annotated[float, Field(ge=0, le=5)] = 0.5
     grip: Annotated[float, Field(ge=0, le=5)] = 1.0
+    loose: bool = False
     fps: Annotated[float, Field(gt=0, le=1000)] = 20.0
     particles: Annotated[int, Field(ge=100, le=200_000)] = 6000
 
@@ -123,6 +125,7 @@ class Physics(Operator):
             particles=self.particles,
             friction=self.friction,
             grip=self.grip,
+            loose=self.loose,
         )
         after = simulate.simulated(scene, frozenset(edit["handles"]), how, edit["acted"])
         return shadows.follow(scene, after, edit["lamps"])
