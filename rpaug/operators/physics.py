@@ -52,6 +52,12 @@ def _low(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
+def _whole(scene: Scene, handles: frozenset[int]) -> frozenset[int]:
+    """The handles with those that were seen to move with them: a drawer has its grip with it."""
+    moving = [body.handles for body in scene.tracked if body.motion != "static"]
+    return handles.union(*(one for one in moving if one & handles))
+
+
 Component = Annotated[float, Field(ge=-SPEED, le=SPEED)]
 
 
@@ -98,7 +104,7 @@ class Physics(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         self.ready()
-        handles = targets.find(scene, self.target)
+        handles = _whole(scene, targets.find(scene, self.target))
         untouched.check_seen(scene, self.target, "simulating")
         for role in ("robot", "table", "background"):
             if handles & scene.roles.get(role, frozenset()):

@@ -15,18 +15,15 @@ from rpaug.physics.rigid import Rail, Rigid
 from rpaug.physics.soft import EDGE, Soft, too_stiff
 from rpaug.scene.placement import placing
 from rpaug.scene.placement.standing import LIFTED
-from rpaug.scene.sampling import frames
 from rpaug.scene.simulated import bound
 from rpaug.scene.simulated.filling import columns
 from rpaug.scene.simulated.held import held
+from rpaug.scene.simulated.skin import surface
 from rpaug.scene.simulated.surroundings import Surroundings, clear, surroundings, within
-from rpaug.scene.splats import gaussians, seeds
-from rpaug.scene.splats.gaussians import SPREAD, lifted
+from rpaug.scene.splats import gaussians
+from rpaug.scene.splats.gaussians import SPREAD
 from rpaug.types import Body, Gaussians, Scene
 
-VIEWS = 6  # frames that a thing's surface is gathered from
-MOST_SHOWN = 20_000  # Gaussians of a thing
-LONGEST = 1.5  # times its width: a pixel seen at a grazing angle does not stick out of an outline
 NEIGHBOURS = 8  # particles that carry one Gaussian
 ROOM = 0.4  # metres around a thing that it may move in, if cells allow
 BELOW = 6  # cells under the support
@@ -69,7 +66,7 @@ def simulated(scene: Scene, handles: frozenset[int], how: Setting, acted: str | 
     of it was seen.
     """
     around = surroundings(scene, handles, 1 / how.fps)
-    shape = _surface(scene, handles)
+    shape = surface(scene, handles)
     points = shape.means.astype(float)
     footprint = float(np.median(shape.scales[:, :2].max(1))) / SPREAD
     rail = None if how.loose else held(scene, handles, points, around.points, around.level, LIFTED)
@@ -172,34 +169,6 @@ def _rigidly(
 
     told = {"steps": fall.steps, "touched": bool(fall.boxes[: around.robot].sum() > GENTLE)}
     return replace(scene, bodies=_split(scene, handles, move)), told
-
-
-def _surface(scene: Scene, handles: frozenset[int]) -> Gaussians:
-    """The thing's Gaussians in the world of the first frame: fitted ones, or its recorded pixels."""
-    if scene.gaussians is not None:
-        placed = gaussians.placed(scene, 0)
-        mine = gaussians.chosen(placed, np.isin(placed.ids, list(handles)))
-        if len(mine):
-            return replace(mine, moments={})
-    found = []
-    motions = {h: body for body in scene.tracked for h in body.handles & handles}
-    for t in frames(scene.episode.length, VIEWS):
-        for view in scene.episode.views.values():
-            picture = seeds.picture_of(view, t, handles)
-            if picture is None:
-                continue
-            part = lifted(picture)
-            for handle, body in motions.items():
-                mine = gaussians.chosen(part, part.ids == handle)
-                if len(mine):
-                    back = body.to_world[0] @ np.linalg.inv(body.to_world[t])
-                    found.append(gaussians.moved(mine, back))
-    if not found:
-        raise Unsupported(f"simulating {sorted(handles)}: it was never seen with depth")
-    every = seeds.thinned(gaussians.joined(found), MOST_SHOWN)
-    scales = every.scales.copy()
-    scales[:, 0] = np.minimum(scales[:, 0], LONGEST * scales[:, 1])
-    return replace(every, scales=scales)
 
 
 def _footed(points: Float64[np.ndarray, "n 3"], bottom: float) -> Float64[np.ndarray, "m 3"]:
