@@ -52,6 +52,12 @@ def _low(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
+def _whole(scene: Scene, handles: frozenset[int]) -> frozenset[int]:
+    """The handles with those that were seen to move with them: a drawer has its grip with it."""
+    moving = [body.handles for body in scene.tracked if body.motion != "static"]
+    return handles.union(*(one for one in moving if one & handles))
+
+
 Component = Annotated[float, Field(ge=-SPEED, le=SPEED)]
 
 
@@ -59,7 +65,8 @@ Component = Annotated[float, Field(ge=-SPEED, le=SPEED)]
 class Physics(Operator):
     """Simulate `target` from the first frame on, made of `material`, of values given here, or of what `vision` sees.
 
-    It is let go `height` metres (drawn) above where it stands, at `velocity`. The robot goes on as it was recorded: if
+    It is let go `height` metres (drawn) above where it stands, at `velocity`; what is held, as a drawer on its rails,
+    stays held unless it is `loose`. The robot goes on as it was recorded: if
     it touches the thing, or did in the recording, the actions are marked as no longer valid.
     """
 
@@ -78,6 +85,7 @@ class Physics(Operator):
     gravity: Annotated[float, Field(ge=0, le=30)] = 9.81
     friction: Annotated[float, Field(ge=0, le=5)] = 0.5
     grip: Annotated[float, Field(ge=0, le=5)] = 1.0
+    loose: bool = False
     fps: Annotated[float, Field(gt=0, le=1000)] = 20.0
     particles: Annotated[int, Field(ge=100, le=200_000)] = 6000
 
@@ -96,7 +104,7 @@ class Physics(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         self.ready()
-        handles = targets.find(scene, self.target)
+        handles = _whole(scene, targets.find(scene, self.target))
         untouched.check_seen(scene, self.target, "simulating")
         for role in ("robot", "table", "background"):
             if handles & scene.roles.get(role, frozenset()):
@@ -123,6 +131,7 @@ class Physics(Operator):
             particles=self.particles,
             friction=self.friction,
             grip=self.grip,
+            loose=self.loose,
         )
         after = simulate.simulated(scene, frozenset(edit["handles"]), how, edit["acted"])
         return shadows.follow(scene, after, edit["lamps"])

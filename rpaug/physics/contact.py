@@ -91,8 +91,56 @@ def advance(grids, gravity, dt, low, high):
 
 
 @kernel
-def collide(nodes, distance, normals, base, boxes, friction, box_friction, origin, cell, least):
-    """Apply contacts to velocities: boxes first, then what stands still, which gives no way.
+def touching(x, radius, distance, normals, base, boxes, origin, cell, touched, low, high):
+    """Mark the nodes of particles low..high, balls of `radius`, that touch what stands still (0) or a box (1).
+
+    A node feels a wall once a particle that it carries does, not as soon as it carries anything: that would be the
+    sooner the shorter the step.
+    """
+    normal = np.empty(3)
+    near = np.empty(len(boxes), np.int64)
+    count = 0
+    least, most = np.full(3, np.inf), np.full(3, -np.inf)
+    for p in range(low, high):
+        for r in range(3):
+            least[r], most[r] = min(least[r], x[p, r]), max(most[r], x[p, r])
+    for b in range(len(boxes)):
+        apart = False
+        for r in range(3):
+            half = boxes[b, 15] + cell
+            for k in range(3):
+                half += abs(boxes[b, 3 + 3 * r + k]) * boxes[b, 12 + k]
+            apart = apart or least[r] > boxes[b, r] + half or most[r] < boxes[b, r] - half
+        if not apart:
+            near[count] = b
+            count += 1
+    for p in range(low, high):
+        gx, gy, gz = (
+            (x[p, 0] - origin[0]) / cell,
+            (x[p, 1] - origin[1]) / cell,
+            (x[p, 2] - origin[2]) / cell,
+        )
+        i, j, n = int(gx + 0.5), int(gy + 0.5), int(gz + 0.5)
+        si, sj, sn = base[0] + i, base[1] + j, base[2] + n
+        away = distance[si, sj, sn] + cell * (
+            (gx - i) * normals[si, sj, sn, 0]
+            + (gy - j) * normals[si, sj, sn, 1]
+            + (gz - n) * normals[si, sj, sn, 2]
+        )
+        i, j, n = int(gx - 0.5), int(gy - 0.5), int(gz - 0.5)
+        if away < radius[p]:
+            touched[0, i : i + 3, j : j + 3, n : n + 3] = True
+        for k in range(count):
+            if _box_distance(boxes[near[k]], x[p, 0], x[p, 1], x[p, 2], normal) < radius[p]:
+                touched[1, i : i + 3, j : j + 3, n : n + 3] = True
+                break
+
+
+@kernel
+def collide(
+    nodes, touched, distance, normals, base, boxes, friction, box_friction, origin, cell, least
+):
+    """Apply contacts to velocities of touched nodes: boxes first, then what stands still, which gives no way.
 
     `distance` and `normals` cover a larger grid, in which node (0, 0, 0) here is node `base`. Returns the impulse
     given by what stands still (3), and for each box that on nodes with more than `least` kilograms, in newton seconds.
@@ -111,7 +159,7 @@ def collide(nodes, distance, normals, base, boxes, friction, box_friction, origi
         for i in range(first[0], last[0] + 1):
             for j in range(first[1], last[1] + 1):
                 for n in range(first[2], last[2] + 1):
-                    if nodes[i, j, n, 3] <= 0.0:
+                    if nodes[i, j, n, 3] <= 0.0 or not touched[1, i, j, n]:
                         continue
                     x, y, z = origin[0] + i * cell, origin[1] + j * cell, origin[2] + n * cell
                     if _box_distance(box, x, y, z, normal) >= 0.0:
@@ -127,6 +175,8 @@ def collide(nodes, distance, normals, base, boxes, friction, box_friction, origi
     for i in range(nodes.shape[0]):
         for j in range(nodes.shape[1]):
             for n in range(nodes.shape[2]):
+                if not touched[0, i, j, n]:
+                    continue
                 m = nodes[i, j, n, 3]
                 if m <= 0.0 or distance[base[0] + i, base[1] + j, base[2] + n] >= 0.0:
                     continue

@@ -1,6 +1,7 @@
 """Things too stiff to deform, over time: their convex hulls in MuJoCo, among what stands still and what is moved."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,6 +14,10 @@ STEP = 0.001  # seconds
 STRIP = 0.005  # metres: what stands still becomes columns with sides as long
 CORNERS = 400  # directions in which a hull reaches as far as its points
 LEAST_HALF = 5e-4  # metres
+PIECE, PIECES = (
+    0.006,
+    800,
+)  # metres, and the most: balls that the surface of what is on a rail is made of
 HEAVY = 1e4  # kilograms: what nothing on a table pushes away
 
 
@@ -27,11 +32,35 @@ class Fall:
 
 
 @dataclass(frozen=True)
+class Rail:
+    """A unit vector in the world that a thing may go along, from `low` to `high` metres from where it is, without
+    turning; one of no length holds it fast."""
+
+    axis: tuple[float, float, float]
+    low: float
+    high: float
+
+    @property
+    def fixed(self) -> bool:
+        """Whether it leaves the thing where it is."""
+        return self.low >= self.high
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values; lengths in metres."""
+        if self.fixed:
+            return {"joint": "fixed"}
+        numbers = {"axis": [round(float(v), 4) for v in self.axis]}
+        return {"joint": "slide", **numbers, "range": [round(self.low, 4), round(self.high, 4)]}
+
+
+@dataclass(frozen=True)
 class Rigid:
     """A thing by surface points in the world, in metres, with its density in kg/m3.
 
     `columns` (x, y, half width, bottom, top) and a floor at `level` stand still; `boxes` are moved, and give no way.
-    `friction` is Coulomb's on what stands still, `grip` that on boxes; `velocity` is the thing's at first.
+    `friction` is Coulomb's on what stands still, `grip` that on boxes; `velocity` is the thing's at first. On a `rail`
+    it is not hindered by what stands still, `friction` times its weight is what its rail takes, and boxes meet its
+    surface as it was seen instead of its convex hull: a drawer's grip is hollow.
     """
 
     points: Float64[np.ndarray, "n 3"]
@@ -43,13 +72,20 @@ class Rigid:
     friction: float = 0.5
     grip: float = 1.0
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rail: Rail | None = None
 
     def run(self, frames: int, pace: float, start: float = 0.0) -> Fall:
         """So many frames, `pace` seconds apart, the first of them as the thing is; boxes are met from `start` on."""
         model = mujoco.MjModel.from_xml_string(self._described())
         data = mujoco.MjData(model)
-        thing, first = model.body("thing").id, model.ngeom - 1 - self._count
-        data.qvel[-6:-3] = self.velocity
+        thing = model.body("thing").id
+        first = model.body_geomadr[thing] - self._count
+        if self.rail is None:
+            data.qvel[-6:-3] = self.velocity
+        elif not self.rail.fixed:
+            data.qvel[-1] = np.dot(self.velocity, self.rail.axis)
+            weight = model.body_mass[thing] * np.linalg.norm(self.gravity)
+            model.dof_frictionloss[-1] = self.friction * weight
         self._move(data, start)
         mujoco.mj_forward(model, data)
         before, steps = _pose(data, thing), max(1, round(pace / STEP))
@@ -60,7 +96,7 @@ class Rigid:
             mujoco.mj_step(model, data)
             for c in range(data.ncon):
                 other = min(data.contact[c].geom1, data.contact[c].geom2)  # the thing comes last
-                if other >= first:
+                if first <= other < first + self._count:
                     mujoco.mj_contactForce(model, data, c, force)
                     given[other - first] += abs(force[0]) * pace / steps
             if (k + 1) % steps == 0:
@@ -92,6 +128,7 @@ class Rigid:
         text = " ".join(f"{value:.6f}" for value in points.ravel())
         gravity = " ".join(f"{value:g}" for value in self.gravity)
         fixed, moved = "", ""
+        joint, meets, pieces = self._jointed()
         if self.level is not None:
             fixed = f'<geom type="plane" size="0 0 0.1" pos="0 0 {self.level:.6f}"/>'
         for x, y, half, bottom, top in self.columns:
@@ -115,11 +152,48 @@ class Rigid:
   <asset><mesh name="thing" vertex="{text}"/></asset>
   <worldbody>
     {fixed}{moved}
-    <body name="thing"><freejoint/>
-      <geom type="mesh" mesh="thing" density="{self.density:g}" contype="3" conaffinity="3"/></body>
+    <body name="thing">{joint}
+      <geom type="mesh" mesh="thing" density="{self.density:g}" contype="{meets}" conaffinity="{meets}"/>{pieces}</body>
   </worldbody>
 </mujoco>
 """
+
+    def _jointed(self) -> tuple[str, int, str]:
+        """How the thing may move, what its hull meets (bits: 1 what stands still, 2 boxes), and its other shapes."""
+        if self.rail is None:
+            return "<freejoint/>", 3, ""
+        joint = ""
+        if not self.rail.fixed:
+            axis = " ".join(f"{value:.6f}" for value in self.rail.axis)
+            reach = f"{self.rail.low:.5f} {self.rail.high:.5f}"
+            joint = f'<joint type="slide" axis="{axis}" limited="true" range="{reach}"/>'
+        return (
+            joint,
+            0,
+            "".join(
+                f'<geom type="sphere" size="{side / 2:.5f}" pos="{x:.5f} {y:.5f} {z:.5f}" mass="0" '
+                'contype="0" conaffinity="2"/>'
+                for side, balls in [self._balls()]
+                for x, y, z in balls
+            ),
+        )
+
+    def _balls(self) -> tuple[float, Float64[np.ndarray, "k 3"]]:
+        """Places on the surface where a box ever comes, a side apart, as few as are allowed."""
+        points = self.points
+        if self.boxes is None:
+            return PIECE, np.zeros((0, 3))
+        centres = self.boxes.tracks[:, :, :3, 3]
+        room = np.linalg.norm(self.boxes.halves, axis=1) + self.boxes.radius
+        reach = 0.0 if self.rail is None else self.rail.high - self.rail.low
+        near = np.zeros(len(points), bool)
+        for track, wide in zip(centres, room + reach, strict=True):
+            low, high = track.min(0) - wide, track.max(0) + wide
+            near |= ((points >= low) & (points <= high)).all(1)
+        side = PIECE
+        while len(cells := np.unique(np.round(points[near] / side).astype(int), axis=0)) > PIECES:
+            side *= 1.2
+        return side, side * cells
 
 
 def corners(points: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "k 3"]:

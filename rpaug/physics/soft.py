@@ -83,6 +83,7 @@ class Soft:
         self.F, self.D = np.tile(np.eye(3), (n, 1, 1)), np.tile(np.eye(3), (n, 1, 1))
         self.mass = self.material.density * np.asarray(self.volume, float)
         self._tau = np.zeros((n, 3, 3))
+        self._radius = np.cbrt(np.asarray(self.volume, float)) / 2
         self._least, self._most = self.grid.origin + EDGE * cell, self.grid.most - EDGE * cell
         if ((self.x < self._least) | (self.x > self._most)).any():
             raise Unsupported("simulating: there are particles outside the box to simulate in")
@@ -136,8 +137,11 @@ class Soft:
         gravity = np.array(self.gravity)
         list(apply(lambda slab: contact.advance(grids, gravity, dt, *slab), slabs))
         boxes = np.ascontiguousarray(self.boxes(self._seconds))
+        touched = np.zeros((2, *shape), bool)
+        met = base, boxes, origin, cell, touched
+        list(apply(lambda k: self._touching(met, *_part(n, k)), range(PARTS)))
         given, pushed = contact.collide(
-            grids[0], self.grid.distance, self.grid.normals, base, boxes,
+            grids[0], touched, self.grid.distance, self.grid.normals, base, boxes,
             self.friction, self.grip, origin, cell, contact.TOUCH * float(self.mass.min()),
         )  # fmt: skip
         list(apply(lambda k: self._gather(grids[0], origin, dt, *_part(n, k)), range(PARTS)))
@@ -162,6 +166,10 @@ class Soft:
         transfer.scatter(
             self.x, self.v, self.C, self._tau, self.mass, nodes, origin, cell, dt, low, high
         )
+
+    def _touching(self, met: tuple[Any, ...], low: int, high: int) -> None:
+        still = self.grid
+        contact.touching(self.x, self._radius, still.distance, still.normals, *met, low, high)
 
     def _gather(self, nodes: Any, origin: Any, dt: float, low: int, high: int) -> None:
         cell = self.grid.cell

@@ -15,6 +15,23 @@ def _weights(x):
     return 0.5 * (1.5 - x) * (1.5 - x), 0.75 - (x - 1.0) * (x - 1.0), 0.5 * (x - 0.5) * (x - 0.5)
 
 
+@inlined
+def _around(x, p, origin, inverse, wx, wy, wz):
+    """The lowest of the 27 nodes that particle p lies among, and where it lies from there in cells.
+
+    Fills `wx`, `wy` and `wz` with what the three nodes along each axis weigh.
+    """
+    gx = (x[p, 0] - origin[0]) * inverse
+    gy = (x[p, 1] - origin[1]) * inverse
+    gz = (x[p, 2] - origin[2]) * inverse
+    bx, by, bz = int(gx - 0.5), int(gy - 0.5), int(gz - 0.5)
+    fx, fy, fz = gx - bx, gy - by, gz - bz
+    wx[0], wx[1], wx[2] = _weights(fx)
+    wy[0], wy[1], wy[2] = _weights(fy)
+    wz[0], wz[1], wz[2] = _weights(fz)
+    return bx, by, bz, fx, fy, fz
+
+
 @kernel
 def scatter(x, v, C, tau, mass, nodes, origin, cell, dt, low, high):
     """Momentum and mass of particles low..high, added onto `nodes`; `tau` is initial volume times Kirchhoff stress."""
@@ -24,14 +41,7 @@ def scatter(x, v, C, tau, mass, nodes, origin, cell, dt, low, high):
     a = np.empty((3, 3))
     for p in range(low, high):
         m = mass[p]
-        gx = (x[p, 0] - origin[0]) * inverse
-        gy = (x[p, 1] - origin[1]) * inverse
-        gz = (x[p, 2] - origin[2]) * inverse
-        bx, by, bz = int(gx - 0.5), int(gy - 0.5), int(gz - 0.5)
-        fx, fy, fz = gx - bx, gy - by, gz - bz
-        wx[0], wx[1], wx[2] = _weights(fx)
-        wy[0], wy[1], wy[2] = _weights(fy)
-        wz[0], wz[1], wz[2] = _weights(fz)
+        bx, by, bz, fx, fy, fz = _around(x, p, origin, inverse, wx, wy, wz)
         for r in range(3):
             for c in range(3):
                 a[r, c] = (m * C[p, r, c] - k * tau[p, r, c]) * cell
@@ -63,14 +73,7 @@ def gather(x, v, C, F, D, nodes, origin, cell, dt, low, high):
     wx, wy, wz = np.empty(3), np.empty(3), np.empty(3)
     b, f = np.empty((3, 3)), np.empty((3, 3))
     for p in range(low, high):
-        gx = (x[p, 0] - origin[0]) * inverse
-        gy = (x[p, 1] - origin[1]) * inverse
-        gz = (x[p, 2] - origin[2]) * inverse
-        bx, by, bz = int(gx - 0.5), int(gy - 0.5), int(gz - 0.5)
-        fx, fy, fz = gx - bx, gy - by, gz - bz
-        wx[0], wx[1], wx[2] = _weights(fx)
-        wy[0], wy[1], wy[2] = _weights(fy)
-        wz[0], wz[1], wz[2] = _weights(fz)
+        bx, by, bz, fx, fy, fz = _around(x, p, origin, inverse, wx, wy, wz)
         vx, vy, vz = 0.0, 0.0, 0.0
         b[:] = 0.0
         for i in range(3):

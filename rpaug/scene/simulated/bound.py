@@ -69,10 +69,10 @@ def bind(
     """
     every = surface
     if inside:
-        near, away = _nearest(rest, surface.means, 1)
+        near, away = nearest(rest, surface.means, 1)
         deep = np.flatnonzero(away[:, 0] > spacing)
         every = joined([surface, _blobs(surface, near[deep, 0], rest[deep], INNER * spacing)])
-    particles, away = _nearest(every.means, rest, neighbours)
+    particles, away = nearest(every.means, rest, neighbours)
     weights = np.exp(-0.5 * ((away - away[:, :1]) / spacing) ** 2)
     return Bound(every, particles, weights / weights.sum(1, keepdims=True), rest)
 
@@ -109,7 +109,7 @@ def _held(F: Float64[np.ndarray, "n 3 3"]) -> Float64[np.ndarray, "n 3 3"]:
     return (left * np.clip(stretch, 1 / MOST_WIDER, MOST_WIDER)[:, None]) @ right
 
 
-def _nearest(
+def nearest(
     points: Float32[np.ndarray, "n 3"] | Float64[np.ndarray, "n 3"],
     others: Float32[np.ndarray, "m 3"] | Float64[np.ndarray, "m 3"],
     count: int,

@@ -11,21 +11,19 @@ from rpaug.errors import Unsupported
 from rpaug.physics import rigid
 from rpaug.physics.colliders import Still, nothing, still
 from rpaug.physics.materials import Law, Material
-from rpaug.physics.rigid import Rigid
+from rpaug.physics.rigid import Rail, Rigid
 from rpaug.physics.soft import EDGE, Soft, too_stiff
 from rpaug.scene.placement import placing
 from rpaug.scene.placement.standing import LIFTED
-from rpaug.scene.sampling import frames
 from rpaug.scene.simulated import bound
 from rpaug.scene.simulated.filling import columns
+from rpaug.scene.simulated.held import held
+from rpaug.scene.simulated.skin import surface
 from rpaug.scene.simulated.surroundings import Surroundings, clear, surroundings, within
-from rpaug.scene.splats import gaussians, seeds
-from rpaug.scene.splats.gaussians import SPREAD, lifted
+from rpaug.scene.splats import gaussians
+from rpaug.scene.splats.gaussians import SPREAD
 from rpaug.types import Body, Gaussians, Scene
 
-VIEWS = 6  # frames that a thing's surface is gathered from
-MOST_SHOWN = 20_000  # Gaussians of a thing
-LONGEST = 1.5  # times its width: a pixel seen at a grazing angle does not stick out of an outline
 NEIGHBOURS = 8  # particles that carry one Gaussian
 ROOM = 0.4  # metres around a thing that it may move in, if cells allow
 BELOW = 6  # cells under the support
@@ -39,6 +37,7 @@ AROUND = 0.3  # metres around a rigid thing in which others stand in its way
 MOST_COLUMNS = 1500
 INVALID = "actions_valid"
 GENTLE = 1e-6  # newton seconds: less is no touch
+STICK = -1.0  # friction of what lets nothing go
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class Setting:
     """How a thing is let go: lifted by `height` metres, at `velocity` in m/s, under `gravity` in m/s2 downwards.
 
     `fps` are recorded frames a second, `particles` about how many fill it, `friction` is Coulomb's between it and
-    what stands still, `grip` that between it and what moves.
+    what stands still, `grip` that between it and what moves. `loose` takes away what holds it.
     """
 
     material: Material
@@ -57,6 +56,7 @@ class Setting:
     particles: int = 6000
     friction: float = 0.5
     grip: float = 1.0
+    loose: bool = False
 
 
 def simulated(scene: Scene, handles: frozenset[int], how: Setting, acted: str | None) -> Scene:
@@ -66,18 +66,21 @@ def simulated(scene: Scene, handles: frozenset[int], how: Setting, acted: str | 
     of it was seen.
     """
     around = surroundings(scene, handles, 1 / how.fps)
-    shape = _surface(scene, handles)
+    shape = surface(scene, handles)
     points = shape.means.astype(float)
     footprint = float(np.median(shape.scales[:, :2].max(1))) / SPREAD
+    rail = None if how.loose else held(scene, handles, points, around.points, around.level, LIFTED)
     found = columns(points, footprint, around.level, LIFTED)
     spacing = max((found.volume / how.particles) ** (1 / 3), LEAST_CELL / 2)
     cell = 2 * spacing
     rest, volume = found.filled(spacing)
     stiff = too_stiff(how.material, cell)
     if stiff is not None:
-        after, account = _rigidly(scene, handles, how, around, _footed(points, found.bottom))
+        solid = points if rail else _footed(points, found.bottom)
+        after, account = _rigidly(scene, handles, how, around, solid, rail)
     else:
-        after, account = _softly(scene, handles, how, around, shape, (rest, volume, spacing))
+        inside = rest, volume, spacing
+        after, account = _softly(scene, handles, how, around, shape, inside, rail is not None)
     touched = account.pop("touched")
     reasons = [acted] if acted else []
     reasons += ["the robot touches it in the simulation"] if touched else []
@@ -85,6 +88,7 @@ def simulated(scene: Scene, handles: frozenset[int], how: Setting, acted: str | 
         "handles": sorted(handles),
         "solver": "rigid" if stiff else "material points",
         **({"because": stiff} if stiff else {}),
+        **({"held": rail.describe() if stiff else {"joint": "fixed"}} if rail else {}),
         **account,
         "actions_valid": not reasons,
         **({"reasons": reasons} if reasons else {}),
@@ -99,17 +103,18 @@ def _softly(
     around: Surroundings,
     shape: Gaussians,
     inside: tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], float],
+    stuck: bool,
 ) -> tuple[Scene, dict[str, Any]]:
     rest, volume, spacing = inside
-    up = np.array([0.0, 0.0, how.height])
+    up = np.array([0.0, 0.0, 0.0 if stuck else how.height])
     one = Soft(
         rest + up,
         volume,
         how.material,
-        _room(rest + up, 2 * spacing, around),
+        _room(rest + up, 2 * spacing, around, stuck),
         gravity=(0.0, 0.0, -how.gravity),
         boxes=around.boxes or nothing,
-        friction=how.friction,
+        friction=STICK if stuck else how.friction,
         grip=how.grip,
     )
     one.v[:] = how.velocity
@@ -138,58 +143,32 @@ def _rigidly(
     how: Setting,
     around: Surroundings,
     points: Float64[np.ndarray, "n 3"],
+    rail: Rail | None,
 ) -> tuple[Scene, dict[str, Any]]:
-    up = np.array([0.0, 0.0, how.height])
+    up = np.array([0.0, 0.0, 0.0 if rail else how.height])
     bottom = around.level if around.level is not None else float(points[:, 2].min())
     thing = Rigid(
         points=points + up,
         density=how.material.density,
-        level=around.level,
-        columns=_columns(points, around, bottom),
+        level=None if rail else around.level,
+        columns=np.zeros((0, 5)) if rail else _columns(points, around, bottom),
         boxes=around.boxes,
         gravity=(0.0, 0.0, -how.gravity),
         friction=how.friction,
         grip=how.grip,
         velocity=how.velocity,
+        rail=rail,
     )
     fall = thing.run(scene.episode.length, 1 / how.fps)
     motions = fall.motions.copy()
     motions[:, :3, 3] += motions[:, :3, :3] @ up
 
-    def move(body: Body, held: frozenset[int]) -> Body:
+    def move(body: Body, mine: frozenset[int]) -> Body:
         track = motions @ body.to_world[0]
-        return replace(body, handles=held, to_world=track, motion="simulated")
+        return replace(body, handles=mine, to_world=track, motion="simulated")
 
     told = {"steps": fall.steps, "touched": bool(fall.boxes[: around.robot].sum() > GENTLE)}
     return replace(scene, bodies=_split(scene, handles, move)), told
-
-
-def _surface(scene: Scene, handles: frozenset[int]) -> Gaussians:
-    """The thing's Gaussians in the world of the first frame: fitted ones, or its recorded pixels."""
-    if scene.gaussians is not None:
-        placed = gaussians.placed(scene, 0)
-        mine = gaussians.chosen(placed, np.isin(placed.ids, list(handles)))
-        if len(mine):
-            return replace(mine, moments={})
-    found = []
-    motions = {h: body for body in scene.tracked for h in body.handles & handles}
-    for t in frames(scene.episode.length, VIEWS):
-        for view in scene.episode.views.values():
-            picture = seeds.picture_of(view, t, handles)
-            if picture is None:
-                continue
-            part = lifted(picture)
-            for handle, body in motions.items():
-                mine = gaussians.chosen(part, part.ids == handle)
-                if len(mine):
-                    back = body.to_world[0] @ np.linalg.inv(body.to_world[t])
-                    found.append(gaussians.moved(mine, back))
-    if not found:
-        raise Unsupported(f"simulating {sorted(handles)}: it was never seen with depth")
-    every = seeds.thinned(gaussians.joined(found), MOST_SHOWN)
-    scales = every.scales.copy()
-    scales[:, 0] = np.minimum(scales[:, 0], LONGEST * scales[:, 1])
-    return replace(every, scales=scales)
 
 
 def _footed(points: Float64[np.ndarray, "n 3"], bottom: float) -> Float64[np.ndarray, "m 3"]:
@@ -200,8 +179,13 @@ def _footed(points: Float64[np.ndarray, "n 3"], bottom: float) -> Float64[np.nda
     return np.concatenate([points[height >= 0], under])
 
 
-def _room(rest: Float64[np.ndarray, "n 3"], cell: float, around: Surroundings) -> Still:
-    """The box that the thing may move in, as large as the number of cells allows."""
+def _room(
+    rest: Float64[np.ndarray, "n 3"], cell: float, around: Surroundings, stuck: bool
+) -> Still:
+    """The box that the thing may move in, as large as the number of cells allows.
+
+    What stands close to it at rest is left out, as a part of its own surface, unless that is what it is `stuck` to.
+    """
     level, room = around.level, ROOM
     while True:
         low, high = rest.min(0) - room, rest.max(0) + room
@@ -213,7 +197,8 @@ def _room(rest: Float64[np.ndarray, "n 3"], cell: float, around: Surroundings) -
     points = around.points[within(around.points, low, high)]
     if level is not None:
         points = points[points[:, 2] > level + cell]
-    points = points[clear(points, rest, APART * cell)] if len(points) else points
+    if len(points) and not stuck:
+        points = points[clear(points, rest, APART * cell)]
     return still(low, high, cell, level, points)
 
 

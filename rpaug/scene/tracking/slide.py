@@ -24,6 +24,20 @@ def straightened(
     The axis is the main direction of the track; how far along it the body is comes from aligning each seen
     frame again with that one freedom, and in between from the track.
     """
+    found = along_rail(to_world, middle)
+    if found is None:
+        return None
+    axis, along = found
+    corrected = _corrected(case, along, axis)
+    out = np.tile(np.eye(4), (len(along), 1, 1))
+    out[:, :3, 3] = corrected[:, None] * axis
+    return out if _distance(case, out) <= _distance(case, to_world) else None
+
+
+def along_rail(
+    to_world: Float64[np.ndarray, "t 4 4"], middle: Float64[np.ndarray, "3"]
+) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "t"]] | None:
+    """The axis in the world of a track that is a slide, and how far along it a body around `middle` is; else None."""
     way = np.einsum("tij,j->ti", to_world[:, :3, :3], middle) + to_world[:, :3, 3] - middle
     axis = np.linalg.svd(way, full_matrices=False)[2][0]
     along = way @ axis
@@ -31,13 +45,7 @@ def straightened(
     beside = np.linalg.norm(way - np.outer(along, axis), axis=-1).max()
     if np.ptp(along) < TRAVEL or beside > OFF_RAIL or cosine < np.cos(TURN):
         return None
-    moving = np.abs(np.diff(along)).max() > 0
-    if not moving:
-        return None
-    corrected = _corrected(case, along, axis)
-    out = np.tile(np.eye(4), (len(along), 1, 1))
-    out[:, :3, 3] = corrected[:, None] * axis
-    return out if _distance(case, out) <= _distance(case, to_world) else None
+    return axis, along
 
 
 def _corrected(
