@@ -15,6 +15,9 @@ MOST = 14  # tints looked for
 APART = 11.0  # of the weighted Lab distance: nearer tints are one
 SAMPLES = 20_000  # pixels that tints are found from
 TOGETHER = 60.0  # squared distance that a pixel gives up to be of its neighbours' tint
+CHROMATIC = 15.0  # chroma below which a tint has no shades: greys differ in lightness alone
+BESIDE = 5.0  # of the weighted Lab distance that a shade lies off the line to black
+SHADES = 1.45  # times darker that a shade is, at most
 ROUNDS = 3  # in which neighbours vote
 WIDE = 480  # pixels: larger images are labelled at about this size
 
@@ -49,6 +52,15 @@ def find(images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> Tints:
         counts[i] = total
         del middles[j], counts[j]
     return np.array(middles, np.float32)
+
+
+def shaded(one: Float32[np.ndarray, "3"], other: Float32[np.ndarray, "3"]) -> bool:
+    """Are two tints one colour, lighter and darker? A matte surface in less light moves on a line towards black."""
+    far = float(one @ other / np.linalg.norm(other))
+    off = float(np.sqrt(max(one @ one - far**2, 0.0)))
+    chroma = min(np.linalg.norm(one[1:]), np.linalg.norm(other[1:]))
+    ratio = far / float(np.linalg.norm(other))
+    return bool(chroma > CHROMATIC and off < BESIDE and 1 / SHADES < ratio < SHADES)
 
 
 def labelled(image: UInt8[np.ndarray, "h w 3"], tints: Tints) -> Int[np.ndarray, "h w"]:
