@@ -5,7 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from rpaug.scene.rgb_only import support as standing
-from rpaug.scene.rgb_only.blobs import Blob
+from rpaug.scene.rgb_only import tints
+from rpaug.scene.rgb_only.blobs import Blob, ring
 from rpaug.scene.rgb_only.resting import Resting
 
 MOVING, SUPPORT, AROUND = (
@@ -15,12 +16,13 @@ MOVING, SUPPORT, AROUND = (
 )  # handles: what moves, what things stand on, walls and floor; things come after
 ALIKE = 9.0  # weighted Lab: patches of two cameras that differ by more are two things
 SIZES = 6.0  # times larger, at most, that a thing is in another camera
+SIDES = 1.9  # times darker, at most, that a thing's side in the shade is
 COLOURFUL = 22.0  # chroma from which a patch beside the support is a thing, and not wall or floor
 LARGE = 0.05  # share of the image from which it is wall or floor whatever its colour, if the image cuts it off
 
 
 def grouped(
-    cameras: Mapping[str, Resting], support: Mapping[str, frozenset[int]]
+    cameras: Mapping[str, Resting], support: Mapping[str, frozenset[int]], known: tints.Tints
 ) -> dict[str, dict[int, int]]:
     """The handle of every camera's patches."""
     out: dict[str, dict[int, int]] = {name: {} for name in cameras}
@@ -39,8 +41,9 @@ def grouped(
         elif k in part.left:
             # It may be anywhere and of any size in another camera: its tint alone tells it.
             tint = part.blobs[k].tint
-            if tint not in carried:
-                carried[tint] = len(things)
+            like = [one for one in carried if one == tint or _sides(known[one], known[tint])]
+            carried[tint] = carried[like[0]] if like else len(things)
+            if not like:
                 things.append((False, {}))
             out[name][k] = AROUND + 1 + carried[tint]
         else:
@@ -61,7 +64,43 @@ def grouped(
                 things.append((on, {}))
             things[number][1][name] = k
             out[name][k] = AROUND + 1 + number
+    return {name: _joined(part, out[name], known) for name, part in cameras.items()}
+
+
+def carried(
+    cameras: Mapping[str, Resting], groups: Mapping[str, Mapping[int, int]], known: tints.Tints
+) -> dict[int, int]:
+    """The handle of each tint that some camera saw leave its place, and of the tints of its other sides."""
+    found = {}
+    for name, part in cameras.items():
+        for k in sorted(part.left):
+            if groups[name][k] > AROUND:
+                found[part.blobs[k].tint] = groups[name][k]
+    mobile = frozenset().union(*(part.mobile for part in cameras.values()))
+    sides = {
+        tint: handle
+        for tint in range(len(known))
+        for own, handle in found.items()
+        if tint not in mobile and _sides(known[tint], known[own])
+    }
+    return sides | found
+
+
+def _joined(part: Resting, handles: dict[int, int], known: tints.Tints) -> dict[int, int]:
+    """The same with a thing's lit and shaded sides under the handle of the larger."""
+    out = dict(handles)
+    for k, blob in enumerate(part.blobs):  # largest first
+        around = ring(blob.mask)
+        for j, other in enumerate(part.blobs[k + 1 :], k + 1):
+            if min(out[k], out[j]) <= AROUND or out[k] == out[j]:
+                continue
+            if _sides(known[blob.tint], known[other.tint]) and (around & other.mask).sum() > 2:
+                out[j] = out[k]
     return out
+
+
+def _sides(one: np.ndarray, other: np.ndarray) -> bool:
+    return bool(tints.shaded(one, other, SIDES))
 
 
 def by_tint(

@@ -13,7 +13,7 @@ from rpaug.scene.rgb_only.resting import Resting
 SPREAD = 0.35  # of the image: how far from its middle the support is looked for
 ALIKE = 9.0  # weighted Lab: patches of one tint that differ by more are not one support
 PIECE = 0.02  # of the largest patch's pixels: smaller ones of its colour are none of the support
-GRAIN = 0.15  # share of a patch's outline on the support from which it is its grain, if its colour is a shade of it
+GRAIN = 0.08  # share of a patch's outline on the support from which it is its grain, if its colour is a shade of it
 WITHIN = 0.8  # share of a thing inside the support's outline, if it stands there
 ON = 0.5  # share of a thing's outline that lies on the support, if it stands there
 

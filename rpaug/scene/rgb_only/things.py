@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Int32, UInt8
 
 from rpaug.scene import sampling
-from rpaug.scene.rgb_only import backdrop, grouping, settling, support, tints, watched
+from rpaug.scene.rgb_only import backdrop, grouping, outlines, settling, support, tints, watched
 from rpaug.scene.rgb_only.backdrop import Backdrop
 from rpaug.scene.rgb_only.grouping import AROUND, MOVING, SUPPORT
 from rpaug.scene.rgb_only.resting import Resting
@@ -70,8 +70,8 @@ def find(episode: Episode) -> Things:
     }
     seen, loose = _resting(still, len(known))
     on = support.find(seen, known)
-    groups = grouping.grouped(seen, on)
-    carried = _carried(seen, groups)
+    groups = grouping.grouped(seen, on, known)
+    carried = grouping.carried(seen, groups, known)
     parts: dict[str, Part] = {}
     for name, drop in drops.items():
         if name in seen:
@@ -108,20 +108,6 @@ def _resting(
     return found, loose
 
 
-def _carried(
-    seen: Mapping[str, Resting], groups: Mapping[str, Mapping[int, int]]
-) -> dict[int, int]:
-    """The handle of each tint that some camera saw leave its place; the others are shown it too."""
-    found = {}
-    for name, part in seen.items():
-        found |= {
-            part.blobs[k].tint: groups[name][k]
-            for k in sorted(part.left)
-            if groups[name][k] > AROUND
-        }
-    return found
-
-
 def _part(
     seen: Resting, handles: Mapping[int, int], carried: Mapping[int, int], loose: Iterable[int]
 ) -> Part:
@@ -130,6 +116,7 @@ def _part(
     for k, blob in enumerate(seen.blobs):
         resting[blob.mask] = handles[k]
     never = {tint: LOOSE + tint for tint in loose}
+    resting = outlines.cut(seen.backdrop.image, resting)
     return Part(seen.backdrop, resting, seen.tint, seen.mobile, never | dict(carried), {})
 
 

@@ -96,7 +96,7 @@ def mobile(cameras: Iterable[Watched], count: int) -> tuple[frozenset[int], froz
         return frozenset(), frozenset()
     most = mobility[often].max()
     movers = often & (mobility > MOBILE * most)
-    loose = ~movers & ~entering & (mobility > CARRIED) & (shown > blobs.LEAST * shown.sum())
+    loose = ~movers & ~entering & (mobility > CARRIED) & (shown > blobs.SMALL * shown.sum())
     return frozenset(np.flatnonzero(movers).tolist()), frozenset(np.flatnonzero(loose).tolist())
 
 
