@@ -18,7 +18,6 @@ ALIKE = 9.0  # weighted Lab: patches of two cameras that differ by more are two 
 SIZES = 6.0  # times larger, at most, that a thing is in another camera
 SIDES = 1.9  # times darker, at most, that a thing's side in the shade is
 COLOURFUL = 22.0  # chroma from which a patch beside the support is a thing, and not wall or floor
-LARGE = 0.05  # share of the image from which it is wall or floor whatever its colour, if the image cuts it off
 
 
 def grouped(
@@ -57,7 +56,7 @@ def grouped(
                 if members
                 and name not in members
                 and stands == on
-                and (gap := _gap(cameras, members, part, k)) is not None
+                and (gap := _gap(cameras, members, part, k, known)) is not None
             ]
             number = min(fits)[1] if fits else len(things)
             if not fits:
@@ -120,20 +119,27 @@ def by_tint(
 
 def _dull(blob: Blob) -> bool:
     """Is a patch beside the support rather wall or floor than a thing?"""
-    large = blob.area > LARGE * blob.mask.size and blob.edge > 0
+    large = blob.area > standing.LARGE * blob.mask.size and blob.edge > 0
     return large or bool(np.linalg.norm(blob.colour[1:]) < COLOURFUL)
 
 
 def _gap(
-    cameras: Mapping[str, Resting], members: Mapping[str, int], part: Resting, k: int
+    cameras: Mapping[str, Resting],
+    members: Mapping[str, int],
+    part: Resting,
+    k: int,
+    known: tints.Tints,
 ) -> float | None:
     """How unlike a patch is to a thing's patches in other cameras; None if it is none of it."""
     blob, worst = part.blobs[k], 0.0
     for name, other in members.items():
-        known = cameras[name].blobs[other]
-        ratio = (blob.area / blob.mask.size) / (known.area / known.mask.size)
-        off = float(np.linalg.norm(blob.colour - known.colour))
-        if known.tint != blob.tint or off > ALIKE or not 1 / SIZES < ratio < SIZES:
+        mate = cameras[name].blobs[other]
+        ratio = (blob.area / blob.mask.size) / (mate.area / mate.mask.size)
+        off = float(np.linalg.norm(blob.colour - mate.colour))
+        same = mate.tint == blob.tint and off < ALIKE
+        # A camera that looks from elsewhere sees more of a thing's sides in the shade.
+        lit = same or (_sides(known[mate.tint], known[blob.tint]) or mate.tint == blob.tint) and _sides(mate.colour, blob.colour)
+        if not lit or not 1 / SIZES < ratio < SIZES:
             return None
         worst = max(worst, off + abs(float(np.log(ratio))))
     return worst

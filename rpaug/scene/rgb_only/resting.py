@@ -93,5 +93,6 @@ class Resting:
         blob = self.blobs[k]
         if blob.edge > 0 or self.alone[k] < ALONE:
             return False
-        beside = self.tint[ring(blob.mask)]
-        return bool((~np.isin(beside, list(self.mobile))).mean() >= ISLAND)
+        around = ring(blob.mask)
+        touching = [other.mask[around].sum() for other in self.blobs if other.tint in self.mobile]
+        return bool(sum(touching) <= (1 - ISLAND) * around.sum())

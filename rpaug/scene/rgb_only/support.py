@@ -15,6 +15,9 @@ ALIKE = 9.0  # weighted Lab: patches of one tint that differ by more are not one
 PIECE = 0.02  # of the largest patch's pixels: smaller ones of its colour are none of the support
 GRAIN = 0.08  # share of a patch's outline on the support from which it is its grain, if its colour is a shade of it
 WITHIN = 0.8  # share of a thing inside the support's outline, if it stands there
+CUT = 0.1  # share of a thing's outline on the image's edge from which the image cuts it off
+LARGE = 0.05  # share of the image from which what the image cuts off is wall or floor
+SEEN_ON = 0.8  # share of what is seen of such a thing's outline that lies on the support, if it stands there
 ON = 0.5  # share of a thing's outline that lies on the support, if it stands there
 
 
@@ -66,9 +69,11 @@ def stands_on(part: Resting, k: int, support: frozenset[int]) -> bool:
 
     Patches on patches count through those below.
     """
-    if part.blobs[k].edge > 0.1:
-        return False
     carrier = _mask(part, support)
+    if part.blobs[k].edge > CUT:
+        # All that is seen of a wall's or a floor's outline may lie there too; but those are large.
+        small = part.blobs[k].area < LARGE * part.tint.size
+        return small and bool(carrier[ring(part.blobs[k].mask)].mean() >= SEEN_ON)
     if (
         part.blobs[k].edge == 0
         and (_hull(carrier) & part.blobs[k].mask).sum() > WITHIN * part.blobs[k].area
