@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
 from rpaug.errors import Unsupported
+from rpaug.providers import grabcut
 from rpaug.providers.models import load, picture
 
 Box = tuple[float, float, float, float]
@@ -56,23 +57,15 @@ class GrabCut:
         rows = slice(max(0, top - around), min(height, bottom + around))
         columns = slice(max(0, left - around), min(width, right + around))
         grown = int(np.clip(self.least // max(wide, high, 1), 1, 4))
-        known = np.full((height, width), cv2.GC_BGD, np.uint8)
-        known[top:bottom, left:right] = cv2.GC_PR_FGD
+        known = np.full((height, width), grabcut.BEHIND, np.uint8)
+        known[top:bottom, left:right] = grabcut.MAYBE_THING
         if within is not None:
-            known[~within] = cv2.GC_BGD
-        known = np.ascontiguousarray(known[rows, columns]).repeat(grown, 0).repeat(grown, 1)
-        if not (known == cv2.GC_PR_FGD).any() or not (known == cv2.GC_BGD).any():
-            return out
-        shown = np.ascontiguousarray(image[rows, columns, ::-1])
-        shown = cv2.resize(shown, known.shape[::-1], interpolation=cv2.INTER_CUBIC)
-        models = np.zeros((1, 65)), np.zeros((1, 65))
-        cv2.setRNGSeed(0)  # its first clusters are drawn from OpenCV's global generator
-        nowhere = (0, 0, 1, 1)  # unused where a mask is given
-        cv2.grabCut(shown, known, nowhere, *models, self.rounds, cv2.GC_INIT_WITH_MASK)
-        found = np.isin(known, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
-        small = (rows.stop - rows.start, columns.stop - columns.start)
-        share = found.reshape(small[0], grown, small[1], grown).mean((1, 3))
-        out[rows, columns] = _largest(share > 0.5)
+            known[~within] = grabcut.BEHIND
+        inside = known[rows, columns]
+        if (inside != grabcut.BEHIND).any() and (inside == grabcut.BEHIND).any():
+            out[rows, columns] = _largest(
+                grabcut.cut(image[rows, columns], inside, grown, self.rounds)
+            )
         return out
 
 

@@ -9,6 +9,8 @@ from jaxtyping import Bool, Float32, Int, Int32, UInt8
 from rpaug.scene.rgb_only.tints import Tints, weighted
 
 LEAST = 0.0035  # share of the image: smaller patches belong to what is around them
+SMALL = 0.0012  # share of the image that is enough for a patch whose colour is far from that around it
+LOUD = 30.0  # of the weighted Lab distance from which it is
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ def find(
     Those that are small or no more than a thin line (outlines mix two colours into a third) go to the neighbour that
     they share most of their outline with.
     """
-    pieces = _absorbed(_pieces(label))
+    pieces = _absorbed(_pieces(label), label, tints)
     shown = weighted(image)
     found = []
     for number in np.unique(pieces):
@@ -60,20 +62,28 @@ def _pieces(label: Int[np.ndarray, "h w"]) -> Int32[np.ndarray, "h w"]:
     return out
 
 
-def _absorbed(pieces: Int32[np.ndarray, "h w"]) -> Int32[np.ndarray, "h w"]:
+def _absorbed(
+    pieces: Int32[np.ndarray, "h w"], label: Int[np.ndarray, "h w"], tints: Tints
+) -> Int32[np.ndarray, "h w"]:
     """The same without pieces that are too small or too thin, smallest first."""
     pieces = pieces.copy()
-    least = max(8, int(LEAST * pieces.size))
+    least, small = (max(8, int(share * pieces.size)) for share in (LEAST, SMALL))
     numbers, areas = np.unique(pieces, return_counts=True)
     square = np.ones((3, 3), np.uint8)
     for number in numbers[np.argsort(areas, kind="stable")]:
         mask = pieces == number
         core = cv2.erode(mask.astype(np.uint8), square, borderValue=1)
-        if mask.sum() >= least and core.sum() >= 0.1 * mask.sum():
+        thick = core.sum() >= 0.1 * mask.sum()
+        if mask.sum() >= least and thick:
             continue
-        around = pieces[ring(mask)]
-        if len(around):
-            pieces[mask] = np.bincount(around).argmax()
+        around = ring(mask)
+        if not around.any():
+            continue
+        if mask.sum() >= small and thick:
+            beside = tints[np.bincount(label[around]).argmax()]
+            if np.linalg.norm(tints[label[mask][0]] - beside) > LOUD:
+                continue
+        pieces[mask] = np.bincount(pieces[around]).argmax()
     return pieces
 
 

@@ -8,13 +8,16 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Int, UInt8
+from jaxtyping import Bool, Float32, Int, UInt8
 
 LIGHTNESS = 0.45  # weight of lightness beside the two chroma axes (CIELAB)
 MOST = 14  # tints looked for
 APART = 11.0  # of the weighted Lab distance: nearer tints are one
 SAMPLES = 20_000  # pixels that tints are found from
 TOGETHER = 60.0  # squared distance that a pixel gives up to be of its neighbours' tint
+CHROMATIC = 15.0  # chroma below which a tint has no shades: greys differ in lightness alone
+ASIDE = np.deg2rad(13.0)  # by which a shade lies off the line to black, seen from there
+SHADES = 1.4  # times darker that a shade is, at most
 ROUNDS = 3  # in which neighbours vote
 WIDE = 480  # pixels: larger images are labelled at about this size
 
@@ -49,6 +52,20 @@ def find(images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> Tints:
         counts[i] = total
         del middles[j], counts[j]
     return np.array(middles, np.float32)
+
+
+def shaded(
+    one: Float32[np.ndarray, "*n 3"], other: Float32[np.ndarray, "*n 3"], darker: float = SHADES
+) -> Bool[np.ndarray, "*n"]:
+    """Are two colours one in more and in less light? A matte surface in shade moves on a line towards black.
+
+    Neither is more than `darker` times farther from black. Greys have no shades: they differ in lightness alone.
+    """
+    far, known = np.linalg.norm(one, axis=-1), np.linalg.norm(other, axis=-1)
+    along = (one * other).sum(-1) >= np.cos(ASIDE) * far * known
+    near = np.maximum(far, known) < darker * np.maximum(np.minimum(far, known), 1e-6)
+    chroma = [np.linalg.norm(colour[..., 1:], axis=-1) for colour in (one, other)]
+    return np.asarray(along & near & (np.minimum(*chroma) > CHROMATIC))
 
 
 def labelled(image: UInt8[np.ndarray, "h w 3"], tints: Tints) -> Int[np.ndarray, "h w"]:

@@ -1,0 +1,107 @@
+"""Some frames of a camera that stands still: where each differs from the backdrop, and which tints move."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rpaug.scene import sampling
+from rpaug.scene.rgb_only import blobs, tints
+from rpaug.scene.rgb_only.backdrop import Backdrop
+from rpaug.types import CameraView
+
+FRAMES = 20  # of each camera, from which motion is told
+MOBILE = 0.5  # of the most mobile tint's share of pixels that change: others that reach it move too
+CARRIED = 0.6  # share of a tint's pixels that changed, from which nothing of it rests
+OFTEN = 0.25  # of all changes that a mobile tint has part in, or it is a thing that was moved
+OPEN = 0.25  # share of the frames in which what the robot covers must be seen for it to be believed
+STEADY = 6.0  # weighted Lab: what is seen there in those frames differs by no more
+
+
+@dataclass(frozen=True)
+class Watched:
+    """`shown` are frames of a camera, `changed` where each differs from the backdrop, `labels` their tints.
+
+    `tint` are the backdrop's.
+    """
+
+    backdrop: Backdrop
+    tint: Int[np.ndarray, "h w"]
+    shown: np.ndarray  # (t, h, w, 3) uint8
+    changed: Bool[np.ndarray, "t h w"]
+    labels: Int[np.ndarray, "t h w"]
+    tints: tints.Tints
+
+    @property
+    def active(self) -> Bool[np.ndarray, "h w"]:
+        """Where anything ever changed."""
+        return self.changed.any(0)
+
+    def shades(self, mobile: Iterable[int]) -> Mapping[int, Float[np.ndarray, "3"]]:
+        """The middle colour, in weighted Lab, of what changed in each of these tints."""
+        found = {}
+        for tint in mobile:
+            some = self.shown[self.changed & (self.labels == tint)]
+            if len(some):
+                found[tint] = np.median(tints.weighted(some[:: max(1, len(some) // 4000)]), 0)
+        return found
+
+    def without(self, robot: Bool[np.ndarray, "h w"], mobile: frozenset[int]) -> "Watched":
+        """The same before the backdrop that frames show where the robot, which stood there for long, is away."""
+        away = ~np.isin(self.labels, list(mobile)) & robot
+        times = away.sum(0)
+        seen = np.ma.masked_array(tints.weighted(self.shown), ~np.repeat(away[..., None], 3, -1))
+        middle = np.ma.median(seen, axis=0)
+        spread = np.ma.median(np.abs(seen - middle), axis=0).filled(np.inf).max(-1)
+        known = robot & (times >= max(2.0, OPEN * len(self.shown))) & (spread < STEADY)
+        if not known.any():
+            return self
+        colours = np.ma.masked_array(self.shown, seen.mask)
+        image = self.backdrop.image.copy()
+        image[known] = np.ma.median(colours, axis=0).filled(0)[known].astype(np.uint8)
+        drop = replace(self.backdrop, image=image)
+        changed = np.stack([drop.changed(one) for one in self.shown])
+        return replace(
+            self, backdrop=drop, tint=tints.labelled(image, self.tints), changed=changed
+        )
+
+
+def watch(view: CameraView, length: int, drop: Backdrop, known: tints.Tints) -> Watched:
+    """Look at frames of a camera before its backdrop."""
+    shown = np.stack([view.rgb(t) for t in sampling.frames(length, FRAMES)])
+    changed = np.stack([drop.changed(image) for image in shown])
+    labels = np.stack([tints.labelled(image, known) for image in shown])
+    return Watched(drop, tints.labelled(drop.image, known), shown, changed, labels, known)
+
+
+def mobile(cameras: Iterable[Watched], count: int) -> tuple[frozenset[int], frozenset[int]]:
+    """The tints of what moves, on one side or the other of most changes and seldom where nothing changes; and those of
+    what it carries all the time, which are seen almost only where something changes."""
+    involved, moving, shown = np.zeros(count), np.zeros(count), np.zeros(count)
+    entering = np.zeros(count, bool)  # what a gripper carries is seldom cut off by the image's edge
+    total = 0
+    for watched in cameras:
+        for changed, label in zip(watched.changed, watched.labels, strict=True):
+            total += int(changed.sum())
+            shown += np.bincount(label.reshape(-1), minlength=count)
+            moving += np.bincount(label[changed], minlength=count)
+            entering[[k for k in np.unique(label[changed]) if _enters(label == k, changed)]] = True
+            either = [changed & ((label == k) | (watched.tint == k)) for k in range(count)]
+            involved += [int(one.sum()) for one in either]
+    mobility = moving / np.maximum(shown, 1)
+    often = (involved >= OFTEN * max(total, 1)) & entering
+    if not total or not often.any():
+        return frozenset(), frozenset()
+    most = mobility[often].max()
+    movers = often & (mobility > MOBILE * most)
+    loose = ~movers & ~entering & (mobility > CARRIED) & (shown > blobs.SMALL * shown.sum())
+    return frozenset(np.flatnonzero(movers).tolist()), frozenset(np.flatnonzero(loose).tolist())
+
+
+def _enters(mask: Bool[np.ndarray, "h w"], changed: Bool[np.ndarray, "h w"]) -> bool:
+    """Does a piece of the mask in which something changed reach the image's edge?"""
+    _, pieces = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    rim = np.concatenate([pieces[0], pieces[-1], pieces[:, 0], pieces[:, -1]])
+    return bool(np.intersect1d(rim[rim > 0], pieces[mask & changed]).size)
