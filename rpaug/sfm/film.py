@@ -14,7 +14,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Int32, UInt8, UInt16
+from jaxtyping import Float32, Float64, Int32, UInt8, UInt16
 
 from rpaug import geometry
 from rpaug.errors import Unsupported
@@ -23,7 +23,8 @@ from rpaug.sfm import colmap, sweep, things, world
 from rpaug.sfm.colmap import Settings
 from rpaug.sfm.lens import Lens
 from rpaug.sfm.model import FEWEST_FRAMES, Model, fingerprint, load, save
-from rpaug.sfm.things import Look, Things
+from rpaug.sfm.look import Look
+from rpaug.sfm.things import Things
 from rpaug.types import Body, Camera, CameraView, Episode, Scene
 
 Progress = Callable[[float, str], None]
@@ -33,11 +34,11 @@ SAMPLED, DIFFERS, RESTLESS = (
     0.35,
 )  # frames, grey levels, share of pixels: what a moving camera changes
 KEPT = 8  # images of one kind
-LOOKED = 16  # frames that things are told by
+LOOKED = 32  # frames that things are told by
 ASIDE = 3  # registered frames before and after whose points bound a frame's depth
 SPAN = (0.4, 1.5)  # around the depths of the points
 SNAP = 0.35  # of depth: what of the support is farther from its plane is something else
-LOOK_WIDTH = 640  # pixels, at most, in which handles are told
+LOOK_WIDTH = 480  # pixels, at most, in which handles are told
 JOINED = 20  # frames that a video's fingerprint is taken of
 
 
@@ -186,10 +187,7 @@ class Film:
         @lru_cache(None)
         def told(k: int) -> UInt16[np.ndarray, "h w"]:
             image = self.episode.views[self.name].rgb(k)
-            small = sweep.shot(image, self.lens.K, self.model.cam_to_world[k], LOOK_WIDTH)
-            size = (small.rgb.shape[1], small.rgb.shape[0])
-            depth = 1 / cv2.resize(1 / self.depths[k], size, interpolation=cv2.INTER_LINEAR)
-            look = Look(small.rgb, depth.astype(np.float32), small.K, small.cam_to_world)
+            look = _look(image, self.lens.K, self.model.cam_to_world[k], self.depths[k])
             return self.things.of(look).astype(np.uint16)
 
         return told
@@ -226,7 +224,10 @@ def develop(
 
     up, level = world.upright(model)
     model = model.moved(up, 1.0)
-    looks = [Look(shots[k].rgb, depths[k], shots[k].K, model.cam_to_world[k]) for k in some]
+    looks = [
+        _look(lens.flat(view.rgb(int(model.times[k]))), lens.K, model.cam_to_world[k], depths[k])
+        for k in some
+    ]
     told = things.find(looks)
     if level is not None:
         told = things.with_support(told, looks, level)
@@ -236,6 +237,19 @@ def develop(
         else "metres, by the scale that was given"
     )
     return Film(episode, model, tuple(depths), told, unit)
+
+
+def _look(
+    image: UInt8[np.ndarray, "h w 3"],
+    K: Float64[np.ndarray, "3 3"],
+    pose: Float64[np.ndarray, "4 4"],
+    depth: Float32[np.ndarray, "a b"],
+) -> Look:
+    """A frame at the size that things are told in."""
+    small = sweep.shot(image, K, pose, LOOK_WIDTH)
+    size = (small.rgb.shape[1], small.rgb.shape[0])
+    fitting = 1 / cv2.resize(1 / depth, size, interpolation=cv2.INTER_LINEAR)
+    return Look(small.rgb, fitting.astype(np.float32), small.K, pose)
 
 
 def _name(episode: Episode, settings: Settings) -> str:

@@ -1,38 +1,36 @@
-"""Instances of a video's still world: patches of one colour name, joined over frames where their points meet.
+"""Instances of a video's still world: segments of its frames, joined where they lie on each other.
 
-What a patch is in one image is told by colour alone, so that its outline is the image's own; which patches of several
-images are one thing is told by where they are.
+What a segment is in one image is told by colour alone, so that its outline is the image's own; which segments of
+several images are one thing is told by where they are.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
+import cv2
 import numpy as np
 from jaxtyping import Float32, Float64, Int32, UInt8
 
-from rpaug import geometry
-from rpaug.sfm.patches import named, names_known, patches
+from rpaug.sfm.look import Look
 
 BACKGROUND = 1  # handle of all that is no thing
 FIRST = 2
-CELL = 0.02  # of the median depth: points so near to each other, and of one colour, hang together
-FEWEST = 60  # cells of a thing
-MOST = 60  # things
-SHARE = 0.3  # of a patch's points must be the thing's
+CELL = 0.015  # of the median depth: of the cells that tell where a thing is
+FEWEST = 12  # cells of a thing
+MOST = 150  # things
+SEEN = 2  # looks that show a thing, at least
+PARTNERS = 2  # looks that one is compared with: the next ones, and those most like it
+MUTUAL = 0.5  # of each of two segments lies on the other, if they are one thing
+SAME = 0.15  # of depth: farther apart is something else
+FEW = 10  # pixels: what is seen of a segment
+SHARE = 0.3  # of a segment's points must be the thing's
+SLIVER = 0.003  # of an image: smaller segments that are no thing's go to their neighbours
+RIM = 2  # pixels around a thing that are part support, part thing
 FLAT = 0.5  # share of a thing's pixels in the support's plane, if it is part of that
 NEAR = 0.12  # of depth: so near to the plane counts as in it
 BROAD = 0.02  # of all pixels: what is smaller lies on the support and is no part of it
 REACH = 2**20  # cells
-
-
-@dataclass(frozen=True, eq=False)
-class Look:
-    """One frame: its image made small, depth, lens and pose, in a world whose z is up."""
-
-    rgb: UInt8[np.ndarray, "h w 3"]
-    depth: Float32[np.ndarray, "h w"]
-    K: Float64[np.ndarray, "3 3"]
-    cam_to_world: Float64[np.ndarray, "4 4"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,82 +55,130 @@ class Things:
 
     def of(self, look: Look) -> Int32[np.ndarray, "h w"]:
         """Handles of one frame's pixels."""
-        patch = patches(look.rgb)
-        points = _points(look)
-        keys = np.floor(points / self.cell).astype(np.int64)
+        patch = look.segments
+        keys = np.floor(look.points / self.cell).astype(np.int64)
         known = _looked_up(keys.reshape(-1, 3), self.handles).reshape(patch.shape)
         number = int(patch.max()) + 1
         votes = np.zeros((number, FIRST + self.count), np.int64)
         np.add.at(votes, (patch.ravel(), known.ravel()), 1)
         best = votes[:, FIRST:].argmax(1) + FIRST if self.count else np.full(number, BACKGROUND)
         enough = votes[np.arange(number), best] >= SHARE * votes.sum(1)
-        return np.where(enough, best, BACKGROUND)[patch].astype(np.int32)
+        sliver = ~enough & (votes.sum(1) < SLIVER * patch.size)
+        named = np.where(enough, best, BACKGROUND)[patch]
+        return self._grown(_spread(named, sliver[patch])).astype(np.int32)
+
+    def _grown(self, named: np.ndarray) -> np.ndarray:
+        """Small things with the pixels around them that their blurred outlines take of the support."""
+        around = np.isin(named, [BACKGROUND, *self.support])
+        small = np.bincount(named.ravel(), minlength=FIRST + self.count) < BROAD * named.size
+        thing = ~around & small[named]
+        near = cv2.dilate(thing.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)) > 0
+        return np.where(near & around, _spread(named, ~thing), named) if thing.any() else named
+
+
+def _spread(named: np.ndarray, open_: np.ndarray) -> np.ndarray:
+    """Names with those of open pixels taken from the nearest other one: what lies along outlines belongs to a side."""
+    if not open_.any() or open_.all():
+        return named
+    _, nearest = cv2.distanceTransformWithLabels(
+        open_.astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    owner = np.zeros(int(nearest.max()) + 1, named.dtype)
+    owner[nearest[~open_]] = named[~open_]
+    return np.where(open_, owner[nearest], named)
 
 
 def find(looks: Sequence[Look]) -> Things:
-    """The things that several looks show."""
+    """The things that several looks show: segments of theirs that lie on each other, and the cells they fill."""
     size = float(np.median([np.median(look.depth) for look in looks]))
     cell = CELL * size
-    keys, names, frames = [], [], []
-    for k, look in enumerate(looks):
-        called = named(look.rgb)
-        at = np.floor(_points(look) / cell).astype(np.int64).reshape(-1, 3)
-        keys.append(at)
-        names.append(called.ravel())
-        frames.append(np.full(len(at), k))
+    first = np.cumsum([0, *(int(look.segments.max()) + 1 for look in looks)])
+    group = joined(int(first[-1]), _links(looks, first))
+    shown = _shown_in(group, first)
+    keys = [np.floor(look.points / cell).astype(np.int64).reshape(-1, 3) for look in looks]
     codes, of = np.unique(_packed(np.concatenate(keys)), return_inverse=True)
-    cells = _unpacked(codes)
-    votes = np.zeros((len(cells), names_known()), np.int32)
-    np.add.at(votes, (of, np.concatenate(names)), 1)
-    mine = votes.argmax(1)
-    group = _connected(cells, mine)
-    _, of_group, sizes = np.unique(group, return_inverse=True, return_counts=True)
-    order = [g for g in np.argsort(-sizes, kind="stable")[:MOST] if sizes[g] >= FEWEST]
-    number = np.zeros(len(sizes), np.int64)
-    number[order] = np.arange(FIRST, FIRST + len(order))
-    handles = {
-        tuple(key): int(handle)
-        for key, handle in zip(cells.tolist(), number[of_group].tolist(), strict=True)
-        if handle
-    }
-    return Things(cell, handles, len(order))
-
-
-def _points(look: Look) -> Float64[np.ndarray, "h w 3"]:
-    return geometry.transform(
-        look.cam_to_world, geometry.unproject(look.depth.astype(np.float64), look.K)
+    named = np.concatenate(
+        [group[look.segments.ravel() + start] for look, start in zip(looks, first, strict=False)]
     )
+    mine = _most(of, np.where(shown[named] >= SEEN, named, -1), len(codes))
+    number, sizes = np.unique(mine, return_counts=True)
+    order = [h for _, h in sorted(zip(-sizes, number, strict=True)) if h >= 0]
+    kept = [h for h in order if sizes[np.searchsorted(number, h)] >= FEWEST][:MOST]
+    handle = {int(h): FIRST + k for k, h in enumerate(kept)}
+    cells = {
+        tuple(key): handle[int(h)]
+        for key, h in zip(_unpacked(codes).tolist(), mine.tolist(), strict=True)
+        if int(h) in handle
+    }
+    return Things(cell, cells, len(kept))
 
 
-def _connected(cells: np.ndarray, names: np.ndarray) -> np.ndarray:
-    """A number for each cell, the same for neighbouring cells of one name (pointer jumping)."""
-    low = cells.min(0) - 1
-    shape = cells.max(0) - low + 2
-    flat = _flat(cells - low, shape)
-    order = np.argsort(flat)
-    sorted_flat = flat[order]
+def _links(looks: Sequence[Look], first: np.ndarray) -> np.ndarray:
+    """Pairs of segments, one of each of two looks, each of which mostly lies on the other."""
     pairs = []
-    for step in np.ndindex(3, 3, 3):
-        if step <= (1, 1, 1):
-            continue
-        other = _flat(cells - low + np.array(step) - 1, shape)
-        at = np.minimum(np.searchsorted(sorted_flat, other), len(flat) - 1)
-        there = order[at]
-        fits = (sorted_flat[at] == other) & (names[there] == names)
-        pairs.append(np.stack([np.flatnonzero(fits), there[fits]], 1))
-    edges = np.concatenate(pairs)
-    root = np.arange(len(cells))
-    while True:
+    for i, look in enumerate(looks):
+        for j in _partners(looks, i):
+            there, back = _overlap(look, looks[j]), _overlap(looks[j], look).T
+            rows, columns = np.nonzero((there > MUTUAL) & (back > MUTUAL))
+            pairs.append(np.stack([rows + first[i], columns + first[j]], 1))
+    return np.concatenate(pairs) if pairs else np.zeros((0, 2), np.int64)
+
+
+def _partners(looks: Sequence[Look], i: int) -> list[int]:
+    """The next looks, and the later ones that see most alike: those that look from nearly the same place."""
+    own = looks[i].cam_to_world
+    reach = float(np.median(looks[i].depth))
+    apart = {}
+    for j in range(i + 1, len(looks)):
+        other = looks[j].cam_to_world
+        turned = np.arccos(np.clip(own[:3, 2] @ other[:3, 2], -1, 1))
+        apart[j] = float(np.linalg.norm(own[:3, 3] - other[:3, 3])) / reach + float(turned)
+    return sorted({*list(apart)[:PARTNERS], *sorted(apart, key=apart.__getitem__)[:PARTNERS]})
+
+
+def _overlap(one: Look, other: Look) -> np.ndarray:
+    """Which share of each segment that the other look sees lies on which of its segments."""
+    row, column, z = other.sees(one.points)
+    inside = row >= 0
+    found = other.depth[np.where(inside, row, 0), np.where(inside, column, 0)]
+    inside &= np.abs(found - z) < SAME * z
+    a, b = one.segments[inside], other.segments[row[inside], column[inside]]
+    shape = int(one.segments.max()) + 1, int(other.segments.max()) + 1
+    count = np.bincount(a * shape[1] + b, minlength=shape[0] * shape[1]).reshape(shape)
+    return count / np.maximum(count.sum(1, keepdims=True), FEW)
+
+
+def _shown_in(group: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """In how many looks each group has a segment."""
+    shown = np.zeros(len(group), np.int64)
+    for start, stop in pairwise(first.tolist()):
+        shown[np.unique(group[start:stop])] += 1
+    return shown
+
+
+def _most(cell: np.ndarray, name: np.ndarray, count: int) -> np.ndarray:
+    """The most frequent name of each cell."""
+    low = name - name.min()
+    pairs, votes = np.unique(cell.astype(np.int64) * (low.max() + 1) + low, return_counts=True)
+    order = np.lexsort((pairs, -votes))
+    owner = pairs[order] // (low.max() + 1)
+    where = np.unique(owner, return_index=True)[1]
+    out = np.full(count, -1)
+    out[owner[where]] = pairs[order][where] % (low.max() + 1) + name.min()
+    return out
+
+
+def joined(count: int, edges: np.ndarray) -> np.ndarray:
+    """A number for each of `count` nodes, the same for those that edges join (pointer jumping)."""
+    root = np.arange(count)
+    while len(edges):
         a, b = root[edges[:, 0]], root[edges[:, 1]]
         if (a == b).all():
-            return root
+            break
         np.minimum.at(root, np.maximum(a, b), np.minimum(a, b))
         while (root[root] != root).any():
             root = root[root]
-
-
-def _flat(cells: np.ndarray, shape: np.ndarray) -> np.ndarray:
-    return (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2]
+    return root
 
 
 def _looked_up(keys: np.ndarray, handles: Mapping[tuple[int, int, int], int]) -> np.ndarray:

@@ -1,0 +1,141 @@
+"""What moves by itself in a video: segments whose flow no place in a still world explains.
+
+A still point seen in two frames lies on the epipolar line, between where it would be if it were as near and as far as
+anything (Hartley and Zisserman 2004, chapter 9). Hands and what they carry do not. Flow is dense inverse search (Kroeger
+et al. 2016). Boxes of hands that an annotator drew (Ego4D's FHO) say more where there are any.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, Float64
+
+from rpaug import geometry
+from rpaug.sfm.look import Look
+
+Box = tuple[float, float, float, float]  # left, top, right, bottom; pixels of a look
+APART = (-4, -2, 2, 4)  # frames that one is compared with
+ASIDE, DRIFT = 1.5, 0.05  # pixels, and share of the flow, that a still point may lie off its line
+RETURNS = 1.5  # pixels: flow forth and back
+KNOWN = 0.2  # of a segment's pixels have flow that returns
+MOVING = 0.5  # of these lie off
+NEARER, FARTHER = 0.4, 1.5  # times the nearest and farthest that points are
+LEAST = 0.002  # of an image: what is smaller is noise
+BOXED = 0.6  # of a segment inside of a hand's box
+FILLS = 0.9  # of a box that one segment fills: then it is what is behind
+
+
+def moving(
+    look: Callable[[int], Look],
+    count: int,
+    spans: Sequence[tuple[float, float]],
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[Bool[np.ndarray, "h w"]]:
+    """For each of `count` frames what moves by itself. `spans` are the nearest and farthest depths of each."""
+    flows: dict[tuple[int, int], Float32[np.ndarray, "h w 2"]] = {}
+    engine = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    grey: dict[int, np.ndarray] = {}
+    made = []
+    for k in range(count):
+        near = [k + step for step in APART if 0 <= k + step < count]
+        for j in (k, *near):
+            if j not in grey:
+                grey[j] = cv2.cvtColor(look(j).rgb, cv2.COLOR_RGB2GRAY)
+        off = []
+        for j in near:
+            for pair in ((k, j), (j, k)):
+                if pair not in flows:
+                    flows[pair] = engine.calc(grey[pair[0]], grey[pair[1]], None)
+            off.append(_off(look(k), look(j), flows[k, j], flows[j, k], spans[k]))
+        made.append(_by_segment(look(k), off))
+        grey.pop(k + min(APART), None)
+        flows = {pair: flow for pair, flow in flows.items() if max(pair) > k}
+        progress((k + 1) / count)
+    return made
+
+
+def _off(
+    one: Look,
+    other: Look,
+    flow: Float32[np.ndarray, "h w 2"],
+    back: Float32[np.ndarray, "h w 2"],
+    span: tuple[float, float],
+) -> Float32[np.ndarray, "h w"]:
+    """1 where the flow leads away from all places that a still point could be at, 0 where not; NaN if it is unsure."""
+    height, width = one.depth.shape
+    rows, columns = np.mgrid[:height, :width].astype(np.float32)
+    to = np.stack([columns, rows], -1) + flow
+    returned = cv2.remap(back, to[..., 0], to[..., 1], cv2.INTER_LINEAR, borderValue=(1e3, 1e3))
+    sure = np.linalg.norm(flow + returned, axis=-1) < RETURNS
+    ray = np.stack([columns, rows, np.ones_like(rows)], -1) @ np.linalg.inv(one.K).T
+    way = geometry.inverse(other.cam_to_world) @ one.cam_to_world
+    ends = [_shown(other.K, geometry.transform(way, z * ray)) for z in (NEARER * span[0], FARTHER * span[1])]
+    along = ends[1] - ends[0]
+    share = ((to - ends[0]) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-9)
+    nearest = ends[0] + np.clip(share, 0, 1)[..., None] * along
+    allowed = ASIDE + DRIFT * np.linalg.norm(flow, axis=-1)
+    off = np.linalg.norm(to - nearest, axis=-1) > allowed
+    return np.where(sure & np.isfinite(nearest).all(-1), off, np.nan).astype(np.float32)
+
+
+def _shown(
+    K: Float64[np.ndarray, "3 3"], local: Float64[np.ndarray, "h w 3"]
+) -> Float64[np.ndarray, "h w 2"]:
+    z = local[..., 2:]
+    return np.where(z > 1e-6, (local @ K.T)[..., :2] / np.maximum(z, 1e-6), np.nan)
+
+
+def _by_segment(look: Look, off: Sequence[np.ndarray]) -> Bool[np.ndarray, "h w"]:
+    """Whole segments of which most is off in most pairs."""
+    number = look.segments
+    count = np.bincount(number.ravel())
+    votes, asked = np.zeros(len(count)), np.zeros(len(count))
+    for one in off:
+        sure = np.isfinite(one)
+        known = np.bincount(number[sure], minlength=len(count))
+        bad = np.bincount(number[sure], one[sure], minlength=len(count))
+        tells = known > KNOWN * count
+        votes += tells & (bad > MOVING * known)
+        asked += tells
+    return cleaned((votes > 0.5 * asked)[number] & (asked > 0)[number])
+
+
+def cleaned(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Without specks and pinholes."""
+    closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    number, parts, stats, _ = cv2.connectedComponentsWithStats(closed)
+    large = stats[:, cv2.CC_STAT_AREA] >= LEAST * mask.size
+    large[0] = False
+    return large[parts] if number > 1 else np.zeros_like(mask)
+
+
+def boxed(look: Look, boxes: Sequence[Box]) -> Bool[np.ndarray, "h w"]:
+    """What the boxes of hands are drawn around: segments that mostly lie inside, but for what fills a whole box."""
+    out = np.zeros(look.depth.shape, bool)
+    rows, columns = np.mgrid[: out.shape[0], : out.shape[1]]
+    count = np.bincount(look.segments.ravel())
+    for left, top, right, bottom in boxes:
+        inside = (columns >= left) & (columns <= right) & (rows >= top) & (rows <= bottom)
+        mine = np.bincount(look.segments[inside], minlength=len(count))
+        hand = (mine > BOXED * count) & (mine <= FILLS * max(inside.sum(), 1))
+        out |= hand[look.segments] & inside
+    return out
+
+
+def between(noted: Mapping[int, Sequence[Box]], frame: int, most: int) -> list[Box]:
+    """Boxes at a frame, drawn between those of the noted frames around it that are at most `most` apart."""
+    if frame in noted:
+        return list(noted[frame])
+    before = max((t for t in noted if t < frame), default=None)
+    after = min((t for t in noted if t > frame), default=None)
+    if before is None or after is None or after - before > most:
+        return []
+    if len(noted[before]) != len(noted[after]):
+        return []
+    share = (frame - before) / (after - before)
+    return [
+        (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]),
+         a[2] + share * (b[2] - a[2]), a[3] + share * (b[3] - a[3]))
+        for a, b in zip(noted[before], noted[after], strict=True)
+    ]  # fmt: skip
