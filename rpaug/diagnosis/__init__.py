@@ -1,0 +1,19 @@
+"""Why a policy fails, from its rollouts' images, and the recipe that may mend it."""
+
+from rpaug.diagnosis.diagnose import diagnose
+from rpaug.diagnosis.evaluation import Evaluation, Rollout, read
+from rpaug.diagnosis.jsonl import Line, Moment, write
+from rpaug.diagnosis.messages import Cause, Diagnosis, Measured
+
+__all__ = [
+    "Cause",
+    "Diagnosis",
+    "Evaluation",
+    "Line",
+    "Measured",
+    "Moment",
+    "Rollout",
+    "diagnose",
+    "read",
+    "write",
+]

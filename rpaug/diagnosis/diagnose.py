@@ -1,0 +1,88 @@
+"""From an evaluation to its causes, and from causes to a recipe."""
+
+from pathlib import Path
+from typing import Any
+
+from rpaug.diagnosis import keyframes, remedies
+from rpaug.diagnosis.analyst import Analyst, Judged
+from rpaug.diagnosis.evaluation import Evaluation
+from rpaug.diagnosis.messages import KEPT, Cause, Diagnosis
+from rpaug.diagnosis.reference import Reference, learn
+from rpaug.diagnosis.rules import Rules
+
+
+def diagnose(
+    evaluation: Evaluation,
+    dataset: Path | None,
+    *,
+    analyst: Analyst | None = None,
+    second: Analyst | None = None,
+    reference: Reference | None = None,
+    seed: int = 0,
+    copies: int = 1,
+) -> Diagnosis:
+    """Why rollouts failed, and the recipe against it.
+
+    `dataset` holds the training recordings: its images are what is usual, and the recipe is meant for it. `reference`
+    is what `reference.learn` made of it, if that was done before. `analyst` is the rule-based one unless given; with a
+    `second` one only causes that both name are kept. Raises RpaugError; nothing is written.
+    """
+    analyst = analyst or Rules(seed)
+    label = analyst.label if second is None else f"{analyst.label}; cross-checked: {second.label}"
+    failures = evaluation.failures
+    facts: dict[str, Any] = {
+        "analyst": label,
+        "rollouts": len(evaluation.rollouts),
+        "failures": len(failures),
+    }
+    if not failures:
+        return Diagnosis(verdict="nothing to fix", notes=evaluation.notes, **facts)
+    moments = {one.name: keyframes.select(one) for one in failures}
+    if reference is None and dataset is not None:
+        reference = learn(dataset)
+    judged = analyst(evaluation, reference, moments)
+    other = second(evaluation, reference, moments) if second is not None else None
+    causes, notes = _kept(judged, other)
+    mended = [remedies.mended(cause, reference, seed) for cause in causes]
+    recipe = remedies.recipe(mended, seed=seed, copies=copies)
+    return Diagnosis(
+        verdict="causes found" if mended else "no cause found",
+        causes=tuple(mended),
+        measured=judged.measured,
+        notes=(*evaluation.notes, *judged.notes, *notes),
+        recipe=recipe,
+        key_frames=moments,
+        usage={
+            one.label: said.usage
+            for one, said in ((analyst, judged), (second, other))
+            if one is not None and said is not None and said.usage is not None
+        },
+        trace=judged.trace + (other.trace if other else ()),
+        **facts,
+    )
+
+
+def _kept(first: Judged, second: Judged | None) -> tuple[list[Cause], tuple[str, ...]]:
+    """The causes above the bar, and with a second opinion only those it shares; what was dropped is told."""
+    kept = [cause for cause in first.causes if cause.confidence > KEPT]
+    dropped = [
+        f"{cause.factor}: confidence {cause.confidence:.2f} is not over {KEPT}: left out"
+        for cause in first.causes
+        if cause.confidence <= KEPT
+    ]
+    if second is None:
+        return kept, tuple(dropped)
+    shared = {cause.factor: cause for cause in second.causes if cause.confidence > KEPT}
+    both = [cause for cause in kept if cause.factor in shared]
+    dropped += [
+        f"{cause.factor}: named by the first analyst only: left out"
+        for cause in kept
+        if cause.factor not in shared
+    ]
+    named = {cause.factor for cause in kept}
+    dropped += [
+        f"{name}: named by the second analyst only: left out"
+        for name in shared
+        if name not in named
+    ]
+    return both, tuple(dropped)

@@ -1,0 +1,119 @@
+"""All rollouts in numbers: how far each factor lies from the training recordings, in their standard deviations."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from rpaug.diagnosis.evaluation import Evaluation, Rollout, Shot
+from rpaug.diagnosis.messages import FACTORS, Factor
+from rpaug.diagnosis.reference import Reference
+from rpaug.diagnosis.sight import NUMBERS, Seen, Stage, measured, stage
+
+MOST_CAMERAS = 3
+FEW = 0.5  # share of the rollouts in which a factor must be measured
+FURTHEST = 30.0  # standard deviations: what is further off is as far
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rollouts by rows. `away[factor]` are distances from the recordings, NaN where they could not be measured.
+
+    `usual` are the recordings' own distances, each left out of what it is held against; `numbers[factor]` the
+    differences themselves in the recordings' standard deviations, averaged over cameras.
+    """
+
+    names: tuple[str, ...]
+    failed: Bool[np.ndarray, "n"]
+    away: Mapping[Factor, Float64[np.ndarray, "n"]]
+    numbers: Mapping[Factor, Float64[np.ndarray, "n k"]]
+    usual: Mapping[Factor, Float64[np.ndarray, "m"]]
+    notes: tuple[str, ...] = ()
+
+
+def table(evaluation: Evaluation, reference: Reference) -> Table:
+    """The numbers of every rollout's first frame in the cameras that the recordings have too."""
+    known = {name for one in evaluation.rollouts for name in one.shots}
+    cameras = [name for name in reference.plates if name in known][:MOST_CAMERAS]
+    rollouts = evaluation.rollouts
+    names = tuple(one.name for one in rollouts)
+    failed = np.array([not one.success for one in rollouts])
+    if not cameras:
+        there = ", ".join(sorted(reference.plates)) or "no fixed camera with roles"
+        note = f"no camera of the evaluation ({', '.join(sorted(known))}) is one of the recordings' ({there})"
+        return Table(names, failed, {}, {}, {}, (note,))
+    scores = [_scored(name, rollouts, reference) for name in cameras]
+    numbers: dict[Factor, Float64[np.ndarray, "n k"]] = {}
+    usual: dict[Factor, Float64[np.ndarray, m]] = {}
+    missing = []
+    for factor in FACTORS[:-1]:
+        mean = _mean([now[factor] for now, _ in scores])
+        if np.isfinite(mean).all(1).mean() < FEW:
+            missing.append(factor)
+            continue
+        numbers[factor] = mean
+        usual[factor] = _length(np.concatenate([own[factor] for _, own in scores]))
+    notes = (f"not to be measured in these images: {', '.join(missing)}",) if missing else ()
+    away = {factor: _length(found) for factor, found in numbers.items()}
+    return Table(names, failed, away, numbers, usual, notes)
+
+
+Scores = dict[Factor, Float64[np.ndarray, "n k"]]
+
+
+def _scored(
+    camera: str, rollouts: Sequence[Rollout], reference: Reference
+) -> tuple[Scores, Scores]:
+    """Every rollout's and every recording's numbers in standard deviations of the recordings, in one camera."""
+    made: Stage = stage(reference.plates[camera])
+    own = [
+        measured(Shot(lambda image=one.image: image), {}, made, without=k)  # type: ignore[misc]
+        for k, one in enumerate(made.plate.firsts)
+    ]
+    now = [_first(one, camera, made) for one in rollouts]
+    masked = any(
+        shot.ids is not None for one in rollouts for shot in one.shots.get(camera, {}).values()
+    )
+    if masked and any(one.roles for one in rollouts):
+        own = [
+            measured(Shot(lambda i=one.image: i, lambda i=one.ids: i), one.roles, made, without=k)  # type: ignore[misc]
+            for k, one in enumerate(made.plate.firsts)
+        ]
+    scored: Scores = {}
+    usual: Scores = {}
+    for factor, parts in NUMBERS.items():
+        floor = np.array([noise for _, noise in parts])
+        base, found = _rows(own, factor, len(parts)), _rows(now, factor, len(parts))
+        seen = np.isfinite(base).all(1)
+        if not seen.any():
+            scored[factor], usual[factor] = np.full_like(found, np.nan), base
+            continue
+        middle = np.median(base[seen], 0)
+        spread = np.sqrt(np.var(base[seen], 0) + floor**2)
+        scored[factor], usual[factor] = (found - middle) / spread, (base - middle) / spread
+    return scored, usual
+
+
+def _first(rollout: Rollout, camera: str, made: Stage) -> Seen:
+    shots = rollout.shots.get(camera)
+    return measured(shots[min(shots)], rollout.roles, made) if shots else {}
+
+
+def _rows(seen: Sequence[Seen], factor: Factor, width: int) -> Float64[np.ndarray, "n k"]:
+    nothing = np.full(width, np.nan)
+    return np.array([one.get(factor, nothing) for one in seen]).reshape(-1, width)
+
+
+def _mean(found: Sequence[Float64[np.ndarray, "n k"]]) -> Float64[np.ndarray, "n k"]:
+    """The mean over cameras that could tell."""
+    stacked = np.stack(found)
+    known = np.isfinite(stacked)
+    total = np.where(known, stacked, 0).sum(0)
+    count = known.sum(0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _length(numbers: Float64[np.ndarray, "n k"]) -> Float64[np.ndarray, "n"]:
+    """Root mean square over a factor's numbers, bounded."""
+    return np.minimum(np.sqrt((np.clip(numbers, -1e6, 1e6) ** 2).mean(1)), FURTHEST)

@@ -1,0 +1,166 @@
+"""What one image says about each factor, as a few numbers, measured against a camera of the recordings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, Float64, Int32
+
+from rpaug.diagnosis import things
+from rpaug.diagnosis.align import Aligned, align
+from rpaug.diagnosis.evaluation import Shot
+from rpaug.diagnosis.messages import Factor
+from rpaug.diagnosis.reference import First, Plate
+
+# Each factor's numbers, and the difference in each that means nothing: what re-measuring the same scene varies by.
+NUMBERS: Mapping[Factor, tuple[tuple[str, float], ...]] = {
+    "object position": (("right", 0.01), ("down", 0.01)),
+    "object colour": (("lightness", 4.0), ("red", 3.0), ("yellow", 3.0)),
+    "object texture": (("contrast", 0.03), ("edges", 0.02)),
+    "object size": (("logarithm", 0.06),),
+    "lighting": (("red", 0.04), ("green", 0.04), ("blue", 0.04), ("unevenness", 0.03)),
+    "table": (("lightness", 3.0), ("red", 2.0), ("yellow", 2.0), ("contrast", 0.03), ("edges", 0.015)),
+    "background": (("lightness", 3.0), ("red", 2.0), ("yellow", 2.0), ("contrast", 0.03), ("edges", 0.015)),
+    "distractor": (("area", 0.02),),
+    "camera": (("right", 0.012), ("down", 0.012), ("scale", 0.05), ("turn", 0.035)),
+}  # fmt: skip
+DARKEST = 0.06  # of the usual light: what is darker cannot be told from noise
+Seen = dict[Factor, Float64[np.ndarray, "k"]]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A camera of the recordings, prepared: where things are looked for, and rosters of what stands there."""
+
+    plate: Plate
+    within: Bool[np.ndarray, "h w"]
+    table: Bool[np.ndarray, "h w"]
+    background: Bool[np.ndarray, "h w"]
+    rosters: tuple[things.Roster, ...]
+
+
+def stage(plate: Plate) -> Stage:
+    """What measuring needs to know of a camera."""
+    near = cv2.dilate(plate.usually("robot", 0.2).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    edge = np.ones((5, 5), np.uint8)
+    background = cv2.erode(plate.usually("background").astype(np.uint8), edge) > 0
+    far = cv2.dilate(plate.usually("background").astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    within = ~near & ~far
+    table = within & plate.usually("table")
+    made = Stage(plate, within, table, background & ~near, ())
+    return replace(made, rosters=tuple(roster(one, made) for one in plate.firsts))
+
+
+def roster(first: First, made: Stage) -> things.Roster:
+    """What stood in a recording's first frame: found by colour as in any image, the target told by its mask."""
+    lab = _lab(first.image.astype(np.float32))
+    found = things.by_colour(lab, made.within)
+    target = first.mask("manipulated")
+    shared = [int((one.mask & target).sum()) for one in found]
+    if not shared or max(shared) < things.LEAST:
+        return things.Roster(found, None)
+    return things.Roster(found, int(np.argmax(shared)))
+
+
+def measured(
+    shot: Shot, roles: Mapping[str, frozenset[int]], made: Stage, without: int | None = None
+) -> Seen:
+    """The numbers of one image; what cannot be told is absent. `without` leaves one recording's roster out."""
+    image = shot.image()
+    ids = shot.ids() if shot.ids is not None and roles else None
+    aligned = align(image, made.plate)
+    if aligned is None:
+        return {}
+    if ids is not None and ids.shape != made.within.shape:
+        h, w = made.within.shape
+        ids = cv2.resize(ids.astype(np.float32), (w, h), interpolation=cv2.INTER_NEAREST).astype(
+            int
+        )
+    out: Seen = {"camera": _camera(aligned)}
+    gain, uneven = _light(aligned, made.plate)
+    out["lighting"] = np.array([*np.log(gain), uneven])
+    lab = _lab(np.minimum(aligned.image / gain, 400))
+    flat = ids is None and things.table(lab, made.within & aligned.valid)
+    for factor, where, role in (
+        ("table", made.table if ids is not None else flat & made.table, "table"),
+        ("background", made.background, "background"),
+    ):
+        region = where & aligned.valid
+        if ids is not None and roles.get(role):
+            region = region & np.isin(aligned.warp(ids), list(roles[role]))
+        if region.sum() >= 100:
+            out[factor] = np.array([*np.median(lab[region], 0), *_pattern(lab, region)])  # type: ignore[index]
+    target, strange = _things(lab, aligned, ids, roles, made, without)
+    out["distractor"] = np.array(
+        [np.sqrt(sum(one.mask.sum() for one in strange) / lab.shape[0] ** 2)]
+    )
+    if target is not None:
+        out["object position"] = target.place.astype(np.float64)
+        out["object colour"] = target.colour.astype(np.float64)
+        out["object size"] = np.array([target.size])
+        inner = cv2.erode(target.mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        out["object texture"] = _pattern(lab, inner if inner.sum() >= 9 else target.mask)
+    return out
+
+
+def _things(
+    lab: Float32[np.ndarray, "h w 3"],
+    aligned: Aligned,
+    ids: Int32[np.ndarray, "h w"] | None,
+    roles: Mapping[str, frozenset[int]],
+    made: Stage,
+    without: int | None,
+) -> tuple[things.Thing | None, list[things.Thing]]:
+    """The thing to act on, if it is seen, and what no recording has."""
+    rosters = [one for k, one in enumerate(made.rosters) if k != without]
+    within = made.within & aligned.valid
+    if ids is None:
+        found = things.by_colour(lab, within)
+        target, strange = things.recognised(found, rosters)
+        return target, list(strange)
+    told = things.by_ids(aligned.warp(ids), within, lab)
+    mine = roles.get("manipulated", frozenset())
+    static = frozenset().union(
+        *(roles.get(r, frozenset()) for r in ("table", "background", "robot"))
+    )
+    target = max((one for i, one in told.items() if i in mine), key=lambda t: t.size, default=None)
+    rest = [one for i, one in told.items() if i not in mine | static]
+    strange = things.recognised(rest, rosters)[1] if rest else []
+    return target, list(strange)
+
+
+def _camera(aligned: Aligned) -> Float64[np.ndarray, "4"]:
+    return np.array([*aligned.shift, np.log(aligned.scale), aligned.turn])
+
+
+def _light(aligned: Aligned, plate: Plate) -> tuple[Float32[np.ndarray, "3"], float]:
+    """By how much the robot is brighter than usual, per channel, and how unevenly: the robot keeps its own colours."""
+    region = cv2.erode(plate.robot.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    region &= aligned.valid
+    if region.sum() < 20:
+        region = plate.robot & aligned.valid
+    usual, now = plate.mean[region], aligned.image[region]
+    gain = np.maximum(now.mean(0) / np.maximum(usual.mean(0), 1), DARKEST)
+    ratio = np.log((now.mean(1) + 6) / ((usual * gain).mean(1) + 6))
+    spread = float(np.percentile(ratio, 80) - np.percentile(ratio, 20))
+    return gain.astype(np.float32), spread
+
+
+def _pattern(
+    lab: Float32[np.ndarray, "h w 3"], region: Bool[np.ndarray, "h w"]
+) -> Float64[np.ndarray, "2"]:
+    """How much a surface varies, and how sharply from pixel to pixel, over its own lightness."""
+    level = max(20.0, float(np.median(lab[..., 0][region])))
+    spread = np.sqrt(sum(np.var(lab[..., c][region]) for c in range(3)))
+    right = region[:, 1:] & region[:, :-1]
+    down = region[1:] & region[:-1]
+    steps = [
+        *np.linalg.norm(np.diff(lab, axis=1)[right], axis=1),
+        *np.linalg.norm(np.diff(lab, axis=0)[down], axis=1),
+    ]
+    return np.array([spread / level, (np.mean(steps) if steps else 0.0) / level])
+
+
+def _lab(image: Float32[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w 3"]:
+    return cv2.cvtColor(np.clip(image / 255, 0, 1.5).astype(np.float32), cv2.COLOR_RGB2Lab)
