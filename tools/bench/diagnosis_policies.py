@@ -17,7 +17,7 @@ from rpaug.twin import cameras
 from rpaug.twin.tabletop import BLOCK, TABLE
 
 RIGHT = 0.03  # metres that a grasp may miss by
-SLIP = 0.007  # metres: standard deviation of where the gripper goes after all
+SLIP = 0.006  # metres: standard deviation of where the gripper goes after all
 ROBOT = ("hand", "link1", "link2", "link3", "link4")
 ROOM = (
     "table",
@@ -112,7 +112,7 @@ def by_growing(seen: Seen, trained: Trained, bar: float) -> bool:
     mask = seen.mask("block_plain")
     chroma = np.stack([_chroma(row) for row in image])
     u, v = np.round(_middle(mask)).astype(int)
-    like = (np.linalg.norm(chroma - chroma[v, u], axis=2) < 0.09 * bar).astype(np.uint8)
+    like = (np.linalg.norm(chroma - chroma[v, u], axis=2) < 0.035 * bar).astype(np.uint8)
     _, labels = cv2.connectedComponents(like, connectivity=8)
     grown = (labels == labels[v, u]) & cv2.dilate(mask.astype(np.uint8), np.ones((5, 5))).astype(
         bool
