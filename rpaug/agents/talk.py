@@ -168,7 +168,7 @@ class Model:
     ) -> Any:
         words = prompt(stage)
         messages = words.messages(json.dumps(question, ensure_ascii=False), **values)
-        found = self._endpoint.ask(messages, stage, _plain(schema), check)
+        found = self._endpoint.ask(messages, stage, plain(schema), check)
         output = found.model_dump() if isinstance(found, Message) else found
         label = f"{stage}.v{words.version}"
         shown = json.loads(self._endpoint.hidden(json.dumps(output)))
@@ -181,7 +181,7 @@ class Model:
 
 def _plan(value: Any, said: str, earlier: int) -> Plan:
     """The manager's answer, if all of it rests on the wish. Raises ValueError."""
-    plan = _valid(Plan, value)
+    plan = valid(Plan, value)
     wish = manager.normal(said)
     for step in plan.steps:
         if manager.normal(step.said) not in wish or not manager.normal(step.said):
@@ -221,7 +221,7 @@ def _edits(value: Any, op: str, known: frozenset[str]) -> list[Entry]:
 
 
 def _viewpoint(value: Any, cameras: tuple[str, ...]) -> Viewpoint:
-    found = _valid(Viewpoint, value)
+    found = valid(Viewpoint, value)
     for name in found.cameras:
         if name not in cameras and found.cameras != ("static",):
             raise ValueError(
@@ -230,7 +230,8 @@ def _viewpoint(value: Any, cameras: tuple[str, ...]) -> Viewpoint:
     return found
 
 
-def _valid(kind: Any, value: Any) -> Any:
+def valid(kind: Any, value: Any) -> Any:
+    """A model's answer as a message of that kind. Raises ValueError with every fault."""
     try:
         return kind.model_validate(value)
     except ValidationError as error:
@@ -349,18 +350,18 @@ def _gather(value: Any, whole: Mapping[str, Any], used: dict[str, Any]) -> None:
             _gather(inner, whole, used)
 
 
-def _plain(schema: Any) -> Any:
+def plain(schema: Any) -> Any:
     """Without what constrained decoders may not know: titles, descriptions, defaults and formats."""
     if isinstance(schema, list):
-        return [_plain(value) for value in schema]
+        return [plain(value) for value in schema]
     if not isinstance(schema, dict):
         return schema
     out = {}
     for name, value in schema.items():
         if name == "properties" or name == "$defs":
-            out[name] = {key: _plain(inner) for key, inner in value.items()}
+            out[name] = {key: plain(inner) for key, inner in value.items()}
         elif name not in ("title", "description", "default", "format"):
-            out[name] = _plain(value)
+            out[name] = plain(value)
     return out
 
 

@@ -10,6 +10,7 @@ from rpaug.cli import (
     augment,
     bench,
     convert,
+    diagnose,
     doctor,
     fit,
     inspect,
@@ -33,6 +34,7 @@ app = typer.Typer(
 COMMANDS: dict[str, Callable[..., int]] = {
     "augment": augment.augment,
     "ask": ask.ask,
+    "diagnose": diagnose.diagnose,
     "validate-recipe": recipes.validate_recipe,
     "inspect": inspect.inspect,
     "fit": fit.fit,

@@ -1,4 +1,4 @@
-"""Few frames that tell how a rollout went: the first, those around its failure, the last, chosen by how images change."""
+"""Few frames that tell how a rollout went: its first, those around the failure, its last, by how images change."""
 
 from collections.abc import Sequence
 

@@ -44,7 +44,7 @@ class Plate:
     @cached_property
     def mean(self) -> Float32[np.ndarray, "h w 3"]:
         """Mean colour, 0..255."""
-        return np.mean([one.image for one in self.firsts], 0, np.float32)
+        return np.asarray(np.mean([one.image for one in self.firsts], 0), np.float32)
 
     def usually(self, role: str, share: float = OFTEN) -> Bool[np.ndarray, "h w"]:
         """Where that share of the recordings shows the role."""

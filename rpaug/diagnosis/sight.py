@@ -99,8 +99,7 @@ def measured(
         out["object position"] = target.place.astype(np.float64)
         out["object colour"] = target.colour.astype(np.float64)
         out["object size"] = np.array([target.size])
-        inner = cv2.erode(target.mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        out["object texture"] = _pattern(lab, inner if inner.sum() >= 9 else target.mask)
+        out["object texture"] = _print(lab, target.mask)
     return out
 
 
@@ -160,6 +159,25 @@ def _pattern(
         *np.linalg.norm(np.diff(lab, axis=0)[down], axis=1),
     ]
     return np.array([spread / level, (np.mean(steps) if steps else 0.0) / level])
+
+
+def _print(
+    lab: Float32[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]
+) -> Float64[np.ndarray, "2"]:
+    """How much the hue varies on a thing, and the middling step from pixel to pixel: its faces differ in lightness
+    alone, and their edges are few."""
+    inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    inner = inner if inner.sum() >= 9 else mask
+    level = max(20.0, float(np.median(lab[..., 0][inner])))
+    hue = np.sqrt(sum(np.var(lab[..., c][inner]) for c in (1, 2)))
+    right, down = inner[:, 1:] & inner[:, :-1], inner[1:] & inner[:-1]
+    steps = np.concatenate(
+        [
+            np.linalg.norm(np.diff(lab, axis=1)[right], axis=1),
+            np.linalg.norm(np.diff(lab, axis=0)[down], axis=1),
+        ]
+    )
+    return np.array([hue / level, (np.median(steps) if len(steps) else 0.0) / level])
 
 
 def _lab(image: Float32[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w 3"]:

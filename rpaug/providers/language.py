@@ -28,7 +28,8 @@ BUSY = (408, 429, 500, 502, 503, 504)
 SHOWN = 200  # characters of what a server said, in an error
 
 T = TypeVar("T")
-Messages = Sequence[Mapping[str, str]]
+Messages = Sequence[Mapping[str, Any]]
+"""A talk; what is said is a text, or a list of parts, some of which may be images."""
 
 
 class LanguageError(RpaugError):
@@ -91,17 +92,23 @@ class Endpoint:
         return cls(url.rstrip("/"), model, os.environ.get(key_env, ""), timeout, price)
 
     def ask(
-        self, messages: Messages, name: str, schema: dict[str, Any], check: Callable[[Any], T]
+        self,
+        messages: Messages,
+        name: str,
+        schema: dict[str, Any],
+        check: Callable[[Any], T],
+        temperature: float = 0.0,
     ) -> T:
         """The model's answer, as `check` makes it of the JSON. What it complains of is told to the model.
 
-        `check` raises ValueError or RpaugError. Raises LanguageError when the tries are spent.
+        With a `temperature` the same question may be answered in several ways. `check` raises ValueError or RpaugError.
+        Raises LanguageError when the tries are spent.
         """
         told = [dict(message) for message in messages]
         complaint = ""
         for attempt in range(FEW):
             self.usage.retries += attempt > 0
-            said, cut = self._patiently(self._body(told, name, schema))
+            said, cut = self._patiently(self._body(told, name, schema, temperature))
             try:
                 if cut:
                     raise ValueError(f"it was cut off after {MOST_TOKENS} tokens; be brief")
@@ -123,14 +130,16 @@ class Endpoint:
         """The text without the key, wherever it may have come from."""
         return text.replace(self.key, "***") if self.key else text
 
-    def _body(self, messages: Messages, name: str, schema: dict[str, Any]) -> bytes:
+    def _body(
+        self, messages: Messages, name: str, schema: dict[str, Any], temperature: float
+    ) -> bytes:
         form = {
             "type": "json_schema",
             "json_schema": {"name": name, "schema": schema, "strict": True},
         }
         body = {
             "model": self.model, "messages": list(messages), "response_format": form,
-            "temperature": 0, "max_tokens": MOST_TOKENS, "stream": False,
+            "temperature": temperature, "max_tokens": MOST_TOKENS, "stream": False,
         }  # fmt: skip
         return json.dumps(body).encode()
 

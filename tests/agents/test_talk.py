@@ -125,7 +125,7 @@ def test_a_round_may_drop_earlier_edits() -> None:
 
 @pytest.mark.parametrize("op", registry.operator_names())
 def test_every_operator_has_a_schema_that_stands_alone(op: str) -> None:
-    schema = talk._plain(talk._edits_schema(op))
+    schema = talk.plain(talk._edits_schema(op))
     text = json.dumps(schema)
     for name in {part.split('"')[0] for part in text.split("#/$defs/")[1:]}:
         assert name in schema["$defs"]
