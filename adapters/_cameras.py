@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 import yaml
 from jaxtyping import Float64
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
 from rpaug_adapters._texts import read_yaml
 
 from rpaug import BadInput, Camera, CameraView, Episode, Robot
@@ -95,6 +95,12 @@ class Beside(Model):
     language: Name | None = None
     images: dict[Name, Name] = Field(default={}, description="features of colour, by their views")
     views: list[str] | None = None
+    _where: Path = PrivateAttr(Path(NAME))
+
+    @property
+    def where(self) -> Path:
+        """The file that says all this."""
+        return self._where
 
 
 def load(folders: tuple[Path, ...]) -> Beside:
@@ -109,29 +115,31 @@ def parse(path: Path) -> Beside:
     """One file. Raises BadInput, naming the key."""
     if path.stat().st_size > LARGEST:
         raise BadInput(path, "size", found="more than 4 MiB", expected="a list of cameras")
-    return read_yaml(path, Beside, MOST)
+    told = read_yaml(path, Beside, MOST)
+    told._where = path
+    return told
 
 
-def known(folder: Path, field: str, name: str, among: Iterable[str]) -> None:
+def known(beside: Beside, field: str, name: str, among: Iterable[str]) -> None:
     """See that a name in the side file is one of the episode's. Raises BadInput."""
     if name not in (held := sorted(among)):
-        raise BadInput(folder / NAME, field, found=name, expected=f"one of: {', '.join(held)}")
+        raise BadInput(beside.where, field, found=name, expected=f"one of: {', '.join(held)}")
 
 
 def chosen(
-    folder: Path, beside: Beside, found: Mapping[str, Named], among: Mapping[str, Named]
+    beside: Beside, found: Mapping[str, Named], among: Mapping[str, Named]
 ) -> dict[str, Named]:
     """Features of colour by view: those `found`, as the side file names and picks them `among` all. Raises BadInput."""
     views = dict(found)
     for name, key in beside.images.items():
-        known(folder, f"images.{name}", key, among)
+        known(beside, f"images.{name}", key, among)
         views = {n: one for n, one in views.items() if one != among[key]} | {name: among[key]}
     if beside.views is not None:
         for name in beside.views:
-            known(folder, f"views, {name}", name, views)
+            known(beside, f"views, {name}", name, views)
         views = {name: views[name] for name in beside.views}
     for name in beside.cameras:
-        known(folder, f"cameras.{name}", name, views)
+        known(beside, f"cameras.{name}", name, views)
     return dict(sorted(views.items()))
 
 
@@ -151,60 +159,58 @@ def camera(
         return Camera(K, np.tile(np.eye(4), (length, 1, 1)), width, height, assumed=True)
     values: Any = told.cam_to_world
     if told.pose_key is not None:
-        known(Path(), f"cameras.{name}.pose_key", told.pose_key, tracks)
+        known(beside, f"cameras.{name}.pose_key", told.pose_key, tracks)
         values = tracks[told.pose_key]
-    track = _poses(f"cameras.{name}", values, length)
+    track = _poses(beside.where, f"cameras.{name}", values, length)
     return Camera(told.intrinsics(width, height), track, width, height, unplaced=values is None)
 
 
-def _poses(field: str, values: Any, length: int) -> Float64[np.ndarray, "t 4 4"]:
+def _poses(where: Path, field: str, values: Any, length: int) -> Float64[np.ndarray, "t 4 4"]:
     if values is None:
         return np.tile(np.eye(4), (length, 1, 1))
     try:
         track = np.asarray(values, float)
         track = track.reshape((-1, 4, 4) if track.size % 16 == 0 else (-1, 3, 4))
     except (TypeError, ValueError, OverflowError):
-        raise BadInput(NAME, field, found="no matrices", expected="4x4 or 3x4") from None
+        raise BadInput(where, field, found="no matrices", expected="4x4 or 3x4") from None
     if track.shape[1] == 3:
         last = np.broadcast_to([[[0.0, 0, 0, 1]]], (len(track), 1, 4))
         track = np.concatenate([track, last], 1)
     if len(track) not in (1, length):
-        raise BadInput(NAME, field, found=f"{len(track)} poses", expected=f"1 or {length}")
+        raise BadInput(where, field, found=f"{len(track)} poses", expected=f"1 or {length}")
     turn = track[:, :3, :3]
     finite = bool(np.isfinite(track).all()) and np.abs(turn).max() < 2
     proper = finite and np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max() < 1e-3
     if not (proper and (np.linalg.det(turn) > 0).all()):
-        raise BadInput(NAME, field, found="no rigid motion", expected="a rotation, metres")
+        raise BadInput(where, field, found="no rigid motion", expected="a rotation, metres")
     return np.repeat(track, length, 0) if len(track) == 1 else track
 
 
-def robot(
-    folder: Path, beside: Beside, tracks: Mapping[str, Float64[np.ndarray, "t k"]], length: int
-) -> Robot:
+def robot(beside: Beside, tracks: Mapping[str, Float64[np.ndarray, "t k"]], length: int) -> Robot:
     """What is told of the robot, and all numbers of the episode by their names. Raises BadInput."""
     joints, velocities = np.zeros((length, 0)), np.zeros((length, 0))
     if beside.joints is not None:
-        known(folder, "joints", beside.joints, tracks)
+        known(beside, "joints", beside.joints, tracks)
         joints = tracks[beside.joints]
     if beside.joint_velocities is not None:
-        known(folder, "joint_velocities", beside.joint_velocities, tracks)
+        known(beside, "joint_velocities", beside.joint_velocities, tracks)
         velocities = tracks[beside.joint_velocities]
     pose, opening = None, None
     if beside.gripper is not None:
-        known(folder, "gripper.key", beside.gripper.key, tracks)
-        pose, opening = _gripper(folder, beside.gripper, tracks[beside.gripper.key])
+        known(beside, "gripper.key", beside.gripper.key, tracks)
+        pose, opening = _gripper(beside, beside.gripper, tracks[beside.gripper.key])
     return Robot(joints, velocities, pose, opening, tracks)
 
 
 def _gripper(
-    folder: Path, told: Gripper, state: Float64[np.ndarray, "t k"]
+    beside: Beside, told: Gripper, state: Float64[np.ndarray, "t k"]
 ) -> tuple[Float64[np.ndarray, "t 4 4"], Float64[np.ndarray, "t"] | None]:
     columns = [*told.position, *told.rotation, *([] if told.opening is None else [told.opening])]
     wanted = 3 if told.convention == "euler_xyz" else 4
     if not all(0 <= c < state.shape[1] for c in columns) or len(told.rotation) != wanted:
         found = f"columns {columns} of {state.shape[1]}, {len(told.rotation)} for the rotation"
         expected = f"columns that are there, {wanted} for the rotation"
-        raise BadInput(folder / NAME, "gripper", found=found, expected=expected)
+        raise BadInput(beside.where, "gripper", found=found, expected=expected)
     position, turn = state[:, told.position], state[:, told.rotation]
     if told.convention == "euler_xyz":
         x, y, z = (
@@ -215,7 +221,12 @@ def _gripper(
         pose[:, :3, :3], pose[:, :3, 3] = z @ y @ x, position
     else:
         order = [0, 1, 2, 3] if told.convention == "quaternion_xyzw" else [1, 2, 3, 0]
-        pose = pose_of(position, turn[:, order])
+        turn = turn[:, order]
+        none = np.flatnonzero(~(np.linalg.norm(turn, axis=1) > 0))
+        if len(none):
+            found, expected = f"no rotation in step {none[0]}", "quaternions"
+            raise BadInput(beside.where, f"gripper.key {told.key}", found=found, expected=expected)
+        pose = pose_of(position, turn)
     return pose, None if told.opening is None else state[:, told.opening]
 
 

@@ -66,6 +66,8 @@ def facts(path: Path) -> Facts:
             if not file.streams.video:
                 raise BadInput(path, "streams", found="no video", expected="a video stream")
             stream = file.streams.video[0]
+            if stream.codec_context is None:
+                raise BadInput(path, "codec", found="one nobody knows", expected="a video's codec")
             if not (0 < stream.width <= MAX_SIDE and 0 < stream.height <= MAX_SIDE):
                 size = f"{stream.width}x{stream.height}"
                 raise BadInput(path, "size", found=size, expected=f"1 to {MAX_SIDE} pixels a side")
@@ -78,9 +80,12 @@ def facts(path: Path) -> Facts:
             if not len(times) or (np.diff(times) <= 0).any():
                 found = "no frames" if not len(times) else "two frames at one time"
                 raise BadInput(path, "timestamps", found=found, expected="frames one after another")
+            keys = np.array(sorted(pts for pts, key in shown if key), np.int64)
+            if not len(keys):
+                raise BadInput(path, "key frames", found="none", expected="one to begin with")
             return Facts(
                 times=times,
-                keys=np.array(sorted(pts for pts, key in shown if key), np.int64),
+                keys=keys,
                 time_base=stream.time_base,
                 rate=stream.average_rate or stream.guessed_rate,
                 codec=stream.codec_context.name,

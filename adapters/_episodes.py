@@ -1,7 +1,6 @@
 """An episode of named features and a side file: what all layouts of this kind put together in the same way."""
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from rpaug import Camera, CameraView, Episode
 
 def episode(
     key: str,
-    folder: Path,
     beside: Beside,
     sizes: Mapping[str, tuple[int, int]],
     tracks: Mapping[str, Float64[np.ndarray, "t k"]],
@@ -31,5 +29,5 @@ def episode(
         name: view(name, _cameras.camera(beside, name, size, length, tracks))
         for name, size in sizes.items()
     }
-    robot = _cameras.robot(folder, beside, tracks, length)
+    robot = _cameras.robot(beside, tracks, length)
     return Episode(key, views, robot, descriptions, length, recorded(views))

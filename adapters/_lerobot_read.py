@@ -67,7 +67,7 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
     ids = {name: MASK + name for name in images if MASK + name in about.features}
     for name, told in beside.cameras.items():
         if told.ids is not None and name in images:
-            _cameras.known(folder, f"cameras.{name}.ids", told.ids, about.features)
+            _cameras.known(beside, f"cameras.{name}.ids", told.ids, about.features)
             ids[name] = told.ids
     descriptions = tuple(dict.fromkeys(text for text in tasks if text))
 
@@ -80,9 +80,7 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
             about, own, rows, spans, views, images, depths, ids, beside, tasks, descriptions
         )
 
-    return _episodes.episode(
-        key, folder, beside, sizes, tracks, length, descriptions, view, recorded
-    )
+    return _episodes.episode(key, beside, sizes, tracks, length, descriptions, view, recorded)
 
 
 def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...], dict[str, Span]]:
@@ -143,7 +141,7 @@ def _found(about: Info, beside: Beside) -> dict[str, str]:
         if not _is_depth(about.features[key]):
             prefix = next((prefix for prefix in IMAGES if key.startswith(prefix)), "")
             found[key.removeprefix(prefix)] = key
-    views = _cameras.chosen(about.folder, beside, found, {key: key for key in among})
+    views = _cameras.chosen(beside, found, {key: key for key in among})
     if not views:
         where = about.folder / INFO
         raise BadInput(where, "features", found="no images", expected="a colour image a step")
@@ -166,7 +164,7 @@ def _depths(about: Info, beside: Beside, images: dict[str, str]) -> dict[str, De
         told = beside.cameras.get(name)
         key = told.depth if told is not None else None
         if key is not None:
-            _cameras.known(about.folder, f"cameras.{name}.depth", key, about.features)
+            _cameras.known(beside, f"cameras.{name}.depth", key, about.features)
         elif image + DEPTH in about.features and _is_depth(about.features[image + DEPTH]):
             key = image + DEPTH
         if key is None:

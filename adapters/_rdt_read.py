@@ -88,7 +88,7 @@ def read(path: Path, key: str) -> Episode:
     def recorded(views: dict[str, CameraView]) -> Recorded:
         return Recorded(path, views, images, encoded, depths, words, beside, descriptions)
 
-    return _episodes.episode(key, folder, told, sizes, tracks, length, descriptions, view, recorded)
+    return _episodes.episode(key, told, sizes, tracks, length, descriptions, view, recorded)
 
 
 def _tracks(
@@ -124,7 +124,7 @@ def _found(path: Path, file: h5py.File, beside: Beside) -> dict[str, str]:
     held = sorted(group) if isinstance(group, h5py.Group) else []
     usual = {name: f"{IMAGES}/{name}" for name in held}
     among = {name: name for name in (*_datasets(file), *usual.values())}
-    views = _cameras.chosen(path.parent, beside, usual, among)
+    views = _cameras.chosen(beside, usual, among)
     if not views:
         raise BadInput(path, IMAGES, found="no cameras", expected="a dataset of images each")
     return views

@@ -65,9 +65,7 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
             folder, own, example, views, images, depths, ids, beside, language, descriptions
         )
 
-    return _episodes.episode(
-        key, folder, beside, sizes, tracks, length, descriptions, view, recorded
-    )
+    return _episodes.episode(key, beside, sizes, tracks, length, descriptions, view, recorded)
 
 
 def _found(
@@ -85,7 +83,7 @@ def _found(
         leaf.name if names.count(leaf.name) == 1 else leaf.key.removeprefix(STEPS): leaf
         for leaf in found
     }
-    views = _cameras.chosen(folder, beside, views, _stepwise(known))
+    views = _cameras.chosen(beside, views, _stepwise(known))
     if not views:
         raise BadInput(folder / FEATURES, "images", found="none", expected="a colour image a step")
     return views
@@ -112,7 +110,7 @@ def _beside(
     for name, calibration in beside.cameras.items():
         told = getattr(calibration, which)
         if told is not None:
-            _cameras.known(folder, f"cameras.{name}.{which}", told, _stepwise(known))
+            _cameras.known(beside, f"cameras.{name}.{which}", told, _stepwise(known))
             found[name] = known[STEPS + told]
     return found
 
@@ -146,7 +144,7 @@ def _language(example: Example, known: dict[str, Leaf], beside: Beside) -> str |
     """The feature that holds the instruction: named, or a text of one value a step whose name says so."""
     if beside.language is not None:
         key = STEPS + beside.language if STEPS + beside.language in known else beside.language
-        _cameras.known(Path(example.where), "language", key, known)
+        _cameras.known(beside, "language", key, known)
         return key
     texts = [
         leaf.key

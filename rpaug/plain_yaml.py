@@ -33,7 +33,7 @@ def load(data: bytes, most: int) -> tuple[Any, yaml.Node | None]:
             node = loader.get_single_node()
             if node is None:
                 return None, None
-            _weigh(node, 1, {}, most)
+            _weigh(loader, node, 1, {}, most)
             return loader.construct_document(node), node
         finally:
             loader.dispose()
@@ -43,11 +43,9 @@ def load(data: bytes, most: int) -> tuple[Any, yaml.Node | None]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         raise NotPlain(mark.line + 1 if mark else None, str(error.problem)[:120], "YAML") from None
-    except NotPlain:
-        raise
-    except (yaml.YAMLError, ValueError, LookupError, TypeError, AttributeError) as error:
-        # What PyYAML raises of its own: a reader's error, or a value that is not of the type it is tagged with.
-        raise NotPlain(None, str(error).split("\n")[0][:120], "YAML") from None
+    except yaml.reader.ReaderError as error:
+        line = data[: error.position].count(b"\n") + 1
+        raise NotPlain(line, str(error).split("\n")[0][:120], "text") from None
 
 
 def _shallow(data: bytes) -> None:
@@ -67,20 +65,20 @@ def _line(part: Any) -> int:
 
 
 def _weigh(
-    node: yaml.Node, depth: int, weighed: dict[int, tuple[int, int]], most: int
+    loader: Any, node: yaml.Node, depth: int, weighed: dict[int, tuple[int, int]], most: int
 ) -> tuple[int, int]:
     """Values that a node comes to with its aliases written out, and its levels."""
     line = _line(node)
     if id(node) not in weighed:
         if isinstance(node, yaml.ScalarNode):
-            weighed[id(node)] = _scalar(node, line), 1
+            weighed[id(node)] = _scalar(loader, node), 1
         else:
             if node.tag not in PLAIN:
                 raise NotPlain(
                     line, f"the type {node.tag.replace(YAML, '!!')}"[:80], "a plain map or list"
                 )
             weighed[id(node)] = 0, 0  # not yet known
-            held = [_weigh(one, depth + 1, weighed, most) for one in _inner(node)]
+            held = [_weigh(loader, one, depth + 1, weighed, most) for one in _inner(loader, node)]
             weighed[id(node)] = (
                 1 + sum(n for n, _ in held),
                 1 + max((d for _, d in held), default=0),
@@ -95,7 +93,7 @@ def _weigh(
     return count, levels
 
 
-def _inner(node: yaml.Node) -> list[yaml.Node]:
+def _inner(loader: Any, node: yaml.Node) -> list[yaml.Node]:
     """What lies in a list or map, whose keys must be words that are given once."""
     if not isinstance(node, yaml.MappingNode):
         return list(node.value)
@@ -104,17 +102,25 @@ def _inner(node: yaml.Node) -> list[yaml.Node]:
         line = _line(key)
         if not isinstance(key, yaml.ScalarNode):
             raise NotPlain(line, "a key that is no word", "a word")
-        _scalar(key, line)
+        _scalar(loader, key)
         if key.value in known:
             raise NotPlain(line, f"{key.value[:80]} given twice", "each key once")
         known.add(key.value)
     return [value for _, value in node.value]
 
 
-def _scalar(node: yaml.ScalarNode, line: int) -> int:
+def _scalar(loader: Any, node: yaml.ScalarNode) -> int:
+    """See that a value is what it is tagged as. One value it is."""
+    line, kind = _line(node), node.tag.removeprefix(YAML)
     if node.tag not in PLAIN:
-        kind = node.tag.rpartition(":")[2][:40]
-        raise NotPlain(line, f"{node.value[:40]!r}, a {kind}", "a plain value; quotes make it text")
-    if not node.tag.endswith(":str") and len(node.value) > LONGEST:
-        raise NotPlain(line, "a number that does not end", f"at most {LONGEST} characters")
+        found = f"{node.value[:40]!r}, a {kind[:40]}"
+        raise NotPlain(line, found, "a plain value; quotes make it text")
+    if kind not in ("str", "merge"):
+        if len(node.value) > LONGEST:
+            raise NotPlain(line, "a number that does not end", f"at most {LONGEST} characters")
+        try:
+            loader.construct_object(node)
+        except (ValueError, LookupError) as error:
+            found = f"{node.value[:40]!r}: {error}"[:120]
+            raise NotPlain(line, found, f"a value of type {kind}; quotes make it text") from None
     return 1

@@ -11,6 +11,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import sealed
 from images import spoilt_image
 from rpaug_adapters import _pickles, _tfrecord
 from rpaug_adapters._example import Example, example
@@ -146,15 +147,18 @@ def _value_bent(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def spoilt_hdf5(data: bytes, rng: np.random.Generator) -> bytes:
-    """An HDF5 file with an object changed; or bytes of its headers, heaps and trees, which have no checksums."""
-    if rng.random() < 0.6:
+    """An HDF5 file with an object changed; or bytes of its headers, heaps and trees, sealed again if they were."""
+    blind = rng.random()
+    if blind < 0.5 and data[8] >= 2:  # the superblock's version: 2 and 3 seal all parts
+        return sealed.spoilt(data, rng)
+    if blind < 0.6:
         signatures = [b"TREE", b"SNOD", b"HEAP", b"GCOL", b"\x89HDF"]
         marks = [at for s in signatures for at in _all(data, s)] + [int(rng.integers(len(data)))]
         at = marks[int(rng.integers(len(marks)))]
         span = slice(at, at + int(rng.choice([16, 64, 512])))
         return data[: span.start] + bytes_bent(data[span], rng) + data[span.stop :]
     stream = io.BytesIO(data)
-    with h5py.File(stream, "r+") as file:
+    with h5py.File(stream, "r+", libver="latest" if data[8] >= 2 else None) as file:
         names: list[str] = []
         file.visit(names.append)
         name = names[int(rng.integers(len(names)))]

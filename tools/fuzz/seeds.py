@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import av
 import cv2
 import h5py
 import numpy as np
@@ -100,13 +101,13 @@ def jpeg_rlds(root: Path) -> None:
     (folder / "dataset_info.json").write_text(json.dumps(info))
 
 
-def rdt(root: Path) -> None:
+def rdt(root: Path, version: str | None = None) -> None:
     """One episode with every way to store images, depth, words and a side file."""
     rng = np.random.default_rng(2)
     (root / "toy").mkdir(parents=True)
     images = rng.integers(0, 255, (STEPS, SIDE, SIDE, 3), np.uint8)
     encoded = [cv2.imencode(".jpg", image)[1].tobytes() for image in images]
-    with h5py.File(root / "toy/episode_0.hdf5", "w") as file:
+    with h5py.File(root / "toy/episode_0.hdf5", "w", libver=version) as file:
         file["observations/qpos"] = rng.normal(size=(STEPS, 14))
         file["action"] = rng.normal(size=(STEPS, 14))
         file["observations/images/cam_high"] = np.array(encoded, "S")
@@ -137,3 +138,72 @@ def rdt(root: Path) -> None:
         "gripper": {"key": "observations/eef", "opening": 6},
     }  # fmt: skip
     (root / "toy/cameras.yaml").write_text(yaml.safe_dump(told))
+
+
+def latest_rdt(root: Path) -> None:
+    """The same in HDF5's latest format, whose parts are sealed by checksums."""
+    rdt(root, "latest")
+
+
+def recipe(root: Path) -> None:
+    """A recipe with fields of many kinds."""
+    told = {
+        "version": 1, "seed": 7, "copies": 2, "keep_originals": True,
+        "select": {"episodes": ["*/train/*"], "limit": 3}, "accuracy": {"psnr": 30.0}, "arms": ["arm.xml"],
+        "edits": [
+            {"op": "recolor", "target": {"role": "manipulated"}, "color": {"sample": "colosseum"}, "probability": 0.8},
+            {"one_of": [
+                {"op": "light_color", "range": [[0, 0, 0], [0.5, 0.5, 0.5]], "weight": 3},
+                {"op": "camera_pose", "camera": "front", "shift": 0.05},
+                {"op": "recolor", "target": {"text": "the red thing"}, "color": {"rgb": [1, 0, 0]}},
+            ]},
+            {"op": "insert", "asset": "die"},
+            {"op": "distractors", "count": 2},
+        ],
+        "gates": {"tries": 2},
+    }  # fmt: skip
+    root.mkdir(parents=True)
+    (root / "recipe.yaml").write_text(yaml.safe_dump(told, sort_keys=False))
+
+
+def ego4d(root: Path) -> None:
+    """One video with its description, narrations, hands and a cut."""
+    (root / "v2/full_scale").mkdir(parents=True)
+    (root / "v2/annotations").mkdir()
+    rng = np.random.default_rng(3)
+    with av.open(root / "v2/full_scale/toy.mp4", "w") as file:
+        stream = file.add_stream("libx264", rate=30)
+        stream.width, stream.height, stream.pix_fmt = 16, 16, "yuv420p"
+        for image in rng.integers(0, 255, (6, 16, 16, 3), np.uint8):
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(image)))
+        file.mux(stream.encode())
+    measured = {
+        "fps": 30.0,
+        "num_frames": 6,
+        "display_resolution_width": 16,
+        "display_resolution_height": 16,
+    }
+    clip = {"clip_uid": "c", "video_uid": "toy", "video_start_sec": 0.0, "video_end_sec": 0.1,
+            "video_start_frame": 0, "video_end_frame": 3}  # fmt: skip
+    videos = [{"video_uid": "toy", "duration_sec": 0.2, "video_metadata": measured}]
+    said = {
+        "timestamp_sec": 0.05,
+        "timestamp_frame": 1,
+        "narration_text": "#C C lifts the lid",
+        "annotation_uid": "a",
+    }
+    one = {"narration_pass_1": {"narrations": [said], "summaries": []}}
+    box = {"object_type": "left_hand", "bbox": {"x": 1, "y": 1, "width": 3, "height": 3}}
+    frame = {"frame": 1, "clip_frame": 1, "boxes": [box]}
+    hands = {
+        **clip,
+        "frames": [{"action_start_frame": 0, "action_end_frame": 2, "pnr_frame": frame}],
+    }
+    for name, told in {
+        "ego4d.json": {"videos": videos, "clips": [clip]},
+        "annotations/narration.json": {"toy": one},
+        "annotations/fho_hands_train.json": {"clips": [hands]},
+    }.items():
+        (root / "v2" / name).write_text(json.dumps(told))
+    cuts = {"clips": [{"video": "toy", "start": 0.0, "end": 0.1}]}
+    (root / "v2/full_scale/clips.yaml").write_text(yaml.safe_dump(cuts))

@@ -14,6 +14,10 @@ WEIRD: tuple[Any, ...] = (
 )  # fmt: skip
 
 
+TAGS = ("!!int", "!!float", "!!bool", "!!null", "!!timestamp", "!!binary", "!!set", "!!omap", "!!pairs", "!!seq",
+        "!!map", "!!str", "!", "!x", "&x", "*x", "!!python/name:os.system", "|", ">-", "? ")  # fmt: skip
+
+
 def places(tree: Any) -> list[tuple[Any, Any]]:
     """Every (container, key) in a tree."""
     found, waiting = [], [tree]
@@ -92,7 +96,7 @@ def spoilt_json(data: bytes, rng: np.random.Generator) -> bytes:
 
 def spoilt_yaml(data: bytes, rng: np.random.Generator) -> bytes:
     """A YAML file, bent as a tree or as text; some grow from a few anchors, some name objects of Python."""
-    match rng.integers(15):
+    match rng.integers(18):
         case 0:
             lines = ["version: 1", "a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
             lines += [
@@ -112,5 +116,19 @@ def spoilt_yaml(data: bytes, rng: np.random.Generator) -> bytes:
             return sign * int(rng.integers(1, 100_000))
         case 4 | 5:
             return bytes_bent(data, rng)
+        case 6:  # a value of a type that it is not, or of one that JSON has not
+            text, tag = data.decode(), TAGS[int(rng.integers(len(TAGS)))]
+            ends = [at for at in range(len(text) - 1) if text[at : at + 2] in (": ", "- ")]
+            at = ends[int(rng.integers(len(ends)))] + 2
+            return (text[:at] + tag + " " + text[at:]).encode()
+        case 7:  # merges, each of ten of the one before
+            lines = ["a0: &a0 {x: 1, y: 2}"]
+            lines += [
+                f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 10)}]}}"
+                for i in range(1, int(rng.integers(2, 12)))
+            ]
+            return "\n".join([*lines, data.decode()]).encode()
+        case 8:  # a number to the base of sixty
+            return b"version: 1" + b":59" * int(rng.integers(1, 300_000)) + b"\n" + data
         case _:
             return yaml.safe_dump(bent(yaml.safe_load(data), rng)).encode()
