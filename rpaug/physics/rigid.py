@@ -166,7 +166,9 @@ class Rigid:
         if not self.rail.fixed:
             axis = " ".join(f"{value:.6f}" for value in self.rail.axis)
             reach = f"{self.rail.low:.5f} {self.rail.high:.5f}"
-            joint = f'<joint type="slide" axis="{axis}" limited="true" range="{reach}"/>'
+            # Its ends are harder than contacts are: a robot that goes on slips.
+            hard = 'solreflimit="0.003 1" solimplimit="0.9999 0.9999 0.001 0.5 2"'
+            joint = f'<joint type="slide" axis="{axis}" limited="true" range="{reach}" {hard}/>'
         return (
             joint,
             0,

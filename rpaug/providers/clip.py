@@ -41,8 +41,8 @@ class Clip:
             raise BadInput(folder, "CLIP", found=found, expected="a saved CLIPModel") from None
         return cls(model.eval(), folder)
 
-    def embed(self, image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "d"]:
-        """The unit vector that stands for a picture: its middle square, of the model's own size."""
+    def pixels(self, image: UInt8[np.ndarray, "h w 3"]) -> Float[torch.Tensor, "1 3 s s"]:
+        """A picture's middle square as the model is shown it, of its own size."""
         size = self.model.config.vision_config.image_size
         pixels = torch.from_numpy(image.astype(np.float32) / 255).permute(2, 0, 1)[None]
         factor = size / min(image.shape[:2])
@@ -51,8 +51,12 @@ class Clip:
         top, left = ((side - size) // 2 for side in shape)
         pixels = pixels[:, :, top : top + size, left : left + size]
         mean, deviation = (pixels.new_tensor(v)[:, None, None] for v in (MEAN, DEVIATION))
+        return (pixels - mean) / deviation
+
+    def embed(self, image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "d"]:
+        """The unit vector that stands for a picture."""
         with torch.no_grad():
-            seen = self.model.vision_model(pixel_values=(pixels - mean) / deviation)
+            seen = self.model.vision_model(pixel_values=self.pixels(image))
             found = self.model.visual_projection(seen.pooler_output)[0].double()
         return (found / found.norm()).numpy()
 

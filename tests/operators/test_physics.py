@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rpaug_adapters.rlbench import RLBench
+from small_clip import saved, taught
 from tabletop import handle, scene, take
 from test_augment import augment
 
@@ -16,7 +17,9 @@ from rpaug.augment import Run, execute
 from rpaug.errors import BadRecipe
 from rpaug.files import REJECTED
 from rpaug.operators.physics import Physics
+from rpaug.physics import materials
 from rpaug.scene.naming.targets import Target
+from rpaug.scene.simulated import simulate
 from rpaug.testing import OperatorContract, shown
 from rpaug.training import AugmentedEpisodes
 
@@ -140,6 +143,23 @@ def test_values_out_of_range_are_refused_with_the_range(field, value, said) -> N
 def test_without_a_material_it_says_what_it_needs() -> None:
     with pytest.raises(Unsupported, match=r"say its material, one of rubber, .*CLIPModel"):
         Physics(target=Target(role="receiver")).ready()
+
+
+@pytest.mark.gl
+def test_a_vision_model_tells_what_a_thing_is_made_of(tmp_path: Path) -> None:
+    """A CLIPModel that was taught two of the scene's things tells them apart; the edit holds what it said."""
+    names = list(materials.shipped())
+    texts = [f"a photo of a thing made of {name}" for name in names]
+    words = sorted({word for text in texts for word in text.split()})
+    made_of = {"cylinder": "jelly", "block_textured": "ceramic"}
+    order = [*made_of.values(), *(name for name in names if name not in made_of.values())]
+    pictures = [simulate.portrait(scene(), frozenset({handle(thing)})) for thing in made_of]
+    taught(saved(tmp_path, words), pictures, [texts[names.index(name)] for name in order])
+    for thing, name in made_of.items():
+        operator = Physics(target=Target(handle=handle(thing)), vision=str(tmp_path))
+        edit = operator.sample(scene(), np.random.default_rng(0))
+        assert edit["name"] == name
+        assert edit["material"]["young"] == materials.named(name).young
 
 
 @pytest.mark.gl

@@ -5,7 +5,7 @@ import pytest
 
 from rpaug import geometry
 from rpaug.physics.colliders import Boxes
-from rpaug.physics.rigid import Rigid, columns
+from rpaug.physics.rigid import Rail, Rigid, columns
 
 HALF = np.array([0.03, 0.03, 0.06])
 
@@ -52,3 +52,40 @@ def test_columns_hold_it_up() -> None:
         Rigid(points, 500.0, 0.0, columns=shelf).run(21, 0.05).motions[-1], points
     )
     assert ends[:, 2].min() == pytest.approx(0.1, abs=2e-3)
+
+
+def drawer() -> np.ndarray:
+    """A box in the air with a bar before it, which a finger fits behind."""
+    bar = geometry.rigid(np.zeros(3), np.array([0.1, 0, 0.3]))
+    return np.concatenate(
+        [box(geometry.rigid(np.zeros(3), np.array([0, 0, 0.3]))), box(bar) * [1, 0.2, 1]]
+    )
+
+
+def finger(start: float, stop: float) -> Boxes:
+    track = np.tile(np.eye(4), (21, 1, 1))
+    track[:, :3, 3] = np.linspace([start, 0, 0.3], [stop, 0, 0.3], 21)
+    return Boxes.of([track], [np.eye(4)], [np.full(3, 0.003)], [0.002], 0.05)
+
+
+def test_what_is_on_a_rail_goes_along_it_as_far_as_it_is_pulled_and_no_farther() -> None:
+    rail = Rail((1.0, 0.0, 0.0), 0.0, 0.08)
+    points = drawer()
+    still = Rigid(points, 500.0, None, rail=rail).run(11, 0.05)
+    np.testing.assert_allclose(still.motions, np.tile(np.eye(4), (11, 1, 1)), atol=1e-6)
+    # The bar's near side is at 7 cm, the finger's and its own balls are 5 and 3 mm thick.
+    pulled = Rigid(points, 500.0, None, boxes=finger(0.05, 0.12), rail=rail).run(21, 0.05)
+    assert pulled.motions[-1, 0, 3] == pytest.approx(0.12 + 0.005 + 0.003 - 0.07, abs=0.003)
+    assert pulled.boxes[0] > 0
+    far = Rigid(points, 500.0, None, boxes=finger(0.05, 0.25), rail=rail).run(21, 0.05)
+    assert 0.0795 < far.motions[:, 0, 3].max() < 0.083
+    for fall in (pulled, far):
+        assert np.abs(fall.motions[:, :3, :3] - np.eye(3)).max() < 1e-9
+        assert np.abs(fall.motions[:, 1:3, 3]).max() < 1e-9
+
+
+def test_what_is_fixed_stays() -> None:
+    rail = Rail((0.0, 0.0, 1.0), 0.0, 0.0)
+    fall = Rigid(drawer(), 500.0, None, boxes=finger(0.05, 0.1), rail=rail).run(21, 0.05)
+    assert (fall.motions == np.eye(4)).all()
+    assert rail.describe() == {"joint": "fixed"}

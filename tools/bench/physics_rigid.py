@@ -1,6 +1,6 @@
 """Rigid things left to physics, rebuilt from the twin's images, against MuJoCo with the twin's true shapes and poses.
 
-python tools/bench/physics_rigid.py [drop topple push drawer] [--seeds 0 1] [--json]
+python tools/bench/physics_rigid.py [drop topple roll push drawer] [--seeds 0 1] [--json]
 
 The operator sees rgb, depth and masks; the truth has the thing's own boxes and cylinders, the table, the things around
 it, and the robot's true fingers on their true way, in the same MuJoCo with the same material. `drawer` has no simulated
@@ -28,6 +28,7 @@ from rpaug.twin import mjcf, tabletop
 from rpaug.twin.look import Look
 
 FRAMES, SIZE, FPS, MATERIAL = 40, 128, 20.0, "wood"
+FLAT = "patch"  # a millimetre thick: no edge of it catches a block
 HANDS = ("hand", "finger_left", "finger_right")
 
 
@@ -44,7 +45,8 @@ class Try:
 
 TRIES = {
     "drop": Try("pick_block", "cylinder", height=0.1),
-    "topple": Try("open_drawer", "cylinder", velocity=(0.0, 1.2, 0.0), friction=1.5),
+    "topple": Try("open_drawer", "block_plain", velocity=(1.2, 0.0, 0.0), friction=1.5),
+    "roll": Try("open_drawer", "cylinder", velocity=(0.0, 1.2, 0.0), friction=1.5),
     "push": Try("slide_block", "block_plain"),
     "drawer": Try("open_drawer", "drawer"),
 }
@@ -111,7 +113,7 @@ def true_motions(stage: Stage, what: Try) -> Float64[np.ndarray, "t 4 4"]:
     up = np.array([0.0, 0.0, what.height])
     mine, hand = stage.shapes((what.name,)), stage.shapes(HANDS)
     assert (stage.model.geom_type[hand] == mujoco.mjtGeom.mjGEOM_BOX).all()
-    others = stage.shapes(tuple(name for name in stage.take.poses if name != what.name))
+    others = stage.shapes(tuple(n for n in stage.take.poses if n not in (what.name, FLAT)))
     density = materials.named(MATERIAL).density
     own = f'density="{density:g}" contype="3" conaffinity="3"'
     tracks = np.swapaxes(stage.tracks[:, hand], 0, 1)
@@ -145,18 +147,16 @@ def ours(stage: Stage, what: Try) -> tuple[Float64[np.ndarray, "t 4 4"], dict[st
 
 
 def compare(name: str, seed: int) -> dict[str, float]:
-    """How far the thing's middle and its turning are off: in the last frame, and in the median of all."""
+    """How far the thing's middle and its turning are off: in the last frame, and at worst."""
     what = TRIES[name]
     stage = Stage(what.task, seed)
     found, told = ours(stage, what)
     assert told["solver"] == "rigid"
     start = stage.take.poses[what.name][0]
     middle = stage.tracks[0, stage.shapes((what.name,)), :3, 3].mean(0)
-    if name == "drawer":
-        true = stage.take.poses[what.name] @ geometry.inverse(start)
-    else:
-        true = true_motions(stage, what)
-    places = [geometry.transform(motions, middle) for motions in (found, true)]
+    recorded = stage.take.poses[what.name] @ geometry.inverse(start)
+    true = recorded if name == "drawer" else true_motions(stage, what)
+    places = [motions[:, :3, :3] @ middle + motions[:, :3, 3] for motions in (found, true)]
     off = np.linalg.norm(places[0] - places[1], axis=-1)
     turn = np.einsum("tji,tjk->tik", found[:, :3, :3], true[:, :3, :3])
     angle = np.arccos(np.clip((np.trace(turn, axis1=1, axis2=2) - 1) / 2, -1, 1))
@@ -164,9 +164,9 @@ def compare(name: str, seed: int) -> dict[str, float]:
     top = np.rad2deg(np.arccos(np.clip(true[-1, 2, 2], -1, 1)))
     return {
         "went_mm": 1000 * float(gone), "tilted_degrees": float(top),
-        "end_mm": 1000 * float(off[-1]), "median_mm": 1000 * float(np.median(off)),
+        "end_mm": 1000 * float(off[-1]), "worst_mm": 1000 * float(off.max()),
         "end_degrees": float(np.rad2deg(angle[-1])),
-        "median_degrees": float(np.rad2deg(np.median(angle))),
+        "worst_degrees": float(np.rad2deg(angle.max())),
     }  # fmt: skip
 
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float64, Int
+from jaxtyping import Bool, Float64, Int, UInt8
 
+from rpaug import geometry
 from rpaug.errors import Unsupported
 from rpaug.scene.sampling import frames
-from rpaug.scene.simulated.surroundings import clear
 from rpaug.scene.splats import gaussians, seeds
 from rpaug.scene.splats.gaussians import SPREAD, lifted
 from rpaug.types import Gaussians, Scene
@@ -16,7 +16,7 @@ from rpaug.types import Gaussians, Scene
 VIEWS = 6  # frames that a thing's surface is gathered from
 MOST_SHOWN = 20_000  # Gaussians of a thing
 LONGEST = 1.5  # times its width: a pixel seen at a grazing angle does not stick out of an outline
-WIDER = 1.3  # times: neighbours that were kept may be nearly two places apart
+UNDER = 0.003  # metres behind the thing's own surface: what no camera could see at first
 PATCH = 4  # pixels' width: what two cameras show of as large a patch is compared
 FEW = 5  # patches
 
@@ -31,51 +31,74 @@ def surface(scene: Scene, handles: frozenset[int]) -> Gaussians:
         mine = gaussians.chosen(placed, np.isin(placed.ids, list(handles)))
         if len(mine):
             return replace(mine, moments={})
-    found, views, edges = _gathered(scene, handles)
+    found, views = _gathered(scene, handles)
+    shows = ~_inside(found, scene, handles)
+    if shows.any():
+        found, views = gaussians.chosen(found, shows), views[shows]
     width = float(np.median(found.scales[:, 1])) / SPREAD
-    found = _evened(found, views, PATCH * width)
-    inner = gaussians.chosen(found, ~edges)
-    rest = gaussians.chosen(found, edges)
-    if len(inner) and len(rest):
-        # A pixel on the outline has some of the background in it: only where nothing else was seen.
-        apart = clear(rest.means.astype(float), inner.means.astype(float), width)
-        rest = gaussians.chosen(rest, apart)
-    thin = seeds.thinned(gaussians.joined([inner, rest]), MOST_SHOWN)
+    thin = seeds.thinned(_evened(found, views, PATCH * width), MOST_SHOWN)
     scales = thin.scales.copy()
-    scales[:, :2] *= WIDER
     scales[:, 0] = np.minimum(scales[:, 0], LONGEST * scales[:, 1])
     return replace(thin, scales=scales)
 
 
-def _gathered(
-    scene: Scene, handles: frozenset[int]
-) -> tuple[Gaussians, Int[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
-    """Pixels of all cameras over some frames, in the world of the first frame; of which image each is, and whether it
-    is on the thing's outline there."""
+def _gathered(scene: Scene, handles: frozenset[int]) -> tuple[Gaussians, Int[np.ndarray, "n"]]:
+    """Pixels of all cameras over some frames, in the world of the first frame, and of which image each is."""
     found: list[Gaussians] = []
     views: list[int] = []
-    edges: list[bool] = []
     motions = {h: body for body in scene.tracked for h in body.handles & handles}
     for t in frames(scene.episode.length, VIEWS):
         for number, view in enumerate(scene.episode.views.values()):
             picture = seeds.picture_of(view, t, handles)
             if picture is None:
                 continue
-            deep = cv2.erode(
-                picture.use.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1
-            ).astype(bool)
-            for use, edge in ((deep, False), (picture.use & ~deep, True)):
-                part = lifted(replace(picture, use=use))
-                for handle, body in motions.items():
-                    mine = gaussians.chosen(part, part.ids == handle)
-                    if len(mine):
-                        back = body.to_world[0] @ np.linalg.inv(body.to_world[t])
-                        found.append(gaussians.moved(mine, back))
-                        views += [t * len(scene.episode.views) + number] * len(mine)
-                        edges += [edge] * len(mine)
+            part = lifted(replace(picture, rgb=_unmixed(picture.rgb, picture.use)))
+            for handle, body in motions.items():
+                mine = gaussians.chosen(part, part.ids == handle)
+                if len(mine):
+                    back = body.to_world[0] @ np.linalg.inv(body.to_world[t])
+                    found.append(gaussians.moved(mine, back))
+                    views += [t * len(scene.episode.views) + number] * len(mine)
     if not found:
         raise Unsupported(f"simulating {sorted(handles)}: it was never seen with depth")
-    return gaussians.joined(found), np.array(views), np.array(edges)
+    return gaussians.joined(found), np.array(views)
+
+
+def _unmixed(
+    rgb: UInt8[np.ndarray, "h w 3"], use: Bool[np.ndarray, "h w"]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """The image with pixels on the outline, which have some of the background in them, in the colour just inside."""
+    deep = cv2.erode(use.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1) > 0
+    weight = cv2.boxFilter(deep.astype(np.float32), -1, (3, 3), normalize=False)[..., None]
+    total = cv2.boxFilter(rgb * deep[..., None].astype(np.float32), -1, (3, 3), normalize=False)
+    edge = (use & ~deep)[..., None] & (weight > 0.5)
+    return np.where(edge, np.rint(total / np.maximum(weight, 1)), rgb).astype(np.uint8)
+
+
+def _inside(found: Gaussians, scene: Scene, handles: frozenset[int]) -> Bool[np.ndarray, "n"]:
+    """Which points no camera can see for the thing itself while it is as at first: the inside of a drawer opened later.
+
+    Beside a surface they would stick out of it.
+    """
+    hidden, seen = np.zeros(len(found), bool), np.zeros(len(found), bool)
+    for t in frames(scene.episode.length, VIEWS):
+        moved = [b.handles for b in scene.tracked if not np.allclose(b.to_world[t], b.to_world[0])]
+        rows = np.flatnonzero(~np.isin(found.ids, list(frozenset().union(*moved))))
+        points = found.means[rows].astype(float)
+        for view in scene.episode.views.values():
+            if view.depth is None or view.ids is None:
+                continue
+            camera = view.camera
+            x, y, z = geometry.transform(geometry.inverse(camera.cam_to_world[t]), points).T
+            z = np.where(z > 0, z, np.inf)
+            u = np.rint(camera.K[0, 0] * x / z + camera.K[0, 2]).astype(int)
+            v = np.rint(camera.K[1, 1] * y / z + camera.K[1, 2]).astype(int)
+            within = np.isfinite(z) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+            u, v = u[within], v[within]
+            behind = view.depth(t)[v, u] + UNDER < z[within]
+            seen[rows[within]] |= ~behind
+            hidden[rows[within]] |= behind & np.isin(view.ids(t)[v, u], list(handles))
+    return hidden & ~seen
 
 
 def _evened(every: Gaussians, views: Int[np.ndarray, "n"], patch: float) -> Gaussians:
