@@ -10,8 +10,8 @@ from pydantic import ConfigDict, Field, StrictBool, ValidationError, field_valid
 
 from rpaug.agents.messages import Message
 from rpaug.errors import BadInput
+from rpaug.faults import dotted
 from rpaug.files import decode_image, write_atomic
-from rpaug.recipe import dotted
 
 MOST_BYTES = 2**26  # of the file
 MOST_LINE = 2**20  # bytes of one line

@@ -16,8 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from rpaug.diagnosis.evaluation import Evaluation, Rollout, checked, filmed
 from rpaug.errors import BadInput
+from rpaug.faults import dotted
 from rpaug.files import read_bytes
-from rpaug.recipe import dotted
 
 INFO = "eval_info.json"
 MOST_BYTES = 2**26
