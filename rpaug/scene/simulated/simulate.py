@@ -36,6 +36,7 @@ LOWER = 0.25  # of a thing's height: what tells the outline of its foot
 AROUND = 0.3  # metres around a rigid thing in which others stand in its way
 MOST_COLUMNS = 1500
 INVALID = "actions_valid"
+STILL = 3e-4  # metres and radians: what is as near to where it was recorded is shown as it was recorded
 GENTLE = 1e-6  # newton seconds: less is no touch
 STICK = -1.0  # friction of what lets nothing go
 
@@ -165,6 +166,8 @@ def _rigidly(
 
     def move(body: Body, mine: frozenset[int]) -> Body:
         track = motions @ body.to_world[0]
+        as_recorded = (abs(track - body.to_world) < STILL).all((1, 2))
+        track[as_recorded] = body.to_world[as_recorded]
         return replace(body, handles=mine, to_world=track, motion="simulated")
 
     told = {"steps": fall.steps, "touched": bool(fall.boxes[: around.robot].sum() > GENTLE)}
