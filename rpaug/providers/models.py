@@ -17,6 +17,8 @@ EXTRA = "models"
 IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # mean, standard deviation
 CLIP = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
 
+VOCABULARIES = "tokenizer.json", "vocab.txt", "vocab.json", "spiece.model", "tokenizer.model"
+
 
 def transformers(extra: str = EXTRA) -> Any:
     """The package. Raises MissingExtra."""
@@ -48,6 +50,10 @@ def load(kind: str, folder: Path | str, flag: str, device: str = "cpu") -> Any:
 
 def tokenizer(folder: Path | str) -> Any:
     """The tokenizer beside a model. Raises Unsupported if there is none."""
+    if Path(folder).is_dir() and not any((Path(folder) / name).is_file() for name in VOCABULARIES):
+        raise Unsupported(
+            f"{folder}: no tokenizer beside the model: none of {', '.join(VOCABULARIES)}"
+        )
     try:
         return transformers().AutoTokenizer.from_pretrained(str(folder), local_files_only=True)
     except (OSError, ValueError, KeyError) as error:

@@ -36,7 +36,9 @@ LOWER = 0.25  # of a thing's height: what tells the outline of its foot
 AROUND = 0.3  # metres around a rigid thing in which others stand in its way
 MOST_COLUMNS = 1500
 INVALID = "actions_valid"
-STILL = 3e-4  # metres and radians: what is as near to where it was recorded is shown as it was recorded
+STILL = (
+    3e-4  # metres and radians: what is as near to where it was recorded is shown as it was recorded
+)
 GENTLE = 1e-6  # newton seconds: less is no touch
 STICK = -1.0  # friction of what lets nothing go
 

@@ -1,8 +1,9 @@
 """What a simulated thing may run into: the support, what stands still around it, and the robot as it was recorded."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 
@@ -55,7 +56,9 @@ def surroundings(scene: Scene, handles: frozenset[int], pace: float) -> Surround
             continue
         seen = surface(looks, handle, body)[0]
         if handle in robot and len(seen) >= FEW:
-            mine.append((body.to_world, *_boxed(seen), ROUNDED))
+            grip = scene.episode.robot.gripper_to_world
+            upright = [] if grip is None else [grip[body.reference, :3, :3]]
+            mine.append((body.to_world, *_boxed(seen, upright), ROUNDED))
         elif handle not in robot:
             others += [(body.to_world, *ball) for ball in _balls(seen)]
     if not mine and (gripper := scene.episode.robot.gripper_to_world) is not None:
@@ -99,15 +102,33 @@ def _solid(scene: Scene, handles: frozenset[int]) -> Iterator[tuple[Body, int]]:
 
 
 def _boxed(
-    points: Float64[np.ndarray, "n 3"],
+    points: Float64[np.ndarray, "n 3"], upright: Sequence[Float64[np.ndarray, "3 3"]] = ()
 ) -> tuple[Float64[np.ndarray, "4 4"], Float64[np.ndarray, "3"]]:
-    """The box around points along their principal axes: its pose, and half its size without the rounding."""
+    """The smallest box around points with a side along one of their principal axes, or of `upright`'s columns: its
+    pose, and half its size without the rounding.
+
+    A finger that pushes meets with a flat side; principal axes alone lean where one side was seen more than another.
+    """
     middle = points.mean(0)
-    axes = np.linalg.eigh(np.cov((points - middle).T))[1]
-    axes[:, 0] *= np.sign(np.linalg.det(axes))
-    low, high = np.quantile((points - middle) @ axes, [TRIMMED, 1 - TRIMMED], axis=0)
+    own = np.linalg.eigh(np.cov((points - middle).T))[1]
+    own[:, 0] *= np.sign(np.linalg.det(own))
+    low, high = np.quantile((points - middle) @ own, [TRIMMED / 2, 1 - TRIMMED / 2], axis=0)
+    kept = points[(((points - middle) @ own >= low) & ((points - middle) @ own <= high)).all(1)]
+    best, least = own, np.inf
+    for frame in (own, *upright):
+        for k in range(3):
+            along = np.roll(frame, -k, axis=1)
+            turn = np.deg2rad(
+                cv2.minAreaRect(((kept - middle) @ along[:, 1:]).astype(np.float32))[2]
+            )
+            across = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+            axes = np.column_stack([along[:, :1], along[:, 1:] @ across])
+            sides = np.ptp((kept - middle) @ axes, axis=0)
+            if sides.prod() < least:
+                best, least = axes, float(sides.prod())
+    low, high = np.quantile((points - middle) @ best, [TRIMMED, 1 - TRIMMED], axis=0)
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = axes, middle + axes @ ((low + high) / 2)
+    pose[:3, :3], pose[:3, 3] = best, middle + best @ ((low + high) / 2)
     return pose, np.maximum((high - low) / 2 + SKIN - ROUNDED, 0.0)
 
 

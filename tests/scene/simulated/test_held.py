@@ -33,7 +33,7 @@ def moving(way: np.ndarray, turn: float = 0.0) -> Scene:
 
 
 def found(where: Scene, foot: float, standing: np.ndarray) -> Rail | None:
-    points = grid() + [0, 0, LEVEL + foot + 0.05]
+    points = grid() + np.array([0, 0, LEVEL + foot + 0.05])
     return held(where, frozenset({HANDLE}), points, standing, LEVEL, 0.02)
 
 
