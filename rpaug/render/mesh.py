@@ -59,7 +59,7 @@ def draw(
         away = (world * (ray @ cam_to_world[:3, :3].T)).sum(-1) > 0
         world *= np.where(away, -1.0, 1.0)[:, None]
         normals[hit] = world / np.maximum(np.linalg.norm(world, axis=-1, keepdims=True), 1e-9)
-        spread = texels(mesh)[face[hit]] / (near[hit] * math.sqrt(K[0, 0] * K[1, 1]))
+        spread = _spread(mesh, local[corners], mesh.uv[corners], ray, K)
         albedo[hit] = look_up(mesh, (mesh.uv[corners] * share).sum(1), spread)
     depth = np.divide(1.0, near, out=np.zeros_like(near), where=hit)
     return Drawn(hit, depth, normals, albedo)
@@ -103,6 +103,27 @@ def _rasterise(points, faces, K, near, face, weights):
                     weights[v, u, 2] = c * w[2] / hit
 
 
+def _spread(
+    mesh: Mesh,
+    corners: Float64[np.ndarray, "n 3 3"],
+    uv: Float64[np.ndarray, "n 3 2"],
+    ray: Float64[np.ndarray, "n 3"],
+    K: Float64[np.ndarray, "3 3"],
+) -> Float64[np.ndarray, "n"]:
+    """Texels that go on a pixel along its longer side, as renderers count them (Heckbert 1983): a corner's weight is
+    its share of a sum, and linear in the ray."""
+    sides = np.stack([np.cross(corners[:, k - 2], corners[:, k - 1]) for k in range(3)], 1)
+    weight = np.einsum("nkj,nj->nk", sides, ray)
+    total = weight.sum(1)[:, None]
+    at = np.einsum("nk,nkc->nc", weight, uv) / total
+    longest = np.zeros(len(ray))
+    for axis in range(2):
+        step = sides[:, :, axis] / K[axis, axis]
+        moved = (np.einsum("nk,nkc->nc", step, uv) - at * step.sum(1)[:, None]) / total
+        longest = np.maximum(longest, np.linalg.norm(moved * mesh.image.shape[1::-1], axis=1))
+    return longest
+
+
 @lru_cache(64)
 def texels(mesh: Mesh) -> Float64[np.ndarray, "f"]:
     """Texels of the image to a metre on each face."""
@@ -131,15 +152,17 @@ def _pyramid(mesh: Mesh) -> tuple[Float32[np.ndarray, "h w 3"], ...]:
 def look_up(
     mesh: Mesh, uv: Float64[np.ndarray, "n 2"], spread: Float64[np.ndarray, "n"]
 ) -> Float32[np.ndarray, "n 3"]:
-    """The image at those places, linear between texels of the size of the pixels; `spread` texels go on a pixel."""
+    """The image at those places, linear between texels and between sizes of texels (Williams 1983); `spread` texels go
+    on a pixel."""
     levels = _pyramid(mesh)
-    # Half a level coarser than the mean footprint: on a slant it is longer than wide.
-    level = (np.log2(np.maximum(spread, 1.0)) + 0.5).round().astype(int)
-    wanted = np.clip(level, 0, len(levels) - 1)
+    wanted = np.minimum(np.log2(np.maximum(spread, 1.0)), len(levels) - 1)
+    finer = np.floor(wanted).astype(int)
     out = np.zeros((len(uv), 3), np.float32)
-    for size in np.unique(wanted):
-        rows = wanted == size
-        out[rows] = _bilinear(levels[size], uv[rows])
+    for size, level in enumerate(levels):
+        share = np.where(finer == size, 1 - (wanted - size), np.where(finer == size - 1, wanted - finer, 0))
+        rows = share > 0
+        if rows.any():
+            out[rows] += share[rows, None].astype(np.float32) * _bilinear(level, uv[rows])
     return out
 
 

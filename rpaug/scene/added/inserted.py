@@ -53,7 +53,7 @@ def _splatted(scene: Scene, body: Body, camera: Camera, t: int, before: Image) -
     at its surface where they are sharp. Its light is in its colours."""
     from rpaug.scene.added import splatted  # only here: it brings torch and the rasteriser
 
-    picture = splatted.draw(body, camera, t)
+    picture = splatted.draw(body, camera, t, sharp_edges=not scene.antialiased)
     if picture is None:
         return before
     height, width = picture.alpha.shape

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Float32, Float64, Int32
 
 from rpaug import geometry
 from rpaug.render.splat import Rasteriser, Settings, Splats
@@ -16,6 +16,7 @@ REACH = 3.0  # standard deviations that a Gaussian is seen out to
 FAINT = 1 / 255  # share of a pixel below which nothing is shown
 FINE = 0.6  # samples that a typical Gaussian's standard deviation covers, at least
 MOST_SAMPLES = 1 << 20  # of one picture
+SAME_FACE = 0.7  # cosine between normals of one face, and of a curved one's neighbouring places
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,11 @@ def standing(splats: Gaussians, to_world: Float64[np.ndarray, "4 4"]) -> Gaussia
     return replace(there, sh=harmonics.turned(splats.sh, to_world[:3, :3]))
 
 
-def draw(body: Body, camera: Camera, t: int) -> Picture | None:
-    """The body alone as the camera sees it at t, None if it is out of sight."""
+def draw(body: Body, camera: Camera, t: int, sharp_edges: bool = False) -> Picture | None:
+    """The body alone as the camera sees it at t, None if it is out of sight.
+
+    With `sharp_edges` a pixel is of the face in its middle alone, as where nothing was anti-aliased.
+    """
     assert body.splats is not None
     there = standing(body.splats, body.to_world[t])
     window = _window(there, camera, t)
@@ -57,9 +61,43 @@ def draw(body: Body, camera: Camera, t: int) -> Picture | None:
     splats = Splats.of(there)
     drawn = Rasteriser(small(splats)).forward(splats, view_of(piece, t))
     depth = plane_depth(drawn, splats, piece, t)[samples // 2 :: samples, samples // 2 :: samples]
-    return Picture(
-        row, column, _pooled(drawn.colour, samples), _pooled(drawn.alpha, samples), depth
-    )
+    colour, alpha = _pooled(drawn.colour, samples), _pooled(drawn.alpha, samples)
+    if sharp_edges and samples > 1:
+        face = _one_face(outward(there, piece, t), drawn.surface_index, samples)
+        light = _pooled(drawn.alpha * face, samples)
+        own = _pooled(drawn.colour * face[..., None], samples) / np.maximum(light, FAINT)[..., None]
+        colour = np.where((light > FAINT)[..., None], own * alpha[..., None], colour)
+    return Picture(row, column, colour, alpha, depth)
+
+
+def _one_face(
+    faces: Float32[np.ndarray, "n 3"], shown: Int32[np.ndarray, "h w"], samples: int
+) -> Float32[np.ndarray, "h w"]:
+    """1 for samples of the face that the middle of their pixel shows, 0 for others."""
+    known = shown >= 0
+    normal = np.where(known[..., None], faces[np.maximum(shown, 0)], 0)
+    middle = normal[samples // 2 :: samples, samples // 2 :: samples]
+    middle = middle.repeat(samples, 0).repeat(samples, 1)
+    return ((normal * middle).sum(-1) > SAME_FACE).astype(np.float32)
+
+
+def outward(there: Gaussians, camera: Camera, t: int) -> Float32[np.ndarray, "n 3"]:
+    """Each Gaussian's shortest axis, to the side from which the camera sees it."""
+    order = there.scales.argmin(1)
+    axes = np.stack([gaussians.normals(_led(there.quats, axis)) for axis in range(3)], 1)
+    across = axes[np.arange(len(order)), order]
+    away = (across * (there.means - camera.cam_to_world[t, :3, 3])).sum(1) > 0
+    return np.where(away[:, None], -across, across).astype(np.float32)
+
+
+def _led(quats: Float32[np.ndarray, "n 4"], axis: int) -> Float32[np.ndarray, "n 4"]:
+    """Quaternions whose third axis is the given one of these: a third of a turn brings each axis on the next."""
+    w, x, y, z = quats.T
+    if axis == 2:
+        return quats
+    if axis == 0:  # times (1, 1, 1, 1) / 2, which takes z to x
+        return np.stack([w - x - y - z, w + x + y - z, w - x + y + z, w + x - y + z], 1) / 2
+    return np.stack([w + x + y + z, -w + x - y + z, -w + x + y - z, -w - x + y + z], 1) / 2
 
 
 def _samples(there: Gaussians, camera: Camera, t: int, pixels: int) -> int:

@@ -13,9 +13,8 @@ from jaxtyping import Float32, Float64
 from rpaug import geometry
 from rpaug.render.splat import Adam, Loss, Rasteriser, Rates, Splats
 from rpaug.scene.added.inserted import lit
-from rpaug.scene.added.splatted import small, standing
+from rpaug.scene.added.splatted import outward, small, standing
 from rpaug.scene.splats.gaussian_view import view_of
-from rpaug.scene.splats.gaussians import normals
 from rpaug.types import Ambience, Camera, Gaussians
 
 AROUND, HEIGHTS = 6, (0.15, 0.6, 1.1)  # views on each ring, and the rings' heights in radians
@@ -69,29 +68,10 @@ def refined(there: Gaussians, camera: Camera, ambience: Ambience) -> Float32[np.
     shown = drawn.alpha > FAINT
     known = drawn.surface_index >= 0
     faces = np.zeros((*known.shape, 3), np.float32)
-    faces[known] = outward(there, camera)[drawn.surface_index[known]]
+    faces[known] = outward(there, camera, 0)[drawn.surface_index[known]]
     faces = np.asarray(cv2.blur(faces, (SMOOTH, SMOOTH)), np.float32)
     faces = faces / np.maximum(np.linalg.norm(faces, axis=-1, keepdims=True), 1e-6)
     colour = np.clip(drawn.colour[shown] / drawn.alpha[shown][:, None], 0, 1)
     out = np.zeros_like(drawn.colour)
     out[shown] = lit(colour, faces[shown], ambience) * drawn.alpha[shown][:, None]
     return out
-
-
-def outward(there: Gaussians, camera: Camera) -> Float32[np.ndarray, "n 3"]:
-    """Each Gaussian's shortest axis, to the side from which the camera sees it."""
-    order = there.scales.argmin(1)
-    axes = np.stack([normals(_led(there.quats, axis)) for axis in range(3)], 1)
-    across = axes[np.arange(len(order)), order]
-    away = (across * (there.means - camera.cam_to_world[0, :3, 3])).sum(1) > 0
-    return np.where(away[:, None], -across, across).astype(np.float32)
-
-
-def _led(quats: Float32[np.ndarray, "n 4"], axis: int) -> Float32[np.ndarray, "n 4"]:
-    """Quaternions whose third axis is the given one of these: a third of a turn brings each axis on the next."""
-    w, x, y, z = quats.T
-    if axis == 2:
-        return quats
-    if axis == 0:  # times (1, 1, 1, 1) / 2, which takes z to x
-        return np.stack([w - x - y - z, w + x + y - z, w - x + y + z, w + x - y + z], 1) / 2
-    return np.stack([w + x + y + z, -w + x - y + z, -w + x + y - z, -w - x + y + z], 1) / 2
