@@ -6,6 +6,7 @@ from typing import Any
 
 from rpaug.errors import BadInput
 from rpaug.scene.build import build
+from rpaug.scene.rgb_only import lent
 from rpaug.scene.splats import cached, ply, store
 from rpaug.scene.splats.descent import FitSettings
 from rpaug.scene.splats.gaussians import placed
@@ -37,19 +38,25 @@ def fit_episode(
         return build(one, with_bodies=True, arms=arms.for_robot(files, one.robot))
 
     scene, lender = built(episode), None if founder is None else built(founder)
-    name = cached.name_of(scene, settings, seed, lender)
-    again = store.path_of(folder, name).is_dir()
-    made, facts = cached.fitted(
-        scene,
-        folder,
-        settings=settings,
-        seed=seed,
-        progress=lambda share: progress(round(100 * share), 100),
-        founder=lender,
-    )
+    stored: list[tuple[Path, bool]] = []
+
+    def fit(one: Scene) -> tuple[Scene, cached.Facts]:
+        path = store.path_of(folder, cached.name_of(one, settings, seed, lender))
+        stored.append((path, path.is_dir()))
+        return cached.fitted(
+            one,
+            folder,
+            settings=settings,
+            seed=seed,
+            progress=lambda share: progress(round(100 * share), 100),
+            founder=lender,
+        )
+
+    made, facts = lent.fitted(scene, fit)
+    ((path, again),) = stored
     described = {
         "episode": episode.key,
-        "scene": str(store.path_of(folder, name)),
+        "scene": str(path),
         "found_in_store": again,
         **facts,
     }

@@ -16,6 +16,7 @@ from rpaug.interfaces import Adapter, Edit, Operator
 from rpaug.recipe import Recipe
 from rpaug.scene import rgb_only
 from rpaug.scene.build import build
+from rpaug.scene.rgb_only import lent
 from rpaug.scene.tracking import arms, calibration
 from rpaug.sfm import film
 from rpaug.types import Camera, Effect, Episode, Scene
@@ -180,7 +181,7 @@ def _with_gaussians(
     from rpaug.scene.splats import cached  # only here: it brings torch and the rasteriser
 
     fitted = cached.fitted_in_time if plan.tier >= 4 else cached.fitted
-    return fitted(scene, scenes, founder=lender)
+    return lent.fitted(scene, lambda one: fitted(one, scenes, founder=lender))
 
 
 def founders(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str]:

@@ -69,7 +69,7 @@ def edited(
         blank = stand_in is not None and stand_in.blank
         if carriers[name] == 0 and inserted.bodies(scene) and not blank:
             views[name] = _rendered(scene, name, partial(_recorded, scene, name), watch)
-        elif carriers[name] == 0:
+        elif carriers[name] == 0 or blank:
             views[name] = _composited(scene, name, watch)
         elif shared is not None and carriers[name] == 1:
             render = partial(_surfels, near, shared, name)

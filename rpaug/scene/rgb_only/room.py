@@ -21,7 +21,7 @@ FARTHEST = 1.5  # metres around the middle of the support
 
 def room(scene: Scene, leaving: frozenset[int]) -> Room:
     """The room on the support. Raises Unsupported where cameras' places are not known to one another."""
-    views = _together(scene)
+    views = together(scene, "a new thing")
     support = scene.roles.get("table", frozenset())
     covered = {
         name: _ever(scene, view, frozenset(support | leaving)) for name, view in views.items()
@@ -50,8 +50,8 @@ def room(scene: Scene, leaving: frozenset[int]) -> Room:
     return Room(low, 0.0, seen.reshape(shape), still.reshape(shape), swept.reshape(shape))
 
 
-def _together(scene: Scene) -> dict[str, CameraView]:
-    """The cameras that can show a thing on the support. Raises Unsupported."""
+def together(scene: Scene, what: str) -> dict[str, CameraView]:
+    """The cameras that can show a thing in one world. Raises Unsupported, saying `what` they cannot share."""
     able = {}
     for name, view in scene.episode.views.items():
         stand_in = view.stand_in
@@ -65,7 +65,7 @@ def _together(scene: Scene) -> dict[str, CameraView]:
     lost = [n for n, v in able.items() if v.stand_in is not None and not v.stand_in.camera.placed]
     if len(able) > 1 and lost:
         raise Unsupported(
-            f"nothing says where {', '.join(lost)} stand to one another, so a new thing could not be shown in all "
+            f"nothing says where {', '.join(lost)} stand to one another, so {what} could not be shown in all "
             f"of them alike: give cam_to_world for each in cameras.yaml (z up, the support at z = 0), or name the "
             f"one camera to edit there (views: [{lost[0]}])"
         )

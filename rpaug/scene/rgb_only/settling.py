@@ -12,6 +12,7 @@ from rpaug.scene.rgb_only.backdrop import Backdrop
 from rpaug.scene.rgb_only.grouping import MOVING
 
 REACH = 0.05  # of the image's width: an uncovered pixel is not farther from the patch it belongs to
+SHADOW = 2.0  # times darker or brighter that a pixel may become and be the same thing
 LOCAL = 10.0  # weighted Lab: an uncovered pixel looks like the nearest pixel of its patch
 
 
@@ -44,13 +45,17 @@ def _settled(
     changed: Bool[np.ndarray, "h w"],
     image: UInt8[np.ndarray, "h w 3"],
 ) -> Int32[np.ndarray, "h w"]:
+    shown = tints.weighted(image)
+    behind = tints.weighted(part.backdrop.image)
+    # What is there still is so in a shadow or another exposure; only of the robot's tints nothing follows.
+    there = (label == part.tint) | tints.shaded(shown, behind, SHADOW)
+    there &= ~np.isin(label, [*part.mobile, *part.moved]) & (part.resting != MOVING)
+    changed = changed & ~there
     out = np.where(changed, MOVING, part.resting).astype(np.int32)
     open_ = changed & ~np.isin(label, list(part.mobile))
     for tint, handle in part.moved.items():
         out[open_ & (label == tint)] = handle
     still_open = open_ & ~np.isin(label, list(part.moved))
-    shown = tints.weighted(image)
-    behind = tints.weighted(part.backdrop.image)
     reach = max(2.0, REACH * label.shape[1])
     for tint in np.unique(label[still_open]):
         source = ~changed & (part.tint == tint) & (part.resting != MOVING)

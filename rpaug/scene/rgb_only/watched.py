@@ -79,25 +79,44 @@ def watch(view: CameraView, length: int, drop: Backdrop, known: tints.Tints) -> 
 def mobile(cameras: Iterable[Watched], count: int) -> tuple[frozenset[int], frozenset[int]]:
     """The tints of what moves, on one side or the other of most changes and seldom where nothing changes; and those of
     what it carries all the time, which are seen almost only where something changes."""
-    involved, moving, shown = np.zeros(count), np.zeros(count), np.zeros(count)
+    moving, shown = np.zeros(count), np.zeros(count)
+    pairs = np.zeros((count, count))  # changed pixels by the tint they show and the backdrop's
     entering = np.zeros(count, bool)  # what a gripper carries is seldom cut off by the image's edge
-    total = 0
     for watched in cameras:
         for changed, label in zip(watched.changed, watched.labels, strict=True):
-            total += int(changed.sum())
             shown += np.bincount(label.reshape(-1), minlength=count)
             moving += np.bincount(label[changed], minlength=count)
+            np.add.at(pairs, (label[changed], watched.tint[changed]), 1)
             entering[[k for k in np.unique(label[changed]) if _enters(label == k, changed)]] = True
-            either = [changed & ((label == k) | (watched.tint == k)) for k in range(count)]
-            involved += [int(one.sum()) for one in either]
     mobility = moving / np.maximum(shown, 1)
-    often = (involved >= OFTEN * max(total, 1)) & entering
-    if not total or not often.any():
+    movers = _movers(pairs, mobility, entering)
+    if not movers.any():
         return frozenset(), frozenset()
-    most = mobility[often].max()
-    movers = often & (mobility > MOBILE * most)
     loose = ~movers & ~entering & (mobility > CARRIED) & (shown > blobs.SMALL * shown.sum())
     return frozenset(np.flatnonzero(movers).tolist()), frozenset(np.flatnonzero(loose).tolist())
+
+
+def _movers(
+    pairs: Float[np.ndarray, "k k"], mobility: Float[np.ndarray, "k"], able: Bool[np.ndarray, "k"]
+) -> Bool[np.ndarray, "k"]:
+    """The tints that explain changes, each most of those that the ones before it leave unexplained.
+
+    What a robot covers and uncovers changes as often as the robot, but never without it.
+    """
+    found, total, left = np.zeros(len(mobility), bool), pairs.sum(), pairs.copy()
+    if not total:
+        return found
+    involved = pairs.sum(0) + pairs.sum(1) - np.diag(pairs)
+    often = able & (involved >= OFTEN * total)
+    if not often.any():
+        return found
+    enough = often & (mobility > MOBILE * mobility[often].max())
+    for tint in np.argsort(-mobility, kind="stable"):
+        explained = left[tint].sum() + left[:, tint].sum() - left[tint, tint]
+        if enough[tint] and explained >= OFTEN * total:
+            found[tint] = True
+            left[tint] = left[:, tint] = 0
+    return found
 
 
 def _enters(mask: Bool[np.ndarray, "h w"], changed: Bool[np.ndarray, "h w"]) -> bool:

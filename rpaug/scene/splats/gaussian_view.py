@@ -14,8 +14,8 @@ from rpaug.render.composite import Surfaces, composite
 from rpaug.render.splat import Rasteriser, Rendering, Settings, Splats, View
 from rpaug.scene.four import flowing
 from rpaug.scene.recorded import surface
-from rpaug.scene.splats import moments
-from rpaug.scene.splats.gaussians import Placement
+from rpaug.scene.splats import moments, passing
+from rpaug.scene.splats.gaussians import Placement, joined
 from rpaug.types import Body, Camera, Scene
 
 # Recorded images are sharp: the usual 0.3 px^2 would blur every outline by half a pixel.
@@ -67,6 +67,8 @@ def blended(
     if scene.gaussians is None:
         raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
     eye, then = standing(scene, camera), moments.at(scene.gaussians, t)
+    now = passing.of(scene, camera, t)
+    then = joined([then, now]) if now else then
     placement = Placement.of(then.ids, scene.tracked, scene.irradiance)
     there = placement.place(Splats.of(then), t)
     assert there.quats is not None
