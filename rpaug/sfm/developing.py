@@ -7,7 +7,6 @@ from dataclasses import asdict, replace
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -24,10 +23,11 @@ from rpaug.sfm.colmap import Settings
 from rpaug.sfm.film import Film, look_at
 from rpaug.sfm.lens import Lens
 from rpaug.sfm.look import Look
-from rpaug.sfm.model import FEWEST_FRAMES, Model, believed, fingerprint, load, save
+from rpaug.sfm.model import FEWEST_FRAMES, Model, fingerprint, load, save
 from rpaug.types import Camera, CameraView, Episode
 
 Progress = Callable[[float, str], None]
+Bound = tuple[tuple[float, float], Float32[np.ndarray, "h w"]]
 SAMPLED, DIFFERS, RESTLESS = (
     6,
     4,
@@ -38,7 +38,9 @@ ASIDE = 3  # registered frames before and after whose points bound a frame's dep
 SPAN = (0.4, 1.5)  # around the depths of the points
 JOINED = 20  # frames that a video's fingerprint is taken of
 LOOKS_KEPT = 12  # frames: those that are compared with one another
-RELATIVE = f"relative: the median depth is taken to be {world.TYPICAL} m, nothing tells the true one"
+RELATIVE = (
+    f"relative: the median depth is taken to be {world.TYPICAL} m, nothing tells the true one"
+)
 BOXES_APART = 45  # frames between two annotated ones, at most, for boxes to be drawn between them
 
 
@@ -87,17 +89,25 @@ def develop(
 
     shots = [sweep.shot(image(k), lens.K, pose) for k, pose in enumerate(model.cam_to_world)]
     mapped = f"{fingerprint(model.cam_to_world.tobytes())[:12]}"
-    depths = _swept(model, shots, where.with_suffix(f".{mapped}.depth.npz"), tell)
+    bounds = [_bounds(model, shot, k) for k, shot in enumerate(shots)]
+    depths = _swept(shots, bounds, where.with_suffix(f".{mapped}.depth.npz"), tell)
 
     @lru_cache(LOOKS_KEPT)
     def look(k: int) -> Look:
         return look_at(image(k), lens.K, model.cam_to_world[k], depths[k])
 
-    moved = _moved(look, depths, where.with_suffix(f".{mapped}.moving.npz"), tell)
+    moved = _moved(
+        look, [span for span, _ in bounds], where.with_suffix(f".{mapped}.moving.npz"), tell
+    )
     held = [k for k in range(len(shots)) if k not in moved.contradicted]
     contradicted = tuple(int(model.times[k]) for k in moved.contradicted)
     if contradicted:
-        model = believed([model.some(held)], episode.length)
+        model = model.some(held)
+        if faults := model.faults(episode.length):
+            raise Unsupported(
+                f"structure from motion is degenerate ({len(contradicted)} frames do not move as it says; "
+                f"{', '.join(faults)})"
+            )
         depths, masks = [depths[k] for k in held], [moved.masks[k] for k in held]
         look.cache_clear()
     else:
@@ -126,7 +136,9 @@ def scaled(film: Film, asked: Asked) -> Film:
     if asked.camera_height is not None:
         if film.things.level is None:
             found = "no level plane of points"
-            raise BadInput(film.recorded.key, "video.camera_height", found=found, expected="a support")
+            raise BadInput(
+                film.recorded.key, "video.camera_height", found=found, expected="a support"
+            )
         height = float(np.median(film.model.cam_to_world[:, 2, 3])) - film.things.level
         return _grown(film, asked.camera_height / height, "metres, by the camera's height")
     if asked.known_length is not None:
@@ -182,21 +194,20 @@ def _with_boxes(
 
 
 def _moved(
-    look: Callable[[int], Look], depths: Sequence[np.ndarray], kept: Path, tell: Progress
+    look: Callable[[int], Look], spans: Sequence[tuple[float, float]], kept: Path, tell: Progress
 ) -> moving.Moving:
     shape = look(0).depth.shape
     try:
         with np.load(kept, allow_pickle=False) as held:
-            if held["shape"].tolist() == [len(depths), *shape]:
-                bits = np.unpackbits(held["masks"], count=len(depths) * shape[0] * shape[1])
-                masks = bits.astype(bool).reshape(len(depths), *shape)
+            if held["shape"].tolist() == [len(spans), *shape]:
+                bits = np.unpackbits(held["masks"], count=len(spans) * shape[0] * shape[1])
+                masks = bits.astype(bool).reshape(len(spans), *shape)
                 return moving.Moving(tuple(masks), tuple(held["contradicted"].tolist()))
     except (OSError, ValueError, KeyError, EOFError):
         pass
-    spans = [(float(np.quantile(d, 0.02)), float(np.quantile(d, 0.98))) for d in depths]
-    found = moving.find(look, len(depths), spans, lambda share: tell(0.85 + 0.15 * share, "hands"))
+    found = moving.find(look, len(spans), spans, lambda share: tell(0.85 + 0.15 * share, "hands"))
     _keep(
-        kept, masks=np.packbits(np.stack(found.masks)), shape=np.array([len(depths), *shape]),
+        kept, masks=np.packbits(np.stack(found.masks)), shape=np.array([len(spans), *shape]),
         contradicted=np.array(found.contradicted, np.int32),
     )  # fmt: skip
     return found
@@ -276,7 +287,7 @@ def _refused(words: str) -> Model:
 
 
 def _swept(
-    model: Model, shots: Sequence[sweep.Shot], kept: Path, tell: Progress
+    shots: Sequence[sweep.Shot], bounds: Sequence[Bound], kept: Path, tell: Progress
 ) -> list[Float32[np.ndarray, "h w"]]:
     try:
         with np.load(kept, allow_pickle=False) as held:
@@ -285,7 +296,7 @@ def _swept(
                 return stored
     except (OSError, ValueError, KeyError, EOFError):
         pass
-    spans, sparse = zip(*(_bounds(model, shot, k) for k, shot in enumerate(shots)), strict=True)
+    spans, sparse = zip(*bounds, strict=True)
     depths = sweep.depths(shots, spans, sparse, lambda share: tell(0.6 + 0.25 * share, "depth"))
     _keep(kept, depths=np.stack(depths))
     return depths

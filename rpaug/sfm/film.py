@@ -124,7 +124,9 @@ class Film:
             "registered": len(self.model.times),
             "passed_through": missing,
             "contradicted": list(self.contradicted),
-            "moving_share": round(float(np.mean([m.mean() for m in self.moving])), 4) if self.moving else 0.0,
+            "moving_share": round(float(np.mean([m.mean() for m in self.moving])), 4)
+            if self.moving
+            else 0.0,
             "focal_px": round(self.model.focal, 2),
             "radial": round(self.model.radial, 5),
             "points": len(self.model.points),

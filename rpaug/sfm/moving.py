@@ -1,7 +1,7 @@
 """What moves by itself in a video: segments whose flow no place in a still world explains.
 
-A still point seen in two frames lies on the epipolar line, between where it would be if it were as near and as far as
-anything (Hartley and Zisserman 2004, chapter 9). Hands and what they carry do not. Flow is dense inverse search (Kroeger
+A still point seen in two frames lies on its epipolar line, between where the nearest and the farthest would be
+(Hartley and Zisserman 2004, chapter 9). Hands and what they carry do not. Flow is dense inverse search (Kroeger
 et al. 2016). Boxes of hands that an annotator drew (Ego4D's FHO) say more where there are any.
 """
 
@@ -24,7 +24,6 @@ ASIDE, DRIFT = 1.5, 0.05  # pixels, and share of the flow, that a still point ma
 RETURNS = 1.5  # pixels: flow forth and back
 KNOWN = 0.2  # of a segment's pixels have flow that returns
 MOVING = 0.5  # of these lie off
-NEARER, FARTHER = 0.4, 1.5  # times the nearest and farthest that points are
 LEAST = 0.002  # of an image: what is smaller is noise
 BOXED = 0.6  # of a segment inside of a hand's box
 FILLS = 0.9  # of a box that one segment fills: then it is what is behind
@@ -44,7 +43,7 @@ def find(
     spans: Sequence[tuple[float, float]],
     progress: Callable[[float], None] = lambda share: None,
 ) -> Moving:
-    """Look at `count` frames. `spans` are the nearest and farthest depths of each.
+    """Look at `count` frames. `spans` are the nearest and farthest that anything in each may be.
 
     What moved stays told apart while it rests between two motions.
     """
@@ -122,7 +121,7 @@ def _off(
     sure = np.linalg.norm(flow + returned, axis=-1) < RETURNS
     ray = np.stack([columns, rows, np.ones_like(rows)], -1) @ np.linalg.inv(one.K).T
     way = geometry.inverse(other.cam_to_world) @ one.cam_to_world
-    ends = [_shown(other.K, geometry.transform(way, z * ray)) for z in (NEARER * span[0], FARTHER * span[1])]
+    ends = [_shown(other.K, geometry.transform(way, z * ray)) for z in span]
     along = ends[1] - ends[0]
     share = ((to - ends[0]) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-9)
     nearest = ends[0] + np.clip(share, 0, 1)[..., None] * along
