@@ -48,6 +48,22 @@ class Notes:
         ]
         return tuple(dict.fromkeys(text for _, text in sorted(told, key=lambda p: p[0]) if text))
 
+    @property
+    def boxes(self) -> dict[int, tuple[tuple[float, float, float, float], ...]]:
+        """Boxes of hands by frame, each left, top, right, bottom, left hands first."""
+        found: dict[int, dict[str, tuple[float, float, float, float]]] = {}
+        for action in (self.hands or {}).get("frames", ()):
+            for moment in action.values():
+                if not isinstance(moment, Mapping) or not isinstance(moment.get("frame"), int):
+                    continue
+                for named in moment.get("boxes") or ():
+                    for name, box in named.items() if isinstance(named, Mapping) else ():
+                        if name.endswith("hand") and _is_box(box):
+                            left, top, right, bottom = map(float, box)
+                            at = found.setdefault(moment["frame"], {})
+                            at.setdefault(name, (left, top, right, bottom))
+        return {frame: tuple(of[name] for name in sorted(of)) for frame, of in found.items()}
+
     def when(self, uid: str) -> tuple[float, float] | None:
         """Start and end, in seconds, of a narration or of an FHO action; None if there is none of that name."""
         for of in self.passes.values():
@@ -111,6 +127,11 @@ def told_anew(notes: Notes, descriptions: Iterable[str]) -> dict[str, Any]:
         first = passes.setdefault(PASSES[0], {"narrations": []})
         first["narrations"] = [*added, *first["narrations"]]
     return passes
+
+
+def _is_box(value: Any) -> bool:
+    numbers = isinstance(value, list) and len(value) == 4
+    return numbers and all(isinstance(v, (int, float)) and v == v for v in value)
 
 
 def _second(note: Mapping[str, Any]) -> float:

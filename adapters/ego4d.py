@@ -109,7 +109,8 @@ class Ego4D(Adapter):
         beside = _cameras.load(folders)
         width, height = video.size
         camera = _cameras.camera(beside, VIEW, (width, height), video.length, {})
-        view = CameraView(camera, video.rgb)
+        boxes = {t: of for t, of in notes.boxes.items() if 0 <= t < video.length}
+        view = CameraView(camera, video.rgb, hands=boxes)
         still = np.zeros((video.length, 0))
         at = video.facts.seconds[video.first : video.first + video.length]
         robot = Robot(still, still, None, None, {"seconds": (at - at[0])[:, None]})

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from rpaug import preparing
 from rpaug.errors import BadInput
 from rpaug.scene.build import build
 from rpaug.scene.rgb_only import lent
@@ -11,6 +12,7 @@ from rpaug.scene.splats import cached, ply, store
 from rpaug.scene.splats.descent import FitSettings
 from rpaug.scene.splats.gaussians import placed
 from rpaug.scene.tracking import arms
+from rpaug.sfm import developing
 from rpaug.types import Episode, Scene
 
 
@@ -28,10 +30,13 @@ def fit_episode(
     """Fit, store under `folder`, export to `.ply` if asked, and return plain values.
 
     A scene that the store has already is not fitted again. `founder` lends its static Gaussians; `files` are URDF or
-    MJCF files of arms. Raises BadInput if the export exists.
+    MJCF files of arms. A video of a moving camera is fitted by its own rules (docs/video.md), whatever `settings` say.
+    Raises BadInput if the export exists, Unsupported for a video without a model.
     """
     if export is not None and export.exists():
         raise BadInput(export, "--ply", found="something there already", expected="a new path")
+    if developing.unplaced(episode):
+        return _fit_video(episode, folder, export)
     settings = settings or FitSettings()
 
     def built(one: Episode) -> Scene:
@@ -62,6 +67,23 @@ def fit_episode(
     }
     if told := arms.misfits(files, episode.robot):
         described["warnings"] = list(told)
+    if export is not None:
+        ply.write(export, placed(made, t=0))
+        described["ply"] = str(export)
+    return described
+
+
+def _fit_video(episode: Episode, folder: Path, export: Path | None) -> dict[str, Any]:
+    from rpaug.sfm import splats
+
+    found = developing.develop(episode, progress=preparing.told_of(episode.key))
+    where = store.path_of(folder, splats.name_of(found, splats.SplatSettings()))
+    again = where.is_dir()
+    made, facts = splats.kept(found.scene(), found, folder)
+    described = {
+        "episode": episode.key, "scene": str(where), "found_in_store": again,
+        "film": found.describe(), **facts,
+    }  # fmt: skip
     if export is not None:
         ply.write(export, placed(made, t=0))
         described["ply"] = str(export)

@@ -18,7 +18,8 @@ from rpaug.scene import rgb_only
 from rpaug.scene.build import build
 from rpaug.scene.rgb_only import lent
 from rpaug.scene.tracking import arms, calibration
-from rpaug.sfm import film
+from rpaug.sfm import developing
+from rpaug.sfm.film import Film
 from rpaug.types import Camera, Effect, Episode, Scene
 
 log = logging.getLogger(__name__)
@@ -113,9 +114,9 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
 
 def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
     """The recorded scene; where instances are asked for, that of a video by structure from motion if that succeeds."""
-    if plan.bodies and recipe.depth_model is None and film.unplaced(episode):
+    if plan.bodies and recipe.depth_model is None and developing.unplaced(episode):
         try:
-            found = film.develop(episode, progress=_told_of(episode.key))
+            found = developing.develop(episode, recipe.video, progress=told_of(episode.key))
         except Unsupported as error:
             plan = replace(
                 plan, warnings=(*plan.warnings, f"{error}; its images alone are gone by")
@@ -127,7 +128,7 @@ def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene
     return made, plan
 
 
-def _told_of(key: str) -> film.Progress:
+def told_of(key: str) -> developing.Progress:
     """Tells a log how far a video is: minutes pass."""
     return lambda share, what: log.info("%s: %.0f %% (%s)", key, 100 * share, what)
 
@@ -174,10 +175,10 @@ def _lender(founder: Callable[[], Episode] | None, recipe: Recipe) -> Scene | No
 def _with_gaussians(
     scene: Scene, plan: planning.Plan, scenes: Path | None, lender: Scene | None = None
 ) -> tuple[Scene, Mapping[str, Any]]:
-    if isinstance(scene.back, film.Film):
+    if isinstance(scene.back, Film):
         from rpaug.sfm import splats  # only here: it brings torch and the rasteriser
 
-        return splats.fitted(scene, scene.back)
+        return splats.kept(scene, scene.back, scenes)
     from rpaug.scene.splats import cached  # only here: it brings torch and the rasteriser
 
     fitted = cached.fitted_in_time if plan.tier >= 4 else cached.fitted

@@ -18,6 +18,7 @@ from rpaug.files import read_bytes
 from rpaug.gates import Gates
 from rpaug.interfaces import Operator
 from rpaug.recipe_text import Path_, kind_of, override, parse
+from rpaug.sfm.asked import Asked
 
 MAX_BYTES = 2**20
 
@@ -58,6 +59,7 @@ class _Top(BaseModel):
     accuracy: Accuracy | None = None
     arms: list[Path] = []
     depth_model: str | None = None
+    video: Asked = Asked()
     edits: list[dict[str, Any]] = []
     gates: Gates | None = None
 
@@ -117,6 +119,7 @@ class Recipe:
     accuracy: Accuracy | None = None
     arms: tuple[Path, ...] = ()  # URDF or MJCF files
     depth_model: str | None = None  # for episodes without depth
+    video: Asked = DEFAULT_VIDEO  # for episodes of one moving camera of which only images are known
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.
@@ -163,6 +166,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         accuracy=top.accuracy,
         arms=tuple(top.arms),
         depth_model=top.depth_model,
+        video=top.video,
     )
 
 

@@ -80,7 +80,7 @@ class CameraView:
     `ids(t)` (h, w) int32 instance handles, 0 for nothing. `depth` and `ids` are None where a source has none.
     Views that share an accessor share its images: a writer may then copy the recorded file. `inferred` handles were
     not recorded but found by motion or colour: a scene may use them, and no dataset gets them. So it is with
-    `stand_in`.
+    `stand_in`. `hands` are boxes (left, top, right, bottom; pixels) that annotators drew around hands, by frame.
     """
 
     camera: Camera
@@ -89,6 +89,7 @@ class CameraView:
     ids: Callable[[int], Int32[np.ndarray, "h w"]] | None = None
     inferred: bool = False
     stand_in: StandIn | None = None
+    hands: Mapping[int, tuple[tuple[float, float, float, float], ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ skipped; 2 nothing was done, and one line says why.
 """
 
 import json
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -92,7 +93,33 @@ def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[int, int], None]
     )
     with Progress(*columns, console=console, disable=quiet, transient=True) as bar:
         task = bar.add_task(title, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        with _told(lambda words: bar.update(task, description=f"{title} {plain(words)}")):
+            yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+class _Words(logging.Handler):
+    """Hands what a log is told to whoever shows it."""
+
+    def __init__(self, show: Callable[[str], None]) -> None:
+        super().__init__(logging.INFO)
+        self._show = show
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._show(record.getMessage())
+
+
+@contextmanager
+def _told(show: Callable[[str], None]) -> Iterator[None]:
+    """What takes minutes says how far it is; only in this process: of workers the bar tells whole copies."""
+    log, handler = logging.getLogger("rpaug.preparing"), _Words(show)
+    level = log.level
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
 
 
 def say(line: str) -> None:

@@ -1,4 +1,4 @@
-"""Poses, lens and points of frames by one learned model (DUSt3R, VGGT and their like): none by itself, one by its file."""
+"""Poses, lens and points of frames by a learned model (DUSt3R, VGGT): none by itself, one by its file."""
 
 from dataclasses import dataclass
 from pathlib import Path

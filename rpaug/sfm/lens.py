@@ -65,6 +65,11 @@ class Lens:
         x, y = self._straight(columns, rows)
         return (x + self.margin[0]).astype(np.float32), (y + self.margin[1]).astype(np.float32)
 
+    def straight(self, x: float, y: float) -> tuple[float, float]:
+        """Where a recorded pixel lies in the pinhole image."""
+        column, row = self._straight(np.array([x]), np.array([y]))
+        return float(column[0]) + self.margin[0], float(row[0]) + self.margin[1]
+
     def _straight(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Recorded pixels without the bend, in pixels of the same origin."""
         focal, (cx, cy) = self.model.focal, self.model.middle

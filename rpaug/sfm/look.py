@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32, UInt8
+from jaxtyping import Bool, Float32, Float64, Int32, UInt8
 
 from rpaug import geometry
 from rpaug.sfm.segments import segments
@@ -18,6 +18,9 @@ class Look:
     depth: Float32[np.ndarray, "h w"]
     K: Float64[np.ndarray, "3 3"]
     cam_to_world: Float64[np.ndarray, "4 4"]
+    hidden: Bool[np.ndarray, "h w"] | None = (
+        None  # what moves by itself, and is no thing of the world
+    )
 
     @cached_property
     def segments(self) -> Int32[np.ndarray, "h w"]:
@@ -31,7 +34,9 @@ class Look:
             self.cam_to_world, geometry.unproject(self.depth.astype(np.float64), self.K)
         )
 
-    def sees(self, points: Float64[np.ndarray, "*n 3"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def sees(
+        self, points: Float64[np.ndarray, "*n 3"]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Row and column of points in this frame, and their depth; -1 for what is outside of it."""
         local = geometry.transform(geometry.inverse(self.cam_to_world), points)
         z = local[..., 2]

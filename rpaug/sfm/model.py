@@ -63,6 +63,15 @@ class Model:
         points = geometry.transform(motion, scale * self.points)
         return replace(self, cam_to_world=motion @ poses, points=points)
 
+    def some(self, rows: list[int]) -> "Model":
+        """Those frames of it alone; points that fewer than two of them saw are left out."""
+        seen = self.seen[rows]
+        kept = seen.sum(0) >= 2
+        return replace(
+            self, times=self.times[rows], cam_to_world=self.cam_to_world[rows],
+            points=self.points[kept], colours=self.colours[kept], seen=seen[:, kept],
+        )  # fmt: skip
+
     def angle(self) -> float:
         """Degrees between the outermost two of the rays to a point, the median over points."""
         if not len(self.points):

@@ -1,58 +1,109 @@
 """What moves by itself in a video: segments whose flow no place in a still world explains.
 
-A still point seen in two frames lies on the epipolar line, between where it would be if it were as near and as far as
-anything (Hartley and Zisserman 2004, chapter 9). Hands and what they carry do not. Flow is dense inverse search (Kroeger
+A still point seen in two frames lies on its epipolar line, between where the nearest and the farthest would be
+(Hartley and Zisserman 2004, chapter 9). Hands and what they carry do not. Flow is dense inverse search (Kroeger
 et al. 2016). Boxes of hands that an annotator drew (Ego4D's FHO) say more where there are any.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Float64
+from jaxtyping import Bool, Float32, Float64, Int32, UInt16
 
 from rpaug import geometry
 from rpaug.sfm.look import Look
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom; pixels of a look
-APART = (-4, -2, 2, 4)  # frames that one is compared with
+STEP = 2  # frames over which what moves is followed
+APART = (-2 * STEP, -STEP, STEP, 2 * STEP)  # frames that one is compared with
+FADING = 0.95  # a step: of what moved and rests
+CONTRADICTED = 0.5  # of an image does not move as its poses say: they are wrong
 ASIDE, DRIFT = 1.5, 0.05  # pixels, and share of the flow, that a still point may lie off its line
 RETURNS = 1.5  # pixels: flow forth and back
 KNOWN = 0.2  # of a segment's pixels have flow that returns
 MOVING = 0.5  # of these lie off
-NEARER, FARTHER = 0.4, 1.5  # times the nearest and farthest that points are
 LEAST = 0.002  # of an image: what is smaller is noise
 BOXED = 0.6  # of a segment inside of a hand's box
 FILLS = 0.9  # of a box that one segment fills: then it is what is behind
 
 
-def moving(
+@dataclass(frozen=True)
+class Moving:
+    """What moves by itself in each frame, and the frames that hardly move as their poses say."""
+
+    masks: tuple[Bool[np.ndarray, "h w"], ...]
+    contradicted: tuple[int, ...]
+
+
+def find(
     look: Callable[[int], Look],
     count: int,
     spans: Sequence[tuple[float, float]],
     progress: Callable[[float], None] = lambda share: None,
-) -> list[Bool[np.ndarray, "h w"]]:
-    """For each of `count` frames what moves by itself. `spans` are the nearest and farthest depths of each."""
-    flows: dict[tuple[int, int], Float32[np.ndarray, "h w 2"]] = {}
+) -> Moving:
+    """Look at `count` frames. `spans` are the nearest and farthest that anything in each may be.
+
+    What moved stays told apart while it rests between two motions.
+    """
     engine = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     grey: dict[int, np.ndarray] = {}
-    made = []
+    kept: dict[tuple[int, int], np.ndarray] = {}
+    flows: dict[tuple[int, int], np.ndarray] = {}
+    found, numbers = [], []
     for k in range(count):
         near = [k + step for step in APART if 0 <= k + step < count]
-        for j in (k, *near):
-            if j not in grey:
-                grey[j] = cv2.cvtColor(look(j).rgb, cv2.COLOR_RGB2GRAY)
         off = []
         for j in near:
             for pair in ((k, j), (j, k)):
+                for t in pair:
+                    if t not in grey:
+                        grey[t] = cv2.cvtColor(look(t).rgb, cv2.COLOR_RGB2GRAY)
                 if pair not in flows:
                     flows[pair] = engine.calc(grey[pair[0]], grey[pair[1]], None)
             off.append(_off(look(k), look(j), flows[k, j], flows[j, k], spans[k]))
-        made.append(_by_segment(look(k), off))
+            if abs(j - k) == STEP:
+                kept[k, j] = flows[k, j].astype(np.float16)
+        number = look(k).segments
+        numbers.append(number.astype(np.uint16))
+        found.append(_by_segment(number, off))
         grey.pop(k + min(APART), None)
         flows = {pair: flow for pair, flow in flows.items() if max(pair) > k}
         progress((k + 1) / count)
-    return made
+    wrong = tuple(k for k, mask in enumerate(found) if mask.mean() > CONTRADICTED)
+    sure = [np.zeros_like(mask) if k in wrong else mask for k, mask in enumerate(found)]
+    return Moving(tuple(_lasting(numbers, sure, kept)), wrong)
+
+
+def _lasting(
+    numbers: Sequence[UInt16[np.ndarray, "h w"]],
+    found: Sequence[Bool[np.ndarray, "h w"]],
+    flows: Mapping[tuple[int, int], np.ndarray],
+) -> Iterator[Bool[np.ndarray, "h w"]]:
+    """What moves where neighbouring frames say so too, carried along by the flow while it rests."""
+
+    def carried(values: Sequence[np.ndarray], k: int, j: int) -> np.ndarray:
+        if (k, j) not in flows:
+            return np.zeros(found[k].shape, np.float32)
+        rows, columns = np.mgrid[: found[k].shape[0], : found[k].shape[1]].astype(np.float32)
+        x, y = columns + flows[k, j][..., 0], rows + flows[k, j][..., 1]
+        return cv2.remap(np.asarray(values[j], np.float32), x, y, cv2.INTER_LINEAR)
+
+    count = len(found)
+    backed = [
+        mask & (np.maximum(carried(found, k, k - STEP), carried(found, k, k + STEP)) > 0.5)
+        for k, mask in enumerate(found)
+    ]
+    passes = []
+    for step, order in ((-STEP, range(count)), (STEP, range(count - 1, -1, -1))):
+        score = [mask.astype(np.float32) for mask in backed]
+        for k in order:
+            score[k] = np.maximum(score[k], FADING * carried(score, k, k + step))
+        passes.append(score)
+    for k, number in enumerate(numbers):
+        mean = np.bincount(number.ravel(), (0.5 * (passes[0][k] + passes[1][k])).ravel())
+        yield cleaned((mean > MOVING * np.bincount(number.ravel()))[number])
 
 
 def _off(
@@ -70,7 +121,7 @@ def _off(
     sure = np.linalg.norm(flow + returned, axis=-1) < RETURNS
     ray = np.stack([columns, rows, np.ones_like(rows)], -1) @ np.linalg.inv(one.K).T
     way = geometry.inverse(other.cam_to_world) @ one.cam_to_world
-    ends = [_shown(other.K, geometry.transform(way, z * ray)) for z in (NEARER * span[0], FARTHER * span[1])]
+    ends = [_shown(other.K, geometry.transform(way, z * ray)) for z in span]
     along = ends[1] - ends[0]
     share = ((to - ends[0]) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-9)
     nearest = ends[0] + np.clip(share, 0, 1)[..., None] * along
@@ -86,9 +137,10 @@ def _shown(
     return np.where(z > 1e-6, (local @ K.T)[..., :2] / np.maximum(z, 1e-6), np.nan)
 
 
-def _by_segment(look: Look, off: Sequence[np.ndarray]) -> Bool[np.ndarray, "h w"]:
+def _by_segment(
+    number: Int32[np.ndarray, "h w"], off: Sequence[np.ndarray]
+) -> Bool[np.ndarray, "h w"]:
     """Whole segments of which most is off in most pairs."""
-    number = look.segments
     count = np.bincount(number.ravel())
     votes, asked = np.zeros(len(count)), np.zeros(len(count))
     for one in off:

@@ -16,7 +16,10 @@ from rpaug.providers.poses import Posed, Poses
 from rpaug.sfm import world
 from rpaug.sfm.model import Model, believed
 
-WINDOW, SHARED = 24, 6  # frames looked at together, and those of them that the window before has too
+WINDOW, SHARED = (
+    24,
+    6,
+)  # frames looked at together, and those of them that the window before has too
 WIDTH, STEP = 518, 14  # pixels: what such models are trained on, in whole patches
 GRID = 32  # points along a frame's width
 SURE = 0.5  # quantile of confidence below which points are not used
@@ -61,7 +64,9 @@ def _onto(part: Posed, before: Posed) -> Posed:
     both = _used(mine) & _used(theirs)
     if both.sum() < 3:
         raise Unsupported("the model of poses: two windows share no point that it is sure of")
-    motion, scale = world.aligned(mine.points[both].astype(float), theirs.points[both].astype(float))
+    motion, scale = world.aligned(
+        mine.points[both].astype(float), theirs.points[both].astype(float)
+    )
     poses = part.cam_to_world.copy()
     poses[:, :3, 3] *= scale
     points = geometry.transform(motion, scale * part.points.astype(np.float64))

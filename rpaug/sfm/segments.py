@@ -4,7 +4,10 @@ import cv2
 import numpy as np
 from jaxtyping import Int32, UInt8
 
-SCALE, LEAST = 150.0, 2.3e-4  # larger segments for larger values; share of the image of the smallest
+SCALE, LEAST = (
+    150.0,
+    2.3e-4,
+)  # larger segments for larger values; share of the image of the smallest
 BLUR = 0.6  # pixels
 TINT, LIGHT = 1.6, 0.6  # of chroma and lightness: shade divides a thing less than another colour
 

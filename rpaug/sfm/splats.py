@@ -1,27 +1,37 @@
-"""Gaussians of a video's still world, from its points and swept depth; some frames are kept back to judge by.
+"""Gaussians of a video: of its still world, from its points and swept depth, and of its hands in space and time.
 
-They start on the model's points and on every frame's depth where earlier frames left a gap, and descend on colour and,
-weakly, on depth, over images made small.
+The still ones start on the model's points and on every frame's depth where earlier frames left a gap, and descend on
+colour and, weakly, on depth, over images made small; some frames are kept back to judge by. What moves by itself is
+left out of them, and fitted over them with a time of its own (`rpaug.scene.four`).
 """
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64, Int32
 
 from rpaug import geometry
 from rpaug.render.splat import Loss, Splats, View
+from rpaug.scene.four import fit4
+from rpaug.scene.four.fit4 import FourSettings
 from rpaug.scene.recorded.plates import spread
+from rpaug.scene.splats import cached, store
 from rpaug.scene.splats.frame_fit import FrameFitSettings, fit_views
 from rpaug.scene.splats.gaussians import SH0, Picture, chosen, joined, lifted
 from rpaug.scene.splats.shots import Shot
 from rpaug.sfm import sweep
 from rpaug.sfm.film import Film
+from rpaug.sfm.model import fingerprint
 from rpaug.sfm.things import BACKGROUND
-from rpaug.types import Gaussians, Scene
+from rpaug.types import Camera, CameraView, Episode, Gaussians, Scene
+
+RIM = 5  # pixels: what moves is left out with its blurred outline
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +44,35 @@ class SplatSettings:
     stride: int = 3  # pixels between Gaussians of one frame
     most: int = 60000  # Gaussians to begin with
     threads: int = 2
+    hands: FourSettings = field(default_factory=lambda: FourSettings(rounds=8, densify_rounds=(4,)))
+    frames: int = 60  # at most, of which at most every second one, that hands are fitted at
+
+
+def kept(
+    scene: Scene, film: Film, folder: Path | None, settings: SplatSettings | None = None
+) -> tuple[Scene, Mapping[str, Any]]:
+    """As `fitted`; with a `folder`, the store of fitted scenes, from there if the same video was fitted before."""
+    settings = settings or SplatSettings()
+    if folder is None:
+        return fitted(scene, film, settings)
+    name = name_of(film, settings)
+    found = store.load(folder, name)
+    if found is not None:
+        return cached.known(scene, found), found.report
+    made, facts = fitted(scene, film, settings)
+    cached.keep(folder, name, made, settings, facts, None)
+    return made, facts
+
+
+def name_of(film: Film, settings: SplatSettings) -> str:
+    """The key of a film's Gaussians: of all frames as they are fitted, where they are, and the settings."""
+    told = {**asdict(settings), "threads": 0}
+    return fingerprint(
+        f"{store.FORMAT} {store.VERSION}".encode(), json.dumps(told, sort_keys=True).encode(),
+        film.model.cam_to_world.tobytes(), film.lens.K.tobytes(), film.model.points.tobytes(),
+        *(depth.tobytes() for depth in film.depths), *(mask.tobytes() for mask in film.moving),
+        *(_small(film, k, settings).rgb.tobytes() for k in range(film.episode.length)),
+    )  # fmt: skip
 
 
 def fitted(
@@ -64,7 +103,52 @@ def fitted(
         "per_camera_db": {film.name: last.held_out_db or last.recorded_db},
         "depth_error_mm": None,
     }
-    return replace(scene, gaussians=made), facts
+    scene = replace(scene, gaussians=made)
+    if film.hand is None:
+        return scene, facts
+    scene, four = with_hands(scene, film, settings)
+    return scene, {**facts, "four": four.describe()}
+
+
+def with_hands(scene: Scene, film: Film, settings: SplatSettings) -> tuple[Scene, fit4.FourReport]:
+    """The scene with what moves by itself as Gaussians in space and time, fitted to images made small."""
+    assert film.hand is not None
+    length = film.episode.length
+    small = replace(scene, episode=_episode(film, settings), cameras={})
+    camera = small.episode.views[film.name].camera
+    small = replace(small, cameras={film.name: camera})
+    rule = replace(settings.hands, train_frames=min(settings.frames, (length + 1) // 2))
+    made, told = fit4.fitted(small, settings=rule, handles=frozenset([film.hand]))
+    return replace(scene, gaussians=made.gaussians, flowing=made.flowing, bodies=made.bodies), told
+
+
+def _episode(film: Film, settings: SplatSettings) -> Episode:
+    """The film's frames at the size that is fitted."""
+    view = film.episode.views[film.name]
+    first = _small(film, 0, settings)
+    size = (first.rgb.shape[1], first.rgb.shape[0])
+    assert view.depth is not None
+    assert view.ids is not None
+    depth, ids = view.depth, view.ids
+
+    @lru_cache(None)
+    def deep(k: int) -> Float32[np.ndarray, "h w"]:
+        return cv2.resize(depth(k), size, interpolation=cv2.INTER_NEAREST)
+
+    @lru_cache(None)
+    def named(k: int) -> Int32[np.ndarray, "h w"]:
+        return cv2.resize(ids(k), size, interpolation=cv2.INTER_NEAREST)
+
+    camera = Camera(first.K, film.model.cam_to_world, *size)
+    shown = CameraView(
+        camera, lru_cache(None)(lambda k: _small(film, k, settings).rgb), deep, named
+    )
+    return replace(film.episode, views={film.name: shown})
+
+
+def _small(film: Film, k: int, settings: SplatSettings) -> sweep.Shot:
+    image = film.episode.views[film.name].rgb(k)
+    return sweep.shot(image, film.lens.K, film.model.cam_to_world[k], settings.width)
 
 
 def seeds(film: Film, shots: list[Shot], settings: SplatSettings) -> Gaussians:
@@ -80,6 +164,7 @@ def seeds(film: Film, shots: list[Shot], settings: SplatSettings) -> Gaussians:
         assert shot.depth is not None
         use = np.zeros(shot.depth.shape, bool)
         use[:: settings.stride, :: settings.stride] = True
+        use &= ~shot.held
         image = np.rint(shot.colour * 255).astype(np.uint8)
         ids = np.full(shot.depth.shape, BACKGROUND, np.int32)
         picture = Picture(image, shot.depth, ids, shot.view.K, model.cam_to_world[k], use)
@@ -120,11 +205,13 @@ def _footprint(shot: Shot) -> float:
 
 
 def _shot(film: Film, k: int, settings: SplatSettings) -> Shot:
-    image = film.episode.views[film.name].rgb(k)
-    small = sweep.shot(image, film.lens.K, film.model.cam_to_world[k], settings.width)
+    small = _small(film, k, settings)
     size = (small.rgb.shape[1], small.rgb.shape[0])
     depth = 1 / cv2.resize(1 / film.depths[k], size, interpolation=cv2.INTER_LINEAR)
     shown = cv2.resize(film.lens.shown.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    if film.hand is not None:
+        mine = cv2.resize(film.moving[k].astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+        shown &= cv2.dilate(mine, np.ones((RIM, RIM), np.uint8)) == 0
     judged = k % settings.kept_back == settings.kept_back - 1
     view = View(small.K, geometry.inverse(small.cam_to_world), *size)
     return Shot(

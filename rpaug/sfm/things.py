@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Float64, Int32, UInt8
+from jaxtyping import Float32, Float64, Int32
 
 from rpaug.sfm.look import Look
 
@@ -100,7 +100,8 @@ def find(looks: Sequence[Look]) -> Things:
     named = np.concatenate(
         [group[look.segments.ravel() + start] for look, start in zip(looks, first, strict=False)]
     )
-    mine = _most(of, np.where(shown[named] >= SEEN, named, -1), len(codes))
+    hidden = np.concatenate([_hidden(look).ravel() for look in looks])
+    mine = _most(of, np.where(~hidden & (shown[named] >= SEEN), named, -1), len(codes))
     number, sizes = np.unique(mine, return_counts=True)
     order = [h for _, h in sorted(zip(-sizes, number, strict=True)) if h >= 0]
     kept = [h for h in order if sizes[np.searchsorted(number, h)] >= FEWEST][:MOST]
@@ -111,6 +112,10 @@ def find(looks: Sequence[Look]) -> Things:
         if int(h) in handle
     }
     return Things(cell, cells, len(kept))
+
+
+def _hidden(look: Look) -> np.ndarray:
+    return np.zeros(look.depth.shape, bool) if look.hidden is None else look.hidden
 
 
 def _links(looks: Sequence[Look], first: np.ndarray) -> np.ndarray:

@@ -2,14 +2,16 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import walks
 
-from rpaug import Unsupported, geometry
+from rpaug import BadInput, Unsupported, geometry
 from rpaug.scene import views
-from rpaug.sfm import colmap, film, sweep, things, world
+from rpaug.sfm import colmap, developing, sweep, things, world
+from rpaug.sfm.asked import Asked
 from rpaug.sfm.film import Film
 from rpaug.sfm.lens import Lens
 from rpaug.sfm.model import Model, believed, load, save
@@ -23,17 +25,17 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Film:
     """The walk with a model in which one frame was not registered."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(colmap, "reconstruct", lambda *args, **named: walks.model(LENGTH, TIMES))
-        return film.develop(walks.walk(LENGTH), cache=tmp_path_factory.mktemp("cache"))
+        return developing.develop(walks.walk(LENGTH), cache=tmp_path_factory.mktemp("cache"))
 
 
 def test_only_a_camera_that_moves_is_looked_for() -> None:
     walk = walks.walk(LENGTH)
-    assert film.unplaced(walk)
+    assert developing.unplaced(walk)
     (view,) = walk.views.values()
     still = replace(walk, views={"ego": replace(view, rgb=lambda t: view.rgb(0))})
-    assert not film.unplaced(still)
+    assert not developing.unplaced(still)
     depth = replace(walk, views={"ego": replace(view, depth=lambda t: np.ones((144, 192)))})
-    assert not film.unplaced(depth)
+    assert not developing.unplaced(depth)
 
 
 def test_a_lens_that_does_not_bend_changes_nothing() -> None:
@@ -145,20 +147,37 @@ def test_what_was_worked_out_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyP
         return walks.model(LENGTH)
 
     monkeypatch.setattr(colmap, "reconstruct", once)
-    first = film.develop(walks.walk(LENGTH), cache=tmp_path)
-    second = film.develop(walks.walk(LENGTH), cache=tmp_path)
+    first = developing.develop(walks.walk(LENGTH), cache=tmp_path)
+    second = developing.develop(walks.walk(LENGTH), cache=tmp_path)
     assert len(calls) == 1
     assert np.array_equal(first.model.cam_to_world, second.model.cam_to_world)
     assert all(np.array_equal(a, b) for a, b in zip(first.depths, second.depths, strict=True))
 
 
 @pytest.mark.usefixtures("level_depths")
-def test_a_given_scale_is_metric(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_known_height_or_length_is_metric(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(colmap, "reconstruct", lambda *args, **named: walks.model(LENGTH))
-    found = film.develop(walks.walk(LENGTH), cache=tmp_path, scale=0.25)
-    assert found.unit.startswith("metres")
-    steps = np.linalg.norm(np.diff(found.model.cam_to_world[:, :3, 3], axis=0), axis=1)
-    assert np.allclose(steps, np.hypot(0.05, 0.01))
+
+    def steps(**asked: Any) -> np.ndarray:
+        found = developing.develop(walks.walk(LENGTH), Asked(**asked), cache=tmp_path)
+        assert found.unit.startswith("metres")
+        return np.linalg.norm(np.diff(found.model.cam_to_world[:, :3, 3], axis=0), axis=1)
+
+    true = np.hypot(0.05, 0.01)
+    assert np.allclose(steps(camera_height=0.5), true)
+    known = {"frame": 2, "places": [[30, 100], [130, 100]], "metres": 0.2}
+    first = steps(known_length=known)
+    assert np.allclose(steps(known_length=known | {"metres": 0.4}), 2 * first)
+    for wrong, words in (
+        ({"frame": 77}, "not registered"), ({"places": [[1, 1], [1, 1]]}, "one place twice"),
+        ({"places": [[1, 1], [999, 1]]}, "a pixel of 192x144"),
+    ):  # fmt: skip
+        with pytest.raises(BadInput, match=words):
+            steps(known_length=known | wrong)
+    with pytest.raises(ValueError, match="give one"):
+        Asked(camera_height=1.0, known_length=known)
 
 
 def test_degenerate_models_are_refused_with_the_numbers(tmp_path: Path) -> None:
@@ -191,7 +210,7 @@ def test_a_refusal_is_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(colmap, "reconstruct", refused)
     for _ in range(2):
         with pytest.raises(Unsupported, match="2 of 10"):
-            film.develop(walks.walk(LENGTH), cache=tmp_path)
+            developing.develop(walks.walk(LENGTH), cache=tmp_path)
     assert len(calls) == 1
 
 

@@ -17,8 +17,7 @@ import numpy as np
 from rpaug_adapters.ego4d import Ego4D
 
 from rpaug.errors import Unsupported
-from rpaug.sfm import film, splats, world
-from rpaug.sfm.colmap import Settings
+from rpaug.sfm import developing, splats, world
 
 
 def main() -> None:
@@ -28,6 +27,7 @@ def main() -> None:
     parser.add_argument("kind", choices=("walk", "clip"))
     parser.add_argument("path", type=Path)
     parser.add_argument("--gaussians", action="store_true", help="fit them too")
+    parser.add_argument("--width", type=int, default=320, help="pixels: of the images fitted")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
@@ -48,7 +48,7 @@ def measured(given: argparse.Namespace, path: Path, cache: Path) -> dict[str, ob
     episode = adapter.read(path, adapter.episodes(path)[0])
     start = time.process_time()
     try:
-        found = film.develop(episode, Settings(threads=given.threads), cache=cache)
+        found = developing.develop(episode, threads=given.threads, cache=cache)
     except Unsupported as error:
         return {"refused": str(error), "processor_s": round(time.process_time() - start, 1)}
     facts: dict[str, object] = {
@@ -64,10 +64,12 @@ def measured(given: argparse.Namespace, path: Path, cache: Path) -> dict[str, ob
         facts["trajectory_rmse_cm"] = round(100 * float(np.sqrt((off**2).sum(1).mean())), 2)
     if given.gaussians:
         start = time.process_time()
-        _, told = splats.fitted(found.scene(), found, splats.SplatSettings(threads=given.threads))
+        rule = splats.SplatSettings(threads=given.threads, width=given.width)
+        _, told = splats.fitted(found.scene(), found, rule)
         facts |= {
             f"gaussians_{name}": told[name] for name in ("gaussians", "train_db", "held_out_db")
         }
+        facts["hands"] = told.get("four")
         facts["gaussians_processor_s"] = round(time.process_time() - start, 1)
     return facts
 

@@ -59,13 +59,13 @@ def fitted_in_time(
     name = name_of(scene, settings, seed, founder) if folder else ""
     found = store.load(folder, name) if folder else None
     if found:
-        return _known(scene, found), found.report
+        return known(scene, found), found.report
     rigid, facts, lent = _fitted(scene, folder, settings.rigid, seed, None, founder)
     made, four = fit4.fitted(rigid, settings=settings.four, seed=seed)
     told = {**facts, "four": four.describe()}
     if folder:
         still = lent.without(four.handles) if lent else None
-        _save(folder, name, made, settings, told, still)
+        keep(folder, name, made, settings, told, still)
     return made, told
 
 
@@ -81,7 +81,7 @@ def _fitted(
     name = name_of(scene, settings, seed, founder) if folder else ""
     found = store.load(folder, name) if folder else None
     if found:
-        return _known(scene, found), found.report, found.borrowed
+        return known(scene, found), found.report, found.borrowed
     lent, begun, shorter = None, None, settings
     if founder is not None:
         lender = store.key(founder, settings, seed)
@@ -105,7 +105,7 @@ def _fitted(
         made = replace(made, gaussians=replace(joint, moments=made.gaussians.moments))
         facts["founder"], facts["borrowed"] = founder.episode.key, len(lent)
     if folder:
-        _save(folder, name, made, settings, facts, lent)
+        keep(folder, name, made, settings, facts, lent)
     return made, facts, lent
 
 
@@ -121,7 +121,7 @@ def name_of(
     return store.key(scene, settings, seed, lender)
 
 
-def _save(
+def keep(
     folder: Path,
     name: str,
     made: Scene,
@@ -137,7 +137,7 @@ def _save(
             raise
 
 
-def _known(scene: Scene, found: store.Stored) -> Scene:
+def known(scene: Scene, found: store.Stored) -> Scene:
     """The scene with all that a store gave back."""
     return replace(
         scene,
