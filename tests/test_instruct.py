@@ -2,13 +2,18 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
-from tabletop import gl, handle, scene
+from tabletop import gl, handle, scene, take
 
-from rpaug import instruct, pipeline, recipe
+from rpaug import instruct, pipeline, recipe, twin
 from rpaug.instruct import Untrue
+from rpaug.instruct.changes import Changes
+from rpaug.instruct.judging import Judge
+from rpaug.scene.build import build
+from rpaug.scene.naming import targets
 from rpaug.scene.naming.survey import survey
 from rpaug.types import Scene
 
@@ -63,8 +68,8 @@ class TestFollowed:
     def test_a_shade_of_the_word_is_still_the_word(self):
         said = told("put the blue block on the pad")
         (block,) = scene().roles["manipulated"]
-        judge = instruct._Judge(scene(), instruct.Painted({block: "navy"}, (), frozenset()))
-        judge._named = lambda phrase: frozenset([block])  # type: ignore[method-assign]
+        judge = Judge(scene(), scene(), Changes(looks={block: "navy"}))
+        judge._found = lambda said, after: frozenset([block])  # type: ignore[method-assign]
         assert judge.rewritten(said.descriptions[0]) == said.descriptions[0]
 
     def test_a_new_pattern_has_no_colour_word(self, block):
@@ -115,18 +120,17 @@ class TestFollowed:
     ],
 )
 def test_colour_words_are_found_with_their_nouns(text, found):
-    assert [(one.colour, one.nouns) for one in instruct.phrases(text)] == found
+    assert [(one.colour, one.nouns) for one in instruct.phrases(text) if one.colour] == found
 
 
 @gl
 def test_it_is_written_and_reported(tmp_path, block):
-    from rpaug import twin
     from rpaug.augment import Run, execute
     from rpaug.registry import adapter
     from rpaug.verify import verify
 
-    take = twin.perform("pick_block", 3, frames=17, size=64)
-    said = replace(take.episode, descriptions=(f"put the {block} block on the pad", "move it"))
+    recorded = twin.perform("pick_block", 3, frames=17, size=64)
+    said = replace(recorded.episode, descriptions=(f"put the {block} block on the pad", "move it"))
     key = "pick_block/all_variations/episodes/episode0"
     adapter("rlbench").write(said, tmp_path / "in", key, dict)
     made = recipe.build(
@@ -149,3 +153,181 @@ def test_it_is_written_and_reported(tmp_path, block):
 
 def test_numbers_are_no_colours():
     assert np.all([not list(instruct.phrases(text)) for text in ("", "slide 3 times", "PUSH!")])
+
+
+# What RLBench's tasks say, and the phrases in it that name a thing: colour, word for size or place, nouns.
+RLBENCH = {
+    "open the top drawer": [(None, None, ("top", "drawer"))],
+    "screw in the blue light bulb": [("blue", None, ("light", "bulb"))],
+    "sweep dirt to the short dustpan": [(None, None, ("dirt",)), (None, "short", ("dustpan",))],
+    "stack the other cups on top of the red cup": [
+        (None, None, ("other", "cups")),
+        ("red", None, ("cup",)),
+    ],
+    "use the stick to drag the cube onto the red target": [
+        (None, None, ("stick",)),
+        (None, None, ("cube",)),
+        ("red", None, ("target",)),
+    ],
+    "put the money away in the safe on the bottom shelf": [
+        (None, None, ("money",)),
+        (None, None, ("safe",)),
+        (None, None, ("bottom", "shelf")),
+    ],
+    "take the steak off the grill": [(None, None, ("steak",)), (None, None, ("grill",))],
+    "hang mug on rack": [(None, None, ("mug",)), (None, None, ("rack",))],
+    "place 3 cups on the cup holder": [(None, None, ("cups",)), (None, None, ("cup", "holder"))],
+    "turn left tap": [(None, None, ("tap",))],
+    "pick up the small cup and put it in the large one": [
+        (None, "small", ("cup",)),
+        (None, "large", ("cup",)),
+    ],
+    "slide 3 times": [],
+    "push it, then lift it up": [],
+}
+
+
+@pytest.mark.parametrize("text", RLBENCH)
+def test_phrases_of_variation_descriptions(text: str) -> None:
+    found = [(p.colour, p.rank.text if p.rank else None, p.nouns) for p in instruct.phrases(text)]
+    assert found == RLBENCH[text]
+
+
+@cache
+def cups() -> twin.Take:
+    return twin.perform("stack_cups", 2, frames=17, size=96)
+
+
+@cache
+def two_cups() -> Scene:
+    return build(cups().episode, with_bodies=True)
+
+
+def edited(base: Scene, handle: int, *texts: str, **body: object) -> Scene:
+    """The scene saying `texts`, with one body other than recorded; without fields of its own it is gone."""
+    bodies = [
+        one if handle not in one.handles else replace(one, **body)  # type: ignore[arg-type]
+        for one in base.bodies
+        if body or handle not in one.handles
+    ]
+    return replace(base, descriptions=texts, bodies=tuple(bodies), recorded_bodies=base.bodies)
+
+
+@gl
+class TestSizes:
+    SMALL, LARGE = "cup_small", "cup_large"
+
+    def grown(self, name: str, factor: float, *texts: str) -> tuple[str, ...]:
+        handle = cups().truth.handles[name]
+        return instruct.followed(edited(two_cups(), handle, *texts, scale=factor), [])
+
+    def test_the_smaller_one_that_is_the_larger_now_is_called_so(self):
+        said = ("put the small cup into the large one", "Put the small blue cup away")
+        assert self.grown(self.SMALL, 1.6, *said) == (
+            "put the large cup into the small one",
+            "Put the large blue cup away",
+        )
+
+    def test_a_word_that_is_still_true_stays(self):
+        said = ("put the small cup into the large one", "stack the cups", "take the big cup")
+        assert self.grown(self.SMALL, 1.05, *said) == said
+        assert self.grown(self.LARGE, 1.2, *said) == said
+
+    def test_what_stands_alone_has_no_other_to_be_compared_with(self):
+        with pytest.raises(Untrue, match=r"1\.10 times its size"):
+            tall = handle("cylinder")
+            said = edited(scene(), tall, "take the small green cylinder", scale=1.1)
+            instruct.followed(said, [])
+        said = edited(scene(), tall, "take the large green cylinder", scale=1.1)
+        assert instruct.followed(said, []) == said.descriptions
+
+    def test_neither_the_smallest_nor_the_largest_is_refused(self):
+        (small,) = targets.find(scene(), targets.Target(text="smallest block"))
+        with pytest.raises(Untrue, match="another thing now"):
+            instruct.followed(edited(scene(), small, "push the smallest block", scale=1.2), [])
+
+    def test_words_that_cannot_be_compared_are_refused(self):
+        with pytest.raises(Untrue, match=r"0\.90 times its size"):
+            self.grown(self.LARGE, 0.9, "put it into the wide yellow cup")
+
+
+@gl
+class TestGone:
+    def test_what_is_named_must_be_there(self):
+        for said in ("pick the block next to the green cylinder", "knock over the cylinder"):
+            with pytest.raises(Untrue, match="was taken out"):
+                instruct.followed(edited(scene(), handle("cylinder"), said), [])
+
+    def test_what_is_not_named_may_go(self, block):
+        said = edited(scene(), handle("cylinder"), f"put the {block} block on the pad", "lift it")
+        assert instruct.followed(said, []) == said.descriptions
+
+    def test_a_noun_that_means_nothing_here_may_be_what_is_gone(self):
+        with pytest.raises(Untrue, match="cannot be told whether 'gizmo'"):
+            said = "put the block on the gizmo near the pad"
+            instruct.followed(edited(scene(), handle("cylinder"), said), [])
+
+    def test_what_is_told_by_its_place_must_stay_there(self):
+        away = np.eye(4)
+        away[0, 3] = 0.2
+        moved = {"to_world": np.tile(away, (17, 1, 1))}
+        for said in ("take the block next to the cylinder", "take the leftmost cylinder"):
+            gone = edited(scene(), handle("cylinder"), said, **moved)
+            if "leftmost" in said:  # the only one is so wherever it stands
+                assert instruct.followed(gone, []) == gone.descriptions
+            else:
+                with pytest.raises(Untrue, match="was moved"):
+                    instruct.followed(gone, [])
+
+
+@gl
+class TestAdded:
+    """A new thing that the words fit as well makes them unclear."""
+
+    def put(self, asset: str, *texts: str) -> tuple[str, ...]:
+        return instruct.followed(told(*texts), [{"edit": {"things": [{"asset": asset}]}}])
+
+    @pytest.mark.parametrize(
+        ("asset", "text"),
+        [
+            ("mug_red", "pick up the red cup"),
+            ("mug_red", "pick up the mug and hang it on the rack"),
+            ("mug_blue", "stack the cups"),
+            ("block_oak", "put the cube on the pad"),
+            ("apple", "put the apple in the bowl"),
+            ("bottle_green", "take the green one"),
+        ],
+    )
+    def test_such_a_thing_is_refused(self, asset: str, text: str) -> None:
+        with pytest.raises(Untrue, match="was put in"):
+            self.put(asset, text)
+
+    @pytest.mark.parametrize(
+        ("asset", "text"),
+        [
+            ("mug_blue", "pick up the red cup"),
+            ("can_red", "pick up the red bottle"),
+            ("lemon", "put the apple in the bowl"),
+            ("book_red", "put the red block on the pad"),
+            ("mug_red", "lift it"),
+        ],
+    )
+    def test_another_thing_is_not(self, asset: str, text: str) -> None:
+        assert self.put(asset, text) == (text,)
+
+    def test_it_is_drawn_again_until_the_words_are_clear(self, tmp_path):
+        from rpaug.augment import Run, execute
+        from rpaug.registry import adapter
+
+        said = replace(take().episode, descriptions=("take the red mug",))
+        key = "pick_block/all_variations/episodes/episode0"
+        adapter("rlbench").write(said, tmp_path / "in", key, dict)
+        recipe_ = {"version": 1, "copies": 3, "edits": [{"op": "insert", "category": "mug"}]}
+        once = execute(Run(tmp_path / "in", recipe.build(recipe_), tmp_path / "once"))
+        several = recipe.build({**recipe_, "gates": {"tries": 8}})
+        again = execute(Run(tmp_path / "in", several, tmp_path / "again"))
+        assert (once.copies, again.copies) == (once.copies, 3)
+        assert once.copies < 3
+        for path in (tmp_path / "again").rglob("rpaug.json"):
+            (thing,) = json.loads(path.read_text())["draws"][0]["edit"]["things"]
+            assert thing["asset"] == "mug_blue"

@@ -91,7 +91,8 @@ def _points(scene: Scene, looks: Looks, handles: Iterable[int]) -> Float64[np.nd
     for handle in sorted(handles):
         if handle in body_of:
             points = surface(looks, handle, body_of[handle], POINTS)[0]
-            found.append(geometry.transform(body_of[handle].to_world[0], points))
+            body = body_of[handle]
+            found.append(geometry.transform(body.to_world[0], body.scale * points))
     return np.concatenate(found)
 
 

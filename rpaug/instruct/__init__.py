@@ -1,0 +1,31 @@
+"""The instruction follows the edit: what was "the red cup" is "the blue cup" once it is blue, and only then.
+
+A word of an instruction is changed where the thing it tells of was changed as a whole: a colour word where it was
+painted, a size word where it is the largest now that was the smallest. Where that cannot be told, where the thing is no
+longer there, or where the words would now fit another thing as well, the copy is rejected rather than written with
+words that lie.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rpaug.instruct import changes
+from rpaug.instruct.judging import Judge, Untrue
+from rpaug.instruct.phrases import phrases
+from rpaug.types import Scene
+
+__all__ = ["Untrue", "followed", "phrases"]
+
+
+def followed(scene: Scene, draws: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """The descriptions after the edits. Raises Untrue.
+
+    `scene` is the edited one, `draws` are the edits as a report describes them.
+    """
+    if not any(True for text in scene.descriptions for _ in phrases(text)):
+        return scene.descriptions
+    made = changes.of(scene, draws)
+    if not made:
+        return scene.descriptions
+    judge = Judge(changes.recorded(scene), changes.rearranged(scene), made)
+    return tuple(judge.rewritten(text) for text in scene.descriptions)

@@ -1,0 +1,87 @@
+"""What the edits of a copy made of the recorded things, as far as an instruction may speak of it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from rpaug.assets import library
+from rpaug.scene.naming import colours
+from rpaug.types import Body, Scene
+
+
+@dataclass(frozen=True)
+class Added:
+    """A thing that was put in: its kind, what it is called, and its colour word."""
+
+    kind: str
+    name: str
+    colour: str
+
+
+@dataclass(frozen=True)
+class Changes:
+    """By recorded handle: a colour name for what was painted, None for a new pattern; the factor by which it was
+    resized; what was moved, copied, taken out. `added` are the new things."""
+
+    looks: Mapping[int, str | None] = field(default_factory=dict)
+    scales: Mapping[int, float] = field(default_factory=dict)
+    moved: frozenset[int] = frozenset()
+    copied: frozenset[int] = frozenset()
+    removed: frozenset[int] = frozenset()
+    added: tuple[Added, ...] = ()
+
+    def __bool__(self) -> bool:
+        return any(vars(self).values())
+
+
+def of(scene: Scene, draws: Sequence[Mapping[str, Any]]) -> Changes:
+    """What an edited scene changed; `draws` are the edits as a report describes them."""
+    recorded = {handle: body for body in scene.tracked for handle in body.handles}
+    left = [body for body in scene.bodies if not body.copy_of and body.handles <= recorded.keys()]
+    now = {handle: body for body in left for handle in body.handles}
+    scales = {h: now[h].scale / recorded[h].scale for h in now if now[h].scale != recorded[h].scale}
+    added = tuple(
+        Added(asset.category, asset.name, asset.colour)
+        for draw in draws
+        for thing in (draw.get("edit") or {}).get("things", ())
+        if (asset := library.get(thing["asset"]))
+    )
+    return Changes(
+        looks=_looks(scene, frozenset(recorded)),
+        scales=scales,
+        moved=frozenset(h for h in now if h not in scales and _elsewhere(now[h], recorded[h])),
+        copied=frozenset(old for body in scene.bodies for old in body.copy_of),
+        removed=frozenset(recorded) - frozenset(now),
+        added=added,
+    )
+
+
+def recorded(scene: Scene) -> Scene:
+    """The scene as it was before any edit."""
+    return replace(scene, bodies=scene.tracked, recorded_bodies=None, appearance=(), sensor=())
+
+
+def rearranged(scene: Scene) -> Scene:
+    """What is left of the recorded things, as large as they are now and where they stand now, in their old colours."""
+    known = frozenset().union(*(body.handles for body in scene.tracked))
+    left = tuple(body for body in scene.bodies if not body.copy_of and body.handles <= known)
+    there = frozenset().union(*(body.handles for body in left))
+    roles = {name: handles & there for name, handles in scene.roles.items() if handles & there}
+    return replace(recorded(scene), bodies=left, roles=roles)
+
+
+def _looks(scene: Scene, known: frozenset[int]) -> dict[int, str | None]:
+    looks: dict[int, str | None] = {}
+    for appearance in scene.appearance:
+        if appearance.handles is None:  # light falls on all alike, and names no thing anew
+            continue
+        asked = getattr(appearance, "asked", None)
+        name = None if asked is None else colours.nearest(np.array(asked))
+        looks.update({handle: name for handle in appearance.handles if handle in known})
+    return looks
+
+
+def _elsewhere(now: Body, before: Body) -> bool:
+    return now is not before and not np.array_equal(now.to_world, before.to_world)

@@ -1,0 +1,210 @@
+"""What an instruction's phrases mean before and after the edits, and what must become of their words."""
+
+from dataclasses import replace
+from functools import cached_property
+
+from rpaug.errors import RpaugError, TargetError
+from rpaug.instruct.changes import Added, Changes
+from rpaug.instruct.phrases import BESIDE, LARGE, PLACES, SIZES, Phrase, Word, changed, phrases
+from rpaug.scene.naming import colours, shapes, targets
+from rpaug.scene.naming.nouns import understood
+from rpaug.scene.naming.survey import InstanceSummary, survey
+from rpaug.types import Scene
+
+# Nouns that things of several kinds go by: a mug is a cup, a brick is a block.
+BROAD = frozenset({"block", "box", "cube", "cup", "cylinder", "ball", "sphere", "pad", "container", "bowl"})  # fmt: skip
+
+
+class Untrue(RpaugError):
+    """After the edits an instruction would not be true, or not clear, and it is not known how to mend it."""
+
+
+class Judge:
+    """Says what each phrase means in the `recorded` scene, and what must become of it.
+
+    `after` has what is left of the recorded things, as large as they are now and where they stand now.
+    """
+
+    def __init__(self, recorded: Scene, after: Scene, changes: Changes) -> None:
+        self._recorded, self._after, self._changes = recorded, after, changes
+        self._known: dict[tuple[bool, str], frozenset[int] | None] = {}
+
+    def rewritten(self, text: str) -> str:
+        """The instruction with the words that the edits call for. Raises Untrue."""
+        new: list[tuple[Word, str]] = []
+        beside = bool(BESIDE.search(text.lower()))
+        for phrase in phrases(text):
+            self._there(phrase)
+            self._stands(phrase, beside)
+            if phrase.rank and (word := self._sized(phrase, phrase.rank)) != phrase.rank.text:
+                new.append((phrase.rank, word))
+            name = self._becomes(phrase)
+            self._clear(phrase, name)
+            if phrase.tint and name is not None and name != phrase.colour:
+                new.append((phrase.tint, name))
+        for place, word in sorted(new, key=lambda entry: -entry[0].start):
+            text = changed(text, place, word)
+        return text
+
+    def _there(self, phrase: Phrase) -> None:
+        """See that what is named is still there, and only once. Raises Untrue."""
+        for handles, what in (
+            (self._changes.removed, "was taken out"),
+            (self._changes.copied, "is there more than once now"),
+        ):
+            if not handles:
+                continue
+            named = self._named(phrase)
+            if named is None:
+                self._doubt(phrase, handles, what)
+            elif named & handles:
+                raise Untrue(f"{phrase.text!r} {what}")
+
+    def _stands(self, phrase: Phrase, beside: bool) -> None:
+        """See that what is told by its place stands as told. Raises Untrue."""
+        moved = self._changes.moved
+        told = phrase.rank is not None and phrase.rank.text in PLACES
+        if not moved or not (told or beside):
+            return
+        named = self._named(phrase)
+        if named is None:
+            self._doubt(phrase, moved, "was moved")
+        elif beside and named & moved:
+            raise Untrue(f"{phrase.text!r} was moved, and the words say where it stands")
+        elif told and self._named(phrase, after=True) != named:
+            raise Untrue(f"{phrase.text!r} is another thing now that things were moved")
+
+    def _sized(self, phrase: Phrase, rank: Word) -> str:
+        """The word for its size that is true after the edits. Raises Untrue."""
+        scales = self._changes.scales
+        if not scales or rank.text not in SIZES:
+            return rank.text
+        way, opposite = SIZES[rank.text]
+        named = self._named(phrase)
+        if named is None:
+            self._doubt(phrase, frozenset(scales), "was resized")
+            return rank.text
+        for kind in (replace(phrase, colour=None, tint=None), phrase):
+            if phrase.ranked is None or not kind.nouns or self._found(kind.said(), False) == named:
+                continue
+            if self._named(kind) != named:
+                continue  # smaller than others of its colour alone
+            if self._named(kind, after=True) == named:
+                return rank.text
+            if opposite and self._named(kind, after=True, rank=opposite) == named:
+                return opposite
+            raise Untrue(f"{phrase.text!r} is another thing now that things were resized")
+        lies = [h for h in named if h in scales and (scales[h] < 1) == (way == LARGE)]
+        if lies:
+            raise Untrue(f"{phrase.text!r} is {scales[lies[0]]:.2f} times its size now")
+        return rank.text
+
+    def _becomes(self, phrase: Phrase) -> str | None:
+        """The colour word that is true after the edits, None without one. Raises Untrue."""
+        looks = self._changes.looks
+        if phrase.colour is None or not looks:
+            return phrase.colour
+        named = self._named(phrase)
+        if named is None:
+            doubtful = [h for h in self._loose() if colours.means(phrase.colour, self._was(h))]
+            if doubtful:
+                raise Untrue(
+                    f"it cannot be told whether {phrase.text!r} is handle {doubtful[0]}, which was painted"
+                )
+            return phrase.colour
+        new = {looks.get(handle, phrase.colour) for handle in named}
+        if None in new:
+            raise Untrue(f"{phrase.text!r} has another pattern now, and no one colour")
+        names = {str(name) for name in new}
+        if all(colours.means(phrase.colour, name) for name in names):
+            return phrase.colour
+        if len(names) > 1:
+            raise Untrue(f"{phrase.text!r} is {' and '.join(sorted(names))} now")
+        return names.pop()
+
+    def _clear(self, phrase: Phrase, name: str | None) -> None:
+        """See that what the words say now fits nothing that they did not mean. Raises Untrue."""
+        said = " ".join([*filter(None, [name]), *phrase.nouns])
+        painted = self._loose() if name is not None else []
+        own = (self._named(phrase) or frozenset()) if painted else frozenset()
+        for handle in painted:
+            new = self._changes.looks[handle]
+            if (
+                handle not in own
+                and new
+                and colours.means(str(name), new)
+                and self._fits(phrase, handle)
+            ):
+                raise Untrue(f"handle {handle} was painted {new}: {said} could be it too")
+        for one in self._changes.added:
+            if (name is None or colours.means(name, one.colour)) and _goes_by(one, phrase.nouns):
+                raise Untrue(f"a {one.colour} {one.kind} was put in: {said} could be it too")
+
+    def _doubt(self, phrase: Phrase, handles: frozenset[int], what: str) -> None:
+        """See that none of these could be meant by a phrase that nothing was found for. Raises Untrue."""
+        for handle in sorted(handles):
+            alike = phrase.colour is None or colours.means(phrase.colour, self._was(handle))
+            if (
+                alike
+                and self._rows[handle].role not in targets.APART
+                and self._fits(phrase, handle)
+            ):
+                raise Untrue(
+                    f"it cannot be told whether {phrase.text!r} is handle {handle}, which {what}"
+                )
+
+    def _named(
+        self, phrase: Phrase, after: bool = False, rank: str | None = None
+    ) -> frozenset[int] | None:
+        """The handles that a phrase means in the recorded scene, or in what is left of it; None if it cannot be told."""
+        return self._found(phrase.said(rank or phrase.ranked), after)
+
+    def _found(self, said: str, after: bool) -> frozenset[int] | None:
+        if (after, said) not in self._known:
+            try:
+                scene = self._after if after else self._recorded
+                found = targets.find(scene, targets.Target(text=said, all=True))
+            except (TargetError, ValueError):
+                found = None
+            self._known[after, said] = found
+        return self._known[after, said]
+
+    def _fits(self, phrase: Phrase, handle: int) -> bool:
+        """Could a thing be called by the phrase's noun? Where the noun says nothing, any may be."""
+        if not phrase.nouns:
+            return True
+        scene = self._recorded
+        meanings = understood(phrase.nouns[-1], scene.descriptions, scene.roles)
+        named = frozenset[int]().union(
+            *(scene.roles.get(one.role or "", frozenset()) for one in meanings)
+        )
+        if any(one.shapes for one in meanings):
+            return handle in (self._found(phrase.nouns[-1], False) or frozenset())
+        return handle in named or not meanings
+
+    @cached_property
+    def _rows(self) -> dict[int, InstanceSummary]:
+        scene = self._recorded
+        return {row.handle: row for row in survey(scene.episode, scene.bodies, scene.roles)}
+
+    def _loose(self) -> list[int]:
+        """Painted handles but those of robot, table and background, which are meant only by name."""
+        looks = self._changes.looks
+        return [h for h in sorted(looks) if self._rows[h].role not in targets.APART]
+
+    def _was(self, handle: int) -> str:
+        return self._rows[handle].colour_name
+
+
+def _goes_by(thing: Added, nouns: tuple[str, ...]) -> bool:
+    """Could a new thing be called by these nouns? By its kind, a part of its name, or a word as broad as its shape."""
+    if not nouns:
+        return True
+    noun = nouns[-1]
+    for said in (noun, noun.removesuffix("s"), noun.removesuffix("es")):
+        if said == thing.kind or said in thing.name.split("_"):
+            return True
+        alike = shapes.WORDS.get(said, frozenset()) & shapes.WORDS.get(thing.kind, frozenset())
+        if alike and {said, thing.kind} & BROAD:
+            return True
+    return False

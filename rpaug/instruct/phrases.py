@@ -1,0 +1,180 @@
+"""The phrases of an instruction that name things: their colour word, their size or place word, and their nouns."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from rpaug.scene.naming import colours, relations
+from rpaug.scene.naming.nouns import TOWARDS, VERBS
+
+STOPS = (
+    TOWARDS
+    | VERBS
+    | relations.FILLERS
+    | {
+        "for",
+        "but",
+        "until",
+        "both",
+        "or",
+        "left",
+        "right",
+        "while",
+        "using",
+        "near",
+        "beside",
+        "behind",
+        "between",
+    }
+    | {
+        "nearest",
+        "closest",
+        "farthest",
+        "furthest",
+        "above",
+        "below",
+        "beneath",
+        "underneath",
+        "beyond",
+        "next",
+    }
+)
+# Heads of phrases that say where or how, and name no thing.
+NOWHERE = frozenset(
+    {
+        "top", "bottom", "side", "sides", "front", "back", "middle", "center", "centre", "edge", "end", "place", "position",
+        "way", "time", "times", "order", "direction", "angle", "hand", "ground", "air", "row", "line", "tower", "pile",
+        "off", "other", "others", "away", "together", "upright", "clockwise", "anticlockwise", "same", "last",
+    }
+)  # fmt: skip
+LARGE, SMALL = "large", "small"
+# Words for sizes: which way they mean, and the word for the other way, if there is one that compares as they do.
+SIZES: Mapping[str, tuple[str, str | None]] = {
+    "large": (LARGE, "small"), "big": (LARGE, "small"), "largest": (LARGE, "smallest"), "biggest": (LARGE, "smallest"),
+    "tall": (LARGE, "short"), "tallest": (LARGE, "shortest"), "small": (SMALL, "large"), "little": (SMALL, "large"),
+    "tiny": (SMALL, "large"), "smallest": (SMALL, "largest"), "tiniest": (SMALL, "largest"),
+    "short": (SMALL, "tall"), "shortest": (SMALL, "tallest"), "flattest": (SMALL, None),
+    **dict.fromkeys(("huge", "giant", "larger", "bigger", "taller", "long", "longer", "longest", "wide", "wider", "thick"),
+                    (LARGE, None)),
+    **dict.fromkeys(("smaller", "shorter", "mini", "narrow", "narrower", "thin", "thinner"), (SMALL, None)),
+}  # fmt: skip
+PLACES = frozenset(relations.RANKS) - frozenset(SIZES)
+# Where a thing stands, told by another: "on" and "in" lead to a goal as often, and are left out.
+BESIDE = re.compile(
+    r"\b(?:left of|right of|in front of|behind|next to|beside|near|nearest|closest|furthest|farthest|between|close to)\b"
+)
+
+
+@dataclass(frozen=True)
+class Word:
+    """A word of the text and where it stands there."""
+
+    text: str
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Phrase:
+    """A thing in an instruction's words. `colour` is the colour's own name, `tint` the word for it.
+
+    `rank` is a word for its size or its place.
+    """
+
+    colour: str | None
+    nouns: tuple[str, ...]
+    tint: Word | None = None
+    rank: Word | None = None
+
+    def said(self, rank: str | None = None) -> str:
+        """The phrase as a target's words: colour, `rank`, and what else tells it."""
+        nouns = self.nouns if self.colour else self.nouns[-1:]
+        return " ".join([*filter(None, (rank, self.colour)), *(nouns or ("thing",))])
+
+    @property
+    def text(self) -> str:
+        """The phrase as it is told to people."""
+        return self.said(self.rank.text if self.rank else None)
+
+    @property
+    def ranked(self) -> str | None:
+        """The word for size or place, if a target may hold it."""
+        return self.rank.text if self.rank and self.rank.text in relations.RANKS else None
+
+
+def phrases(text: str) -> Iterator[Phrase]:
+    """Every phrase that names a thing, in order."""
+    kind: tuple[str, ...] = ()
+    for group in _groups(text):
+        for part in _by_colour(group):
+            phrase = _phrase(part)
+            if phrase is None:
+                continue
+            if phrase.nouns[-1:] in (("one",), ("ones",)):  # "the small cup into the large one"
+                phrase = replace(phrase, nouns=kind)
+            kind = phrase.nouns[-1:] or kind
+            if phrase.nouns or phrase.colour:
+                yield phrase
+
+
+def _groups(text: str) -> Iterator[list[Word]]:
+    """Runs of words with nothing between them; of one that begins a clause, without its verb."""
+    run: list[Word] = []
+    before: Word | None = None
+    led = False  # by a word after which a thing is named
+    for match in re.finditer(r"[A-Za-z]+", text):
+        word = Word(match.group().lower(), match.start(), match.end())
+        between = text[before.end : word.start] if before else ""
+        apart = bool(re.search(r"[^\s\d-]", between))
+        if run and (apart or word.text in STOPS):
+            yield run
+            run = []
+        if word.text in STOPS:
+            led = word.text not in ("and", "then", "but", "or")
+        elif run or _named(word, between) or (led and not apart):
+            run.append(word)
+        else:
+            led = True  # a clause begins with its verb, whatever that is
+        before = word
+    if run:
+        yield run
+
+
+def _named(word: Word, between: str) -> bool:
+    """Does a thing begin here, whatever stands before: with a colour, or after a number?"""
+    return colours.canonical(word.text) is not None or bool(re.search(r"\d", between))
+
+
+def _by_colour(group: Sequence[Word]) -> Iterator[list[Word]]:
+    """A run of words, cut before every colour word but the first."""
+    cuts = [k for k, word in enumerate(group) if colours.canonical(word.text)][1:]
+    for start, stop in zip([0, *cuts], [*cuts, len(group)], strict=True):
+        yield list(group[start:stop])
+
+
+def _phrase(words: Sequence[Word]) -> Phrase | None:
+    tint = next((word for word in words if colours.canonical(word.text)), None)
+    ranks = [word for word in words if word.text in SIZES or word.text in PLACES]
+    nouns = tuple(word.text for word in words if word is not tint and word not in ranks)
+    while nouns and nouns[-1] in NOWHERE:
+        nouns = nouns[:-1]
+    colour = colours.canonical(tint.text) if tint else None
+    rank = ranks[0] if ranks else None
+    # "the orange on the plate" is a fruit, and "the orange" alone has no noun.
+    if colour == "orange" and not nouns:
+        return Phrase(None, ("orange",), None, rank)
+    if not nouns and colour is None:
+        return None
+    return Phrase(colour, nouns, tint, rank)
+
+
+def changed(text: str, word: Word, new: str) -> str:
+    """The text with another word in a word's place, its article and its capital kept right."""
+    old = text[word.start : word.end]
+    new = new.capitalize() if old[0].isupper() else new
+    before = text[: word.start]
+    article = re.search(r"\b([Aa])n?( +)$", before)
+    if article:
+        right = article[1] + ("n" if new[0].lower() in "aeiou" else "")
+        before = before[: article.start()] + right + article[2]
+    return before + new + text[word.end :]
