@@ -21,6 +21,7 @@ from rpaug.recipe_text import Path_, kind_of, override, parse
 from rpaug.sfm.asked import Asked
 
 MAX_BYTES = 2**20
+DEFAULT_VIDEO = Asked()
 
 
 class Select(BaseModel):
