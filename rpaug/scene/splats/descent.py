@@ -14,6 +14,7 @@ from rpaug.scene.splats.gaussian_view import sharp
 from rpaug.scene.splats.gaussians import Placement, moved, quaternions
 from rpaug.scene.splats.refine import CAMERA_STEP, Twists, about, corrected, twist_of
 from rpaug.scene.splats.stops import Kind, Stop
+from rpaug.scene.tracking import calibration
 from rpaug.types import Body, Camera, Episode, Gaussians, Scene
 
 FIDELITY_STEPS = 1000  # before moments, which do the rest
@@ -32,7 +33,9 @@ class FitSettings:
     depth_weight: float = 3.0  # of squared relative depth error, beside squared colour error
     checked_frames: int = 16  # at most, of those trained on and of those held out each
     last_rate: float = 0.03  # share of the rates left at the end (cosine schedule)
-    refine: bool = True  # let tracks and moving cameras give way
+    refine: bool = True  # let tracks and moving cameras give way,
+    body_limit: float = 1.0  # tracks by so many times their residual at most,
+    camera_limit: float = 3.0  # cameras by so many times what they and still ones disagree by
     moment_steps: int = 7  # of one pass over the moments, each on all views of a time
     moment_passes: int = 4  # at most
     rates: Rates = field(
@@ -108,8 +111,12 @@ class Descent:
         ]
         self._middles = [np.median(begun.means[rows], 0).astype(float) for _, rows in self._moving]
         self._twists = [
-            Twists.of(trained, float(np.linalg.norm(begun.means[rows] - middle, axis=-1).mean()))
-            for (_, rows), middle in zip(self._moving, self._middles, strict=True)
+            Twists.of(
+                trained,
+                float(np.linalg.norm(begun.means[rows] - middle, axis=-1).mean()),
+                most=settings.body_limit * body.residual,
+            )
+            for (body, rows), middle in zip(self._moving, self._middles, strict=True)
         ]
         tracks = [body.to_world.copy() for body, _ in self._moving]
         self._light = Learner()
@@ -122,8 +129,14 @@ class Descent:
         cameras = {name: view.camera for name, view in scene.episode.views.items()}
         self._poses = {name: camera.cam_to_world.copy() for name, camera in cameras.items()}
         reach = 0.5  # metres: about what a hand camera looks at
+        still = {h for body in scene.bodies if body.motion == "static" for h in body.handles}
         self._drifts = {
-            name: Twists.of(trained, reach, CAMERA_STEP)
+            name: Twists.of(
+                trained,
+                reach,
+                CAMERA_STEP,
+                settings.camera_limit * calibration.disagreement(scene.episode, name, still),
+            )
             for name, camera in cameras.items()
             if not camera.fixed
         }

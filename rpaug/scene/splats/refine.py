@@ -1,7 +1,8 @@
 """Poses that give way during a fit: bodies and moving cameras settle where the images agree best.
 
 A correction is a twist (turn, shift) in world axes about the middle of what moves. Only frames that are
-fitted have one of their own; in between it is interpolated.
+fitted have one of their own; in between it is interpolated. None goes further than what is known to be off: colours of
+one frame ask for more than is true, and what they are given there is wrong in between.
 """
 
 from collections.abc import Sequence
@@ -31,9 +32,12 @@ class Twists:
     counts: Int[np.ndarray, "k"]
     radius: float  # metres: how far its points are from its middle
     pace: float  # metres a step
+    most: float  # metres that a correction may come to
 
     @staticmethod
-    def of(times: Sequence[int], radius: float, pace: float = BODY_STEP) -> "Twists":
+    def of(
+        times: Sequence[int], radius: float, pace: float = BODY_STEP, most: float = np.inf
+    ) -> "Twists":
         """No correction yet."""
         k = len(times)
         return Twists(
@@ -44,6 +48,7 @@ class Twists:
             np.zeros(k, int),
             radius,
             pace,
+            most,
         )
 
     def step(self, t: int, gradient: Float64[np.ndarray, "6"], factor: float) -> None:
@@ -60,6 +65,9 @@ class Twists:
         size = np.sqrt(self.second[k] / (1 - SPREAD ** self.counts[k])) + 1e-15
         self.values[k] *= 1 - DECAY * factor
         self.values[k] -= self.pace * factor * mean / size / np.repeat([self.radius, 1.0], 3)
+        for part, reach in ((np.s_[:3], self.radius), (np.s_[3:], 1.0)):
+            far = reach * float(np.linalg.norm(self.values[k, part]))
+            self.values[k, part] *= min(1.0, self.most / max(far, 1e-15))
 
     def at(self, t: int) -> Float64[np.ndarray, "6"]:
         """The correction of any frame."""

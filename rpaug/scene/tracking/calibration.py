@@ -5,7 +5,7 @@ that the other cameras recorded there, and the small rigid motion that would mak
 whose misfit is too large is named and left out, and the rest is judged again without it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ SCALE = 0.001  # metres: residuals beyond this count less and less (Cauchy weigh
 FLAT = 1e-3  # of the strongest direction: motions that surfaces resist less cannot be told
 SMOOTH = 0.003  # of depth: second differences beyond this are an edge
 EXPLAINED = 0.25  # of what is off: a motion that explains less is none
+QUARTILE = 0.75  # of the distances, for how far two cameras disagree
 RARE = 0.1  # of all points: rarer directions count no more than this
 TOLERATED = 0.007  # metres that a camera's points may be off before it is named; curved surfaces leave up to 6 mm
 TOLERATED_MOVING = (
@@ -84,6 +85,17 @@ def check(
     # One that was left out because it disagreed with another that is off is not off itself.
     found = [m for m in found if m.millimetres > limits[m.camera]]
     return tuple(sorted(found, key=lambda m: -m.millimetres))
+
+
+def disagreement(episode: Episode, name: str, handles: Collection[int]) -> float:
+    """Metres that one camera's points of some instances are off the planes that still cameras recorded there.
+
+    The upper quartile: most points lie where an error cannot be told. Infinite if too few are shared.
+    """
+    others = [n for n, v in episode.views.items() if v.camera.fixed and n != name and v.depth]
+    found = [_compared(episode, name, other, handles)[2] for other in others]
+    off = np.abs(np.concatenate([np.zeros(0), *found]))
+    return float(np.quantile(off, QUARTILE)) if len(off) >= FEWEST else np.inf
 
 
 def _worst(
@@ -154,16 +166,21 @@ def _cost(
     return float((share * np.log1p(((off + rows @ motion) / SCALE) ** 2)).sum())
 
 
-def _compared(episode: Episode, name: str, other: str) -> _Pair:
-    """Points of one camera, the normals of what the other saw there, and signed distances, all in metres."""
-    found = [_at(episode, name, other, t) for t in spread(episode.length)[:FRAMES]]
+def _compared(
+    episode: Episode, name: str, other: str, handles: Collection[int] | None = None
+) -> _Pair:
+    """Points of one camera (of some instances), the normals of what the other saw there, and signed distances, all
+    in metres."""
+    found = [_at(episode, name, other, t, handles) for t in spread(episode.length)[:FRAMES]]
     points, normals, off = (np.concatenate(part) for part in zip(*found, strict=True))
     return points, normals, off
 
 
-def _at(episode: Episode, name: str, other: str, t: int) -> _Pair:
+def _at(episode: Episode, name: str, other: str, t: int, handles: Collection[int] | None) -> _Pair:
     mine, theirs = source_at(episode.views[name], t), source_at(episode.views[other], t)
     depth = np.where(np.isfinite(mine.depth) & (mine.depth > 0), mine.depth, 0.0)
+    if handles is not None:
+        depth = np.where(np.isin(mine.ids, list(handles)), depth, 0.0)
     use = np.zeros(depth.shape, bool)
     use[::STRIDE, ::STRIDE] = depth[::STRIDE, ::STRIDE] > 0
     # Relative to the camera, so that a scene far from the origin loses no digits.
