@@ -46,6 +46,17 @@ def test_corrections_are_interpolated_between_fitted_frames() -> None:
     np.testing.assert_array_equal(twists.at(0), np.zeros(6))
 
 
+def test_a_correction_goes_no_further_than_what_is_known_to_be_off() -> None:
+    twists = refine.Twists.of([0, 4], 0.1, most=0.002)
+    for _ in range(100):
+        twists.step(4, np.array([0, -1.0, 0, -1.0, 0.5, 0]), 1.0)
+    turn, shift = np.linalg.norm(twists.at(4).reshape(2, 3), axis=1)
+    np.testing.assert_allclose([0.1 * turn, shift], 0.002)
+    exact = refine.Twists.of([0, 4], 0.1, most=0.0)
+    exact.step(4, np.ones(6), 1.0)
+    np.testing.assert_array_equal(exact.at(4), np.zeros(6))
+
+
 def test_a_wrong_track_is_put_right() -> None:
     """The carried block's track is made 8 mm wrong while it is held; a fit finds most of that back."""
     world = boxes.pick_and_place()
@@ -53,7 +64,8 @@ def test_a_wrong_track_is_put_right() -> None:
     true = next(body for body in scene.bodies if BLOCK in body.handles)
     wrong = true.to_world.copy()
     wrong[12:, 0, 3] += 0.008
-    bodies = tuple(replace(b, to_world=wrong) if b is true else b for b in scene.bodies)
+    moved = replace(true, to_world=wrong, residual=0.008)
+    bodies = tuple(moved if b is true else b for b in scene.bodies)
     settings = FitSettings(
         steps=200, train_frames=4, threads=1, checked_frames=1, rates=Rates(means=0.0, quats=0.0)
     )

@@ -59,3 +59,12 @@ def test_of_two_that_disagree_both_are_named(episode):
 
 def test_one_camera_has_nothing_to_agree_with(episode):
     assert calibration.check(replace(episode, views={"front": episode.views["front"]})) == ()
+
+
+def test_how_far_a_camera_disagrees_with_still_ones(episode):
+    everything = np.unique(np.concatenate([v.ids(0).ravel() for v in episode.views.values()]))
+    assert calibration.disagreement(episode, "front", everything) < 0.001
+    off = shifted(episode, "front", (0, 0, 0.01))
+    assert 0.005 < calibration.disagreement(off, "front", everything) < 0.011
+    # Nothing in common says nothing.
+    assert calibration.disagreement(episode, "front", [-7]) == np.inf
