@@ -90,20 +90,26 @@ def advance(grids, gravity, dt, low, high):
                 nodes[i, j, n, 3] = m
 
 
-@kernel
-def touching(x, radius, distance, normals, base, boxes, origin, cell, touched, low, high):
-    """Mark the nodes of particles low..high, balls of `radius`, that touch what stands still (0) or a box (1).
+@inlined
+def _mark(touched, what, i, j, n):
+    """The 27 nodes of a particle, from their lowest."""
+    for a in range(i, i + 3):
+        for b in range(j, j + 3):
+            for c in range(n, n + 3):
+                touched[what, a, b, c] = True
 
-    A node feels a wall once a particle that it carries does, not as soon as it carries anything: that would be the
-    sooner the shorter the step.
-    """
-    normal = np.empty(3)
+
+@inlined
+def _close(x, boxes, cell, low, high):
+    """Numbers of the boxes that reach to where particles low..high are."""
     near = np.empty(len(boxes), np.int64)
-    count = 0
+    if len(boxes) == 0:
+        return near
     least, most = np.full(3, np.inf), np.full(3, -np.inf)
     for p in range(low, high):
         for r in range(3):
             least[r], most[r] = min(least[r], x[p, r]), max(most[r], x[p, r])
+    count = 0
     for b in range(len(boxes)):
         apart = False
         for r in range(3):
@@ -114,25 +120,39 @@ def touching(x, radius, distance, normals, base, boxes, origin, cell, touched, l
         if not apart:
             near[count] = b
             count += 1
+    return near[:count]
+
+
+@kernel
+def touching(x, radius, distance, normals, base, boxes, origin, cell, touched, low, high):
+    """Mark the nodes of particles low..high, balls of `radius`, that touch what stands still (0) or a box (1).
+
+    A node feels a wall once a particle that it carries does, not as soon as it carries anything: that would be the
+    sooner the shorter the step.
+    """
+    normal = np.empty(3)
+    near = _close(x, boxes, cell, low, high)
+    inverse = 1.0 / cell
     for p in range(low, high):
         gx, gy, gz = (
-            (x[p, 0] - origin[0]) / cell,
-            (x[p, 1] - origin[1]) / cell,
-            (x[p, 2] - origin[2]) / cell,
+            (x[p, 0] - origin[0]) * inverse,
+            (x[p, 1] - origin[1]) * inverse,
+            (x[p, 2] - origin[2]) * inverse,
         )
         i, j, n = int(gx + 0.5), int(gy + 0.5), int(gz + 0.5)
         si, sj, sn = base[0] + i, base[1] + j, base[2] + n
-        away = distance[si, sj, sn] + cell * (
-            (gx - i) * normals[si, sj, sn, 0]
-            + (gy - j) * normals[si, sj, sn, 1]
-            + (gz - n) * normals[si, sj, sn, 2]
-        )
-        i, j, n = int(gx - 0.5), int(gy - 0.5), int(gz - 0.5)
-        if away < radius[p]:
-            touched[0, i : i + 3, j : j + 3, n : n + 3] = True
-        for k in range(count):
-            if _box_distance(boxes[near[k]], x[p, 0], x[p, 1], x[p, 2], normal) < radius[p]:
-                touched[1, i : i + 3, j : j + 3, n : n + 3] = True
+        away = distance[si, sj, sn]
+        if away < radius[p] + cell:  # no particle is farther from its nearest node
+            away += cell * (
+                (gx - i) * normals[si, sj, sn, 0]
+                + (gy - j) * normals[si, sj, sn, 1]
+                + (gz - n) * normals[si, sj, sn, 2]
+            )
+            if away < radius[p]:
+                _mark(touched, 0, int(gx - 0.5), int(gy - 0.5), int(gz - 0.5))
+        for b in near:
+            if _box_distance(boxes[b], x[p, 0], x[p, 1], x[p, 2], normal) < radius[p]:
+                _mark(touched, 1, int(gx - 0.5), int(gy - 0.5), int(gz - 0.5))
                 break
 
 

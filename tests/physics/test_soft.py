@@ -57,11 +57,13 @@ def test_a_beam_bends_as_far_as_theory_says() -> None:
     space = replace(space, distance=distance)
     one = Soft(x, volume, Material(young=young, poisson=0.0), space, friction=-1.0)
     tip, bends = x[:, 0] > length - CELL, []
-    for k in range(26):
+    for k in range(16):
         one.run(0.02)
-        one.v *= 0.7
-        one.C *= 0.7
-        if k >= 16:
+        one.v *= (
+            0.5  # over half of critical: a fiftieth of the swing is left when it is first looked at
+        )
+        one.C *= 0.5
+        if k >= 12:
             bends.append((x[tip, 2] - one.x[tip, 2]).mean())
     theory = 1000 * 9.81 * length**4 * 12 / (8 * young * side**2)
     assert np.mean(bends) == pytest.approx(theory, rel=0.1)
