@@ -63,6 +63,12 @@ def edited(
     if 1 in carriers.values():  # each camera's view is drawn from all cameras' images
         near = replace(scene, episode=shelved(scene.episode))
         shared = surfels.build(near, kept() if kept else None)
+    whole = scene
+    if any(tier >= 3 for tier in carriers.values()):
+        from rpaug.scene.splats import behind  # only here: it brings torch and the rasteriser
+
+        whole = behind.completed(scene, kept)
+    painted = _count(whole) - _count(scene)
     views = {}
     for name in scene.episode.views:
         stand_in = scene.episode.views[name].stand_in
@@ -77,7 +83,8 @@ def edited(
                 render = partial(_blended, near, shared, name, blended[name])
             views[name] = _rendered(near, name, render, watch)
         else:
-            views[name] = _rendered(scene, name, partial(_gaussians, scene, name), watch)
+            render = partial(_gaussians, whole, name, painted=painted)
+            views[name] = _rendered(scene, name, render, watch)
     shown = {name: _as_recorded(view, scene.episode.views[name]) for name, view in views.items()}
     return replace(scene.episode, views=shown, descriptions=scene.descriptions)
 
@@ -182,11 +189,20 @@ def _blended(
     )
 
 
-def _gaussians(scene: Scene, name: str, t: int) -> Frame:
-    from rpaug.scene.splats import gaussian_view  # only here: it brings torch and the rasteriser
+def _count(scene: Scene) -> int:
+    return 0 if scene.gaussians is None else len(scene.gaussians)
 
-    rgb, depth, ids = gaussian_view.blended(scene, name, t)
+
+def _gaussians(scene: Scene, name: str, t: int, painted: int = 0) -> Frame:
+    """`painted` of the Gaussians, the last ones, stand for what nobody saw."""
+    from rpaug.scene.splats import behind, gaussian_view  # only here: they bring the rasteriser
+
+    rgb, depth, ids, index = gaussian_view.seen(scene, name, t)
     empty = depth == 0
+    made_up = empty
+    if painted and scene.gaussians is not None:
+        known = len(scene.gaussians) - painted
+        made_up = empty | behind.invented(scene.gaussians.ids, known, scene, t, index)
     drawn = Rendered(rgb.astype(np.float32) / 255, depth, ids, -empty.astype(np.int16), empty)
     filled = holes.fill(drawn)
     camera = gaussian_view.standing(scene, name)
@@ -194,4 +210,4 @@ def _gaussians(scene: Scene, name: str, t: int) -> Frame:
     where = gaussian_view.surfaces(depth, ids, camera, t, scene.bodies)
     # Gaussians blend, so an outline's pixel is a mixture however sharp the recording was.
     image = composite(rgb, ids, scene.appearance, True, where)
-    return Frame(image, depth, ids, empty & (ids == filled.ids))
+    return Frame(image, depth, ids, made_up & (ids == filled.ids))
