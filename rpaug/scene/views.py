@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
@@ -18,6 +18,9 @@ from rpaug.scene.added import inserted
 from rpaug.scene.recorded import surface, surfels
 from rpaug.scene.shelf import shelved
 from rpaug.types import CameraView, Episode, Scene, Sensor
+
+if TYPE_CHECKING:
+    from rpaug.scene.splats import behind
 
 KEPT_FRAMES = 8  # a writer asks for rgb, depth and ids of one frame in turn
 
@@ -63,12 +66,11 @@ def edited(
     if 1 in carriers.values():  # each camera's view is drawn from all cameras' images
         near = replace(scene, episode=shelved(scene.episode))
         shared = surfels.build(near, kept() if kept else None)
-    whole = scene
+    whole = None
     if any(tier >= 3 for tier in carriers.values()):
         from rpaug.scene.splats import behind  # only here: it brings torch and the rasteriser
 
-        whole = behind.completed(scene, kept)
-    painted = _count(whole) - _count(scene)
+        whole = behind.patched(scene, kept)
     views = {}
     for name in scene.episode.views:
         stand_in = scene.episode.views[name].stand_in
@@ -83,7 +85,7 @@ def edited(
                 render = partial(_blended, near, shared, name, blended[name])
             views[name] = _rendered(near, name, render, watch)
         else:
-            render = partial(_gaussians, whole, name, painted=painted)
+            render = partial(_gaussians, scene if whole is None else whole, name)
             views[name] = _rendered(scene, name, render, watch)
     shown = {name: _as_recorded(view, scene.episode.views[name]) for name, view in views.items()}
     return replace(scene.episode, views=shown, descriptions=scene.descriptions)
@@ -189,20 +191,13 @@ def _blended(
     )
 
 
-def _count(scene: Scene) -> int:
-    return 0 if scene.gaussians is None else len(scene.gaussians)
-
-
-def _gaussians(scene: Scene, name: str, t: int, painted: int = 0) -> Frame:
-    """`painted` of the Gaussians, the last ones, stand for what nobody saw."""
+def _gaussians(shown: "Scene | behind.Patched", name: str, t: int) -> Frame:
     from rpaug.scene.splats import behind, gaussian_view  # only here: they bring the rasteriser
 
+    whole = behind.Patched(shown) if isinstance(shown, Scene) else shown
+    scene = whole.scene
     rgb, depth, ids, index = gaussian_view.seen(scene, name, t)
     empty = depth == 0
-    made_up = empty
-    if painted and scene.gaussians is not None:
-        known = len(scene.gaussians) - painted
-        made_up = empty | behind.invented(scene.gaussians.ids, known, scene, t, index)
     drawn = Rendered(rgb.astype(np.float32) / 255, depth, ids, -empty.astype(np.int16), empty)
     filled = holes.fill(drawn)
     camera = gaussian_view.standing(scene, name)
@@ -210,4 +205,5 @@ def _gaussians(scene: Scene, name: str, t: int, painted: int = 0) -> Frame:
     where = gaussian_view.surfaces(depth, ids, camera, t, scene.bodies)
     # Gaussians blend, so an outline's pixel is a mixture however sharp the recording was.
     image = composite(rgb, ids, scene.appearance, True, where)
+    made_up = empty | whole.invented(t, index)
     return Frame(image, depth, ids, made_up & (ids == filled.ids))
