@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
@@ -18,6 +18,9 @@ from rpaug.scene.added import inserted
 from rpaug.scene.recorded import surface, surfels
 from rpaug.scene.shelf import shelved
 from rpaug.types import CameraView, Episode, Scene, Sensor
+
+if TYPE_CHECKING:
+    from rpaug.scene.splats import behind
 
 KEPT_FRAMES = 8  # a writer asks for rgb, depth and ids of one frame in turn
 
@@ -63,6 +66,11 @@ def edited(
     if 1 in carriers.values():  # each camera's view is drawn from all cameras' images
         near = replace(scene, episode=shelved(scene.episode))
         shared = surfels.build(near, kept() if kept else None)
+    whole = None
+    if any(tier >= 3 for tier in carriers.values()):
+        from rpaug.scene.splats import behind  # only here: it brings torch and the rasteriser
+
+        whole = behind.patched(scene, kept)
     views = {}
     for name in scene.episode.views:
         stand_in = scene.episode.views[name].stand_in
@@ -77,7 +85,8 @@ def edited(
                 render = partial(_blended, near, shared, name, blended[name])
             views[name] = _rendered(near, name, render, watch)
         else:
-            views[name] = _rendered(scene, name, partial(_gaussians, scene, name), watch)
+            render = partial(_gaussians, scene if whole is None else whole, name)
+            views[name] = _rendered(scene, name, render, watch)
     shown = {name: _as_recorded(view, scene.episode.views[name]) for name, view in views.items()}
     return replace(scene.episode, views=shown, descriptions=scene.descriptions)
 
@@ -182,10 +191,12 @@ def _blended(
     )
 
 
-def _gaussians(scene: Scene, name: str, t: int) -> Frame:
-    from rpaug.scene.splats import gaussian_view  # only here: it brings torch and the rasteriser
+def _gaussians(shown: "Scene | behind.Patched", name: str, t: int) -> Frame:
+    from rpaug.scene.splats import behind, gaussian_view  # only here: they bring the rasteriser
 
-    rgb, depth, ids = gaussian_view.blended(scene, name, t)
+    whole = behind.Patched(shown) if isinstance(shown, Scene) else shown
+    scene = whole.scene
+    rgb, depth, ids, index = gaussian_view.seen(scene, name, t)
     empty = depth == 0
     drawn = Rendered(rgb.astype(np.float32) / 255, depth, ids, -empty.astype(np.int16), empty)
     filled = holes.fill(drawn)
@@ -194,4 +205,5 @@ def _gaussians(scene: Scene, name: str, t: int) -> Frame:
     where = gaussian_view.surfaces(depth, ids, camera, t, scene.bodies)
     # Gaussians blend, so an outline's pixel is a mixture however sharp the recording was.
     image = composite(rgb, ids, scene.appearance, True, where)
-    return Frame(image, depth, ids, empty & (ids == filled.ids))
+    made_up = empty | whole.invented(t, index)
+    return Frame(image, depth, ids, made_up & (ids == filled.ids))

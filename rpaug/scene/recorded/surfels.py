@@ -98,15 +98,39 @@ def recorded(scene: Scene) -> Surfels:
 
 def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:
     """Painted surfels behind the static bodies that were edited, be it only later."""
-    edits = (*carried(scene, 0), *carried(scene, scene.episode.length - 1))
-    handles = (handle for edit in edits for handle in edit.handles)
-    edited = frozenset(handles) & surfels.static
+    edited = standing_edited(surfels, scene)
     if not edited:
         return ()
+    plates, past = _still(surfels, scene, edited)
+    return unseen.patches(plates, past, edited, scene.inpaint, surfels.tolerance)
+
+
+def standing_edited(surfels: Surfels, scene: Scene) -> frozenset[int]:
+    """Handles of bodies that stood still when recorded and are not there as they were, be it only later."""
+    edits = (*carried(scene, 0), *carried(scene, scene.episode.length - 1))
+    return frozenset(handle for edit in edits for handle in edit.handles) & surfels.static
+
+
+def backgrounds(surfels: Surfels, scene: Scene) -> dict[str, unseen.Background]:
+    """What each fixed camera would see of static things alone, without the edited ones; paint counts as a hole."""
+    edited = standing_edited(surfels, scene)
+    plates, past = _still(surfels, scene, edited)
+    return {
+        name: unseen.background(
+            camera, kept, plates, (*past, *surfels.patches), edited, surfels.tolerance, len(surfels.patches)
+        )
+        for name, (camera, kept) in plates.items()
+    }
+
+
+def _still(
+    surfels: Surfels, scene: Scene, edited: frozenset[int]
+) -> tuple[dict[str, tuple[Camera, Plate]], list[Source]]:
+    """The fixed cameras' plates, and what moving cameras recorded of static things, without the edited ones."""
     cameras = {name: scene.episode.views[name].camera for name in surfels.plates}
     plates = {name: (cameras[name], kept) for name, kept in surfels.plates.items()}
     past = [_without(source, edited) for kept in surfels.history.values() for source in kept]
-    return unseen.patches(plates, past, edited, scene.inpaint, surfels.tolerance)
+    return plates, past
 
 
 def _noise(scene: Scene) -> float:

@@ -26,11 +26,12 @@ PASSES = 3  # of the plane's fit, each on what the last explains
 
 
 @dataclass(frozen=True)
-class _View:
-    """One camera's background without the edited bodies, and which of its pixels nobody saw."""
+class Background:
+    """One camera's background without the edited bodies, what they hid of it, and which pixels nobody saw."""
 
     camera: Camera
     drawn: Rendered
+    behind: Bool[np.ndarray, "h w"]
     hole: Bool[np.ndarray, "h w"]
 
 
@@ -49,7 +50,7 @@ def patches(
     left = dict(plates)
     while left:
         views = {
-            name: _view(camera, plate, plates, (*others, *found), edited, tolerance)
+            name: background(camera, plate, plates, (*others, *found), edited, tolerance)
             for name, (camera, plate) in left.items()
         }
         best = max(views, key=lambda name: int(views[name].hole.sum()))
@@ -60,14 +61,17 @@ def patches(
     return tuple(found)
 
 
-def _view(
+def background(
     camera: Camera,
     plate: Plate,
     plates: dict[str, tuple[Camera, Plate]],
     others: Sequence[Source],
     edited: frozenset[int],
     tolerance: float,
-) -> _View:
+    painted: int = 0,
+) -> Background:
+    """One fixed camera's background from all plates and the `others`; the last `painted` of those are no recordings."""
+
     def rest(one: Plate) -> Source:
         return replace(one.source, use=one.known & ~among(one.ids, edited))
 
@@ -77,10 +81,11 @@ def _view(
         witness=plate.source, tolerance=tolerance,
     )  # fmt: skip
     behind = plate.known & among(plate.ids, edited)
-    return _View(camera, drawn, drawn.hole & behind)
+    hole = drawn.hole | (drawn.source >= len(sources) - painted)
+    return Background(camera, drawn, behind, hole & behind)
 
 
-def _painted(view: _View, method: str, tolerance: float) -> Source:
+def _painted(view: Background, method: str, tolerance: float) -> Source:
     """The view's hole as a recording: depth and handles continued, colours painted thing by thing."""
     filled = holes.fill(view.drawn)
     known = ~view.drawn.hole & (view.drawn.depth > 0)
@@ -88,7 +93,7 @@ def _painted(view: _View, method: str, tolerance: float) -> Source:
     rgb = filled.image
     for handle in np.unique(filled.ids[view.hole]).tolist():
         here = view.hole & (filled.ids == handle)
-        around = _grown(here, RING) & known & (filled.ids == handle)
+        around = grown(here, RING) & known & (filled.ids == handle)
         plane = _plane(depth, around, tolerance)
         if plane is not None:
             continued = _on(plane, here.shape)
@@ -138,7 +143,7 @@ def _texture(
     colour is painted that is not seen.
     """
     wide = [np.pad(plane, MARGIN) for plane in (hole, same)]
-    rows, columns = np.nonzero(_grown(wide[0], MARGIN))
+    rows, columns = np.nonzero(grown(wide[0], MARGIN))
     window = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
     gap, known = (plane[window] for plane in wide)
     if not known.any():
@@ -163,6 +168,6 @@ def _nearest(
     return colour[labels]
 
 
-def _grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:
+def grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:
     square = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
     return cv2.dilate(mask.astype(np.uint8), square).astype(bool)

@@ -61,6 +61,18 @@ def blended(
     scene: Scene, camera: str, t: int
 ) -> tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]:
     """What `render_view` shows before appearance edits: the Gaussians with their bodies where they are now."""
+    return seen(scene, camera, t)[:3]
+
+
+def seen(
+    scene: Scene, camera: str, t: int
+) -> tuple[
+    UInt8[np.ndarray, "h w 3"],
+    Float32[np.ndarray, "h w"],
+    Int32[np.ndarray, "h w"],
+    Int32[np.ndarray, "h w"],
+]:
+    """The same, and which row of the edited scene's Gaussians each pixel's surface is, -1 for none."""
     if camera not in scene.cameras:
         known = ", ".join(scene.cameras)
         raise TargetError(f"no camera is called {camera!r}; there are: {known}")
@@ -85,7 +97,7 @@ def blended(
     if then is not unedited:
         opened = _opened(drawn, before, eye, t)
         depth, ids = np.where(opened, 0, depth), np.where(opened, 0, ids)
-    return to_bytes(drawn.colour), depth, ids.astype(np.int32)
+    return to_bytes(drawn.colour), depth, ids.astype(np.int32), drawn.surface_index
 
 
 def _opened(drawn: Rendering, before: Splats, eye: Camera, t: int) -> Bool[np.ndarray, "h w"]:

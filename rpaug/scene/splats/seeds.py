@@ -35,12 +35,7 @@ def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
         camera = scene.episode.views[name].camera
         pose = camera.cam_to_world[0]
         plates.append(Picture(plate.rgb, plate.depth, plate.ids, camera.K, pose, plate.known))
-    for k, picture in enumerate(plates):
-        part = lifted(picture)
-        earlier, later = _footprints(part, plates[:k]), _footprints(part, plates[k + 1 :])
-        # Each place is left to the camera that shows it finest; of equals to the first.
-        finest = (part.scales[:, 1] < earlier / AS_FINE) & (part.scales[:, 1] <= later * AS_FINE)
-        yield chosen(part, finest)
+    yield from finest(plates)
     done = plates
     for view in scene.episode.views.values():
         if not view.camera.fixed:
@@ -50,6 +45,15 @@ def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
                     part = _sparse(past)
                     yield chosen(part, np.isinf(_footprints(part, done)))
                     done = [*done, past]
+
+
+def finest(pictures: Sequence[Picture]) -> Iterator[Gaussians]:
+    """A Gaussian for each used pixel, each place left to the picture that shows it finest; of equals to the first."""
+    for k, picture in enumerate(pictures):
+        part = lifted(picture)
+        earlier, later = _footprints(part, pictures[:k]), _footprints(part, pictures[k + 1 :])
+        mine = (part.scales[:, 1] < earlier / AS_FINE) & (part.scales[:, 1] <= later * AS_FINE)
+        yield chosen(part, mine)
 
 
 def _sparse(picture: Picture) -> Gaussians:
