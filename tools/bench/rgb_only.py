@@ -1,10 +1,12 @@
 """What colour images alone are enough for: the twin's recordings with depth, masks and calibration hidden.
 
-    python tools/bench/rgb_only.py [--seeds 4] [--size 128] [--frames 17] [--json]
+    python tools/bench/rgb_only.py [--seeds 4] [--size 128] [--frames 17] [--uncut] [--json]
 
 Of each seed's recording only the fixed cameras' colours are kept. Edits made from those are held against the truly
 changed recording: dB inside the truly changed pixels and outside them, beside the unedited images'. `IoU` is that of
-the mask an edit went by with the true one; `handle` asks for the handle that fits best, `words` for the colour's name.
+the mask an edit went by with the true one; `handle` asks for the handle that fits best, `words` for the colour's name,
+`role` for what is manipulated. `things` is the mean over all true things beside the robot, each by its best handle over
+all cameras, and `thing in a camera` by its best handle there; nothing is edited. `--uncut` leaves GrabCut out.
 The background's texture lies in another place than the true one: dB are of its mean colour there.
 """
 
@@ -27,10 +29,13 @@ from rpaug.bench.metrics import psnr
 from rpaug.errors import RpaugError
 from rpaug.scene.build import build
 from rpaug.scene.naming import colours, targets
+from rpaug.scene.rgb_only import outlines
 from rpaug.testing import shown
 from rpaug.types import Episode, Scene
 
 FACTORS = ("object_color", "table_color", "background_texture", "light_color")
+SEEN = 12  # pixels a frame: of a thing that a camera shows less of nothing is asked there
+HANDLES = 200
 FOCAL = 1.2  # longest sides, as adapters assume
 
 
@@ -132,6 +137,9 @@ def asked(
         handles = best(scene, recorded, set(changed))
         target = {"handle": sorted(handles)}
         yield "object by handle", handles, "recolor", fields | {"target": target}
+        if manipulated := scene.roles.get("manipulated"):
+            target = {"handle": sorted(manipulated)}
+            yield "object by role", manipulated, "recolor", fields | {"target": target}
         word = colours.nearest(np.array(recorded.truth.albedos[changed[0]]))
         target = {"text": f"the {word} thing", "all": True}
         try:
@@ -139,6 +147,39 @@ def asked(
         except RpaugError:
             return
         yield "object by words", handles, "recolor", fields | {"target": target}
+
+
+def things(scene: Scene, true: twin.Take) -> tuple[float, float]:
+    """Mean overlap of the true things with their best handles: over all cameras, and camera by camera."""
+    robot = ("link", "hand", "finger", "table", "floor", "wall")
+    parts = {h for name, h in true.truth.handles.items() if not name.startswith(robot)}
+    both: dict[int, list[np.ndarray]] = {}
+    for name, view in scene.episode.views.items():
+        ours = np.stack([view.ids(t) for t in range(scene.episode.length)])  # type: ignore[misc]
+        views = true.episode.views
+        theirs = np.stack([views[name].ids(t) for t in range(scene.episode.length)])  # type: ignore[misc]
+        for part in parts:
+            mask = theirs == part
+            if mask.sum() < SEEN * scene.episode.length:
+                continue
+            found = {h: (ours == h) for h in np.unique(ours[mask]).tolist()}
+            counts = np.zeros((HANDLES, 3))
+            for row, handle in enumerate(sorted(scene.handles)):
+                held = found.get(handle)
+                counts[row] = (
+                    mask.sum(),
+                    (ours == handle).sum(),
+                    (held & mask).sum() if held is not None else 0,
+                )
+            both.setdefault(part, []).append(counts)
+    every = [_best(np.sum(rows, 0)) for rows in both.values()]
+    each = [_best(counts) for rows in both.values() for counts in rows]
+    return float(np.mean(every)), float(np.mean(each))
+
+
+def _best(counts: np.ndarray) -> float:
+    mask, held, common = counts.T
+    return float((common / np.maximum(mask + held - common, 1)).max())
 
 
 def rows(seed: int, size: int, frames: int, folder: Path) -> Iterator[Row]:
@@ -152,6 +193,9 @@ def rows(seed: int, size: int, frames: int, folder: Path) -> Iterator[Row]:
         start = time.process_time()
         scene = build(bare(recorded.episode), with_bodies=True)
         built = time.process_time() - start
+        if factor == FACTORS[0]:
+            for name, iou in zip(("things", "thing in a camera"), things(scene, recorded), strict=True):
+                yield Row(name, seed, task, iou, np.nan, np.nan, np.nan, built)
         for name, handles, op, fields in asked(scene, factor, recorded, true, folder):
             if handles is not None and not handles:
                 continue
@@ -170,8 +214,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--frames", type=int, default=17)
+    parser.add_argument("--uncut", action="store_true")
     parser.add_argument("--json", action="store_true")
     told = parser.parse_args()
+    if told.uncut:
+        outlines.cut = lambda image, ids, only=None: ids  # type: ignore[assignment]
     with tempfile.TemporaryDirectory() as folder:
         found = [
             row

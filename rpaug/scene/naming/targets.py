@@ -27,6 +27,7 @@ APART = (
     "table",
     "background",
 )  # roles that a phrase with a place in it means only by name
+TOUCH = 0.5  # of the strongest chroma that fits a colour word: weaker ones are not meant beside it
 
 
 class Part(BaseModel):
@@ -224,7 +225,11 @@ class _Finder:
         if not any(view.stand_in for view in self._scene.episode.views.values()):
             return exact
         # A camera alone shows colours washed out: their hue says more than the nearest name.
-        return [row for row in rows if colours.hued(colour, np.array(row.colour))] or exact
+        # Beside a thing that has much of it, what has a touch of it is not meant.
+        chroma = [float(np.hypot(*colours.to_lab(np.array(row.colour))[1:])) for row in rows]
+        told = [k for k, row in enumerate(rows) if colours.hued(colour, np.array(row.colour))]
+        strongest = max((chroma[k] for k in told), default=0.0)
+        return [rows[k] for k in told if chroma[k] > TOUCH * strongest] or exact
 
     def _shape(self, row: InstanceSummary) -> str:
         body = next(body for body in self._scene.bodies if row.handle in body.handles)

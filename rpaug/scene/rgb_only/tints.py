@@ -13,6 +13,9 @@ from jaxtyping import Bool, Float32, Int, UInt8
 LIGHTNESS = 0.45  # weight of lightness beside the two chroma axes (CIELAB)
 MOST = 14  # tints looked for
 APART = 11.0  # of the weighted Lab distance: nearer tints are one
+LOUD = 25.0  # of the weighted Lab distance from every tint from which a colour has none yet
+RARE = 0.0008  # share of the pixels that such colours must have
+RARER = 3  # further tints, at most, that they get
 SAMPLES = 20_000  # pixels that tints are found from
 TOGETHER = 60.0  # squared distance that a pixel gives up to be of its neighbours' tint
 CHROMATIC = 15.0  # chroma below which a tint has no shades: greys differ in lightness alone
@@ -32,14 +35,35 @@ def weighted(image: UInt8[np.ndarray, "*n 3"]) -> Float32[np.ndarray, "*n 3"]:
 
 
 def find(images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> Tints:
-    """Middles of the tints of some images: k-means (Lloyd 1982), then the nearest pairs merged until all are apart."""
+    """Middles of the tints of some images: k-means (Lloyd 1982), then the nearest pairs merged until all are apart.
+
+    Means settle where pixels are many; what is far from all of them, a small thing of a loud colour, gets its own.
+    """
     pixels = np.concatenate([weighted(cv2.medianBlur(one, 3)).reshape(-1, 3) for one in images])
     pixels = np.ascontiguousarray(pixels[:: max(1, len(pixels) // SAMPLES)])
+    found = _merged(*_means(pixels, MOST))
+    off = np.min([np.linalg.norm(pixels - tint, axis=1) for tint in found], axis=0)
+    rare = pixels[off > LOUD]
+    if len(rare) < RARE * len(pixels):
+        return found
+    middles, counts = _means(rare, RARER)
+    return np.concatenate([found, _merged(middles, counts)])
+
+
+def _means(
+    pixels: Float32[np.ndarray, "n 3"], most: int
+) -> tuple[Float32[np.ndarray, "k 3"], Float32[np.ndarray, "k"]]:
+    """Middles of at most so many clusters, and their pixels' numbers."""
     cv2.setRNGSeed(0)  # the first middles are drawn from OpenCV's global generator
-    most = min(MOST, len(np.unique(pixels, axis=0)))
+    most = min(most, len(np.unique(pixels, axis=0)))
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.1)
     _, owner, found = cv2.kmeans(pixels, most, np.empty(0), stop, 3, cv2.KMEANS_PP_CENTERS)
-    middles, counts = list(found), list(np.bincount(owner[:, 0], minlength=most).astype(float))
+    return found, np.bincount(owner[:, 0], minlength=most).astype(np.float32)
+
+
+def _merged(found: Float32[np.ndarray, "k 3"], weights: Float32[np.ndarray, "k"]) -> Tints:
+    """The same with the nearest merged until all are apart."""
+    middles, counts = list(found), list(weights)
     while len(middles) > 1:
         table = np.array(middles)
         apart = np.linalg.norm(table[:, None] - table[None], axis=-1)

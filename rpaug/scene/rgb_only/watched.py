@@ -16,6 +16,8 @@ FRAMES = 20  # of each camera, from which motion is told
 MOBILE = 0.5  # of the most mobile tint's share of pixels that change: others that reach it move too
 CARRIED = 0.6  # share of a tint's pixels that changed, from which nothing of it rests
 OFTEN = 0.25  # of all changes that a mobile tint has part in, or it is a thing that was moved
+FEW = 4  # changed pixels of a tint that are none
+ENTERS = 0.3  # share of the frames in which a tint of the robot's reaches the image's edge, of those in which it moves
 OPEN = 0.25  # share of the frames in which what the robot covers must be seen for it to be believed
 STEADY = 6.0  # weighted Lab: what is seen there in those frames differs by no more
 
@@ -81,13 +83,16 @@ def mobile(cameras: Iterable[Watched], count: int) -> tuple[frozenset[int], froz
     what it carries all the time, which are seen almost only where something changes."""
     moving, shown = np.zeros(count), np.zeros(count)
     pairs = np.zeros((count, count))  # changed pixels by the tint they show and the backdrop's
-    entering = np.zeros(count, bool)  # what a gripper carries is seldom cut off by the image's edge
+    enters, changes = np.zeros(count), np.zeros(count)  # frames
     for watched in cameras:
         for changed, label in zip(watched.changed, watched.labels, strict=True):
             shown += np.bincount(label.reshape(-1), minlength=count)
             moving += np.bincount(label[changed], minlength=count)
             np.add.at(pairs, (label[changed], watched.tint[changed]), 1)
-            entering[[k for k in np.unique(label[changed]) if _enters(label == k, changed)]] = True
+            found = np.flatnonzero(np.bincount(label[changed], minlength=count) >= FEW)
+            changes[found] += 1
+            enters[[k for k in found if _enters(label == k, changed)]] += 1
+    entering = enters > ENTERS * changes  # what a gripper carries is seldom cut off by the image's edge
     mobility = moving / np.maximum(shown, 1)
     movers = _movers(pairs, mobility, entering)
     if not movers.any():
