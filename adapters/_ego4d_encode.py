@@ -45,7 +45,9 @@ def write(target: Path, video: Video, shown: Seen) -> None:
         raise Unsupported(f"{video.path}: {told.codec} cannot be written; these can: {known}")
     if codec == "hevc" and min(told.width, told.height) < HEVC_LEAST:
         size = f"{told.width}x{told.height}"
-        raise Unsupported(f"{video.path}: {size} in HEVC; its encoder takes {HEVC_LEAST} pixels a side or more")
+        raise Unsupported(
+            f"{video.path}: {size} in HEVC; its encoder takes {HEVC_LEAST} pixels a side or more"
+        )
     name, options = ENCODERS[codec]
     timescale = {"video_track_timescale": str(told.time_base.denominator)}
     mp4 = target.suffix in (".mp4", ".mov", ".m4v")
