@@ -24,12 +24,13 @@ def filmed(track: np.ndarray) -> Callable[[int], np.ndarray]:
     motion = play(tabletop.ARM, job.script, job.placing, 16)
     scene = tabletop.build(job.placing, np.random.default_rng(1), 5, [])
     camera = Camera(cameras.intrinsics("front", SIZE), track, SIZE, SIZE)
-    images = []
     with Renderer(scene, Look(), SIZE) as renderer:
         placed = {name: poses[0] for name, poses in motion.objects.items()}
         renderer.pose(motion.joint_positions[0], motion.opening[0], placed)
-        for t in range(len(track)):
-            images.append(renderer.render(camera, t, cameras.NEAR, 4.5)[0].copy())
+        far = cameras.FAR["front"]
+        images = [
+            renderer.render(camera, t, cameras.NEAR, far)[0].copy() for t in range(len(track))
+        ]
     return images.__getitem__
 
 

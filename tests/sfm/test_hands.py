@@ -41,7 +41,7 @@ def episode() -> Episode:
     (view,) = walk.views.values()
     rng = np.random.default_rng(9)
     square = np.repeat(np.repeat(rng.integers(0, 60, (10, 10, 3)), 4, 0), 4, 1)
-    square = (square + [20, 140, 30]).astype(np.uint8)
+    square = (square + np.array([20, 140, 30])).astype(np.uint8)
     images = []
     for t in range(LENGTH):
         image = view.rgb(t).copy()
