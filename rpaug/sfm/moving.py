@@ -7,6 +7,7 @@ et al. 2016). Boxes of hands that an annotator drew (Ego4D's FHO) say more where
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -29,6 +30,9 @@ MOVING = 0.5  # of these lie off
 LEAST = 0.002  # of an image: what is smaller is noise
 BOXED = 0.6  # of a segment inside of a hand's box
 FILLS = 0.9  # of a box that one segment fills: then it is what is behind
+
+
+RULE = repr((STEP, APART, QUICK, FADING, CONTRADICTED, ASIDE, DRIFT, RETURNS, KNOWN, MOVING, LEAST))
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,7 @@ def find(
                     if t not in grey:
                         grey[t] = cv2.cvtColor(look(t).rgb, cv2.COLOR_RGB2GRAY)
                 if pair not in flows:
-                    flows[pair] = engine.calc(grey[pair[0]], grey[pair[1]], None)
+                    flows[pair] = _flow(engine, grey[pair[0]], grey[pair[1]])
             off.append(_off(look(k), look(j), flows[k, j], flows[j, k], spans[k]))
             if abs(j - k) == step:
                 kept[k, j] = flows[k, j].astype(np.float16)
@@ -79,14 +83,18 @@ def find(
     return Moving(tuple(_lasting(numbers, sure, kept, step)), wrong)
 
 
-def _step(look: Callable[[int], Look], count: int, engine: cv2.DISOpticalFlow) -> int:
+def _step(look: Callable[[int], Look], count: int, engine: Any) -> int:
     """Frames between those that are compared: fewer where the camera is quick, whose flow would be lost."""
     lengths = []
     for k in sorted({int(t) for t in np.linspace(0, count - 1 - STEP, SAMPLED)} & {*range(count)}):
         a, b = (cv2.cvtColor(look(t).rgb, cv2.COLOR_RGB2GRAY) for t in (k, k + STEP))
-        flow = engine.calc(a, b, None)  # type: ignore[call-overload]
+        flow = _flow(engine, a, b)
         lengths.append(float(np.median(np.linalg.norm(flow, axis=-1))) / a.shape[1])
     return STEP if lengths and float(np.median(lengths)) < QUICK else 1
+
+
+def _flow(engine: Any, one: np.ndarray, other: np.ndarray) -> Float32[np.ndarray, "h w 2"]:
+    return np.asarray(engine.calc(one, other, None))
 
 
 def _lasting(
@@ -100,7 +108,8 @@ def _lasting(
     def carried(values: Sequence[np.ndarray], k: int, j: int) -> np.ndarray:
         if (k, j) not in flows:
             return np.zeros(found[k].shape, np.float32)
-        rows, columns = np.mgrid[: found[k].shape[0], : found[k].shape[1]].astype(np.float32)
+        height, width = found[k].shape
+        rows, columns = np.mgrid[:height, :width].astype(np.float32)
         x, y = columns + flows[k, j][..., 0], rows + flows[k, j][..., 1]
         return cv2.remap(np.asarray(values[j], np.float32), x, y, cv2.INTER_LINEAR)
 
@@ -178,8 +187,9 @@ def cleaned(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
 
 def boxed(look: Look, boxes: Sequence[Box]) -> Bool[np.ndarray, "h w"]:
     """What the boxes of hands are drawn around: segments that mostly lie inside, but for what fills a whole box."""
-    out = np.zeros(look.depth.shape, bool)
-    rows, columns = np.mgrid[: out.shape[0], : out.shape[1]]
+    height, width = look.depth.shape
+    out = np.zeros((height, width), bool)
+    rows, columns = np.mgrid[:height, :width]
     count = np.bincount(look.segments.ravel())
     for left, top, right, bottom in boxes:
         inside = (columns >= left) & (columns <= right) & (rows >= top) & (rows <= bottom)
