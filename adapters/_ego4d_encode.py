@@ -16,6 +16,7 @@ from av.video.frame import VideoFrame
 from jaxtyping import Bool, UInt8
 from rpaug_adapters import _ego4d_boxes
 from rpaug_adapters._ego4d_video import Facts, Video, matrix
+from rpaug_adapters._video import HEVC_LEAST
 
 from rpaug import Unsupported
 
@@ -42,6 +43,11 @@ def write(target: Path, video: Video, shown: Seen) -> None:
     if codec not in ENCODERS or ENCODERS[codec][0] not in av.codecs_available:
         known = ", ".join(ENCODERS)
         raise Unsupported(f"{video.path}: {told.codec} cannot be written; these can: {known}")
+    if codec == "hevc" and min(told.width, told.height) < HEVC_LEAST:
+        size = f"{told.width}x{told.height}"
+        raise Unsupported(
+            f"{video.path}: {size} in HEVC; its encoder takes {HEVC_LEAST} pixels a side or more"
+        )
     name, options = ENCODERS[codec]
     timescale = {"video_track_timescale": str(told.time_base.denominator)}
     mp4 = target.suffix in (".mp4", ".mov", ".m4v")

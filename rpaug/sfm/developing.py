@@ -96,8 +96,9 @@ def develop(
     def look(k: int) -> Look:
         return look_at(image(k), lens.K, model.cam_to_world[k], depths[k])
 
+    told = fingerprint(mapped.encode(), moving.RULE.encode())[:12]
     moved = _moved(
-        look, [span for span, _ in bounds], where.with_suffix(f".{mapped}.moving.npz"), tell
+        look, [span for span, _ in bounds], where.with_suffix(f".{told}.moving.npz"), tell
     )
     held = [k for k in range(len(shots)) if k not in moved.contradicted]
     contradicted = tuple(int(model.times[k]) for k in moved.contradicted)
@@ -112,7 +113,8 @@ def develop(
         look.cache_clear()
     else:
         masks = list(moved.masks)
-    masks = [_with_boxes(view, int(model.times[k]), look(k), mask) for k, mask in enumerate(masks)]
+    for k, mask in enumerate(masks) if view.hands else ():
+        masks[k] = _with_boxes(view, int(model.times[k]), look(k), mask)
 
     factor = world.unit(depths)
     model = model.moved(np.eye(4), factor)
@@ -124,10 +126,10 @@ def develop(
         replace(look_at(image(k), lens.K, model.cam_to_world[k], depths[k]), hidden=masks[k])
         for k in some
     ]
-    told = things.find(looks)
+    found = things.find(looks)
     if level is not None:
-        told = things.with_support(told, looks, level)
-    film = Film(episode, model, tuple(depths), told, RELATIVE, tuple(masks), contradicted)
+        found = things.with_support(found, looks, level)
+    film = Film(episode, model, tuple(depths), found, RELATIVE, tuple(masks), contradicted)
     return scaled(film, asked)
 
 

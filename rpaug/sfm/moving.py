@@ -7,6 +7,7 @@ et al. 2016). Boxes of hands that an annotator drew (Ego4D's FHO) say more where
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,8 +17,10 @@ from rpaug import geometry
 from rpaug.sfm.look import Look
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom; pixels of a look
-STEP = 2  # frames over which what moves is followed
-APART = (-2 * STEP, -STEP, STEP, 2 * STEP)  # frames that one is compared with
+STEP = 2  # frames over which what moves is followed, 1 where the camera is quick
+APART = (-2, -1, 1, 2)  # steps to the frames that one is compared with
+QUICK = 0.08  # image widths in STEP frames, the median flow
+SAMPLED = 5  # frames that tell how quick the camera is
 FADING = 0.95  # a step: of what moved and rests
 CONTRADICTED = 0.5  # of an image does not move as its poses say: they are wrong
 ASIDE, DRIFT = 1.5, 0.05  # pixels, and share of the flow, that a still point may lie off its line
@@ -27,6 +30,9 @@ MOVING = 0.5  # of these lie off
 LEAST = 0.002  # of an image: what is smaller is noise
 BOXED = 0.6  # of a segment inside of a hand's box
 FILLS = 0.9  # of a box that one segment fills: then it is what is behind
+
+
+RULE = repr((STEP, APART, QUICK, FADING, CONTRADICTED, ASIDE, DRIFT, RETURNS, KNOWN, MOVING, LEAST))
 
 
 @dataclass(frozen=True)
@@ -48,12 +54,13 @@ def find(
     What moved stays told apart while it rests between two motions.
     """
     engine = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    step = _step(look, count, engine)
     grey: dict[int, np.ndarray] = {}
     kept: dict[tuple[int, int], np.ndarray] = {}
     flows: dict[tuple[int, int], np.ndarray] = {}
     found, numbers = [], []
     for k in range(count):
-        near = [k + step for step in APART if 0 <= k + step < count]
+        near = [k + n * step for n in APART if 0 <= k + n * step < count]
         off = []
         for j in near:
             for pair in ((k, j), (j, k)):
@@ -61,45 +68,61 @@ def find(
                     if t not in grey:
                         grey[t] = cv2.cvtColor(look(t).rgb, cv2.COLOR_RGB2GRAY)
                 if pair not in flows:
-                    flows[pair] = engine.calc(grey[pair[0]], grey[pair[1]], None)
+                    flows[pair] = _flow(engine, grey[pair[0]], grey[pair[1]])
             off.append(_off(look(k), look(j), flows[k, j], flows[j, k], spans[k]))
-            if abs(j - k) == STEP:
+            if abs(j - k) == step:
                 kept[k, j] = flows[k, j].astype(np.float16)
         number = look(k).segments
         numbers.append(number.astype(np.uint16))
         found.append(_by_segment(number, off))
-        grey.pop(k + min(APART), None)
+        grey.pop(k + step * min(APART), None)
         flows = {pair: flow for pair, flow in flows.items() if max(pair) > k}
         progress((k + 1) / count)
     wrong = tuple(k for k, mask in enumerate(found) if mask.mean() > CONTRADICTED)
     sure = [np.zeros_like(mask) if k in wrong else mask for k, mask in enumerate(found)]
-    return Moving(tuple(_lasting(numbers, sure, kept)), wrong)
+    return Moving(tuple(_lasting(numbers, sure, kept, step)), wrong)
+
+
+def _step(look: Callable[[int], Look], count: int, engine: Any) -> int:
+    """Frames between those that are compared: fewer where the camera is quick, whose flow would be lost."""
+    lengths = []
+    for k in sorted({int(t) for t in np.linspace(0, count - 1 - STEP, SAMPLED)} & {*range(count)}):
+        a, b = (cv2.cvtColor(look(t).rgb, cv2.COLOR_RGB2GRAY) for t in (k, k + STEP))
+        flow = _flow(engine, a, b)
+        lengths.append(float(np.median(np.linalg.norm(flow, axis=-1))) / a.shape[1])
+    return STEP if lengths and float(np.median(lengths)) < QUICK else 1
+
+
+def _flow(engine: Any, one: np.ndarray, other: np.ndarray) -> Float32[np.ndarray, "h w 2"]:
+    return np.asarray(engine.calc(one, other, None))
 
 
 def _lasting(
     numbers: Sequence[UInt16[np.ndarray, "h w"]],
     found: Sequence[Bool[np.ndarray, "h w"]],
     flows: Mapping[tuple[int, int], np.ndarray],
+    step: int,
 ) -> Iterator[Bool[np.ndarray, "h w"]]:
     """What moves where neighbouring frames say so too, carried along by the flow while it rests."""
 
     def carried(values: Sequence[np.ndarray], k: int, j: int) -> np.ndarray:
         if (k, j) not in flows:
             return np.zeros(found[k].shape, np.float32)
-        rows, columns = np.mgrid[: found[k].shape[0], : found[k].shape[1]].astype(np.float32)
+        height, width = found[k].shape
+        rows, columns = np.mgrid[:height, :width].astype(np.float32)
         x, y = columns + flows[k, j][..., 0], rows + flows[k, j][..., 1]
         return cv2.remap(np.asarray(values[j], np.float32), x, y, cv2.INTER_LINEAR)
 
     count = len(found)
     backed = [
-        mask & (np.maximum(carried(found, k, k - STEP), carried(found, k, k + STEP)) > 0.5)
+        mask & (np.maximum(carried(found, k, k - step), carried(found, k, k + step)) > 0.5)
         for k, mask in enumerate(found)
     ]
     passes = []
-    for step, order in ((-STEP, range(count)), (STEP, range(count - 1, -1, -1))):
+    for way, order in ((-step, range(count)), (step, range(count - 1, -1, -1))):
         score = [mask.astype(np.float32) for mask in backed]
         for k in order:
-            score[k] = np.maximum(score[k], FADING * carried(score, k, k + step))
+            score[k] = np.maximum(score[k], FADING * carried(score, k, k + way))
         passes.append(score)
     for k, number in enumerate(numbers):
         mean = np.bincount(number.ravel(), (0.5 * (passes[0][k] + passes[1][k])).ravel())
@@ -164,8 +187,9 @@ def cleaned(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
 
 def boxed(look: Look, boxes: Sequence[Box]) -> Bool[np.ndarray, "h w"]:
     """What the boxes of hands are drawn around: segments that mostly lie inside, but for what fills a whole box."""
-    out = np.zeros(look.depth.shape, bool)
-    rows, columns = np.mgrid[: out.shape[0], : out.shape[1]]
+    height, width = look.depth.shape
+    out = np.zeros((height, width), bool)
+    rows, columns = np.mgrid[:height, :width]
     count = np.bincount(look.segments.ravel())
     for left, top, right, bottom in boxes:
         inside = (columns >= left) & (columns <= right) & (rows >= top) & (rows <= bottom)

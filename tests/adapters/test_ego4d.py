@@ -12,7 +12,7 @@ from rpaug_adapters._ego4d_video import Video
 from rpaug_adapters.ego4d import Ego4D
 from videos import HEIGHT, WIDTH, picture, turn, write
 
-from rpaug import BadInput, CameraView, Episode, registry
+from rpaug import BadInput, CameraView, Episode, Unsupported, registry
 from rpaug.testing import AdapterContract
 
 UID, CLIP = "9c5b7322-d1cc-4b56-ae9d-85831f28fac1", "0a1b"
@@ -155,6 +155,36 @@ def test_an_edited_video_is_like_the_recorded_one(tmp_path: Path, codec: str, na
     for t in (2, 3):
         wanted = brighter(episode, at=3).views["ego"].rgb(t).astype(int)
         assert np.abs(again.views["ego"].rgb(t) - wanted).mean() < 2.5
+
+
+def test_small_videos_in_hevc_are_refused_and_not_crashed_on(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mp4", 2, size=(96, 62))
+    episode = Ego4D().read(tmp_path, "a")
+    object.__setattr__(episode.source.video.facts, "codec", "hevc")
+    with pytest.raises(Unsupported, match=r"a\.mp4: 96x62 in HEVC"):
+        copied(brighter(episode), tmp_path / "out")
+    assert not (tmp_path / "out" / "video_0").exists()
+    assert path.is_file()
+
+
+def test_a_rotated_video_of_varying_rate_in_hevc(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mp4", 12, codec="libx265", times=VARIED)
+    turn(path, (0, 1, -1, 0))
+    episode = Ego4D().read(tmp_path, "a")
+    assert (episode.views["ego"].camera.width, episode.views["ego"].camera.height) == (64, 96)
+    made = copied(brighter(episode), tmp_path / "out")
+    before, after = Video(path).facts, Video(made).facts
+    assert np.array_equal(before.times, after.times)
+    assert (before.codec, before.quarter_turns) == (after.codec, after.quarter_turns)
+    wanted = brighter(episode).views["ego"].rgb(7).astype(int)
+    shown = Ego4D().read(tmp_path / "out", "video_0").views["ego"].rgb(7)
+    assert np.abs(shown - wanted).mean() < 2.5
+
+
+def test_boxes_of_hands_come_with_the_view(tmp_path: Path) -> None:
+    root = dataset(tmp_path)
+    clip = Ego4D().read(root, f"v2/clips/{CLIP}").views["ego"]
+    assert clip.hands == {1: ((1.0, 2.0, 3.0, 4.0),), 3: ((1.0, 2.0, 3.0, 4.0),)}
 
 
 def test_an_unedited_video_keeps_its_bytes(tmp_path: Path) -> None:

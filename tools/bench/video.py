@@ -2,7 +2,8 @@
 
 python tools/bench/video.py walk FOLDER     # RGB-D frames with poses (7-Scenes layout), their colours made a video
 python tools/bench/video.py clip VIDEO      # any video: registered or refused, and why
-Add --gaussians for the fit, --json for one JSON value. Nothing is taken from or left in the user's cache.
+Add --gaussians for the fit, --edit RECIPE for an edited copy at tier 4 in a folder that is thrown away (or --keep OUT),
+--json for one JSON value. But for --edit nothing is taken from or left in the user's cache.
 """
 
 import argparse
@@ -16,6 +17,8 @@ import cv2
 import numpy as np
 from rpaug_adapters.ego4d import Ego4D
 
+from rpaug import recipe
+from rpaug.augment import Run, execute
 from rpaug.errors import Unsupported
 from rpaug.sfm import developing, splats, world
 
@@ -27,6 +30,9 @@ def main() -> None:
     parser.add_argument("kind", choices=("walk", "clip"))
     parser.add_argument("path", type=Path)
     parser.add_argument("--gaussians", action="store_true", help="fit them too")
+    parser.add_argument("--edit", type=Path, help="a recipe: write a copy, Gaussians throughout")
+    parser.add_argument("--tier", type=int, default=4, help="least tier of that copy")
+    parser.add_argument("--keep", type=Path, help="new folder for the copy")
     parser.add_argument("--width", type=int, default=320, help="pixels: of the images fitted")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--json", action="store_true")
@@ -35,7 +41,10 @@ def main() -> None:
         path = given.path
         if given.kind == "walk":
             path = as_video(given.path, Path(folder) / "walk.mp4")
-        facts = measured(given, path, Path(folder) / "cache")
+        if given.edit:
+            facts = edited(given, path, given.keep or Path(folder) / "out")
+        else:
+            facts = measured(given, path, Path(folder) / "cache")
     if given.json:
         print(json.dumps(facts))
         return
@@ -72,6 +81,32 @@ def measured(given: argparse.Namespace, path: Path, cache: Path) -> dict[str, ob
         facts["hands"] = told.get("four")
         facts["gaussians_processor_s"] = round(time.process_time() - start, 1)
     return facts
+
+
+def edited(given: argparse.Namespace, path: Path, out: Path) -> dict[str, object]:
+    """A copy by a recipe, and whether it is the recording's in frames, rate and duration."""
+    start = time.process_time()
+    run = Run(path, recipe.load(given.edit), out, given.tier)
+    summary = execute(run)
+    spent = time.process_time() - start
+    facts: dict[str, object] = {"failures": summary.failures, "warnings": summary.warnings}
+    for made in sorted(out.glob("*.mp4")):
+        told = [_told(one) for one in (path, made)]
+        facts[made.name] = {"recorded": told[0], "written": told[1], "alike": told[0] == told[1]}
+        report = json.loads((made.with_suffix("") / "rpaug.json").read_bytes())
+        facts[made.name] |= {"fit": report["plan"].get("fit"), "film": report["plan"].get("film")}
+    return facts | {"processor_min": round(spent / 60, 1)}
+
+
+def _told(path: Path) -> list[object]:
+    """Codec, size, rate, frames that decode, and duration in seconds."""
+    with av.open(str(path)) as file:
+        stream = file.streams.video[0]
+        times = [frame.pts for frame in file.decode(video=0)]
+        assert stream.time_base is not None
+        lasted = float((times[-1] - times[0]) * stream.time_base)
+        size = f"{stream.width}x{stream.height}"
+        return [stream.codec_context.name, size, str(stream.average_rate), len(times), lasted]
 
 
 def as_video(folder: Path, path: Path) -> Path:
