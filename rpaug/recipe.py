@@ -4,7 +4,7 @@ import fnmatch
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -119,7 +119,9 @@ class Recipe:
     accuracy: Accuracy | None = None
     arms: tuple[Path, ...] = ()  # URDF or MJCF files
     depth_model: str | None = None  # for episodes without depth
-    video: Asked = DEFAULT_VIDEO  # for episodes of one moving camera of which only images are known
+    video: Asked = field(
+        default_factory=Asked
+    )  # for episodes of one moving camera of which only images are known
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.
