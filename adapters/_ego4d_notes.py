@@ -21,6 +21,8 @@ HANDS = "fho_hands*.json"
 PASSES = ("narration_pass_1", "narration_pass_2")
 SECONDS = ("timestamp_sec", "start_sec", "end_sec", "action_start_sec", "action_end_sec")
 FRAMES = ("timestamp_frame", "start_frame", "end_frame", "action_start_frame", "action_end_frame")
+LISTS = ("narrations", "summaries", "frames")
+NUMBERS = frozenset({*SECONDS, *FRAMES, "frame"})
 LARGEST = 2**31  # bytes: all of Ego4D's narrations are a tenth of it
 TAG = re.compile(
     r"^\s*#\w+\s+(?:C\b\s*)?"
@@ -163,15 +165,21 @@ def _hands_from(
 
 @dataclass(frozen=True)
 class Library:
-    """Everything in an Ego4D folder: entries of videos and clips by uid, narrations and hands by uid."""
+    """Everything in an Ego4D folder: entries of videos and clips by uid, narrations and hands by uid, their files."""
 
     videos: Mapping[str, Mapping[str, Any]]
     clips: Mapping[str, Mapping[str, Any]]
     narrations: Mapping[str, Mapping[str, Any]]
     hands: Mapping[str, Mapping[str, Any]]  # by clip
+    files: Mapping[str, Path]  # of narrations and hands
 
     def of(self, uid: str) -> Notes:
-        """What is said of a video or clip file, in its own time."""
+        """What is said of a video or clip file, in its own time. Raises BadInput."""
+        for name in (uid, str(self.clips.get(uid, {}).get("video_uid", ""))):
+            _check(self.files.get(name), name, self.narrations.get(name))
+        for name, clip in self.hands.items():
+            if uid in (name, clip.get("video_uid")):
+                _check(self.files.get(name), name, clip)
         if uid in self.clips and uid not in self.videos:
             clip = self.clips[uid]
             parent = str(clip.get("video_uid", ""))
@@ -188,6 +196,35 @@ class Library:
         return {name: told[name] for name in PASSES if isinstance(told.get(name), Mapping)}
 
 
+def _check(path: Path | None, uid: str, told: Any) -> None:
+    """See that lists are lists of objects and times are numbers, wherever they are. Raises BadInput."""
+    waiting = [] if path is None else [(uid, told)]
+    while waiting:
+        at, node = waiting.pop()
+        for key, value in node.items() if isinstance(node, Mapping) else ():
+            place, wanted = f"{at}.{key}"[:80], None
+            if key in LISTS and not _objects(value):
+                wanted = "a list of objects"
+            elif key in NUMBERS and not _number(value) and (value is not None or key == "frame"):
+                wanted = "a number"
+            if wanted:
+                assert path is not None
+                raise BadInput(path, place, found=repr(value)[:40], expected=wanted)
+            waiting += (
+                [(f"{place}.{i}", one) for i, one in enumerate(value)]
+                if key in LISTS
+                else [(place, value)]
+            )
+
+
+def _objects(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(one, Mapping) for one in value)
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and abs(value) < 1e15
+
+
 def _span(clip: Mapping[str, Any], unit: str) -> tuple[float, float]:
     start, stop = clip.get(f"video_start_{unit}"), clip.get(f"video_end_{unit}")
     return float(start or 0), float("inf") if stop is None else float(stop)
@@ -198,20 +235,27 @@ def library(home: Path) -> Library:
     index = _json(home / INDEX) if (home / INDEX).is_file() else _json(home.parent / INDEX)
     held = home / FOLDER
     narrations: dict[str, Any] = {}
+    files: dict[str, Path] = {}
     for name in NARRATIONS:
         told = _json(held / name)
         told = told.get("videos", told)
-        narrations |= {k: v for k, v in told.items() if isinstance(v, Mapping)}
+        if not isinstance(told, dict):
+            raise BadInput(held / name, "videos", found="something else", expected="an object")
+        here = {k: v for k, v in told.items() if isinstance(v, Mapping)}
+        narrations |= here
+        files |= dict.fromkeys(here, held / name)
     hands = {}
     for path in sorted(held.glob(HANDS)) if held.is_dir() else ():
         for clip in _listed(path, _json(path), "clips"):
             hands[str(clip.get("clip_uid"))] = clip
+            files[str(clip.get("clip_uid"))] = path
     where = home / INDEX
     return Library(
         {str(v.get("video_uid")): v for v in _listed(where, index, "videos")},
         {str(c.get("clip_uid")): c for c in _listed(where, index, "clips")},
         narrations,
         hands,
+        files,
     )
 
 

@@ -1,7 +1,6 @@
 """Reading an ALOHA or RDT episode: one HDF5 file, nothing followed out of it, every image's header checked."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, UInt8
 from rpaug_adapters import _cameras, _episodes, _images
 from rpaug_adapters._cameras import Beside
+from rpaug_adapters._hdf5 import opened
 from rpaug_adapters._texts import read_json
 
 from rpaug import BadInput, Camera, CameraView, Episode
@@ -35,18 +35,6 @@ class Recorded:
     words: dict[str, Any] | None
     beside: Beside
     descriptions: tuple[str, ...]
-
-
-@contextmanager
-def opened(path: Path) -> Iterator[h5py.File]:
-    """The file, for reading. Raises BadInput for what is no HDF5 file or damaged where it is read."""
-    try:
-        with h5py.File(path, "r") as file:
-            yield file
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
-        if isinstance(error, BadInput):
-            raise
-        raise BadInput(path, "HDF5", found=str(error)[:120], expected="a whole file") from None
 
 
 def dataset(path: Path, file: h5py.File, name: str) -> h5py.Dataset:

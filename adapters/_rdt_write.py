@@ -10,7 +10,8 @@ import numpy as np
 import yaml
 from jaxtyping import Float64, UInt8
 from rpaug_adapters import _cameras
-from rpaug_adapters._rdt_read import IMAGES, QPOS, TEXTS, WORDS, Recorded, dataset, opened
+from rpaug_adapters._hdf5 import opened
+from rpaug_adapters._rdt_read import IMAGES, QPOS, TEXTS, WORDS, Recorded, dataset
 
 from rpaug import CameraView, Episode, Unsupported
 from rpaug.files import encode_jpeg

@@ -26,7 +26,7 @@ from rpaug_adapters._ego4d_video import Video
 from rpaug_adapters._folders import natural
 from rpaug_adapters._texts import read_yaml
 
-from rpaug import Adapter, BadInput, CameraView, Episode, Robot, Side
+from rpaug import Adapter, BadInput, CameraView, Episode, Robot, Side, Unsupported
 from rpaug.files import atomic_folder, write_atomic
 
 ENDINGS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi")
@@ -121,7 +121,8 @@ class Ego4D(Adapter):
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source
         if not isinstance(recorded, Recorded):
-            raise BadInput(root / key, "--to", found="a recording of robots", expected="a video")
+            reason = "the layout holds videos as they were recorded, and this is none"
+            raise Unsupported(f"{episode.key}: {reason}")
         if any((root / key).with_suffix(ending).exists() for ending in ENDINGS):
             raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
         view, video = episode.views[VIEW], recorded.video

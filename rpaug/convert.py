@@ -52,6 +52,9 @@ def convert(
     the source is no dataset or the target is there already.
     """
     reader, writer = registry.adapter_for(source), registry.adapter(layout)
+    if reader.name == writer.name:
+        found, expected = f"{layout}, which {source} is in already", "another layout"
+        raise BadInput(source, "--to", found=found, expected=expected)
     if target.exists():
         raise BadInput(target, "--out", found="something there already", expected="a new path")
     keys, done = list(reader.episodes(source)), Conversion()
@@ -70,7 +73,7 @@ def convert(
             side = {report.NAME: report.encode(told)}
             writer.write(episode, target, made, partial(dict, side))
         except RpaugError as error:
-            done.failures[key] = str(error)
+            done.failures[key] = str(error).removeprefix(f"{key}: ")
             continue
         reports[made] = told
         free[group] = free.get(group, 0) + 1

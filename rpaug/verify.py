@@ -283,7 +283,7 @@ def _merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 class _Tally:
-    """Mean and spread of colours, summed up image by image."""
+    """Mean and spread of colours, summed up image by image; one all black stands for a camera that is not there."""
 
     def __init__(self) -> None:
         self._count, self._sum, self._squares = 0, np.zeros(3), np.zeros(3)
@@ -292,6 +292,8 @@ class _Tally:
         for view in episode.views.values():
             for t in _times(episode.length, frames):
                 image = view.rgb(t).reshape(-1, 3).astype(np.float64)
+                if not image.any():
+                    continue
                 self._count += len(image)
                 self._sum += image.sum(0)
                 self._squares += (image**2).sum(0)

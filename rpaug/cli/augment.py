@@ -103,7 +103,7 @@ def _ratio(told: str | None) -> tuple[int, int] | None:
     if told is None:
         return None
     parts = told.split(":")
-    if len(parts) != 2 or not all(part.isdigit() and 0 < int(part) <= 10_000 for part in parts):
+    if len(parts) != 2 or not all(part.isdecimal() and 0 < int(part) <= 10_000 for part in parts):
         raise RpaugError(f"--ratio {told}: expected recorded:synthetic in whole numbers, as 1:3")
     return int(parts[0]), int(parts[1])
 

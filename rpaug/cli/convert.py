@@ -19,12 +19,14 @@ from rpaug.cli.console import (
 
 def convert(
     dataset: Dataset,
-    to: Annotated[str, typer.Option(help="Layout to write: rlbench, rlds, rdt, ...")],
+    to: Annotated[str, typer.Option(help="Layout to write: rlbench, rlds, rdt or lerobot.")],
     out: Annotated[Path, typer.Option(help="Folder to write; must not exist.")],
     licence: Licence = None,
     as_json: AsJson = False,
 ) -> int:
-    """Write a dataset in another layout: images, words, cameras, robot.
+    """Write a dataset in another layout: images, depth, handles, words, cameras, robot, and a dataset card.
+
+    What the new layout needs and the source does not say is named, and episodes without it are skipped.
 
     Example: [bold]rpaug convert data/train/open_drawer --to rdt --out data/rdt[/]
     """
@@ -35,10 +37,17 @@ def convert(
     if as_json:
         print_json({**vars(done), "out": str(out)})
         return done.exit_code
+    reasons: dict[str, list[str]] = {}
     for key, reason in done.failures.items():
-        line = f"[yellow]skipped[/] {plain(key)}: {plain(reason)}"
+        reasons.setdefault(reason, []).append(key)
+    for reason, keys in reasons.items():
+        where = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} more"
+        line = f"[yellow]skipped[/] {plain(where)}: {plain(reason)}"
         console.print(line, highlight=False, soft_wrap=True)
     for words, count in done.traps.items():
         console.print(f"[yellow]note[/] {plain(words)} ({count} episodes)", soft_wrap=True)
-    say(f"{done.episodes} episodes in {out}")
+    if done.episodes:
+        say(f"{done.episodes} episodes in {out}")
+    else:
+        console.print("Nothing was written.")
     return done.exit_code

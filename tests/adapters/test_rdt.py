@@ -1,6 +1,7 @@
 """RDT's HDF5 files: colours as its reader takes them, storage kept, nothing followed out of a file."""
 
 import json
+import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -207,6 +208,57 @@ def test_a_robot_without_joints_cannot_be_written(template: Path, tmp_path: Path
     with pytest.raises(Unsupported, match="joint positions"):
         RDT().write(replace(episode, robot=none), tmp_path, KEY, dict)
     assert not list(tmp_path.rglob("*.hdf5"))
+
+
+def test_colours_that_lie_elsewhere_are_named_by_the_side_file(tmp_path: Path) -> None:
+    root = dataset(tmp_path)
+    path = root / "pour/episode_0.hdf5"
+    with h5py.File(path, "r+") as file:
+        file.move("observations/images/cam_high", "observations/rgb/outside")
+    told = {
+        "images": {"third_person": "observations/rgb/outside"},
+        "views": ["third_person", "raw"],
+    }
+    (root / "pour/cameras.yaml").write_text(yaml.safe_dump(told))
+    episode = RDT().read(root, KEY)
+    assert list(episode.views) == ["raw", "third_person"]
+    dark = replace(episode.views["third_person"], rgb=lambda t: picture(t) // 2)
+    edited = replace(episode, views={**episode.views, "third_person": dark})
+    RDT().write(edited, tmp_path / "out", KEY, dict)
+    again = RDT().read(tmp_path / "out", KEY)
+    assert np.abs(again.views["third_person"].rgb(1).astype(int) - picture(1) // 2).mean() < 4
+    told["images"] = {"third_person": "observations/rgb/nowhere"}
+    (root / "pour/cameras.yaml").write_text(yaml.safe_dump(told))
+    with pytest.raises(BadInput, match="images.third_person: found observations/rgb/nowhere"):
+        RDT().read(root, KEY)
+
+
+def test_a_file_that_crashes_the_library_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Extents that do not fit the index of chunks, under a right checksum: libhdf5 2.0 reads beyond its memory."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "tools/fuzz")
+    import sealed
+
+    (tmp_path / "bad").mkdir()
+    path = tmp_path / "bad/bad.hdf5"
+    with h5py.File(path, "w", libver="latest") as file:
+        file["observations/qpos"] = np.zeros((STEPS, 14))
+        raw = np.stack([picture(t) for t in range(STEPS)])
+        chunks = (1, HEIGHT, WIDTH, 3)
+        file.create_dataset("observations/images/raw", data=raw, chunks=chunks, compression="gzip")
+    assert RDT().read(tmp_path, "bad").length == STEPS
+    data, shape = path.read_bytes(), struct.pack("<4Q", STEPS, HEIGHT, WIDTH, 3)
+    at, length = next(
+        (at, length) for at, length in sealed.parts(data) if 2 * shape in data[at : at + length]
+    )
+    largest = struct.pack("<4Q", STEPS, 2**56, 2**40, 3)
+    part = data[at : at + length].replace(2 * shape, shape + largest)
+    seal = struct.pack("<I", sealed.lookup3(part))
+    path.write_bytes(data[:at] + part + seal + data[at + length + 4 :])
+    with pytest.raises(BadInput, match="HDF5: found"):
+        RDT().read(tmp_path, "bad").views["raw"].rgb(1)
+    assert RDT().read(dataset(tmp_path / "good"), KEY).length == STEPS  # who reads for us is back
 
 
 def test_a_single_arm_with_two_rgbd_cameras(tmp_path: Path) -> None:

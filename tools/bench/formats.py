@@ -2,13 +2,16 @@
 
     python tools/bench/formats.py [--megabytes 2048] [--steps 64] [--json FILE]
 
-Makes one shard of that size in a temporary folder (removed after), episodes of `steps` JPEG frames of 640x480, then
-reads every episode and writes it unedited, and gathers the shard, as `rpaug augment` does.
+Makes one shard of that size in a temporary folder (removed after), episodes of `steps` JPEG frames of 640x480. Then a
+process of its own reads every episode and writes it unedited, and gathers the shard, as `rpaug augment` does; its
+memory is what it has before, after the first episode, and at its peak.
 """
 
 import argparse
+import filecmp
 import json
 import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -77,6 +80,34 @@ def make(root: Path, megabytes: int, steps: int) -> tuple[int, int]:
     return total, len(record)
 
 
+def most_memory() -> float:
+    """Megabytes this process had at the most. (`ru_maxrss` counts what it was forked from too.)"""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    (line,) = (line for line in lines if line.startswith("VmHWM"))
+    return int(line.split()[1]) * 1024 / 1e6
+
+
+def copy(source: Path, target: Path) -> dict[str, float]:
+    """Copy a dataset through; what it took of this process."""
+    rlds = adapter("rlds")
+    before, begun = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter()
+    own, first = most_memory(), 0.0
+    for key in rlds.episodes(source):
+        rlds.write(rlds.read(source, key), target, key, dict)
+        first = first or most_memory()
+    rlds.finish(source, target)
+    after = resource.getrusage(resource.RUSAGE_SELF)
+    user, system = after.ru_utime - before.ru_utime, after.ru_stime - before.ru_stime
+    return {
+        "user_seconds": user,
+        "system_seconds": system,
+        "wall_seconds": time.perf_counter() - begun,
+        "before_megabytes": own,
+        "first_episode_megabytes": first,
+        "peak_megabytes": most_memory(),
+    }
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(
@@ -85,27 +116,26 @@ def main() -> None:
     parser.add_argument("--megabytes", type=int, default=2048)
     parser.add_argument("--steps", type=int, default=64)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--copy", nargs=2, type=Path, help=argparse.SUPPRESS)
     told = parser.parse_args()
+    if told.copy:
+        sys.stdout.write(json.dumps(copy(*told.copy)))
+        return
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "in", Path(folder) / "out"
         total, one = make(source, told.megabytes, told.steps)
-        rlds = adapter("rlds")
-        before = resource.getrusage(resource.RUSAGE_SELF)
-        begun = time.perf_counter()
-        for key in rlds.episodes(source):
-            rlds.write(rlds.read(source, key), target, key, dict)
-        rlds.finish(source, target)
-        after = resource.getrusage(resource.RUSAGE_SELF)
-        user, system = after.ru_utime - before.ru_utime, after.ru_stime - before.ru_stime
-        figures = {
-            "megabytes": total / 1e6,
-            "episode_megabytes": one / 1e6,
-            "user_seconds": user,
-            "system_seconds": system,
-            "wall_seconds": time.perf_counter() - begun,
-            "megabytes_a_processor_second": total / 1e6 / (user + system),
-            "peak_growth_megabytes": (after.ru_maxrss - before.ru_maxrss) * 1024 / 1e6,
-        }
+        command = [sys.executable, __file__, "--copy", source, target]
+        measured = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+        (shard,) = (source / "bench/1.0.0").glob("*.tfrecord*")
+        same = filecmp.cmp(shard, target / "bench/1.0.0" / shard.name, shallow=False)
+    busy = measured["user_seconds"] + measured["system_seconds"]
+    figures = {
+        "megabytes": total / 1e6,
+        "episode_megabytes": one / 1e6,
+        **measured,
+        "megabytes_a_processor_second": total / 1e6 / busy,
+        "same_bytes": float(same),
+    }
     for name, value in figures.items():
         sys.stdout.write(f"{name:32} {value:10.1f}\n")
     if told.json:

@@ -86,12 +86,19 @@ def work(first: int, end: int, progress: Path) -> None:
     import numpy as np
     import seeds
     from binaries import spoilt
+    from rpaug_adapters._hdf5 import CHILD
 
     from rpaug.errors import RpaugError
 
     started: list[str] = []
     armed = False
-    sys.addaudithook(lambda event, _: started.append(event) if armed and event in STARTS else None)
+
+    def watch(event: str, about: tuple[Any, ...]) -> None:
+        ours = event == "subprocess.Popen" and str(CHILD) in about[1]
+        if armed and event in STARTS and not ours:
+            started.append(event)
+
+    sys.addaudithook(watch)
     base = Path(tempfile.mkdtemp(dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
     places: dict[str, list[tuple[Path, bytes]]] = {}
     for name in LAYOUTS:
