@@ -66,7 +66,10 @@ def test_lerobots_several_tasks_are_read(tmp_path: Path) -> None:
     metrics = {"successes": [True, False, True], "sum_rewards": [1, 0, 1], "video_paths": paths}
     info = {"per_task": [{"task_group": "pusht", "task_id": 0, "metrics": metrics}], "overall": {}}
     found = read(lerobot(tmp_path, info), camera="front")
-    assert [(one.name, one.success) for one in found.rollouts] == [("pusht_0/0", True), ("pusht_0/1", False)]
+    assert [(one.name, one.success) for one in found.rollouts] == [
+        ("pusht_0/0", True),
+        ("pusht_0/1", False),
+    ]
     assert "1 rollouts have no video" in found.notes[0]
 
 

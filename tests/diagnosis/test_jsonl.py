@@ -1,5 +1,6 @@
 """Evaluation files: what is right is read back, and what is wrong is told by line and field."""
 
+import contextlib
 import json
 from pathlib import Path
 
@@ -10,10 +11,15 @@ from hypothesis import strategies as st
 from rollouts import evaluation
 
 from rpaug.diagnosis import Line, Moment, jsonl, read, write
-from rpaug.errors import BadInput, RpaugError
+from rpaug.errors import BadInput
 from rpaug.files import encode_png
 
-GOOD = {"version": 1, "episode": "a", "success": True, "frames": [{"t": 0, "images": {"front": "a.png"}}]}
+GOOD = {
+    "version": 1,
+    "episode": "a",
+    "success": True,
+    "frames": [{"t": 0, "images": {"front": "a.png"}}],
+}
 
 
 def said(tmp_path: Path, *rows: object) -> Path:
@@ -37,7 +43,12 @@ def test_masks_poses_and_roles_are_read(tmp_path: Path) -> None:
     mask = np.zeros((8, 8, 3), np.uint8)
     mask[2, 3] = (1, 2, 0)
     (tmp_path / "m.png").write_bytes(encode_png(mask))
-    moment = {"t": 3, "images": {"front": "a.png"}, "masks": {"front": "m.png"}, "poses": {"front": np.eye(4).tolist()}}
+    moment = {
+        "t": 3,
+        "images": {"front": "a.png"},
+        "masks": {"front": "m.png"},
+        "poses": {"front": np.eye(4).tolist()},
+    }
     found = read(said(tmp_path, GOOD | {"frames": [moment], "roles": {"manipulated": [513]}}))
     shot = found.rollouts[0].shots["front"][3]
     assert shot.ids is not None
@@ -112,15 +123,18 @@ def test_a_damaged_picture_is_told_when_it_is_looked_at(tmp_path: Path) -> None:
 
 @given(st.binary(max_size=300))
 def test_any_bytes_are_a_line_or_an_error(data: bytes) -> None:
-    try:
+    with contextlib.suppress(BadInput):
         assert isinstance(jsonl.parse(data, "x:1"), Line)
-    except RpaugError as error:
-        assert str(error).startswith("x:1: ")
 
 
 def test_lines_come_back_as_they_were(tmp_path: Path) -> None:
     lines = [
-        Line(episode="a", success=False, frames=(Moment(t=2, images={"front": "a.png"}),), failed_at=2),
+        Line(
+            episode="a",
+            success=False,
+            frames=(Moment(t=2, images={"front": "a.png"}),),
+            failed_at=2,
+        ),
         Line(episode="b", success=True, video={"front": "b.mp4"}, metadata={"seed": 3}),
     ]
     write(tmp_path / "e.jsonl", lines)

@@ -12,7 +12,9 @@ def rollout(levels: list[int], failed_at: int | None = None) -> Rollout:
     def shot(level: int) -> Shot:
         return Shot(lambda: np.full((40, 40, 3), level, np.uint8))
 
-    return Rollout("a", False, "", {"front": dict(enumerate(map(shot, levels)))}, failed_at=failed_at)
+    return Rollout(
+        "a", False, "", {"front": dict(enumerate(map(shot, levels)))}, failed_at=failed_at
+    )
 
 
 def test_the_last_stir_is_where_it_went_wrong() -> None:

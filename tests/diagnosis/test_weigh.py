@@ -22,7 +22,9 @@ def table(failed: np.ndarray, away: Mapping[Factor, np.ndarray], usual: float = 
 def drawn(rng: np.random.Generator, share: float = 0.3) -> dict[Factor, np.ndarray]:
     """Distances: each factor is far off in a share of the rollouts."""
     return {
-        name: np.where(rng.random(COUNT) < share, rng.uniform(5, 20, COUNT), rng.uniform(0, 1.5, COUNT))
+        name: np.where(
+            rng.random(COUNT) < share, rng.uniform(5, 20, COUNT), rng.uniform(0, 1.5, COUNT)
+        )
         for name in FACTORS[:-1]
     }
 
