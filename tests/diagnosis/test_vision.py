@@ -10,9 +10,14 @@ import numpy as np
 import pytest
 from endpoints import KEY, Handler, completion, served
 
+from rpaug.agents.messages import Message, Setting
+from rpaug.agents.prompting import prompt
+from rpaug.agents.rounds import said_after
 from rpaug.diagnosis import Diagnosis, Evaluation, Rollout, diagnose
 from rpaug.diagnosis.evaluation import Shot
-from rpaug.diagnosis.vision import TIMES, Vision
+from rpaug.diagnosis.messages import FACTORS
+from rpaug.diagnosis.remedies import NO_EDIT, WORDS
+from rpaug.diagnosis.vision import TIMES, Detail, Guesses, Remedy, Vision, checked
 from rpaug.providers.language import MOST_BYTES, Endpoint, LanguageError
 
 TABLE = {
@@ -66,6 +71,20 @@ def test_three_prompts_make_a_recipe() -> None:
     assert (used["requests"], used["tokens_in"]) == (8, 80)
     assert [one["stage"] for one in found.trace] == ["cause"] * 6 + ["detail", "remedy"]
     assert found.trace[0]["prompt"] == "cause.v1"
+
+
+@pytest.mark.parametrize(
+    ("stage", "kind"), [("cause", Guesses), ("detail", Detail), ("remedy", Remedy)]
+)
+def test_the_prompts_examples_are_answers_that_are_taken(stage: str, kind: type[Message]) -> None:
+    for _, answered in prompt(stage).examples:
+        checked(kind, json.loads(answered), Setting())
+
+
+def test_every_remedy_of_the_rules_is_a_wish() -> None:
+    assert set(WORDS) | set(NO_EDIT) == set(FACTORS)
+    for words in WORDS.values():
+        assert said_after(words, (), Setting()).edits
 
 
 def test_an_unsure_model_finds_no_cause() -> None:
