@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +89,7 @@ def learn(dataset: Path, most: int = MOST) -> Reference:
     return Reference(
         plates,
         asking.setting_of(first),
-        lambda: build(adapter.read(dataset, keys[0]), with_bodies=True),
+        cache(lambda: build(thinned(first, FRAMES), with_bodies=True)),
         notes,
     )
 

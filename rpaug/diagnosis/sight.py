@@ -20,8 +20,8 @@ NUMBERS: Mapping[Factor, tuple[tuple[str, float], ...]] = {
     "object texture": (("contrast", 0.03), ("edges", 0.02)),
     "object size": (("logarithm", 0.06),),
     "lighting": (("red", 0.04), ("green", 0.04), ("blue", 0.04), ("unevenness", 0.03)),
-    "table": (("lightness", 3.0), ("red", 2.0), ("yellow", 2.0), ("contrast", 0.03), ("edges", 0.015)),
-    "background": (("lightness", 3.0), ("red", 2.0), ("yellow", 2.0), ("contrast", 0.03), ("edges", 0.015)),
+    "table": (("lightness", 3.0), ("red", 2.0), ("yellow", 2.0), ("contrast", 0.03), ("edges", 0.03)),
+    "background": (("lightness", 3.0), ("red", 2.0), ("yellow", 2.0), ("contrast", 0.03), ("edges", 0.03)),
     "distractor": (("area", 0.02),),
     "camera": (("right", 0.012), ("down", 0.012), ("scale", 0.05), ("turn", 0.035)),
 }  # fmt: skip

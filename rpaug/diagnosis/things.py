@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Int32
+from jaxtyping import Bool, Float32, Int32, UInt8
 
 CLUSTERS = 8
 SPREAD = 0.30  # share of the cells in which a colour is found, if it is the table's
 CELLS = 8  # a side
 CLOSE = 11.0  # Lab units: as near as this to a colour of the table is table
 LEAST = 14  # pixels of a thing
+SOLID = 0.84  # share of its convex outline that a thing fills
 COLOUR, SIZE, PLACE = (
     14.0,
     0.35,
@@ -58,8 +59,34 @@ def by_colour(lab: Float32[np.ndarray, "h w 3"], within: Bool[np.ndarray, "h w"]
     """Connected regions that differ from the table's colours, within a region."""
     other = within & ~table(lab, within)
     other = cv2.morphologyEx(other.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(other, connectivity=4)
-    return [thing(labels == i, lab) for i in range(1, count) if stats[i, cv2.CC_STAT_AREA] >= LEAST]
+    return [thing(part, lab) for whole in _regions(other) for part in _parts(whole, lab)]
+
+
+def _regions(mask: UInt8[np.ndarray, "h w"]) -> list[Bool[np.ndarray, "h w"]]:
+    """Connected regions of enough pixels."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    return [labels == i for i in range(1, count) if stats[i, cv2.CC_STAT_AREA] >= LEAST]
+
+
+def _parts(
+    whole: Bool[np.ndarray, "h w"], lab: Float32[np.ndarray, "h w 3"]
+) -> list[Bool[np.ndarray, "h w"]]:
+    """The region itself if it fills its outline, as one thing does; else its parts of one hue each."""
+    points = np.argwhere(whole)[:, ::-1].astype(np.int32)
+    hull = cv2.convexHull(points)
+    outline = np.zeros(whole.shape, np.uint8)
+    cv2.fillConvexPoly(outline, hull, 1)
+    if whole.sum() >= SOLID * outline.sum():
+        return [whole]
+    hues = lab[whole] * np.array([0.2, 1, 1], np.float32)
+    _, near = clustered(hues, count=3)
+    labels = np.full(whole.shape, -1)
+    labels[whole] = near
+    kernel = np.ones((2, 2), np.uint8)
+    opened = [
+        cv2.morphologyEx((labels == k).astype(np.uint8), cv2.MORPH_OPEN, kernel) for k in range(3)
+    ]
+    return [part for one in opened for part in _regions(one)] or [whole]
 
 
 def table(
@@ -88,19 +115,19 @@ def table(
 
 
 def clustered(
-    pixels: Float32[np.ndarray, "n 3"], rounds: int = 12
+    pixels: Float32[np.ndarray, "n 3"], count: int = CLUSTERS, rounds: int = 12
 ) -> tuple[Float32[np.ndarray, "k 3"], Int32[np.ndarray, "n"]]:
     """k-means that begins at the pixels furthest from each other: the same every time (Lloyd 1982)."""
     some = pixels[:: max(1, len(pixels) // 3000)]
     centres = [np.median(some, 0)]
-    for _ in range(CLUSTERS - 1):
+    for _ in range(count - 1):
         apart = np.min([np.linalg.norm(some - c, axis=1) for c in centres], 0)
         # Not the very furthest: that is a lone pixel on an outline.
         centres.append(some[int(np.argsort(apart)[int(0.98 * (len(some) - 1))])])
     middle = np.array(centres, np.float32)
     for _ in range(rounds):
         near = _nearest(some, middle)
-        for k in range(CLUSTERS):
+        for k in range(count):
             if (near == k).any():
                 middle[k] = some[near == k].mean(0)
     return middle, _nearest(pixels, middle)
@@ -159,4 +186,4 @@ def _unlike(a: Thing, b: Thing, placed: bool) -> float:
     colour = min(WORST, float(np.linalg.norm(a.colour - b.colour)) / COLOUR)
     size = min(WORST, abs(a.size - b.size) / SIZE)
     place = min(WORST, float(np.linalg.norm(a.place - b.place)) / PLACE) if placed else 0.0
-    return colour + size + 0.5 * place
+    return colour + size + place

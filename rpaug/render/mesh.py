@@ -159,7 +159,9 @@ def look_up(
     finer = np.floor(wanted).astype(int)
     out = np.zeros((len(uv), 3), np.float32)
     for size, level in enumerate(levels):
-        share = np.where(finer == size, 1 - (wanted - size), np.where(finer == size - 1, wanted - finer, 0))
+        share = np.where(
+            finer == size, 1 - (wanted - size), np.where(finer == size - 1, wanted - finer, 0)
+        )
         rows = share > 0
         if rows.any():
             out[rows] += share[rows, None].astype(np.float32) * _bilinear(level, uv[rows])

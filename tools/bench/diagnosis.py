@@ -22,7 +22,7 @@ from typing import Any
 
 import diagnosis_pool
 import numpy as np
-from diagnosis_policies import WEAK, Trained, succeeds
+from diagnosis_policies import WEAK, Outcomes, Trained, outcomes
 from diagnosis_pool import CAMERA, CHANGES, TASK, WALLS, Seen
 
 from rpaug import twin
@@ -60,10 +60,10 @@ def main() -> None:
     pool = diagnosis_pool.pool(
         options.pool, options.share, options.single, options.cache, options.first
     )
-    trained = Trained(diagnosis_pool.pool(30, CLEAR, False, options.cache, 9000))
+    acts = outcomes(pool, Trained(diagnosis_pool.pool(30, CLEAR, False, options.cache, 9000)))
     table = _table(pool, _reference(options.cache), options.given == "masks")
     drawn = time.process_time() - start
-    figures = _figures(pool, trained, table, options)
+    figures = _figures(acts, table, options)
     figures["seconds"] = {
         "pool and measuring": round(drawn, 1),
         "all": round(time.process_time() - start, 1),
@@ -74,19 +74,15 @@ def main() -> None:
         _print(figures)
 
 
-def _figures(
-    pool: list[Seen], trained: Trained, table: measure.Table, options: argparse.Namespace
-) -> dict[str, Any]:
+def _figures(acts: Outcomes, table: measure.Table, options: argparse.Namespace) -> dict[str, Any]:
     names = list(CHANGES)
     alone = {
-        name: [
-            _case(pool, trained, table, (name,), n, options.rollouts) for n in range(options.cases)
-        ]
+        name: [_case(acts, table, (name,), n, options.rollouts) for n in range(options.cases)]
         for name in names
     }
     pairs = list(itertools.combinations(names, 2))
     both = [
-        (pair := pairs[n % len(pairs)], _case(pool, trained, table, pair, n, options.rollouts))
+        (pair := pairs[n % len(pairs)], _case(acts, table, pair, n, options.rollouts))
         for n in range(options.cases)
     ]
     chance = [_by_chance(table, n, options.rollouts) for n in range(options.cases)]
@@ -110,18 +106,12 @@ def _figures(
 
 
 def _case(
-    pool: list[Seen],
-    trained: Trained,
-    table: measure.Table,
-    weak: tuple[str, ...],
-    number: int,
-    count: int,
+    acts: Outcomes, table: measure.Table, weak: tuple[str, ...], number: int, count: int
 ) -> tuple[list[str], float, float]:
     """The factors, the likeliest first, the confidence in that one, and the share of failures."""
     rng = np.random.default_rng([11, number, *(list(WEAK).index(one) for one in weak)])
-    rows = rng.choice(len(pool), count, replace=False)
-    bar = rng.uniform(0.85, 1.15)
-    failed = np.array([not succeeds(pool[row], trained, weak, bar, rng) for row in rows])
+    rows = rng.choice(len(table.names), count, replace=False)
+    failed = acts.failed(rows, weak, rng)
     found = weigh.ranked(_taken(table, rows, failed), number)
     return [one.factor for one in found], found[0].confidence, float(failed.mean())
 

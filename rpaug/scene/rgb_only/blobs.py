@@ -9,7 +9,9 @@ from jaxtyping import Bool, Float32, Int, Int32, UInt8
 from rpaug.scene.rgb_only.tints import Tints, weighted
 
 LEAST = 0.0035  # share of the image: smaller patches belong to what is around them
-SMALL = 0.0012  # share of the image that is enough for a patch whose colour is far from that around it
+SMALL = (
+    0.0012  # share of the image that is enough for a patch whose colour is far from that around it
+)
 LOUD = 30.0  # of the weighted Lab distance from which it is
 
 

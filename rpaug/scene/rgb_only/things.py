@@ -96,9 +96,7 @@ def _tints(episode: Episode, drops: Mapping[str, Backdrop]) -> tints.Tints:
     return tints.find(looks) if looks else np.zeros((0, 3), np.float32)
 
 
-def _resting(
-    still: Mapping[str, Watched], count: int
-) -> tuple[dict[str, Resting], frozenset[int]]:
+def _resting(still: Mapping[str, Watched], count: int) -> tuple[dict[str, Resting], frozenset[int]]:
     """The patches of all still cameras, the robot taken away where it stood for long; and the tints that never rest."""
     mobile, loose = watched.mobile(still.values(), count)
     found = {}

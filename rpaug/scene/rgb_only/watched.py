@@ -65,9 +65,7 @@ class Watched:
         image[known] = np.ma.median(colours, axis=0).filled(0)[known].astype(np.uint8)
         drop = replace(self.backdrop, image=image)
         changed = np.stack([drop.changed(one) for one in self.shown])
-        return replace(
-            self, backdrop=drop, tint=tints.labelled(image, self.tints), changed=changed
-        )
+        return replace(self, backdrop=drop, tint=tints.labelled(image, self.tints), changed=changed)
 
 
 def watch(view: CameraView, length: int, drop: Backdrop, known: tints.Tints) -> Watched:
