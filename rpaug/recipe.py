@@ -58,6 +58,7 @@ class _Top(BaseModel):
     accuracy: Accuracy | None = None
     arms: list[Path] = []
     depth_model: str | None = None
+    refine: Annotated[int, Field(ge=0, le=10_000, strict=True)] = 0
     edits: list[dict[str, Any]] = []
     gates: Gates | None = None
 
@@ -117,6 +118,7 @@ class Recipe:
     accuracy: Accuracy | None = None
     arms: tuple[Path, ...] = ()  # URDF or MJCF files
     depth_model: str | None = None  # for episodes without depth
+    refine: int = 0  # steps of the joint fine-tune, where Gaussians show all
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.
@@ -163,6 +165,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         accuracy=top.accuracy,
         arms=tuple(top.arms),
         depth_model=top.depth_model,
+        refine=top.refine,
     )
 
 

@@ -56,9 +56,7 @@ def baked(scene: Scene) -> Scene:
     appearance = [_without(edit, handles) for edit in first]
     later = scene.appearance[len(first) :]
     kept = tuple(edit for edit in appearance if edit is not None)
-    return replace(
-        scene, gaussians=_coloured(gaussians, old, new), appearance=(*kept, *later)
-    )
+    return replace(scene, gaussians=_coloured(gaussians, old, new), appearance=(*kept, *later))
 
 
 def _first(appearance: Sequence[Appearance]) -> tuple[Appearance, ...]:

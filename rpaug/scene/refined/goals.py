@@ -53,9 +53,7 @@ def goals(scene: Scene, times: Sequence[int], handles: frozenset[int]) -> list[G
 
     tier = 0 if scene.recorded_bodies is None else 1
     shown = views.edited(plain, dict.fromkeys(cameras, tier), watch)
-    return [
-        goal for t in times for goal in _at(shown.views, cameras, t, handles, invented)
-    ]
+    return [goal for t in times for goal in _at(shown.views, cameras, t, handles, invented)]
 
 
 def _at(
