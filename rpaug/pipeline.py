@@ -115,6 +115,7 @@ def render(
         scene = replace(scene, descriptions=words)
     except instruct.Untrue as error:
         untrue = str(error)
+    shown, settled = (scene, settled) if untrue else _refined(scene, settled)
     tally = report.Tally(list(scene.episode.views))
 
     def watch(
@@ -132,8 +133,21 @@ def render(
             ids = scene.episode.views[camera].ids
             tally.outside[camera, t] = gating.beyond(scene, before, image, ids(t) if ids else None)
 
-    episode = views.edited(scene, settled.carriers, watch, settled.blended, kept)
+    episode = views.edited(shown, settled.carriers, watch, settled.blended, kept)
     return Made(episode, scene, draws, settled, tally, untrue)
+
+
+def _refined(scene: Scene, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
+    """The scene with its edited Gaussians tuned together, if that is wanted and Gaussians show every camera."""
+    if not plan.refine:
+        return scene, plan
+    if scene.gaussians is None or min(plan.carriers.values()) < 3:
+        why = "Gaussians do not show every camera: --tier 3 makes them"
+        return scene, replace(plan, refined={"kept": False, "skipped": why})
+    from rpaug.scene.refined import joint  # only here: it brings torch and the rasteriser
+
+    tuned, facts = joint.refined(scene, joint.Settings(steps=plan.refine))
+    return tuned, replace(plan, refined=facts)
 
 
 ORIGINAL = 0

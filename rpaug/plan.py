@@ -104,7 +104,7 @@ class Plan:
     Gaussians said of itself, `warnings` what is wrong with the recording, `parts` the targets of which a part finer
     than the masks is meant. `modelled`: an edit works on Gaussians, whatever shows what comes of it.
     `assumed` is what the source does not say and edits go by, in sentences. `film` is what structure from motion said
-    of a video."""
+    of a video. `refine` is how many steps the edited Gaussians are tuned together, `refined` what came of it."""
 
     tier: int
     carriers: dict[str, int]
@@ -116,6 +116,8 @@ class Plan:
     modelled: bool = False
     assumed: tuple[str, ...] = ()
     film: Mapping[str, Any] = field(default_factory=dict)
+    refine: int = 0
+    refined: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def gaussians(self) -> bool:
@@ -145,6 +147,7 @@ class Plan:
         facts |= {"fit": dict(self.fit)} if self.fit else {}
         facts |= {"assumed": list(self.assumed)} if self.assumed else {}
         facts |= {"film": dict(self.film)} if self.film else {}
+        facts |= {"refined": dict(self.refined)} if self.refined else {}
         return facts | ({"warnings": list(self.warnings)} if self.warnings else {})
 
     def cost(self, episode: Episode, copies: int) -> dict[str, float]:

@@ -97,7 +97,7 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
     """The recorded scene without Gaussians, and the plan with errors measured where the recipe asks for an accuracy."""
     for operator in operators(recipe):
         operator.ready()
-    plan = planning.make(operators(recipe), episode, tier)
+    plan = replace(planning.make(operators(recipe), episode, tier), refine=recipe.refine)
     scene, plan = _built(episode, recipe, plan)
     plan = replace(plan, assumed=rgb_only.assumptions(scene.episode))
     if plan.bodies and scene.back is None:

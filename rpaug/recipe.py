@@ -62,6 +62,7 @@ class _Top(BaseModel):
     arms: list[Path] = []
     depth_model: str | None = None
     video: Asked = Asked()
+    refine: Annotated[int, Field(ge=0, le=10_000, strict=True)] = 0
     edits: list[dict[str, Any]] = []
     gates: Gates | None = None
 
@@ -124,6 +125,7 @@ class Recipe:
     video: Asked = field(
         default_factory=Asked
     )  # for episodes of one moving camera of which only images are known
+    refine: int = 0  # steps of the joint fine-tune, where Gaussians show all
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.
@@ -171,6 +173,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         arms=tuple(top.arms),
         depth_model=top.depth_model,
         video=top.video,
+        refine=top.refine,
     )
 
 

@@ -234,9 +234,9 @@ class TestSizes:
         assert self.grown(self.LARGE, 1.2, *said) == said
 
     def test_what_stands_alone_has_no_other_to_be_compared_with(self):
+        tall = handle("cylinder")
+        said = edited(scene(), tall, "take the small green cylinder", scale=1.1)
         with pytest.raises(Untrue, match=r"1\.10 times its size"):
-            tall = handle("cylinder")
-            said = edited(scene(), tall, "take the small green cylinder", scale=1.1)
             instruct.followed(said, [])
         said = edited(scene(), tall, "take the large green cylinder", scale=1.1)
         assert instruct.followed(said, []) == said.descriptions
@@ -263,8 +263,8 @@ class TestGone:
         assert instruct.followed(said, []) == said.descriptions
 
     def test_a_noun_that_means_nothing_here_may_be_what_is_gone(self):
+        said = "put the block on the gizmo near the pad"
         with pytest.raises(Untrue, match="cannot be told whether 'gizmo'"):
-            said = "put the block on the gizmo near the pad"
             instruct.followed(edited(scene(), handle("cylinder"), said), [])
 
     def test_what_is_told_by_its_place_must_stay_there(self):

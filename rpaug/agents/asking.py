@@ -9,7 +9,8 @@ import numpy as np
 import yaml
 
 from rpaug import recipe as recipes
-from rpaug.agents import grounding, refiner, rounds
+from rpaug.agents import grounding, making, refiner, rounds
+from rpaug.agents.making import Maker
 from rpaug.agents.messages import Answer, Entry, NotUnderstood, Setting, Trace
 from rpaug.agents.rounds import History
 from rpaug.errors import BadRecipe, RpaugError, TargetError, Unsupported
@@ -75,28 +76,43 @@ def ask(
     history: History | None = None,
     understanding: Understanding = rounds.next_round,
     tier: int = 0,
+    maker: Maker | None = None,
 ) -> Asked:
     """The recipe for a wish. `scene` builds a recorded scene in which every target must be found.
 
-    Raises NotUnderstood for a wish that has no meaning here, TargetError or Unsupported for one that the scene has
-    nothing for. Nothing is written.
+    `maker` makes what is to be put in and the library lacks. Raises NotUnderstood for a wish that has no meaning here,
+    TargetError or Unsupported for one that the scene has nothing for, NotMade where making fails. Nothing is written
+    but what was made.
     """
     history = history or History()
+    setting = setting.model_copy(update={"generates": maker is not None})
     answer = understanding(history, said, setting)
-    try:
-        made = recipes.build(answer.recipe(), name="the wish")
-    except BadRecipe as error:
-        raise NotUnderstood(f"the wish comes to a recipe that is not valid: {error}") from None
+    _built(answer)
     trace = list(answer.trace)
-    if scene is not None and answer.edits:
-        trace += _grounded(scene(), answer.edits, made)
-    output = refiner.refined(answer.edits, tier)
-    trace.append(Trace(stage="refiner", by="plan", input=list(answer.edits), output=output))
+    there = scene() if scene is not None and answer.edits else None
+    if there is not None:
+        trace += _grounded(there, answer.edits)
+    found = list(making.provided(answer.edits, maker))
+    trace += [done for _, done in found if done is not None]
+    edits = tuple(edit for edit, _ in found)
+    settings, output = refiner.refined(edits, answer.settings, tier)
+    trace.append(Trace(stage="refiner", by="plan", input=list(edits), output=output))
+    answer = answer.model_copy(update={"edits": edits, "settings": settings})
+    if there is not None:
+        _tried(there, _built(answer))
     return Asked(answer.recipe(), answer.notes, tuple(trace), history.after(said, answer))
 
 
-def _grounded(scene: Scene, edits: tuple[Entry, ...], made: recipes.Recipe) -> Iterator[Trace]:
-    """Every target and the things it is told by, found in the scene; and every edit tried once. Raises RpaugError."""
+def _built(answer: Answer) -> recipes.Recipe:
+    """The recipe that an answer comes to. Raises NotUnderstood if it is not valid."""
+    try:
+        return recipes.build(answer.recipe(), name="the wish")
+    except BadRecipe as error:
+        raise NotUnderstood(f"the wish comes to a recipe that is not valid: {error}") from None
+
+
+def _grounded(scene: Scene, edits: tuple[Entry, ...]) -> Iterator[Trace]:
+    """Every target and the things it is told by, found in the scene. Raises RpaugError."""
     for value in _targets(edits):
         found = {}
         for phrase in grounding.phrases(value):
@@ -104,6 +120,10 @@ def _grounded(scene: Scene, edits: tuple[Entry, ...], made: recipes.Recipe) -> I
         whole = targets.Target.model_validate(value)
         found[str(whole)] = sorted(targets.find(scene, whole))
         yield Trace(stage="grounding", by="scene", input=value, output=found)
+
+
+def _tried(scene: Scene, made: recipes.Recipe) -> None:
+    """See that every edit can be drawn in the scene. Raises RpaugError."""
     for step in made.steps:
         for option in step.options:
             if option.operator.gaussians:  # fitted only when the recipe runs

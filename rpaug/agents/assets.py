@@ -6,8 +6,8 @@ from typing import Any
 
 from rpaug.agents import slots
 from rpaug.agents.grammar import NotThis, Said, done, refuse, rule
-from rpaug.agents.grounding import thing
-from rpaug.agents.messages import Entry, Meant, Mention
+from rpaug.agents.grounding import target, thing
+from rpaug.agents.messages import Entry, Meant, Mention, NotUnderstood
 from rpaug.assets import library
 from rpaug.errors import MissingExtra
 from rpaug.providers.words import synonym
@@ -52,7 +52,7 @@ def insert(said: Said) -> Meant:
     edits: list[Entry] = []
     notes: list[str] = []
     for part in re.split(r",? and |, ", said["asset"]):
-        count, found, note = asset(part)
+        count, found, note = asset(part, said.wish.setting.generates)
         notes += note
         if said.get("length"):
             place = {"within": slots.length(said["length"])} if "near" in fields else {}
@@ -70,16 +70,17 @@ def insert(said: Said) -> Meant:
 @rule(rf"{ADD} {{asset}} (?:in|into|inside|on|onto|on top of|under|behind|in front of|above|below"
       r"|(?:to |on )?the (?:left|right) of|left of|right of|between) .+")  # fmt: skip
 def elsewhere(said: Said) -> Meant:
-    asset(said["asset"])
+    asset(said["asset"], said.wish.setting.generates)
     raise refuse(
         "new things stand on the table: `near` something, `within` a length of it, or `at` (x, y)"
     )
 
 
-def asset(words: str) -> tuple[int, dict[str, Any], list[str]]:
+def asset(words: str, generates: bool = False) -> tuple[int, dict[str, Any], list[str]]:
     """How many, which fields of `insert` find it in the library, and what was taken for granted.
 
-    Raises NotThis if the words name a thing of the scene, NotUnderstood if the library has nothing of the kind.
+    With a generator, fields may name a kind that the library lacks: `making` sees to it. Raises NotThis if the words
+    name a thing of the scene, NotUnderstood if there is nothing of the kind and nobody to make it.
     """
     words = words.strip()
     if re.match(r"(?:the|its?|them|that|this|these|those|all|every)\b", words):
@@ -104,17 +105,28 @@ def asset(words: str) -> tuple[int, dict[str, Any], list[str]]:
     if kind not in categories:
         if not re.fullmatch(r"[a-z_]+(?: [a-z_]+){0,2}", kind):
             raise NotThis
-        alike = _alike(kind, categories)
-        if alike is None:
+        alike = None if generates and _thing(kind) else _alike(kind, categories)
+        if alike is None and not (generates and _thing(kind)):
             names = ", ".join(one.name for one in library.assets())
             raise refuse(f"the library has no {kind!r}; kinds are: {', '.join(categories)}; names are: {names}. "
-                         "`rpaug assets add` adds one")  # fmt: skip
-        notes.append(f"{kind!r} is taken to mean {alike!r}")
-        kind = alike
+                         "`rpaug assets add` adds one, and --generator has one made")  # fmt: skip
+        if alike is not None:
+            notes.append(f"{kind!r} is taken to mean {alike!r}")
+            kind = alike
     if tint:
-        library.find(kind, tint)
+        if not generates:
+            library.find(kind, tint)
         return number, {"category": kind, "color": tint}, notes
     return number, {"category": kind}, notes
+
+
+def _thing(kind: str) -> bool:
+    """Is it a phrase that a thing can go by? "a pinch of salt" and "the recipe" are none."""
+    try:
+        target(kind)
+    except (NotThis, NotUnderstood):
+        return False
+    return True
 
 
 def _named(words: str) -> str | None:

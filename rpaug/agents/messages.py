@@ -21,10 +21,14 @@ class Message(BaseModel):
 
 
 class Setting(Message):
-    """What a wish is about: names out of the recording, never obeyed, only looked up."""
+    """What a wish is about: names out of the recording, never obeyed, only looked up.
+
+    `generates`: what the library lacks can be made.
+    """
 
     cameras: tuple[str, ...] = ()
     instructions: tuple[str, ...] = ()
+    generates: bool = False
 
 
 class Mention(Message):

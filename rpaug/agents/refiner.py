@@ -1,23 +1,40 @@
-"""What is left to make consistent once all edits are known: which are carried by Gaussians, and who tunes those.
+"""What is left to make consistent once all edits are known: which Gaussians are tuned together, and against what.
 
-RoboPearls ends with a joint fine-tune, because each of its edits writes pixels or Gaussians of its own. Here an edit
-changes one scene, stated once in its body's frame, from which all cameras are rendered: there is nothing to reconcile
-between views. Only `stylize` optimises Gaussians, and it does so jointly over all views it is shown in, holding what
-surrounds its target to the recording. So this stage optimises nothing; it says which edits do, and in which order.
+As in RoboPearls (arXiv 2506.22756) a joint fine-tune of all edited Gaussians comes last: `rpaug.scene.refined.joint`.
+There is something to tune only where Gaussians show what was edited, at tier 3; recorded pixels and surfels show an
+edit as it is. So this stage asks for the fine-tune in the recipe, by its key `refine`, and says of which edits.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 from rpaug import registry
 from rpaug.agents.messages import Entry
+from rpaug.types import Effect
+
+STEPS = 200
+TIER = 3
 
 
-def refined(edits: tuple[Entry, ...], tier: int) -> dict[str, Any]:
-    """Which edits need fitted Gaussians, which are shown by Gaussians at this tier, and what is tuned."""
+def refined(
+    edits: tuple[Entry, ...], settings: Mapping[str, Any], tier: int
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The recipe's settings, with the fine-tune where the least tier calls for it, and what was decided."""
     options = [one for edit in edits for one in edit.get("one_of", [edit])]
-    fitted = [one["op"] for one in options if registry.operator(one["op"]).gaussians]
-    return {
-        "tuned_by_their_operator": fitted,
-        "shown_by_gaussians": [one["op"] for one in options] if tier >= 3 else fitted,
-        "tuned_jointly": [],
+    own = [one["op"] for one in options if registry.operator(one["op"]).gaussians]
+    together = [one["op"] for one in options if tier >= TIER and _of_things(one)]
+    settings = dict(settings)
+    if together:
+        settings.setdefault("refine", STEPS)
+    return settings, {
+        "tuned_by_their_operator": own,
+        "tuned_jointly": together,
+        "steps": settings.get("refine", 0),
     }
+
+
+def _of_things(edit: Entry) -> bool:
+    """Does it change how recorded things look, or where they are?"""
+    operator = registry.operator(edit["op"])
+    named = "target" in edit or "targets" in edit or edit["op"].startswith(("table", "background"))
+    return named and bool(operator.effect & (Effect.RGB | Effect.BODIES))

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rpaug.agents import manager
+from rpaug.agents import manager, undoing
 from rpaug.agents.messages import (
     Answer,
     Entry,
@@ -82,7 +82,7 @@ def load(path: Path) -> History:
 
 def undone(said: str) -> bool:
     """Does the wish ask for nothing but the round before to be undone?"""
-    return manager.normal(said) in manager.UNDO_LAST
+    return manager.normal(said) in undoing.UNDO_LAST
 
 
 def said_after(said: str, before: Sequence[str], setting: Setting) -> Answer:

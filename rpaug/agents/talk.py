@@ -15,6 +15,7 @@ from pydantic import Field, ValidationError
 
 from rpaug import recipe, registry
 from rpaug.agents import manager, rounds
+from rpaug.agents.making import lacking
 from rpaug.agents.messages import Answer, Entry, Mention, Message, NotUnderstood, Setting, Trace
 from rpaug.agents.prompting import prompt
 from rpaug.agents.rounds import History
@@ -151,8 +152,9 @@ class Model:
             return [self._asked("renderer", question, schema, check, trace).edit()]
         it = mention.target if mention and mention.kind == "target" else None
         question = {"step": step.said, "op": step.op, "it": it}
+        check = partial(_edits, op=step.op, known=known, generates=setting.generates)
         return self._asked(
-            "operation", question, _edits_schema(step.op), partial(_edits, op=step.op, known=known), trace,
+            "operation", question, _edits_schema(step.op), check, trace,
             categories=", ".join(sorted({one.category for one in library.assets()})),
             textures=", ".join(shipped.NAMES),
         )  # fmt: skip
@@ -197,7 +199,7 @@ def _plan(value: Any, said: str, earlier: int) -> Plan:
     return plan
 
 
-def _edits(value: Any, op: str, known: frozenset[str]) -> list[Entry]:
+def _edits(value: Any, op: str, known: frozenset[str], generates: bool = False) -> list[Entry]:
     """The operator's edits, if each is valid and names only what was said. Raises ValueError, RpaugError."""
     edits = value.get("edits") if isinstance(value, dict) else None
     if (
@@ -216,7 +218,10 @@ def _edits(value: Any, op: str, known: frozenset[str]) -> list[Entry]:
                 if word not in known:
                     raise ValueError(f"{name}: {word!r} was not said")
         if op == "insert" and not fields.get("asset"):
-            library.find(fields.get("category"), fields.get("color"))
+            if not generates:
+                library.find(fields.get("category"), fields.get("color"))
+            elif lacking(edit) and (new := _words(fields.get("category")) - known):
+                raise ValueError(f"category: {', '.join(sorted(new))!r} was not said")
     return edits
 
 

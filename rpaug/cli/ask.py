@@ -50,7 +50,20 @@ def ask(
         tuple[float, float] | None,
         typer.Option(help="Cost of a million tokens in and out, to report the cost."),
     ] = None,
-    tier: Annotated[int, typer.Option(min=0, max=4, help="Least tier of --run.")] = 0,
+    tier: Annotated[
+        int,
+        typer.Option(min=0, max=4, help="Least tier of --run; from 3 edited Gaussians are tuned."),
+    ] = 0,
+    generator: Annotated[
+        str | None,
+        typer.Option(
+            help="Who makes what the library lacks: a command, {text} and {out} put in, or an HTTP address."
+        ),
+    ] = None,
+    generator_scale: Annotated[
+        float, typer.Option(min=1e-6, help="Metres to one unit of what is made.")
+    ] = 1.0,
+    generator_up: Annotated[str, typer.Option(help="Its upward axis: y or z.")] = "z",
     as_json: AsJson = False,
 ) -> int:
     """Turn a wish into a recipe, show it, and write or run it if asked to.
@@ -82,6 +95,7 @@ def ask(
             history=talk,
             understanding=understanding,
             tier=tier,
+            maker=_maker(generator, generator_scale, generator_up),
         )
     except (NotUnderstood, TargetError, Unsupported) as error:
         return _refused(asking.reason(error), endpoint, as_json)
@@ -92,6 +106,14 @@ def ask(
     from rpaug.cli.augment import augment
 
     return augment(dataset, _kept(asked, out, into), into, tier=tier, as_json=as_json)  # type: ignore[arg-type]
+
+
+def _maker(who: str | None, scale: float, up: str) -> Any:
+    from rpaug.agents.making import Maker
+
+    if up not in ("y", "z"):
+        raise RpaugError(f"--generator-up {up}: give y or z")
+    return None if who is None else Maker(who, scale, up)
 
 
 def _endpoint(

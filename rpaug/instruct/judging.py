@@ -12,7 +12,9 @@ from rpaug.scene.naming.survey import InstanceSummary, survey
 from rpaug.types import Scene
 
 # Nouns that things of several kinds go by: a mug is a cup, a brick is a block.
-BROAD = frozenset({"block", "box", "cube", "cup", "cylinder", "ball", "sphere", "pad", "container", "bowl"})  # fmt: skip
+BROAD = frozenset(
+    {"block", "box", "cube", "cup", "cylinder", "ball", "sphere", "pad", "container", "bowl"}
+)
 
 
 class Untrue(RpaugError):
@@ -156,7 +158,7 @@ class Judge:
     def _named(
         self, phrase: Phrase, after: bool = False, rank: str | None = None
     ) -> frozenset[int] | None:
-        """The handles that a phrase means in the recorded scene, or in what is left of it; None if it cannot be told."""
+        """The handles that a phrase means, in the recorded scene or in what is left; None if that cannot be told."""
         return self._found(phrase.said(rank or phrase.ranked), after)
 
     def _found(self, said: str, after: bool) -> frozenset[int] | None:

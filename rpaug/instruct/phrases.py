@@ -1,4 +1,5 @@
 """The phrases of an instruction that name things: their colour word, their size or place word, and their nouns."""
+# ruff: noqa: E501  # lists of words are easiest to read whole
 
 import re
 from collections.abc import Iterator, Mapping, Sequence

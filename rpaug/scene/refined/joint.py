@@ -56,6 +56,8 @@ def refined(
     facts: dict[str, Any] = {"gaussians": len(rows), "steps": settings.steps, "kept": False}
     if not len(rows) or not settings.steps:
         return scene, facts
+    if any(view.depth is None or view.ids is None for view in scene.episode.views.values()):
+        return scene, facts | {"skipped": "the recording lacks depth or masks"}
     shown, unseen = _times(scene.episode.length, settings)
     handles = baking.painted(scene).union(*(one.shows.values() for one in carried(scene, 0)))
     judges = goals(scene, unseen, handles)

@@ -1,0 +1,142 @@
+"""The joint fine-tune steps the edited Gaussians alone, and keeps what came of it only where that is nearer."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import rpaug
+from rpaug import pipeline, plan, preparing, recipe, registry
+from rpaug.scene.build import build
+from rpaug.scene.refined import baking, joint
+from rpaug.scene.refined.goals import goals
+from rpaug.scene.splats.descent import PARAMETERS, settings_for
+from rpaug.scene.splats.fit import fitted
+from rpaug.types import Scene
+
+SHORT = joint.Settings(steps=60, times=4, held=2)
+
+
+@pytest.fixture(scope="module")
+def sample() -> Scene:
+    from pathlib import Path
+
+    folder = Path(rpaug.__file__).parent / "sample"
+    adapter = registry.adapter_for(folder)
+    scene = build(adapter.read(folder, adapter.episodes(folder)[0]), with_bodies=True)
+    return fitted(scene, settings=replace(settings_for(steps=60), checked_frames=1), seed=0)[0]
+
+
+@dataclass(frozen=True)
+class Paint:
+    """Stripes by place: what one colour a Gaussian cannot show at first."""
+
+    handles: frozenset[int] | None
+
+    def __call__(self, colour, surface):
+        stripe = (np.floor(surface.points[:, :1] / 0.05) % 2).astype(np.float32)
+        return colour * np.array([0.2, 0.3, 1.0], np.float32) + 0.3 * stripe
+
+
+def painted(scene: Scene) -> Scene:
+    return replace(scene, appearance=(Paint(scene.roles["manipulated"]),))
+
+
+def moved(scene: Scene, factor: float) -> Scene:
+    handles = scene.roles["manipulated"]
+    bodies = tuple(
+        replace(body, scale=factor) if body.handles & handles else body for body in scene.bodies
+    )
+    return replace(scene, bodies=bodies, recorded_bodies=scene.bodies)
+
+
+def test_all_but_the_edited_gaussians_keep_every_bit(sample: Scene) -> None:
+    assert sample.gaussians is not None
+    scene = painted(sample)
+    tuned, facts = joint.refined(scene, SHORT)
+    rows = joint.edited(scene)
+    assert facts["kept"]
+    assert facts["after_db"] > facts["before_db"]
+    assert facts["gaussians"] == len(rows) > 100
+    others = np.setdiff1d(np.arange(len(sample.gaussians)), rows)
+    assert tuned.gaussians is not None
+    for name in PARAMETERS:
+        before, after = getattr(sample.gaussians, name), getattr(tuned.gaussians, name)
+        assert np.array_equal(before[others], after[others])
+    assert not np.array_equal(sample.gaussians.sh[rows], tuned.gaussians.sh[rows])
+    assert tuned.appearance == ()  # the paint is the Gaussians' own now
+    again, _ = joint.refined(scene, SHORT)
+    assert again.gaussians is not None
+    assert np.array_equal(again.gaussians.sh, tuned.gaussians.sh)
+
+
+def test_resized_things_are_tuned_where_they_are_drawn(sample: Scene) -> None:
+    scene = moved(painted(sample), 0.9)
+    tuned, facts = joint.refined(scene, SHORT)
+    assert facts["gaussians"] == len(joint.edited(scene))
+    assert sample.gaussians is not None
+    assert tuned.gaussians is not None
+    assert np.array_equal(tuned.gaussians.means, sample.gaussians.means)
+    assert facts["after_db"] > facts["before_db"] - 1
+
+
+def test_an_outcome_that_is_no_nearer_is_dropped(sample: Scene) -> None:
+    scene = painted(sample)
+    wild = replace(SHORT, steps=3, rates=replace(joint.LOOKS, sh=5.0, opacities=5.0))
+    same, facts = joint.refined(scene, wild)
+    assert same is scene
+    assert not facts["kept"]
+
+
+def test_without_edits_or_masks_nothing_is_done(sample: Scene) -> None:
+    assert joint.refined(sample, SHORT)[0] is sample
+    bare = {name: replace(view, ids=None) for name, view in sample.episode.views.items()}
+    scene = painted(replace(sample, episode=replace(sample.episode, views=bare)))
+    same, facts = joint.refined(scene, SHORT)
+    assert same is scene
+    assert "lacks" in facts["skipped"]
+
+
+def test_what_cannot_be_laid_into_gaussians_stays_an_edit(sample: Scene) -> None:
+    """Light, what came after it, and things of which there are copies."""
+    handles = sample.roles["manipulated"]
+    light, paint = Paint(None), Paint(handles)
+    after = replace(sample, appearance=(light, paint))
+    assert baking.painted(after) == frozenset()
+    assert baking.baked(after).appearance == (light, paint)
+    assert baking.baked(replace(sample, appearance=(paint, light))).appearance == (light,)
+    (body,) = [body for body in sample.bodies if body.handles & handles][:1]
+    old = min(body.handles & handles)
+    twice = replace(body, handles=frozenset([9999]), copy_of={old: 9999})
+    copied = replace(sample, appearance=(paint,), bodies=(*sample.bodies, twice))
+    assert old not in baking.painted(copied)
+    (left,) = baking.baked(copied).appearance
+    assert left.handles == frozenset([old])
+
+
+def test_goals_are_the_recorded_pixels_with_the_paint(sample: Scene) -> None:
+    handles = sample.roles["manipulated"]
+    for goal in goals(painted(sample), [3], handles):
+        view = sample.episode.views[goal.name]
+        assert view.ids is not None
+        beside = ~np.isin(view.ids(3), list(handles))
+        same = goal.rgb[beside] == view.rgb(3)[beside].astype(np.float32) / 255
+        assert same.mean() > 0.9  # anti-aliased outlines are mixtures
+
+
+def test_a_recipe_asks_for_it_and_the_report_tells(sample: Scene) -> None:
+    made = recipe.build(
+        {
+            "version": 1,
+            "refine": 20,
+            "edits": [{"op": "recolor", "target": {"role": "manipulated"}, "color": "blue"}],
+        }
+    )
+    assert made.refine == 20
+    edited, draws = pipeline.draw(sample, made, 1)
+    for tier in (3, 0):
+        planned = plan.make(preparing.operators(made), sample.episode, tier)
+        done = pipeline.render(edited, draws, replace(planned, refine=made.refine))
+        told = done.plan.describe()["refined"]
+        assert told["gaussians"] > 100 if tier == 3 else "tier 3" in told["skipped"]
+        assert done.scene.appearance == edited.appearance
