@@ -86,7 +86,10 @@ def check(loop: Loop, resume: bool = False) -> None:
     for name in now:
         if name not in ("rounds", "workers") and begun.get(name) != now[name]:
             raise BadInput(
-                path, name, found=f"{begun.get(name)!r}", expected=f"{now[name]!r}, as now asked for"
+                path,
+                name,
+                found=f"{begun.get(name)!r}",
+                expected=f"{now[name]!r}, as now asked for",
             )
 
 
@@ -166,7 +169,10 @@ def words(command: str, flag: str, **given: Any) -> list[str]:
     leaves = "policy" if "data" in given else "evaluation"
     if "{" + leaves + "}" not in command:
         raise BadInput(
-            command, flag, found="a command without it", expected="{" + leaves + "}, where its result goes"
+            command,
+            flag,
+            found="a command without it",
+            expected="{" + leaves + "}, where its result goes",
         )
     return out
 
@@ -197,7 +203,11 @@ def _made(result: Path, command: Callable[[Path], list[str]], log: Path) -> Path
     with log.open("wb") as stream:
         try:
             code = subprocess.run(
-                parts, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT, check=False
+                parts,
+                stdin=subprocess.DEVNULL,
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+                check=False,
             ).returncode
         except OSError as error:
             raise RpaugError(f"{parts[0]}: {error.strerror}; expected a program") from None
@@ -226,7 +236,9 @@ def _augmented(loop: Loop, made: Path, told: Diagnosis) -> int:
     asked = augment.Run(loop.dataset, written, made)
     summary = augment.execute(asked, workers=loop.workers, resume=made.exists())
     if not summary.copies:
-        raise RpaugError(f"{made}: no copy could be made: {next(iter(summary.failures.values()), '')}")
+        raise RpaugError(
+            f"{made}: no copy could be made: {next(iter(summary.failures.values()), '')}"
+        )
     return summary.copies
 
 

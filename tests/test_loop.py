@@ -13,6 +13,7 @@ from rpaug.cli import app
 from rpaug.doctor import SAMPLE
 from rpaug.errors import BadInput, RpaugError
 
+COPY = ("--copies", "1", "--json")
 TRAIN = """
 import json, sys
 policy, *data = sys.argv[1:]
@@ -61,8 +62,7 @@ def looped(commands: tuple[str, str], tmp_path_factory: pytest.TempPathFactory) 
     train, evaluate = commands
     told = CliRunner().invoke(
         app,
-        ["loop", str(SAMPLE), "--train", train, "--eval", evaluate, "--out", str(out)]
-        + ["--copies", "1", "--json"],
+        ["loop", str(SAMPLE), "--train", train, "--eval", evaluate, "--out", str(out), *COPY],
     )
     assert told.exit_code == 0, told.output
     return out, json.loads(told.stdout)
@@ -71,9 +71,11 @@ def looped(commands: tuple[str, str], tmp_path_factory: pytest.TempPathFactory) 
 def test_it_stops_when_nothing_is_left_to_mend(looped: tuple[Path, Any]) -> None:
     out, told = looped
     first, second = told["rounds"]
-    assert first["success"] == 0.5 and first["verdict"] == "causes found"
+    assert first["success"] == 0.5
+    assert first["verdict"] == "causes found"
     assert first["causes"][0] == "lighting"
-    assert second["success"] == 1.0 and second["verdict"] == "nothing to fix"
+    assert second["success"] == 1.0
+    assert second["verdict"] == "nothing to fix"
     assert "light" in (out / "round0/recipe.yaml").read_text()
     trained_on = json.loads((out / "round1/policy").read_text())
     assert trained_on == [str(SAMPLE), str(out / "round0/data")]

@@ -1,4 +1,4 @@
-"""The tabletop as MuJoCo simulates it: things with weight and friction, a drawer on its rail, a gripper without an arm."""
+"""The tabletop as MuJoCo simulates it: things with weight, a drawer on its rail, a gripper without an arm."""
 
 from dataclasses import replace
 from xml.etree import ElementTree as Xml

@@ -14,7 +14,7 @@ Pose = Float[np.ndarray, "4 4"]
 Things = Mapping[str, Pose]
 
 OPENED = 0.08  # metres the drawer has to be out; the demonstrations pull it by 0.15
-PRESSED = 0.8  # of the button's travel
+PRESSED = 0.5  # of the button's travel
 
 
 def _opened(job: Job, now: Things, world: World) -> bool:

@@ -4,6 +4,7 @@ Seeds, textures and shapes of distractors differ from those of training, so noth
 """
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import trimesh
@@ -90,13 +91,11 @@ def _covered(
     return factor.change(look, parts, cover, rng)
 
 
-def _distractors(
-    world: World, job: Job, use: str, rng: np.random.Generator
-) -> tuple[Extra, ...]:
+def _distractors(world: World, job: Job, use: str, rng: np.random.Generator) -> tuple[Extra, ...]:
     """Things that have nothing to do with the task, where nothing stands and the gripper does not pass."""
     taken = [pose[:2, 3] for pose in job.placing.values()]
     way = [key.tip[:2, 3] for key in job.script if key.tip is not None]
-    taken += [a + s * (b - a) for a, b in zip(way, way[1:], strict=False) for s in (0, 0.5, 1)]
+    taken += [a + s * (b - a) for a, b in pairwise(way) for s in (0, 0.5, 1)]
     out: list[Extra] = []
     for _ in range(200):
         at = rng.uniform((-0.02, -0.30), (0.48, 0.30))

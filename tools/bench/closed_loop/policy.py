@@ -45,9 +45,7 @@ class Policy(nn.Module):
         self.tasks, self.most = tasks, most
         first, *rest = WIDTHS
         self.enter = _block(CHANNELS + 3, first)
-        self.down = nn.ModuleList(
-            [_block(a, b) for a, b in zip(WIDTHS, rest, strict=False)]
-        )
+        self.down = nn.ModuleList([_block(a, b) for a, b in zip(WIDTHS, rest, strict=False)])
         self.up = nn.ModuleList(
             [_block(a + b, a) for a, b in zip(WIDTHS[-2::-1], WIDTHS[:0:-1], strict=True)]
         )
@@ -121,7 +119,9 @@ def decide(policy: Policy, images: Float32[np.ndarray, "3 c h w"], goal: int) ->
     low, high = np.maximum(peak - AROUND, 0), np.minimum(peak + AROUND + 1, GRID)
     part = volume[low[0] : high[0], low[1] : high[1], low[2] : high[2]]
     weights = torch.softmax(part.flatten(), 0).reshape(part.shape).numpy()
-    grids = np.meshgrid(*(np.arange(a, b) + 0.5 for a, b in zip(low, high, strict=True)), indexing="ij")
+    grids = np.meshgrid(
+        *(np.arange(a, b) + 0.5 for a, b in zip(low, high, strict=True)), indexing="ij"
+    )
     cell = np.array([(weights * grid).sum() for grid in grids])[::-1]
     head = policy.turned(features, whole, torch.tensor(cell.copy())[None].float())[0].numpy()
     pose = np.eye(4)

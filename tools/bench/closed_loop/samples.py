@@ -41,7 +41,8 @@ def read(root: Path, tasks: Sequence[str]) -> list[Sample]:
 def of(episode: Episode, task: int) -> Iterator[Sample]:
     """The samples of one episode."""
     robot = episode.robot
-    assert robot.gripper_to_world is not None and robot.gripper_open is not None
+    assert robot.gripper_to_world is not None
+    assert robot.gripper_open is not None
     before = 0
     for number, t in enumerate(keys(episode)):
         views = [_view(episode, name, before) for name in SEEN]

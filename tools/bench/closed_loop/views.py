@@ -9,8 +9,15 @@ from jaxtyping import Float, Float32, UInt8
 from tools.bench.closed_loop.bench import View
 
 GRID = 64  # pixels a side
-LOW, SIDE = np.array([-0.12, -0.34, 0.72]), 0.68  # metres: the corner of the cube that is looked at, and its side
-AXES = ((0, 1, 2), (1, 2, 0), (0, 2, 1))  # right, up and towards the eye: from above, from ahead, from the left
+LOW, SIDE = (
+    np.array([-0.12, -0.34, 0.72]),
+    0.68,
+)  # metres: the corner of the cube that is looked at, and its side
+AXES = (
+    (0, 1, 2),
+    (1, 2, 0),
+    (0, 2, 1),
+)  # right, up and towards the eye: from above, from ahead, from the left
 CHANNELS = 5  # colour, height along the line of sight, whether anything is there
 
 
