@@ -53,7 +53,7 @@ class Bench:
     def observe(self) -> dict[str, View]:
         """What the cameras show now, the arm where the gripper needs it."""
         self._renderer.pose(self.q, float(np.mean(self._jaws())), self._things())
-        rig = cameras.rig(self._tip()[None], SIZE, self.look.bumps)
+        rig = cameras.rig(self.where("gripper")[None], SIZE, self.look.bumps)
         views = {}
         for name in SEEN:
             camera = rig[name]
@@ -115,9 +115,6 @@ class Bench:
         pose[:3, :3], pose[:3, 3] = turn.reshape(3, 3), self.data.mocap_pos[0]
         return pose
 
-    def _tip(self) -> Pose:
-        return self._where("gripper")
-
     def _fingers(self, opening: float) -> None:
         self.opening = opening
         # Closing aims past the middle, so that whatever is between the fingers is pressed.
@@ -132,9 +129,10 @@ class Bench:
 
     def _things(self) -> dict[str, Pose]:
         """Poses of all movable bodies."""
-        return {body.name: self._where(body.name) for body in self.world.bodies if body.movable}
+        return {body.name: self.where(body.name) for body in self.world.bodies if body.movable}
 
-    def _where(self, name: str) -> Pose:
+    def where(self, name: str) -> Pose:
+        """A body's pose in the world."""
         body = self.data.body(name)
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = body.xmat.reshape(3, 3), body.xpos

@@ -111,7 +111,16 @@ def loss(
 def decide(policy: Policy, images: Float32[np.ndarray, "3 c h w"], goal: int) -> Action:
     """The next key pose."""
     heat, features, whole = policy(torch.from_numpy(images)[None], torch.tensor([goal]))
-    from_above, ahead, left = heat[0]
+    cell = located(heat[0])
+    head = policy.turned(features, whole, torch.tensor(cell.copy())[None].float())[0].numpy()
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation(head[:3], head[3:9]), metres(cell)
+    return Action(pose, bool(head[9] > 0))
+
+
+def located(heat: Float[Tensor, "3 h w"]) -> Float[np.ndarray, "3"]:
+    """The position in cells where the views' heat agrees best, averaged around the peak."""
+    from_above, ahead, left = heat
     volume = (  # indexed z, y, x
         from_above[None] + ahead[:, :, None] + left[:, None, :]
     )
@@ -122,11 +131,7 @@ def decide(policy: Policy, images: Float32[np.ndarray, "3 c h w"], goal: int) ->
     grids = np.meshgrid(
         *(np.arange(a, b) + 0.5 for a, b in zip(low, high, strict=True)), indexing="ij"
     )
-    cell = np.array([(weights * grid).sum() for grid in grids])[::-1]
-    head = policy.turned(features, whole, torch.tensor(cell.copy())[None].float())[0].numpy()
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation(head[:3], head[3:9]), metres(cell)
-    return Action(pose, bool(head[9] > 0))
+    return np.array([(weights * grid).sum() for grid in grids])[::-1]
 
 
 def rotation(

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from tools.bench.closed_loop.looks import CONDITIONS, SINGLE
 
-DRAWS = 4000  # of the bootstrap
+DRAWS = 2000  # of the bootstrap
 
 Outcomes = Mapping[
     tuple[str, str, int], float
