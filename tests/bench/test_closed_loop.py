@@ -10,7 +10,7 @@ from rpaug import geometry, twin
 from rpaug.twin.look import Look
 from rpaug.twin.record import stage
 from tools.bench.closed_loop import looks, policy, result, samples, views
-from tools.bench.closed_loop.__main__ import MOST, TASKS
+from tools.bench.closed_loop.arms import MOST, TASKS
 from tools.bench.closed_loop.bench import Bench
 
 

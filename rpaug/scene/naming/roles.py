@@ -75,7 +75,7 @@ def infer(
     table = _table(things, looks, robot, manipulated)
     background = _background(things, table, robot | manipulated)
     manipulated = manipulated or _pressed(things, looks, robot, robot | table | background)
-    receiver = _receiver(things, looks, manipulated, robot | background, table)
+    receiver = _receiver(things, looks, manipulated, robot | background | manipulated, table)
     found = {
         "manipulated": manipulated,
         "receiver": receiver,
