@@ -18,6 +18,7 @@ from rpaug.twin.motion import Motion, play
 from rpaug.twin.panda import OPEN
 from rpaug.twin.renderer import Renderer
 from rpaug.twin.soft_tasks import SOFT_TASKS
+from rpaug.twin.staging import Job
 from rpaug.twin.tasks import TASKS
 from rpaug.twin.truth import Truth, changed_tints, laid, mean_albedos
 from rpaug.twin.world import Part, World
@@ -65,20 +66,12 @@ def perform(
     or "receiver" (None: the factor's usual parts), to `value` or, where that is None, to a draw from
     the seed. Raises RpaugError for unknown names, Unsupported without OpenGL or with too few frames.
     """
-    known = {**TASKS, **SOFT_TASKS}
-    if task not in known:
-        raise RpaugError(f"no task is called {task!r}; there are: {', '.join(known)}")
     if not 8 <= size <= LARGEST:
         raise RpaugError(f"size {size}: the twin renders 8 to {LARGEST} pixels a side")
     old = look or Look()
-    layout, handles, textures, drawn = (np.random.default_rng([seed, episode, k]) for k in range(4))
-    job = known[task](layout)
+    job, world, drawn = stage(task, seed, episode, old)
     motion = play(tabletop.ARM, job.script, job.placing, frames)
-    texture_seed = int(textures.integers(2**32)) if old.texture_seed is None else old.texture_seed
-    soft = job.soft
-    parts = [] if soft is None else [Part(soft.name, (), flex=soft.flex)]
-    shapes = {} if soft is None else {soft.name: soft.track(motion)}
-    world = tabletop.build(job.placing, handles, texture_seed, parts)
+    shapes = {} if job.soft is None else {job.soft.name: job.soft.track(motion)}
     changed: tuple[str, ...] = ()
     new = old
     if factor:
@@ -111,6 +104,23 @@ def perform(
         length=motion.length,
     )
     return Take(made, truth, motion.objects, shapes)
+
+
+def stage(task: str, seed: int, episode: int, look: Look) -> tuple[Job, World, np.random.Generator]:
+    """The task as that seed and episode draw it, its world, and the generator that draws what a factor changes.
+
+    Raises RpaugError for an unknown task.
+    """
+    known = {**TASKS, **SOFT_TASKS}
+    if task not in known:
+        raise RpaugError(f"no task is called {task!r}; there are: {', '.join(known)}")
+    layout, handles, textures, drawn = (np.random.default_rng([seed, episode, k]) for k in range(4))
+    job = known[task](layout)
+    texture_seed = look.texture_seed
+    if texture_seed is None:
+        texture_seed = int(textures.integers(2**32))
+    parts = [] if job.soft is None else [Part(job.soft.name, (), flex=job.soft.flex)]
+    return job, tabletop.build(job.placing, handles, texture_seed, parts), drawn
 
 
 def record(

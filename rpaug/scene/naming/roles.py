@@ -57,7 +57,8 @@ def infer(
     that is the receiver, and some have none.
 
     robot: what hangs on the gripper from the first frame, what touches it most of the time and moves, and the
-    base that this chain grows out of. manipulated: what else moves. receiver: the static thing that the
+    base that this chain grows out of. manipulated: what else moves, or if nothing does what the gripper touches longest
+    (a button that moves less than its recording shows). receiver: the static thing that the
     manipulated touches at the end, with all that stands within its outline; the table only if there is
     nothing else. table: the level surface that things stand on. background: what is left and larger than the
     table, or outside its bounds.
@@ -73,7 +74,8 @@ def infer(
     )
     table = _table(things, looks, robot, manipulated)
     background = _background(things, table, robot | manipulated)
-    receiver = _receiver(things, looks, manipulated, robot | background, table)
+    manipulated = manipulated or _pressed(things, looks, robot, robot | table | background)
+    receiver = _receiver(things, looks, manipulated, robot | background | manipulated, table)
     found = {
         "manipulated": manipulated,
         "receiver": receiver,
@@ -133,6 +135,21 @@ def _robot(things: Mapping[int, _Thing], looks: Looks) -> frozenset[int]:
     often = _often(looks)
     chain = _grown(hand | links, movers, often)
     return frozenset(_grown(chain, {h for h in rest if things[h].size.max() < 2 * BROAD}, often))
+
+
+def _pressed(
+    things: Mapping[int, _Thing],
+    looks: Looks,
+    robot: frozenset[int],
+    not_these: frozenset[int],
+) -> frozenset[int]:
+    """What the gripper touches in most frames, if it touches anything."""
+    gripper = {h for h in robot if things[h].body.motion == "gripper"}
+    touched: dict[int, int] = {}
+    for pair, count in touching(looks).items():
+        for h in (pair - not_these) & things.keys() if pair & gripper else ():
+            touched[h] = touched.get(h, 0) + count
+    return frozenset({max(touched, key=lambda h: touched[h])}) if touched else frozenset()
 
 
 def _moves_first(body: Body, things: Mapping[int, _Thing]) -> bool:

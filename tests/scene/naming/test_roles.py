@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from boxes import BLOCK, FLOOR, HAND, OTHER, PAD, TABLE, WALL, World
 
+from rpaug import twin
+from rpaug.scene.build import build
 from rpaug.scene.naming import roles
 from rpaug.scene.tracking import bodies
 from rpaug.types import Scene
@@ -69,3 +71,13 @@ def test_numbers_of_handles_do_not_matter(placed: tuple[World, Scene]) -> None:
     ).episode()
     known = roles.infer(other, bodies.track(other))
     assert known == {name: {int(new[h]) for h in handles} for name, handles in scene.roles.items()}
+
+
+@pytest.mark.gl
+def test_what_is_pressed_is_manipulated_though_nothing_is_seen_to_move() -> None:
+    """Thirty frames show the button's centimetre too seldom for a track."""
+    take = twin.perform("push_button", 1000, episode=0, frames=30)
+    names = {handle: name for name, handle in take.truth.handles.items()}
+    found = build(take.episode, with_bodies=True).roles
+    assert {names[h] for h in found["manipulated"]} == {"button"}
+    assert {names[h] for h in found["receiver"]} == {"button_base"}

@@ -1,0 +1,57 @@
+"""`rpaug loop`: train, evaluate, diagnose, augment, and train again."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rpaug.cli.console import AsJson, Dataset, console, plain, print_json
+
+
+def loop(
+    dataset: Dataset,
+    train: Annotated[
+        str,
+        typer.Option(
+            help="Training command: {data} are the datasets, {policy} is where its policy goes."
+        ),
+    ],
+    evaluate: Annotated[
+        str,
+        typer.Option(
+            "--eval", help="Evaluation command: {policy} is judged, {evaluation} is where it goes."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder to write; must not exist unless --resume.")],
+    rounds: Annotated[int, typer.Option(min=1, help="Times to augment and train again.")] = 2,
+    copies: Annotated[int, typer.Option(min=1, help="Copies of each episode, every round.")] = 4,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that augment.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Of the diagnosed recipes.")] = 0,
+    resume: Annotated[bool, typer.Option(help="Go on with a loop that was stopped.")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Train a policy, evaluate it, find out why it failed, augment against that, and train again.
+
+    Commands run without a shell; what they print goes into log files. {round} counts from 0. An evaluation is what
+    `rpaug diagnose` reads.
+
+    Example: [bold]rpaug loop data/train --train "python train.py --data {data} --out {policy}"
+    --eval "python eval.py {policy} {evaluation}" --out looped[/]
+    """
+    from rpaug import loop as looping
+
+    asked = looping.Loop(dataset, train, evaluate, out, rounds, copies, workers, seed)
+    looping.check(asked, resume)
+    done = looping.run(asked, resume=resume, tell=lambda words: _tell(words, as_json))
+    if as_json:
+        print_json({"out": str(out), "rounds": [asdict(one) for one in done]})
+        return 0
+    for one in done:
+        console.print(plain(f"round {one.number}: {one.success:.1%} of {one.rollouts} rollouts"))
+    return 0
+
+
+def _tell(words: str, as_json: bool) -> None:
+    if not as_json:
+        console.print(plain(words), style="dim")

@@ -1,0 +1,105 @@
+"""The closed loop measures what it says: experts succeed, idlers do not, poses survive the policy's maps."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpaug import geometry, twin
+from rpaug.twin.look import Look
+from rpaug.twin.record import stage
+from tools.bench.closed_loop import looks, policy, result, samples, views
+from tools.bench.closed_loop.arms import MOST, TASKS
+from tools.bench.closed_loop.bench import Bench
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("task", TASKS)
+def test_demonstrated_key_poses_do_the_task_and_waiting_does_not(task: str) -> None:
+    with Bench(task, 77, 0, Look()) as bench:
+        tip = bench.where("gripper")
+        for _ in range(3):
+            bench.act(tip, bench.opening)
+        assert not bench.solved()
+        for key in bench.job.script:
+            tip = tip if key.tip is None else key.tip
+            assert bench.act(tip, key.opening)
+        assert bench.solved()
+
+
+@pytest.mark.gl
+def test_a_pose_out_of_reach_is_refused() -> None:
+    with Bench("push_button", 77, 0, Look()) as bench:
+        far = bench.where("gripper")
+        far[:3, 3] += [3.0, 0, 0]
+        assert not bench.act(far, 0.0)
+
+
+@pytest.mark.gl
+def test_samples_are_a_demonstrations_key_poses() -> None:
+    take = twin.perform("put_in_box", 77, frames=30)
+    found = list(samples.of(take.episode, 4))
+    assert len(found) <= MOST
+    tips = take.episode.robot.gripper_to_world
+    assert tips is not None
+    grasp = next(sample for sample in found if not sample.open)
+    block = take.poses["block_plain"][0]
+    assert np.linalg.norm(grasp.pose[:2, 3] - block[:2, 3]) < 1e-6
+    # What is seen before the first key pose is the scene at rest: the block's top is in the cloud.
+    near = np.linalg.norm(found[0].points - block[:3, 3] - [0, 0, 0.045], axis=1) < 0.01
+    assert near.any()
+
+
+@pytest.mark.parametrize("condition", looks.CONDITIONS)
+def test_a_condition_changes_what_it_names(condition: str) -> None:
+    job, world, _ = stage("stack_cups", 77, 0, Look())
+    look = looks.draw(condition, world, job, "testing", np.random.default_rng(0), 5)
+    changed = {
+        "object_color": look.tints.keys() >= {"cup_small", "cup_large"},
+        "object_texture": "cup_small" in look.covers,
+        "object_size": "cup_small" in look.scales,
+        "distractor": len(look.extras) == looks.DISTRACTORS,
+        "light_color": look.light != Look().light,
+        "table_color": "table" in look.tints,
+        "table_texture": "table" in look.covers,
+        "background_texture": "floor" in look.covers,
+        "camera_pose": bool(look.bumps),
+    }
+    wanted = {name: condition in (name, "all") for name in looks.SINGLE}
+    assert changed == wanted
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_pose_is_read_off_the_maps_that_ask_for_it(seed: int) -> None:
+    """Heat as the loss wants it and axes as the head should give them decode to the pose, up to half a turn."""
+    rng = np.random.default_rng(seed)
+    pose = geometry.rigid(rng.normal(size=3), views.metres(rng.uniform(8, 56, 3)))
+    wanted = policy.targets(pose[None], np.ones(1))
+    outer = policy._outer(wanted.across)[0].numpy()
+    turn = policy.rotation(wanted.approach[0].numpy(), outer)
+    flipped = pose[:3, :3] * [-1, -1, 1]
+    assert min(np.abs(turn - pose[:3, :3]).max(), np.abs(turn - flipped).max()) < 1e-4
+    found = policy.located(torch.log(policy._asked(wanted.cell)[0].clamp_min(1e-20)))
+    assert np.abs(views.metres(found) - pose[:3, 3]).max() < 2e-3
+
+
+def test_the_nearest_point_to_the_eye_is_drawn() -> None:
+    low = views.metres(np.array([[10.5, 20.5, 5.5], [10.5, 20.5, 40.5]])).astype(np.float32)
+    images = views.project(low, np.array([[1, 0, 0], [0, 1, 0]], np.float32))
+    np.testing.assert_array_equal(images[0, :3, 20, 10], [0, 1, 0])  # from above: the upper one
+    assert images[:, 4].sum() == 1 + 2 + 2  # seen from the sides both show
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    """Coin flips whose true difference is 20 points: 95 % of the intervals hold it, give or take."""
+    held = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        keys = [("task", "all", n) for n in range(100)]
+        arm = {key: float(rng.random() < 0.7) for key in keys}
+        other = {key: float(rng.random() < 0.5) for key in keys}
+        lead = result.ahead(arm, other, ["all"], seed)
+        held += lead.low <= 20 <= lead.high
+    assert held >= 34

@@ -1,0 +1,152 @@
+"""The arms: what each policy is trained on, and how it then does."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import cv2
+import torch
+
+from rpaug.diagnosis import jsonl
+from rpaug.files import write_atomic
+from tools.bench.closed_loop import data, looks, result, samples, training, trials
+
+TASKS = ("open_drawer", "push_button", "slide_block", "stack_cups", "put_in_box")
+MOST = 6  # key poses of the longest task
+ARMS = ("plain", "jitter", "rpaug", "diagnosed", "oracle", "oracle_valid")
+TESTS, VALIDATION = 2000, 3000  # seeds of layouts
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is done."""
+
+    tasks: tuple[str, ...] = TASKS
+    demos: int = 25
+    copies: int = 4
+    steps: int = 600
+    episodes: int = 10
+    conditions: tuple[str, ...] = looks.CONDITIONS
+    rounds: int = 2
+
+
+SMOKE = Size(TASKS[:2], 2, 2, 20, 1, ("none", "object_color", "all"), 1)
+
+
+def run(
+    work: Path, size: Size, arms: Sequence[str], seeds: range, workers: int, as_json: bool
+) -> None:
+    """Do what is missing, print what came of it."""
+    work.mkdir(parents=True, exist_ok=True)
+    demos = data.recorded(work / "demos", size.tasks, size.demos)
+    if "rpaug" in arms:
+        data.augmented(work / "rpaug", demos, "robust", size.copies, workers)
+    for arm, left in (("oracle", ()), ("oracle_valid", looks.INVALIDATING)):
+        if arm in arms:
+            data.rendered(work / arm, size.tasks, size.demos, size.copies, left)
+    jobs = [(work, size, arm, seed) for arm in arms for seed in seeds]
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        done = list(pool.map(measured, *zip(*jobs, strict=True)))
+    outcomes: dict[str, dict[tuple[str, str, int], float]] = {}
+    for (_, _, arm, _), found in zip(jobs, done, strict=True):
+        sums = outcomes.setdefault(arm, {})
+        for task, condition, episode, success in found:
+            key = (task, condition, episode)
+            sums[key] = sums.get(key, 0.0) + success / len(seeds)
+    if as_json:
+        rows = {arm: [[*key, value] for key, value in one.items()] for arm, one in outcomes.items()}
+        print(json.dumps(rows))
+    elif not set(looks.CONDITIONS) - set(size.conditions):
+        print(result.table(outcomes))
+    else:
+        for arm, one in outcomes.items():
+            print(f"{arm}: {result.rate(one, size.conditions):.0f} % of {len(one)} episodes")
+
+
+def measured(work: Path, size: Size, arm: str, seed: int) -> list[list[Any]]:
+    """The outcomes of one policy, (task, condition, episode, success) each."""
+    torch.set_num_threads(1)
+    home = work / "policies" / f"{arm}{seed}"
+    kept = home / "outcomes.json"
+    if not kept.exists():
+        home.mkdir(parents=True, exist_ok=True)
+        policy = home / "policy.pt"
+        if arm == "diagnosed":
+            policy = looped(work, home, size, seed)
+        elif not policy.exists():
+            sets = [work / "demos"]
+            sets += [work / arm] if arm not in ("plain", "jitter") else []
+            learn(policy, sets, seed, size.steps, arm == "jitter", size.tasks)
+        trained = training.load(policy)
+        rows = [
+            [one.task, one.condition, one.episode, one.success]
+            for one in trials.trials(
+                trained, size.tasks, size.conditions, seed=TESTS, episodes=size.episodes
+            )
+        ]
+        write_atomic(kept, json.dumps(rows).encode())
+    return list(json.loads(kept.read_bytes()))
+
+
+def learn(
+    policy: Path, datasets: list[Path], seed: int, steps: int, jitter: bool, tasks: Sequence[str]
+) -> None:
+    """Train on the first dataset and, for most of each batch, on what was made of it."""
+    real = samples.read(datasets[0], tasks)
+    made = [sample for other in datasets[1:] for sample in samples.read(other, tasks)]
+    trained = training.train(
+        real, made, tasks=len(tasks), most=MOST, steps=steps, seed=seed, jitter=jitter
+    )
+    training.save(trained, policy)
+
+
+def judge(policy: Path, out: Path, tasks: Sequence[str], episodes: int) -> None:
+    """Rollouts under one factor each, as an evaluation that `rpaug diagnose` reads."""
+    trained = training.load(policy)
+    out.mkdir()
+    lines = []
+    for one in trials.trials(
+        trained, tasks, ("none", *looks.SINGLE), seed=VALIDATION, episodes=episodes
+    ):
+        name = f"{one.task}-{one.condition}-{one.episode}"
+        lines.append(_line(one, name, out))
+    jsonl.write(out / "evaluation.jsonl", lines)
+
+
+def _line(one: trials.Trial, name: str, out: Path) -> jsonl.Line:
+    moments = []
+    for t, views in enumerate(one.seen):
+        images, poses = {}, {}
+        for camera, view in views.items():
+            images[camera] = f"{name}-{t}-{camera}.png"
+            cv2.imwrite(str(out / images[camera]), view.rgb[..., ::-1])
+            poses[camera] = view.cam_to_world.tolist()
+        moments.append(jsonl.Moment(t=t, images=images, poses=poses))
+    return jsonl.Line(
+        episode=name,
+        success=one.success,
+        instruction=one.instruction,
+        frames=tuple(moments),
+        factor=one.condition,
+    )
+
+
+def looped(work: Path, home: Path, size: Size, seed: int) -> Path:
+    """The policy of the last round of `rpaug loop`, whose copies together are as many as the other arms'."""
+    me = f"{sys.executable} -m tools.bench.closed_loop"
+    out = home / "loop"
+    command = [sys.executable, "-m", "rpaug.cli", "loop", str(work / "demos"), "--out", str(out)]
+    command += ["--train", f"{me} train {{policy}} {{data}} --seed {seed} --steps {size.steps}"]
+    tests = f"--episodes {max(1, size.episodes // 2)} --tasks {' '.join(size.tasks)}"
+    command += ["--eval", f"{me} eval {{policy}} {{evaluation}} {tests}"]
+    command += ["--rounds", str(size.rounds), "--copies", str(size.copies // size.rounds)]
+    command += ["--seed", str(seed)] + (["--resume"] if out.exists() else [])
+    subprocess.run(command, check=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    return max(out.glob("round*/policy"), key=lambda path: int(path.parent.name[5:]))

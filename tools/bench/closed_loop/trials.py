@@ -1,0 +1,77 @@
+"""How often a policy succeeds: episodes that no training saw, under each condition."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rpaug.twin.look import Look
+from rpaug.twin.panda import OPEN
+from rpaug.twin.record import stage
+from tools.bench.closed_loop import looks
+from tools.bench.closed_loop.bench import Bench, View
+from tools.bench.closed_loop.policy import Policy, decide
+from tools.bench.closed_loop.views import cloud, project
+
+Seen = list[dict[str, View]]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One episode: what it is, whether it succeeded, the instruction, and what was seen before each key pose."""
+
+    task: str
+    condition: str
+    seed: int
+    episode: int
+    success: bool
+    instruction: str
+    seen: Seen
+
+
+def trials(
+    policy: Policy | None,
+    tasks: Sequence[str],
+    conditions: Sequence[str],
+    *,
+    seed: int,
+    episodes: int,
+    use: str = "testing",
+) -> Iterator[Trial]:
+    """Every task under every condition; None is the policy that never moves. Layouts come from seed and episode."""
+    for number, task in enumerate(tasks):
+        for condition in conditions:
+            for episode in range(episodes):
+                yield trial(policy, task, number, condition, seed, episode, use)
+
+
+def trial(
+    policy: Policy | None,
+    task: str,
+    number: int,
+    condition: str,
+    seed: int,
+    episode: int,
+    use: str = "testing",
+) -> Trial:
+    """One episode from its start until it succeeds, the arm cannot reach, or the key poses run out."""
+    job, world, _ = stage(task, seed, episode, Look())
+    rng = np.random.default_rng([seed, episode, number, looks.CONDITIONS.index(condition), 7])
+    look = looks.draw(condition, world, job, use, rng, int(rng.integers(2**32)))
+    seen: Seen = []
+    with Bench(task, seed, episode, look) as bench:
+        done = bench.solved()
+        for key in range(0 if policy is None else policy.most):
+            if done:
+                break
+            assert policy is not None
+            views = bench.observe()
+            seen.append(views)
+            points, colours = cloud(views.values())
+            images = project(points, colours.astype(np.float32) / 255)
+            action = decide(policy, images, number * policy.most + key)
+            reached = bench.act(action.pose, OPEN if action.open else 0.0)
+            done = bench.solved()
+            if not reached:
+                break
+    return Trial(task, condition, seed, episode, done, bench.job.descriptions[0], seen)

@@ -1,0 +1,73 @@
+"""Point clouds as three orthographic images, as RVT sees them (Goyal et al. 2023, arXiv 2306.14896)."""
+
+from collections.abc import Iterable
+
+import numba
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from tools.bench.closed_loop.bench import View
+
+GRID = 64  # pixels a side
+LOW, SIDE = (
+    np.array([-0.12, -0.34, 0.72]),
+    0.68,
+)  # metres: the corner of the cube that is looked at, and its side
+AXES = (
+    (0, 1, 2),
+    (1, 2, 0),
+    (0, 2, 1),
+)  # right, up and towards the eye: from above, from ahead, from the left
+CHANNELS = 5  # colour, height along the line of sight, whether anything is there
+
+
+def cloud(views: Iterable[View]) -> tuple[Float32[np.ndarray, "n 3"], UInt8[np.ndarray, "n 3"]]:
+    """Points of all cameras in the world, metres, with their colours; those that can enter the cube after a shift."""
+    points, colours = [], []
+    for view in views:
+        h, w = view.depth.shape
+        v, u = np.mgrid[:h, :w]
+        rays = np.stack([u, v, np.ones_like(u)], -1) @ np.linalg.inv(view.K).T
+        world = (rays * view.depth[..., None]) @ view.cam_to_world[:3, :3].T
+        world += view.cam_to_world[:3, 3]
+        near = np.all((world > LOW - 0.1) & (world < LOW + SIDE + 0.1), -1) & (view.depth > 0)
+        points.append(world[near].astype(np.float32))
+        colours.append(view.rgb[near])
+    return np.concatenate(points), np.concatenate(colours)
+
+
+def project(
+    points: Float32[np.ndarray, "n 3"], colours: Float32[np.ndarray, "n 3"]
+) -> Float32[np.ndarray, "3 c h w"]:
+    """The three images: colour 0..1, height 0..1, presence."""
+    out = np.zeros((3, CHANNELS, GRID, GRID), np.float32)
+    _draw(cells(points).astype(np.float32), colours.astype(np.float32), np.array(AXES), out)
+    return out
+
+
+def cells(points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    """Metres in the world to cells of the cube: 0 to `GRID` inside, pixel centres at one half."""
+    return (np.asarray(points, float) - LOW) * (GRID / SIDE)
+
+
+def metres(inside: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    """Cells of the cube to metres in the world."""
+    return np.asarray(inside, float) * (SIDE / GRID) + LOW
+
+
+@numba.njit(cache=True)
+def _draw(cell, colours, axes, out):
+    size = out.shape[2]
+    for n in range(len(cell)):
+        for view in range(3):
+            right, up, ahead = axes[view]
+            x, y = int(np.floor(cell[n, right])), int(np.floor(cell[n, up]))
+            z = cell[n, ahead] / size
+            if not (0 <= x < size and 0 <= y < size and 0 <= z < 1):
+                continue
+            if out[view, 4, y, x] > 0 and out[view, 3, y, x] >= z:
+                continue
+            for c in range(3):
+                out[view, c, y, x] = colours[n, c]
+            out[view, 3, y, x] = z
+            out[view, 4, y, x] = 1
