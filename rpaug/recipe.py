@@ -122,9 +122,7 @@ class Recipe:
     accuracy: Accuracy | None = None
     arms: tuple[Path, ...] = ()  # URDF or MJCF files
     depth_model: str | None = None  # for episodes without depth
-    video: Asked = field(
-        default_factory=Asked
-    )  # for episodes of one moving camera of which only images are known
+    video: Asked = field(default_factory=Asked)  # for videos of one moving camera
     refine: int = 0  # steps of the joint fine-tune, where Gaussians show all
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
