@@ -49,21 +49,13 @@ def add(
     Example: [bold]rpaug assets add teapot.glb --category teapot --scale 0.01 --up y[/]
     """
     from rpaug.assets import library, reading, sampled
-    from rpaug.errors import RpaugError
 
-    if up not in ("y", "z"):
-        raise RpaugError(f"--up {up}: give y or z")
+    _check_up(up)
     thing, splats = reading.read(file, scale, up)
     if gaussians and splats is None:
         splats = sampled.gaussians(thing, gaussians)
     name = name or file.stem.replace("-", "_")
-    asset = library.add(name, category, thing, file.name, splats)
-    if as_json:
-        print_json(asdict(asset))
-        return 0
-    say(f"added to {library.folder()}:")
-    say(_line(asset))
-    return 0
+    return _added(library.add(name, category, thing, file.name, splats), as_json)
 
 
 def generate(
@@ -92,8 +84,7 @@ def generate(
 
     if (command is None) == (endpoint is None):
         raise RpaugError("generate: name who makes it, with --command or --endpoint, not both")
-    if up not in ("y", "z"):
-        raise RpaugError(f"--up {up}: give y or z")
+    _check_up(up)
     library.check_name(name)
     wish = generating.Wish(text, image)
     wish.check()
@@ -104,13 +95,7 @@ def generate(
         else:
             assert endpoint is not None
             by, data = endpoint, generating.by_endpoint(endpoint, wish, limits)
-    asset = generating.keep(data, name, wish, by, category, scale, up)
-    if as_json:
-        print_json(asdict(asset))
-        return 0
-    say(f"added to {library.folder()}:")
-    say(_line(asset))
-    return 0
+    return _added(generating.keep(data, name, wish, by, category, scale, up), as_json)
 
 
 def show(
@@ -138,6 +123,25 @@ def show(
     say(f"{made}, from: {asset.source}")
     for key, value in asset.provenance.items():
         say(f"{key}: {value}")
+    return 0
+
+
+def _check_up(up: str) -> None:
+    from rpaug.errors import RpaugError
+
+    if up not in ("y", "z"):
+        raise RpaugError(f"--up {up}: give y or z")
+
+
+def _added(asset, as_json: bool) -> int:
+    """Say what joined the library."""
+    from rpaug.assets import library
+
+    if as_json:
+        print_json(asdict(asset))
+        return 0
+    say(f"added to {library.folder()}:")
+    say(_line(asset))
     return 0
 
 

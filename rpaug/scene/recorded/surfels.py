@@ -117,7 +117,13 @@ def backgrounds(surfels: Surfels, scene: Scene) -> dict[str, unseen.Background]:
     plates, past = _still(surfels, scene, edited)
     return {
         name: unseen.background(
-            camera, kept, plates, (*past, *surfels.patches), edited, surfels.tolerance, len(surfels.patches)
+            camera,
+            kept,
+            plates,
+            (*past, *surfels.patches),
+            edited,
+            surfels.tolerance,
+            len(surfels.patches),
         )
         for name, (camera, kept) in plates.items()
     }

@@ -1,13 +1,14 @@
 """New Gaussians behind what an edit took away: lifted from what surfels show there, then fitted near the hole alone.
 
-Gaussians beside a removed thing were fitted to its outline as well as to their own surface, and show a rim of it once it
-is gone. So those near the hole give way to new ones, one for each pixel of what surfels show there: what others saw, and
-the paint for what nobody saw, which is made once for all views. A few steps fit these to all fixed cameras. Only
+Gaussians beside a removed thing were fitted to its outline as well as to their own surface, and show a rim of it once
+it is gone. So those near the hole give way to new ones, one for each pixel of what surfels show there: what others saw,
+and the paint for what nobody saw, which is made once for all views. A few steps fit these to all fixed cameras. Only
 they move; all others stay bit for bit.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int32
@@ -102,9 +103,7 @@ def _near(one: Background) -> _Near:
 
 def _lifted(near: list[_Near], painted: bool) -> list[Gaussians]:
     """The Gaussians of what was painted, or of all else, each place once."""
-    every = [
-        replace(one.picture, use=one.picture.use & (one.painted == painted)) for one in near
-    ]
+    every = [replace(one.picture, use=one.picture.use & (one.painted == painted)) for one in near]
     return [part for part in finest(every) if len(part)]
 
 
@@ -161,7 +160,7 @@ def _beside(others: Splats, new: Splats) -> Splats:
 
 def _last(slopes: Gradients, count: int) -> Gradients:
     """The gradients of the last `count` rows."""
-    rows = {
+    rows: dict[str, Any] = {
         name: None if array is None else np.ascontiguousarray(array[-count:])
         for name, array in vars(slopes).items()
     }
