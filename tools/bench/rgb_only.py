@@ -194,7 +194,9 @@ def rows(seed: int, size: int, frames: int, folder: Path) -> Iterator[Row]:
         scene = build(bare(recorded.episode), with_bodies=True)
         built = time.process_time() - start
         if factor == FACTORS[0]:
-            for name, iou in zip(("things", "thing in a camera"), things(scene, recorded), strict=True):
+            for name, iou in zip(
+                ("things", "thing in a camera"), things(scene, recorded), strict=True
+            ):
                 yield Row(name, seed, task, iou, np.nan, np.nan, np.nan, built)
         for name, handles, op, fields in asked(scene, factor, recorded, true, folder):
             if handles is not None and not handles:

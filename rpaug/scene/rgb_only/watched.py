@@ -90,7 +90,9 @@ def mobile(cameras: Iterable[Watched], count: int) -> tuple[frozenset[int], froz
             found = np.flatnonzero(np.bincount(label[changed], minlength=count) >= FEW)
             changes[found] += 1
             enters[[k for k in found if _enters(label == k, changed)]] += 1
-    entering = enters > ENTERS * changes  # what a gripper carries is seldom cut off by the image's edge
+    entering = (
+        enters > ENTERS * changes
+    )  # what a gripper carries is seldom cut off by the image's edge
     mobility = moving / np.maximum(shown, 1)
     movers = _movers(pairs, mobility, entering)
     if not movers.any():
