@@ -135,7 +135,7 @@ def asked(
     else:
         fields = {"color": {"rgb": true.truth.albedos[changed[0]]}}
         handles = best(scene, recorded, set(changed))
-        target = {"handle": sorted(handles)}
+        target: dict[str, Any] = {"handle": sorted(handles)}
         yield "object by handle", handles, "recolor", fields | {"target": target}
         if manipulated := scene.roles.get("manipulated"):
             target = {"handle": sorted(manipulated)}
@@ -220,7 +220,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     told = parser.parse_args()
     if told.uncut:
-        outlines.cut = lambda image, ids, only=None: ids  # type: ignore[assignment]
+        outlines.cut = lambda image, ids, only=None: ids
     with tempfile.TemporaryDirectory() as folder:
         found = [
             row

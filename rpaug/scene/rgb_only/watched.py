@@ -39,7 +39,7 @@ class Watched:
     @property
     def active(self) -> Bool[np.ndarray, "h w"]:
         """Where anything ever changed."""
-        return self.changed.any(0)
+        return np.any(self.changed, axis=0)
 
     def shades(self, mobile: Iterable[int]) -> Mapping[int, Float[np.ndarray, "3"]]:
         """The middle colour, in weighted Lab, of what changed in each of these tints."""
