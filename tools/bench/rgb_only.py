@@ -135,7 +135,7 @@ def asked(
     else:
         fields = {"color": {"rgb": true.truth.albedos[changed[0]]}}
         handles = best(scene, recorded, set(changed))
-        target = {"handle": sorted(handles)}
+        target: dict[str, Any] = {"handle": sorted(handles)}
         yield "object by handle", handles, "recolor", fields | {"target": target}
         if manipulated := scene.roles.get("manipulated"):
             target = {"handle": sorted(manipulated)}
@@ -194,7 +194,9 @@ def rows(seed: int, size: int, frames: int, folder: Path) -> Iterator[Row]:
         scene = build(bare(recorded.episode), with_bodies=True)
         built = time.process_time() - start
         if factor == FACTORS[0]:
-            for name, iou in zip(("things", "thing in a camera"), things(scene, recorded), strict=True):
+            for name, iou in zip(
+                ("things", "thing in a camera"), things(scene, recorded), strict=True
+            ):
                 yield Row(name, seed, task, iou, np.nan, np.nan, np.nan, built)
         for name, handles, op, fields in asked(scene, factor, recorded, true, folder):
             if handles is not None and not handles:
@@ -218,7 +220,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     told = parser.parse_args()
     if told.uncut:
-        outlines.cut = lambda image, ids, only=None: ids  # type: ignore[assignment]
+        outlines.cut = lambda image, ids, only=None: ids
     with tempfile.TemporaryDirectory() as folder:
         found = [
             row

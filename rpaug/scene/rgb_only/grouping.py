@@ -138,9 +138,8 @@ def _gap(
         off = float(np.linalg.norm(blob.colour - mate.colour))
         same = mate.tint == blob.tint and off < ALIKE
         # A camera that looks from elsewhere sees more of a thing's sides in the shade.
-        lit = (
-            same
-            or (_sides(known[mate.tint], known[blob.tint]) or mate.tint == blob.tint)
+        lit = same or (
+            (_sides(known[mate.tint], known[blob.tint]) or mate.tint == blob.tint)
             and _sides(mate.colour, blob.colour)
         )
         if not lit or not 1 / SIZES < ratio < SIZES:

@@ -67,7 +67,7 @@ def _at_rest(view: CameraView, length: int, moving: frozenset[int]) -> CameraVie
     names = np.unique(ids[~hidden])
     votes = np.stack([((ids == name) & ~hidden).sum(0) for name in names])
     handles = names[votes.argmax(0)].astype(np.int32)
-    never = hidden.all(0)
+    never = np.all(hidden, axis=0)
     if never.any():
         image = inpaint.paint("telea", image, never)
         handles[never] = names[np.bincount(votes.argmax(0)[~never].reshape(-1)).argmax()]

@@ -39,7 +39,7 @@ class Watched:
     @property
     def active(self) -> Bool[np.ndarray, "h w"]:
         """Where anything ever changed."""
-        return self.changed.any(0)
+        return np.any(self.changed, axis=0)
 
     def shades(self, mobile: Iterable[int]) -> Mapping[int, Float[np.ndarray, "3"]]:
         """The middle colour, in weighted Lab, of what changed in each of these tints."""
@@ -90,7 +90,9 @@ def mobile(cameras: Iterable[Watched], count: int) -> tuple[frozenset[int], froz
             found = np.flatnonzero(np.bincount(label[changed], minlength=count) >= FEW)
             changes[found] += 1
             enters[[k for k in found if _enters(label == k, changed)]] += 1
-    entering = enters > ENTERS * changes  # what a gripper carries is seldom cut off by the image's edge
+    entering = (
+        enters > ENTERS * changes
+    )  # what a gripper carries is seldom cut off by the image's edge
     mobility = moving / np.maximum(shown, 1)
     movers = _movers(pairs, mobility, entering)
     if not movers.any():

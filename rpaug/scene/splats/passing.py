@@ -1,4 +1,4 @@
-"""Gaussians of a moment for what moves and nothing says how: one for each pixel that shows it in a camera's own frame."""
+"""What moves and nothing says how: Gaussians of a moment, one for each pixel that shows it in a camera's own frame."""
 
 from dataclasses import replace
 

@@ -101,9 +101,7 @@ def test_cameras_that_do_not_know_of_one_another_are_refused() -> None:
 
 def test_a_scene_with_recorded_depth_is_fitted_as_it_is() -> None:
     scene, _ = made_ready(episode(), asked(RED), 0)
-    views = {
-        name: type(view)(view.camera, view.rgb) for name, view in scene.episode.views.items()
-    }
+    views = {name: type(view)(view.camera, view.rgb) for name, view in scene.episode.views.items()}
     plain = type(scene.episode)(
         "k", views, scene.episode.robot, scene.episode.descriptions, scene.episode.length
     )
