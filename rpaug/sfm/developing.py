@@ -192,7 +192,7 @@ def _with_boxes(
     """What moves, with what is in an annotator's boxes of hands."""
     factor = mask.shape[1] / view.camera.width
     boxes = moving.between(view.hands, t, BOXES_APART)
-    return mask | moving.boxed(look, [tuple(factor * v for v in box) for box in boxes])  # type: ignore[misc]
+    return mask | moving.boxed(look, [tuple(factor * v for v in box) for box in boxes])
 
 
 def _moved(
