@@ -17,6 +17,8 @@ from rpaug.types import CameraView, Effect, Episode
 
 LOOKED_AT = 6  # frames of each episode whose images are compared, evenly spread
 SLACK = 2.0  # millimetres by which cameras may agree worse than they were recorded to
+# Shares of a camera's points that another sees: what is worth comparing, and how much of it an edit may cost.
+SEEN, LOST = 0.02, 0.2
 Level = Literal["bad", "note"]
 KINDS = {Effect.RGB: "rgb", Effect.DEPTH: "depth", Effect.MASK: "ids"}
 
@@ -222,12 +224,18 @@ def _images(
 def _agreement(
     key: str, recorded: Episode, made: Episode, times: Sequence[int]
 ) -> Iterator[Finding]:
-    """Do depth and cameras still say the same of each point?"""
-    before = agreement.median_mm(recorded.views.values(), times)
-    after = agreement.median_mm(made.views.values(), times)
-    if before is not None and after is not None and after > before + SLACK:
-        words = f"points lie {after:.2f} mm off what the next camera sees; recorded {before:.2f} mm"
-        yield Finding("bad", key, "depth and cameras", words)
+    """Do depth and cameras still say the same of each point, camera by camera?"""
+    after = agreement.by_pair(made.views, times)
+    for pair, (apart, share) in agreement.by_pair(recorded.views, times).items():
+        if any(made.views[name].depth is None for name in pair):
+            continue  # said already
+        now, left = after.get(pair, (0.0, 0.0))
+        if now > apart + SLACK or (share > SEEN and left < LOST * share):
+            words = (
+                f"{now:.2f} mm apart, recorded {apart:.2f} mm; {100 * left:.1f} % of the first's points agree, "
+                f"recorded {100 * share:.1f} %: depth or cameras are stale"
+            )
+            yield Finding("bad", key, "depth and cameras", f"{' and '.join(pair)}: {words}")
 
 
 def _numbering(adapter: Adapter, keys: Sequence[str]) -> Iterator[Finding]:

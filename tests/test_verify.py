@@ -154,7 +154,21 @@ def test_depth_that_no_longer_fits_the_cameras_is_found() -> None:
     found = list(
         compare("x", episode, replace(episode, views={**episode.views, "left": farther}), told)
     )
-    assert [finding.topic for finding in found] == ["depth and cameras"]
+    assert {finding.topic for finding in found} == {"depth and cameras"}
+
+
+def test_depth_left_as_it_was_under_a_moved_camera_is_found() -> None:
+    """What a reader turns into points in the wrong place, though the cameras that did not move agree as before."""
+    around = {"front": (1.6, 0.3, 1.0), "left": (1.2, 1.0, 1.0), "right": (1.2, -1.0, 1.0)}
+    recorded = scene(around, length=2).episode
+    moved = scene(around | {"front": (1.6, 0.3, 1.05)}, length=2).episode
+    told = {"source": "x", "draws": [{"op": "camera_pose"}]}
+    assert not list(compare("x", recorded, moved, told))
+    stale = replace(moved.views["front"], depth=recorded.views["front"].depth)
+    episode = replace(moved, views={**moved.views, "front": stale})
+    found = list(compare("x", recorded, episode, told))
+    assert {finding.topic for finding in found} == {"depth and cameras"}
+    assert all("front" in finding.message and "stale" in finding.message for finding in found)
 
 
 def shown(**changes: object) -> list[str]:

@@ -1,6 +1,6 @@
 """Do cameras agree on where surfaces are?"""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -8,6 +8,8 @@ from jaxtyping import Float, Float64, Int
 
 from rpaug import geometry
 from rpaug.types import Camera, CameraView
+
+NEAR = 0.005  # metres
 
 
 def reprojection(
@@ -54,6 +56,32 @@ def median_mm(views: Iterable[CameraView], times: Sequence[int]) -> float | None
             found.append(reprojection(depths, ids, (first.camera, second.camera), t))
     apart = np.concatenate(found) if found else np.empty(0)
     return 1000 * float(np.median(apart)) if len(apart) else None
+
+
+def by_pair(
+    views: Mapping[str, CameraView], times: Sequence[int]
+) -> dict[tuple[str, str], tuple[float, float]]:
+    """For each camera and the next: the median distance in millimetres, and the share of the first's points that lie
+    within NEAR of a surface that the second saw. Pairs that see nothing in common are left out."""
+    known = {
+        name: view
+        for name, view in views.items()
+        if view.depth is not None and not view.camera.assumed
+    }
+    found = {}
+    for one, other in pairwise([*known, next(iter(known))] if len(known) > 1 else []):
+        apart, points = [], 0
+        for t in times:
+            first, second = known[one], known[other]
+            depths = first.depth(t), second.depth(t)  # type: ignore[misc]
+            ids = _ids(first, t), _ids(second, t)
+            apart.append(reprojection(depths, ids, (first.camera, second.camera), t))
+            points += int((depths[0] > 0).sum())
+        together = np.concatenate(apart) if apart else np.empty(0)
+        if len(together):
+            share = float((together < NEAR).sum()) / points
+            found[one, other] = 1000 * float(np.median(together)), share
+    return found
 
 
 def _ids(view: CameraView, t: int) -> Int[np.ndarray, "h w"]:
