@@ -20,7 +20,6 @@ from rpaug.interfaces import Operator
 from rpaug.recipe_text import Path_, kind_of, override, parse
 from rpaug.sfm.asked import Asked
 
-DEFAULT_VIDEO = Asked()
 MAX_BYTES = 2**20
 DEFAULT_VIDEO = Asked()
 

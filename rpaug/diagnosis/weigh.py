@@ -19,7 +19,7 @@ from rpaug.diagnosis.sight import NUMBERS
 SHUFFLES = 300
 MOST_CAUSES = 3
 LEAST = 3  # rollouts on either side of a threshold
-NEAR = 2.0  # distances below are no difference at all
+NEAR = 1.25  # distances below are no difference at all
 CUTS = 16
 ENOUGH = 5  # successes; with fewer, the recordings stand in for what succeeds
 

@@ -165,7 +165,7 @@ def by_attention(seen: Seen, trained: Trained, bar: float) -> bool:
         )
         if name != "block_plain" and new:
             where.append(_middle(mask))
-            weights.append(0.6 * np.sqrt(mask.sum() / block.sum()))
+            weights.append(1.5 * np.sqrt(mask.sum() / block.sum()))
     looked = np.average(where, axis=0, weights=weights)
     return bool(np.linalg.norm(_cast(looked, seen.pose) - robust(seen)) < RIGHT)
 
