@@ -2,8 +2,8 @@
 
     python tools/bench/refine.py --task stack_cups --seed 2 --factor object_color
 
-PSNR in dB of Gaussian renders: in the changed region, with its outline (2 pixels), and over whole images, in the recorded
-cameras and in moved ones, before and after. Seconds are processor time.
+PSNR in dB of Gaussian renders: in the changed region, with its outline (2 pixels), and over whole images, in the
+recorded cameras and in moved ones, before and after. Seconds are processor time.
 """
 
 import argparse
