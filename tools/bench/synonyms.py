@@ -18,7 +18,8 @@ from rpaug.providers.words import synonym
 VERBS_MEANT = {
     "eliminate": "remove", "delete": "remove", "erase": "remove", "discard": "remove", "clone": "duplicate",
     "replicate": "duplicate", "relocate": "move", "shift": "move", "repaint": "paint", "colour": "paint",
-    "tint": "paint", "insert": "add", "place": "add", "shuffle": "rearrange", "reorganise": "rearrange", "wobble": "jitter",
+    "tint": "paint", "insert": "add", "place": "add", "shuffle": "rearrange", "reorganise": "rearrange",
+    "wobble": "jitter",
     "smudge": "blur", "wrap": "cover", "tip": "tilt", "darken": None, "grow": None, "elevate": None, "reduce": None,
     "illuminate": None, "wash": None, "cook": None, "sing": None, "ignore": None, "open": None,
     "eat": None, "print": None,
