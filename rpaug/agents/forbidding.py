@@ -37,7 +37,7 @@ def barred(part: str, gathered: Gathered) -> bool:
             found = meant(f"{base} {rest}".strip(), gathered.here())
         except NotUnderstood:
             continue
-        gathered.barred += [_about(edit) for edit in found.edits]
+        gathered.barred += [about(edit) for edit in found.edits]
         return True
     raise NotUnderstood(f"{part!r}: it is not clear what must not happen")
 

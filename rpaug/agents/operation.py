@@ -23,6 +23,8 @@ VERBS = (
     "make", "paint", "remove", "add", "duplicate", "move", "rearrange", "enlarge", "shrink", "cover", "dim", "brighten",
     "raise", "lower", "jitter", "tilt", "blur",
 )  # fmt: skip
+# Embeddings put a word beside its opposite ("darken" is nearest to "brighten"), so none of these is ever guessed.
+OPPOSED = frozenset({"enlarge", "shrink", "dim", "brighten", "raise", "lower"})
 
 
 def meant(step: str, wish: Wish) -> Meant:
@@ -58,4 +60,4 @@ def _other_verb(step: str) -> tuple[str, str] | None:
     if verb is None or verb.group() in VERBS or " " not in step:
         return None
     known = synonym(verb.group(), VERBS)
-    return None if known is None else (verb.group(), known)
+    return None if known is None or known in OPPOSED else (verb.group(), known)
