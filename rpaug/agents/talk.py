@@ -147,9 +147,9 @@ class Model:
                 "step": step.said,
                 "cameras": list(map(_short, setting.cameras)),
             }
-            check = partial(_viewpoint, cameras=setting.cameras)
+            seen = partial(_viewpoint, cameras=setting.cameras)
             schema = viewpoint_schema(setting.cameras)
-            return [self._asked("renderer", question, schema, check, trace).edit()]
+            return [self._asked("renderer", question, schema, seen, trace).edit()]
         it = mention.target if mention and mention.kind == "target" else None
         question = {"step": step.said, "op": step.op, "it": it}
         check = partial(_edits, op=step.op, known=known, generates=setting.generates)

@@ -229,7 +229,7 @@ def test_colours_that_lie_elsewhere_are_named_by_the_side_file(tmp_path: Path) -
     assert np.abs(again.views["third_person"].rgb(1).astype(int) - picture(1) // 2).mean() < 4
     told["images"] = {"third_person": "observations/rgb/nowhere"}
     (root / "pour/cameras.yaml").write_text(yaml.safe_dump(told))
-    with pytest.raises(BadInput, match="images.third_person: found observations/rgb/nowhere"):
+    with pytest.raises(BadInput, match=r"images\.third_person: found observations/rgb/nowhere"):
         RDT().read(root, KEY)
 
 

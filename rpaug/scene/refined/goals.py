@@ -1,6 +1,6 @@
 """What the edited Gaussians are to look like: the recorded cameras' images, edited where nothing blurs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float32
 
 from rpaug.scene import views
-from rpaug.types import Camera, Scene
+from rpaug.types import Camera, CameraView, Scene
 
 OUTLINE = 2  # pixels around what was edited that are judged too: Gaussians spill over outlines
 
@@ -57,7 +57,11 @@ def goals(scene: Scene, times: Sequence[int], handles: frozenset[int]) -> list[G
 
 
 def _at(
-    shown: dict, cameras: dict[str, Camera], t: int, handles: frozenset[int], invented: dict
+    shown: Mapping[str, CameraView],
+    cameras: Mapping[str, Camera],
+    t: int,
+    handles: frozenset[int],
+    invented: Mapping[tuple[str, int], Bool[np.ndarray, "h w"]],
 ) -> Iterator[Goal]:
     for name, view in shown.items():
         rgb, depth, ids = view.rgb(t), view.depth(t), view.ids(t)

@@ -156,6 +156,7 @@ class _Descent:
         scene, edits = self._scene, carried(self._scene, t)
         if not edits and scene.flowing is None:
             return placed, None, np.zeros(0, np.float32)
+        assert placed.quats is not None  # only Gaussians with axes are fitted
         there = replace(then, means=placed.means, quats=placed.quats, sh=placed.sh)
         moved = flowing.edited(there, scene, t, np.zeros(3))
         gone = [handle for edit in edits for handle in edit.handles]
