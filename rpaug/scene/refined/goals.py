@@ -64,6 +64,8 @@ def _at(
     invented: Mapping[tuple[str, int], Bool[np.ndarray, "h w"]],
 ) -> Iterator[Goal]:
     for name, view in shown.items():
+        assert view.depth is not None  # a scene of Gaussians has both
+        assert view.ids is not None
         rgb, depth, ids = view.rgb(t), view.depth(t), view.ids(t)
         hole = invented.get((name, t))
         weight = np.ones(depth.shape, np.float32) if hole is None else 1 - hole.astype(np.float32)
