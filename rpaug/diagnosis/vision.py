@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import Field
 
-from rpaug.agents import rounds, talk
+from rpaug.agents import answers, rounds, schemas
 from rpaug.agents.messages import Message, Setting
 from rpaug.agents.prompting import prompt
 from rpaug.diagnosis import pictures
@@ -144,7 +144,7 @@ class Vision:
             messages[-1] = {"role": "user", "content": pictures.parts(text, shown)}
         check = partial(checked, kind, setting=setting)
         answer = self._endpoint.ask(
-            messages, stage, talk.plain(kind.model_json_schema()), check, temperature
+            messages, stage, schemas.plain(kind.model_json_schema()), check, temperature
         )
         said = json.loads(self._endpoint.hidden(json.dumps(answer.model_dump())))
         trace.append(
@@ -156,7 +156,7 @@ class Vision:
 
 def checked(kind: type[Message], value: Any, setting: Setting | None = None) -> Message:
     """The answer, if it is of its kind, and a remedy is a wish that is understood. Raises ValueError, NotUnderstood."""
-    answer: Message = talk.valid(kind, value)
+    answer: Message = answers.valid(kind, value)
     if isinstance(answer, Remedy) and answer.remedy and setting is not None:
         rounds.said_after(answer.remedy, (), setting)
     return answer

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from rpaug.agents import answers, schemas
 from rpaug.agents.messages import NotUnderstood, Setting
 from rpaug.agents.prompting import prompt
 from rpaug.agents.rounds import said_after
-from rpaug.agents.talk import Viewpoint, _plain, _viewpoint, viewpoint_schema
 from rpaug.providers.language import Endpoint, LanguageError
 
 FOLDER = os.environ.get("RPAUG_LLM")
@@ -62,9 +62,9 @@ def question(wish: str) -> list[dict[str, str]]:
 
 
 def test_its_json_always_fits_the_schema(endpoint: Endpoint) -> None:
-    schema, right = _plain(viewpoint_schema(CAMERAS)), 0
+    schema, right = schemas.plain(schemas.of_viewpoint(CAMERAS)), 0
     for wish in WISHES:
-        found = endpoint.ask(question(wish), "viewpoint", schema, Viewpoint.model_validate)
+        found = endpoint.ask(question(wish), "viewpoint", schema, answers.Viewpoint.model_validate)
         wanted = said_after(wish, (), Setting(cameras=CAMERAS)).edits
         right += found.edit() == wanted[0]
         print(f"{wish}: {found.edit()}")
@@ -75,15 +75,20 @@ def test_its_json_always_fits_the_schema(endpoint: Endpoint) -> None:
 def test_a_complaint_is_told_and_answered(endpoint: Endpoint) -> None:
     asked = []
 
-    def check(value: object) -> Viewpoint:
+    def check(value: object) -> answers.Viewpoint:
         asked.append(value)
         if len(asked) == 1:
             raise ValueError('the camera moves up, so "up" is more than 0')
-        return _viewpoint(value, CAMERAS)
+        return answers.viewpoint(value, CAMERAS)
 
     before = endpoint.usage.requests
     try:
-        endpoint.ask(question(WISHES[0]), "viewpoint", _plain(viewpoint_schema(CAMERAS)), check)
+        endpoint.ask(
+            question(WISHES[0]),
+            "viewpoint",
+            schemas.plain(schemas.of_viewpoint(CAMERAS)),
+            check,
+        )
     except LanguageError as error:  # it may insist on a camera that there is not; that ends, too
         print(error)
     assert 2 <= endpoint.usage.requests - before <= 3

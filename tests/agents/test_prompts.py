@@ -5,7 +5,7 @@ import json
 import pytest
 
 from rpaug import recipe
-from rpaug.agents import prompting, talk
+from rpaug.agents import answers, prompting
 from rpaug.agents.messages import Setting
 from rpaug.agents.rounds import said_after
 
@@ -27,14 +27,14 @@ def test_every_stage_has_a_prompt_with_examples(stage: str) -> None:
 def test_the_managers_examples_are_valid() -> None:
     for asked, answered in prompting.prompt("manager").examples:
         question = json.loads(asked)
-        talk._plan(json.loads(answered), question["wish"], len(question["earlier"]))
+        answers.plan(json.loads(answered), question["wish"], len(question["earlier"]))
 
 
 def test_the_operations_examples_are_what_the_grammar_says() -> None:
     for asked, answered in prompting.prompt("operation").examples:
         question, edits = json.loads(asked), json.loads(answered)["edits"]
-        known = talk._known(f"{question['step']} {question['it']}", ())
-        assert talk._edits({"edits": edits}, question["op"], known) == edits
+        known = answers.known_words(f"{question['step']} {question['it']}", ())
+        assert answers.edits({"edits": edits}, question["op"], known) == edits
         before = [f"paint the {question['it']} red"] if question["it"] else []
         assert list(said_after(question["step"], before, Setting()).edits[len(before) :]) == edits
 
@@ -43,6 +43,6 @@ def test_the_renderers_examples_are_what_the_grammar_says() -> None:
     for asked, answered in prompting.prompt("renderer").examples:
         question = json.loads(asked)
         setting = Setting(cameras=tuple(question["cameras"]))
-        edit = talk._viewpoint(json.loads(answered), setting.cameras).edit()
+        edit = answers.viewpoint(json.loads(answered), setting.cameras).edit()
         assert edit == said_after(question["step"], (), setting).edits[0]
         recipe.option("camera_pose", {name: value for name, value in edit.items() if name != "op"})

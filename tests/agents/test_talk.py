@@ -7,7 +7,7 @@ import pytest
 from endpoints import KEY, completion, served
 
 from rpaug import registry
-from rpaug.agents import talk
+from rpaug.agents import schemas
 from rpaug.agents.messages import NotUnderstood, Setting
 from rpaug.agents.rounds import History
 from rpaug.agents.talk import Model
@@ -125,7 +125,7 @@ def test_a_round_may_drop_earlier_edits() -> None:
 
 @pytest.mark.parametrize("op", registry.operator_names())
 def test_every_operator_has_a_schema_that_stands_alone(op: str) -> None:
-    schema = talk.plain(talk._edits_schema(op))
+    schema = schemas.plain(schemas.of_edits(op))
     text = json.dumps(schema)
     for name in {part.split('"')[0] for part in text.split("#/$defs/")[1:]}:
         assert name in schema["$defs"]
