@@ -4,8 +4,7 @@
 
 remove: dB and depth where the thing was, where some camera saw the background at any time and where none did, beside
 direct deletion (holes stay black) and inpainting each picture by itself. size: mask IoU, dB and depth of the resized
-thing. insert: the same of a mesh that stands there, harmonised and not. placements: how many of 1000 random ones
-intersect the swept robot, float or sink.
+thing. insert: the same of a mesh that stands there, harmonised and not.
 """
 
 import argparse
@@ -15,13 +14,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from rpaug import geometry, twin
 from rpaug.assets import library, sampled
 from rpaug.bench import metrics
-from rpaug.operators import insert as inserting
 from rpaug.operators.distractors import Distractors
 from rpaug.operators.object_size import ObjectSize
 from rpaug.operators.remove import Remove
@@ -29,14 +26,11 @@ from rpaug.providers import inpaint
 from rpaug.scene import build
 from rpaug.scene.added import tuned
 from rpaug.scene.naming.targets import Target
-from rpaug.scene.placement import placing
-from rpaug.twin import mjcf, tabletop, tasks
 from rpaug.types import CameraView, Episode, Scene
 
 SAME_POINT = 0.004, 0.01  # metres and share of depth: a recorded pixel this close saw the point
 EVERY = 4  # frames
 TASKS = ("pick_block", "stack_cups", "put_in_box")
-PLACED = 1000
 LOOSE = ("cylinder", "block_textured", "block_small", "block_plain")
 
 
@@ -235,7 +229,7 @@ def insert(seeds: int, look: twin.Look, frames: int, method: str) -> Iterator[di
         operator = Distractors(count=3)
         start = time.process_time()
         edit = operator.sample(scene, np.random.default_rng(seed))
-        extras = tuple(_extra(thing) for thing in edit["things"])
+        extras = tuple(extra(thing) for thing in edit["things"])
         after = operator.apply(scene, edit)
         made = {
             "harmonised": _rendered(after, {}),
@@ -290,7 +284,7 @@ def _as_gaussians(scene: Scene) -> Scene:
     return replace(scene, bodies=tuple(bodies))
 
 
-def _extra(thing: dict) -> twin.look.Extra:
+def extra(thing: dict) -> twin.look.Extra:
     mesh = library.mesh(thing["asset"])
     return twin.look.Extra(
         name=f"{thing['asset']}-{thing['handle']}", handle=thing["handle"], points=mesh.points, normals=mesh.normals,
@@ -298,86 +292,10 @@ def _extra(thing: dict) -> twin.look.Extra:
     )  # fmt: skip
 
 
-def placements(seeds: int, look: twin.Look, frames: int, method: str) -> Iterator[dict]:
-    """PLACED random placements over `seeds` episodes: the nearest the robot's true shapes ever come, and the foot."""
-    for seed in range(seeds):
-        task = tuple(twin.TASKS)[seed % len(twin.TASKS)]
-        take = twin.perform(task, seed, look=look, frames=frames)
-        scene = build.build(take.episode, with_bodies=True)
-        around, choices = placing.room(scene), library.find(size=(0.04, 0.25))
-        rng = np.random.default_rng(seed)
-        model, data, robot = _world(task, seed, take, choices)
-        hits, off, nearest, start = 0, [], np.inf, time.process_time()
-        count = -(-PLACED // seeds)
-        for _ in range(count):
-            (thing,), _ = inserting.draw(scene, around, choices, 1, 1.0, rng)
-            pose = np.array(thing["pose"])
-            points = geometry.transform(pose, library.mesh(thing["asset"]).points)
-            off.append(points[:, 2].min() - tabletop.TABLE)
-            gap = _gap(model, data, robot, take, thing["asset"], pose)
-            nearest, hits = min(nearest, gap), hits + (gap <= 0)
-        worst = 1000 * max(np.abs(off))
-        yield {
-            "what": "placements",
-            "seed": seed,
-            "task": task,
-            "count": count,
-            "hits": hits,
-            "nearest_mm": round(1000 * nearest, 1),
-            "float_or_sink_mm": round(worst, 3),
-            "over_2mm": int((np.abs(off) > 0.002).sum()),
-            "seconds": round(time.process_time() - start, 1),
-        }
-
-
-def _world(
-    task: str, seed: int, take: twin.Take, choices: tuple
-) -> tuple[mujoco.MjModel, mujoco.MjData, list[int]]:
-    """The twin's world with one of each asset, and the robot's shapes."""
-    layout, handles, _, _ = (np.random.default_rng([seed, 0, k]) for k in range(4))
-    job = tasks.TASKS[task](layout)
-    world = tabletop.build(job.placing, handles, 0)
-    extras = tuple(_extra({"asset": a.name, "handle": 1, "pose": np.eye(4)}) for a in choices)
-    extras = tuple(replace(extra, name=a.name) for extra, a in zip(extras, choices, strict=True))
-    model = mjcf.compile_model(world, twin.Look(extras=extras), 16)
-    moving = ("link", "hand", "finger", job.manipulated)
-    robot = [g for g in range(model.ngeom) if model.geom(g).name.startswith(moving)]
-    return model, mujoco.MjData(model), robot
-
-
-def _gap(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    robot: list[int],
-    take: twin.Take,
-    asset: str,
-    pose: np.ndarray,
-) -> float:
-    """Metres between the placed thing's convex hull and the robot or what it moves, the least over all frames."""
-    body, geom = model.body(f"extra-{asset}").id, model.geom(f"extra-{asset}/0").id
-    model.body_pos[body] = pose[:3, 3]
-    mujoco.mju_mat2Quat(model.body_quat[body], pose[:3, :3].ravel())
-    robot_states = take.episode.robot
-    opening = robot_states.extra["gripper_joint_positions"]
-    least = np.inf
-    for t in range(take.episode.length):
-        data.qpos[:] = (*robot_states.joint_positions[t], *opening[t])
-        for name, track in take.poses.items():
-            slot = model.body(name).mocapid[0]
-            data.mocap_pos[slot] = track[t, :3, 3]
-            mujoco.mju_mat2Quat(data.mocap_quat[slot], track[t, :3, :3].ravel())
-        mujoco.mj_kinematics(model, data)
-        for other in robot:
-            if np.linalg.norm(data.geom_xpos[other] - data.geom_xpos[geom]) < 0.5:
-                least = min(least, mujoco.mj_geomDistance(model, data, other, geom, 0.3, None))
-    return float(least)
-
-
 WHAT: dict[str, Callable[..., Iterator[dict]]] = {
     "remove": remove,
     "size": size,
     "insert": insert,
-    "placements": placements,
 }
 
 
