@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import demonstration
+from rolling import demonstration
 from rpaug_adapters.rlbench import RLBench
 from test_augment import GROUP, contents
 

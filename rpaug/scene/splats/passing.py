@@ -14,8 +14,8 @@ OPAQUE = 0.99
 
 def of(scene: Scene, camera: str, t: int) -> Gaussians | None:
     """What moves in this camera's image at t; None in scenes whose depth was recorded, where tracks say how."""
-    view = scene.episode.views[camera]
-    if view.stand_in is None or view.ids is None:
+    view = scene.episode.views.get(camera)  # an eye may have recorded nothing
+    if view is None or view.stand_in is None or view.ids is None:
         return None
     depth, ids = depth_of(view, t), view.ids(t)
     use = np.isin(ids, sorted(unsteady(scene)))

@@ -140,7 +140,7 @@ def _shape(use: str, rng: np.random.Generator) -> trimesh.Trimesh:
         trimesh.creation.cone(size, 2.5 * size, sections=24),
         trimesh.creation.torus(size, size / 3, major_sections=24, minor_sections=12),
         trimesh.creation.capsule(1.5 * size, size, count=(12, 12)),
-        trimesh.convex.convex_hull(rng.normal(size=(12, 3)) * size / 1.5),
+        trimesh.creation.icosahedron().apply_scale(size * rng.uniform(0.5, 1.2, 3)),
     )[int(rng.integers(4))]
 
 
