@@ -25,6 +25,7 @@ NUMBERS: Mapping[Factor, tuple[tuple[str, float], ...]] = {
     "distractor": (("area", 0.02),),
     "camera": (("right", 0.012), ("down", 0.012), ("scale", 0.05), ("turn", 0.035)),
 }  # fmt: skip
+MINE, STATIC = "manipulated", ("table", "background", "robot")
 DARKEST = 0.06  # of the usual light: what is darker cannot be told from noise
 Seen = dict[Factor, Float64[np.ndarray, "k"]]
 
@@ -38,6 +39,9 @@ class Stage:
     table: Bool[np.ndarray, "h w"]
     background: Bool[np.ndarray, "h w"]
     rosters: tuple[things.Roster, ...]
+    told: tuple[
+        things.Roster, ...
+    ] = ()  # the same by the recordings' masks, without the one to act on
 
 
 def stage(plate: Plate) -> Stage:
@@ -49,7 +53,19 @@ def stage(plate: Plate) -> Stage:
     within = ~near & ~far
     table = within & plate.usually("table")
     made = Stage(plate, within, table, background & ~near, ())
-    return replace(made, rosters=tuple(roster(one, made) for one in plate.firsts))
+    return replace(
+        made,
+        rosters=tuple(roster(one, made) for one in plate.firsts),
+        told=tuple(_told(one, made) for one in plate.firsts),
+    )
+
+
+def _told(first: First, made: Stage) -> things.Roster:
+    """What else stood in a recording's first frame, by its mask."""
+    lab = _lab(first.image.astype(np.float32))
+    known = frozenset().union(*(first.roles.get(role, frozenset()) for role in (MINE, *STATIC)))
+    found = things.by_ids(first.ids, made.within, lab)
+    return things.Roster([one for i, one in found.items() if i not in known], None)
 
 
 def roster(first: First, made: Stage) -> things.Roster:
@@ -112,21 +128,19 @@ def _things(
     without: int | None,
 ) -> tuple[things.Thing | None, list[things.Thing]]:
     """The thing to act on, if it is seen, and what no recording has."""
-    rosters = [one for k, one in enumerate(made.rosters) if k != without]
     within = made.within & aligned.valid
     if ids is None:
+        rosters = [one for k, one in enumerate(made.rosters) if k != without]
         found = things.by_colour(lab, within)
         target, strange = things.recognised(found, rosters)
         return target, list(strange)
     told = things.by_ids(aligned.warp(ids), within, lab)
-    mine = roles.get("manipulated", frozenset())
-    static = frozenset().union(
-        *(roles.get(r, frozenset()) for r in ("table", "background", "robot"))
-    )
+    mine = roles.get(MINE, frozenset())
+    static = frozenset().union(*(roles.get(role, frozenset()) for role in STATIC))
     target = max((one for i, one in told.items() if i in mine), key=lambda t: t.size, default=None)
     rest = [one for i, one in told.items() if i not in mine | static]
-    strange = things.recognised(rest, rosters)[1] if rest else []
-    return target, list(strange)
+    usual = [one for k, one in enumerate(made.told) if k != without]
+    return target, list(things.unknown(rest, usual))
 
 
 def _camera(aligned: Aligned) -> Float64[np.ndarray, "4"]:

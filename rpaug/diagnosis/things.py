@@ -164,6 +164,16 @@ def recognised(
     return (None if row is None else seen[row]), [seen[i] for i in left]
 
 
+def unknown(seen: Sequence[Thing], rosters: Sequence[Roster]) -> Sequence[Thing]:
+    """The things that even the roster with the fewest such lacks."""
+    left: Sequence[Thing] = seen
+    for roster in rosters:
+        taken = matched(seen, roster)[0].values() if seen and roster.things else ()
+        rest = [one for i, one in enumerate(seen) if i not in taken]
+        left = min(left, rest, key=lambda some: sum(int(one.mask.sum()) for one in some))
+    return left
+
+
 def matched(seen: Sequence[Thing], roster: Roster) -> tuple[dict[int, int], float]:
     """Rows of `seen` by rows of the roster, the likest pair first, and how unlike they are in all."""
     cost = np.array(

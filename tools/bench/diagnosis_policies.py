@@ -52,15 +52,9 @@ class Trained:
         )
 
     @cached_property
-    def things(self) -> np.ndarray:
-        """Usual colours of all things."""
-        return np.array(
-            [
-                _chroma(one.rgb[m].mean(0))
-                for one in self.pictures[:6]
-                for m in _things(one).values()
-            ]
-        )
+    def scenery(self) -> set[str]:
+        """What it saw beside the block, and has learnt to leave alone."""
+        return {name for one in self.pictures for name in one.handles} - {"block_plain"}
 
     @cached_property
     def table(self) -> np.ndarray:
@@ -91,9 +85,18 @@ class Trained:
         return np.minimum(seen.rgb * (self.white / now), 255)
 
 
-def robust(seen: Seen) -> np.ndarray:
-    """Where the block is, by ids and the true camera: metres on the table."""
-    return _cast(_middle(seen.mask("block_plain")), seen.pose)
+def robust(seen: Seen, usual: float | None = None) -> np.ndarray:
+    """Where the block is, by ids and the true camera: metres on the table.
+
+    With its `usual` width the block's height is told from how wide it looks now.
+    """
+    middle = _middle(seen.mask("block_plain"))
+    guess = _cast(middle, seen.pose)
+    if usual is None:
+        return guess
+    for _ in range(2):
+        guess = _cast(middle, seen.pose, np.clip(_wide(seen, guess) / usual, 0.5, 1.6))
+    return guess
 
 
 def by_colour(seen: Seen, trained: Trained, bar: float) -> bool:
@@ -154,20 +157,17 @@ def by_memory(seen: Seen, trained: Trained, bar: float) -> bool:
     return bool(np.linalg.norm(trained.places[near].mean(0) - guess) < 0.04 * bar)
 
 
-def by_attention(seen: Seen, trained: Trained, bar: float) -> bool:
-    """Looks at the block, and at every thing in a colour that it never saw on one of that size."""
+def by_salience(seen: Seen, trained: Trained, bar: float) -> bool:
+    """Goes to what differs from the table the most, of all that is no scenery of its training."""
     image = trained.balanced(seen)
-    block = seen.mask("block_plain")
-    where, weights = [_middle(block)], [1.0]
-    for name, mask in _things(seen).items():
-        new = (
-            np.linalg.norm(trained.things - _chroma(image[mask].mean(0)), axis=1).min() > 0.10 * bar
-        )
-        if name != "block_plain" and new:
-            where.append(_middle(mask))
-            weights.append(1.5 * np.sqrt(mask.sum() / block.sum()))
-    looked = np.average(where, axis=0, weights=weights)
-    return bool(np.linalg.norm(_cast(looked, seen.pose) - robust(seen)) < RIGHT)
+    table = image[seen.mask("table")].mean(0)
+    striking = {
+        name: np.linalg.norm(image[mask].mean(0) - table)
+        for name, mask in _things(seen).items()
+        if name not in trained.scenery
+    }
+    others = [found for name, found in striking.items() if name != "block_plain"]
+    return bool(striking["block_plain"] > bar * max(others, default=0.0))
 
 
 def by_fixed_camera(seen: Seen, trained: Trained, bar: float) -> bool:
@@ -185,7 +185,7 @@ WEAK: Mapping[str, Callable[[Seen, Trained, float], bool]] = {
     "lighting": by_brightness,
     "table": by_table,
     "background": by_wall,
-    "distractor": by_attention,
+    "distractor": by_salience,
     "camera": by_fixed_camera,
 }
 
@@ -212,7 +212,10 @@ def outcomes(pool: Sequence[Seen], trained: Trained) -> Outcomes:
     """All policies in all rollouts. A block that is not seen is never grasped."""
     seen = np.array([one.mask("block_plain").sum() >= 8 for one in pool])
     off = np.array(
-        [robust(one) - one.place[:2] if ok else (1, 1) for one, ok in zip(pool, seen, strict=True)]
+        [
+            robust(one, trained.width) - one.place[:2] if ok else (1, 1)
+            for one, ok in zip(pool, seen, strict=True)
+        ]
     )
     holds = {
         name: np.array(
@@ -242,10 +245,13 @@ def _chroma(colour: np.ndarray) -> np.ndarray:
 
 
 def _width(seen: Seen) -> float:
+    return _wide(seen, robust(seen))
+
+
+def _wide(seen: Seen, place: np.ndarray) -> float:
     """The root of its area in pixels times its distance: the same wherever it stands."""
-    mask = seen.mask("block_plain")
-    far = np.linalg.norm([*robust(seen), TABLE] - seen.pose[:3, 3])
-    return float(np.sqrt(mask.sum()) * far)
+    far = np.linalg.norm([*place, TABLE] - seen.pose[:3, 3])
+    return float(np.sqrt(seen.mask("block_plain").sum()) * far)
 
 
 def _like(pixels: np.ndarray, usual: np.ndarray, bar: float) -> np.ndarray:
@@ -254,10 +260,10 @@ def _like(pixels: np.ndarray, usual: np.ndarray, bar: float) -> np.ndarray:
     return np.min([np.abs(pixels - one).max(1) for one in some], 0) < bar
 
 
-def _cast(pixel: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """Where the ray of a pixel meets the plane through the block's middle."""
+def _cast(pixel: np.ndarray, pose: np.ndarray, scale: float = 1.0) -> np.ndarray:
+    """Where the ray of a pixel meets the plane through the middle of a block of that scale."""
     ray = pose[:3, :3] @ np.array(
         [(pixel[0] - K[0, 2]) / K[0, 0], (pixel[1] - K[1, 2]) / K[1, 1], 1]
     )
-    far = (TABLE + BLOCK[2] - pose[2, 3]) / ray[2]
+    far = (TABLE + scale * BLOCK[2] - pose[2, 3]) / ray[2]
     return (pose[:3, 3] + far * ray)[:2]
