@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rpaug import geometry
-from rpaug.twin import cameras, factors, tabletop, textures
-from rpaug.twin.covers import Cover
+from rpaug.twin import cameras, factors, tabletop
 from rpaug.twin.look import Look
 from rpaug.twin.panda import HOME, OPEN
 from rpaug.twin.renderer import Renderer
@@ -16,7 +15,6 @@ from rpaug.twin.tasks import TASKS
 
 TASK, CAMERA, SIZE, LAYOUTS = "slide_block", "front", 128, 7
 WALLS = 5  # the training room's texture seed
-PATTERN = (0.03, 0.07)  # metres: sides of the block's pattern; the block is 6 cm by 11
 
 
 EXTRA = ("cup_large", "cup_small", "button")
@@ -74,15 +72,13 @@ def meet(number: int, changed: tuple[str, ...]) -> Seen:
     return Seen(rgb, ids, dict(world.handles), place, rig[CAMERA].cam_to_world[0], changed)
 
 
-def _value(name: str, rng: np.random.Generator) -> float | Cover | None:
-    """Sizes beyond what a gripper set to the recorded one would bear, and patterns that fit on a block more than once;
-    all else is the factor's own draw."""
-    if name == "object size":
-        return float(rng.choice([rng.uniform(0.6, 0.8), rng.uniform(1.25, 1.5)]))
-    if name == "object texture":
-        kind, seed = str(rng.choice(textures.KINDS)), int(rng.integers(2**32))
-        return Cover(kind=kind, seed=seed, side=round(float(rng.uniform(*PATTERN)), 3))
-    return None
+def _value(name: str, rng: np.random.Generator) -> float | None:
+    """Sizes beyond what a gripper set to the recorded one would bear; all else is the factor's own draw."""
+    return (
+        float(rng.choice([rng.uniform(0.6, 0.8), rng.uniform(1.25, 1.5)]))
+        if name == "object size"
+        else None
+    )
 
 
 def _elsewhere(placing: Mapping[str, np.ndarray], rng: np.random.Generator) -> np.ndarray:
