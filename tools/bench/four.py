@@ -1,12 +1,14 @@
 """Gaussians in space and time beside rigid parts, on the twin's towel and soft hand, at times that no fit saw.
 
-    python tools/bench/four.py [--seeds 3] [--frames 40] [--steps 500] [--sheet four.png] [--json]
+    python tools/bench/four.py [--seeds 3] [--frames 40] [--steps 500] [--split] [--sheet four.png] [--json]
 
 For each task and seed: the scene is fitted with rigid parts to every other frame, then what they leave unexplained is
 fitted in four dimensions. Printed are the decibels (PSNR, up) of the soft thing's own recorded pixels in the frames
 between, pooled over the fixed cameras and over the wrist camera, rigid and 4D; the share of its pixels whose depth is
 off by more than two pixel widths (down); its Gaussians; and the processor seconds of both fits. `all` are the decibels
-of whole images. The sheet shows truth, rigid parts, 4D and three times its error, row by row.
+of whole images. `--split` tells where the wrist camera's error in 4D is: pixels by what they are, with their share of
+all, their share of the squared error and their decibels. The sheet shows truth, rigid parts, 4D and three times its
+error, row by row.
 """
 
 import argparse
@@ -28,6 +30,7 @@ from rpaug.twin.soft_tasks import SOFT_TASKS
 from rpaug.types import Scene
 
 SIDE = 64  # pixels of one picture on the sheet
+AT_THE_LENS = 0.03  # metres of median depth: where the thing hangs over the camera
 
 
 def whole_db(scene: Scene, times: list[int], cameras: list[str]) -> float:
@@ -40,8 +43,46 @@ def whole_db(scene: Scene, times: list[int], cameras: list[str]) -> float:
     return float(np.mean(found))
 
 
+def split(scene: Scene, handle: int, times: list[int]) -> dict[str, list[float]]:
+    """Share of the wrist camera's pixels of the thing, share of their squared error, and decibels, by kind."""
+    view = scene.episode.views["wrist"]
+    assert view.ids is not None
+    assert view.depth is not None
+    sums: dict[str, np.ndarray] = {}
+    for t in times:
+        mine = view.ids(t) == handle
+        if not mine.any():
+            continue
+        image, _, drawn = gaussian_view.render_view(scene, "wrist", t)
+        error = ((image.astype(float) - view.rgb(t)) ** 2).mean(-1)
+        inner = cv2.erode(mine.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1) > 0
+        near = bool(np.median(view.depth(t)[mine]) < AT_THE_LENS)
+        kinds = {
+            "frames at the lens": mine & near,
+            "something else or nothing drawn": mine & (drawn != handle) & (not near),
+            "outline": mine & (drawn == handle) & ~inner & (not near),
+            "inside": mine & (drawn == handle) & inner & (not near),
+            "all but frames at the lens": mine & (not near),
+        }
+        for name, where in kinds.items():
+            found = np.array([where.sum(), error[where].sum()])
+            sums[name] = sums.get(name, np.zeros(2)) + found
+    last = "all but frames at the lens"
+    whole = sums[last] + sums["frames at the lens"] if sums else np.ones(2)
+    return {
+        name: [*(part / whole).round(3).tolist(), round(_db(part), 2)]
+        for name, part in sums.items()
+        if part[0]
+    }
+
+
+def _db(part: np.ndarray) -> float:
+    """PSNR of a count of pixels and the sum of their squared errors."""
+    return float(10 * np.log10(255.0**2 * part[0] / max(part[1], 1e-6)))
+
+
 def measure(
-    task: str, seed: int, frames: int, steps: int
+    task: str, seed: int, frames: int, steps: int, changed: dict[str, Any]
 ) -> tuple[dict[str, Any], list[np.ndarray]]:
     """Figures of one recording, and pictures of it."""
     take = twin.perform(task, seed, frames=frames)
@@ -51,7 +92,8 @@ def measure(
     settings = FitSettings(steps=steps, train_frames=frames // 2, checked_frames=2)
     rigid, _ = fit.fitted(scene, settings=settings)
     middle = time.process_time()
-    four, report = fit4.fitted(rigid, settings=fit4.FourSettings(train_frames=frames // 2))
+    settings4 = fit4.FourSettings(train_frames=frames // 2, **changed)
+    four, report = fit4.fitted(rigid, settings=settings4)
     end = time.process_time()
     fixed = [name for name, view in take.episode.views.items() if view.camera.fixed]
     seen = set(np.linspace(0, frames - 1, frames // 2).round().astype(int).tolist())
@@ -72,6 +114,7 @@ def measure(
         "gaussians": report.gaussians,
         "rigid_seconds": round(middle - start, 1),
         "four_seconds": round(end - middle, 1),
+        "split": split(four, handle, unseen),
     }
     columns = [pictures(rigid, four, handle, camera, t) for camera, t in shown(unseen)]
     return row, columns
@@ -114,17 +157,23 @@ def main() -> None:
     parser.add_argument("--tasks", nargs="+", default=list(SOFT_TASKS), choices=list(SOFT_TASKS))
     parser.add_argument("--frames", type=int, default=40)
     parser.add_argument("--steps", type=int, default=500)
+    parser.add_argument("--split", action="store_true")
+    parser.add_argument("--bridged-share", type=float, help="instead of the setting's")
     parser.add_argument("--sheet", type=Path)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
+    share = arguments.bridged_share
+    changed = {} if share is None else {"bridged_share": share}
     rows, sheet = [], []
     for task in arguments.tasks:
         for seed in range(arguments.seeds):
-            row, columns = measure(task, seed, arguments.frames, arguments.steps)
+            row, columns = measure(task, seed, arguments.frames, arguments.steps, changed)
             rows.append(row)
             sheet.append(np.hstack(columns))
             if not arguments.json:
                 sys.stdout.write(line(row))
+                if arguments.split:
+                    sys.stdout.write("".join(f"  {k}: {v}\n" for k, v in row["split"].items()))
                 sys.stdout.flush()
     if arguments.sheet:
         picture = cv2.resize(np.vstack(sheet), None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)

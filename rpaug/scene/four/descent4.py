@@ -14,6 +14,7 @@ from rpaug.types import Gaussians4
 
 FADE, SPREAD = 0.9, 0.99  # Adam's memories
 PARAMETERS = ("means", "left", "right", "scales", "opacities", "sh")
+BRIDGE = 4.0  # one gap away, a Gaussian that lasts for 0.6 gaps (`seeds4.LASTING`) weighs a quarter
 SPLIT = 1.6  # a Gaussian split in two leaves children this much shorter (Kerbl et al. 2023)
 
 
@@ -79,22 +80,57 @@ class Descent4:
 
     def step(self, crops: Sequence[Crop], factor: float) -> float:
         """One step against crops of one time, every rate times `factor`; the mean squared error before it."""
+        t = crops[0].t
+        cut = gaussians4.at(self.gaussians, t)
+        error, total, pulls = self._pulled(crops, cut)
+        for pull in pulls:
+            self._blame[cut.rows] += pull
+            self._looks[cut.rows] += pull > 0
+        self._descend(t, cut, total, factor)
+        return error
+
+    def bridge(self, crops: Sequence[Crop], gap: float, factor: float) -> None:
+        """One step of the ways of what other frames gave, which are asked to show this frame without its own.
+
+        `gap` is the number of frames between fitted ones. That is what they do between two frames; colours and
+        opacities stay, and the nearest of them count in full.
+        """
         g, t = self.gaussians, crops[0].t
         cut = gaussians4.at(g, t)
-        m, error = len(cut.rows), 0.0
-        total = [np.zeros((m, 3)), np.zeros((m, 6)), np.zeros(m), np.zeros((m, *g.sh.shape[1:]))]
+        others = np.abs(g.means[cut.rows, 3] / g.pace - t) > 0.5 * gap
+        if not others.any():
+            return
+        cut = gaussians4.Slice(
+            cut.rows[others],
+            cut.means[others],
+            cut.covariances[others],
+            np.minimum(BRIDGE * cut.weights[others], 1.0),
+        )
+        _, (means, covariances, opacities, sh), _ = self._pulled(crops, cut)
+        kept = self.gaussians
+        self._descend(
+            t, cut, (means, covariances, np.zeros_like(opacities), np.zeros_like(sh)), factor
+        )
+        # Adam goes on for a while without a slope.
+        self.gaussians = replace(self.gaussians, opacities=kept.opacities, sh=kept.sh)
+
+    def _pulled(
+        self, crops: Sequence[Crop], cut: gaussians4.Slice
+    ) -> tuple[float, tuple[np.ndarray, ...], list[Float64[np.ndarray, "m"]]]:
+        """The mean squared error of crops, what they ask of a slice, and how hard each pulls on its middles."""
+        g, m = self.gaussians, len(cut.rows)
+        total = (np.zeros((m, 3)), np.zeros((m, 6)), np.zeros(m), np.zeros((m, *g.sh.shape[1:])))
+        error, pulls = 0.0, []
         for crop in crops:
             self._engine.forward(drawn(g, cut, crop.rest), crop.view, surface=False)
             off, _, pull = self._engine.backward_squared_error(
                 crop.target, crop.weight, crop.depth, self.depth_weight
             )
             error += off / len(crops)
-            self._blame[cut.rows] += pull.image_motion[:m]
-            self._looks[cut.rows] += pull.image_motion[:m] > 0
-            for k, part in enumerate(_own(pull, m)):
-                total[k] += part
-        self._descend(t, cut, total, factor)
-        return error
+            pulls.append(pull.image_motion[:m])
+            for whole, part in zip(total, _own(pull, m), strict=True):
+                whole += part
+        return error, total, pulls
 
     def _descend(
         self, t: int, cut: gaussians4.Slice, total: Sequence[np.ndarray], factor: float

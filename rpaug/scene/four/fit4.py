@@ -44,6 +44,7 @@ class FourSettings:
     densify_share: float = 0.05
     last_rate: float = 0.05
     margin: int = 6  # pixels around the region that are looked at with it
+    bridged_share: float = 0.5  # of the steps that are followed by one of the ways alone
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,10 @@ def fitted(
             descent.densify(settings.densify_share)
         for k, t in enumerate(rng.permutation(times).tolist()):
             done = (number + k / len(times)) / settings.rounds
-            descent.step(crops[t], _cosine(done, settings.last_rate))
+            factor = _cosine(done, settings.last_rate)
+            descent.step(crops[t], factor)
+            if rng.random() < settings.bridged_share:
+                descent.bridge(crops[t], length / len(trained), factor)
             if progress:
                 progress(done)
     made = replace(rest, flowing=descent.gaussians)

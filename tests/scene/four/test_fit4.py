@@ -7,8 +7,8 @@ import pytest
 import waves
 
 from rpaug import Unsupported
-from rpaug.scene.four import fit4
-from rpaug.scene.four.descent4 import split
+from rpaug.scene.four import fit4, seeds4
+from rpaug.scene.four.descent4 import Descent4, split
 from rpaug.scene.splats import gaussian_view, store
 from rpaug.types import Gaussians
 
@@ -132,3 +132,20 @@ def test_children_inherit_identity(fitted):
         (after.means[[0, 5]] + after.means[-2:]) / 2, before.means[[0, 5]], atol=1e-6
     )
     assert isinstance(made.gaussians, Gaussians)
+
+
+def test_neighbours_alone_learn_the_way_and_nothing_else():
+    scene = waves.scene()
+    handles = frozenset({waves.SHEET})
+    rest, times = fit4.without(scene, handles), [0, 2, 4, 6, 8]
+    crops = {t: list(fit4._crops(rest, handles, t, 6)) for t in times}
+    begun = seeds4.seeds(scene, handles, times)
+    descent = Descent4(begun, float(np.median(begun.scales)))
+    for _ in range(2):
+        for t in times:
+            descent.bridge(crops[t], 2.0, 1.0)
+    made = descent.gaussians
+    np.testing.assert_array_equal(made.opacities, begun.opacities)
+    np.testing.assert_array_equal(made.sh, begun.sh)
+    assert np.abs(made.means - begun.means).max() > 0
+    assert np.abs(made.left - begun.left).max() > 0
