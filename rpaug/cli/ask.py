@@ -5,7 +5,19 @@ from typing import Annotated, Any
 
 import typer
 
-from rpaug.cli.console import AsJson, Dataset, console, plain, print_json, say, write_new
+from rpaug.cli.console import (
+    AsJson,
+    Dataset,
+    KeyVariable,
+    ModelName,
+    Patience,
+    Price,
+    console,
+    plain,
+    print_json,
+    say,
+    write_new,
+)
 from rpaug.errors import BadInput, RpaugError
 
 
@@ -39,17 +51,10 @@ def ask(
         str | None,
         typer.Option(help="URL of an OpenAI-compatible endpoint, instead of the grammar."),
     ] = None,
-    model: Annotated[str | None, typer.Option(help="The model to ask there.")] = None,
-    key_env: Annotated[
-        str, typer.Option(help="Environment variable that holds the endpoint's key.")
-    ] = "RPAUG_LLM_KEY",
-    timeout: Annotated[
-        float, typer.Option(min=1, help="Seconds for one answer of the endpoint.")
-    ] = 60,
-    price: Annotated[
-        tuple[float, float] | None,
-        typer.Option(help="Cost of a million tokens in and out, to report the cost."),
-    ] = None,
+    model: ModelName = None,
+    key_env: KeyVariable = "RPAUG_LLM_KEY",
+    timeout: Patience = 60.0,
+    price: Price = None,
     tier: Annotated[
         int,
         typer.Option(min=0, max=4, help="Least tier of --run; from 3 edited Gaussians are tuned."),
@@ -121,7 +126,7 @@ def _endpoint(
     model: str | None,
     key_env: str,
     timeout: float,
-    price: tuple[float, float] | None,
+    price: Price,
 ) -> Any:
     if url is None:
         if model is not None:

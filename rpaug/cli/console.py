@@ -31,6 +31,15 @@ Arms = Annotated[
 Licence = Annotated[
     str | None, typer.Option(help="Of the source, for the dataset card, where it states none.")
 ]
+ModelName = Annotated[str | None, typer.Option(help="Name of the model to ask there.")]
+KeyVariable = Annotated[
+    str, typer.Option(help="Environment variable that holds the endpoint's key.")
+]
+Patience = Annotated[float, typer.Option(min=0.1, help="Seconds for one answer of the endpoint.")]
+Price = Annotated[
+    tuple[float, float] | None,
+    typer.Option(help="Cost of a million tokens in and out, to report the cost."),
+]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON value on stdout, nothing else.")
 ]

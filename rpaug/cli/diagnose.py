@@ -5,7 +5,18 @@ from typing import Annotated, Any
 
 import typer
 
-from rpaug.cli.console import AsJson, console, plain, print_json, say, write_new
+from rpaug.cli.console import (
+    AsJson,
+    KeyVariable,
+    ModelName,
+    Patience,
+    Price,
+    console,
+    plain,
+    print_json,
+    say,
+    write_new,
+)
 from rpaug.errors import BadInput, RpaugError
 
 
@@ -39,22 +50,15 @@ def diagnose(
             help="URL of an OpenAI-compatible endpoint that sees pictures, instead of rules."
         ),
     ] = None,
-    model: Annotated[str | None, typer.Option(help="Name of the model to ask.")] = None,
+    model: ModelName = None,
     second_llm: Annotated[
         str | None, typer.Option(help="URL of a second one: only causes that both name are kept.")
     ] = None,
-    second_model: Annotated[str | None, typer.Option(help="Its model.")] = None,
-    key_env: Annotated[
-        str, typer.Option(help="Environment variable with the key.")
-    ] = "RPAUG_LLM_KEY",
-    second_key_env: Annotated[
-        str, typer.Option(help="The same for the second one.")
-    ] = "RPAUG_LLM_KEY_2",
-    timeout: Annotated[float, typer.Option(min=0.1, help="Seconds for one answer.")] = 60.0,
-    price: Annotated[
-        tuple[float, float] | None,
-        typer.Option(help="Cost of a million tokens in and out, to report the cost."),
-    ] = None,
+    second_model: ModelName = None,
+    key_env: KeyVariable = "RPAUG_LLM_KEY",
+    second_key_env: KeyVariable = "RPAUG_LLM_KEY_2",
+    timeout: Patience = 60.0,
+    price: Price = None,
     as_json: AsJson = False,
 ) -> int:
     """Say why rollouts failed, and write the recipe against it.
@@ -99,7 +103,7 @@ def _vision(
     model: str | None,
     key_env: str,
     timeout: float,
-    price: tuple[float, float] | None,
+    price: Price,
 ) -> Any:
     if url is None:
         if model is not None:
