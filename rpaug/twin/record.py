@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -169,7 +170,7 @@ def _film(
 ) -> dict[str, CameraView]:
     rig = cameras.rig(motion.gripper_to_world, size, look.bumps)
     reels = {name: _blank(motion.length, size) for name in rig}
-    with Renderer(world, look, size) as renderer:
+    with closing(Renderer(world, look, size)) as renderer:
         for t in range(motion.length):
             renderer.pose(
                 motion.joint_positions[t],

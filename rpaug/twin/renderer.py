@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -98,17 +98,6 @@ class Renderer:
         self._colour.free()
         self._exact.free()
         self._gl.free()
-
-    def __enter__(self) -> "Renderer":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _buffer(self, samples: int) -> mujoco.MjrContext:
         self.model.vis.quality.offsamples = samples

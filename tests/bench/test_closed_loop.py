@@ -1,5 +1,7 @@
 """The closed loop measures what it says: experts succeed, idlers do not, poses survive the policy's maps."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 import torch
@@ -17,7 +19,7 @@ from tools.bench.closed_loop.bench import Bench
 @pytest.mark.gl
 @pytest.mark.parametrize("task", TASKS)
 def test_demonstrated_key_poses_do_the_task_and_waiting_does_not(task: str) -> None:
-    with Bench(task, 77, 0, Look()) as bench:
+    with closing(Bench(task, 77, 0, Look())) as bench:
         tip = bench.where("gripper")
         for _ in range(3):
             bench.act(tip, bench.opening)
@@ -30,7 +32,7 @@ def test_demonstrated_key_poses_do_the_task_and_waiting_does_not(task: str) -> N
 
 @pytest.mark.gl
 def test_a_pose_out_of_reach_is_refused() -> None:
-    with Bench("push_button", 77, 0, Look()) as bench:
+    with closing(Bench("push_button", 77, 0, Look())) as bench:
         far = bench.where("gripper")
         far[:3, 3] += [3.0, 0, 0]
         assert not bench.act(far, 0.0)

@@ -1,6 +1,7 @@
 """COLMAP itself, on videos rendered in the twin: a model where the camera walks, a refusal where it only looks."""
 
 from collections.abc import Callable
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ def filmed(track: np.ndarray) -> Callable[[int], np.ndarray]:
     motion = play(tabletop.ARM, job.script, job.placing, 16)
     scene = tabletop.build(job.placing, np.random.default_rng(1), 5, [])
     camera = Camera(cameras.intrinsics("front", SIZE), track, SIZE, SIZE)
-    with Renderer(scene, Look(), SIZE) as renderer:
+    with closing(Renderer(scene, Look(), SIZE)) as renderer:
         placed = {name: poses[0] for name, poses in motion.objects.items()}
         renderer.pose(motion.joint_positions[0], motion.opening[0], placed)
         far = cameras.FAR["front"]

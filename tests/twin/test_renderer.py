@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from contextlib import closing
 
 import mujoco
 import numpy as np
@@ -25,7 +26,7 @@ def test_forward_kinematics_is_the_simulated_gripper():
     job = tasks.open_drawer(np.random.default_rng(0))
     motion = play(tabletop.ARM, job.script, job.placing, 12)
     world = tabletop.build(job.placing, np.random.default_rng(1), 2)
-    with renderer.Renderer(world, twin.Look(), 32) as here:
+    with closing(renderer.Renderer(world, twin.Look(), 32)) as here:
         for t in range(motion.length):
             here.pose(motion.joint_positions[t], motion.opening[t], {})
             hand = np.eye(4)
@@ -156,7 +157,7 @@ def test_hidden_depth_buffer_is_reversed():
     world = tabletop.build(
         tasks.open_drawer(np.random.default_rng(0)).placing, np.random.default_rng(1), 2
     )
-    with renderer.Renderer(world, twin.Look(), 16) as here:
+    with closing(renderer.Renderer(world, twin.Look(), 16)) as here:
         assert here._exact.readDepthMap == mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
 
 

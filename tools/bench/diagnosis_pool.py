@@ -1,6 +1,7 @@
 """Rollouts of the twin with factors changed, as a policy would meet them; every case takes some of them."""
 
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,7 +66,7 @@ def meet(number: int, changed: tuple[str, ...]) -> Seen:
             parts = factors.parts(factor, None, world, job)
             look = factor.change(look, parts, _value(name, rng), rng)
     rig = cameras.rig(tabletop.ARM.tip(HOME)[None], SIZE, look.bumps)
-    with Renderer(world, look, SIZE) as renderer:
+    with closing(Renderer(world, look, SIZE)) as renderer:
         renderer.pose(HOME, OPEN, placing)
         rgb, _, ids = renderer.render(rig[CAMERA], 0, cameras.NEAR, cameras.FAR[CAMERA])
     place = placing["block_plain"][:3, 3]

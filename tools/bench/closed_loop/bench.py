@@ -1,7 +1,6 @@
 """One episode that a policy acts in: what the cameras show now, and what a key pose of the gripper brings about."""
 
 from dataclasses import dataclass
-from types import TracebackType
 
 import mujoco
 import numpy as np
@@ -88,17 +87,6 @@ class Bench:
     def close(self) -> None:
         """Free the OpenGL context."""
         self._renderer.close()
-
-    def __enter__(self) -> "Bench":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _put(self, pose: Pose) -> None:
         """Where the gripper shall go next."""

@@ -1,6 +1,7 @@
 """How often a policy succeeds: episodes that no training saw, under each condition."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +60,7 @@ def trial(
     rng = np.random.default_rng([seed, episode, number, looks.CONDITIONS.index(condition), 7])
     look = looks.draw(condition, world, job, use, rng, int(rng.integers(2**32)))
     seen: Seen = []
-    with Bench(task, seed, episode, look) as bench:
+    with closing(Bench(task, seed, episode, look)) as bench:
         done = bench.solved()
         for key in range(0 if policy is None else policy.most):
             if done:
