@@ -8,8 +8,6 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rpaug import gates as gating
 from rpaug import instruct, registry, report
 from rpaug import plan as planning
@@ -118,20 +116,16 @@ def render(
     shown, settled = (scene, settled) if untrue else _refined(scene, settled)
     tally = report.Tally(list(scene.episode.views))
 
-    def watch(
-        camera: str,
-        t: int,
-        before: np.ndarray,
-        image: np.ndarray,
-        hole: np.ndarray | None,
-        seconds: float,
-    ) -> None:
-        tally.frame(camera, t, before, image, seconds)
-        if hole is not None:
-            tally.hole(camera, t, hole)
+    def watch(frame: views.Shown) -> None:
+        camera, t = frame.camera, frame.t
+        tally.frame(camera, t, frame.before, frame.image, frame.seconds)
+        if frame.hole is not None:
+            tally.hole(camera, t, frame.hole)
         elif counted:
             ids = scene.episode.views[camera].ids
-            tally.outside[camera, t] = gating.beyond(scene, before, image, ids(t) if ids else None)
+            tally.outside[camera, t] = gating.beyond(
+                scene, frame.before, frame.image, ids(t) if ids else None
+            )
 
     episode = views.edited(shown, settled.carriers, watch, settled.blended, kept)
     return Made(episode, scene, draws, settled, tally, untrue)

@@ -16,6 +16,7 @@ from rpaug.cli.console import (
     print_json,
     progress_bar,
     say,
+    warn,
 )
 from rpaug.cli.recipes import load_recipe
 from rpaug.errors import RpaugError
@@ -153,11 +154,7 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
         for line in [*lines[one["episode"]], *one.get("assumed", [])]:
             say(f"  {line}")
     for key, reason in failed.items():
-        console.print(
-            f"[yellow]would skip[/] {plain(key)}: {plain(reason)}",
-            highlight=False,
-            soft_wrap=True,
-        )
+        warn("would skip", f"{key}: {reason}")
     say(
         f"{len(plans) * len(run.copies)} copies, about {total['seconds']} s on one core and "
         f"{total['megabytes']} MB. Nothing was written."
@@ -167,20 +164,12 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
 
 def _print_summary(described: dict[str, Any], hint: str) -> None:
     for key, reason in described["failures"].items():
-        console.print(
-            f"[yellow]skipped[/] {plain(key)}: {plain(reason)}", highlight=False, soft_wrap=True
-        )
+        warn("skipped", f"{key}: {reason}")
     for key, warnings in described["warnings"].items():
         for warning in warnings:
-            console.print(
-                f"[yellow]warning[/] {plain(key)}: {plain(warning)}",
-                highlight=False,
-                soft_wrap=True,
-            )
+            warn("warning", f"{key}: {warning}")
     for key, reason in described["rejected"].items():
-        console.print(
-            f"[yellow]rejected[/] {plain(key)}: {plain(reason)}", highlight=False, soft_wrap=True
-        )
+        warn("rejected", f"{key}: {reason}")
     if described["aborted"]:
         console.print(
             f"[bold red]stopped[/] {plain(described['aborted'])}", highlight=False, soft_wrap=True
@@ -194,7 +183,4 @@ def _print_summary(described: dict[str, Any], hint: str) -> None:
     if described["contact_sheet"]:
         say(f"contact sheet: {described['contact_sheet']}")
     else:
-        console.print(
-            f"[yellow]no contact sheet[/] {plain(described['contact_sheet_error'])}",
-            soft_wrap=True,
-        )
+        warn("no contact sheet", described["contact_sheet_error"])

@@ -8,7 +8,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from rpaug.cli.console import AsJson, console, plain, print_json, progress_bar
+from rpaug.cli.console import AsJson, print_json, progress_bar, warn
 
 
 def edits(
@@ -81,7 +81,7 @@ def _print_bench(
     from rpaug.bench.sheets import PAGE
 
     for name, reason in skipped.items():
-        console.print(f"[yellow]skipped[/] {name}: {plain(reason)}", highlight=False)
+        warn("skipped", f"{name}: {reason}")
     terminal = Console()
     # Both sides given: else a dumb terminal is taken for 80 columns, and figures are cut off.
     width = max(terminal.width, BENCH_WIDTH + 8 * len(judged))

@@ -84,6 +84,11 @@ def fail(message: str, as_json: bool) -> int:
     return 2
 
 
+def warn(label: str, words: str) -> None:
+    """One line beside the output: what was skipped, or is worth knowing."""
+    console.print(f"[yellow]{label}[/] {plain(words)}", highlight=False, soft_wrap=True)
+
+
 def plain(text: str) -> str:
     return text.replace("[", r"\[")
 

@@ -10,10 +10,10 @@ from rpaug.cli.console import (
     Dataset,
     Licence,
     console,
-    plain,
     print_json,
     progress_bar,
     say,
+    warn,
 )
 
 
@@ -42,10 +42,9 @@ def convert(
         reasons.setdefault(reason, []).append(key)
     for reason, keys in reasons.items():
         where = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} more"
-        line = f"[yellow]skipped[/] {plain(where)}: {plain(reason)}"
-        console.print(line, highlight=False, soft_wrap=True)
+        warn("skipped", f"{where}: {reason}")
     for words, count in done.traps.items():
-        console.print(f"[yellow]note[/] {plain(words)} ({count} episodes)", soft_wrap=True)
+        warn("note", f"{words} ({count} episodes)")
     if done.episodes:
         say(f"{done.episodes} episodes in {out}")
     else:

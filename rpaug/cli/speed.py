@@ -10,7 +10,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from rpaug.cli.console import AsJson, EpisodeKey, console, plain, print_json, progress_bar
+from rpaug.cli.console import AsJson, EpisodeKey, plain, print_json, progress_bar, warn
 from rpaug.errors import RpaugError
 
 WIDTH = 180  # columns of a printed table
@@ -263,7 +263,7 @@ def _print(
         print_json({"out": str(out), "skipped": skipped, "rows": rows})
         return
     for name, reason in skipped.items():
-        console.print(f"[yellow]skipped[/] {name}: {plain(reason)}", highlight=False)
+        warn("skipped", f"{name}: {reason}")
     terminal = Console()
     printer = Console(width=max(terminal.width, WIDTH), height=terminal.height)
     table = Table(box=box.SIMPLE_HEAD)

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
@@ -35,19 +35,20 @@ class Frame:
     hole: Bool[np.ndarray, "h w"]
 
 
-class Watch(Protocol):
-    """Told of every frame rendered anew: what was recorded, what is seen now, its hole mask if it can have one, and
-    the seconds its thread took."""
+@dataclass(frozen=True)
+class Shown:
+    """A frame rendered anew: what was recorded, what is seen now, its hole mask if it can have one, and the seconds
+    its thread took."""
 
-    def __call__(
-        self,
-        camera: str,
-        t: int,
-        before: UInt8[np.ndarray, "h w 3"],
-        image: UInt8[np.ndarray, "h w 3"],
-        hole: Bool[np.ndarray, "h w"] | None,
-        seconds: float,
-    ) -> None: ...
+    camera: str
+    t: int
+    before: UInt8[np.ndarray, "h w 3"]
+    image: UInt8[np.ndarray, "h w 3"]
+    hole: Bool[np.ndarray, "h w"] | None
+    seconds: float
+
+
+Watch = Callable[[Shown], None]
 
 
 def edited(
@@ -123,7 +124,7 @@ def _composited(scene: Scene, name: str, watch: Watch) -> CameraView:
         before = view.rgb(t)
         image = composite(before, ids, scene.appearance, scene.antialiased, surfaces)
         image = sense(scene.sensor, image, name, t)
-        watch(name, t, before, image, None, time.thread_time() - start)
+        watch(Shown(name, t, before, image, None, time.thread_time() - start))
         return image
 
     return replace(view, rgb=rgb)
@@ -137,7 +138,8 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
         start = time.thread_time()
         made = render(t)
         made = replace(made, rgb=sense(scene.sensor, made.rgb, name, t))
-        watch(name, t, recorded.rgb(t), made.rgb, made.hole, time.thread_time() - start)
+        spent = time.thread_time() - start
+        watch(Shown(name, t, recorded.rgb(t), made.rgb, made.hole, spent))
         return made
 
     return CameraView(

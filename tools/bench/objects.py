@@ -146,11 +146,9 @@ def _rendered(scene: Scene, holes: dict[str, np.ndarray]) -> Episode:
 
     settled = plan.settle(plan.Plan(0, dict.fromkeys(scene.episode.views, 0), True), scene)
 
-    def watch(
-        camera: str, t: int, before: object, image: object, hole: np.ndarray | None, seconds: float
-    ) -> None:
-        if hole is not None:
-            holes[f"{camera}/{t}"] = hole
+    def watch(shown: views.Shown) -> None:
+        if shown.hole is not None:
+            holes[f"{shown.camera}/{shown.t}"] = shown.hole
 
     return views.edited(scene, settled.carriers, watch)
 

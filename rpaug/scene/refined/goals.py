@@ -40,16 +40,9 @@ def goals(scene: Scene, times: Sequence[int], handles: frozenset[int]) -> list[G
     plain = replace(scene, cameras=cameras, bodies=bodies, appearance=painted, sensor=())
     invented: dict[tuple[str, int], Bool[np.ndarray, "h w"]] = {}
 
-    def watch(
-        camera: str,
-        t: int,
-        before: np.ndarray,
-        image: np.ndarray,
-        hole: np.ndarray | None,
-        seconds: float,
-    ) -> None:
-        if hole is not None:
-            invented[camera, t] = hole
+    def watch(shown: views.Shown) -> None:
+        if shown.hole is not None:
+            invented[shown.camera, shown.t] = shown.hole
 
     tier = 0 if scene.recorded_bodies is None else 1
     shown = views.edited(plain, dict.fromkeys(cameras, tier), watch)

@@ -59,8 +59,8 @@ def test_they_show_what_surfels_show(after, patched, name):
 def test_the_edited_episode_shows_them_and_marks_the_paint(after):
     marked = {}
 
-    def watch(camera, t, before, image, hole, seconds):
-        marked[camera] = hole
+    def watch(shown):
+        marked[shown.camera] = shown.hole
 
     made = views.edited(after, dict.fromkeys(EYES, 3), watch)
     was = after.episode.views["front"].ids(0) == BOX
