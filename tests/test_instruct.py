@@ -267,6 +267,21 @@ class TestGone:
         with pytest.raises(Untrue, match="cannot be told whether 'gizmo'"):
             instruct.followed(edited(scene(), handle("cylinder"), said), [])
 
+    @pytest.mark.parametrize(
+        "said",
+        [
+            "grip the top gizmo and put the block on the pad",
+            "pick up the gizmo, then push all of the widgets",
+        ],
+    )
+    def test_what_the_robot_handles_is_not_what_it_left_alone(self, said):
+        gone = edited(scene(), handle("cylinder"), said)
+        assert instruct.followed(gone, []) == gone.descriptions
+
+    def test_a_colour_tells_more_than_the_verb(self):
+        with pytest.raises(Untrue, match="was taken out"):
+            instruct.followed(edited(scene(), handle("cylinder"), "grip the green gizmo"), [])
+
     def test_what_is_told_by_its_place_must_stay_there(self):
         away = np.eye(4)
         away[0, 3] = 0.2

@@ -58,7 +58,7 @@ class Judge:
                 continue
             named = self._named(phrase)
             if named is None:
-                self._doubt(phrase, handles, what)
+                self._doubt(phrase, handles, what, alone=True)
             elif named & handles:
                 raise Untrue(f"{phrase.text!r} {what}")
 
@@ -70,7 +70,7 @@ class Judge:
             return
         named = self._named(phrase)
         if named is None:
-            self._doubt(phrase, moved, "was moved")
+            self._doubt(phrase, moved, "was moved", alone=not told)
         elif beside and named & moved:
             raise Untrue(f"{phrase.text!r} was moved, and the words say where it stands")
         elif told and self._named(phrase, after=True) != named:
@@ -142,8 +142,16 @@ class Judge:
             if (name is None or colours.means(name, one.colour)) and _goes_by(one, phrase.nouns):
                 raise Untrue(f"a {one.colour} {one.kind} was put in: {said} could be it too")
 
-    def _doubt(self, phrase: Phrase, handles: frozenset[int], what: str) -> None:
-        """See that none of these could be meant by a phrase that nothing was found for. Raises Untrue."""
+    def _doubt(
+        self, phrase: Phrase, handles: frozenset[int], what: str, alone: bool = False
+    ) -> None:
+        """See that none of these could be meant by a phrase that nothing was found for. Raises Untrue.
+
+        `alone`: the robot was seen to leave them alone, or the edit would have been refused. So they are not "the
+        handle" of "grip the handle"; a colour that fits them is doubted all the same.
+        """
+        if alone and phrase.handled and phrase.colour is None:
+            return
         for handle in sorted(handles):
             alike = phrase.colour is None or colours.means(phrase.colour, self._was(handle))
             if (

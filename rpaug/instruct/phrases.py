@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rpaug.scene.naming import colours, relations
-from rpaug.scene.naming.nouns import TOWARDS, VERBS
+from rpaug.scene.naming.nouns import HANDLING, TOWARDS, VERBS
 
 STOPS = (
     TOWARDS
@@ -48,6 +48,7 @@ NOWHERE = frozenset(
         "off", "other", "others", "away", "together", "upright", "clockwise", "anticlockwise", "same", "last",
     }
 )  # fmt: skip
+PARTICLES = frozenset({"up", "down", "out"})
 LARGE, SMALL = "large", "small"
 # Words for sizes: which way they mean, and the word for the other way, if there is one that compares as they do.
 SIZES: Mapping[str, tuple[str, str | None]] = {
@@ -79,13 +80,14 @@ class Word:
 class Phrase:
     """A thing in an instruction's words. `colour` is the colour's own name, `tint` the word for it.
 
-    `rank` is a word for its size or its place.
+    `rank` is a word for its size or its place. `handled` is what a verb such as "grip" or "push" acts on.
     """
 
     colour: str | None
     nouns: tuple[str, ...]
     tint: Word | None = None
     rank: Word | None = None
+    handled: bool = False
 
     def said(self, rank: str | None = None) -> str:
         """The phrase as a target's words: colour, `rank`, and what else tells it."""
@@ -111,6 +113,7 @@ def phrases(text: str) -> Iterator[Phrase]:
             phrase = _phrase(part)
             if phrase is None:
                 continue
+            phrase = replace(phrase, handled=_handled(text[: part[0].start]))
             if phrase.nouns[-1:] in (("one",), ("ones",)):  # "the small cup into the large one"
                 phrase = replace(phrase, nouns=kind)
             kind = phrase.nouns[-1:] or kind
@@ -144,6 +147,13 @@ def _groups(text: str) -> Iterator[list[Word]]:
 def _named(word: Word, between: str) -> bool:
     """Does a thing begin here, whatever stands before: with a colour, or after a number?"""
     return colours.canonical(word.text) is not None or bool(re.search(r"\d", between))
+
+
+def _handled(before: str) -> bool:
+    """Does a verb that takes hold of things stand right before, articles and particles ("up") apart?"""
+    words = re.findall(r"[a-z]+|[^a-z\s]", before.lower())
+    said = [word for word in words if word not in relations.FILLERS | PARTICLES]
+    return bool(said) and said[-1] in HANDLING
 
 
 def _by_colour(group: Sequence[Word]) -> Iterator[list[Word]]:

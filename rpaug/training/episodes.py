@@ -26,13 +26,15 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
     Item i is a dict: `key`, `instruction`, `frames` (n,) int64, `edits` (what was drawn, plain JSON values),
     `joint_positions` (n, j), `gripper_to_world` (n, 4, 4), `gripper_open` (n,) float64 as recorded, where known, and
     `cameras`, per name a dict of `rgb` (n, h, w, 3) uint8, `depth` (n, h, w) float32 metres, `ids` (n, h, w) int32,
-    `K` (3, 3) and `cam_to_world` (n, 4, 4) float64 (OpenCV axes, integer pixel centres).
+    `K` (3, 3) and `cam_to_world` (n, 4, 4) float64 (OpenCV axes, integer pixel centres). `skipped` is empty, or says
+    why the recipe could not be applied: the episode then comes as recorded, without `edits`.
 
     `frames` says which frames: the key frames (PerAct's rule, the first frame among them), all, given numbers, or
     `Windows`, of which each is an item of its own. `schedule` says which episodes of an epoch are augmented. With a
     folder `scenes`, scenes are found once and read back from there; Gaussians (tier 3) ask for one.
     A draw after which the instruction or, unless `keep_invalid`, the recorded actions are not true is drawn again a few
-    times; then the episode comes as recorded.
+    times; then the episode comes as recorded. So does, with a warning, one that `rpaug augment` skips since it lacks
+    what an edit asks for.
     The same recipe, epoch and episode give the same item in any worker and in any order. `set_epoch` reaches workers
     that are already running. Raises BadInput, BadRecipe, Unsupported.
     """
@@ -79,7 +81,8 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
 
     def __getitem__(self, index: int) -> dict[str, Any]:
         number, start = self.items[index]
-        episode, edits = self.draws(number, self.epoch)
+        drawn = self.draws(number, self.epoch)
+        episode = drawn.episode
         chosen = choosing.of(episode, self.frames, start)
         names = list(episode.views) if self.cameras is None else list(self.cameras)
         robot = episode.robot
@@ -87,7 +90,8 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
             "key": episode.key,
             "instruction": episode.instruction,
             "frames": torch.tensor(chosen),
-            "edits": edits,
+            "edits": drawn.edits,
+            "skipped": drawn.skipped,
             "joint_positions": torch.from_numpy(robot.joint_positions[chosen]),
             **{
                 name: torch.from_numpy(track[chosen])

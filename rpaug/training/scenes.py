@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rpaug import preparing, registry
+from rpaug.errors import TargetError, Unsupported
 from rpaug.plan import Plan, make
 from rpaug.recipe import Recipe
 from rpaug.scene.build import build
@@ -15,7 +16,7 @@ from rpaug.scene.recorded import surfels
 from rpaug.scene.recorded.surfels import Surfels
 from rpaug.scene.splats import store
 from rpaug.training import prepared
-from rpaug.types import Scene
+from rpaug.types import Episode, Scene
 
 KEPT_SCENES = 256
 KEPT_BYTES = 512 * 2**20  # of surfels, in each process
@@ -23,11 +24,15 @@ KEPT_BYTES = 512 * 2**20  # of surfels, in each process
 
 @dataclass(frozen=True)
 class Ready:
-    """A recorded scene, the plan of who shows what of it, and its surfels when they are asked for."""
+    """A recorded scene, the plan of who shows what of it, and its surfels when they are asked for.
+
+    `lacking` says why the recipe's edits cannot be made of it, and is empty where they can.
+    """
 
     scene: Scene
     plan: Plan
     surfels: Callable[[], Surfels]
+    lacking: Callable[[], str]
 
 
 class Scenes:
@@ -67,13 +72,21 @@ class Scenes:
 
     def _ready(self, key: str) -> Ready:
         episode = registry.adapter(self.adapter).read(self.root, key)
+        try:
+            scene, plan, kept = self._found(episode)
+        except (TargetError, Unsupported) as error:  # `rpaug augment` skips it
+            why, scene = str(error), build(episode, with_bodies=False)
+            return Ready(scene, make((), episode), lambda: surfels.recorded(scene), lambda: why)
+        find = self._counted(key, lambda: kept or surfels.recorded(scene))
+        return Ready(scene, plan, find, cache(lambda: _lacking(scene, self.recipe)))
+
+    def _found(self, episode: Episode) -> tuple[Scene, Plan, Surfels | None]:
         plan = make(preparing.operators(self.recipe), episode, self.tier)
         bare = build(episode, with_bodies=False)
         masked = all(view.ids and view.depth for view in episode.views.values())
         plain = masked and plan.bodies and not plan.parts and not plan.gaussians
         if self.folder is None or not plain or self.recipe.accuracy:
-            scene, plan = preparing.made_ready(episode, self.recipe, self.tier, self.folder)
-            return Ready(scene, plan, self._counted(key, lambda: surfels.recorded(scene)))
+            return *preparing.made_ready(episode, self.recipe, self.tier, self.folder), None
         arms = [path.read_bytes().hex() for path in self.recipe.arms]
         name = store.key(bare, {"prepared": prepared.VERSION, "arms": arms}, 0)
         path = self.folder / f"{name}{prepared.ENDING}"
@@ -83,8 +96,7 @@ class Scenes:
             scene, plan = preparing.made_ready(episode, self.recipe, self.tier)
             found = scene, surfels.recorded(scene) if moved else None
             prepared.save(path, *found)
-        scene, kept = found
-        return Ready(scene, plan, self._counted(key, lambda: kept or surfels.recorded(scene)))
+        return found[0], plan, found[1]
 
     def _counted(self, key: str, find: Callable[[], Surfels]) -> Callable[[], Surfels]:
         """`find`, asked once, its answer counted against the memory limit."""
@@ -96,3 +108,11 @@ class Scenes:
             return answer
 
         return found
+
+
+def _lacking(scene: Scene, recipe: Recipe) -> str:
+    try:
+        preparing.ground(scene, recipe)
+    except (TargetError, Unsupported) as error:
+        return str(error)
+    return ""

@@ -83,9 +83,10 @@ class Wrapper:
         made, key = dict(places), self._key(named)
         if key not in self.number:
             return made  # the recipe does not select it
-        edited, edits = self.draws(self.number[key], self.epoch)
-        if not edits:
+        drawn = self.draws(self.number[key], self.epoch)
+        if not drawn.edits:
             return made
+        edited = drawn.episode
         recorded = self.draws.scenes(key).scene.episode
         frames = [int(t) for t in np.atleast_1d(np.asarray(asked))]
         for t in frames:

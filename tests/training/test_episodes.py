@@ -1,15 +1,17 @@
 """The dataset in a training loop: coherent draws, the same in any worker, what `augment` would write."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from rolling import demonstration
 from rpaug_adapters.rlbench import RLBench
 from torch.utils.data import DataLoader
 
-from rpaug import Unsupported, recipe
+from rpaug import CameraView, Episode, Unsupported, recipe
 from rpaug.augment import Run, execute
 from rpaug.training import AugmentedEpisodes
 
@@ -117,3 +119,42 @@ def test_wrong_arguments_are_refused_at_once(template: Path, tmp_path: Path) -> 
         AugmentedEpisodes(template, path, frames="alll")  # type: ignore[arg-type]
     with pytest.raises(Unsupported, match="list of names"):
         AugmentedEpisodes(template, path, cameras="front")
+
+
+def without(handle: int, length: int = 6) -> Episode:
+    """The demonstration, in which that handle is another one."""
+    episode = demonstration(length)
+
+    def other(view: CameraView) -> CameraView:
+        ids = view.ids
+        assert ids is not None
+        return replace(view, ids=lambda t: np.where(ids(t) == handle, 399, ids(t)))
+
+    return replace(episode, views={name: other(view) for name, view in episode.views.items()})
+
+
+@pytest.mark.parametrize("edits", [RECIPE["edits"], [{**RECIPE["edits"][0], "probability": 0.5}]])  # type: ignore[index]
+def test_what_augment_skips_comes_as_recorded_and_is_told(
+    tmp_path: Path, edits: list[dict]
+) -> None:
+    folder, key = tmp_path / "in", "roll_ball/all_variations/episodes/episode{}"
+    RLBench().write(demonstration(8), folder, key.format(0), dict)
+    RLBench().write(without(300), folder, key.format(1), dict)
+    path = tmp_path / "r.yaml"
+    path.write_text(json.dumps({**RECIPE, "edits": edits}))
+    made = execute(Run(folder, recipe.load(path), tmp_path / "out"))
+    assert list(made.failures) == [key.format(1)]
+
+    episodes = AugmentedEpisodes(folder, path, frames="all")
+    for epoch in range(3):
+        episodes.set_epoch(epoch)
+        assert episodes[0]["skipped"] == ""
+        with pytest.warns(UserWarning, match=r"episode1 comes as recorded: .*no such instance 300"):
+            item = episodes[1]
+        assert item["skipped"] in made.failures[key.format(1)]
+        assert item["edits"] == []
+        recorded = RLBench().read(folder, key.format(1))
+        for name, view in recorded.views.items():
+            assert all(
+                np.array_equal(item["cameras"][name]["rgb"][t], view.rgb(t)) for t in range(6)
+            )

@@ -22,13 +22,14 @@ ROLES: Mapping[str, str] = {
 TOWARDS = frozenset(
     {"on", "onto", "in", "into", "to", "inside", "at", "against", "over", "from", "under"}
 )
-VERBS = frozenset(
+# What these act on, the robot touches.
+HANDLING = frozenset(
     {
-        "open", "close", "push", "pull", "put", "pick", "place", "slide", "move", "set", "take", "press",
-        "turn", "stack", "lift", "grip", "grasp", "drag", "insert", "hang", "pour", "wipe", "sweep", "up", "down",
-        "out", "it", "and", "then", "with", "by", "your",
+        "open", "close", "push", "pull", "put", "pick", "place", "slide", "move", "set", "take", "press", "turn",
+        "stack", "lift", "grip", "grasp", "drag", "insert", "hang", "pour", "wipe", "sweep",
     }
 )  # fmt: skip
+VERBS = HANDLING | {"up", "down", "out", "it", "and", "then", "with", "by", "your"}
 
 
 @dataclass(frozen=True)
