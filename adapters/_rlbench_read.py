@@ -16,7 +16,7 @@ from rpaug.geometry import pose_of
 
 KINDS = ("rgb", "depth", "mask")
 DEPTH_STEPS = 2**24 - 1
-KEPT_FRAMES = 4  # of each camera's colour images
+KEPT_FRAMES = 4  # of each camera and kind of image
 LOW_DIM = "low_dim_obs.pkl"
 DESCRIPTIONS = "variation_descriptions.pkl"
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])  # CoppeliaSim's camera axes <-> OpenCV's; its own inverse
@@ -212,10 +212,14 @@ def _view(folder: Path, name: str, observations: list[Observation]) -> CameraVie
         camera=Camera(intrinsics, extrinsics @ FLIP, *size),
         # Kept for a moment: a writer compares an edited frame with the recorded one.
         rgb=lru_cache(KEPT_FRAMES)(lambda t: decode_png(folder / f"{name}_rgb" / f"{t}.png")),
-        depth=(lambda t: _metres(read_code(folder / f"{name}_depth" / f"{t}.png"), near[t], far[t]))
+        depth=lru_cache(KEPT_FRAMES)(
+            lambda t: _metres(read_code(folder / f"{name}_depth" / f"{t}.png"), near[t], far[t])
+        )
         if has["depth"]
         else None,
-        ids=(lambda t: read_code(folder / f"{name}_mask" / f"{t}.png", low_first=True))
+        ids=lru_cache(KEPT_FRAMES)(
+            lambda t: read_code(folder / f"{name}_mask" / f"{t}.png", low_first=True)
+        )
         if has["mask"]
         else None,
     )

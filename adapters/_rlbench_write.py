@@ -23,12 +23,13 @@ from rpaug_adapters._rlbench_read import (
 )
 
 from rpaug import Episode, Unsupported
-from rpaug.files import decode_png, encode_png
+from rpaug.files import check_png, encode_png, read_bytes
 from rpaug.geometry import quaternion_of
 
 NUMBER = "variation_number.pkl"
 NEAR, FAR = 0.01, 10.0  # metres: depth range of cameras that were not recorded by CoppeliaSim
 THREADS = 2
+OLD_NUMPY_LACKS = b"numpy._core"  # RVT and RLBench run numpy <= 1.24
 Image = Callable[[int], np.ndarray]
 IMAGES = [
     f"{camera}_{kind}"
@@ -45,7 +46,9 @@ def write(
         files = _fresh_pickles(episode)
     else:
         _copy_unknown(recorded, episode, work)
-        files = {LOW_DIM: dump(_edited_demo(recorded, episode))}
+        demo, files = _edited_demo(recorded, episode), {}
+        if demo is not recorded.demo or OLD_NUMPY_LACKS in (work / LOW_DIM).read_bytes():
+            files[LOW_DIM] = dump(demo)
         if with_descriptions or episode.descriptions != recorded.descriptions:
             files[DESCRIPTIONS] = dump(list(episode.descriptions))
     _write_images(episode, recorded, work)
@@ -215,7 +218,9 @@ def _write_image(
             # float32 holds a code only to within one step
             code = np.where(image == before, read_code(recorded), code)
         image = np.stack([code >> 16, code >> 8 & 255, code & 255], -1).astype(np.uint8)
-    elif kind == "mask" and not (recorded and decode_png(recorded).ndim == 2):
+    elif kind == "mask" and not (
+        recorded and check_png(recorded, read_bytes(recorded)).channels == 1
+    ):
         image = np.stack([image & 255, image >> 8 & 255, image >> 16 & 255], -1).astype(np.uint8)
     target.write_bytes(encode_png(image.astype(np.uint8)))
 

@@ -7,7 +7,8 @@ from rpaug.errors import RpaugError, TargetError
 from rpaug.instruct.changes import Added, Changes
 from rpaug.instruct.phrases import BESIDE, LARGE, PLACES, SIZES, Phrase, Word, changed, phrases
 from rpaug.scene.naming import colours, shapes, targets
-from rpaug.scene.naming.nouns import understood
+from rpaug.scene.naming.nouns import Meaning, understood
+from rpaug.scene.naming.relations import ANYTHING
 from rpaug.scene.naming.survey import InstanceSummary, survey
 from rpaug.types import Scene
 
@@ -167,6 +168,9 @@ class Judge:
         self, phrase: Phrase, after: bool = False, rank: str | None = None
     ) -> frozenset[int] | None:
         """The handles that a phrase means, in the recorded scene or in what is left; None if that cannot be told."""
+        noun = phrase.nouns[-1] if phrase.nouns else None
+        if phrase.colour is None and noun and noun not in ANYTHING and not self._meanings(noun):
+            return None  # known without a look at any image
         return self._found(phrase.said(rank or phrase.ranked), after)
 
     def _found(self, said: str, after: bool) -> frozenset[int] | None:
@@ -183,14 +187,16 @@ class Judge:
         """Could a thing be called by the phrase's noun? Where the noun says nothing, any may be."""
         if not phrase.nouns:
             return True
-        scene = self._recorded
-        meanings = understood(phrase.nouns[-1], scene.descriptions, scene.roles)
+        scene, meanings = self._recorded, self._meanings(phrase.nouns[-1])
         named = frozenset[int]().union(
             *(scene.roles.get(one.role or "", frozenset()) for one in meanings)
         )
         if any(one.shapes for one in meanings):
             return handle in (self._found(phrase.nouns[-1], False) or frozenset())
         return handle in named or not meanings
+
+    def _meanings(self, noun: str) -> list[Meaning]:
+        return understood(noun, self._recorded.descriptions, self._recorded.roles)
 
     @cached_property
     def _rows(self) -> dict[int, InstanceSummary]:

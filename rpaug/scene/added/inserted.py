@@ -1,15 +1,22 @@
 """Things that were never recorded, drawn into a finished view: they hide what is farther, nearer things hide them."""
 
+from functools import lru_cache
+
 import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
+from rpaug import geometry
 from rpaug.render import mesh
+from rpaug.render.pinhole import NEAR
+from rpaug.render.window import Window
 from rpaug.scene.added import softened
 from rpaug.scene.lighting import irradiance
 from rpaug.scene.naming import colours
-from rpaug.types import Ambience, Body, Camera, Scene
+from rpaug.types import Ambience, Body, Camera, Mesh, Scene
 
 SAMPLES = 4  # along each side of a pixel, where the recording's outlines are smooth
+KEPT = 32  # drawings of things that stand, in cameras that stand
+MOST_KEPT = 1 << 18  # samples of a drawing that is kept
 EVEN = Ambience(tuple(irradiance.even().tolist()), (1.0, 1.0, 1.0))
 
 Image = tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]
@@ -33,18 +40,19 @@ def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
         if body.splats is not None:
             rgb, depth, ids = _splatted(scene, body, camera, t, (rgb, depth, ids))
             continue
-        seen = _drawn(body, camera, t, 1)
-        if not seen.hit.any():
+        piece = _piece(body, camera, t)
+        if piece is None:
             continue
-        front = seen.hit & ((depth <= 0) | (seen.depth < depth))
+        at = np.s_[piece.rows, piece.columns]
+        seen = _drawn(body, piece, t, 1)
+        front = seen.hit & ((depth[at] <= 0) | (seen.depth < depth[at]))
+        rgb, depth, ids = rgb.copy(), depth.copy(), ids.copy()
         if scene.antialiased:
-            rgb = _blended(rgb, depth, body, camera, t, ambience)
-        elif front.any():
-            rgb = rgb.copy()
-            rgb[front] = _lit(seen.albedo[front], seen.normals[front], ambience)
+            rgb[at] = _blended(rgb[at], depth[at], _drawn(body, piece, t, SAMPLES), ambience)
+        else:
+            rgb[at][front] = _lit(seen.albedo[front], seen.normals[front], ambience)
         (handle,) = body.handles
-        depth = np.where(front, seen.depth, depth).astype(np.float32)
-        ids = np.where(front, np.int32(handle), ids)
+        depth[at][front], ids[at][front] = seen.depth[front], handle
     return rgb, depth, ids
 
 
@@ -83,26 +91,53 @@ def lit(
     return colour if ambience.gamut is None else _within(colour, ambience.gamut)
 
 
-def _drawn(body: Body, camera: Camera, t: int, samples: int) -> mesh.Drawn:
+def _piece(body: Body, camera: Camera, t: int) -> Window | None:
+    """The part of the image that can show the body, None if none can."""
     assert body.mesh is not None
-    K = camera.K.copy()
+    world = geometry.transform(body.to_world[t], body.mesh.points)
+    pixel, z = geometry.project(world, camera, t)
+    size = np.array([camera.width, camera.height])
+    first, last = np.zeros(2, int), size
+    if (z > NEAR).all():
+        first = np.clip(np.floor(pixel.min(0)).astype(int) - 1, 0, size)
+        last = np.clip(np.ceil(pixel.max(0)).astype(int) + 2, 0, size)
+    elif not (z > NEAR).any():
+        return None
+    if (first >= last).any():
+        return None
+    columns, rows = (slice(int(low), int(high)) for low, high in zip(first, last, strict=True))
+    return Window(rows, columns, camera.K, camera.cam_to_world[t])
+
+
+def _drawn(body: Body, piece: Window, t: int, samples: int) -> mesh.Drawn:
+    """The body as the piece shows it, `samples` along each side of a pixel."""
+    assert body.mesh is not None
+    K = piece.own
     # Sample (i, j) of a pixel lies at (i + 1/2) / samples - 1/2 from its centre.
     K[:2] *= samples
     K[:2, 2] += (samples - 1) / 2
-    size = camera.width * samples, camera.height * samples
-    return mesh.draw(body.mesh, body.to_world[t], K, camera.cam_to_world[t], size)
+    width, height = (samples * side for side in piece.size)
+    pose, camera = body.to_world[t].tobytes(), piece.cam_to_world.tobytes()
+    draw = _kept if width * height <= MOST_KEPT else _kept.__wrapped__
+    return draw(body.mesh, pose, K.tobytes(), camera, (width, height))
+
+
+@lru_cache(KEPT)
+def _kept(thing: Mesh, pose: bytes, K: bytes, camera: bytes, size: tuple[int, int]) -> mesh.Drawn:
+    """What was drawn before looks the same wherever thing and camera stand as they did."""
+    to_world, lens, cam_to_world = (
+        np.frombuffer(given).reshape(side, side) for given, side in ((pose, 4), (K, 3), (camera, 4))
+    )
+    return mesh.draw(thing, to_world, lens, cam_to_world, size)
 
 
 def _blended(
     rgb: UInt8[np.ndarray, "h w 3"],
     depth: Float32[np.ndarray, "h w"],
-    body: Body,
-    camera: Camera,
-    t: int,
+    fine: mesh.Drawn,
     ambience: Ambience,
 ) -> UInt8[np.ndarray, "h w 3"]:
     """The colours with each pixel's share of the thing, as an anti-aliased recording would show it."""
-    fine = _drawn(body, camera, t, SAMPLES)
     behind = depth.repeat(SAMPLES, 0).repeat(SAMPLES, 1)
     front = fine.hit & ((behind <= 0) | (fine.depth < behind))
     colour = np.zeros((*front.shape, 3), np.float32)

@@ -11,6 +11,7 @@ from rpaug.scene import sampling
 from rpaug.scene.looks import Looks, look
 from rpaug.scene.naming import colours
 from rpaug.scene.naming.roles import NAMES, surface
+from rpaug.scene.remembered import once
 from rpaug.types import Body, Episode
 
 COLOUR_FRAMES = 6  # looked at for colour: it hardly changes
@@ -51,6 +52,7 @@ class InstanceSummary:
         return f"{self.handle} ({self.colour_name}{role}, {length:.0f} x {width:.0f} x {height:.0f} cm)"
 
 
+@once
 def survey(
     episode: Episode,
     bodies: Sequence[Body],

@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -138,11 +139,10 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
 
 
 def _by_words(scene: Scene, target: Target) -> frozenset[int]:
-    rows = _rows(scene)
-    found = _Finder(scene, rows, str(target)).things(relations.parse(target.text or ""))
+    found = _Finder(scene, str(target)).things(relations.parse(target.text or ""))
     if len(found) > 1 and not target.all:
         raise TargetError(
-            f"{target}: {len(found)} things fit: {_list(_firsts(rows, found))}; "
+            f"{target}: {len(found)} things fit: {_list(_firsts(_rows(scene), found))}; "
             "say more, or set all: true to take them all"
         )
     return frozenset().union(*found)
@@ -150,11 +150,15 @@ def _by_words(scene: Scene, target: Target) -> frozenset[int]:
 
 class _Finder:
     """Finds what a phrase and the phrases inside it mean. A thing is a group of handles: those of a role together,
-    else those of a body. Surfaces are looked at only if a shape or a place is asked for."""
+    else those of a body. Images are looked at only if a colour, a shape or a place is asked for."""
 
-    def __init__(self, scene: Scene, rows: Sequence[InstanceSummary], said: str) -> None:
-        self._scene, self._rows, self._said = scene, rows, said
+    def __init__(self, scene: Scene, said: str) -> None:
+        self._scene, self._said = scene, said
         self._looks: Looks | None = None
+
+    @cached_property
+    def _rows(self) -> Sequence[InstanceSummary]:
+        return _rows(self._scene)
 
     def things(self, phrase: Phrase) -> list[frozenset[int]]:
         """One thing or several that the phrase fits. Raises TargetError if it fits none."""
@@ -174,11 +178,11 @@ class _Finder:
                     f"{self._said}: {word!r} is nothing that masks and depth can tell"
                 )
         if role is not None:
-            return _as_one(self._coloured(phrase, self._of_role(role)))
+            return self._playing(role, phrase)
         meanings = self._meanings(phrase)
         for meaning in meanings:
             if meaning.role is not None:
-                fits = _as_one(self._coloured(phrase, self._of_role(meaning.role)))
+                fits = self._playing(meaning.role, phrase)
             elif not self._look().cameras:  # without depth nothing has a shape
                 fits = []
             else:
@@ -204,11 +208,15 @@ class _Finder:
             )
         return found
 
-    def _of_role(self, role: str) -> list[InstanceSummary]:
+    def _playing(self, role: str, phrase: Phrase) -> list[frozenset[int]]:
+        """What has that role and the phrase's colour, as one thing."""
         known = self._scene.roles.get(role)
         if not known:
             raise TargetError(f"{self._said}: {_why(self._scene, role)}; {_there_is(self._rows)}")
-        return [row for row in self._rows if row.handle in known]
+        if phrase.colour is None:
+            return [known & self._scene.handles] if known & self._scene.handles else []
+        rows = self._coloured(phrase, [row for row in self._rows if row.handle in known])
+        return [frozenset(row.handle for row in rows)] if rows else []
 
     def _movable(self) -> list[InstanceSummary]:
         """All but robot, table and background, which are meant only by name."""
@@ -265,10 +273,6 @@ class _Finder:
             listed = _list(_firsts(self._rows, found))
             raise TargetError(f"{self._said}: of which? {len(found)} things fit there: {listed}")
         return found[0]
-
-
-def _as_one(rows: Sequence[InstanceSummary]) -> list[frozenset[int]]:
-    return [frozenset(row.handle for row in rows)] if rows else []
 
 
 def _bodies(rows: Sequence[InstanceSummary]) -> list[frozenset[int]]:

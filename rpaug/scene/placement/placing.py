@@ -16,7 +16,7 @@ from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
 from rpaug.scene import sampling
 from rpaug.scene.remembered import once
-from rpaug.types import Body, Scene
+from rpaug.types import Body, CameraView, Scene
 
 CELL = 0.01  # metres
 MARGIN = 0.05  # metres to other things, as COLOSSEUM keeps them apart
@@ -147,7 +147,7 @@ def points_of(
     wanted = list(handles)
     poses = {handle: body.to_world for body in scene.tracked for handle in body.handles}
     found = []
-    for name, view in scene.episode.views.items():
+    for view in scene.episode.views.values():
         if view.depth is None or view.ids is None:
             continue
         for t in sampling.frames(scene.episode.length, count):
@@ -155,7 +155,7 @@ def points_of(
             for handle in wanted:
                 use = (ids == handle) & (depth > 0) & np.isfinite(depth)
                 if use.any():
-                    world = _lifted(scene, name, t, use)
+                    world = _lifted(view, t, depth, use)
                     found.append(
                         geometry.transform(
                             poses[handle][0] @ geometry.inverse(poses[handle][t]), world
@@ -174,7 +174,7 @@ def _support(scene: Scene, support: frozenset[int]) -> Float64[np.ndarray, "n 3"
             depth = view.depth(t)
             use = np.isin(view.ids(t), list(support)) & (depth > 0) & np.isfinite(depth)
             if use.any():
-                found.append(_lifted(scene, name, t, use))
+                found.append(_lifted(view, t, depth, use))
     if not found:
         raise TargetError("the table was never seen, so there is nowhere to put things")
     return np.concatenate(found)
@@ -232,14 +232,15 @@ def _swept(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
     whole = scene.roles.get("manipulated", frozenset())
     swept = np.full(room.swept.shape, 1e3, np.float32)
     for t in sampling.frames(scene.episode.length, SWEEPS):
-        for name, view in scene.episode.views.items():
+        for view in scene.episode.views.values():
             assert view.depth is not None
             assert view.ids is not None
             ids, depth = view.ids(t), view.depth(t)
             for handle in np.intersect1d(ids, moving).tolist():
                 if handle in gone:
                     continue
-                points = _lifted(scene, name, t, (ids == handle) & (depth > 0) & np.isfinite(depth))
+                use = (ids == handle) & (depth > 0) & np.isfinite(depth)
+                points = _lifted(view, t, depth, use)
                 height = points[:, 2] - room.level
                 if handle in whole and len(height):
                     height = np.full_like(height, height.min())
@@ -259,13 +260,11 @@ def _swept(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
 
 
 def _lifted(
-    scene: Scene, name: str, t: int, use: Bool[np.ndarray, "h w"]
+    view: CameraView, t: int, depth: Float32[np.ndarray, "h w"], use: Bool[np.ndarray, "h w"]
 ) -> Float64[np.ndarray, "n 3"]:
     """World points of the pixels in `use`."""
-    view = scene.episode.views[name]
-    assert view.depth is not None
     rows, columns = np.nonzero(use)
-    z = view.depth(t)[rows, columns].astype(np.float64)
+    z = depth[rows, columns].astype(np.float64)
     K = view.camera.K
     local = np.stack([(columns - K[0, 2]) / K[0, 0] * z, (rows - K[1, 2]) / K[1, 1] * z, z], -1)
     return geometry.transform(view.camera.cam_to_world[t], local)

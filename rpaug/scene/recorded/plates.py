@@ -66,9 +66,14 @@ def plate(
     depths = np.zeros((PLATE_SAMPLES, *size), np.float32)
     colours = np.zeros((PLATE_SAMPLES, *size, 3), np.uint8)
     for t in spread(length):
+        wanted = count < PLATE_SAMPLES
+        if view.ids is not None:  # told by the mask alone, most frames need not be looked at
+            now_ids = view.ids(t)
+            wanted &= among(now_ids, static) & ((count == 0) | (now_ids == ids))
+        if not wanted.any():
+            continue
         now = source_at(view, t)
-        good = among(now.ids, static) & np.isfinite(now.depth) & (now.depth > 0)
-        good &= count < PLATE_SAMPLES
+        good = wanted & among(now.ids, static) & np.isfinite(now.depth) & (now.depth > 0)
         agrees = (now.ids == ids) & (
             np.abs(now.depth - depths[0]) < max(SAME_DEPTH, 5 * noise) * depths[0]
         )
