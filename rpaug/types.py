@@ -152,9 +152,10 @@ class Body:
     track; `residual` is its median point-to-plane distance in metres, and `ambiguous` is set where another
     hypothesis explains the pixels as well. `copy_of` is set for a duplicate: it maps
     each recorded handle whose pixels show it to the handle it has here. `scale` is the size of a resized body over
-    its recorded one: a recorded point p of its frame is shown at scale * p. An inserted body has a `mesh` in its frame;
-    where it also has `splats` there, those are shown and the mesh only says how far it reaches. A body that deforms is
-    shown by `soft`: Gaussians in the world with a moment for every time.
+    its recorded one: a recorded point p of its frame is shown at scale * p. An inserted body has a `mesh` in its
+    frame; where it also has `splats` there, those are shown and the mesh only says how far it reaches, unless it is
+    `outlined`: then the mesh is its true surface, which gives depth and mask. A body that deforms is shown by `soft`:
+    Gaussians in the world with a moment for every time.
     """
 
     handles: frozenset[int]
@@ -168,6 +169,7 @@ class Body:
     mesh: Mesh | None = None
     soft: "Gaussians | None" = None
     splats: "Gaussians | None" = None
+    outlined: bool = False
 
 
 class Surface(Protocol):

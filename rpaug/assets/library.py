@@ -21,6 +21,7 @@ FOLDER = "RPAUG_ASSETS"  # environment variable: where added things are kept
 ENDING = ".asset.npz"
 COARSE = 24  # of 255: colours nearer than this vote alike
 PARTS = ("points", "normals", "uv", "faces", "image")
+OUTLINED = "outlined"
 SPLATS = "splats_"  # before the names of Gaussians' arrays
 
 
@@ -101,17 +102,23 @@ def gaussians(name: str) -> Gaussians | None:
     return _loaded(folder(), name)[1]
 
 
+def outlined(name: str) -> bool:
+    """Whether its mesh is the very surface that its Gaussians show."""
+    return _loaded(folder(), name)[2]
+
+
 @lru_cache(32)
-def _loaded(where: Path, name: str) -> tuple[Mesh, Gaussians | None]:
+def _loaded(where: Path, name: str) -> tuple[Mesh, Gaussians | None, bool]:
     if name in shipped.THINGS:
-        return shapes.joined(shipped.THINGS[name][1]()), None
+        return shapes.joined(shipped.THINGS[name][1]()), None, False
     get(name)
     with np.load(io.BytesIO(read_bytes(where / f"{name}{ENDING}")), allow_pickle=False) as data:
         points, normals, uv, faces, image = (data[part] for part in PARTS)
         splats = None
         if SPLATS + "means" in data:
             splats = Gaussians(**{part: data[SPLATS + part] for part in ARRAYS})
-    return Mesh(points, normals, uv, faces, image), splats
+        known = OUTLINED in data and bool(data[OUTLINED])
+    return Mesh(points, normals, uv, faces, image), splats, known
 
 
 def check_name(name: str) -> None:
@@ -129,8 +136,10 @@ def add(
     source: str,
     splats: Gaussians | None = None,
     provenance: Mapping[str, str] | None = None,
+    outlined: bool = False,
 ) -> Asset:
-    """Keep a thing under a name: a mesh, or Gaussians with the mesh that says how far they reach.
+    """Keep a thing under a name: a mesh, or Gaussians with the mesh that says how far they reach, or, `outlined`, whose
+    very surface they show.
 
     Raises BadInput if the name is taken or is no plain word.
     """
@@ -146,6 +155,7 @@ def add(
     parts = {part: getattr(thing, part) for part in PARTS}
     if splats is not None:
         parts |= {SPLATS + part: getattr(splats, part) for part in ARRAYS}
+        parts |= {OUTLINED: np.array(outlined)}
     np.savez_compressed(out, facts=np.frombuffer(json.dumps(facts).encode(), np.uint8), **parts)
     write_atomic(folder() / f"{name}{ENDING}", out.getvalue())
     return asset

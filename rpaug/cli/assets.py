@@ -52,10 +52,12 @@ def add(
 
     _check_up(up)
     thing, splats = reading.read(file, scale, up)
-    if gaussians and splats is None:
+    outlined = gaussians > 0 and splats is None
+    if outlined:
         splats = sampled.gaussians(thing, gaussians)
     name = name or file.stem.replace("-", "_")
-    return _added(library.add(name, category, thing, file.name, splats), as_json)
+    added = library.add(name, category, thing, file.name, splats, outlined=outlined)
+    return _added(added, as_json)
 
 
 def generate(

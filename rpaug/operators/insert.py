@@ -196,6 +196,7 @@ def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
         motion="static",
         mesh=mesh,
         splats=splats,
+        outlined=library.outlined(name),
     )
 
 

@@ -1,11 +1,16 @@
 """What ships is whole and stands; what is added is found again; wrong files are named."""
 
+import json
+
+import cv2
 import numpy as np
 import pytest
 import trimesh
+from typer.testing import CliRunner
 
 from rpaug.assets import library, reading, settle
 from rpaug.assets.shipped import THINGS
+from rpaug.cli import app
 from rpaug.errors import BadInput, TargetError
 from rpaug.scene.splats import ply
 from rpaug.types import Gaussians
@@ -89,6 +94,76 @@ def test_a_textured_mesh_keeps_its_image(tmp_path):
     thing, _ = reading.read(tmp_path / "cube.glb", up="y")
     assert thing.image.shape == (8, 8, 3)
     assert (thing.image[4, 4] == [200, 30, 30]).all()
+
+
+PAINTED = """mtllib brick.mtl
+usemtl clay
+v 0 0 0
+v 20 0 0
+v 20 10 0
+v 0 0 8
+vt 0.5 0.5
+f 1/1 3/1 2/1
+f 1/1 2/1 4/1
+f 2/1 3/1 4/1
+f 1/1 4/1 3/1
+"""
+
+
+@pytest.mark.parametrize("ending", ["glb", "obj", "stl", "ply"])
+def test_people_bring_meshes_of_every_kind(tmp_path, ending):
+    file = tmp_path / f"old_brick.{ending}"
+    if ending == "obj":
+        file.write_text(PAINTED)
+        (tmp_path / "brick.mtl").write_text("newmtl clay\nmap_Kd clay.png\n")
+        cv2.imwrite(str(tmp_path / "clay.png"), np.full((4, 4, 3), (30, 60, 200), np.uint8))
+    else:
+        mesh = trimesh.creation.box((20, 10, 8))
+        if ending != "stl":  # which knows no colours
+            mesh.visual.vertex_colors = np.tile([200, 60, 30, 255], (8, 1))
+        mesh.export(file)
+    words = ["assets", "add", str(file), "--category", "brick", "--scale", "0.01", "--json"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    asset = json.loads(done.output)
+    assert asset["name"] == "old_brick"
+    assert asset["size"] == pytest.approx([0.2, 0.1, 0.08])
+    if ending != "stl":
+        assert asset["colour"] in ("red", "orange", "brown", "maroon")
+    assert CliRunner().invoke(app, words).exit_code == 2  # nothing is overwritten
+    words = [*words[:2], str(file), "--name", "cloud", "--scale", "0.01", "--gaussians", "500"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    splats = library.gaussians("cloud")
+    assert splats is not None
+    assert len(splats) == 500
+    assert library.outlined("cloud")
+    assert not library.outlined("old_brick")
+
+
+def test_the_library_is_searched_and_shown(tmp_path):
+    def found(*words: str) -> list[dict]:
+        done = CliRunner().invoke(app, ["assets", "ls", *words, "--json"])
+        assert done.exit_code == 0, done.output
+        return json.loads(done.output)
+
+    assert len(found()) == len(THINGS)
+    mugs = found("--category", "mug")
+    assert {one["name"] for one in mugs} == {"mug_blue", "mug_red"}
+    assert [one["name"] for one in found("--category", "mug", "--color", "red")] == ["mug_red"]
+    large = found("--smallest", "0.2")
+    assert large
+    assert all(max(one["size"]) >= 0.2 for one in large)
+    none = CliRunner().invoke(app, ["assets", "ls", "--category", "piano"])
+    assert none.exit_code == 2
+    assert "categories are: ball" in none.output
+
+    out = tmp_path / "mug.png"
+    shown = CliRunner().invoke(app, ["assets", "show", "mug_red", "--out", str(out), "--json"])
+    assert shown.exit_code == 0, shown.output
+    assert json.loads(shown.output)["category"] == "mug"
+    image = cv2.imread(str(out)).reshape(-1, 3)
+    assert len(np.unique(image, axis=0)) > 100
+    assert CliRunner().invoke(app, ["assets", "show", "no_such_thing"]).exit_code == 2
 
 
 def test_gaussians_become_squares_of_their_colour(tmp_path):

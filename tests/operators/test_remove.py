@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from analytic import BOX, TABLE, scene
 
-from rpaug.errors import TargetError, Unsupported
+from rpaug import recipe
+from rpaug.errors import BadRecipe, TargetError, Unsupported
 from rpaug.operators.remove import Remove
 from rpaug.scene.naming.targets import Target
+from rpaug.scene.recorded import surfels
 from rpaug.testing import OperatorContract, shown
 
 EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "back": (-0.2, 0.9, 0.8)}
@@ -81,3 +84,25 @@ def test_what_touches_the_thing_that_is_moved_is_refused():
     held = replace(rolling, roles={"manipulated": frozenset({TABLE})})
     with pytest.raises(Unsupported, match="touched by the robot or by what it moves"):
         Remove(target=Target(handle=BOX)).sample(held, np.random.default_rng(0))
+
+
+def test_a_network_of_ones_own_paints_what_nobody_saw(tmp_path):
+    class Grey(torch.nn.Module):
+        def forward(self, image: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+            return image * (1 - mask) + 0.7 * mask
+
+    path = tmp_path / "lama.pt"
+    torch.jit.script(Grey()).save(str(path))
+    operator = Remove(target=Target(handle=BOX), inpaint=f"lama:{path}")
+    base = recorded()
+    after = operator.apply(base, operator.sample(base, np.random.default_rng(0)))
+    for patch in surfels.build(after).patches:
+        painted = np.unique(patch.rgb[patch.use], axis=0)
+        assert len(painted) <= len(np.unique(patch.ids[patch.use]))  # one grey for each surface
+    with pytest.raises(BadRecipe, match="TorchScript"):
+        recipe.build(
+            {
+                "version": 1,
+                "edits": [{"op": "remove", "target": {"handle": 1}, "inpaint": "lama:no"}],
+            }
+        )

@@ -1,5 +1,6 @@
 """Things that were never recorded, drawn into a finished view: they hide what is farther, nearer things hide them."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -58,13 +59,21 @@ def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
 
 def _splatted(scene: Scene, body: Body, camera: Camera, t: int, before: Image) -> Image:
     """The same for a body of Gaussians: blended with what lies behind where the recording's outlines are smooth, cut
-    at its surface where they are sharp. Its light is in its colours."""
+    at its surface where they are sharp. Its light is in its colours. The surface is its mesh's, if that is known."""
     from rpaug.scene.added import splatted  # only here: it brings torch and the rasteriser
 
     picture = splatted.draw(body, camera, t, sharp_edges=not scene.antialiased)
     if picture is None:
         return before
     height, width = picture.alpha.shape
+    if body.outlined:
+        rows, columns = (
+            slice(picture.row, picture.row + height),
+            slice(picture.column, picture.column + width),
+        )
+        piece = Window(rows, columns, camera.K, camera.cam_to_world[t])
+        surface = _drawn(body, piece, t, 1).depth.astype(np.float32)  # 0 where it misses
+        picture = replace(picture, depth=surface)
     at = np.s_[picture.row : picture.row + height, picture.column : picture.column + width]
     rgb, depth, ids = (plane.copy() for plane in before)
     near = splatted.nearest(picture)

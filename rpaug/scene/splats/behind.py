@@ -30,7 +30,7 @@ STEPS = 60
 RIM = 3  # pixels around what was hidden, where Gaussians show the outline of what hid it
 SAME_DEPTH = 0.01  # of depth, beside 1 cm: Gaussians no farther behind a surface are part of it
 LOSS = Loss(depth=0.5)
-RATES = Rates(means=0.02)  # they lie where surfels do, and hardly leave it
+RATES = Rates(means=0.0, quats=0.0)  # they lie where surfels do
 
 
 @dataclass(frozen=True)

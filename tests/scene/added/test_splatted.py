@@ -82,6 +82,23 @@ def test_what_is_nearer_hides_it_and_the_rest_stays():
         np.testing.assert_array_equal(hidden[0], before[0])
 
 
+def test_where_its_mesh_is_known_that_is_its_surface():
+    recorded = scene({"front": (0.0, -0.8, 0.7)}, length=2, ball=False)
+    camera, view = recorded.cameras["front"], recorded.episode.views["front"]
+    one = body(pose=geometry.rigid(np.zeros(3), np.array([0.3, 0.0, 0.0])))
+    before = view.rgb(0), view.depth(0), view.ids(0)
+
+    def drawn(**changed):
+        bodies = (*recorded.bodies, replace(one, **changed))
+        return inserted.draw(replace(recorded, bodies=bodies, antialiased=False), camera, 0, before)
+
+    solid, splats, known = drawn(splats=None), drawn(), drawn(outlined=True)
+    np.testing.assert_array_equal(known[2], solid[2])
+    np.testing.assert_allclose(known[1], solid[1], atol=1e-6)
+    both = (splats[2] == 900) & (solid[2] == 900)
+    np.testing.assert_array_equal(known[0][both], splats[0][both])  # the colours are the Gaussians'
+
+
 def test_harmonics_are_tuned_to_the_light_of_the_scene():
     light = irradiance.even()
     light[:4] = 0.7, 0.0, 0.25, 0.05
