@@ -125,6 +125,12 @@ def test_what_the_robot_acts_on_is_refused(operator, role):
         operator(target=Target(role=role)).sample(scene(), np.random.default_rng(0))
 
 
+@pytest.mark.parametrize("role", ["manipulated", "robot", "table"])
+def test_what_the_robot_acts_on_is_not_spread(role):
+    with pytest.raises(Unsupported, match=r"recorded actions would be untrue|carries the rest"):
+        Spread(targets=(Target(role=role),)).sample(scene(), np.random.default_rng(0))
+
+
 def test_no_room_is_said():
     with pytest.raises(Unsupported, match="no free place within 1 cm"):
         Move(target=Target(handle=handle("cabinet")), shift=0.01, turn=0).sample(

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int32
+from jaxtyping import Bool, Float32, Float64, Int, Int32
 
 from rpaug import geometry
 from rpaug.errors import Unsupported
@@ -88,7 +88,8 @@ def patched(
     static = np.isin(old.ids, list(found.static - edited))
     stays = ~(static & _close(old, near))
     others = Splats.of(moments.at(chosen(old, static & stays), 0))
-    fitted = _fitted(replace(new, sh=_padded(new.sh, old.sh.shape[1])), others, near, steps)
+    goals = [replace(one, picture=_with_new(one, new)) for one in near]
+    fitted = _fitted(replace(new, sh=_padded(new.sh, old.sh.shape[1])), others, goals, steps)
     whole = joined([chosen(old, stays), fitted])
     return Patched(replace(scene, gaussians=whole), sum(len(part) for part in paint))
 
@@ -111,14 +112,33 @@ def _close(gaussians: Gaussians, near: list[_Near]) -> Bool[np.ndarray, "n"]:
     """Those that some camera sees near the hole, on the surface there or before it."""
     close = np.zeros(len(gaussians), bool)
     for one in near:
-        pixel, z = geometry.project(gaussians.means.astype(np.float64), one.camera, 0)
-        column, row = np.rint(np.nan_to_num(pixel)).astype(int).T
-        height, width = one.picture.depth.shape
-        inside = (z > 0) & (row >= 0) & (row < height) & (column >= 0) & (column < width)
-        row, column = np.where(inside, row, 0), np.where(inside, column, 0)
+        row, column, z = _pixels(gaussians, one)
         surface = one.picture.depth[row, column]
-        close |= inside & one.picture.use[row, column] & (z < surface * (1 + SAME_DEPTH) + 0.01)
+        before = z < surface * (1 + SAME_DEPTH) + 0.01
+        close |= (row >= 0) & one.picture.use[row, column] & before
     return close
+
+
+def _with_new(one: _Near, new: Gaussians) -> Picture:
+    """The picture, used also where the camera sees what other cameras' pixels were lifted to."""
+    depth = one.picture.depth
+    row, column, z = _pixels(new, one)
+    row, column, z = (part[row >= 0] for part in (row, column, z))
+    seen = np.zeros(depth.shape, bool)
+    shown = np.abs(depth[row, column] - z) < 0.01 + SAME_DEPTH * z
+    seen[row[shown], column[shown]] = True
+    return replace(one.picture, use=one.picture.use | (grown(seen, 1) & (depth > 0)))
+
+
+def _pixels(
+    gaussians: Gaussians, one: _Near
+) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"], Float64[np.ndarray, "n"]]:
+    """Row and column in which the camera shows each, -1 where it does not, and its depth."""
+    pixel, z = geometry.project(gaussians.means.astype(np.float64), one.camera, 0)
+    column, row = np.rint(np.nan_to_num(pixel)).astype(int).T
+    height, width = one.picture.depth.shape
+    inside = (z > 0) & (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    return np.where(inside, row, -1), np.where(inside, column, -1), z
 
 
 def _padded(sh: Float32[np.ndarray, "n 1 3"], terms: int) -> Float32[np.ndarray, "n k 3"]:
