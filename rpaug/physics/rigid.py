@@ -1,4 +1,4 @@
-"""Things too stiff to deform, over time: their convex hulls in MuJoCo, among what stands still and what is moved."""
+"""Things too stiff to deform, over time: solids or convex hulls in MuJoCo, among what stands still and what is moved."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,16 +9,19 @@ from jaxtyping import Float, Float64
 
 from rpaug import geometry
 from rpaug.physics.colliders import Boxes
+from rpaug.physics.solids import Solid, around
 
-STEP = 0.001  # seconds
+STEP = 0.00025  # seconds: with longer ones a cylinder that topples is turned aside, by where MuJoCo puts its contacts
 STRIP = 0.005  # metres: what stands still becomes columns with sides as long
-CORNERS = 400  # directions in which a hull reaches as far as its points
 LEAST_HALF = 5e-4  # metres
 PIECE, PIECES = (
     0.006,
     800,
 )  # metres, and the most: balls that the surface of what is on a rail is made of
-HEAVY = 1e4  # kilograms: what nothing on a table pushes away
+HEAVY = 100.0  # kilograms: boxes are put back after each step, so it only matters that a step's push is nothing
+# MuJoCo's solver stops at a share of the mean inertia; the boxes' would let it stop before the light thing is right.
+EXACT = 1e-12
+IMPRATIO = 10  # friction's stiffness beside that of contact: what rests or rolls creeps less
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class Rail:
 
 @dataclass(frozen=True)
 class Rigid:
-    """A thing by surface points in the world, in metres, with its density in kg/m3.
+    """A thing by surface points in the world, in metres, with its density in kg/m3: their convex hull, or a `solid`.
 
     `columns` (x, y, half width, bottom, top) and a floor at `level` stand still; `boxes` are moved, and give no way.
     `friction` is Coulomb's on what stands still, `grip` that on boxes; `velocity` is the thing's at first. On a `rail`
@@ -73,6 +76,7 @@ class Rigid:
     grip: float = 1.0
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rail: Rail | None = None
+    solid: Solid | None = None
 
     def run(self, frames: int, pace: float, start: float = 0.0) -> Fall:
         """So many frames, `pace` seconds apart, the first of them as the thing is; boxes are met from `start` on."""
@@ -124,11 +128,12 @@ class Rigid:
 
     def _described(self) -> str:
         """The scene in MuJoCo's XML. Boxes meet the thing alone: they were recorded, and give no way."""
-        points = corners(self.points)
-        text = " ".join(f"{value:.6f}" for value in points.ravel())
         gravity = " ".join(f"{value:g}" for value in self.gravity)
         fixed, moved = "", ""
         joint, meets, pieces = self._jointed()
+        asset, shape = self._shaped(
+            f'density="{self.density:g}" contype="{meets}" conaffinity="{meets}"'
+        )
         if self.level is not None:
             fixed = f'<geom type="plane" size="0 0 0.1" pos="0 0 {self.level:.6f}"/>'
         for x, y, half, bottom, top in self.columns:
@@ -146,17 +151,28 @@ class Rigid:
                 )
         return f"""
 <mujoco>
-  <option timestep="{STEP}" gravity="{gravity}" integrator="implicitfast" cone="elliptic"/>
+  <option timestep="{STEP}" gravity="{gravity}" integrator="implicitfast" cone="elliptic" impratio="{IMPRATIO}"
+    tolerance="{EXACT:g}"/>
   <size memory="64M"/>
   <default><geom friction="{self.friction:g} 0.005 0.0005" condim="4" solref="0.004 1"/></default>
-  <asset><mesh name="thing" vertex="{text}"/></asset>
+  <asset>{asset}</asset>
   <worldbody>
     {fixed}{moved}
     <body name="thing">{joint}
-      <geom type="mesh" mesh="thing" density="{self.density:g}" contype="{meets}" conaffinity="{meets}"/>{pieces}</body>
+      {shape}{pieces}</body>
   </worldbody>
 </mujoco>
 """
+
+    def _shaped(self, how: str) -> tuple[str, str]:
+        """What the thing's shape needs, and the shape with attributes of `how`."""
+        if self.solid is not None:
+            return "", self.solid.written(how)
+        text = " ".join(f"{value:.6f}" for value in corners(self.points).ravel())
+        return (
+            f'<mesh name="thing" vertex="{text}"/>',
+            f'<geom type="mesh" mesh="thing" {how}/>',
+        )
 
     def _jointed(self) -> tuple[str, int, str]:
         """How the thing may move, what its hull meets (bits: 1 what stands still, 2 boxes), and its other shapes."""
@@ -200,11 +216,7 @@ class Rigid:
 
 def corners(points: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "k 3"]:
     """The points that reach farthest in directions all around: about the corners of their convex hull."""
-    k = np.arange(CORNERS) + 0.5
-    z, turn = 1 - 2 * k / CORNERS, np.pi * (1 + 5**0.5) * k
-    r = np.sqrt(1 - z * z)
-    directions = np.stack([r * np.cos(turn), r * np.sin(turn), z])
-    return points[np.unique((points @ directions).argmax(0))]
+    return points[np.unique((points @ around().T).argmax(0))]
 
 
 def columns(

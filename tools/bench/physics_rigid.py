@@ -59,11 +59,11 @@ class True_(Rigid):
     own: str = ""
     around: str = ""
 
+    def _shaped(self, how: str) -> tuple[str, str]:
+        return "", self.own
+
     def _described(self) -> str:
-        text = super()._described()
-        start = text.index('<geom type="mesh"')
-        text = text[:start] + self.own + text[text.index("</body>", start) :]
-        return text.replace("<worldbody>", "<worldbody>" + self.around)
+        return super()._described().replace("<worldbody>", "<worldbody>" + self.around)
 
 
 class Stage:

@@ -13,6 +13,7 @@ from rpaug.physics.colliders import Still, nothing, still
 from rpaug.physics.materials import Law, Material
 from rpaug.physics.rigid import Rail, Rigid
 from rpaug.physics.soft import EDGE, Soft, too_stiff
+from rpaug.physics.solids import Solid, solid
 from rpaug.scene.placement import placing
 from rpaug.scene.placement.standing import LIFTED
 from rpaug.scene.simulated import bound
@@ -79,8 +80,9 @@ def simulated(scene: Scene, handles: frozenset[int], how: Setting, acted: str | 
     rest, volume = found.filled(spacing)
     stiff = too_stiff(how.material, cell)
     if stiff is not None:
-        solid = points if rail else _footed(points, found.bottom)
-        after, account = _rigidly(scene, handles, how, around, solid, rail)
+        shaped = None if rail else solid(points, footprint, found.bottom)
+        hull = points if rail else _footed(points, found.bottom)
+        after, account = _rigidly(scene, handles, how, around, hull, rail, shaped)
     else:
         inside = rest, volume, spacing
         after, account = _softly(scene, handles, how, around, shape, inside, rail is not None)
@@ -147,6 +149,7 @@ def _rigidly(
     around: Surroundings,
     points: Float64[np.ndarray, "n 3"],
     rail: Rail | None,
+    shaped: Solid | None,
 ) -> tuple[Scene, dict[str, Any]]:
     up = np.array([0.0, 0.0, 0.0 if rail else how.height])
     bottom = around.level if around.level is not None else float(points[:, 2].min())
@@ -161,6 +164,7 @@ def _rigidly(
         grip=how.grip,
         velocity=how.velocity,
         rail=rail,
+        solid=None if shaped is None else shaped.lifted(up),
     )
     fall = thing.run(scene.episode.length, 1 / how.fps)
     motions = fall.motions.copy()
@@ -172,7 +176,7 @@ def _rigidly(
         track[as_recorded] = body.to_world[as_recorded]
         return replace(body, handles=mine, to_world=track, motion="simulated")
 
-    told = {"steps": fall.steps, "touched": bool(fall.boxes[: around.robot].sum() > GENTLE)}
+    told = {"shape": "convex hull" if shaped is None else shaped.kind, "steps": fall.steps, "touched": bool(fall.boxes[: around.robot].sum() > GENTLE)}
     return replace(scene, bodies=_split(scene, handles, move)), told
 
 
