@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
+from rpaug import preparing
 from rpaug.files import encode_png
 from rpaug.scene import keyframes, rgb_only
 from rpaug.scene.build import build
 from rpaug.scene.naming.survey import InstanceSummary, survey
 from rpaug.scene.tracking import arms, calibration
+from rpaug.sfm import developing
 from rpaug.types import CameraView, Episode
 
 MARGIN = 4  # pixels around an instance's thumbnail
@@ -25,7 +27,8 @@ def inspect(
 ) -> tuple[dict[str, Any], tuple[InstanceSummary, ...], Episode]:
     """Plain values about the episode, one summary per instance, and the episode with handles where they were found.
 
-    `files` are URDF or MJCF files of arms whose links are looked for first.
+    `files` are URDF or MJCF files of arms whose links are looked for first. Of a video whose camera can be worked out
+    they are those of its registered frames, with the handles that edits of it go by.
     """
     described: dict[str, Any] = {
         "episode": episode.key,
@@ -38,10 +41,15 @@ def inspect(
     described["misplaced"] = {m.camera: str(m) for m in calibration.check(episode)}
     described["arms"] = list(arms.misfits(files, episode.robot))
     described["assumed"] = []
-    scene = build(episode, with_bodies=True, arms=arms.for_robot(files, episode.robot))
+    film, why = preparing.filmed(episode) if developing.unplaced(episode) else (None, "")
+    if film is None:
+        scene = build(episode, with_bodies=True, arms=arms.for_robot(files, episode.robot))
+    else:
+        scene = film.scene()
+        described["film"] = film.describe()
     if not scene.bodies:
         return described | {"instances": []}, (), episode
-    described["assumed"] = list(rgb_only.assumptions(scene.episode))
+    described["assumed"] = [*filter(None, [why]), *rgb_only.assumptions(scene.episode)]
     rows = survey(scene.episode, scene.bodies, scene.roles)
     described["antialiased"] = scene.antialiased
     described["instances"] = [

@@ -19,6 +19,7 @@ from rpaug.scene.build import build
 from rpaug.scene.rgb_only import lent
 from rpaug.scene.tracking import arms, calibration
 from rpaug.sfm import developing
+from rpaug.sfm.asked import Asked
 from rpaug.sfm.film import Film
 from rpaug.types import Camera, Effect, Episode, Scene
 
@@ -115,17 +116,21 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
 def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
     """The recorded scene; where instances are asked for, that of a video by structure from motion if that succeeds."""
     if plan.bodies and recipe.depth_model is None and developing.unplaced(episode):
-        try:
-            found = developing.develop(episode, recipe.video, progress=told_of(episode.key))
-        except Unsupported as error:
-            plan = replace(
-                plan, warnings=(*plan.warnings, f"{error}; its images alone are gone by")
-            )
-        else:
-            return found.scene(), replace(plan, film=found.describe())
+        film, why = filmed(episode, recipe.video)
+        if film is not None:
+            return film.scene(), replace(plan, film=film.describe())
+        plan = replace(plan, warnings=(*plan.warnings, why))
     known = arms.for_robot(recipe.arms, episode.robot) if plan.bodies else ()
     made = build(episode, with_bodies=plan.bodies, arms=known, depth=recipe.depth_model)
     return made, plan
+
+
+def filmed(episode: Episode, asked: Asked | None = None) -> tuple[Film | None, str]:
+    """A video of one moving camera as a film, or why there is none."""
+    try:
+        return developing.develop(episode, asked, progress=told_of(episode.key)), ""
+    except Unsupported as error:
+        return None, f"{error}; its images alone are gone by"
 
 
 def told_of(key: str) -> developing.Progress:

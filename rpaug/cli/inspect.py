@@ -11,6 +11,7 @@ from rpaug.cli.console import (
     Dataset,
     EpisodeKey,
     print_json,
+    progress_bar,
     read_episode,
     say,
     write_new,
@@ -33,7 +34,8 @@ def inspect(
     from rpaug import inspect as inspection
 
     found = read_episode(dataset, episode)
-    described, rows, seen = inspection.inspect(found, arm or ())
+    with progress_bar("looking", as_json):  # a video takes minutes, and says what is being done
+        described, rows, seen = inspection.inspect(found, arm or ())
     if html is not None:
         write_new(html, inspection.page(seen, described, rows))
         described["html"] = str(html)
@@ -47,6 +49,11 @@ def inspect(
         kind = kind if camera["placed"] else "unknown pose"
         say(
             f"  {name}: {camera['width']}x{camera['height']}, {kind}, {', '.join(camera['images'])}"
+        )
+    if film := described.get("film"):
+        say(
+            f"  structure from motion: {film['registered']} of {film['frames']} frames, focal length"
+            f" {film['focal_px']:.0f} px; lengths are {film['unit']}"
         )
     for warning in (*described["misplaced"].values(), *described["arms"]):
         say(f"  warning: {warning}")

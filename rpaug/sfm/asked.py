@@ -21,7 +21,8 @@ class Asked(BaseModel):
     """Settings of structure from motion, and at most one thing that tells its scale.
 
     `camera_height` is metres from the support up to the camera, the median over frames. `pose_model` names what is
-    asked where structure from motion fails (`rpaug.providers.poses`).
+    asked where structure from motion fails (`rpaug.providers.poses`). `width` is that of the images it looks at,
+    `fit_width` that of those which Gaussians are fitted to.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -32,6 +33,7 @@ class Asked(BaseModel):
     width: Annotated[int, Field(ge=64, le=4096)] = 640
     features: Annotated[int, Field(ge=100, le=20_000)] = 1500
     overlap: Annotated[int, Field(ge=1, le=100)] = 10
+    fit_width: Annotated[int, Field(ge=64, le=4096)] = 320
 
     @model_validator(mode="after")
     def _one_scale(self) -> "Asked":

@@ -129,7 +129,9 @@ def develop(
     found = things.find(looks)
     if level is not None:
         found = things.with_support(found, looks, level)
-    film = Film(episode, model, tuple(depths), found, RELATIVE, tuple(masks), contradicted)
+    film = Film(
+        episode, model, tuple(depths), found, RELATIVE, tuple(masks), contradicted, asked.fit_width
+    )
     return scaled(film, asked)
 
 

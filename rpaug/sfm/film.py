@@ -38,6 +38,7 @@ class Film:
     unit: str
     moving: tuple[Bool[np.ndarray, "h w"], ...] = ()  # what moves by itself, frame by frame
     contradicted: tuple[int, ...] = ()  # recorded frames whose poses were not believed
+    fit_width: int = 320  # pixels: of the images that Gaussians are fitted to
 
     @cached_property
     def name(self) -> str:

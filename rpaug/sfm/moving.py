@@ -11,10 +11,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, Int32, UInt16
+from jaxtyping import Bool, Float16, Float32, Float64, Int32, UInt16
 
 from rpaug import geometry
 from rpaug.sfm.look import Look
+from rpaug.sfm.things import joined
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom; pixels of a look
 STEP = 2  # frames over which what moves is followed, 1 where the camera is quick
@@ -28,11 +29,14 @@ RETURNS = 1.5  # pixels: flow forth and back
 KNOWN = 0.2  # of a segment's pixels have flow that returns
 MOVING = 0.5  # of these lie off
 LEAST = 0.002  # of an image: what is smaller is noise
+LASTS = 4  # frames, a step apart: what moves for a shorter time is noise
 BOXED = 0.6  # of a segment inside of a hand's box
 FILLS = 0.9  # of a box that one segment fills: then it is what is behind
 
 
-RULE = repr((STEP, APART, QUICK, FADING, CONTRADICTED, ASIDE, DRIFT, RETURNS, KNOWN, MOVING, LEAST))
+RULE = repr(
+    (STEP, APART, QUICK, FADING, CONTRADICTED, ASIDE, DRIFT, RETURNS, KNOWN, MOVING, LEAST, LASTS)
+)
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ def find(
 ) -> Moving:
     """Look at `count` frames. `spans` are the nearest and farthest that anything in each may be.
 
-    What moved stays told apart while it rests between two motions.
+    What moved stays told apart while it rests between two motions; what moves for a moment alone is no hand.
     """
     engine = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     step = _step(look, count, engine)
@@ -80,7 +84,7 @@ def find(
         progress((k + 1) / count)
     wrong = tuple(k for k, mask in enumerate(found) if mask.mean() > CONTRADICTED)
     sure = [np.zeros_like(mask) if k in wrong else mask for k, mask in enumerate(found)]
-    return Moving(tuple(_lasting(numbers, sure, kept, step)), wrong)
+    return Moving(tuple(lasting(list(_resting(numbers, sure, kept, step)), kept, step)), wrong)
 
 
 def _step(look: Callable[[int], Look], count: int, engine: Any) -> int:
@@ -97,7 +101,7 @@ def _flow(engine: Any, one: np.ndarray, other: np.ndarray) -> Float32[np.ndarray
     return np.asarray(engine.calc(one, other, None))
 
 
-def _lasting(
+def _resting(
     numbers: Sequence[UInt16[np.ndarray, "h w"]],
     found: Sequence[Bool[np.ndarray, "h w"]],
     flows: Mapping[tuple[int, int], np.ndarray],
@@ -108,10 +112,7 @@ def _lasting(
     def carried(values: Sequence[np.ndarray], k: int, j: int) -> np.ndarray:
         if (k, j) not in flows:
             return np.zeros(found[k].shape, np.float32)
-        height, width = found[k].shape
-        rows, columns = np.mgrid[:height, :width].astype(np.float32)
-        x, y = columns + flows[k, j][..., 0], rows + flows[k, j][..., 1]
-        return cv2.remap(np.asarray(values[j], np.float32), x, y, cv2.INTER_LINEAR)
+        return _carried(values[j], flows[k, j], cv2.INTER_LINEAR)
 
     count = len(found)
     backed = [
@@ -127,6 +128,39 @@ def _lasting(
     for k, number in enumerate(numbers):
         mean = np.bincount(number.ravel(), (0.5 * (passes[0][k] + passes[1][k])).ravel())
         yield cleaned((mean > MOVING * np.bincount(number.ravel()))[number])
+
+
+def lasting(
+    found: Sequence[Bool[np.ndarray, "h w"]],
+    flows: Mapping[tuple[int, int], Float16[np.ndarray, "h w 2"]],
+    step: int,
+) -> list[Bool[np.ndarray, "h w"]]:
+    """What is found in LASTS frames or more, followed from one to the next by the flow between them."""
+    parts, first = [], [0]
+    for mask in found:
+        count, labels = cv2.connectedComponents(mask.astype(np.uint8))
+        parts.append(np.where(mask, labels + first[-1] - 1, -1))
+        first.append(first[-1] + count - 1)
+    edges = [np.zeros((0, 2), np.int64)]
+    for (k, j), flow in flows.items():
+        if j == k + step:
+            there = _carried(parts[j] + 1, flow, cv2.INTER_NEAREST).astype(np.int64) - 1
+            both = (parts[k] >= 0) & (there >= 0)
+            edges.append(np.unique(np.stack([parts[k][both], there[both]], 1), axis=0))
+    group = joined(first[-1], np.concatenate(edges))
+    frame = np.repeat(np.arange(len(found)), np.diff(first))
+    which = np.unique(np.stack([group, frame], 1), axis=0)[:, 0]
+    enough = np.bincount(which, minlength=first[-1])[group] >= LASTS
+    enough = np.append(enough, False).astype(bool)  # the last for what is in no part
+    return [enough[part] for part in parts]
+
+
+def _carried(values: np.ndarray, flow: np.ndarray, how: int) -> Float32[np.ndarray, "h w"]:
+    """What each pixel of one frame is in the frame that its flow leads to; 0 outside of that."""
+    height, width = values.shape
+    rows, columns = np.mgrid[:height, :width].astype(np.float32)
+    x, y = columns + flow[..., 0], rows + flow[..., 1]
+    return np.asarray(cv2.remap(np.asarray(values, np.float32), x, y, how))
 
 
 def _off(

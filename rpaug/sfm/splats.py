@@ -52,7 +52,7 @@ def kept(
     scene: Scene, film: Film, folder: Path | None, settings: SplatSettings | None = None
 ) -> tuple[Scene, Mapping[str, Any]]:
     """As `fitted`; with a `folder`, the store of fitted scenes, from there if the same video was fitted before."""
-    settings = settings or SplatSettings()
+    settings = settings or SplatSettings(width=film.fit_width)
     if folder is None:
         return fitted(scene, film, settings)
     name = name_of(film, settings)
@@ -79,7 +79,7 @@ def fitted(
     scene: Scene, film: Film, settings: SplatSettings | None = None
 ) -> tuple[Scene, Mapping[str, Any]]:
     """The scene with Gaussians, and how well they show the frames: PSNR in dB of fitted and of kept-back ones."""
-    settings = settings or SplatSettings()
+    settings = settings or SplatSettings(width=film.fit_width)
     shots = [_shot(film, k, settings) for k in range(film.episode.length)]
     begun = seeds(film, shots, settings)
     trained = [shot for shot in shots if not shot.judged.any()]

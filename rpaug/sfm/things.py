@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
 
+from rpaug.scene.rgb_only import grouping, outlines
 from rpaug.sfm.look import Look
 
 BACKGROUND = 1  # handle of all that is no thing
@@ -26,10 +27,14 @@ SAME = 0.15  # of depth: farther apart is something else
 FEW = 10  # pixels: what is seen of a segment
 SHARE = 0.3  # of a segment's points must be the thing's
 SLIVER = 0.003  # of an image: smaller segments that are no thing's go to their neighbours
-RIM = 2  # pixels around a thing that are part support, part thing
+RIM = 1  # pixels around a thing that are part support, part thing
 FLAT = 0.5  # share of a thing's pixels in the support's plane, if it is part of that
 NEAR = 0.12  # of depth: so near to the plane counts as in it
 BROAD = 0.02  # of all pixels: what is smaller lies on the support and is no part of it
+OWN = 0.08  # of a thing's size: so deep its segments take the blur around it
+FUSED = 0.4  # of the cells of each of two groups are the other's too, if they are one thing
+SOME = 3  # pixels of a group in a cell that count
+LAYERS = 4  # groups in a cell that are compared
 REACH = 2**20  # cells
 
 
@@ -55,6 +60,10 @@ class Things:
 
     def of(self, look: Look) -> Int32[np.ndarray, "h w"]:
         """Handles of one frame's pixels."""
+        return self._grown(self._ended(look, self._rough(look))).astype(np.int32)
+
+    def _rough(self, look: Look) -> np.ndarray:
+        """Handles of whole segments."""
         patch = look.segments
         keys = np.floor(look.points / self.cell).astype(np.int64)
         known = _looked_up(keys.reshape(-1, 3), self.handles).reshape(patch.shape)
@@ -64,14 +73,31 @@ class Things:
         best = votes[:, FIRST:].argmax(1) + FIRST if self.count else np.full(number, BACKGROUND)
         enough = votes[np.arange(number), best] >= SHARE * votes.sum(1)
         sliver = ~enough & (votes.sum(1) < SLIVER * patch.size)
-        named = np.where(enough, best, BACKGROUND)[patch]
-        return self._grown(_spread(named, sliver[patch])).astype(np.int32)
+        return _spread(np.where(enough, best, BACKGROUND)[patch], sliver[patch])
+
+    def _small(self, named: np.ndarray) -> np.ndarray:
+        """Which handles are of small things, not of what they stand on or before."""
+        out = np.bincount(named.ravel(), minlength=FIRST + self.count) < BROAD * named.size
+        out[[BACKGROUND, *self.support]] = False
+        return out
+
+    def _ended(self, look: Look, named: np.ndarray) -> np.ndarray:
+        """Small things cut anew where their own colours end: segments of blurred images take what is around."""
+        first = grouping.AROUND + 1
+        known = np.arange(FIRST + self.count, dtype=np.int32) + first
+        known[[BACKGROUND]] = grouping.AROUND
+        known[list(self.support)] = grouping.SUPPORT
+        only = frozenset(known[self._small(named)].tolist())
+        cut = outlines.cut(look.rgb, known[named], only, OWN)
+        # What was given back takes the nearest name of what things stand on or before.
+        given = (cut != known[named]) & (cut < first)
+        rest = _spread(named, known[named] >= first)
+        return np.where(given, rest, np.where(cut >= first, cut - first, named))
 
     def _grown(self, named: np.ndarray) -> np.ndarray:
         """Small things with the pixels around them that their blurred outlines take of the support."""
         around = np.isin(named, [BACKGROUND, *self.support])
-        small = np.bincount(named.ravel(), minlength=FIRST + self.count) < BROAD * named.size
-        thing = ~around & small[named]
+        thing = self._small(named)[named]
         near = cv2.dilate(thing.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)) > 0
         return np.where(near & around, _spread(named, ~thing), named) if thing.any() else named
 
@@ -101,7 +127,9 @@ def find(looks: Sequence[Look]) -> Things:
         [group[look.segments.ravel() + start] for look, start in zip(looks, first, strict=False)]
     )
     hidden = np.concatenate([_hidden(look).ravel() for look in looks])
-    mine = _most(of, np.where(~hidden & (shown[named] >= SEEN), named, -1), len(codes))
+    named = np.where(~hidden & (shown[named] >= SEEN), named, -1)
+    named = np.append(_fused(of, named, len(group)), -1)[named]
+    mine = _most(of, named, len(codes))
     number, sizes = np.unique(mine, return_counts=True)
     order = [h for _, h in sorted(zip(-sizes, number, strict=True)) if h >= 0]
     kept = [h for h in order if sizes[np.searchsorted(number, h)] >= FEWEST][:MOST]
@@ -161,6 +189,18 @@ def _shown_in(group: np.ndarray, first: np.ndarray) -> np.ndarray:
     return shown
 
 
+def _fused(cell: np.ndarray, name: np.ndarray, count: int) -> np.ndarray:
+    """A number for each of `count` groups, the same for those that fill the same cells: one thing, seen in two parts
+    of the video that no pair of looks joins."""
+    told = name >= 0
+    codes, votes = np.unique(cell[told].astype(np.int64) * count + name[told], return_counts=True)
+    where, group = np.divmod(codes[votes >= SOME], count)
+    size = np.bincount(group, minlength=count)
+    both = [np.stack([group[:-k], group[k:]], 1)[where[:-k] == where[k:]] for k in range(1, LAYERS)]
+    pairs, shared = np.unique(np.concatenate(both), axis=0, return_counts=True)
+    return joined(count, pairs[shared > FUSED * size[pairs].max(1)])
+
+
 def _most(cell: np.ndarray, name: np.ndarray, count: int) -> np.ndarray:
     """The most frequent name of each cell."""
     low = name - name.min()
@@ -207,7 +247,10 @@ def with_support(things: Things, looks: Sequence[Look], level: float) -> Things:
     """The same in a world whose z is up, with the plane at `level` as the support: the things that mostly lie there."""
     votes = np.zeros((FIRST + things.count, 2))
     for look in looks:
-        ids, met = things.of(look), plane_depth(look.K, look.cam_to_world, look.depth.shape, level)
+        ids, met = (
+            things._rough(look),
+            plane_depth(look.K, look.cam_to_world, look.depth.shape, level),
+        )
         there = (met > 0) & (np.abs(met / look.depth - 1) < NEAR)
         votes[:, 0] += np.bincount(ids[there], minlength=len(votes))
         votes[:, 1] += np.bincount(ids.ravel(), minlength=len(votes))

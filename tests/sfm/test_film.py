@@ -9,6 +9,7 @@ import pytest
 import walks
 
 from rpaug import BadInput, Unsupported, geometry
+from rpaug.inspect import inspect
 from rpaug.scene import views
 from rpaug.sfm import colmap, developing, sweep, things, world
 from rpaug.sfm.asked import Asked
@@ -128,6 +129,26 @@ def test_unregistered_frames_and_untouched_pixels_pass_through(made: Film) -> No
     assert told["registered"] == 9
     assert told["passed_through"] == [8]
     assert "relative" in told["unit"]
+
+
+def test_inspect_names_the_handles_that_edits_go_by(
+    made: Film, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(developing, "develop", lambda *args, **named: made)
+    described, rows, seen = inspect(made.recorded)
+    assert seen.views["ego"].ids is not None
+    assert {row.handle for row in rows} == {*made.things.every}
+    assert {row.handle for row in rows if row.role == "table"} == made.things.support
+    assert any(row.colour_name == "red" for row in rows)
+    assert described["film"]["registered"] == 9
+
+    def refused(*args: object, **named: object) -> None:
+        raise Unsupported("degenerate: 2 of 10")
+
+    monkeypatch.setattr(developing, "develop", refused)
+    described, _, _ = inspect(made.recorded)
+    assert described["assumed"][0].startswith("degenerate: 2 of 10")
+    assert "film" not in described
 
 
 @pytest.fixture

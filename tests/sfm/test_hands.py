@@ -107,6 +107,24 @@ def test_hands_are_fitted_in_time_and_found_in_the_store(made: Film, tmp_path: P
     assert splats.name_of(made, other) != splats.name_of(made, QUICK)
 
 
+def test_what_moves_for_a_moment_alone_is_no_hand() -> None:
+    """A square that drifts for six frames is kept, where it is told; one of three frames is not."""
+    masks, flows = [], {}
+    for t in range(6):
+        mask = np.zeros((40, 60), bool)
+        mask[5:15, 5 + 6 * t : 17 + 6 * t] = True
+        mask[25:35, 5:20] = t < 3
+        masks.append(mask)
+        flows[t, t + 1] = np.zeros((40, 60, 2), np.float16)
+        flows[t, t + 1][:20, :, 0] = 6
+    found = moving.lasting(masks, {k: v for k, v in flows.items() if k[1] < 6}, 1)
+    for mask, kept in zip(masks, found, strict=True):
+        assert np.array_equal(kept[:20], mask[:20])
+        assert not kept[20:].any()
+    still = [np.zeros((40, 60), bool)] * 6
+    assert not np.any(moving.lasting(still, {}, 1))
+
+
 def test_boxes_are_drawn_between_annotated_frames() -> None:
     noted = {2: [(0.0, 0.0, 10.0, 10.0)], 6: [(20.0, 4.0, 30.0, 14.0)]}
     assert moving.between(noted, 2, 10) == [(0, 0, 10, 10)]

@@ -33,6 +33,7 @@ def main() -> None:
     parser.add_argument("--edit", type=Path, help="a recipe: write a copy, Gaussians throughout")
     parser.add_argument("--tier", type=int, default=4, help="least tier of that copy")
     parser.add_argument("--keep", type=Path, help="new folder for the copy")
+    parser.add_argument("--scenes", type=Path, help="store to take that copy's Gaussians from")
     parser.add_argument("--width", type=int, default=320, help="pixels: of the images fitted")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--json", action="store_true")
@@ -86,7 +87,7 @@ def measured(given: argparse.Namespace, path: Path, cache: Path) -> dict[str, ob
 def edited(given: argparse.Namespace, path: Path, out: Path) -> dict[str, object]:
     """A copy by a recipe, and whether it is the recording's in frames, rate and duration."""
     start = time.process_time()
-    run = Run(path, recipe.load(given.edit), out, given.tier)
+    run = Run(path, recipe.load(given.edit), out, given.tier, given.scenes)
     summary = execute(run)
     spent = time.process_time() - start
     facts: dict[str, object] = {"failures": summary.failures, "warnings": summary.warnings}

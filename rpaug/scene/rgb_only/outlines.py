@@ -19,10 +19,12 @@ def cut(
     image: UInt8[np.ndarray, "h w 3"],
     ids: Int32[np.ndarray, "h w"],
     only: frozenset[int] | None = None,
+    rim: float = 0.0,
 ) -> Int32[np.ndarray, "h w"]:
     """The handles of an image with every thing, or `only` these, ended where its colours do.
 
-    A thing grows over support, walls and floor, and gives back to whatever lies beside it.
+    A thing grows over support, walls and floor, and gives back to whatever lies beside it. `rim` is how deep into a
+    thing its colours may not be its own, as a share of its size; a pixel at least.
     """
     out = ids.copy()
     for handle in np.unique(ids):
@@ -32,7 +34,7 @@ def cut(
         for number in range(1, count):
             piece = pieces == number
             if piece.sum() >= FEWEST:
-                _cut_one(image, out, piece, int(handle))
+                _cut_one(image, out, piece, int(handle), rim)
     return out
 
 
@@ -41,6 +43,7 @@ def _cut_one(
     out: Int32[np.ndarray, "h w"],
     piece: Bool[np.ndarray, "h w"],
     handle: int,
+    rim: float,
 ) -> None:
     size = float(np.sqrt(piece.sum()))
     near, far = (max(2, round(share * size)) for share in (MARGIN, AROUND_IT))
@@ -51,7 +54,8 @@ def _cut_one(
     known = np.full(mine.shape, grabcut.BEHIND, np.uint8)
     known[_grown(mine, near) & free] = grabcut.MAYBE_BEHIND
     known[mine] = grabcut.MAYBE_THING
-    core = cv2.erode(mine.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    deep = 2 * max(1, round(rim * size)) + 1
+    core = cv2.erode(mine.astype(np.uint8), np.ones((deep, deep), np.uint8)) > 0
     known[core] = grabcut.THING
     grown = int(np.clip(ACROSS // max(size, 1.0), 1, 2))
     found = grabcut.cut(image[rows, columns], known, grown, ROUNDS)
