@@ -21,7 +21,7 @@ HANDS = "fho_hands*.json"
 PASSES = ("narration_pass_1", "narration_pass_2")
 SECONDS = ("timestamp_sec", "start_sec", "end_sec", "action_start_sec", "action_end_sec")
 FRAMES = ("timestamp_frame", "start_frame", "end_frame", "action_start_frame", "action_end_frame")
-LISTS = ("narrations", "summaries", "frames")
+LISTS = ("narrations", "summaries", "frames", "boxes")
 NUMBERS = frozenset({*SECONDS, *FRAMES, "frame"})
 LARGEST = 2**31  # bytes: all of Ego4D's narrations are a tenth of it
 TAG = re.compile(
@@ -203,7 +203,7 @@ def _check(path: Path | None, uid: str, told: Any) -> None:
         at, node = waiting.pop()
         for key, value in node.items() if isinstance(node, Mapping) else ():
             place, wanted = f"{at}.{key}"[:80], None
-            if key in LISTS and not _objects(value):
+            if key in LISTS and not _objects(value) and (value is not None or key != "boxes"):
                 wanted = "a list of objects"
             elif key in NUMBERS and not _number(value) and (value is not None or key == "frame"):
                 wanted = "a number"
@@ -212,7 +212,7 @@ def _check(path: Path | None, uid: str, told: Any) -> None:
                 raise BadInput(path, place, found=repr(value)[:40], expected=wanted)
             waiting += (
                 [(f"{place}.{i}", one) for i, one in enumerate(value)]
-                if key in LISTS
+                if key in LISTS and value is not None
                 else [(place, value)]
             )
 

@@ -34,9 +34,9 @@ def places(path: Path) -> Sequence[tuple[int, int]]:
     """
     try:
         status = path.stat()
+        return _places(path, status.st_mtime_ns, status.st_size)
     except OSError as error:
         raise BadInput(path, "file", found=error.strerror, expected="a TFRecord file") from None
-    return _places(path, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(INDEXED)

@@ -150,9 +150,8 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
     """The recipe of plain data. Raises BadRecipe naming every fault by line (if known) and key."""
     faults = Faults(name, lines or {})
     if not isinstance(tree, dict):
-        raise BadRecipe(
-            f"{name}: found {kind_of(tree)}; expected keys such as version, seed, edits"
-        )
+        faults.add((), f"found {kind_of(tree)}; expected keys such as version, seed, edits")
+        faults.raise_any()
     top = faults.check((), _Top, tree)
     entries = tree.get("edits") if isinstance(tree.get("edits"), list) else []
     steps = [_step(faults, ("edits", i), entry) for i, entry in enumerate(entries or [])]

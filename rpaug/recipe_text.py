@@ -19,7 +19,7 @@ def parse(data: bytes, name: str) -> tuple[Any, dict[Path_, int]]:
         tree, node = plain_yaml.load(data, MOST)
     except plain_yaml.NotPlain as error:
         raise BadRecipe(f"{name}:{error.line or '?'}: {error}") from None
-    return tree, dict(_lines(node)) if node is not None else {}
+    return tree, dict(_lines(node)) if node is not None else {(): 1}
 
 
 def _lines(root: yaml.Node) -> Iterator[tuple[Path_, int]]:

@@ -106,6 +106,18 @@ def test_not_a_mapping_not_text_not_there(tmp_path: Path) -> None:
         recipe.load(tmp_path / "b.yaml")
 
 
+@pytest.mark.parametrize(
+    ("text", "line", "found"), [("vers", 1, "'vers'"), ("\n- 1", 2, "a list"), ("", 1, "nothing")]
+)
+def test_what_is_no_mapping_is_refused_by_its_line(
+    tmp_path: Path, text: str, line: int, found: str
+) -> None:
+    path = tmp_path / "recipe.yaml"
+    path.write_text(text)
+    with pytest.raises(BadRecipe, match=rf"recipe\.yaml:{line}: found {found}; expected keys"):
+        recipe.load(path)
+
+
 def test_values_can_be_set_from_outside(tmp_path: Path) -> None:
     made = load(tmp_path, GOOD, "seed=9", "edits.0.color=red", "select.limit=3")
     assert made.seed == 9

@@ -1,10 +1,10 @@
 """What colour images alone are enough for: the twin's recordings with depth, masks and calibration hidden.
 
-    python tools/bench/rgb_only.py [--seeds 4] [--size 128] [--frames 17] [--uncut] [--json]
+    python tools/bench/rgb_only.py [--seeds 4] [--size 128] [--frames 17] [--factor F] [--uncut] [--json]
 
 Of each seed's recording only the fixed cameras' colours are kept. Edits made from those are held against the truly
 changed recording: dB inside the truly changed pixels and outside them, beside the unedited images'. `IoU` is that of
-the mask an edit went by with the true one; `handle` asks for the handle that fits best, `words` for the colour's name,
+the mask an edit went by with the true one; `handle` asks for the thing's handle that fits best, `words` for the colour's name,
 `role` for what is manipulated. `things` is the mean over all true things beside the robot, each by its best handle over
 all cameras, and `thing in a camera` by its best handle there; nothing is edited. `--uncut` leaves GrabCut out.
 The background's texture lies in another place than the true one: dB are of its mean colour there.
@@ -15,7 +15,7 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ from rpaug.types import Episode, Scene
 FACTORS = ("object_color", "table_color", "background_texture", "light_color")
 SEEN = 12  # pixels a frame: of a thing that a camera shows less of nothing is asked there
 HANDLES = 200
+TOLD = 0.05  # overlap up to which a thing was not told apart at all
 FOCAL = 1.2  # longest sides, as adapters assume
 
 
@@ -79,9 +80,11 @@ def overlap(scene: Scene, true: twin.Take, ours: frozenset[int], theirs: set[int
 
 
 def best(scene: Scene, true: twin.Take, theirs: set[int]) -> frozenset[int]:
-    """The found handle that fits the true ones best."""
-    each = {h: overlap(scene, true, frozenset([h]), theirs) for h in scene.handles}
-    return frozenset([max(each, key=lambda h: each[h])])
+    """The found thing that fits the true ones best; none where nothing of them was told from robot, table or room."""
+    room = frozenset().union(*(scene.roles.get(r, ()) for r in ("robot", "table", "background")))
+    each = {h: overlap(scene, true, frozenset([h]), theirs) for h in set(scene.handles) - room}
+    fits = {h: iou for h, iou in each.items() if iou > TOLD}
+    return frozenset([max(fits, key=lambda h: fits[h])]) if fits else frozenset()
 
 
 def errors(
@@ -136,7 +139,12 @@ def asked(
         fields = {"color": {"rgb": true.truth.albedos[changed[0]]}}
         handles = best(scene, recorded, set(changed))
         target: dict[str, Any] = {"handle": sorted(handles)}
-        yield "object by handle", handles, "recolor", fields | {"target": target}
+        yield (
+            "object by handle" if handles else "object not told apart",
+            handles,
+            "recolor",
+            fields | {"target": target},
+        )
         if manipulated := scene.roles.get("manipulated"):
             target = {"handle": sorted(manipulated)}
             yield "object by role", manipulated, "recolor", fields | {"target": target}
@@ -182,11 +190,13 @@ def _best(counts: np.ndarray) -> float:
     return float((common / np.maximum(mask + held - common, 1)).max())
 
 
-def rows(seed: int, size: int, frames: int, folder: Path) -> Iterator[Row]:
-    """All edits of one seed."""
+def rows(
+    seed: int, size: int, frames: int, folder: Path, factors: Sequence[str] = FACTORS
+) -> Iterator[Row]:
+    """The edits of one seed that imitate these factors."""
     task = tuple(twin.TASKS)[seed % len(twin.TASKS)]
     recorded = twin.perform(task, seed, frames=frames, size=size)
-    for factor in FACTORS:
+    for factor in factors:
         true = twin.perform(
             task, seed, factor=factor, look=recorded.truth.new, size=size, frames=frames
         )
@@ -200,6 +210,7 @@ def rows(seed: int, size: int, frames: int, folder: Path) -> Iterator[Row]:
                 yield Row(name, seed, task, iou, np.nan, np.nan, np.nan, built)
         for name, handles, op, fields in asked(scene, factor, recorded, true, folder):
             if handles is not None and not handles:
+                yield Row(name, seed, task, 0.0, np.nan, np.nan, np.nan, built)
                 continue
             start = time.process_time()
             operator = TypeAdapter(registry.operator(op)).validate_python(fields)
@@ -216,6 +227,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--frames", type=int, default=17)
+    parser.add_argument("--factor", choices=FACTORS, action="append", help="only these edits")
     parser.add_argument("--uncut", action="store_true")
     parser.add_argument("--json", action="store_true")
     told = parser.parse_args()
@@ -225,7 +237,7 @@ def main() -> None:
         found = [
             row
             for seed in range(told.seeds)
-            for row in rows(seed, told.size, told.frames, Path(folder))
+            for row in rows(seed, told.size, told.frames, Path(folder), told.factor or FACTORS)
         ]
     if told.json:
         json.dump([vars(row) for row in found], sys.stdout, indent=1)

@@ -297,7 +297,9 @@ def _why(scene: Scene, role: str) -> str:
     if scene.episode.length < 2:
         return f"one frame alone does not show what is the {role}"
     if role in ("manipulated", "receiver") and "manipulated" not in scene.roles:
-        return f"nothing was seen to be moved by the robot, so there is no {role}"
+        views = scene.episode.views.values()
+        untold = next((v.stand_in.untold for v in views if v.stand_in and v.stand_in.untold), None)
+        return untold or f"nothing was seen to be moved by the robot, so there is no {role}"
     if role == "receiver":
         return "what was moved touches nothing at the end, so there is no receiver"
     return f"nothing was seen to be the {role}"

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from rpaug.providers.depth import Depth
 
 KEPT = 64  # labelled frames of one camera
+UNTOLD = (
+    "what was moved has its surroundings' colours, and nothing tells its outline where it rested: it is no target and "
+    "is left alone; record depth or masks"
+)
 
 
 @dataclass(frozen=True)
@@ -91,7 +95,9 @@ def _view(episode: Episode, seen: Things, name: str) -> CameraView:
         support = np.isin(part.resting, list(seen.support))
         around = np.isin(part.resting, list(seen.background))
         made = stage.of(view.camera, support, around)
-        stand_in = StandIn(view.camera, made.depth, _assumed(view.camera, episode.length))
+        told = _assumed(view.camera, episode.length)
+        untold = (UNTOLD,) if part.came is not None else ()
+        stand_in = StandIn(view.camera, made.depth, (*told, *untold), untold="".join(untold))
         view = replace(view, camera=made.camera)
     return replace(view, ids=ids, inferred=True, stand_in=stand_in)
 

@@ -69,18 +69,27 @@ def grouped(
 def carried(
     cameras: Mapping[str, Resting], groups: Mapping[str, Mapping[int, int]], known: tints.Tints
 ) -> dict[int, int]:
-    """The handle of each tint that some camera saw leave its place, and of the tints of its other sides."""
+    """The handle of each tint that some camera saw leave its place, and of the tints of its other sides.
+
+    A tint that the support has too tells of nothing that it was carried.
+    """
+    lying = {
+        part.blobs[k].tint
+        for name, part in cameras.items()
+        for k, handle in groups[name].items()
+        if handle == SUPPORT
+    }
     found = {}
     for name, part in cameras.items():
         for k in sorted(part.left):
-            if groups[name][k] > AROUND:
+            if groups[name][k] > AROUND and part.blobs[k].tint not in lying:
                 found[part.blobs[k].tint] = groups[name][k]
     mobile = frozenset().union(*(part.mobile for part in cameras.values()))
     sides = {
         tint: handle
         for tint in range(len(known))
         for own, handle in found.items()
-        if tint not in mobile and _sides(known[tint], known[own])
+        if tint not in mobile | lying and _sides(known[tint], known[own])
     }
     return sides | found
 

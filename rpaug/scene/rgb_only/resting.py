@@ -24,6 +24,7 @@ ALONE = 0.1  # share of the frames in which such a patch and what is around it a
 WHOLE = 0.95  # share of it that is
 AWAY = 0.5  # share of a thing's place that shows neither it nor what moves, in a frame in which it is not there
 LEFT = 0.15  # share of the frames in which a thing that was moved is away
+GONE = 0.15  # of its pixels that are then seen in another place, or something was only put on it
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,10 @@ class Resting:
         away, alone = {}, {}
         for k, blob in enumerate(found):
             around = blob.mask | ring(blob.mask, 2)
-            away[k] = float((other[:, blob.mask].mean(1) > AWAY).mean())
+            hidden = other[:, blob.mask].mean(1) > AWAY
+            changed = watched.changed[hidden] & (watched.labels[hidden] == blob.tint) & ~blob.mask
+            gone = hidden.any() and np.median(changed.sum((1, 2))) >= GONE * blob.area
+            away[k] = float(hidden.mean()) if gone else 0.0
             alone[k] = float((watched.changed[:, around].mean(1) < 1 - WHOLE).mean())
         return cls(
             watched.backdrop, watched.tint, found, mobile, watched.active, away, alone, watched.shades(mobile)

@@ -10,9 +10,12 @@ from jaxtyping import Bool, Int, Int32, UInt8
 from rpaug.scene.rgb_only import tints
 from rpaug.scene.rgb_only.backdrop import Backdrop
 from rpaug.scene.rgb_only.grouping import MOVING
+from rpaug.scene.rgb_only.lasting import Lasting
+from rpaug.scene.rgb_only.named import Small
 
 REACH = 0.05  # of the image's width: an uncovered pixel is not farther from the patch it belongs to
 SHADOW = 2.0  # times darker or brighter that a pixel may become and be the same thing
+NAMED = 99_999  # handle of a small thing of the colour that the instruction names
 LOCAL = 10.0  # weighted Lab: an uncovered pixel looks like the nearest pixel of its patch
 
 
@@ -20,7 +23,8 @@ LOCAL = 10.0  # weighted Lab: an uncovered pixel looks like the nearest pixel of
 class Part:
     """One camera's part: `resting` are the handles of its backdrop, `moved` those that leave their place.
 
-    `mobile` are the tints of what moves, `mine` the handle of each tint in a camera that moves itself.
+    `mobile` are the tints of what moves, `mine` the handle of each tint in a camera that moves itself. `came` is
+    where a thing without a tint of its own went, `small` the place of a small one that the instruction names.
     """
 
     backdrop: Backdrop
@@ -29,6 +33,8 @@ class Part:
     mobile: frozenset[int]
     moved: Mapping[int, int]
     mine: Mapping[int, int]
+    came: Lasting | None = None
+    small: Small | None = None
 
 
 def handles(
@@ -36,7 +42,13 @@ def handles(
 ) -> Int32[np.ndarray, "h w"]:
     """Where the backdrop changed: a thing that was moved, what was uncovered, or the robot."""
     changed = part.backdrop.changed(image)
-    return _tidied(_settled(part, label, changed, image), changed)
+    out = _tidied(_settled(part, label, changed, image), changed)
+    free = ~np.isin(label, [*part.mobile, *part.moved])
+    if part.came is not None:
+        out[part.came.shown(image) & free] = MOVING  # where it rests nothing tells its outline
+    if part.small is not None:
+        out[part.small.shown(label) & free] = NAMED
+    return out
 
 
 def _settled(

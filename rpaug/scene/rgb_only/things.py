@@ -6,17 +6,27 @@ cameras are one thing. In a camera that moves there is no backdrop, and a thing 
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Int32, UInt8
 
 from rpaug.scene import sampling
-from rpaug.scene.rgb_only import backdrop, grouping, outlines, settling, support, tints, watched
+from rpaug.scene.rgb_only import (
+    backdrop,
+    grouping,
+    lasting,
+    named,
+    outlines,
+    settling,
+    support,
+    tints,
+    watched,
+)
 from rpaug.scene.rgb_only.backdrop import Backdrop
 from rpaug.scene.rgb_only.grouping import AROUND, MOVING, SUPPORT
 from rpaug.scene.rgb_only.resting import Resting
-from rpaug.scene.rgb_only.settling import Part
+from rpaug.scene.rgb_only.settling import NAMED, Part
 from rpaug.scene.rgb_only.watched import Watched
 from rpaug.types import Episode
 
@@ -80,7 +90,27 @@ def find(episode: Episode) -> Things:
             mine = {} if drop.dead else grouping.by_tint(seen, groups, len(known))
             empty = np.zeros(drop.image.shape[:2], np.int32)
             parts[name] = Part(drop, empty, empty.astype(np.int64), frozenset(), {}, mine)
+    if not carried and not loose:
+        parts = _untinted(episode, still, seen, parts, known)
     return _told(known, parts, any(part.active.any() for part in seen.values()))
+
+
+def _untinted(
+    episode: Episode,
+    still: Mapping[str, Watched],
+    seen: Mapping[str, Resting],
+    parts: Mapping[str, Part],
+    known: tints.Tints,
+) -> dict[str, Part]:
+    """The parts with what the robot acted on, where no tint of its own was seen to leave its place."""
+    mobile = frozenset().union(*(part.mobile for part in seen.values()))
+    came = lasting.find(still, seen, mobile)
+    wanted = frozenset() if came else named.asked(episode.descriptions, known)
+    small = named.find(still, seen, mobile, wanted) if wanted else {}
+    return {
+        name: replace(part, came=came.get(name), small=small.get(name))
+        for name, part in parts.items()
+    }
 
 
 def _tints(episode: Episode, drops: Mapping[str, Backdrop]) -> tints.Tints:
@@ -125,7 +155,9 @@ def _told(known: tints.Tints, parts: Mapping[str, Part], active: bool) -> Things
         for h in (*np.unique(part.resting).tolist(), *part.mine.values(), *part.moved.values())
     }
     used |= {MOVING} if active else set()
+    used |= {NAMED for part in parts.values() if part.small is not None}
     moved = frozenset(h for part in parts.values() for h in part.moved.values()) & used
+    moved |= used & {NAMED}
     return Things(
         known,
         parts,
