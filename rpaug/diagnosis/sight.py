@@ -71,7 +71,7 @@ def _told(first: First, made: Stage) -> things.Roster:
 def roster(first: First, made: Stage) -> things.Roster:
     """What stood in a recording's first frame: found by colour as in any image, the target told by its mask."""
     lab = _lab(first.image.astype(np.float32))
-    found = things.by_colour(lab, made.within)
+    found, _ = things.by_colour(lab, made.within)
     target = first.mask("manipulated")
     shared = [int((one.mask & target).sum()) for one in found]
     if not shared or max(shared) < parts.LEAST:
@@ -131,8 +131,7 @@ def _things(
     within = made.within & aligned.valid
     if ids is None:
         rosters = [one for k, one in enumerate(made.rosters) if k != without]
-        found = things.by_colour(lab, within)
-        target, strange = things.recognised(found, rosters)
+        target, strange = things.recognised(*things.by_colour(lab, within), rosters)
         return target, list(strange)
     told = things.by_ids(aligned.warp(ids), within, lab)
     mine = roles.get(MINE, frozenset())

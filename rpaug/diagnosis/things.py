@@ -24,6 +24,7 @@ COLOUR, SIZE, PLACE = (
     0.07,
 )  # usual differences: Lab units, logarithm, share of the width
 WORST = 3.0  # in usual differences: what is further off counts no more
+LIKE = 2.75  # of colour and size together: what is less like is another thing
 LOOKS = 0.6  # what colour and size of the thing to act on count for, beside its place: they may have changed
 
 
@@ -58,11 +59,17 @@ def by_ids(
     }
 
 
-def by_colour(lab: Float32[np.ndarray, "h w 3"], within: Bool[np.ndarray, "h w"]) -> list[Thing]:
-    """Connected regions that differ from the table's colours, within a region."""
-    other = parts.opened(within & ~table(lab, within))
-    found = [part for whole in parts.regions(other) for part in parts.parted(whole, lab)]
-    return [thing(part, lab) for part in found if not parts.thin(part)]
+def by_colour(
+    lab: Float32[np.ndarray, "h w 3"], within: Bool[np.ndarray, "h w"]
+) -> tuple[list[Thing], list[Thing]]:
+    """Connected regions that differ from the table's colours, parted where two things touch; and those that were
+    parted, whole, since they may be one patterned thing after all."""
+    found, wholes = [], []
+    for whole in parts.regions(parts.opened(within & ~table(lab, within))):
+        pieces = [one for one in parts.parted(whole, lab) if not parts.thin(one)]
+        found += [thing(one, lab) for one in pieces]
+        wholes += [thing(whole, lab)] if len(pieces) > 1 else []
+    return found, wholes
 
 
 def table(
@@ -103,16 +110,16 @@ class Roster:
 
 
 def recognised(
-    seen: Sequence[Thing], rosters: Sequence[Roster]
+    seen: Sequence[Thing], wholes: Sequence[Thing], rosters: Sequence[Roster]
 ) -> tuple[Thing | None, Sequence[Thing]]:
-    """The thing to act on, and the things that no roster has."""
+    """The thing to act on, which may be one of the `wholes`, and the things that no roster has."""
     mine = [one.things[one.target] for one in rosters if one.target is not None]
     rest = [one.others() for one in rosters]
     if not seen or not mine:
         return None, unknown(seen, rest)
     others = [one for roster in rest for one in roster.things]
-    target = min(seen, key=lambda one: _as_target(one, mine) - _as_other(one, others))
-    return target, unknown([one for one in seen if one is not target], rest)
+    target = min((*seen, *wholes), key=lambda one: _as_target(one, mine) - _as_other(one, others))
+    return target, unknown([one for one in seen if not (one.mask & target.mask).any()], rest)
 
 
 def unknown(seen: Sequence[Thing], rosters: Sequence[Roster]) -> Sequence[Thing]:
@@ -126,11 +133,13 @@ def unknown(seen: Sequence[Thing], rosters: Sequence[Roster]) -> Sequence[Thing]
 
 
 def matched(seen: Sequence[Thing], roster: Roster) -> dict[int, int]:
-    """Rows of `seen` by rows of the roster, the likest pair first."""
+    """Rows of `seen` by rows of the roster, the likest pair first; what is too unlike is no pair."""
     cost = np.array([[_unlike(a, b) for a in seen] for b in roster.things])
     taken: dict[int, int] = {}
     for flat in np.argsort(cost, axis=None):
         j, i = divmod(int(flat), len(seen))
+        if cost[j, i] > LIKE:
+            break
         if j not in taken and i not in taken.values():
             taken[j] = i
     return taken
