@@ -59,7 +59,7 @@ def test_a_painted_table_becomes_a_recipe_that_runs(tmp_path: Path, masks: dict)
     found = json.loads((tmp_path / "diagnosis.json").read_text())
     assert found["causes"][0]["factor"] == "table"
     page = report.read_text()
-    assert page.count("data:image/png;base64,") == 12
+    assert page.count("data:image/png;base64,") == 13  # 12 failures, and the recordings
     assert "http" not in page.replace("http-equiv", "")
     assert "<b>secret</b>" not in page
     run = RUNNER.invoke(

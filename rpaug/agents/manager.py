@@ -13,10 +13,16 @@ from rpaug.agents.undoing import RESTART, UNDO, undo
 
 MOST_STEPS = 30
 POLITE = re.compile(
-    r"^(?:(?:please|kindly|ok|okay|hey|hi|now|then|also|and|next|finally|lastly|first|firstly|second|secondly|afterwards|"
+    r"^(?:(?:please|plz|pls|kindly|ok|okay|hey|hi|now|then|also|and|next|finally|lastly|first|firstly|second|secondly|afterwards|"
     r"after that|could you|can you|would you|will you|i want you to|i would like you to|i'd like you to|i want to|"
     r"i would like to|i'd like to|let us|let's|just|in addition|additionally|so)\b[, ]*)+"
 )
+APPROXIMATELY = re.compile(rf"\b(?:about|roughly|approximately) (?={slots.NUMBER}\b)")
+SHALL = re.compile(
+    r"(?:i (?:want|need|would like) |i'd like )?(?P<what>(?:the|all|every) .+?) "
+    r"(?:should|must|shall|ought to|has to|have to|needs? to|to) (?:be|become|(?P<like>look(?: like)?)) (?P<how>.+)"
+    r"|(?:i (?:want|need|would like)|i'd like) (?P<whole>(?:the|all|every) .+)"
+)  # "the drawer should be blue", "I want the table to look like marble", "I want the lights dimmer"
 AFTER = re.compile(r"(?:[, ]+(?:please|too|as well|now|thanks|thank you|for me))+$")
 BREAK = re.compile(
     r"(?:\s*[;.]\s+|\s*;\s*|,? and then |, then | then |,? but |,? (?=without )|, | and )"
@@ -53,7 +59,7 @@ def normal(said: str) -> str:
     """Lower case, single spaces, no politeness, no mark at the end."""
     text = re.sub(r"[’`]", "'", said.lower())
     text = re.sub(r"\s+", " ", text).strip().rstrip("?!. ")
-    text = text.replace("colour by", "color by")
+    text = APPROXIMATELY.sub("", text.replace("colour by", "color by"))
     return AFTER.sub("", POLITE.sub("", text)).strip()
 
 
@@ -107,7 +113,11 @@ def _step(part: str, verb: str, gathered: Gathered) -> str:
     try:
         found = _meant(part, gathered)
     except NotUnderstood:
-        if not verb or not re.match(r"(?:the|its?|all|every|both|a|an|\d+|object|handle)\b", part):
+        if (
+            not verb
+            or SHALL.fullmatch(part)
+            or not re.match(r"(?:the|its?|all|every|both|a|an|\d+|object|handle)\b", part)
+        ):
             raise
         found, own = meant(f"{verb} {part}", gathered.here()), verb
     take(found, share, gathered)
@@ -117,10 +127,13 @@ def _step(part: str, verb: str, gathered: Gathered) -> str:
 
 
 def _meant(part: str, gathered: Gathered) -> Meant:
-    """As it was said, or without the "instead" of a second thought."""
+    """As it was said, or as an order, or without the "instead" of a second thought."""
     try:
         return meant(part, gathered.here())
     except NotUnderstood:
+        if shall := SHALL.fullmatch(part):
+            said = shall["whole"], shall["what"], shall["like"], shall["how"]
+            return meant(" ".join(filter(None, ("make", *said))), gathered.here())
         shorter = re.sub(
             rf" (?:instead|rather)(?: of {slots.ONE_COLOUR})?$|^(?:instead|rather),? ", "", part
         )

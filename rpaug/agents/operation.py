@@ -2,7 +2,7 @@
 
 import re
 
-from rpaug.agents import arrange, assets, light, paint, renderer
+from rpaug.agents import arrange, assets, light, paint, renderer, spelling
 from rpaug.agents.grammar import RULES, Rule
 from rpaug.agents.messages import Meant, NotUnderstood, Wish
 from rpaug.errors import MissingExtra, TargetError
@@ -44,10 +44,10 @@ def meant(step: str, wish: Wish) -> Meant:
     try:
         other = _other_verb(step)
     except MissingExtra:
-        hint = "the extra rpaug[words] brings synonyms"
-        raise NotUnderstood(f"{step!r}: no rule fits ({hint})") from None
+        hint = spelling.hint(step) or " (the extra rpaug[words] brings synonyms)"
+        raise NotUnderstood(f"{step!r}: no rule fits{hint}") from None
     if other is None:
-        raise NotUnderstood(f"{step!r}: no rule fits")
+        raise NotUnderstood(f"{step!r}: no rule fits{spelling.hint(step)}")
     verb, known = other
     found = meant(f"{known}{step[len(verb) :]}", wish)
     note = f"{verb!r} is taken to mean {known!r}"

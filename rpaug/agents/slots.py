@@ -13,7 +13,7 @@ WORDS: Mapping[str, float] = {
     **{w: 10 * n for n, w in enumerate(("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty"), 2)},
     "ninety": 90,
     "a dozen": 12, "half a": 0.5, "half an": 0.5, "a quarter": 0.25, "half": 0.5, "a third": 1 / 3,
-    "a hundred": 100, "a": 1, "an": 1,
+    "a hundred": 100, "a": 1, "an": 1, "a couple of": 2, "a pair of": 2,
 }  # fmt: skip
 METRES: Mapping[str, float] = {
     **dict.fromkeys(("m", "metre", "metres", "meter", "meters"), 1.0),

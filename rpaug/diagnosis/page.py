@@ -13,17 +13,19 @@ from rpaug.diagnosis.evaluation import Evaluation, Rollout
 from rpaug.diagnosis.messages import Cause, Diagnosis
 from rpaug.diagnosis.reference import Reference
 
-MOST_FAILURES, MOST_SUCCESSES = 12, 4
+MOST_FAILURES, MOST_SUCCESSES, MOST_RECORDINGS = 12, 4, 3
 TILE = 160  # pixels, of one picture's height
 STYLE = """
 body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1200px;padding:0 1rem;color:#1d232b;background:#fff}
 h1{font-size:1.35rem}h2{font-size:1.1rem;margin:2rem 0 .4rem;border-top:1px solid #d7dce2;padding-top:1rem}
-table{border-collapse:collapse;margin:.4rem 0}td,th{padding:4px 14px 4px 0;text-align:left;vertical-align:top;
-border-bottom:1px solid #e6e9ed}th{color:#5a6673;font-weight:400}
-td.n{text-align:right;font-variant-numeric:tabular-nums}
-figure{display:inline-block;margin:.4rem 1rem .4rem 0}figcaption{color:#5a6673;max-width:40rem}
-img{display:block;image-rendering:pixelated;max-width:100%}.bar{background:#c9402f;height:.7em;display:inline-block}
-pre{background:#f5f7f9;padding:.7rem;overflow:auto}.by{color:#5a6673}
+.wide{overflow-x:auto}table{border-collapse:collapse;margin:.4rem 0}
+td,th{padding:4px 14px 4px 0;text-align:left;vertical-align:top;border-bottom:1px solid #e6e9ed;min-width:3.5em}
+th{color:#5a6673;font-weight:400}.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
+.side{min-width:16em}.frames{display:flex;flex-wrap:wrap;gap:1rem 1.5rem}
+figure{margin:0;width:min-content;max-width:100%}figcaption{color:#5a6673;overflow-wrap:anywhere}
+img{display:block;image-rendering:pixelated;max-width:calc(100vw - 2rem)}
+.bar{background:#c9402f;height:.7em;display:inline-block}.scale{display:inline-block;width:64px;text-align:left}
+pre{background:#f5f7f9;padding:.7rem;white-space:pre-wrap}.by{color:#5a6673}
 """
 
 
@@ -31,7 +33,8 @@ def page(diagnosis: Diagnosis, evaluation: Evaluation, reference: Reference | No
     """The page. Everything that came out of a file is escaped."""
     told = html.escape
     parts = [
-        "<!doctype html><html lang=en><meta charset=utf-8><title>rpaug diagnosis</title>",
+        "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>"
+        "<title>rpaug diagnosis</title>",
         f"<style>{STYLE}</style><h1>{told(diagnosis.verdict.capitalize())}: "
         f"{diagnosis.failures} of {diagnosis.rollouts} rollouts failed</h1>",
         f"<p class=by>Judged by: {told(diagnosis.analyst)}</p>",
@@ -44,6 +47,8 @@ def page(diagnosis: Diagnosis, evaluation: Evaluation, reference: Reference | No
     if diagnosis.recipe is not None:
         parts += ["<h2>Recipe</h2>", f"<pre>{told(recipe_file(diagnosis))}</pre>"]
     failures = [one for one in evaluation.rollouts if not one.success]
+    if failures and reference is not None:
+        parts += _recorded(failures, reference)
     parts += _frames("Failed", failures[:MOST_FAILURES], len(failures), diagnosis, reference)
     others = [one for one in evaluation.rollouts if one.success]
     if failures:
@@ -64,29 +69,34 @@ def recipe_file(diagnosis: Diagnosis) -> str:
 
 
 def _causes(causes: Sequence[Cause]) -> str:
+    told = html.escape
+    named = any(one.named for one in causes)  # only models say in how many failures they saw it
     rows = "".join(
-        f"<tr><td>{html.escape(one.factor)}<td class=n>{one.confidence:.2f}<td class=n>{100 * one.rate:.0f} %"
-        f"<td>{html.escape(one.detail)}<td>{html.escape(one.remedy or one.note)}"
-        f"<td>{html.escape(one.named)}"
+        f"<tr><td>{told(one.factor)}<td class=n>{one.confidence:.2f}<td class=n>{100 * one.rate:.0f} %"
+        f"<td class=side>{told(one.detail)}<td class=side>{told(one.remedy or one.note)}"
+        + (f"<td>{told(one.named)}" if named else "")
         for one in causes
     )
-    head = "<tr><th>factor<th>confidence<th>fails<th>what<th>remedy<th>named in"
-    return f"<table>{head}{rows}</table>"
+    head = "<tr><th>factor<th class=n>confidence<th class=n>fails<th>what<th>remedy"
+    return f"<div class=wide><table>{head}{'<th>named in' if named else ''}{rows}</table></div>"
 
 
 def _measured(diagnosis: Diagnosis) -> str:
     most = max((abs(one.effect) for one in diagnosis.measured), default=1) or 1
     rows = "".join(
         f"<tr><td>{one.factor}<td class=n>{one.failed:.1f}<td class=n>{one.succeeded:.1f}"
-        f"<td class=n>{one.effect:+.2f} <span class=bar style='width:{60 * max(0, one.effect) / most:.0f}px'></span>"
+        f"<td class=n>{one.effect:+.2f} <span class=scale><span class=bar "
+        f"style='width:{60 * max(0, one.effect) / most:.0f}px'></span></span>"
         f"<td class=n>{one.threshold:.1f}<td class=n>{100 * one.exposed:.0f} %<td class=n>{100 * one.spared:.0f} %"
         f"<td class=n>{one.gain:.1f}<td class=n>{one.confidence:.2f}"
         for one in diagnosis.measured
     )
+    names = ("failed", "succeeded", "effect", "threshold", "beyond", "within", "gain", "confidence")
+    head = "".join(f"<th class=n>{name}" for name in names)
     return (
         "<p>Distance from the training recordings, in their standard deviations (medians); the effect is Cliff's "
-        "delta; rates are of failures beyond and within the threshold.</p><table><tr><th>factor<th>failed"
-        f"<th>succeeded<th>effect<th>threshold<th>beyond<th>within<th>gain<th>confidence</tr>{rows}</table>"
+        "delta; rates are of failures beyond and within the threshold.</p>"
+        f"<div class=wide><table><tr><th>factor{head}{rows}</table></div>"
     )
 
 
@@ -99,25 +109,40 @@ def _frames(
 ) -> list[str]:
     shown = "" if len(rollouts) == count else f", {len(rollouts)} shown"
     return [
-        f"<h2>{title}: {count}{shown}</h2>",
+        f"<h2>{title}: {count}{shown}</h2><div class=frames>",
         *(_figure(one, diagnosis.key_frames.get(one.name, ()), reference) for one in rollouts),
+        "</div>",
     ]
+
+
+def _recorded(rollouts: Sequence[Rollout], reference: Reference) -> list[str]:
+    """How recordings begin in the camera that the first rollout is shown in, if they have it."""
+    camera = pictures.camera_of(rollouts[0], reference)
+    if camera not in reference.plates:
+        return []
+    firsts = [one.image for one in reference.plates[camera].firsts[:MOST_RECORDINGS]]
+    said = f"{camera}, first frames of {len(firsts)} recordings"
+    return ["<h2>Recorded</h2><div class=frames>", _strip("recordings", said, firsts), "</div>"]
 
 
 def _figure(rollout: Rollout, frames: Sequence[int], reference: Reference | None) -> str:
     camera = pictures.camera_of(rollout, reference)
     shots = rollout.shots[camera]
     times = [t for t in frames if t in shots] or [min(shots)]
-    tiles = [_tile(shots[t].image()) for t in times]
-    row = np.concatenate(
-        [np.pad(tile, ((0, 0), (0, 4), (0, 0)), constant_values=255) for tile in tiles], 1
-    )
     said = f"{rollout.name}, {camera}, frames {', '.join(map(str, times))}"
     said += f": “{rollout.instruction}”" if rollout.instruction else ""
     said += f" (perturbed: {rollout.factor})" if rollout.factor else ""
+    return _strip(rollout.name, said, [shots[t].image() for t in times])
+
+
+def _strip(name: str, said: str, images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> str:
+    """Images side by side, and what they are."""
+    row = np.concatenate(
+        [np.pad(_tile(one), ((0, 0), (0, 4), (0, 0)), constant_values=255) for one in images], 1
+    )
     source = pictures.embedded(row, side=max(row.shape))
     return (
-        f"<figure><img alt='{html.escape(rollout.name, quote=True)}' src='{source}'>"
+        f"<figure><img alt='{html.escape(name, quote=True)}' src='{source}'>"
         f"<figcaption>{html.escape(said)}</figcaption></figure>"
     )
 

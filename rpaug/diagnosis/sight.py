@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32
 
-from rpaug.diagnosis import things
+from rpaug.diagnosis import parts, things
 from rpaug.diagnosis.align import Aligned, align
 from rpaug.diagnosis.evaluation import Shot
 from rpaug.diagnosis.messages import Factor
@@ -17,7 +17,7 @@ from rpaug.diagnosis.reference import First, Plate
 NUMBERS: Mapping[Factor, tuple[tuple[str, float], ...]] = {
     "object position": (("right", 0.01), ("down", 0.01)),
     "object colour": (("lightness", 4.0), ("red", 3.0), ("yellow", 3.0)),
-    "object texture": (("contrast", 0.03), ("edges", 0.02)),
+    "object texture": (("hue", 1.5), ("edges", 0.02)),
     "object size": (("logarithm", 0.06),),
     "lighting": (("red", 0.04), ("green", 0.04), ("blue", 0.04), ("unevenness", 0.03)),
     "table": (("lightness", 3.0), ("red", 2.0), ("yellow", 2.0), ("contrast", 0.03), ("edges", 0.03)),
@@ -71,10 +71,10 @@ def _told(first: First, made: Stage) -> things.Roster:
 def roster(first: First, made: Stage) -> things.Roster:
     """What stood in a recording's first frame: found by colour as in any image, the target told by its mask."""
     lab = _lab(first.image.astype(np.float32))
-    found = things.by_colour(lab, made.within)
+    found, _ = things.by_colour(lab, made.within)
     target = first.mask("manipulated")
     shared = [int((one.mask & target).sum()) for one in found]
-    if not shared or max(shared) < things.LEAST:
+    if not shared or max(shared) < parts.LEAST:
         return things.Roster(found, None)
     return things.Roster(found, int(np.argmax(shared)))
 
@@ -131,8 +131,7 @@ def _things(
     within = made.within & aligned.valid
     if ids is None:
         rosters = [one for k, one in enumerate(made.rosters) if k != without]
-        found = things.by_colour(lab, within)
-        target, strange = things.recognised(found, rosters)
+        target, strange = things.recognised(*things.by_colour(lab, within), rosters)
         return target, list(strange)
     told = things.by_ids(aligned.warp(ids), within, lab)
     mine = roles.get(MINE, frozenset())
@@ -183,7 +182,8 @@ def _print(
     inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     inner = inner if inner.sum() >= 9 else mask
     level = max(20.0, float(np.median(lab[..., 0][inner])))
-    hue = np.sqrt(sum(np.var(lab[..., c][inner]) for c in (1, 2)))
+    hues = parts.hue(lab)[inner]
+    varied = float(np.linalg.norm(hues - np.median(hues, 0), axis=1).mean())
     right, down = inner[:, 1:] & inner[:, :-1], inner[1:] & inner[:-1]
     steps = np.concatenate(
         [
@@ -191,7 +191,7 @@ def _print(
             np.linalg.norm(np.diff(lab, axis=0)[down], axis=1),
         ]
     )
-    return np.array([hue / level, (np.median(steps) if len(steps) else 0.0) / level])
+    return np.array([varied, (np.median(steps) if len(steps) else 0.0) / level])
 
 
 def _lab(image: Float32[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w 3"]:

@@ -1,29 +1,31 @@
 """What stands on the table in an image without a mask, and which of it the robot is to act on.
 
 The table is what the commonest, most spread-out colours show; the rest are things. Each training recording is a
-roster of what usually stands there: the thing that takes the manipulated one's place in the best-fitting roster is it,
-also when its colour, size or place have changed.
+roster of what usually stands there. The one to act on is told by elimination: it is where such a thing usually is, or
+looks like it, and nothing else that the recordings show explains it. So it is found also when its colour, size or place
+have changed.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Int32, UInt8
+from jaxtyping import Bool, Float32, Int32
+
+from rpaug.diagnosis import parts
 
 CLUSTERS = 8
 SPREAD = 0.30  # share of the cells in which a colour is found, if it is the table's
 CELLS = 8  # a side
 CLOSE = 11.0  # Lab units: as near as this to a colour of the table is table
-LEAST = 14  # pixels of a thing
-SOLID = 0.84  # share of its convex outline that a thing fills
 COLOUR, SIZE, PLACE = (
     14.0,
     0.35,
     0.07,
 )  # usual differences: Lab units, logarithm, share of the width
 WORST = 3.0  # in usual differences: what is further off counts no more
+LIKE = 2.75  # of colour and size together: what is less like is another thing
+LOOKS = 0.6  # what colour and size of the thing to act on count for, beside its place: they may have changed
 
 
 @dataclass(frozen=True)
@@ -52,41 +54,22 @@ def by_ids(
 ) -> dict[int, Thing]:
     """Everything that a mask tells apart within a region."""
     counts = {int(i): int((within & (ids == i)).sum()) for i in np.unique(ids[within]) if i}
-    return {i: thing(within & (ids == i), lab) for i, count in counts.items() if count >= LEAST}
+    return {
+        i: thing(within & (ids == i), lab) for i, count in counts.items() if count >= parts.LEAST
+    }
 
 
-def by_colour(lab: Float32[np.ndarray, "h w 3"], within: Bool[np.ndarray, "h w"]) -> list[Thing]:
-    """Connected regions that differ from the table's colours, within a region."""
-    other = within & ~table(lab, within)
-    other = cv2.morphologyEx(other.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
-    return [thing(part, lab) for whole in _regions(other) for part in _parts(whole, lab)]
-
-
-def _regions(mask: UInt8[np.ndarray, "h w"]) -> list[Bool[np.ndarray, "h w"]]:
-    """Connected regions of enough pixels."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
-    return [labels == i for i in range(1, count) if stats[i, cv2.CC_STAT_AREA] >= LEAST]
-
-
-def _parts(
-    whole: Bool[np.ndarray, "h w"], lab: Float32[np.ndarray, "h w 3"]
-) -> list[Bool[np.ndarray, "h w"]]:
-    """The region itself if it fills its outline, as one thing does; else its parts of one hue each."""
-    points = np.argwhere(whole)[:, ::-1].astype(np.int32)
-    hull = cv2.convexHull(points)
-    outline = np.zeros(whole.shape, np.uint8)
-    cv2.fillConvexPoly(outline, hull, 1)
-    if whole.sum() >= SOLID * outline.sum():
-        return [whole]
-    hues = lab[whole] * np.array([0.2, 1, 1], np.float32)
-    _, near = clustered(hues, count=3)
-    labels = np.full(whole.shape, -1)
-    labels[whole] = near
-    kernel = np.ones((2, 2), np.uint8)
-    opened = [
-        cv2.morphologyEx((labels == k).astype(np.uint8), cv2.MORPH_OPEN, kernel) for k in range(3)
-    ]
-    return [part for one in opened for part in _regions(one)] or [whole]
+def by_colour(
+    lab: Float32[np.ndarray, "h w 3"], within: Bool[np.ndarray, "h w"]
+) -> tuple[list[Thing], list[Thing]]:
+    """Connected regions that differ from the table's colours, parted where two things touch; and those that were
+    parted, whole, since they may be one patterned thing after all."""
+    found, wholes = [], []
+    for whole in parts.regions(parts.opened(within & ~table(lab, within))):
+        pieces = [one for one in parts.parted(whole, lab) if not parts.thin(one)]
+        found += [thing(one, lab) for one in pieces]
+        wholes += [thing(whole, lab)] if len(pieces) > 1 else []
+    return found, wholes
 
 
 def table(
@@ -96,7 +79,7 @@ def table(
     pixels = lab[within]
     if len(pixels) < 50 * CLUSTERS:
         return np.zeros_like(within)
-    centres, labels = clustered(pixels)
+    centres, labels = parts.clustered(pixels, CLUSTERS)
     h, w = within.shape
     rows, columns = np.nonzero(within)
     cell = (rows * CELLS // h) * CELLS + columns * CELLS // w
@@ -114,31 +97,6 @@ def table(
     return out
 
 
-def clustered(
-    pixels: Float32[np.ndarray, "n 3"], count: int = CLUSTERS, rounds: int = 12
-) -> tuple[Float32[np.ndarray, "k 3"], Int32[np.ndarray, "n"]]:
-    """k-means that begins at the pixels furthest from each other: the same every time (Lloyd 1982)."""
-    some = pixels[:: max(1, len(pixels) // 3000)]
-    centres = [np.median(some, 0)]
-    for _ in range(count - 1):
-        apart = np.min([np.linalg.norm(some - c, axis=1) for c in centres], 0)
-        # Not the very furthest: that is a lone pixel on an outline.
-        centres.append(some[int(np.argsort(apart)[int(0.98 * (len(some) - 1))])])
-    middle = np.array(centres, np.float32)
-    for _ in range(rounds):
-        near = _nearest(some, middle)
-        for k in range(count):
-            if (near == k).any():
-                middle[k] = some[near == k].mean(0)
-    return middle, _nearest(pixels, middle)
-
-
-def _nearest(
-    pixels: Float32[np.ndarray, "n 3"], centres: Float32[np.ndarray, "k 3"]
-) -> Int32[np.ndarray, "n"]:
-    return np.argmin(((pixels[:, None] - centres) ** 2).sum(2), 1).astype(np.int32)
-
-
 @dataclass(frozen=True)
 class Roster:
     """What stood on the table in one recording; `target` is the row of the thing the robot acts on, None if unseen."""
@@ -146,54 +104,59 @@ class Roster:
     things: Sequence[Thing]
     target: int | None
 
+    def others(self) -> "Roster":
+        """The same without the thing that the robot acts on."""
+        return Roster([one for k, one in enumerate(self.things) if k != self.target], None)
+
 
 def recognised(
-    seen: Sequence[Thing], rosters: Sequence[Roster]
+    seen: Sequence[Thing], wholes: Sequence[Thing], rosters: Sequence[Roster]
 ) -> tuple[Thing | None, Sequence[Thing]]:
-    """The thing to act on, and the things that no roster has."""
-    best: tuple[float, int | None, list[int]] = (np.inf, None, [])
-    for roster in rosters:
-        if roster.target is None or not seen:
-            continue
-        taken, cost = matched(seen, roster)
-        row = taken.get(roster.target)
-        left = [i for i in range(len(seen)) if i not in taken.values()]
-        if row is not None and cost < best[0]:
-            best = (cost, row, left)
-    _, row, left = best
-    return (None if row is None else seen[row]), [seen[i] for i in left]
+    """The thing to act on, which may be one of the `wholes`, and the things that no roster has."""
+    mine = [one.things[one.target] for one in rosters if one.target is not None]
+    rest = [one.others() for one in rosters]
+    if not seen or not mine:
+        return None, unknown(seen, rest)
+    others = [one for roster in rest for one in roster.things]
+    target = min((*seen, *wholes), key=lambda one: _as_target(one, mine) - _as_other(one, others))
+    return target, unknown([one for one in seen if not (one.mask & target.mask).any()], rest)
 
 
 def unknown(seen: Sequence[Thing], rosters: Sequence[Roster]) -> Sequence[Thing]:
     """The things that even the roster with the fewest such lacks."""
     left: Sequence[Thing] = seen
     for roster in rosters:
-        taken = matched(seen, roster)[0].values() if seen and roster.things else ()
+        taken = matched(seen, roster).values() if seen and roster.things else ()
         rest = [one for i, one in enumerate(seen) if i not in taken]
         left = min(left, rest, key=lambda some: sum(int(one.mask.sum()) for one in some))
     return left
 
 
-def matched(seen: Sequence[Thing], roster: Roster) -> tuple[dict[int, int], float]:
-    """Rows of `seen` by rows of the roster, the likest pair first, and how unlike they are in all."""
-    cost = np.array(
-        [[_unlike(a, b, j == roster.target) for a in seen] for j, b in enumerate(roster.things)]
-    )
+def matched(seen: Sequence[Thing], roster: Roster) -> dict[int, int]:
+    """Rows of `seen` by rows of the roster, the likest pair first; what is too unlike is no pair."""
+    cost = np.array([[_unlike(a, b) for a in seen] for b in roster.things])
     taken: dict[int, int] = {}
-    total = 0.0
     for flat in np.argsort(cost, axis=None):
         j, i = divmod(int(flat), len(seen))
-        if j in taken or i in taken.values():
-            continue
-        taken[j] = i
-        total += float(cost[j, i])
-    missing = len(roster.things) - len(taken)
-    return taken, total + 2 * WORST * missing
+        if cost[j, i] > LIKE:
+            break
+        if j not in taken and i not in taken.values():
+            taken[j] = i
+    return taken
 
 
-def _unlike(a: Thing, b: Thing, placed: bool) -> float:
-    """How unlike two things are; where the roster's one is the target, its place counts."""
+def _as_target(one: Thing, mine: Sequence[Thing]) -> float:
+    """How unlike the thing to act on it is, as any recording shows that, in usual differences."""
+    away = min(float(np.linalg.norm(one.place - other.place)) for other in mine) / PLACE
+    return min(WORST, away) + LOOKS * min(_unlike(one, other) for other in mine)
+
+
+def _as_other(one: Thing, others: Sequence[Thing]) -> float:
+    """How unlike everything else that the recordings show it is."""
+    return min((_unlike(one, other) for other in others), default=2 * WORST)
+
+
+def _unlike(a: Thing, b: Thing) -> float:
+    """How unlike two things look, in usual differences of colour and size."""
     colour = min(WORST, float(np.linalg.norm(a.colour - b.colour)) / COLOUR)
-    size = min(WORST, abs(a.size - b.size) / SIZE)
-    place = min(WORST, float(np.linalg.norm(a.place - b.place)) / PLACE) if placed else 0.0
-    return colour + size + place
+    return colour + min(WORST, abs(a.size - b.size) / SIZE)

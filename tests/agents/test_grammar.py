@@ -118,3 +118,32 @@ def test_whatever_is_said_is_refused_or_valid(words: list[str]) -> None:
 def test_no_text_breaks_it(text: str) -> None:
     with contextlib.suppress(NotUnderstood):
         said_after(text, (), Setting(cameras=("front",)))
+
+
+@pytest.mark.parametrize(
+    ("wish", "order"),
+    [
+        ("the cup should be blue", "make the cup blue"),
+        ("I want the lights a third darker", "make the lights a third darker"),
+        ("I'd like the table to look like white marble", "make the table look like white marble"),
+        ("all blocks have to be green", "make all blocks green"),
+        ("plz put a couple of mugs near the bowl", "put two mugs near the bowl"),
+        ("make the bowl about 20% smaller", "make the bowl 20% smaller"),
+    ],
+)
+def test_a_wish_is_an_order(wish: str, order: str) -> None:
+    assert said_after(wish, (), Setting()).edits == said_after(order, (), Setting()).edits
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "the cup should not be red",
+        "the dataset should be blue",
+        "the cup should be deleted",
+        "I want the cup",
+    ],
+)
+def test_what_is_no_order_stays_refused(wish: str) -> None:
+    with pytest.raises(NotUnderstood):
+        said_after(wish, (), Setting())

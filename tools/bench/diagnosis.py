@@ -3,6 +3,7 @@
     python tools/bench/diagnosis.py                  each weakness alone, pairs, none, and failures by chance
     python tools/bench/diagnosis.py --single         in every rollout one factor is changed, or none
     python tools/bench/diagnosis.py --given masks    the evaluation gives masks and roles too
+    python tools/bench/diagnosis.py --room 2         another room: other walls, recordings and rollouts
 
 A case is a policy with one or two weaknesses and some rollouts of the twin, each with several factors changed. The
 analyst gets the rollouts' pictures and outcomes, and ten training recordings. Policies are those of
@@ -23,7 +24,7 @@ from typing import Any
 import diagnosis_pool
 import numpy as np
 from diagnosis_policies import WEAK, Outcomes, Trained, outcomes
-from diagnosis_pool import CAMERA, CHANGES, TASK, WALLS, Seen
+from diagnosis_pool import CAMERA, CHANGES, ROOM, TASK, WALLS, Seen
 
 from rpaug import twin
 from rpaug.diagnosis import measure, reference, weigh
@@ -53,15 +54,14 @@ def main() -> None:
     parser.add_argument("--single", action="store_true", help="one factor changed at a time")
     parser.add_argument("--given", choices=("pictures", "masks"), default="pictures")
     parser.add_argument("--cache", type=Path, default=None)
-    parser.add_argument("--first", type=int, default=0, help="number of the pool's first rollout")
+    parser.add_argument("--room", type=int, default=0, help="0 is what the analyst was written on")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     start = time.process_time()
-    pool = diagnosis_pool.pool(
-        options.pool, options.share, options.single, options.cache, options.first
-    )
-    acts = outcomes(pool, Trained(diagnosis_pool.pool(30, CLEAR, False, options.cache, 9000)))
-    table = _table(pool, _reference(options.cache), options.given == "masks")
+    cache, room = options.cache, options.room
+    pool = diagnosis_pool.pool(options.pool, options.share, options.single, cache, 0, room)
+    acts = outcomes(pool, Trained(diagnosis_pool.pool(30, CLEAR, False, cache, 9000, room)))
+    table = _table(pool, _reference(cache, room), options.given == "masks")
     drawn = time.process_time() - start
     figures = _figures(acts, table, options)
     figures["seconds"] = {
@@ -143,16 +143,16 @@ def _table(pool: list[Seen], usual: reference.Reference, masks: bool) -> measure
     return measure.table(Evaluation(rollouts), usual)
 
 
-def _reference(cache: Path | None) -> reference.Reference:
+def _reference(cache: Path | None, room: int) -> reference.Reference:
     """Ten training recordings, written and read like anyone's."""
     with tempfile.TemporaryDirectory() as folder:
-        root = Path(folder) / "recordings" if cache is None else cache / "recordings"
+        root = Path(folder) / "recordings" if cache is None else cache / f"recordings-{room}"
         if not root.exists():
             twin.record(
                 TASK,
-                3,
+                3 + ROOM * room,
                 root,
-                look=Look(texture_seed=WALLS),
+                look=Look(texture_seed=WALLS + ROOM * room),
                 size=diagnosis_pool.SIZE,
                 frames=20,
                 episodes=10,

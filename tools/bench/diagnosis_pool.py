@@ -16,7 +16,7 @@ from rpaug.twin.tasks import TASKS
 
 TASK, CAMERA, SIZE, LAYOUTS = "slide_block", "front", 128, 7
 WALLS = 5  # the training room's texture seed
-
+ROOM = 100  # apart lie the seeds of two rooms
 
 EXTRA = ("cup_large", "cup_small", "button")
 CHANGES: Mapping[str, tuple[str, ...]] = {
@@ -47,9 +47,12 @@ class Seen:
         return np.isin(self.ids, [self.handles[name] for name in names if name in self.handles])
 
 
-def meet(number: int, changed: tuple[str, ...]) -> Seen:
-    """Rollout `number` with these factors changed, each by a draw of its own."""
-    rng = np.random.default_rng([LAYOUTS, number])
+def meet(number: int, changed: tuple[str, ...], room: int = 0) -> Seen:
+    """Rollout `number` with these factors changed, each by a draw of its own.
+
+    Another `room` has other walls and other draws of everything.
+    """
+    rng = np.random.default_rng([LAYOUTS + ROOM * room, number])
     job = TASKS[TASK](rng)
     placing = dict(job.placing)
     if "object position" in changed:
@@ -57,8 +60,9 @@ def meet(number: int, changed: tuple[str, ...]) -> Seen:
     if "distractor" in changed:
         for name in rng.choice(EXTRA, 2, replace=False):
             placing[str(name)] = _free(placing, rng, str(name))
-    world = tabletop.build(placing, rng, WALLS)
-    look = Look(texture_seed=WALLS)
+    walls = WALLS + ROOM * room
+    world = tabletop.build(placing, rng, walls)
+    look = Look(texture_seed=walls)
     for name in changed:
         kinds = CHANGES[name]
         if kinds:
@@ -106,22 +110,25 @@ def _clear(placing: Mapping[str, np.ndarray], x: float, y: float, name: str) -> 
     return bool(min(np.hypot(*(at - (x, y))) for at in others) > 0.10)
 
 
-def pool(count: int, share: float, single: bool, cache: Path | None, first: int = 0) -> list[Seen]:
+def pool(
+    count: int, share: float, single: bool, cache: Path | None, first: int = 0, room: int = 0
+) -> list[Seen]:
     """`count` rollouts. Each factor is changed in a `share` of them; if `single`, one factor at a time, or none."""
-    file = None if cache is None else cache / f"pool-{first}-{count}-{share}-{single}.npz"
+    kind = "single" if single else f"{share:g}"
+    file = None if cache is None else cache / f"pool-{room}-{first}-{count}-{kind}.npz"
     if file is not None and file.exists():
         with np.load(file, allow_pickle=False) as kept:
             return [_loaded(kept, k) for k in range(count)]
     out = []
     for number in range(first, first + count):
-        rng = np.random.default_rng([LAYOUTS, 1, number])
+        rng = np.random.default_rng([LAYOUTS + ROOM * room, 1, number])
         names = list(CHANGES)
         if single:
             drawn = int(rng.integers(len(names) + 2))
             changed = (names[drawn],) if drawn < len(names) else ()
         else:
             changed = tuple(name for name in names if rng.random() < share)
-        out.append(meet(number, changed))
+        out.append(meet(number, changed, room))
     if file is not None:
         cache.mkdir(parents=True, exist_ok=True)
         np.savez_compressed(file, **{k: v for n, one in enumerate(out) for k, v in _kept(one, n)})

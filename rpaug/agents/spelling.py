@@ -1,0 +1,39 @@
+"""Words that look misspelt, to be told with a refusal; nothing is ever read as another word than it is."""
+
+import difflib
+import re
+from functools import cache
+
+from rpaug.agents.grammar import RULES
+from rpaug.agents.slots import METRES, RADIANS, WORDS
+from rpaug.assets import library
+from rpaug.scene.naming import colours, shapes
+from rpaug.scene.naming.nouns import ROLES
+
+ALIKE = 0.84  # share of letters in common, as difflib counts it
+SHORTEST = 3  # letters of a word that can be judged
+
+
+def hint(step: str) -> str:
+    """What the unknown words of a step may be, in brackets; empty if they are like nothing."""
+    pairs = [(word, _like(word)) for word in dict.fromkeys(re.findall(r"[a-z]+", step))]
+    told = ", ".join(f"{word!r} may be {known!r}" for word, known in pairs if known)
+    return f" ({told})" if told else ""
+
+
+def _like(word: str) -> str | None:
+    """The known word that has the same letters in another order, or nearly the same letters."""
+    if len(word) < SHORTEST or word in vocabulary() or word.removesuffix("s") in vocabulary():
+        return None
+    turned = [known for known in vocabulary() if sorted(known) == sorted(word)]
+    return next(iter(turned or difflib.get_close_matches(word, vocabulary(), 1, ALIKE)), None)
+
+
+@cache
+def vocabulary() -> tuple[str, ...]:
+    """All words that rules, colours, units, shapes and the library know."""
+    patterns = " ".join(one.pattern for rule in RULES for one in rule.patterns)
+    bare = re.sub(r"\(\?P<\w+>|\\[a-z]", " ", patterns)
+    things = " ".join(one.category for one in library.assets())
+    known = f"{bare} {things} {' '.join((*METRES, *RADIANS, *WORDS, *shapes.WORDS, *ROLES, *colours.NAMES))} the all"
+    return tuple(sorted({word for word in re.findall(r"[a-z]+", known) if len(word) >= SHORTEST}))
