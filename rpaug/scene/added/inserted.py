@@ -72,8 +72,8 @@ def _splatted(scene: Scene, body: Body, camera: Camera, t: int, before: Image) -
             slice(picture.column, picture.column + width),
         )
         piece = Window(rows, columns, camera.K, camera.cam_to_world[t])
-        surface = _drawn(body, piece, t, 1).depth.astype(np.float32)  # 0 where it misses
-        picture = replace(picture, depth=surface)
+        solid = _drawn(body, piece, t, 1)
+        picture = replace(picture, depth=solid.depth.astype(np.float32))  # 0 where it misses
     at = np.s_[picture.row : picture.row + height, picture.column : picture.column + width]
     rgb, depth, ids = (plane.copy() for plane in before)
     near = splatted.nearest(picture)
