@@ -89,9 +89,7 @@ def around() -> Float64[np.ndarray, "n 3"]:
     return np.column_stack([r * np.cos(turn), r * np.sin(turn), z])
 
 
-def solid(
-    points: Float64[np.ndarray, "n 3"], footprint: float, bottom: float
-) -> Solid | None:
+def solid(points: Float64[np.ndarray, "n 3"], footprint: float, bottom: float) -> Solid | None:
     """The simple solid, standing or lying at height `bottom`, on whose surface points lie that are `footprint` metres
     apart; None if they lie on none.
 
