@@ -20,9 +20,9 @@ PIECE, PIECES = (
 )  # metres, and the most: balls that the surface of what is on a rail is made of
 PIN = 0.005  # metres: radius of what a hinge turns on
 HOLDS = 1.1  # times the torque that a stiff hinge was seen to hold: what it takes to turn it
-HEAVY = 100.0  # kilograms: boxes are put back after each step, so it only matters that a step's push is nothing
+HEAVY = 1e4  # kilograms: what nothing on a table pushes away
 # MuJoCo's solver stops at a share of the mean inertia; the boxes' would let it stop before the light thing is right.
-EXACT = 1e-12
+EXACT = 1e-14
 IMPRATIO = 10  # friction's stiffness beside that of contact: what rests or rolls creeps less
 
 

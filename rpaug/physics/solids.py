@@ -123,8 +123,8 @@ def _starts(
     standing = [
         ("box", False, [x, y, turn, long, wide, half]),
         ("cylinder", False, [x, y, turn, round_, half]),
-        ("capsule", False, [x, y, turn, round_, max(half - round_, SMALL)]),
         ("sphere", False, [x, y, turn, (round_ + half) / 2]),
+        ("capsule", False, [x, y, turn, round_, max(half - round_, SMALL)]),
     ]
     lying = [
         (kind, True, [x, y, angle, (half + across) / 2, max(along - less * across, SMALL)])
