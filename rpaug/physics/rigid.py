@@ -228,7 +228,11 @@ class Rigid:
             low, high, how = self.rail.low, self.rail.high, 'type="slide"'
             if isinstance(self.rail, Hinge):
                 low, high = np.rad2deg([low, high]).tolist()
-                how = 'type="hinge" pos="{:.6f} {:.6f} {:.6f}"'.format(*self.rail.at)
+                x, y, z = self.rail.at
+                how = (
+                    f'type="hinge" pos="{x:.6f} {y:.6f} {z:.6f}" solreffriction="0.003 1" '
+                    'solimpfriction="0.9999 0.9999 0.001 0.5 2"'  # else what it holds creeps
+                )
             reach = f"{low:.5f} {high:.5f}"
             # Its ends are harder than contacts are: a robot that goes on slips.
             hard = 'solreflimit="0.003 1" solimplimit="0.9999 0.9999 0.001 0.5 2"'

@@ -6,7 +6,7 @@ from itertools import chain
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float64
+from jaxtyping import Float64
 
 from rpaug import geometry
 
