@@ -1,4 +1,4 @@
-"""Things too stiff to deform, over time: solids or convex hulls in MuJoCo, among what stands still and what is moved."""
+"""Things too stiff to deform: solids or convex hulls in MuJoCo, among what stands still and what is moved."""
 
 from dataclasses import dataclass, field
 from typing import Any, ClassVar

@@ -96,7 +96,7 @@ def board() -> np.ndarray:
     """A board that stands on its edge along y, 20 cm wide, with its foot at a height of 30 cm."""
     y, z = np.meshgrid(np.linspace(-0.1, 0.1, 41), np.linspace(0.3, 0.4, 21))
     side = np.stack([np.zeros(y.size), y.ravel(), z.ravel()], -1)
-    return np.concatenate([side - [0.003, 0, 0], side + [0.003, 0, 0]])
+    return np.concatenate([side + np.array([x, 0, 0]) for x in (-0.003, 0.003)])
 
 
 def test_what_is_on_a_hinge_turns_about_it_and_a_stiff_one_holds() -> None:

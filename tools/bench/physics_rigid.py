@@ -4,7 +4,7 @@ python tools/bench/physics_rigid.py [drop topple roll push drawer lid] [--seeds 
 
 The operator sees rgb, depth and masks; the truth has the thing's own boxes and cylinders, the table, the things around
 it, and the robot's true fingers on their true way, in the same MuJoCo with the same material. `drawer` and `lid`
-have no simulated truth: they are held against the recorded track, which the recorded gripper is to move them along again.
+have no simulated truth: they are held against the recorded track, along which the recorded gripper is to move them.
 """
 
 import argparse

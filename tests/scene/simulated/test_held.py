@@ -1,4 +1,4 @@
-"""A drawer is on its rail, a lid on its hinge, what stands close on both sides holds, and what stands on the table is free."""
+"""A drawer is on its rail, a lid on its hinge, what stands close on both sides holds, the rest is free."""
 
 from dataclasses import replace
 from functools import lru_cache
