@@ -139,7 +139,7 @@ class Boxes:
 
     @cached_property
     def _slopes(self) -> Float64[np.ndarray, "b t 3"]:
-        """Metres a frame at the frames: the harmonic mean of the steps before and after, nothing where it turns back."""
+        """Metres a frame at the frames: the harmonic mean of the steps around, nothing where it turns back."""
         steps = np.diff(self.tracks[:, :, :3, 3], axis=1)
         before = np.concatenate([steps[:, :1], steps], axis=1)
         after = np.concatenate([steps, steps[:, -1:]], axis=1)

@@ -1,7 +1,7 @@
-"""Things too stiff to deform, over time: solids or convex hulls in MuJoCo, among what stands still and what is moved."""
+"""Things too stiff to deform: solids or convex hulls in MuJoCo, among what stands still and what is moved."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -18,9 +18,11 @@ PIECE, PIECES = (
     0.006,
     800,
 )  # metres, and the most: balls that the surface of what is on a rail is made of
-HEAVY = 100.0  # kilograms: boxes are put back after each step, so it only matters that a step's push is nothing
+PIN = 0.005  # metres: radius of what a hinge turns on
+HOLDS = 1.1  # times the torque that a stiff hinge was seen to hold: what it takes to turn it
+HEAVY = 1e4  # kilograms: what nothing on a table pushes away
 # MuJoCo's solver stops at a share of the mean inertia; the boxes' would let it stop before the light thing is right.
-EXACT = 1e-12
+EXACT = 1e-14
 IMPRATIO = 10  # friction's stiffness beside that of contact: what rests or rolls creeps less
 
 
@@ -57,13 +59,42 @@ class Rail:
 
 
 @dataclass(frozen=True)
+class Hinge:
+    """A point and a unit vector in the world that a thing may turn about, from `low` to `high` radians from how it is.
+
+    A `stiff` one was seen to hold the thing where its weight would turn it.
+    """
+
+    at: tuple[float, float, float]
+    axis: tuple[float, float, float]
+    low: float
+    high: float
+    stiff: bool = False
+
+    fixed: ClassVar[bool] = False
+
+    def lever(self, point: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
+        """Metres that a point goes for each radian."""
+        return np.cross(self.axis, point - np.array(self.at))
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values; lengths in metres, angles in degrees."""
+        numbers = {
+            "axis": [round(float(v), 4) for v in self.axis],
+            "at": [round(float(v), 4) for v in self.at],
+        }
+        span = [round(float(np.rad2deg(v)), 2) for v in (self.low, self.high)]
+        return {"joint": "hinge", **numbers, "range_degrees": span}
+
+
+@dataclass(frozen=True)
 class Rigid:
     """A thing by surface points in the world, in metres, with its density in kg/m3: their convex hull, or a `solid`.
 
     `columns` (x, y, half width, bottom, top) and a floor at `level` stand still; `boxes` are moved, and give no way.
     `friction` is Coulomb's on what stands still, `grip` that on boxes; `velocity` is the thing's at first. On a `rail`
-    it is not hindered by what stands still, `friction` times its weight is what its rail takes, and boxes meet its
-    surface as it was seen instead of its convex hull: a drawer's grip is hollow.
+    or a hinge it is not hindered by what stands still, `friction` times its weight is what that takes, and boxes meet
+    its surface as it was seen instead of its convex hull: a drawer's grip is hollow.
     """
 
     points: Float64[np.ndarray, "n 3"]
@@ -75,7 +106,7 @@ class Rigid:
     friction: float = 0.5
     grip: float = 1.0
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    rail: Rail | None = None
+    rail: Rail | Hinge | None = None
     solid: Solid | None = None
 
     def run(self, frames: int, pace: float, start: float = 0.0) -> Fall:
@@ -87,9 +118,11 @@ class Rigid:
         if self.rail is None:
             data.qvel[-6:-3] = self.velocity
         elif not self.rail.fixed:
-            data.qvel[-1] = np.dot(self.velocity, self.rail.axis)
-            weight = model.body_mass[thing] * np.linalg.norm(self.gravity)
-            model.dof_frictionloss[-1] = self.friction * weight
+            mujoco.mj_forward(model, data)
+            start_speed, model.dof_frictionloss[-1] = self._held(
+                float(model.body_mass[thing]), data.xipos[thing]
+            )
+            data.qvel[-1] = start_speed
         self._move(data, start)
         mujoco.mj_forward(model, data)
         before, steps = _pose(data, thing), max(1, round(pace / STEP))
@@ -106,6 +139,17 @@ class Rigid:
             if (k + 1) % steps == 0:
                 motions.append(_pose(data, thing) @ geometry.inverse(before))
         return Fall(np.stack(motions), given, (frames - 1) * steps)
+
+    def _held(self, mass: float, middle: Float64[np.ndarray, "3"]) -> tuple[float, float]:
+        """How fast the thing goes on its joint at first, and what friction takes: a force, or a torque."""
+        weight = mass * float(np.linalg.norm(self.gravity))
+        if isinstance(self.rail, Hinge):
+            lever = self.rail.lever(middle)
+            pull = abs(float(lever @ np.array(self.gravity))) * mass if self.rail.stiff else 0.0
+            speed = float(lever @ np.array(self.velocity)) / max(float(lever @ lever), 1e-9)
+            return speed, max(self.friction * weight * PIN, HOLDS * pull)
+        assert self.rail is not None
+        return float(np.dot(self.velocity, self.rail.axis)), self.friction * weight
 
     @property
     def _count(self) -> int:
@@ -181,10 +225,18 @@ class Rigid:
         joint = ""
         if not self.rail.fixed:
             axis = " ".join(f"{value:.6f}" for value in self.rail.axis)
-            reach = f"{self.rail.low:.5f} {self.rail.high:.5f}"
+            low, high, how = self.rail.low, self.rail.high, 'type="slide"'
+            if isinstance(self.rail, Hinge):
+                low, high = np.rad2deg([low, high]).tolist()
+                x, y, z = self.rail.at
+                how = (
+                    f'type="hinge" pos="{x:.6f} {y:.6f} {z:.6f}" solreffriction="0.003 1" '
+                    'solimpfriction="0.9999 0.9999 0.001 0.5 2"'  # else what it holds creeps
+                )
+            reach = f"{low:.5f} {high:.5f}"
             # Its ends are harder than contacts are: a robot that goes on slips.
             hard = 'solreflimit="0.003 1" solimplimit="0.9999 0.9999 0.001 0.5 2"'
-            joint = f'<joint type="slide" axis="{axis}" limited="true" range="{reach}" {hard}/>'
+            joint = f'<joint {how} axis="{axis}" limited="true" range="{reach}" {hard}/>'
         return (
             joint,
             0,
@@ -204,6 +256,8 @@ class Rigid:
         centres = self.boxes.tracks[:, :, :3, 3]
         room = np.linalg.norm(self.boxes.halves, axis=1) + self.boxes.radius
         reach = 0.0 if self.rail is None else self.rail.high - self.rail.low
+        if isinstance(self.rail, Hinge):
+            reach *= float(np.linalg.norm(points - np.array(self.rail.at), axis=1).max())
         near = np.zeros(len(points), bool)
         for track, wide in zip(centres, room + reach, strict=True):
             low, high = track.min(0) - wide, track.max(0) + wide

@@ -6,7 +6,7 @@ from itertools import chain
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float64
+from jaxtyping import Float64
 
 from rpaug import geometry
 
@@ -89,9 +89,7 @@ def around() -> Float64[np.ndarray, "n 3"]:
     return np.column_stack([r * np.cos(turn), r * np.sin(turn), z])
 
 
-def solid(
-    points: Float64[np.ndarray, "n 3"], footprint: float, bottom: float
-) -> Solid | None:
+def solid(points: Float64[np.ndarray, "n 3"], footprint: float, bottom: float) -> Solid | None:
     """The simple solid, standing or lying at height `bottom`, on whose surface points lie that are `footprint` metres
     apart; None if they lie on none.
 
@@ -125,8 +123,8 @@ def _starts(
     standing = [
         ("box", False, [x, y, turn, long, wide, half]),
         ("cylinder", False, [x, y, turn, round_, half]),
-        ("capsule", False, [x, y, turn, round_, max(half - round_, SMALL)]),
         ("sphere", False, [x, y, turn, (round_ + half) / 2]),
+        ("capsule", False, [x, y, turn, round_, max(half - round_, SMALL)]),
     ]
     lying = [
         (kind, True, [x, y, angle, (half + across) / 2, max(along - less * across, SMALL)])

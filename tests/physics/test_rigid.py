@@ -5,7 +5,8 @@ import pytest
 
 from rpaug import geometry
 from rpaug.physics.colliders import Boxes
-from rpaug.physics.rigid import Rail, Rigid, columns
+from rpaug.physics.rigid import Hinge, Rail, Rigid, columns
+from rpaug.physics.solids import Solid
 
 HALF = np.array([0.03, 0.03, 0.06])
 
@@ -89,3 +90,43 @@ def test_what_is_fixed_stays() -> None:
     fall = Rigid(drawer(), 500.0, None, boxes=finger(0.05, 0.1), rail=rail).run(21, 0.05)
     assert (fall.motions == np.eye(4)).all()
     assert rail.describe() == {"joint": "fixed"}
+
+
+def board() -> np.ndarray:
+    """A board that stands on its edge along y, 20 cm wide, with its foot at a height of 30 cm."""
+    y, z = np.meshgrid(np.linspace(-0.1, 0.1, 41), np.linspace(0.3, 0.4, 21))
+    side = np.stack([np.zeros(y.size), y.ravel(), z.ravel()], -1)
+    return np.concatenate([side + np.array([x, 0, 0]) for x in (-0.003, 0.003)])
+
+
+def test_what_is_on_a_hinge_turns_about_it_and_a_stiff_one_holds() -> None:
+    lean = 0.4
+    tilt = geometry.rigid(np.array([0.0, lean, 0.0]), np.zeros(3))
+    at = np.array([0.0, 0.0, 0.3])
+    points = (board() - at) @ tilt[:3, :3].T + at
+    hinge = Hinge((0.0, 0.0, 0.3), (0.0, 1.0, 0.0), 0.0, 1.0, stiff=True)
+    still = Rigid(points, 500.0, None, rail=hinge).run(11, 0.05)
+    assert np.abs(still.motions - np.eye(4)).max() < 0.01
+    loose = Hinge(hinge.at, hinge.axis, hinge.low, hinge.high)
+    fallen = Rigid(points, 500.0, None, rail=loose).run(21, 0.05).motions[-1]
+    np.testing.assert_allclose(fallen[:3, :3], geometry.rotation(np.array([0, 1.0, 0])), atol=5e-3)
+    np.testing.assert_allclose(geometry.transform(fallen, at[None])[0], at, atol=1e-6)
+
+
+def test_a_solid_falls_as_its_points_do() -> None:
+    pose = geometry.rigid(np.zeros(3), np.array([0, 0, 0.26]))
+    hull = Rigid(box(pose), 500.0, 0.0).run(11, 0.05)
+    solid = Rigid(box(pose), 500.0, 0.0, solid=Solid("box", pose, tuple(HALF))).run(11, 0.05)
+    np.testing.assert_allclose(solid.motions, hull.motions, atol=1e-3)
+
+
+def test_a_cylinder_that_topples_goes_straight_and_is_not_turned_by_its_own_axes() -> None:
+    """By symmetry; MuJoCo puts contacts at angles from the cylinder's own x axis, which steps must be short for."""
+    ends = []
+    for turn in (0.5, 2.0):
+        pose = geometry.rigid(np.array([0, 0, turn]), np.array([0, 0, 0.06]))
+        one = Rigid(np.eye(3), 525.0, 0.0, friction=1.5, velocity=(0, 1.2, 0),
+                    solid=Solid("cylinder", pose, (0.045, 0.06)))  # fmt: skip
+        end = one.run(31, 0.05).motions[-1]
+        ends.append(geometry.transform(end, pose[None, :3, 3])[0])
+    assert all(0.1 < end[1] < 0.115 and abs(end[0]) < 0.005 for end in ends), ends

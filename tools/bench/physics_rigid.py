@@ -1,10 +1,10 @@
 """Rigid things left to physics, rebuilt from the twin's images, against MuJoCo with the twin's true shapes and poses.
 
-python tools/bench/physics_rigid.py [drop topple roll push drawer] [--seeds 0 1] [--json]
+python tools/bench/physics_rigid.py [drop topple roll push drawer lid] [--seeds 0 1] [--json]
 
 The operator sees rgb, depth and masks; the truth has the thing's own boxes and cylinders, the table, the things around
-it, and the robot's true fingers on their true way, in the same MuJoCo with the same material. `drawer` has no simulated
-truth: it is held against the recorded track, which the recorded gripper is to pull it along again.
+it, and the robot's true fingers on their true way, in the same MuJoCo with the same material. `drawer` and `lid`
+have no simulated truth: they are held against the recorded track, along which the recorded gripper is to move them.
 """
 
 import argparse
@@ -29,6 +29,7 @@ from rpaug.twin.look import Look
 
 FRAMES, SIZE, FPS, MATERIAL = 40, 128, 20.0, "wood"
 FLAT = "patch"  # a millimetre thick: no edge of it catches a block
+HELD = ("drawer", "lid")
 HANDS = ("hand", "finger_left", "finger_right")
 
 
@@ -49,6 +50,7 @@ TRIES = {
     "roll": Try("open_drawer", "cylinder", velocity=(0.0, 1.2, 0.0), friction=1.5),
     "push": Try("slide_block", "block_plain"),
     "drawer": Try("open_drawer", "drawer"),
+    "lid": Try("close_box", "lid"),
 }
 
 
@@ -155,7 +157,7 @@ def compare(name: str, seed: int) -> dict[str, float]:
     start = stage.take.poses[what.name][0]
     middle = stage.tracks[0, stage.shapes((what.name,)), :3, 3].mean(0)
     recorded = stage.take.poses[what.name] @ geometry.inverse(start)
-    true = recorded if name == "drawer" else true_motions(stage, what)
+    true = recorded if name in HELD else true_motions(stage, what)
     places = [motions[:, :3, :3] @ middle + motions[:, :3, 3] for motions in (found, true)]
     off = np.linalg.norm(places[0] - places[1], axis=-1)
     turn = np.einsum("tji,tjk->tik", found[:, :3, :3], true[:, :3, :3])

@@ -1,15 +1,18 @@
-"""What holds a thing where it is: a rail that its recorded motion shows, or what stands around it on opposite sides."""
+"""What holds a thing: a rail or a hinge that its recorded motion shows, or what stands around it on opposite sides."""
 
 import numpy as np
 from jaxtyping import Float, Float64
 
 from rpaug import geometry
-from rpaug.physics.rigid import Rail
+from rpaug.physics.rigid import Hinge, Rail
 from rpaug.scene.simulated.bound import nearest
-from rpaug.scene.tracking.slide import along_rail
+from rpaug.scene.tracking.hinge import about_hinge
+from rpaug.scene.tracking.slide import STIRS, along_rail
 from rpaug.types import Scene
 
 STEEPEST = 0.7  # of an axis' length upwards: what goes up more is lifted, not drawn
+NEAR_AXIS = 0.03  # metres from a thing to the hinge it turns on: what was carried round in a hand is farther
+RESTS = 4  # first frames: what does not turn in them, its hinge holds
 BESIDE = 0.015  # metres to what stands beside a thing and may hold it
 FACING = 0.7  # cosine: that is on this side of the thing
 FEW = 8  # points on a side
@@ -24,12 +27,13 @@ def held(
     standing: Float64[np.ndarray, "m 3"],
     level: float | None,
     lifted: float,
-) -> Rail | None:
-    """The rail that a thing with these surface points is on, one of no length if it is fixed, None if it is free.
+) -> Rail | Hinge | None:
+    """The rail or hinge that a thing with these surface points is on, a rail of no length if it is fixed, None if it is
+    free.
 
     What stands on the support, at height `level`, is free: what is pushed over a table goes straight too. Above it, a
-    recorded slide that does not rise is a drawer's, over the way recorded; and what never moved, with something still
-    within `BESIDE` metres on two opposite sides, is fixed.
+    recorded slide that does not rise is a drawer's, over the way recorded; a turn about an axis that stays is a door's
+    or a lid's; and what never moved, with something still within `BESIDE` metres on two opposite sides, is fixed.
     """
     foot = float(np.quantile(points[:, 2], 0.01))
     if level is not None and foot - level < lifted:
@@ -38,14 +42,36 @@ def held(
     tracks = [track @ geometry.inverse(track[0]) for track in recorded]
     if all((track == track[:1]).all() for track in recorded):
         return Rail((0.0, 0.0, 1.0), 0.0, 0.0) if enclosed(points, standing) else None
-    found = [along_rail(track, points.mean(0)) for track in tracks]
-    if found[0] is None or not all(np.allclose(track, tracks[0]) for track in tracks):
+    if not all(np.allclose(track, tracks[0]) for track in tracks):
         return None
-    axis, along = found[0]
-    if abs(axis[2]) > STEEPEST:
+    return _rail(tracks[0], points) or _hinge(tracks[0], points)
+
+
+def _rail(track: Float64[np.ndarray, "t 4 4"], points: Float64[np.ndarray, "n 3"]) -> Rail | None:
+    found = along_rail(track, points.mean(0))
+    if found is None or abs(found[0][2]) > STEEPEST:
         return None
-    x, y, z = axis.tolist()
+    (x, y, z), along = found[0].tolist(), found[1]
     return Rail((x, y, z), float(along.min()), float(along.max()))
+
+
+def _hinge(track: Float64[np.ndarray, "t 4 4"], points: Float64[np.ndarray, "n 3"]) -> Hinge | None:
+    found = about_hinge(track, points)
+    if found is None or _apart(points, found[0], found[1]) > NEAR_AXIS:
+        return None
+    (a, b, c), (x, y, z), angles = found[0].tolist(), found[1].tolist(), found[2]
+    stiff = bool((np.abs(angles[:RESTS]) < STIRS).all())
+    return Hinge((a, b, c), (x, y, z), float(angles.min()), float(angles.max()), stiff)
+
+
+def _apart(
+    points: Float64[np.ndarray, "n 3"],
+    at: Float64[np.ndarray, "3"],
+    axis: Float64[np.ndarray, "3"],
+) -> float:
+    """Metres from an axis to the nearest of some points."""
+    away = points - at
+    return float(np.linalg.norm(away - np.outer(away @ axis, axis), axis=1).min())
 
 
 def enclosed(points: Float64[np.ndarray, "n 3"], standing: Float64[np.ndarray, "m 3"]) -> bool:

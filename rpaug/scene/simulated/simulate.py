@@ -11,7 +11,7 @@ from rpaug.errors import Unsupported
 from rpaug.physics import rigid
 from rpaug.physics.colliders import Still, nothing, still
 from rpaug.physics.materials import Law, Material
-from rpaug.physics.rigid import Rail, Rigid
+from rpaug.physics.rigid import Hinge, Rail, Rigid
 from rpaug.physics.soft import EDGE, Soft, too_stiff
 from rpaug.physics.solids import Solid, solid
 from rpaug.scene.placement import placing
@@ -148,7 +148,7 @@ def _rigidly(
     how: Setting,
     around: Surroundings,
     points: Float64[np.ndarray, "n 3"],
-    rail: Rail | None,
+    rail: Rail | Hinge | None,
     shaped: Solid | None,
 ) -> tuple[Scene, dict[str, Any]]:
     up = np.array([0.0, 0.0, 0.0 if rail else how.height])
@@ -176,7 +176,11 @@ def _rigidly(
         track[as_recorded] = body.to_world[as_recorded]
         return replace(body, handles=mine, to_world=track, motion="simulated")
 
-    told = {"shape": "convex hull" if shaped is None else shaped.kind, "steps": fall.steps, "touched": bool(fall.boxes[: around.robot].sum() > GENTLE)}
+    told = {
+        "shape": "convex hull" if shaped is None else shaped.kind,
+        "steps": fall.steps,
+        "touched": bool(fall.boxes[: around.robot].sum() > GENTLE),
+    }
     return replace(scene, bodies=_split(scene, handles, move)), told
 
 

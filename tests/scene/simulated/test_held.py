@@ -1,4 +1,4 @@
-"""A drawer is on its rail, what stands close on both sides holds, and what stands on the table is free."""
+"""A drawer is on its rail, a lid on its hinge, what stands close on both sides holds, the rest is free."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -8,7 +8,7 @@ import pytest
 from tabletop import scene
 
 from rpaug import geometry
-from rpaug.physics.rigid import Rail
+from rpaug.physics.rigid import Hinge, Rail
 from rpaug.scene.simulated.held import enclosed, held
 from rpaug.types import Body, Scene
 
@@ -32,7 +32,7 @@ def moving(way: np.ndarray, turn: float = 0.0) -> Scene:
     return replace(scene(), bodies=(body,))
 
 
-def found(where: Scene, foot: float, standing: np.ndarray) -> Rail | None:
+def found(where: Scene, foot: float, standing: np.ndarray) -> Rail | Hinge | None:
     points = grid() + np.array([0, 0, LEVEL + foot + 0.05])
     return held(where, frozenset({HANDLE}), points, standing, LEVEL, 0.02)
 
@@ -43,7 +43,7 @@ NOTHING = np.zeros((0, 3))
 @pytest.mark.gl
 def test_what_slides_above_the_table_is_on_a_rail_as_long_as_its_recorded_way() -> None:
     rail = found(moving(0.15 * AXIS), 0.1, NOTHING)
-    assert rail is not None
+    assert isinstance(rail, Rail)
     assert abs(np.dot(rail.axis, AXIS)) == pytest.approx(1, abs=1e-6)
     assert rail.high - rail.low == pytest.approx(0.15, abs=1e-6)
     told = rail.describe()
@@ -77,3 +77,36 @@ def test_what_is_far_away_encloses_nothing() -> None:
     sides = [grid() * [0, 1, 1] + [x, 0, 0] for x in (-0.09, 0.09)]
     assert not enclosed(grid(), np.concatenate(sides))
     assert not enclosed(grid(), NOTHING)
+
+
+def swinging(angle: float, away: float, sunk: float = 0.0) -> Scene:
+    """A scene in which one thing turns about an upright axis `away` metres beside it, and sinks as it does."""
+    at = np.array([0.05 + away, 0.0, LEVEL])
+    poses = []
+    for s in np.maximum(np.linspace(-0.5, 1, scene().episode.length), 0):
+        pose = geometry.rigid(np.array([0, 0, angle * s]), np.zeros(3))
+        pose[:3, 3] = at - pose[:3, :3] @ at - [0, 0, sunk * s]
+        poses.append(pose)
+    return replace(scene(), bodies=(Body(frozenset({HANDLE}), np.stack(poses), "aligned"),))
+
+
+@pytest.mark.gl
+def test_what_turns_about_an_axis_beside_it_is_on_a_hinge() -> None:
+    hinge = found(swinging(-0.9, 0.005), 0.1, NOTHING)
+    assert isinstance(hinge, Hinge)
+    assert abs(hinge.axis[2]) == pytest.approx(1, abs=1e-6)
+    np.testing.assert_allclose(hinge.at[:2], [0.055, 0.0], atol=1e-6)
+    assert hinge.high - hinge.low == pytest.approx(0.9, abs=1e-6)
+    assert min(abs(hinge.low), abs(hinge.high)) < 1e-9
+    assert hinge.stiff
+    assert hinge.describe()["joint"] == "hinge"
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize(
+    ("angle", "away", "sunk", "foot"),
+    [(0.1, 0.005, 0.0, 0.1), (0.9, 0.2, 0.0, 0.1), (0.9, 0.005, 0.05, 0.1), (0.9, 0.005, 0.0, 0.0)],
+    ids=["hardly turned", "carried round", "sunk", "turned on the table"],
+)
+def test_what_shows_no_hinge_is_free(angle, away, sunk, foot: float) -> None:
+    assert found(swinging(angle, away, sunk), foot, NOTHING) is None
