@@ -4,9 +4,10 @@
 
 Of each seed's recording only the fixed cameras' colours are kept. Edits made from those are held against the truly
 changed recording: dB inside the truly changed pixels and outside them, beside the unedited images'. `IoU` is that of
-the mask an edit went by with the true one; `handle` asks for the thing's handle that fits best, `words` for the colour's name,
-`role` for what is manipulated. `things` is the mean over all true things beside the robot, each by its best handle over
-all cameras, and `thing in a camera` by its best handle there; nothing is edited. `--uncut` leaves GrabCut out.
+the mask an edit went by with the true one; `handle` asks for the thing's handle that fits best, `words` for the
+colour's name, `role` for what is manipulated. `things` is the mean over all true things beside the robot, each by its
+best handle over all cameras, and `thing in a camera` by its best handle there; nothing is edited. `--uncut` leaves
+GrabCut out.
 The background's texture lies in another place than the true one: dB are of its mean colour there.
 """
 

@@ -95,9 +95,9 @@ def _view(episode: Episode, seen: Things, name: str) -> CameraView:
         support = np.isin(part.resting, list(seen.support))
         around = np.isin(part.resting, list(seen.background))
         made = stage.of(view.camera, support, around)
-        told = _assumed(view.camera, episode.length)
+        assumed = _assumed(view.camera, episode.length)
         untold = (UNTOLD,) if part.came is not None else ()
-        stand_in = StandIn(view.camera, made.depth, (*told, *untold), untold="".join(untold))
+        stand_in = StandIn(view.camera, made.depth, (*assumed, *untold), untold="".join(untold))
         view = replace(view, camera=made.camera)
     return replace(view, ids=ids, inferred=True, stand_in=stand_in)
 
