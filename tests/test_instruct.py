@@ -72,12 +72,22 @@ class TestFollowed:
         judge._found = lambda said, after: frozenset([block])  # type: ignore[method-assign]
         assert judge.rewritten(said.descriptions[0]) == said.descriptions[0]
 
+    def patterned(self, texture: str) -> dict:
+        return {"op": "retexture", "target": {"role": "manipulated"}, "texture": texture}
+
     def test_a_new_pattern_has_no_colour_word(self, block):
         with pytest.raises(Untrue, match="another pattern"):
-            after(
-                told(f"put the {block} block on the pad"),
-                {"op": "retexture", "target": {"role": "manipulated"}},
-            )
+            after(told(f"put the {block} block on the pad"), self.patterned("checker_green"))
+
+    def test_a_texture_of_one_colour_is_called_by_it(self, block):
+        said = told(f"put the {block} block on the pad")
+        assert after(said, self.patterned("felt_purple")) == ("put the purple block on the pad",)
+
+    def test_a_pattern_needs_no_colour_word_where_the_noun_is_enough(self):
+        judge = Judge(scene(), scene(), Changes(looks={handle("pad"): None}))
+        pad = frozenset([handle("pad")])
+        judge._found = lambda said, after: pad if "pad" in said else frozenset()  # type: ignore[method-assign]
+        assert judge.rewritten("touch the white pad twice") == "touch the pad twice"
 
     def test_another_thing_of_that_name_is_refused(self, block):
         with pytest.raises(Untrue, match="could be it too"):
@@ -90,7 +100,7 @@ class TestFollowed:
         said = replace(scene().episode, descriptions=(f"put the {block} block on the pad",))
         base = replace(scene(), episode=said, descriptions=said.descriptions)
         made = recipe.build(
-            {"version": 1, "edits": [{"op": "retexture", "target": {"role": "manipulated"}}]}
+            {"version": 1, "edits": [self.patterned("checker_green")]}
         )
         edited, draws = pipeline.draw(base, made, 1)
         from rpaug import plan

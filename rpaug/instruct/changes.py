@@ -8,7 +8,11 @@ import numpy as np
 
 from rpaug.assets import library
 from rpaug.scene.naming import colours
+from rpaug.textures.mapping import Texture
 from rpaug.types import Body, Scene
+
+COARSE = 32  # texels a side at which a texture's colours are counted
+MOSTLY = 0.9  # of them in one colour, and people call it by that
 
 
 @dataclass(frozen=True)
@@ -77,10 +81,21 @@ def _looks(scene: Scene, known: frozenset[int]) -> dict[int, str | None]:
     for appearance in scene.appearance:
         if appearance.handles is None:  # light falls on all alike, and names no thing anew
             continue
-        asked = getattr(appearance, "asked", None)
+        asked, texture = (getattr(appearance, name, None) for name in ("asked", "texture"))
         name = None if asked is None else colours.nearest(np.array(asked))
+        if texture is not None:
+            name = _prevailing(texture)
         looks.update({handle: name for handle in appearance.handles if handle in known})
     return looks
+
+
+def _prevailing(texture: Texture) -> str | None:
+    """The colour word for nearly all of an image, None for a pattern of several."""
+    start, rows, columns = next(size for size in texture.sizes if max(size[1:]) <= COARSE)
+    texels = texture.texels[start : start + rows * columns] / 255.0
+    named = [colours.nearest(texel) for texel in texels]
+    name = max(sorted(set(named)), key=named.count)
+    return name if named.count(name) >= MOSTLY * len(named) else None
 
 
 def _elsewhere(now: Body, before: Body) -> bool:

@@ -43,8 +43,8 @@ class Judge:
                 new.append((phrase.rank, word))
             name = self._becomes(phrase)
             self._clear(phrase, name)
-            if phrase.tint and name is not None and name != phrase.colour:
-                new.append((phrase.tint, name))
+            if phrase.tint and name != phrase.colour:
+                new.append((phrase.tint, name or ""))
         for place, word in sorted(new, key=lambda entry: -entry[0].start):
             text = changed(text, place, word)
         return text
@@ -103,7 +103,7 @@ class Judge:
         return rank.text
 
     def _becomes(self, phrase: Phrase) -> str | None:
-        """The colour word that is true after the edits, None without one. Raises Untrue."""
+        """The colour word that is true after the edits, None where there is none and none is needed. Raises Untrue."""
         looks = self._changes.looks
         if phrase.colour is None or not looks:
             return phrase.colour
@@ -116,6 +116,8 @@ class Judge:
                 )
             return phrase.colour
         new = {looks.get(handle, phrase.colour) for handle in named}
+        if None in new and self._alone(phrase, named):
+            return None
         if None in new:
             raise Untrue(f"{phrase.text!r} has another pattern now, and no one colour")
         names = {str(name) for name in new}
@@ -124,6 +126,11 @@ class Judge:
         if len(names) > 1:
             raise Untrue(f"{phrase.text!r} is {' and '.join(sorted(names))} now")
         return names.pop()
+
+    def _alone(self, phrase: Phrase, named: frozenset[int]) -> bool:
+        """Do a phrase's nouns say the same without its colour: "the button", where there is but one?"""
+        plain = replace(phrase, colour=None, tint=None)
+        return bool(phrase.nouns) and self._named(plain) == named
 
     def _clear(self, phrase: Phrase, name: str | None) -> None:
         """See that what the words say now fits nothing that they did not mean. Raises Untrue."""

@@ -180,12 +180,14 @@ def _phrase(words: Sequence[Word]) -> Phrase | None:
 
 
 def changed(text: str, word: Word, new: str) -> str:
-    """The text with another word in a word's place, its article and its capital kept right."""
-    old = text[word.start : word.end]
-    new = new.capitalize() if old[0].isupper() else new
-    before = text[: word.start]
+    """The text with another word in a word's place, or none, its article and its capital kept right."""
+    before, after = text[: word.start], text[word.end :]
+    capital = text[word.start].isupper()
+    if not new:  # the word after it takes its place
+        new, after = after.lstrip(), ""
+    new = new[:1].upper() + new[1:] if capital else new
     article = re.search(r"\b([Aa])n?( +)$", before)
     if article:
-        right = article[1] + ("n" if new[0].lower() in "aeiou" else "")
+        right = article[1] + ("n" if new[:1].lower() in tuple("aeiou") else "")
         before = before[: article.start()] + right + article[2]
-    return before + new + text[word.end :]
+    return before + new + after

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from rpaug import geometry, twin
 from rpaug.twin.look import Look
+from rpaug.twin.panda import OPEN
 from rpaug.twin.record import stage
 from tools.bench.closed_loop import looks, policy, result, samples, views
 from tools.bench.closed_loop.arms import MOST, TASKS
@@ -18,16 +19,20 @@ from tools.bench.closed_loop.bench import Bench
 
 @pytest.mark.gl
 @pytest.mark.parametrize("task", TASKS)
-def test_demonstrated_key_poses_do_the_task_and_waiting_does_not(task: str) -> None:
+def test_recorded_key_poses_do_the_task_and_waiting_does_not(task: str) -> None:
+    """Those that a policy learns from: what is picked of a recording must be enough."""
+    learnt = list(samples.of(twin.perform(task, 77, frames=30).episode, 0))
+    assert len(learnt) <= MOST
     with closing(Bench(task, 77, 0, Look())) as bench:
         tip = bench.where("gripper")
         for _ in range(3):
             bench.act(tip, bench.opening)
         assert not bench.solved()
-        for key in bench.job.script:
-            tip = tip if key.tip is None else key.tip
-            assert bench.act(tip, key.opening)
-        assert bench.solved()
+        done = False
+        for sample in learnt:
+            assert bench.act(sample.pose, OPEN if sample.open else 0.0)
+            done = done or bench.solved()
+        assert done
 
 
 @pytest.mark.gl
@@ -42,7 +47,6 @@ def test_a_pose_out_of_reach_is_refused() -> None:
 def test_samples_are_a_demonstrations_key_poses() -> None:
     take = twin.perform("put_in_box", 77, frames=30)
     found = list(samples.of(take.episode, 4))
-    assert len(found) <= MOST
     tips = take.episode.robot.gripper_to_world
     assert tips is not None
     grasp = next(sample for sample in found if not sample.open)

@@ -61,11 +61,25 @@ class Bench:
         return views
 
     def act(self, pose: Pose, opening: float) -> bool:
-        """Move to the key pose on a straight line, then set the fingers; False if the arm cannot reach it."""
+        """Move to the key pose, then set the fingers; False if the arm cannot reach it.
+
+        The way is what RLBench's planner is for: up to the higher of both ends, across, and down, so that what is
+        carried comes from above; a key pose says nothing of the way to it.
+        """
         try:
             self.q = tabletop.ARM.solve(pose, self.q)
         except ValueError:
             return False
+        for leg in _way(self._target(), pose):
+            self._follow(leg)
+        self._run(SETTLE)
+        if abs(opening - self.opening) > 1e-4:
+            self._fingers(opening)
+            self._run(2 * SETTLE)
+        return True
+
+    def _follow(self, pose: Pose) -> None:
+        """Along a straight line, turning evenly."""
         start = self._target()
         turn = np.arccos(np.clip((np.trace(start[:3, :3].T @ pose[:3, :3]) - 1) / 2, -1, 1))
         way = np.linalg.norm(pose[:3, 3] - start[:3, 3])
@@ -74,11 +88,6 @@ class Bench:
         for n in range(1, steps + 1):
             self._put(_between(start, pose, n / steps))
             mujoco.mj_step(self.model, self.data)
-        self._run(SETTLE)
-        if abs(opening - self.opening) > 1e-4:
-            self._fingers(opening)
-            self._run(2 * SETTLE)
-        return True
 
     def solved(self) -> bool:
         """Whether what the task asks for is so now."""
@@ -125,6 +134,16 @@ class Bench:
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = body.xmat.reshape(3, 3), body.xpos
         return pose
+
+
+def _way(start: Pose, end: Pose) -> tuple[Pose, ...]:
+    """Corners on the way from one pose to the next, the last one the end itself."""
+    over = end.copy()
+    if end[2, 3] > start[2, 3]:
+        over[:2, 3] = start[:2, 3]
+    else:
+        over[2, 3] = start[2, 3]
+    return over, end
 
 
 def _between(start: Pose, end: Pose, share: float) -> Pose:

@@ -49,7 +49,7 @@ class Policy(nn.Module):
         self.up = nn.ModuleList(
             [_block(a + b, a) for a, b in zip(WIDTHS[-2::-1], WIDTHS[:0:-1], strict=True)]
         )
-        self.told = nn.Linear(tasks * most, 2 * WIDTHS[-1])
+        self.told = nn.ModuleList([nn.Linear(tasks * most, 2 * wide) for wide in WIDTHS[::-1]])
         self.heat = nn.Conv2d(first, 1, 1)
         self.head = nn.Sequential(
             nn.Linear(3 * (first + WIDTHS[-1]) + tasks * most, 64), nn.ReLU(), nn.Linear(64, 10)
@@ -68,11 +68,11 @@ class Policy(nn.Module):
         for layer in self.down:
             x = layer(functional.max_pool2d(x, 2))
             kept.append(x)
-        scale, shift = self.told(goals).repeat_interleave(3, 0)[..., None, None].chunk(2, 1)
-        x = x * (1 + scale) + shift
+        x = _told(self.told[0], goals, x)
         whole = x.amax((2, 3)).unflatten(0, (batch, 3)).flatten(1)
-        for layer, skip in zip(self.up, kept[-2::-1], strict=True):
+        for layer, told, skip in zip(self.up, self.told[1:], kept[-2::-1], strict=True):
             x = layer(torch.cat([functional.interpolate(x, scale_factor=2.0), skip], 1))
+            x = _told(told, goals, x)
         heat = self.heat(x).squeeze(1).unflatten(0, (batch, 3))
         return heat, x.unflatten(0, (batch, 3)), torch.cat([whole, goals], 1)
 
@@ -153,11 +153,18 @@ def targets(poses: Float[np.ndarray, "b 4 4"], opened: Float[np.ndarray, "b"]) -
         return torch.from_numpy(np.ascontiguousarray(values, np.float32))
 
     return Targets(
-        tensor(cells(poses[:, :3, 3])),
+        tensor(np.clip(cells(poses[:, :3, 3]), 0.5, GRID - 0.5)),  # the home pose is above the cube
         tensor(poses[:, :3, 2]),
         tensor(poses[:, :3, 1]),
         tensor(opened),
     )
+
+
+def _told(layer: nn.Module, goals: Float[Tensor, "b g"], x: Float[Tensor, "v f h w"]) -> Tensor:
+    """Features scaled and shifted by what is to be done (Perez et al. 2018, arXiv 1709.07871)."""
+    scale, shift = layer(goals).repeat_interleave(3, 0)[..., None, None].chunk(2, 1)
+    out: Tensor = x * (1 + scale) + shift
+    return out
 
 
 def _outer(across: Float[Tensor, "b 3"]) -> Float[Tensor, "b 6"]:

@@ -13,7 +13,7 @@ from rpaug.types import Episode
 from tools.bench.closed_loop.bench import SEEN, View
 from tools.bench.closed_loop.views import cloud
 
-SAME = 1e-3  # metres and entries of a rotation: poses closer than that are one
+SAME = 0.015  # metres and entries of a rotation: closer poses are one to a policy that sees cells of a centimetre
 
 
 @dataclass(frozen=True)
