@@ -99,9 +99,7 @@ class TestFollowed:
     def test_a_copy_whose_words_would_lie_is_rejected(self, block):
         said = replace(scene().episode, descriptions=(f"put the {block} block on the pad",))
         base = replace(scene(), episode=said, descriptions=said.descriptions)
-        made = recipe.build(
-            {"version": 1, "edits": [self.patterned("checker_green")]}
-        )
+        made = recipe.build({"version": 1, "edits": [self.patterned("checker_green")]})
         edited, draws = pipeline.draw(base, made, 1)
         from rpaug import plan
 
