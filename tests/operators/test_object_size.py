@@ -5,8 +5,10 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 from tabletop import handle, scene
 
+from rpaug import twin
 from rpaug.errors import Unsupported
 from rpaug.operators.object_size import ObjectSize
+from rpaug.scene.build import build
 from rpaug.scene.naming.targets import Target
 from rpaug.scene.placement import growing, placing
 from rpaug.testing import OperatorContract, shown
@@ -91,3 +93,24 @@ def test_it_grows_no_farther_than_there_is_room():
     with pytest.raises(Unsupported, match=r"at 8 times its size it meets what .* is the most"):
         wanted.sample(scene(), np.random.default_rng(0))
     assert growing.largest(scene(), frozenset(alone), foot, 0.8) == (0.8, None)
+
+
+def test_what_lies_in_another_thing_does_not_come_out_of_its_sides():
+    take = twin.perform("open_drawer", 3, frames=17, size=96)
+    recorded = build(take.episode, with_bodies=True)
+    drawer, cabinet = (take.truth.handles[name] for name in ("drawer", "cabinet"))
+    points = placing.points_of(recorded, [drawer])
+    foot = np.array([*points[:, :2].mean(0), points[:, 2].min()])
+    fits, what = growing.largest(recorded, frozenset([drawer]), foot, 1.3)
+    assert what is not None
+    assert str(cabinet) in what
+    sides = placing.points_of(recorded, [cabinet])
+    way = growing._way(recorded, frozenset([drawer]))
+    across = np.array([-way[1], way[0]])
+    inside = (
+        points[:, :2] @ way < (sides[:, :2] @ way).max() - 0.01
+    )  # the front panel lies before them
+    wide, room = np.ptp(points[inside, :2] @ across), np.ptp(sides[:, :2] @ across)
+    assert room < 1.3 * wide
+    assert fits * wide < room + 4 * growing.INSIDE
+    assert growing.largest(recorded, frozenset([drawer]), foot, 1.02) == (1.02, None)

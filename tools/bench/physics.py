@@ -223,7 +223,7 @@ def drop() -> dict[str, float]:
     half = np.array([0.03, 0.05, 0.08])
     turn = np.array([0.3, 0.2, 0.1])
     model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><option timestep="0.001" integrator="implicitfast" cone="elliptic"/>
+        f"""<mujoco><option timestep="0.0001" integrator="implicitfast" cone="elliptic" impratio="10"/>
         <default><geom friction="0.5 0.005 0.0005" condim="4" solref="0.004 1"/></default>
         <worldbody><geom type="plane" size="0 0 0.1"/><body pos="0 0 0.2"><freejoint/>
         <geom type="box" size="{half[0]} {half[1]} {half[2]}" density="525"/></body></worldbody></mujoco>"""
@@ -245,7 +245,7 @@ def drop() -> dict[str, float]:
         worst = max(worst, float(np.linalg.norm(place - data.xpos[1])))
         off = (motion[:3, :3] @ pose).T @ data.xmat[1].reshape(3, 3)
         turned = max(turned, float(np.arccos(np.clip((np.trace(off) - 1) / 2, -1, 1))))
-        for _ in range(50):
+        for _ in range(500):
             mujoco.mj_step(model, data)
     return {"drop_worst_mm": 1000 * worst, "drop_worst_degrees": float(np.rad2deg(turned))}
 

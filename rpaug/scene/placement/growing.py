@@ -9,6 +9,9 @@ from rpaug.scene.placement.placing import CELL, Room, hull, points_of, room
 from rpaug.types import Scene
 
 STEPS = 24  # factors tried between the recorded size and the one asked for
+INSIDE = 0.005  # metres inside or outside of a side, from which on that is clear
+FEW = 8  # points that a growing thing's outside is told by
+OPEN = 0.7  # cosine between a side and the way a thing moves from which on that side is open
 LIFTED = 0.02  # metres over the support: what begins higher does not stand on it
 
 
@@ -17,13 +20,17 @@ def largest(
 ) -> tuple[float, str | None]:
     """The largest factor up to `wanted` by which the things can grow about `pivot` (world), and what stops them there.
 
-    Only what the growth newly takes counts: as things were recorded they met nothing. Things that do not stand on the
-    support, or that the robot moves, are judged by their contacts alone.
+    Only what the growth newly takes counts: as things were recorded they met nothing. What lies in another thing, as a
+    drawer in its cabinet, grows up to that one's sides. Apart from that, things that do not stand on the support, or
+    that the robot moves, are judged by their contacts alone.
     """
     moved = scene.roles.get("manipulated", frozenset()) | scene.roles.get("robot", frozenset())
     points = points_of(scene, handles)
-    if wanted <= 1 or handles & moved or len(points) < 4:
+    if wanted <= 1 or len(points) < 4:
         return wanted, None
+    inner, what = _within(scene, handles, points, pivot, wanted)
+    if what is not None or handles & moved:
+        return inner, what
     try:
         around = room(scene, handles)
     except TargetError:  # no support, so nothing to stand beside
@@ -37,6 +44,72 @@ def largest(
             return fits, what
         fits = factor
     return wanted, None
+
+
+def _within(
+    scene: Scene,
+    handles: frozenset[int],
+    points: Float64[np.ndarray, "n 3"],
+    pivot: Float64[np.ndarray, "3"],
+    wanted: float,
+) -> tuple[float, str | None]:
+    """The largest factor at which nothing comes out of the sides of a thing that it lay in.
+
+    Sides are those of the upright prism around what was seen of the other thing. Out of the top, and the way that the
+    thing itself moves, it may come: there it is open.
+    """
+    way = _way(scene, handles)
+    for body in scene.tracked:
+        if body.handles & handles or _apart(scene, body.handles):
+            continue
+        other = points_of(scene, body.handles)
+        if len(other) < 4:
+            continue
+        normals, offsets = _sides(hull(other))
+        below = points[:, 2] < float(other[:, 2].max())
+        beyond = (points[:, :2] @ normals.T - offsets).max(1)
+        if (below & (beyond < -INSIDE)).sum() < FEW:
+            continue
+        held = points[below & (beyond < 0), :2]
+        closed = np.abs(normals @ way) < OPEN
+        fits = 1.0
+        for factor in np.linspace(1.0, wanted, STEPS + 1)[1:].tolist():
+            grown = pivot[:2] + factor * (held - pivot[:2])
+            out = (grown @ normals[closed].T - offsets[closed]).max(1, initial=-np.inf)
+            if (out > INSIDE).sum() >= FEW:
+                names = ", ".join(map(str, sorted(body.handles)))
+                return fits, f"the sides of {names}, in which it lies"
+            fits = factor
+    return wanted, None
+
+
+def _apart(scene: Scene, handles: frozenset[int]) -> bool:
+    return any(
+        handles & scene.roles.get(role, frozenset()) for role in ("robot", "table", "background")
+    )
+
+
+def _way(scene: Scene, handles: frozenset[int]) -> Float64[np.ndarray, "2"]:
+    """The direction over the ground in which the things move farthest, of length 1; 0 if they do not."""
+    body = next(body for body in scene.tracked if body.handles & handles)
+    steps = body.to_world[:, :2, 3] - body.to_world[0, :2, 3]
+    step = steps[int(np.argmax((steps**2).sum(1)))]
+    far = float(np.linalg.norm(step))
+    return step / far if far > LIFTED else np.zeros(2)
+
+
+def _sides(
+    outline: Float[np.ndarray, "k 2"],
+) -> tuple[Float64[np.ndarray, "k 2"], Float64[np.ndarray, "k"]]:
+    """Outward normals of a convex outline's edges, and how far out each edge lies along its own."""
+    corners = np.asarray(outline, float)
+    edges = np.roll(corners, -1, axis=0) - corners
+    normals = np.stack([edges[:, 1], -edges[:, 0]], 1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-9)
+    offsets = (corners * normals).sum(1)
+    if (corners.mean(0) @ normals.T - offsets).mean() > 0:  # the corners run the other way round
+        normals, offsets = -normals, -offsets
+    return normals, offsets
 
 
 def _met(
