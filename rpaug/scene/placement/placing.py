@@ -22,6 +22,7 @@ CELL = 0.01  # metres
 MARGIN = 0.05  # metres to other things, as COLOSSEUM keeps them apart
 SWEEPS = 64  # frames looked at for what moves
 STILLS = 4  # frames looked at for what stands
+ROUNDS = 16  # the same where all cameras move, and each frame shows another part
 LEVEL = 0.01  # metres: what is nearer to the plane than this is the support
 REACH = 0.06  # metres: radius of an arm's link, whose sides are seen but not its underside
 UNDERNEATH = 0.06  # metres
@@ -143,34 +144,46 @@ def hull(points: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, "k 2"]:
 def points_of(
     scene: Scene, handles: Iterable[int], count: int = STILLS
 ) -> Float64[np.ndarray, "n 3"]:
-    """What fixed cameras saw of some recorded instances, in the world of frame 0."""
-    wanted = list(handles)
-    poses = {handle: body.to_world for body in scene.tracked for handle in body.handles}
-    found = []
-    for view in scene.episode.views.values():
-        if view.depth is None or view.ids is None:
-            continue
-        for t in sampling.frames(scene.episode.length, count):
-            ids, depth = view.ids(t), view.depth(t)
-            for handle in wanted:
-                use = (ids == handle) & (depth > 0) & np.isfinite(depth)
-                if use.any():
-                    world = _lifted(view, t, depth, use)
-                    found.append(
-                        geometry.transform(
-                            poses[handle][0] @ geometry.inverse(poses[handle][t]), world
-                        )
-                    )
+    """What cameras saw of some recorded instances, in the world of frame 0."""
+    found = [points for points in points_by_handle(scene, handles, count).values() if len(points)]
     return np.concatenate(found) if found else np.zeros((0, 3))
 
 
+def points_by_handle(
+    scene: Scene, handles: Iterable[int], count: int = STILLS
+) -> dict[int, Float64[np.ndarray, "n 3"]]:
+    """The same for each instance. Images are looked at once, at `count` times, or `ROUNDS` where all cameras move."""
+    poses = {handle: body.to_world for body in scene.tracked for handle in body.handles}
+    found: dict[int, list[Float64[np.ndarray, "n 3"]]] = {handle: [] for handle in handles}
+    for view in scene.episode.views.values():
+        if view.depth is None or view.ids is None:
+            continue
+        for t in sampling.frames(scene.episode.length, _looks(scene, count)):
+            ids, depth = view.ids(t), view.depth(t)
+            usable = (depth > 0) & np.isfinite(depth)
+            for handle in found.keys() & set(np.unique(ids).tolist()):
+                use = (ids == handle) & usable
+                moved = poses[handle][0] @ geometry.inverse(poses[handle][t])
+                found[handle].append(geometry.transform(moved, _lifted(view, t, depth, use)))
+    return {h: np.concatenate(some) if some else np.zeros((0, 3)) for h, some in found.items()}
+
+
+def _looks(scene: Scene, count: int) -> int:
+    """Frames to look at: `count` where a camera stands still, `ROUNDS` where each sees another part every time."""
+    fixed = any(view.camera.fixed for view in scene.episode.views.values())
+    return count if fixed else max(count, ROUNDS)
+
+
 def _support(scene: Scene, support: frozenset[int]) -> Float64[np.ndarray, "n 3"]:
-    """Points of the support as cameras saw it over the episode."""
+    """Points of the support as cameras saw it over the episode; a camera that moves beside fixed ones adds one frame."""
+    looks = _looks(scene, STILLS)
     found = []
     for name, view in scene.episode.views.items():
         if view.depth is None or view.ids is None:
             raise Unsupported(f"{name}: finding room needs recorded depth and masks")
-        for t in sampling.frames(scene.episode.length, STILLS if view.camera.fixed else 1):
+        for t in sampling.frames(
+            scene.episode.length, 1 if looks == STILLS and not view.camera.fixed else looks
+        ):
             depth = view.depth(t)
             use = np.isin(view.ids(t), list(support)) & (depth > 0) & np.isfinite(depth)
             if use.any():
@@ -189,12 +202,15 @@ def _standing(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
                 hull(geometry.transform(body.to_world[0], body.mesh.points))
             )
             still = placed.still.copy()
-    for body, handle, source in _things(scene):
-        if source in gone or handle in gone or body.motion != "static":
-            continue
+    standing = [
+        (body, source)
+        for body, handle, source in _things(scene)
+        if source not in gone and handle not in gone and body.motion == "static"
+    ]
+    clouds = points_by_handle(scene, {source for _, source in standing}, 2)
+    for body, source in standing:
         recorded = next(b for b in scene.tracked if source in b.handles)
-        points = points_of(scene, [source], 2)
-        own = geometry.transform(geometry.inverse(recorded.to_world[0]), points)
+        own = geometry.transform(geometry.inverse(recorded.to_world[0]), clouds[source])
         points = geometry.transform(body.to_world[0], body.scale * own)
         height = points[:, 2] - room.level
         rows, columns, inside = _cells(points, room.origin, still.shape)
