@@ -5,6 +5,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64
 
 from rpaug.errors import TargetError
+from rpaug.scene.naming.targets import APART
 from rpaug.scene.placement.placing import CELL, Room, hull, points_of, room
 from rpaug.types import Scene
 
@@ -59,8 +60,9 @@ def _within(
     thing itself moves, it may come: there it is open.
     """
     way = _way(scene, handles)
+    apart = handles.union(*(scene.roles.get(role, frozenset()) for role in APART))
     for body in scene.tracked:
-        if body.handles & handles or _apart(scene, body.handles):
+        if body.handles & apart:
             continue
         other = points_of(scene, body.handles)
         if len(other) < 4:
@@ -81,12 +83,6 @@ def _within(
                 return fits, f"the sides of {names}, in which it lies"
             fits = factor
     return wanted, None
-
-
-def _apart(scene: Scene, handles: frozenset[int]) -> bool:
-    return any(
-        handles & scene.roles.get(role, frozenset()) for role in ("robot", "table", "background")
-    )
 
 
 def _way(scene: Scene, handles: frozenset[int]) -> Float64[np.ndarray, "2"]:
