@@ -177,7 +177,9 @@ def inserted(scene: Scene, edit: Edit) -> Scene:
         light = Ambience(tuple(shown["light"]), (red, green, blue), (low, high, chroma))
     new = tuple(_standing(thing, light, scene.episode.length) for thing in edit["things"])
     after = replace(scene, bodies=(*scene.bodies, *new), ambience=light or scene.ambience)
-    return after if light is None else shadows.follow(scene, after, edit["lamps"])
+    if light is None:
+        return after
+    return shadows.grounded(scene, shadows.follow(scene, after, edit["lamps"]))
 
 
 def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:

@@ -3,6 +3,9 @@
 A lamp far away darkens the same share of light on all that a thing hides from it. Where a direction is a lamp's, the
 table is darker inside the outlines that all standing things cast along it than just outside. Outlines are the convex
 outlines of what was seen of the things. Only the table's own shading is changed, by one factor per lamp and place.
+
+In photographs there is light from all sides too, and what is put in keeps a part of it from the table at its foot. A
+simulator's renderer has nothing of the kind; so this is done only for sources without masks, which simulators have.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,6 +38,9 @@ FEW = 12  # cells
 BESIDE = 3  # cells around an outline that it is compared with
 SOFT = 0.7  # cells: standard deviation of a shadow's edge
 THICK = 0.006  # metres: what is lower casts nothing worth drawing
+ROW = 256  # places looked up in one row: OpenCV takes no longer ones than 32767
+RINGS, SECTORS = 12, 48  # of the sky, each as bright as another on level ground
+SKY = 0.8  # of the light that a thing keeps away is lost: the rest comes off its own sides
 
 
 @dataclass(frozen=True)
@@ -49,10 +55,10 @@ class Shade:
         self, colour: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
         at = (surface.points[:, :2] - np.array(self.origin, np.float32)) / np.float32(CELL)
-        x, y = at.T.astype(np.float32)
-        factor = cv2.remap(
-            self.gain, x[None], y[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )[0]
+        rest = -len(at) % ROW
+        x, y = np.pad(at.T.astype(np.float32), ((0, 0), (0, rest))).reshape(2, -1, ROW)
+        found = cv2.remap(self.gain, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        factor = found.ravel()[: len(at)]
         return np.clip(colour * factor[:, None], 0, 1).astype(np.float32)
 
 
@@ -71,9 +77,10 @@ class _Table:
 def lamps(scene: Scene) -> list[list[float]]:
     """Directions to the lamps that cast shadows on the table, and the share of light that each takes: (x, y, z, share).
 
-    Empty where the recording has no shadows, or no table to see them on.
+    Empty where the recording has no shadows, or no fixed camera saw a table to see them on.
     """
-    table = _table(scene, COARSE)
+    fixed = any(view.camera.fixed for view in scene.episode.views.values())
+    table = _table(scene, COARSE) if fixed else None
     if table is None:
         return []
     light = _brightness(scene, table)
@@ -114,6 +121,40 @@ def follow(before: Scene, after: Scene, cast: Sequence[Sequence[float]]) -> Scen
         return after
     x, y = table.origin.tolist()
     return replace(after, appearance=(*after.appearance, Shade(table.handles, (x, y), gain)))
+
+
+def grounded(before: Scene, after: Scene) -> Scene:
+    """The edited scene with the support darker at the foot of what was put in, where the recording is photographs.
+
+    The darkening is the part of an even sky, weighted by the cosine, that the thing's convex outline covers (ambient
+    occlusion; Zhukov, Iones and Kronin 1998).
+    """
+    table = _photographed(before)
+    known = {body.handles for body in before.bodies}
+    new = [
+        geometry.transform(body.to_world[0], body.mesh.points) - [0, 0, table.level]
+        for body in after.bodies
+        if table is not None and body.mesh is not None and body.handles not in known
+    ]
+    if table is None or not new:
+        return after
+    sky = _sky()
+    gain = np.ones(table.shape, np.float32)
+    for direction in sky:
+        gain -= np.float32(SKY / len(sky)) * _soft(_cast(new, direction, table))
+    x, y = table.origin.tolist()
+    shade = Shade(table.handles, (x, y), gain)
+    return replace(after, appearance=(*after.appearance, shade))
+
+
+def _photographed(scene: Scene) -> _Table | None:
+    """The support in finer cells, if no view came with masks."""
+    handles = scene.roles.get("table")
+    if not handles or not all(view.inferred for view in scene.episode.views.values()):
+        return None
+    around = placing.room(scene)
+    rows, columns = (int(round(n * placing.CELL / CELL)) for n in around.seen.shape)
+    return _Table(handles, around.origin, around.level, CELL, (rows, columns))
 
 
 def _table(scene: Scene, cell: float) -> _Table | None:
@@ -211,6 +252,16 @@ def _filled(parts: Sequence[Float[np.ndarray, "n 2"]], table: _Table) -> Bool[np
 
 def _soft(mask: Bool[np.ndarray, "r c"]) -> Float32[np.ndarray, "r c"]:
     return np.asarray(cv2.GaussianBlur(mask.astype(np.float32), (0, 0), SOFT), np.float32)
+
+
+def _sky() -> list[Float64[np.ndarray, "3"]]:
+    """Unit vectors to parts of the sky from which level ground gets the same light each."""
+    heights = np.arcsin(np.sqrt((np.arange(RINGS) + 0.5) / RINGS))
+    return [
+        np.array([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)])
+        for up in heights
+        for turn in 2 * np.pi * np.arange(SECTORS) / SECTORS
+    ]
 
 
 def _directions() -> list[Float64[np.ndarray, "3"]]:

@@ -23,6 +23,7 @@ MARGIN = 0.05  # metres to other things, as COLOSSEUM keeps them apart
 SWEEPS = 64  # frames looked at for what moves
 STILLS = 4  # frames looked at for what stands
 ROUNDS = 16  # the same where all cameras move, and each frame shows another part
+TWICE = 2  # of those show a part of the support, at least
 LEVEL = 0.01  # metres: what is nearer to the plane than this is the support
 REACH = 0.06  # metres: radius of an arm's link, whose sides are seen but not its underside
 UNDERNEATH = 0.06  # metres
@@ -128,9 +129,10 @@ def _room(scene: Scene, leaving: frozenset[int]) -> Room:
     rows, columns, inside = _cells(points, low, shape)
     seen[rows[inside], columns[inside]] = 1
     seen = cv2.morphologyEx(seen, cv2.MORPH_CLOSE, np.ones((CLOSED, CLOSED), np.uint8))
-    empty = Room(
-        low, level, seen > 0, np.full(shape, np.inf, np.float32), np.full(shape, np.inf, np.float32)
-    )
+    if _looks(scene, 0):
+        seen &= _agreed(scene, support, low, level, shape)
+    nothing = np.full(shape, np.inf, np.float32)
+    empty = Room(low, level, seen > 0, nothing, nothing)
     gone = leaving | support
     return _swept(_standing(empty, scene, gone), scene, gone)
 
@@ -193,6 +195,29 @@ def _support(scene: Scene, support: frozenset[int]) -> Float64[np.ndarray, "n 3"
     return np.concatenate(found)
 
 
+def _agreed(
+    scene: Scene,
+    support: frozenset[int],
+    origin: Float64[np.ndarray, "2"],
+    level: float,
+    shape: tuple[int, ...],
+) -> Bool[np.ndarray, "r c"]:
+    """Cells that are the support in most of the frames that look there, and in two at least: one alone may err."""
+    cells = np.argwhere(np.ones(shape, bool))
+    points = np.column_stack([origin + CELL * cells[:, ::-1], np.full(len(cells), level)])
+    fair, looked = np.zeros(len(cells)), np.zeros(len(cells))
+    for view in scene.episode.views.values():
+        assert view.ids is not None
+        for t in sampling.frames(scene.episode.length, ROUNDS):
+            ids = view.ids(t)
+            pixels, depth = geometry.project(points, view.camera, t)
+            columns, rows = np.rint(np.where(depth[:, None] > 0, pixels, -1)).astype(int).T
+            inside = (rows >= 0) & (columns >= 0) & (rows < ids.shape[0]) & (columns < ids.shape[1])
+            looked += inside
+            fair[inside] += np.isin(ids[rows[inside], columns[inside]], list(support))
+    return ((fair >= TWICE) & (fair >= looked / 2)).reshape(shape)
+
+
 def _standing(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
     """Each standing thing takes its cells from its lowest point up."""
     still = room.still.copy()
@@ -247,7 +272,7 @@ def _swept(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
     moving += list(scene.roles.get("robot", ()))
     whole = scene.roles.get("manipulated", frozenset())
     swept = np.full(room.swept.shape, 1e3, np.float32)
-    for t in sampling.frames(scene.episode.length, SWEEPS):
+    for t in sampling.frames(scene.episode.length, SWEEPS) if moving else ():
         for view in scene.episode.views.values():
             assert view.depth is not None
             assert view.ids is not None

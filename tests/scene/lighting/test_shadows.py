@@ -69,3 +69,13 @@ def test_without_lamps_nothing_changes(shaded):
     scene = shaded[1]
     gone = replace(scene, bodies=scene.bodies[:-1])
     assert shadows.follow(scene, gone, []) is gone
+
+
+def test_a_large_image_of_the_table_is_shaded():
+    shade = shadows.Shade(frozenset([1]), (0.0, 0.0), np.full((4, 4), 0.5, np.float32))
+    count = 2**15 + 3
+
+    class Somewhere:
+        points = np.zeros((count, 3), np.float32)
+
+    assert (shade(np.ones((count, 3), np.float32), Somewhere()) == 0.5).all()
