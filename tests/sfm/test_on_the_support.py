@@ -12,6 +12,8 @@ from rpaug.operators.insert import Insert
 from rpaug.scene.added import inserted
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import placing
+from rpaug.scene.placement.untouched import without
+from rpaug.scene.recorded import surfels
 from rpaug.sfm import colmap, developing
 from rpaug.sfm.things import BACKGROUND
 from rpaug.testing import shown
@@ -80,3 +82,18 @@ def test_a_simulator_has_no_light_from_all_sides(scene: Scene) -> None:
     simulated = replace(scene, episode=episode)
     after = replace(simulated, bodies=(*simulated.bodies, simulated.bodies[0]))
     assert shadows.grounded(simulated, after) is after
+
+
+@pytest.mark.parametrize("photographs", [True, False])
+def test_what_goes_from_photographs_takes_its_blur_along(scene: Scene, photographs: bool) -> None:
+    (view,) = scene.episode.views.values()
+    episode = replace(scene.episode, views={"ego": replace(view, inferred=photographs)})
+    known = replace(scene, episode=episode)
+    assert view.ids is not None
+    handle = next(h for h in range(5, 8) if (view.ids(5) == h).sum() > 50)
+    edited = without(known, [handle])
+    drawn = surfels.view(surfels.build(edited), edited, "ego", 5)
+    inside = view.ids(5) == handle
+    rim = (cv2.dilate(inside.astype(np.uint8), np.ones((3, 3))) > 0) & ~inside
+    assert (drawn.source[inside] != 0).all()
+    assert (drawn.source[rim] != 0).all() if photographs else (drawn.source[rim] == 0).all()

@@ -20,6 +20,7 @@ stand on.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Int32
 
@@ -37,6 +38,7 @@ from rpaug.types import Camera, CameraView, Scene
 
 HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
 SAME_PLACE = 0.01  # metres: what another camera saw this close to what the own one shows of a body is the same
+BLURRED = 0.006  # of the width of photographs: so far a thing shows beside its outline
 NOISES = 3.0  # standard deviations of depth noise within which two depths are one surface
 
 
@@ -135,7 +137,8 @@ def _still(
     """The fixed cameras' plates, and what moving cameras recorded of static things, without the edited ones."""
     cameras = {name: scene.episode.views[name].camera for name in surfels.plates}
     plates = {name: (cameras[name], kept) for name, kept in surfels.plates.items()}
-    past = [_without(source, edited) for kept in surfels.history.values() for source in kept]
+    rim = _rim(scene)
+    past = [_without(source, edited, rim) for kept in surfels.history.values() for source in kept]
     return plates, past
 
 
@@ -163,7 +166,8 @@ def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
     stands = _stands(camera, recorded.camera, t) and recorded.depth is not None
     edits = carried(scene, t)
     if stands and recorded.ids and edits and not any(edit.shows for edit in edits):
-        gone = among(recorded.ids(t), frozenset().union(*(edit.handles for edit in edits)))
+        gone = frozenset().union(*(edit.handles for edit in edits))
+        gone = _widened(among(recorded.ids(t), gone), _rim(scene))
         piece = window.around(gone, camera.K, camera.cam_to_world[t])
         return (
             _as_recorded(recorded, t)
@@ -242,7 +246,8 @@ def _known(
     edits = carried(scene, t)
     edited = frozenset(handle for edit in edits for handle in edit.handles)
     whole = list(_recordings(surfels, scene, own, t, edited, piece))
-    yield from (_without(source, edited) for source in whole) if edits else whole
+    rim = _rim(scene)
+    yield from (_without(source, edited, rim) for source in whole) if edits else whole
     for edit in edits:
         for source in whole if edit.shows else ():
             use = among(source.ids, frozenset(edit.shows))
@@ -316,9 +321,22 @@ def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.
     return out
 
 
-def _without(source: Source, handles: frozenset[int]) -> Source:
-    rest = ~among(source.ids, handles)
+def _without(source: Source, handles: frozenset[int], rim: int) -> Source:
+    """What a recording shows besides some things and the pixels around them that their blur reaches."""
+    rest = ~_widened(among(source.ids, handles), rim)
     return replace(source, use=rest if source.use is None else rest & source.use)
+
+
+def _rim(scene: Scene) -> int:
+    """Pixels by which an outline that was worked out in photographs is blurred; masks that were recorded are exact."""
+    views = scene.episode.views.values()
+    inferred = scene.antialiased and all(view.inferred for view in views)
+    return round(BLURRED * max(view.camera.width for view in views)) if inferred else 0
+
+
+def _widened(mask: Bool[np.ndarray, "h w"], rim: int) -> Bool[np.ndarray, "h w"]:
+    square = np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)
+    return cv2.dilate(mask.astype(np.uint8), square) > 0 if rim else mask
 
 
 def _history(
