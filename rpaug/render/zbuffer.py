@@ -23,6 +23,7 @@ from rpaug.render.outlines import BEFORE, BEHIND, HALF, INSIDE, WIDE, Footprints
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 
 SAME_SURFACE = 0.006  # of depth: closer than this, the earlier source is believed
+TOUCH = 0.05  # of that: so close are what was put elsewhere and what it touches there
 BEYOND = 1 << 16  # added to the rank of what reaches past its own pixel: later than any source
 
 
@@ -229,12 +230,17 @@ def _covers(x, y, ends, line):
 
 @inlined
 def _wins(hit, order, held, rank, tolerance):
-    """Whether 1/z = hit takes the pixel: it is nearer, or as near and comes earlier."""
+    """Whether 1/z = hit takes the pixel: it is nearer, or as near and comes earlier.
+
+    Two surfaces recorded in one place are one if they are within the tolerance; but what was put elsewhere and what it
+    touches there are two, so only their noise counts.
+    """
     if held < 0.0 or order == rank:
         return hit > held
+    close = tolerance if (order < 0) == (rank < 0) else tolerance - (1.0 - TOUCH) * SAME_SURFACE
     if order < rank:
-        return hit * (1.0 + tolerance) > held
-    return hit > held * (1.0 + tolerance)
+        return hit * (1.0 + close) > held
+    return hit > held * (1.0 + close)
 
 
 @kernel
