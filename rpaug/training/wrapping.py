@@ -21,6 +21,11 @@ Kind = Literal["rgb", "depth", "ids", "points", "K", "cam_to_world"]
 Sample = Any
 Cameras = Mapping[str, str | Mapping[Kind, str]]
 CHANNELS = {"rgb": 3, "depth": 1, "ids": 1, "points": 3}
+AXES = (  # signs of a matrix's columns: of OpenCV's axes, CoppeliaSim's as RLBench and RVT have them, OpenGL's
+    (1, 1, 1, 1),
+    (-1, -1, 1, 1),
+    (1, -1, -1, 1),
+)
 KINDS = (*CHANNELS, "K", "cam_to_world")
 
 
@@ -163,7 +168,7 @@ def wrap(
     Of a batch both give a list, one entry a row.
     `cameras` maps cameras of the recording to keys of the sample: `{"front": "front_rgb"}`, or
     `{"front": {"rgb": "front_rgb", "points": "front_point_cloud"}}` with the kinds rgb, depth (metres), ids, points
-    (metres, world), K and cam_to_world. Axes, range, normalisation and size of images are found by comparing with the
+    (metres, world), K and cam_to_world (camera axes of OpenCV, CoppeliaSim or OpenGL). Axes, range, normalisation and size of images are found by comparing with the
     recording; a sample that does not show the recorded frame is refused. Arrays and tensors keep their type and shape.
     Samples must be mappings; they are copied where they change. Raises BadInput, BadRecipe, Unsupported.
     """
@@ -214,15 +219,20 @@ def _image(view: CameraView, kind: Kind, t: int, name: str) -> np.ndarray:
 def _matrices(
     before: CameraView, after: CameraView, kind: Kind, frames: list[int], value: Any, name: str
 ) -> Any:
-    """A camera matrix, or one a frame, where the sample holds the recorded one."""
+    """A camera matrix, or one a frame, where the sample holds the recorded one, by any of the `AXES`."""
 
     def of(view: CameraView) -> np.ndarray:
         return view.camera.K[None] if kind == "K" else view.camera.cam_to_world[frames]
 
+    size = of(before).shape[-1]
     array = np.asarray(value, np.float64).reshape(-1, *of(before).shape[1:])
-    if not np.allclose(array, of(before), atol=1e-3, rtol=1e-3):
+    for signs in AXES:
+        old, new = (of(view) * np.array(signs)[:size] for view in (before, after))
+        if np.allclose(array, old, atol=1e-3, rtol=1e-3):
+            break
+    else:
         raise Unsupported(f"{name}: found another matrix; expected the recorded {kind}")
-    made = np.where(of(before) == of(after), array, of(after)).reshape(value.shape)
+    made = np.where(old == new, array, new).reshape(value.shape)
     if isinstance(value, torch.Tensor):
         return torch.from_numpy(made).to(value.dtype)
     return made.astype(value.dtype)

@@ -61,8 +61,8 @@ stub("rvt.models.peract_official", create_agent_our=None)
 from rvt.utils import dataset, peract_utils  # noqa: E402
 
 
-def filled(folder, episodes, count):
-    """The transitions of RVT's own replay buffer, filled as RVT's training fills it, in its order."""
+def buffer(folder, episodes, count):
+    """RVT's own replay buffer, filled as RVT's training fills it."""
     replay = dataset.create_replay(
         batch_size=1, timesteps=1, disk_saving=True, cameras=peract_utils.CAMERAS,
         voxel_sizes=peract_utils.VOXEL_SIZES, replay_size=2000,
@@ -75,10 +75,14 @@ def filled(folder, episodes, count):
         crop_augmentation=False, data_path=str(episodes), episode_folder=peract_utils.EPISODE_FOLDER,
         variation_desriptions_pkl=peract_utils.VARIATION_DESCRIPTIONS_PKL, clip_model=Words().eval(), device="cpu",
     )  # fmt: skip
-    added = int(replay.add_count)
-    rows = [i for i in range(added) if replay.is_valid_transition(i)]
-    assert rows, "no transition in the buffer"
-    return [one(replay, index) for index in rows]
+    return replay
+
+
+def rows(replay):
+    """Its transitions, in their order."""
+    valid = [i for i in range(int(replay.add_count)) if replay.is_valid_transition(i)]
+    assert valid, "no transition in the buffer"
+    return [one(replay, index) for index in valid]
 
 
 def one(replay, index):
@@ -91,8 +95,8 @@ def main():
     """Fill two buffers and compare."""
     replays, episodes, count, other, other_count = sys.argv[1:]
     sys.stdout, said = sys.stderr, sys.stdout  # RVT prints
-    first = filled(Path(replays) / "first", episodes, int(count))
-    second = filled(Path(replays) / "second", other, int(other_count))
+    first = rows(buffer(Path(replays) / "first", episodes, int(count)))
+    second = rows(buffer(Path(replays) / "second", other, int(other_count)))
     differs = {}
     for row, (a, b) in enumerate(zip(first, second, strict=False)):  # both counts are told
         for name in sorted(set(a) | set(b)):
@@ -117,4 +121,5 @@ def main():
     said.flush()
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -68,6 +68,25 @@ def wrapped(root: Path, recipe: Path, theirs: Any = None, **more: Any) -> Any:
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("signs", [(1, 1, 1, 1), (-1, -1, 1, 1), (1, -1, -1, 1)])
+def test_a_moved_camera_is_told_by_the_axes_the_sample_has(
+    template: Path, tmp_path: Path, signs: tuple[int, ...]
+) -> None:
+    class Turned(Theirs):
+        def __getitem__(self, index: int) -> dict[str, Any]:
+            sample = super().__getitem__(index)
+            key = "front_camera_extrinsics"
+            return sample | {key: (sample[key] * signs).astype(np.float32)}
+
+    recipe = recipe_file(tmp_path, MOVE)
+    ours = wrapped(template, recipe, Turned(template))[3]
+    key, t = FRAMES[3]
+    camera = AugmentedEpisodes(template, recipe, frames="all")[KEYS.index(key)]["cameras"]["front"]
+    moved = np.asarray(camera["cam_to_world"][t])
+    assert not np.allclose(moved, RLBench().read(template, key).views["front"].camera.cam_to_world[t])
+    assert np.allclose(ours["front_camera_extrinsics"], moved * signs, atol=1e-6)
+
+
 def test_a_sample_shows_what_the_episode_shows(template: Path, tmp_path: Path) -> None:
     recipe = recipe_file(tmp_path, PAINT, MOVE)
     ours, theirs = wrapped(template, recipe), Theirs(template)

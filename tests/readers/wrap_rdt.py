@@ -1,0 +1,64 @@
+"""RDT's own HDF5VLADataset inside rpaug's `wrap`; saves the frames it gives and those of rpaug's own dataset.
+
+    python wrap_rdt.py REPOSITORY FOLDER RECIPE FRAMES_OUT
+"""
+
+import json
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from rpaug.training import AugmentedEpisodes, wrap
+
+
+class Samples:
+    """Its samples, which do not say which file they are of, made to."""
+
+    def __init__(self, rdt):
+        self.rdt = rdt
+
+    def __len__(self):
+        return len(self.rdt)
+
+    def __getitem__(self, index):
+        np.random.seed(index)  # noqa: NPY002  # RDT draws its step and its image augmentation from it
+        return self.rdt.get_item(index) | {"episode": index}
+
+
+def main():
+    repository, folder, recipe, out = (Path(argument).resolve() for argument in sys.argv[1:])
+    sys.path.insert(0, str(repository))
+    with tempfile.TemporaryDirectory() as work:
+        os.chdir(work)  # the paths in RDT's code are relative
+        Path("data/datasets/agilex").mkdir(parents=True)
+        Path("data/datasets/agilex/rdt_data").symlink_to(folder)
+        Path("configs").symlink_to(repository / "configs")
+        from data.hdf5_vla_dataset import HDF5VLADataset
+
+        theirs = Samples(HDF5VLADataset())
+        ours = wrap(
+            theirs,
+            folder,
+            recipe,
+            episode=lambda s: s["episode"],
+            frame=lambda s: [max(0, s["meta"]["step_id"] - 1), s["meta"]["step_id"]],
+            cameras={"cam_high": "cam_high", "cam_right_wrist": "cam_right_wrist"},
+        )
+        plain, edited = theirs[0], ours[0]
+        t = int(plain["meta"]["step_id"])
+        shown = AugmentedEpisodes(folder, recipe, frames=[t])[0]["cameras"]
+        np.savez(
+            out,
+            **{f"plain/{name}": plain[name][-1] for name in ("cam_high", "cam_right_wrist")},
+            **{f"edited/{name}": edited[name][-1] for name in ("cam_high", "cam_right_wrist")},
+            **{f"shown/{name}": shown[name]["rgb"][0] for name in ("cam_high", "cam_right_wrist")},
+        )
+    same = [name for name in plain if np.array_equal(plain[name], edited[name])]
+    print(json.dumps({"length": len(ours), "step": t, "same": same, "names": sorted(plain)}))
+
+
+if __name__ == "__main__":
+    main()
