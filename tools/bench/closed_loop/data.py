@@ -27,10 +27,11 @@ def recorded(root: Path, tasks: Sequence[str], demos: int) -> Path:
 def augmented(root: Path, source: Path, recipe: str, copies: int, workers: int) -> Path:
     """Copies as a user would make them: by the command."""
     command = [sys.executable, "-m", "rpaug.cli", "augment", str(source), "--recipe", recipe]
-    command += ["--set", f"copies={copies}", "--workers", str(workers), "--out"]
+    command += ["--set", f"copies={copies}", "--workers", str(workers)]
 
     def make(work: Path) -> None:
-        done = subprocess.run([*command, str(work)], check=False)
+        again = ["--resume"] if work.exists() else []
+        done = subprocess.run([*command, "--out", str(work), *again], check=False)
         if done.returncode == 2:
             raise SystemExit("rpaug augment made nothing")
 
@@ -47,27 +48,30 @@ def rendered(
         adapter = registry.adapter("rlbench")
         for task in tasks:
             for number in range(demos * copies):
+                key = f"{task}/all_variations/episodes/episode{number}"
+                if (work / key).exists():
+                    continue
                 demo, copy = divmod(number, copies)
                 rng = np.random.default_rng([LAYOUTS, demo, copy, 11])
                 chosen = tuple(name for name in names if rng.random() < CHANCE)
                 job, world, _ = stage(task, LAYOUTS, demo, Look())
                 look = looks.mixed(chosen, world, job, "training", rng, int(rng.integers(2**32)))
                 take = twin.perform(task, LAYOUTS, episode=demo, look=look, frames=FRAMES)
-                key = f"{task}/all_variations/episodes/episode{number}"
                 adapter.write(take.episode, work, key, take.side)
 
     return _whole(root, make)
 
 
 def _record(task: str, work: Path, demos: int) -> None:
+    shutil.rmtree(work / task, ignore_errors=True)
     twin.record(task, LAYOUTS, work, episodes=demos, frames=FRAMES)
 
 
 def _whole(root: Path, make) -> Path:  # type: ignore[no-untyped-def]
-    """The folder, made beside its place and renamed when it is whole; nothing if it is there."""
+    """The folder, made beside its place, begun again where it was stopped, and renamed when it is whole; nothing if it
+    is there."""
     if not root.exists():
         work = root.with_name(f".{root.name}{PART}")
-        shutil.rmtree(work, ignore_errors=True)
         make(work)
         work.rename(root)
     return root
