@@ -129,10 +129,11 @@ def _room(scene: Scene, leaving: frozenset[int]) -> Room:
     rows, columns, inside = _cells(points, low, shape)
     seen[rows[inside], columns[inside]] = 1
     seen = cv2.morphologyEx(seen, cv2.MORPH_CLOSE, np.ones((CLOSED, CLOSED), np.uint8))
+    showing = seen > 0
     if _looks(scene, 0):
-        seen &= _agreed(scene, support, low, level, shape)
+        showing &= _agreed(scene, support, low, level, shape)
     nothing = np.full(shape, np.inf, np.float32)
-    empty = Room(low, level, seen > 0, nothing, nothing)
+    empty = Room(low, level, showing, nothing, nothing)
     gone = leaving | support
     return _swept(_standing(empty, scene, gone), scene, gone)
 

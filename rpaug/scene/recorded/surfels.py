@@ -166,8 +166,8 @@ def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
     stands = _stands(camera, recorded.camera, t) and recorded.depth is not None
     edits = carried(scene, t)
     if stands and recorded.ids and edits and not any(edit.shows for edit in edits):
-        gone = frozenset().union(*(edit.handles for edit in edits))
-        gone = _widened(among(recorded.ids(t), gone), _rim(scene))
+        handles = frozenset().union(*(edit.handles for edit in edits))
+        gone = _widened(among(recorded.ids(t), handles), _rim(scene))
         piece = window.around(gone, camera.K, camera.cam_to_world[t])
         return (
             _as_recorded(recorded, t)
