@@ -168,8 +168,9 @@ def wrap(
     Of a batch both give a list, one entry a row.
     `cameras` maps cameras of the recording to keys of the sample: `{"front": "front_rgb"}`, or
     `{"front": {"rgb": "front_rgb", "points": "front_point_cloud"}}` with the kinds rgb, depth (metres), ids, points
-    (metres, world), K and cam_to_world (camera axes of OpenCV, CoppeliaSim or OpenGL). Axes, range, normalisation and size of images are found by comparing with the
-    recording; a sample that does not show the recorded frame is refused. Arrays and tensors keep their type and shape.
+    (metres, world), K and cam_to_world (camera axes of OpenCV, CoppeliaSim or OpenGL). Axes, range, normalisation and
+    size of images are found by comparing with the recording; a sample that does not show the recorded frame is refused.
+    Arrays and tensors keep their type and shape.
     Samples must be mappings; they are copied where they change. Raises BadInput, BadRecipe, Unsupported.
     """
     for camera, keys in cameras.items():

@@ -37,7 +37,9 @@ def darker(folder: Path) -> Path:
 
 def test_rdts_own_dataset_is_wrapped(samples: Path, tmp_path: Path) -> None:
     repository = drivers.reader("RoboticsDiffusionTransformer")
-    episode = lengthened(registry.adapter("rlbench").read(samples / "rlbench_open_drawer", KEY), 140)
+    episode = lengthened(
+        registry.adapter("rlbench").read(samples / "rlbench_open_drawer", KEY), 140
+    )
     root, recipe, out = tmp_path / "out", darker(tmp_path), tmp_path / "frames.npz"
     registry.adapter("rdt").write(episode, root, "open_drawer/episode_0", dict)
     found = said(sys.executable, "wrap_rdt.py", repository, root, recipe, out)

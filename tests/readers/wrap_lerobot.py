@@ -1,6 +1,6 @@
 """LeRobot's own dataset class inside rpaug's `wrap`; saves the images it gives and those of rpaug's own dataset.
 
-    python wrap_lerobot.py FOLDER RECIPE FRAMES_OUT
+python wrap_lerobot.py FOLDER RECIPE FRAMES_OUT
 """
 
 import json

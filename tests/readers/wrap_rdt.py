@@ -1,6 +1,6 @@
 """RDT's own HDF5VLADataset inside rpaug's `wrap`; saves the frames it gives and those of rpaug's own dataset.
 
-    python wrap_rdt.py REPOSITORY FOLDER RECIPE FRAMES_OUT
+python wrap_rdt.py REPOSITORY FOLDER RECIPE FRAMES_OUT
 """
 
 import json

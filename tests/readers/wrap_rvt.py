@@ -46,7 +46,9 @@ def main():
     sample = next(iter(augmented))
     asked = [int(sample[name].flatten()[0]) for name in TRANSITION]
     plain = next(
-        one for one in fill_rvt_replay.rows(buffer) if [int(one[name]) for name in TRANSITION] == asked
+        one
+        for one in fill_rvt_replay.rows(buffer)
+        if [int(one[name]) for name in TRANSITION] == asked
     )
     edited = {name: np.asarray(value)[0] for name, value in sample.items() if name in plain}
     changed = [name for name, value in edited.items() if not np.array_equal(value, plain[name])]

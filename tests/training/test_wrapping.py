@@ -83,7 +83,9 @@ def test_a_moved_camera_is_told_by_the_axes_the_sample_has(
     key, t = FRAMES[3]
     camera = AugmentedEpisodes(template, recipe, frames="all")[KEYS.index(key)]["cameras"]["front"]
     moved = np.asarray(camera["cam_to_world"][t])
-    assert not np.allclose(moved, RLBench().read(template, key).views["front"].camera.cam_to_world[t])
+    assert not np.allclose(
+        moved, RLBench().read(template, key).views["front"].camera.cam_to_world[t]
+    )
     assert np.allclose(ours["front_camera_extrinsics"], moved * signs, atol=1e-6)
 
 

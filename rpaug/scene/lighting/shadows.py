@@ -153,7 +153,7 @@ def _photographed(scene: Scene) -> _Table | None:
     if not handles or not all(view.inferred for view in scene.episode.views.values()):
         return None
     around = placing.room(scene)
-    rows, columns = (int(round(n * placing.CELL / CELL)) for n in around.seen.shape)
+    rows, columns = (round(n * placing.CELL / CELL) for n in around.seen.shape)
     return _Table(handles, around.origin, around.level, CELL, (rows, columns))
 
 

@@ -178,7 +178,7 @@ def _looks(scene: Scene, count: int) -> int:
 
 
 def _support(scene: Scene, support: frozenset[int]) -> Float64[np.ndarray, "n 3"]:
-    """Points of the support as cameras saw it over the episode; a camera that moves beside fixed ones adds one frame."""
+    """Points of the support as cameras saw it over the episode; one that moves beside fixed ones adds a frame."""
     looks = _looks(scene, STILLS)
     found = []
     for name, view in scene.episode.views.items():
