@@ -111,6 +111,18 @@ def load(folders: tuple[Path, ...]) -> Beside:
     return Beside()
 
 
+def in_place(root: Path, folder: Path) -> None:
+    """See that no `cameras.yaml` lies above the dataset's folder, where nobody would read it. Raises BadInput."""
+    for above in folder.relative_to(root).parents:
+        if (path := root / above / NAME).is_file():
+            raise BadInput(
+                path,
+                "folder",
+                found=path.parent,
+                expected=f"{folder}, with the dataset's own files",
+            )
+
+
 def parse(path: Path) -> Beside:
     """One file. Raises BadInput, naming the key."""
     if path.stat().st_size > LARGEST:

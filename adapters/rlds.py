@@ -42,6 +42,7 @@ class RLDS(Gathered):
 
     def read(self, root: Path, key: str) -> Episode:
         folder, split, number = place(root, key)
+        _cameras.in_place(root, folder)
         return _rlds_read.read(folder, split, number, key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
