@@ -18,9 +18,12 @@ from jaxtyping import Float32, Float64, Int32
 
 from rpaug import geometry
 from rpaug.render.splat import Loss, Splats, View
+from rpaug.scene import sampling
 from rpaug.scene.four import fit4
 from rpaug.scene.four.fit4 import FourSettings
 from rpaug.scene.recorded.plates import spread
+from rpaug.scene.semantic.labels import UNKNOWN, Labelled
+from rpaug.scene.semantic.vote import vote
 from rpaug.scene.splats import cached, store
 from rpaug.scene.splats.frame_fit import FrameFitSettings, fit_views
 from rpaug.scene.splats.gaussians import SH0, Picture, chosen, joined, lifted
@@ -31,6 +34,7 @@ from rpaug.sfm.model import fingerprint
 from rpaug.sfm.things import BACKGROUND
 from rpaug.types import Camera, CameraView, Episode, Gaussians, Scene
 
+LOOKS = 16  # frames that tell Gaussians' handles
 RIM = 5  # pixels: what moves is left out with its blurred outline
 
 
@@ -68,7 +72,7 @@ def name_of(film: Film, settings: SplatSettings) -> str:
     """The key of a film's Gaussians: of all frames as they are fitted, where they are, and the settings."""
     told = {**asdict(settings), "threads": 0}
     return fingerprint(
-        f"{store.FORMAT} {store.VERSION}".encode(), json.dumps(told, sort_keys=True).encode(),
+        f"{store.FORMAT} {store.VERSION} {LOOKS} votes".encode(), json.dumps(told, sort_keys=True).encode(),
         film.model.cam_to_world.tobytes(), film.lens.K.tobytes(), film.model.points.tobytes(),
         *(depth.tobytes() for depth in film.depths), *(mask.tobytes() for mask in film.moving),
         *(_small(film, k, settings).rgb.tobytes() for k in range(film.episode.length)),
@@ -104,6 +108,7 @@ def fitted(
         "depth_error_mm": None,
     }
     scene = replace(scene, gaussians=made)
+    scene = replace(scene, gaussians=replace(made, ids=_named(scene, film, settings)))
     if film.hand is None:
         return scene, facts
     scene, four = with_hands(scene, film, settings)
@@ -114,12 +119,28 @@ def with_hands(scene: Scene, film: Film, settings: SplatSettings) -> tuple[Scene
     """The scene with what moves by itself as Gaussians in space and time, fitted to images made small."""
     assert film.hand is not None
     length = film.episode.length
-    small = replace(scene, episode=_episode(film, settings), cameras={})
-    camera = small.episode.views[film.name].camera
-    small = replace(small, cameras={film.name: camera})
+    small = _made_small(scene, film, settings)
     rule = replace(settings.hands, train_frames=min(settings.frames, (length + 1) // 2))
     made, told = fit4.fitted(small, settings=rule, handles=frozenset([film.hand]))
     return replace(scene, gaussians=made.gaussians, flowing=made.flowing, bodies=made.bodies), told
+
+
+def _named(scene: Scene, film: Film, settings: SplatSettings) -> Int32[np.ndarray, "n"]:
+    """Handles that most of each Gaussian's weight falls on; where none does, that of the cell it lies in."""
+    small = _made_small(scene, film, settings)
+    ids = small.episode.views[film.name].ids
+    assert ids is not None
+    pictures = [
+        Labelled(film.name, k, np.where(ids(k) == film.hand, UNKNOWN, ids(k)).astype(np.int32))
+        for k in sampling.frames(film.episode.length, LOOKS)
+    ]
+    return vote(small, pictures)
+
+
+def _made_small(scene: Scene, film: Film, settings: SplatSettings) -> Scene:
+    """The scene with its frames at the size that is fitted."""
+    episode = _episode(film, settings)
+    return replace(scene, episode=episode, cameras={film.name: episode.views[film.name].camera})
 
 
 def _episode(film: Film, settings: SplatSettings) -> Episode:

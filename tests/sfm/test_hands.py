@@ -9,6 +9,7 @@ import walks
 
 from rpaug import Episode
 from rpaug.scene.four.fit4 import FourSettings
+from rpaug.scene.splats import gaussian_view
 from rpaug.sfm import colmap, developing, moving, splats
 from rpaug.sfm.film import Film
 from rpaug.sfm.look import Look
@@ -105,6 +106,21 @@ def test_hands_are_fitted_in_time_and_found_in_the_store(made: Film, tmp_path: P
     assert np.array_equal(again.flowing.means, scene.flowing.means)
     other = replace(QUICK, stride=4)
     assert splats.name_of(made, other) != splats.name_of(made, QUICK)
+
+
+def test_gaussians_are_named_by_what_frames_show(made: Film, tmp_path: Path) -> None:
+    scene, _ = splats.kept(made.scene(), made, tmp_path, QUICK)
+    assert scene.gaussians is not None
+    small = splats._made_small(replace(scene, flowing=None), made, QUICK)
+    ids = small.episode.views["ego"].ids
+    assert ids is not None
+
+    def right(named: np.ndarray) -> float:
+        shown = replace(small, gaussians=replace(scene.gaussians, ids=named))
+        found, still = gaussian_view.seen(shown, "ego", 3)[2], ids(3) != made.hand
+        return float((found == ids(3))[still].mean())
+
+    assert right(scene.gaussians.ids) > max(0.9, right(made.things.at(scene.gaussians.means)))
 
 
 def test_what_moves_for_a_moment_alone_is_no_hand() -> None:
