@@ -10,7 +10,7 @@ from typing import Any
 import rpaug
 from rpaug import card, registry, report
 from rpaug.errors import BadInput, RpaugError
-from rpaug.files import write_atomic
+from rpaug.files import apart, write_atomic
 
 NAMED = 3  # slashes of a key that names its dataset
 
@@ -57,6 +57,7 @@ def convert(
         raise BadInput(source, "--to", found=found, expected=expected)
     if target.exists():
         raise BadInput(target, "--out", found="something there already", expected="a new path")
+    apart(target, source)
     keys, done = list(reader.episodes(source)), Conversion()
     free: dict[str, int] = {}
     reports: dict[str, dict[str, Any]] = {}

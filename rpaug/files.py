@@ -218,6 +218,13 @@ def encode_png(image: UInt8[np.ndarray, "h w ..."]) -> bytes:
     return data.tobytes()
 
 
+def apart(target: Path, source: Path) -> None:
+    """See that an output does not lie in the dataset that it is made from. Raises BadInput."""
+    if target.resolve().is_relative_to(source.resolve()):
+        expected = "a path outside it: what lies in it is read as part of it"
+        raise BadInput(target, "--out", found="a path inside the dataset", expected=expected)
+
+
 @contextmanager
 def atomic_folder(target: Path) -> Iterator[Path]:
     """A temporary folder beside `target` that becomes `target` in one rename if the block succeeds.

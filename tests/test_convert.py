@@ -91,6 +91,12 @@ def test_nothing_is_overwritten(template: Path, tmp_path: Path) -> None:
         convert(template, tmp_path / "there", "rlds")
 
 
+def test_nothing_is_written_into_the_dataset(template: Path) -> None:
+    with pytest.raises(BadInput, match="inside the dataset; expected a path outside it"):
+        convert(template, template / "rdt", "rdt")
+    assert registry.adapter_for(template).name == "rlbench"
+
+
 def test_an_unknown_layout_is_named(template: Path, tmp_path: Path) -> None:
     told = ["convert", str(template), "--to", "zip", "--out", str(tmp_path / "out")]
     result = CliRunner().invoke(app, told)
