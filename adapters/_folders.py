@@ -9,10 +9,14 @@ import re
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from rpaug import Adapter, BadInput, splits
 
+# Keys of TFDS' and LeRobot's descriptions that name no feature.
+DESCRIBING = {"featuresDict", "features", "sequence", "feature"} | {
+    "tensor", "image", "text", "shape", "info", "length",
+}  # fmt: skip
 PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 
 
@@ -89,6 +93,35 @@ def staged(folder: Path, name: str) -> dict[str, list[int]]:
         if path.parent.name.isdecimal():
             found.setdefault(path.parent.parent.name, []).append(int(path.parent.name))
     return {split: sorted(numbers) for split, numbers in sorted(found.items())}
+
+
+def unlike(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """The first feature in which an episode differs from those before it, by the trees that describe them."""
+    old, new = dict(_leaves(before)), dict(_leaves(now))
+    name = next(_feature(path) for path in [*new, *old] if old.get(path) != new.get(path))
+    if name not in map(_feature, old):
+        return f"it has {name}, and the episodes before it have not"
+    if name not in map(_feature, new):
+        return f"it lacks {name}, which the episodes before it have"
+    return f"its {name} is of another kind or size than that of the episodes before it"
+
+
+def _feature(path: tuple[str, ...]) -> str:
+    """The name of what a place in such a tree is about; a feature may be called as a key that names none."""
+    parts = zip(("", *path), path[:-1], strict=False)
+    return "/".join(
+        part for before, part in parts if part not in DESCRIBING or before == "features"
+    )
+
+
+def _leaves(
+    tree: Mapping[str, Any], at: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    for name, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            yield from _leaves(value, (*at, name))
+        else:
+            yield (*at, name), value
 
 
 def natural(key: str) -> list[tuple[int, str]]:

@@ -1,6 +1,7 @@
 """Datasets in another layout hold the same images, cameras, words and robot."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -95,6 +96,14 @@ def test_nothing_is_written_into_the_dataset(template: Path) -> None:
     with pytest.raises(BadInput, match="inside the dataset; expected a path outside it"):
         convert(template, template / "rdt", "rdt")
     assert registry.adapter_for(template).name == "rlbench"
+
+
+def test_a_source_without_words_is_told(template: Path, tmp_path: Path) -> None:
+    silent = Path(shutil.copytree(template, tmp_path / "in"))
+    for path in silent.rglob("variation_descriptions.pkl"):
+        path.unlink()
+    done = convert(silent, tmp_path / "out", "rlds")
+    assert [count for words, count in done.traps.items() if "no instruction" in words] == [2]
 
 
 def test_an_unknown_layout_is_named(template: Path, tmp_path: Path) -> None:

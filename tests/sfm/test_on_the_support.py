@@ -28,7 +28,9 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
         patch.setattr(
             colmap, "reconstruct", lambda *args, **named: walks.model(LENGTH, list(range(LENGTH)))
         )
-        return developing.develop(walks.walk(LENGTH), cache=tmp_path_factory.mktemp("cache")).scene()
+        return developing.develop(
+            walks.walk(LENGTH), cache=tmp_path_factory.mktemp("cache")
+        ).scene()
 
 
 def half_told(scene: Scene, erring: bool) -> Scene:
