@@ -21,12 +21,14 @@ PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tas
 
 
 class Gathered(Adapter):
-    """An adapter of such datasets. `mark` is the file that makes a folder a dataset, `staged` an episode's own.
+    """An adapter of such datasets. `mark` is the file that makes a folder a dataset, `rest` patterns of what else lies
+    in one, `staged` an episode's own file.
 
     New datasets have the folder `version` between their name and their splits, if there is one.
     """
 
     mark: ClassVar[str]
+    rest: ClassVar[tuple[str, ...]]
     staged: ClassVar[str]
     version: ClassVar[str] = ""
 
@@ -50,6 +52,15 @@ class Gathered(Adapter):
                 for number in sorted(numbers)
             ]
         return keys
+
+    def missing(self, root: Path) -> Path | None:
+        for folder, subfolders, _ in os.walk(root):
+            here = Path(folder)
+            if (here / self.mark).is_file():
+                subfolders.clear()
+            elif any(any(here.glob(pattern)) for pattern in self.rest):
+                return here / self.mark
+        return None
 
     def key_at(self, like: str, index: int) -> str:
         return (PurePosixPath(like).parent / str(index)).as_posix()

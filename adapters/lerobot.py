@@ -40,6 +40,7 @@ class LeRobot(Gathered):
 
     name: ClassVar[str] = "lerobot"
     mark: ClassVar[str] = INFO
+    rest: ClassVar[tuple[str, ...]] = ("meta/tasks.*", "meta/stats.json", "meta/episodes")
     staged: ClassVar[str] = STAGED
 
     def gathered(self, folder: Path) -> Mapping[str, int]:

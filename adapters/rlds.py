@@ -32,6 +32,7 @@ class RLDS(Gathered):
 
     name: ClassVar[str] = "rlds"
     mark: ClassVar[str] = FEATURES
+    rest: ClassVar[tuple[str, ...]] = ("*.tfrecord-*-of-*",)
     staged: ClassVar[str] = _rlds_files.STAGED
     version: ClassVar[str] = "1.0.0"
 

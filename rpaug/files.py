@@ -191,6 +191,8 @@ def check_image(where: Path | str, data: bytes) -> tuple[int, int]:
     """Width and height of a whole PNG or JPEG. Raises BadInput."""
     if data[:2] == b"\xff\xd8":
         return check_jpeg(where, data)
+    if data[: len(PNG_SIGNATURE)] != PNG_SIGNATURE:
+        raise BadInput(where, "signature", found=repr(data[:8]), expected="a PNG or a JPEG")
     header = check_png(where, data)
     return header.width, header.height
 

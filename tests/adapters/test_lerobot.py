@@ -16,7 +16,7 @@ from rpaug_adapters import _lerobot_files, _lerobot_fresh, _lerobot_stats, _vide
 from rpaug_adapters._folders import unlike
 from rpaug_adapters.lerobot import LeRobot
 
-from rpaug import BadInput, MissingExtra, Unsupported
+from rpaug import BadInput, MissingExtra, Unsupported, registry
 from rpaug.testing import AdapterContract
 
 KEY = "toy/train/1"
@@ -223,6 +223,18 @@ def test_the_rate_is_the_videos_own(tmp_path: Path) -> None:
     LeRobot().write(recorded, tmp_path, "toy/train/0", dict)
     with pytest.raises(Unsupported, match="30 frames a second, and the episodes before it have 10"):
         LeRobot().write(filmed, tmp_path, "toy/train/1", dict)
+
+
+def test_a_dataset_without_its_description_is_not_taken_for_videos(
+    recorded: Path, tmp_path: Path
+) -> None:
+    half = Path(shutil.copytree(recorded, tmp_path / "half"))
+    (info,) = half.rglob("info.json")
+    info.unlink()
+    with pytest.raises(
+        BadInput, match=r"info\.json: file: found nothing; expected a whole lerobot"
+    ):
+        registry.adapter_for(half)
 
 
 def test_what_differs_between_episodes_is_named() -> None:
