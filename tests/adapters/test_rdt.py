@@ -196,7 +196,8 @@ def test_an_episode_of_another_source_gets_rdts_layout(template: Path, tmp_path:
     assert np.abs(stored.astype(int) - episode.views[name].rgb(0)).max() <= 8
     again = RDT().read(tmp_path, KEY)
     assert again.descriptions == episode.descriptions
-    view = again.views["cam_high"]
+    assert set(again.views) == set(episode.views)  # by their own names, and none that is black
+    view = again.views[name]
     assert view.depth is not None
     assert np.array_equal(view.depth(0), episode.views[name].depth(0))  # type: ignore[misc]
     assert np.allclose(view.camera.cam_to_world, episode.views[name].camera.cam_to_world)
