@@ -12,7 +12,7 @@ import rpaug
 from rpaug import splits
 
 NAME = "README.md"
-LICENCES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt", "COPYING")
+LICENCE = re.compile(r"(licen[sc]e|copying)([._-].*)?", re.IGNORECASE)  # names of their files
 UNSTATED = "unknown: the source states none"
 LONGEST = 200  # characters of a licence's first line
 Lines = tuple[str, ...]
@@ -98,7 +98,7 @@ def _converted(layout: str, before: str) -> tuple[str, Lines, Lines]:
 
 
 def licence_of(source: Path, keys: Iterable[str]) -> str:
-    """What the source says of its licence: in its own card's header, or a licence file's first line."""
+    """What the source says of its licence: in its own card's header, or the first line of each licence file."""
     above = {parent for key in keys for parent in Path(key).parents}
     for folder in (source, *(source / one for one in sorted(above))):
         card = folder / NAME
@@ -108,11 +108,14 @@ def licence_of(source: Path, keys: Iterable[str]) -> str:
             )
             if found:
                 return found[1].strip().strip("\"'")[:LONGEST]
-        for name in LICENCES:
-            lines = _start(folder / name).splitlines() if (folder / name).is_file() else []
-            first = next((line.strip() for line in lines if line.strip()), None)
-            if first:
-                return f"{first[:LONGEST]} ({name} of the source)"
+        said = []
+        for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+            if LICENCE.fullmatch(path.name) and path.is_file():
+                lines = (line.strip() for line in _start(path).splitlines())
+                first = next(filter(None, lines), None)
+                said += [f"{first[:LONGEST]} ({path.name} of the source)"] if first else []
+        if said:
+            return "; ".join(said)
     return UNSTATED
 
 

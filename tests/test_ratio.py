@@ -100,6 +100,14 @@ def test_layouts_keep_splits_apart() -> None:
 
 def test_a_licence_is_taken_where_it_is_stated(tmp_path: Path) -> None:
     assert card.licence_of(tmp_path, []) == card.UNSTATED
+    (tmp_path / "licensed.txt").write_text("no licence")
+    assert card.licence_of(tmp_path, []) == card.UNSTATED
+    (tmp_path / "license.txt").write_text("\nCC BY-NC-ND 4.0\n")
+    (tmp_path / "LICENSE.code").write_text("MIT\n")
+    both = "MIT (LICENSE.code of the source); CC BY-NC-ND 4.0 (license.txt of the source)"
+    assert card.licence_of(tmp_path, []) == both
+    (tmp_path / "license.txt").unlink()
+    (tmp_path / "LICENSE.code").unlink()
     (tmp_path / "a/b").mkdir(parents=True)
     (tmp_path / "a/README.md").write_text("---\ntags: [x]\nlicense: cc-by-4.0\n---\n# A\n")
     assert card.licence_of(tmp_path, ["a/b/0"]) == "cc-by-4.0"

@@ -136,6 +136,11 @@ def _told(show: Callable[[str], None]) -> Iterator[None]:
         log.setLevel(level)
 
 
+def counted(number: int, noun: str) -> str:
+    """As `1 episode`, `2 episodes`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def say(line: str) -> None:
     """One line on stdout, never wrapped."""
     Console(emoji=False).print(plain(line), highlight=False, soft_wrap=True)

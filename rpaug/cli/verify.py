@@ -5,7 +5,16 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.console import AsJson, Dataset, console, plain, print_json, progress_bar, say
+from rpaug.cli.console import (
+    AsJson,
+    Dataset,
+    console,
+    counted,
+    plain,
+    print_json,
+    progress_bar,
+    say,
+)
 
 
 def verify(
@@ -50,5 +59,7 @@ def verify(
                 say(f"{name}: " + ", ".join(f"{key} {value:.1f}" for key, value in figures.items()))
         outcome = "as it should be" if verdict.passed else "something is wrong"
         looked = "all frames" if verdict.frames is None else f"{verdict.frames} frames"
-        say(f"{verdict.episodes} episodes compared, images in {looked} of each: {outcome}")
+        say(
+            f"{counted(verdict.episodes, 'episode')} compared, images in {looked} of each: {outcome}"
+        )
     return 0 if verdict.passed else 1
