@@ -159,6 +159,11 @@ def test_a_converted_episode_that_was_spoilt_is_found(template: Path) -> None:
     assert topics(camera=replace(front.camera, assumed=True)) == {"camera"}
     moved = front.camera.cam_to_world + np.eye(4)[3] * 0.01
     assert topics(camera=replace(front.camera, cam_to_world=moved)) == {"camera"}
+    swapped = dict(zip(episode.views, reversed(episode.views.values()), strict=True))
+    found = {
+        one[2] for one in converted.compare("x", episode, replace(episode, views=swapped), [0])
+    }
+    assert found == {"images"}
     other = replace(episode, descriptions=("do nothing",))
     assert [one[2] for one in converted.compare("x", episode, other, [0])] == ["instruction"]
     shorter = replace(episode, length=3)

@@ -247,7 +247,10 @@ def test_wrong_counts_of_a_tfds_dataset_are_found(template: Path, tmp_path: Path
     told["splits"][0]["numBytes"] = "7"
     path.write_text(json.dumps(told))
     (found,) = bad(tmp_path / "rlds", template)
-    assert (found.topic, "numBytes 7" in found.message) == ("dataset", True)
+    assert (found.topic, "dataset_info.json: train: numBytes: found 7;" in found.message) == (
+        "dataset",
+        True,
+    )
 
 
 def test_wrong_statistics_of_a_lerobot_dataset_are_found(template: Path, tmp_path: Path) -> None:
@@ -259,7 +262,10 @@ def test_wrong_statistics_of_a_lerobot_dataset_are_found(template: Path, tmp_pat
     told["action"]["mean"][0] += 1
     path.write_text(json.dumps(told))
     (found,) = bad(tmp_path / "out", template)
-    assert (found.topic, "action: mean" in found.message) == ("dataset", True)
+    assert (found.topic, "stats.json: action: mean: found" in found.message) == ("dataset", True)
     described = path.with_name("info.json")
     described.write_text(json.dumps(json.loads(described.read_bytes()) | {"total_frames": 3}))
-    assert any("total_frames 3" in one.message for one in bad(tmp_path / "out", template))
+    assert any(
+        "info.json: total_frames: found 3;" in one.message
+        for one in bad(tmp_path / "out", template)
+    )
