@@ -41,7 +41,7 @@ def text(
     header = {
         "synthetic": synthetic > 0,
         "license": licence,
-        "source_datasets": [source.resolve().name],
+        "source_datasets": [called(source)],
         "generator": f"rpaug {rpaug.__version__}",
         "episodes": {"recorded": len(reports) - synthetic, "synthetic": synthetic},
         **({"ratio": ratio} if ratio else {}),
@@ -55,13 +55,19 @@ def text(
     )
     lines = [
         f"---\n{yaml.safe_dump(header, sort_keys=False, allow_unicode=True)}---",
-        f"# {source.resolve().name}, {title}",
+        f"# {called(source)}, {title}",
         *opening,
         "| split | recorded | synthetic |\n|---|---|---|\n" + "\n".join(rows),
-        f"Source: `{source.resolve().name}`. Licence of the source, which this dataset is under too: {licence}.",
+        f"Source: `{called(source)}`. Licence of the source, which this dataset is under too: {licence}.",
         *closing,
     ]
     return "\n\n".join(lines) + "\n"
+
+
+def called(source: Path) -> str:
+    """What a dataset is called: its folder, and the one above it where the folder is a split."""
+    path = source.resolve()
+    return f"{path.parent.name}/{path.name}" if path.name.lower() in splits.KINDS else path.name
 
 
 def _augmented(layout: str, recipe: Mapping[str, Any], rejected: int) -> tuple[str, Lines, Lines]:

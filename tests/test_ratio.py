@@ -98,6 +98,11 @@ def test_layouts_keep_splits_apart() -> None:
             assert splits.kind(adapter(name).key_for(f"{split}/task/0", 0)) == kind
 
 
+def test_a_split_alone_does_not_name_a_dataset(tmp_path: Path) -> None:
+    assert card.called(tmp_path / "drawers") == "drawers"
+    assert card.called(tmp_path / "drawers" / "train") == "drawers/train"
+
+
 def test_a_licence_is_taken_where_it_is_stated(tmp_path: Path) -> None:
     assert card.licence_of(tmp_path, []) == card.UNSTATED
     (tmp_path / "licensed.txt").write_text("no licence")
