@@ -261,6 +261,8 @@ def moved(
         kept = None if own is None else own / NAME
         return {NAME: read_bytes(kept)} if kept is not None and kept.is_file() else {}
     told = beside.model_dump(mode="json", exclude_none=True)
+    if beside.gripper is not None and beside.gripper.opening is None:
+        told["gripper"]["opening"] = None  # left out, it would be taken to be the usual number
     for name, camera in changed.items():
         old = told["cameras"].get(name, {})
         old = {key: old[key] for key in ("depth", "metres", "ids") if key in old}

@@ -9,20 +9,26 @@ import re
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from rpaug import Adapter, BadInput, splits
 
+# Keys of TFDS' and LeRobot's descriptions that name no feature.
+DESCRIBING = {"featuresDict", "features", "sequence", "feature"} | {
+    "tensor", "image", "text", "shape", "info", "length",
+}  # fmt: skip
 PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 
 
 class Gathered(Adapter):
-    """An adapter of such datasets. `mark` is the file that makes a folder a dataset, `staged` an episode's own.
+    """An adapter of such datasets. `mark` is the file that makes a folder a dataset, `rest` patterns of what else lies
+    in one, `staged` an episode's own file.
 
     New datasets have the folder `version` between their name and their splits, if there is one.
     """
 
     mark: ClassVar[str]
+    rest: ClassVar[tuple[str, ...]]
     staged: ClassVar[str]
     version: ClassVar[str] = ""
 
@@ -46,6 +52,15 @@ class Gathered(Adapter):
                 for number in sorted(numbers)
             ]
         return keys
+
+    def missing(self, root: Path) -> Path | None:
+        for folder, subfolders, _ in os.walk(root):
+            here = Path(folder)
+            if (here / self.mark).is_file():
+                subfolders.clear()
+            elif any(any(here.glob(pattern)) for pattern in self.rest):
+                return here / self.mark
+        return None
 
     def key_at(self, like: str, index: int) -> str:
         return (PurePosixPath(like).parent / str(index)).as_posix()
@@ -89,6 +104,35 @@ def staged(folder: Path, name: str) -> dict[str, list[int]]:
         if path.parent.name.isdecimal():
             found.setdefault(path.parent.parent.name, []).append(int(path.parent.name))
     return {split: sorted(numbers) for split, numbers in sorted(found.items())}
+
+
+def unlike(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """The first feature in which an episode differs from those before it, by the trees that describe them."""
+    old, new = dict(_leaves(before)), dict(_leaves(now))
+    name = next(_feature(path) for path in [*new, *old] if old.get(path) != new.get(path))
+    if name not in map(_feature, old):
+        return f"it has {name}, and the episodes before it have not"
+    if name not in map(_feature, new):
+        return f"it lacks {name}, which the episodes before it have"
+    return f"its {name} is of another kind or size than that of the episodes before it"
+
+
+def _feature(path: tuple[str, ...]) -> str:
+    """The name of what a place in such a tree is about; a feature may be called as a key that names none."""
+    parts = zip(("", *path), path[:-1], strict=False)
+    return "/".join(
+        part for before, part in parts if part not in DESCRIBING or before == "features"
+    )
+
+
+def _leaves(
+    tree: Mapping[str, Any], at: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    for name, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            yield from _leaves(value, (*at, name))
+        else:
+            yield (*at, name), value
 
 
 def natural(key: str) -> list[tuple[int, str]]:

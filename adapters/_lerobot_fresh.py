@@ -1,7 +1,8 @@
 """A LeRobot episode from another source: the features it gets, and its rows.
 
 Colour is video; depth is a float image in metres and handles are whole numbers, so that both come back exactly; other
-numbers are float32. No source says how many frames it has a second: ten are taken.
+numbers are float32. A video says how many frames it has a second, and the nearest whole number is taken; no other
+source does, and ten are.
 """
 
 from dataclasses import replace
@@ -15,13 +16,15 @@ from rpaug_adapters._lerobot_read import DEPTH, MASK
 
 from rpaug import Episode
 
-RATE = 10  # frames a second
+RATE = 10  # frames a second, where no source says
+SECONDS = "seconds"  # the numbers that hold the time of each frame
 IMAGE = "observation.images."
 UNPACKED = [cv2.IMWRITE_TIFF_COMPRESSION, 1]  # every reader of TIFF knows it
 
 
 def described(episode: Episode) -> dict[str, Any]:
     """`meta/info.json` of a dataset of such episodes, with none in it yet."""
+    fps = rate(episode)
     return {
         "codebase_version": "v3.0",
         "robot_type": None,
@@ -31,15 +34,26 @@ def described(episode: Episode) -> dict[str, Any]:
         "chunks_size": 1000,
         "data_files_size_in_mb": 100,
         "video_files_size_in_mb": 200,
-        "fps": RATE,
+        "fps": fps,
         "splits": {},
         "data_path": DATA_PATH,
         "video_path": VIDEO_PATH,
-        "features": _features(plain(episode)),
+        "features": _features(plain(episode), fps),
     }
 
 
-def _features(episode: Episode) -> dict[str, Any]:
+def rate(episode: Episode) -> int:
+    """Frames a second: of the times that the source tells, the mean as a whole number."""
+    names = (name for name in episode.robot.extra if name.rpartition("/")[2] == SECONDS)
+    name = next(names, None)
+    if name is None or episode.length < 2:
+        return RATE
+    times = np.asarray(episode.robot.extra[name], float).reshape(episode.length, -1)[:, 0]
+    lasts = float(times[-1] - times[0])
+    return max(1, round((episode.length - 1) / lasts)) if lasts > 0 else RATE
+
+
+def _features(episode: Episode, fps: int) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, view in episode.views.items():
         size = [view.camera.height, view.camera.width]
@@ -49,7 +63,7 @@ def _features(episode: Episode) -> dict[str, Any]:
             "video.codec": "h264",
             "video.pix_fmt": "yuv444p",
             "is_depth_map": False,
-            "video.fps": RATE,
+            "video.fps": fps,
             "video.channels": 3,
             "has_audio": False,
         }
@@ -85,7 +99,7 @@ def rows(episode: Episode) -> Any:
             columns[IMAGE + name + DEPTH] = images([tiff(view.depth(t)) for t in range(length)])
         if view.ids is not None:
             columns[MASK + name] = whole([view.ids(t) for t in range(length)])
-    columns["timestamp"] = pa.array((np.arange(length) / RATE).astype(np.float32))
+    columns["timestamp"] = pa.array((np.arange(length) / rate(episode)).astype(np.float32))
     columns["frame_index"] = pa.array(np.arange(length))
     columns["task"] = pa.array([episode.instruction] * length)
     return pa.table(columns)

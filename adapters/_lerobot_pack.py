@@ -243,11 +243,14 @@ def faults(folder: Path) -> Iterator[str]:
             at,
             at + (row.get("length") or 0),
         ):
-            yield f"episode {number}: rows {row.get('dataset_from_index')} on, expected {at} on"
+            found = row.get("dataset_from_index")
+            place = f"{folder / 'meta/episodes'}: episode {number}: dataset_from_index"
+            yield f"{place}: found {found}; expected {at}, and as many rows as its length"
             return
         at = row["dataset_to_index"]
     if about.told.get("total_frames") != at:
-        yield f"total_frames {about.told.get('total_frames')}, the episodes have {at}"
+        found = about.told.get("total_frames")
+        yield f"{folder / INFO}: total_frames: found {found}; expected {at}, as the episodes have"
     told = json.loads(read_bytes(folder / STATS)) if (folder / STATS).is_file() else {}
     for key, feature in about.features.items():
         if feature["dtype"].startswith("float") and len(feature["shape"]) == 1 and key in told:
@@ -255,7 +258,8 @@ def faults(folder: Path) -> Iterator[str]:
             found = _lerobot_stats.plain({key: _lerobot_stats.of_numbers(values)})[key]
             for name in ("min", "max", "mean", "std", "count"):
                 if not np.allclose(told[key].get(name, np.nan), found[name], atol=1e-4, rtol=1e-3):
-                    yield f"{STATS}: {key}: {name} is not that of the rows"
+                    said = f"found {told[key].get(name)}; expected {found[name]}, as the rows have"
+                    yield f"{folder / STATS}: {key}: {name}: {said}"
                     break
 
 

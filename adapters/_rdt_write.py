@@ -199,15 +199,20 @@ def _unified(
 
 
 def _calibration(episode: Episode) -> bytes:
-    """The cameras and the gripper as `cameras.yaml` tells them, so that the file can be read with all it had."""
-    cameras = {}
+    """The cameras and the gripper as `cameras.yaml` tells them, so that the file can be read with all it had: by the
+    names that its cameras had, and without the black ones."""
+    cameras, images = {}, {}
     for name, view in _slots(episode).items():
-        if view is None or view.camera.assumed:
+        if view is None:
             continue
-        cameras[name] = _cameras.told_of(view.camera)
+        own = next(one for one, held in episode.views.items() if held is view)
+        images[own] = f"{IMAGES}/{name}"
+        if view.camera.assumed:
+            continue
+        cameras[own] = _cameras.told_of(view.camera)
         if view.depth is not None:
-            cameras[name]["depth"] = f"observations/depth/{name}"
-    told: dict[str, Any] = {"version": 1, "cameras": cameras}
+            cameras[own]["depth"] = f"observations/depth/{name}"
+    told: dict[str, Any] = {"version": 1, "cameras": cameras, "images": images, "views": [*images]}
     robot = episode.robot
     if robot.gripper_to_world is not None:
         opening = None if robot.gripper_open is None else 7

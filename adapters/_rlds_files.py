@@ -122,10 +122,14 @@ def faults(folder: Path) -> Iterator[str]:
     for name, split in splits(folder).items():
         held = [[length for _, length in _tfrecord.places(path)] for path in split.files]
         if tuple(map(len, held)) != split.lengths:
-            yield f"{name}: shardLengths {list(split.lengths)}, the shards hold {[*map(len, held)]}"
+            lengths = (
+                f"found {list(split.lengths)}; expected {[*map(len, held)]}, as the shards hold"
+            )
+            yield f"{folder / INFO}: {name}: shardLengths: {lengths}"
         total = sum(map(sum, held))
         if told[name] is not None and str(told[name]) != str(total):
-            yield f"{name}: numBytes {told[name]}, the records have {total}"
+            counts = f"found {told[name]}; expected {total}, as the records have"
+            yield f"{folder / INFO}: {name}: numBytes: {counts}"
 
 
 def record(folder: Path, split: str, number: int) -> tuple[str, bytes]:

@@ -31,4 +31,5 @@ def read_yaml(path: Path, kind: type[Kind], most: int) -> Kind:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "file"
         found = str(first["input"])[:60]
-        raise BadInput(path, where, found=found, expected=first["msg"]) from None
+        expected = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+        raise BadInput(path, where, found=found, expected=expected) from None

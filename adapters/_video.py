@@ -49,9 +49,17 @@ class Span:
         return round((seconds - self.start) * self.rate)
 
 
+def reason(error: Exception) -> str:
+    """What an error says, without its number and the path."""
+    words = getattr(error, "strerror", None) or str(error)
+    return str(words)[:120]
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[av.container.InputContainer]:
     """The file, for reading. Raises BadInput for what is no video or is damaged where it is read."""
+    if not path.is_file():
+        raise BadInput(path, "file", found="nothing", expected="a video")
     try:
         with av.open(str(path)) as container:
             if not container.streams.video:
@@ -66,7 +74,7 @@ def opened(path: Path) -> Iterator[av.container.InputContainer]:
     except (av.FFmpegError, EOFError, ValueError, OSError) as error:
         if getattr(error, "errno", None) in FULL:  # what the block was writing, not the video
             raise
-        raise BadInput(path, "video", found=str(error)[:120], expected="a whole video") from None
+        raise BadInput(path, "video", found=reason(error), expected="a whole video") from None
 
 
 def _seek(container: av.container.InputContainer, seconds: float) -> None:

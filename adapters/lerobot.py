@@ -25,7 +25,7 @@ from rpaug_adapters import (
     _lerobot_read,
     _lerobot_write,
 )
-from rpaug_adapters._folders import Gathered, datasets, place
+from rpaug_adapters._folders import Gathered, datasets, place, unlike
 from rpaug_adapters._lerobot_files import INFO, STAGED, Info
 from rpaug_adapters._lerobot_read import Recorded
 
@@ -40,6 +40,7 @@ class LeRobot(Gathered):
 
     name: ClassVar[str] = "lerobot"
     mark: ClassVar[str] = INFO
+    rest: ClassVar[tuple[str, ...]] = ("meta/tasks.*", "meta/stats.json", "meta/episodes")
     staged: ClassVar[str] = STAGED
 
     def gathered(self, folder: Path) -> Mapping[str, int]:
@@ -83,7 +84,10 @@ def _described(episode: Episode, recorded: Recorded | None, folder: Path, key: s
         rate, features = float(told["fps"]), told["features"]
         return Info(folder, told, rate, features, {})
     about = _lerobot_files.info(folder)
-    if about.features != told["features"] or about.rate != told["fps"]:
-        reason = "its cameras or numbers are not those of the episodes before it"
+    if about.rate != told["fps"]:
+        reason = f"{told['fps']} frames a second, and the episodes before it have {about.rate:g}"
+        raise Unsupported(f"{key}: {reason}: a LeRobot dataset has one rate")
+    if about.features != told["features"]:
+        reason = unlike(about.features, told["features"])
         raise Unsupported(f"{key}: {reason}: a LeRobot dataset has one kind of episode")
     return about

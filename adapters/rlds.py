@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from rpaug_adapters import _cameras, _rlds_files, _rlds_fresh, _rlds_read, _rlds_write, _tfrecord
-from rpaug_adapters._folders import Gathered, datasets, place
+from rpaug_adapters._folders import Gathered, datasets, place, unlike
 from rpaug_adapters._rlds_features import FEATURES, leaves
 from rpaug_adapters._rlds_read import Recorded
 
@@ -32,6 +32,7 @@ class RLDS(Gathered):
 
     name: ClassVar[str] = "rlds"
     mark: ClassVar[str] = FEATURES
+    rest: ClassVar[tuple[str, ...]] = ("*.tfrecord-*-of-*",)
     staged: ClassVar[str] = _rlds_files.STAGED
     version: ClassVar[str] = "1.0.0"
 
@@ -48,13 +49,10 @@ class RLDS(Gathered):
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source if isinstance(episode.source, Recorded) else None
         folder, _, _ = self.free(root, key)
-        tree = (
-            json.dumps(_rlds_fresh.features(episode), indent=4).encode()
-            if recorded is None
-            else b""
-        )
-        if tree and (folder / FEATURES).exists() and read_bytes(folder / FEATURES) != tree:
-            reason = "its cameras or numbers are not those of the episodes before it"
+        described = None if recorded is not None else _rlds_fresh.features(episode)
+        tree = b"" if described is None else json.dumps(described, indent=4).encode()
+        if described and (folder / FEATURES).exists() and read_bytes(folder / FEATURES) != tree:
+            reason = unlike(json.loads(read_bytes(folder / FEATURES)), described)
             raise Unsupported(f"{key}: {reason}: an RLDS dataset has one kind of episode")
         with atomic_folder(root / key) as work:
             if recorded is None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from rpaug import output, preparing, report, splits
 from rpaug.engine import local
 from rpaug.errors import BadInput
-from rpaug.files import REJECTED, write_atomic
+from rpaug.files import REJECTED, apart, write_atomic
 from rpaug.pipeline import Job
 from rpaug.run import Run, Summary, group_of
 
@@ -23,10 +23,7 @@ def check(run: Run, resume: bool = False) -> None:
         expected = "recorded ones, of which the ratio is"
         raise BadInput(run.source, "--ratio", found="synthetic episodes", expected=expected)
     assert run.keys  # raises for a dataset that is none, or a selection that is empty
-    if run.target.resolve().is_relative_to(run.source.resolve()):
-        raise BadInput(
-            run.target, "--out", found="a path inside the dataset", expected="a path outside it"
-        )
+    apart(run.target, run.source)
     if not run.target.exists():
         return
     if not resume:

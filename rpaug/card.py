@@ -12,7 +12,7 @@ import rpaug
 from rpaug import splits
 
 NAME = "README.md"
-LICENCES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt", "COPYING")
+LICENCE = re.compile(r"(licen[sc]e|copying)([._-].*)?", re.IGNORECASE)  # names of their files
 UNSTATED = "unknown: the source states none"
 LONGEST = 200  # characters of a licence's first line
 Lines = tuple[str, ...]
@@ -41,7 +41,7 @@ def text(
     header = {
         "synthetic": synthetic > 0,
         "license": licence,
-        "source_datasets": [source.resolve().name],
+        "source_datasets": [called(source)],
         "generator": f"rpaug {rpaug.__version__}",
         "episodes": {"recorded": len(reports) - synthetic, "synthetic": synthetic},
         **({"ratio": ratio} if ratio else {}),
@@ -55,13 +55,19 @@ def text(
     )
     lines = [
         f"---\n{yaml.safe_dump(header, sort_keys=False, allow_unicode=True)}---",
-        f"# {source.resolve().name}, {title}",
+        f"# {called(source)}, {title}",
         *opening,
         "| split | recorded | synthetic |\n|---|---|---|\n" + "\n".join(rows),
-        f"Source: `{source.resolve().name}`. Licence of the source, which this dataset is under too: {licence}.",
+        f"Source: `{called(source)}`. Licence of the source, which this dataset is under too: {licence}.",
         *closing,
     ]
     return "\n\n".join(lines) + "\n"
+
+
+def called(source: Path) -> str:
+    """What a dataset is called: its folder, and the one above it where the folder is a split."""
+    path = source.resolve()
+    return f"{path.parent.name}/{path.name}" if path.name.lower() in splits.KINDS else path.name
 
 
 def _augmented(layout: str, recipe: Mapping[str, Any], rejected: int) -> tuple[str, Lines, Lines]:
@@ -98,7 +104,7 @@ def _converted(layout: str, before: str) -> tuple[str, Lines, Lines]:
 
 
 def licence_of(source: Path, keys: Iterable[str]) -> str:
-    """What the source says of its licence: in its own card's header, or a licence file's first line."""
+    """What the source says of its licence: in its own card's header, or the first line of each licence file."""
     above = {parent for key in keys for parent in Path(key).parents}
     for folder in (source, *(source / one for one in sorted(above))):
         card = folder / NAME
@@ -108,11 +114,14 @@ def licence_of(source: Path, keys: Iterable[str]) -> str:
             )
             if found:
                 return found[1].strip().strip("\"'")[:LONGEST]
-        for name in LICENCES:
-            lines = _start(folder / name).splitlines() if (folder / name).is_file() else []
-            first = next((line.strip() for line in lines if line.strip()), None)
-            if first:
-                return f"{first[:LONGEST]} ({name} of the source)"
+        said = []
+        for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+            if LICENCE.fullmatch(path.name) and path.is_file():
+                lines = (line.strip() for line in _start(path).splitlines())
+                first = next(filter(None, lines), None)
+                said += [f"{first[:LONGEST]} ({path.name} of the source)"] if first else []
+        if said:
+            return "; ".join(said)
     return UNSTATED
 
 

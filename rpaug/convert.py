@@ -10,8 +10,9 @@ from typing import Any
 import rpaug
 from rpaug import card, registry, report
 from rpaug.errors import BadInput, RpaugError
-from rpaug.files import write_atomic
+from rpaug.files import apart, write_atomic
 
+SILENT = "the source has no instruction: the words that policies are trained on are empty"
 NAMED = 3  # slashes of a key that names its dataset
 
 
@@ -57,6 +58,7 @@ def convert(
         raise BadInput(source, "--to", found=found, expected=expected)
     if target.exists():
         raise BadInput(target, "--out", found="something there already", expected="a new path")
+    apart(target, source)
     keys, done = list(reader.episodes(source)), Conversion()
     free: dict[str, int] = {}
     reports: dict[str, dict[str, Any]] = {}
@@ -78,7 +80,7 @@ def convert(
         reports[made] = told
         free[group] = free.get(group, 0) + 1
         done.episodes += 1
-        for words in writer.traps(episode):
+        for words in (*writer.traps(episode), *([] if episode.instruction else [SILENT])):
             done.traps[words] = done.traps.get(words, 0) + 1
     progress(len(keys), len(keys))
     if done.episodes:

@@ -20,13 +20,14 @@ def compare(key: str, recorded: Episode, made: Episode, times: Sequence[int]) ->
         yield "bad", key, "length", words
         return
     if made.instruction != recorded.instruction:
-        words = f"{made.instruction!r}, recorded was {recorded.instruction!r}"
+        words = f"found {made.instruction!r}; expected {recorded.instruction!r}"
         yield "bad", key, "instruction", words
     yield from _robot(key, recorded, made)
     for name, view in recorded.views.items():
         other = _counterpart(name, view, made.views, times)
         if other is None:
-            words = f"{name}: no camera shows the same within {LOSSY:g} dB"
+            who = "it does not show" if name in made.views else "no camera shows"
+            words = f"{name}: {who} the same within {LOSSY:g} dB"
             yield "bad", key, "images", words
         else:
             yield from _view(key, name, view, other, times)
@@ -35,9 +36,8 @@ def compare(key: str, recorded: Episode, made: Episode, times: Sequence[int]) ->
 def _counterpart(
     name: str, view: CameraView, among: Mapping[str, CameraView], times: Sequence[int]
 ) -> CameraView | None:
-    """The camera of the same name, or another where a layout has names of its own, that shows the same."""
-    named = [among[name]] if name in among else []
-    for other in [*named, *(one for known, one in among.items() if known != name)]:
+    """The camera that shows the same: the one of that name, or any where the layout has names of its own."""
+    for other in [among[name]] if name in among else among.values():
         size = (view.camera.width, view.camera.height)
         alike = size == (other.camera.width, other.camera.height)
         if alike and all(psnr(view.rgb(t), other.rgb(t)) >= LOSSY for t in times):

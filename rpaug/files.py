@@ -191,6 +191,8 @@ def check_image(where: Path | str, data: bytes) -> tuple[int, int]:
     """Width and height of a whole PNG or JPEG. Raises BadInput."""
     if data[:2] == b"\xff\xd8":
         return check_jpeg(where, data)
+    if data[: len(PNG_SIGNATURE)] != PNG_SIGNATURE:
+        raise BadInput(where, "signature", found=repr(data[:8]), expected="a PNG or a JPEG")
     header = check_png(where, data)
     return header.width, header.height
 
@@ -216,6 +218,13 @@ def encode_png(image: UInt8[np.ndarray, "h w ..."]) -> bytes:
     if not done:
         raise ValueError(f"cannot encode an image of shape {image.shape}, {image.dtype}")
     return data.tobytes()
+
+
+def apart(target: Path, source: Path) -> None:
+    """See that an output does not lie in the dataset that it is made from. Raises BadInput."""
+    if target.resolve().is_relative_to(source.resolve()):
+        expected = "a path outside it: what lies in it is read as part of it"
+        raise BadInput(target, "--out", found="a path inside the dataset", expected=expected)
 
 
 @contextmanager

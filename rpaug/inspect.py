@@ -64,7 +64,7 @@ def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummar
     lines = "".join(
         f"<tr><td>{_thumbnail(episode, row)}<td>{row.handle}<td>{row.role or '–'}"
         f"<td><span style='background:rgb({','.join(str(round(255 * c)) for c in row.colour)})'></span> "
-        f"{row.colour_name}<td>{' × '.join(f'{side:.1f}' for side in row.size_cm)}"
+        f"{row.colour_name}<td>{' × '.join(f'{side:.1f}' for side in row.size_cm) if any(row.size_cm) else 'unknown'}"
         f"<td>{row.motion}{' (ambiguous)' if row.ambiguous else ''}<td>{row.residual_mm:.2f}"
         f"<td>{row.frames} ({row.first_frame}–{row.last_frame})"
         for row in rows

@@ -89,5 +89,9 @@ class Adapter(ABC):
         """What a dataset of this layout says of itself as a whole that is not so, in words."""
         return ()
 
+    def missing(self, root: Path) -> Path | None:  # most layouts can be read without any one file
+        """The file that a dataset of this layout under `root` lacks, whose other files are there; or None."""
+        return None
+
     def finish(self, source: Path, target: Path) -> None:  # noqa: B027  # nothing to do for most layouts
         """Bring along what belongs to the dataset and to no single episode."""

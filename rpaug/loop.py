@@ -18,7 +18,7 @@ from rpaug.diagnosis import evaluation
 from rpaug.diagnosis.diagnose import diagnose
 from rpaug.diagnosis.messages import Diagnosis
 from rpaug.errors import BadInput, RpaugError
-from rpaug.files import PART, write_atomic
+from rpaug.files import PART, apart, write_atomic
 
 STATE = "loop.json"
 KNOWN = ("data", "policy", "evaluation", "round")
@@ -65,10 +65,7 @@ def check(loop: Loop, resume: bool = False) -> None:
     words(loop.train, "--train", data=["DATA"], policy=Path("POLICY"), round=0)
     words(loop.evaluate, "--eval", policy=Path("POLICY"), evaluation=Path("EVALUATION"), round=0)
     augment.Run(loop.dataset, recipe.build({"version": 1}), loop.out).adapter  # noqa: B018
-    if loop.out.resolve().is_relative_to(loop.dataset.resolve()):
-        raise BadInput(
-            loop.out, "--out", found="a path inside the dataset", expected="a path outside it"
-        )
+    apart(loop.out, loop.dataset)
     if not loop.out.exists():
         return
     if not resume:

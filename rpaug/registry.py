@@ -48,12 +48,22 @@ def adapter(name: str) -> Adapter:
     return found[name].load()()
 
 
+def _whole(root: Path, every: list[Adapter]) -> None:
+    """See that no dataset lacks just the file that it is known by: its videos would be taken for recordings."""
+    for one in every:
+        if (path := one.missing(root)) is not None:
+            expected = f"a whole {one.name} dataset: its other files are there"
+            raise BadInput(path, "file", found="nothing", expected=expected)
+
+
 def adapter_for(root: Path) -> Adapter:
     """The adapter that finds episodes under `root`. Raises BadInput if none does."""
     if not root.exists():
         raise BadInput(root, "dataset", found="no such folder", expected="the folder of a dataset")
     every = [adapter(name) for name in _found("rpaug.adapters")]
     for candidate in sorted(every, key=lambda one: one.loose):
+        if candidate.loose and root.is_dir():
+            _whole(root, every)
         if (root.is_dir() or candidate.loose) and candidate.episodes(root):
             return candidate
     if root.is_file():

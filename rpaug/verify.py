@@ -1,15 +1,15 @@
 """Check an augmented dataset against its source: what must not have changed, and what trips its readers."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
 import numpy as np
 
-from rpaug import converted, registry, report, splits
-from rpaug.errors import RpaugError
+from rpaug import converted, registry, report, reported, splits
+from rpaug.errors import BadInput, RpaugError
 from rpaug.files import REJECTED
 from rpaug.interfaces import Adapter
 from rpaug.scene.tracking import agreement
@@ -35,11 +35,15 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All findings, how many episodes were compared, and colour statistics of both datasets, 0 to 255."""
+    """All findings, how many episodes were compared, and colour statistics of both datasets, 0 to 255.
+
+    Images were compared in `frames` frames of each episode, None for all.
+    """
 
     episodes: int
     findings: tuple[Finding, ...]
     statistics: dict[str, dict[str, float]]
+    frames: int | None = None
 
     @property
     def passed(self) -> bool:
@@ -52,6 +56,7 @@ class Verdict:
         return {
             "passed": self.passed,
             "episodes": self.episodes,
+            "frames": "all" if self.frames is None else self.frames,
             "findings": findings,
             "statistics": self.statistics,
         }
@@ -66,12 +71,14 @@ def verify(
 ) -> Verdict:
     """Compare every episode with the one that its report names. Images are compared in `frames` frames, None for all.
 
-    Raises BadInput where either folder holds no dataset.
+    Raises BadInput where either folder holds no dataset, or the source is not what any episode was made from.
     """
     adapter = registry.adapter_for(target)
     keys = list(adapter.episodes(target))
     theirs = registry.adapter_for(source)
     known = set(theirs.episodes(source))
+    reports = {key: report.of(target / key) for key in keys}
+    _related(target, source, reports.values(), known)
     findings = [*_numbering(adapter, keys), *_counts(target, keys)]
     findings += [Finding("bad", ".", "dataset", words) for words in adapter.faults(target)]
     tallies = {"rgb, source": _Tally(), "rgb, output": _Tally()}
@@ -79,13 +86,16 @@ def verify(
         progress(number, len(keys))
         try:
             made = adapter.read(target, key)
-            told = report.of(target / key)
+            told = reports[key]
             if told is None or not {"source", "draws"} <= told.keys():
+                spoilt = (target / key / report.NAME).exists()
                 words = f"no {report.NAME} of a copy or a conversion: rpaug did not make it"
+                if spoilt:
+                    words = f"{report.NAME} is spoilt: expected JSON with source and draws in it"
                 findings.append(Finding("bad", key, "report", words))
                 continue
             if told["source"] not in known:
-                words = f"{told['source']} is not in {source}"
+                words = f"made from {told['source']}, which is not in {source}"
                 findings.append(Finding("bad", key, "source", words))
                 continue
             recorded = theirs.read(source, told["source"])
@@ -103,7 +113,17 @@ def verify(
         findings += [Finding("note", key, "reader", words) for words in adapter.traps(made)]
     progress(len(keys), len(keys))
     statistics = {name: tally.figures() for name, tally in tallies.items()}
-    return Verdict(len(keys), _merged(findings), statistics)
+    return Verdict(len(keys), _merged(findings), statistics, frames)
+
+
+def _related(
+    target: Path, source: Path, reports: Iterable[dict[str, Any] | None], known: Set[str]
+) -> None:
+    """See that some episode was made from one of the source. Raises BadInput."""
+    named = [told["source"] for told in reports if told and isinstance(told.get("source"), str)]
+    if named and not known & set(named):
+        found = f"no episode that {target} was made from ({named[0]}, ...)"
+        raise BadInput(source, "--against", found=found, expected="the dataset that was the source")
 
 
 def compare(
@@ -123,7 +143,7 @@ def compare(
             "bad",
             key,
             "instruction",
-            f"{made.instruction!r}, recorded was {recorded.instruction!r}, reported {told_words[:1]}",
+            f"found {list(made.descriptions)}; expected {list(told_words)}",
         )
     if list(made.views) != list(recorded.views):
         yield Finding(
@@ -134,6 +154,9 @@ def compare(
         yield from _camera(
             key, name, recorded.views[name], view, allowed, _times(made.length, frames)
         )
+    if allowed & Effect.RGB:
+        times = _times(made.length, frames)
+        yield from (Finding(*one) for one in reported.compare(key, recorded, made, told, times))
     yield from _agreement(key, recorded, made, _times(made.length, frames))
     if told.get("synthetic") and allowed & Effect.RGB and not _shown(recorded, made, frames):
         words = "no pixel differs in the frames compared, though the episode is called synthetic"

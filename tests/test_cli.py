@@ -193,6 +193,13 @@ def test_what_is_no_dataset_is_said_so(tmp_path: Path, recipe: Path) -> None:
     assert "rlbench" in json.loads(out)["error"]
 
 
+def test_colons_are_no_pictures(template: Path, tmp_path: Path, recipe: Path) -> None:
+    told = ("--recipe", recipe, "--out", tmp_path / "out", "--ratio", "a:b:")
+    code, _, err = run("augment", template, *told)
+    assert code == 2
+    assert "--ratio a:b:" in err
+
+
 def test_help_starts_without_the_heavy_libraries() -> None:
     program = "import sys, rpaug.cli; sys.exit(any(m in sys.modules for m in ('torch', 'mujoco', 'zarr', 'cv2')))"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -1,6 +1,7 @@
 """Datasets in another layout hold the same images, cameras, words and robot."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -91,6 +92,20 @@ def test_nothing_is_overwritten(template: Path, tmp_path: Path) -> None:
         convert(template, tmp_path / "there", "rlds")
 
 
+def test_nothing_is_written_into_the_dataset(template: Path) -> None:
+    with pytest.raises(BadInput, match="inside the dataset; expected a path outside it"):
+        convert(template, template / "rdt", "rdt")
+    assert registry.adapter_for(template).name == "rlbench"
+
+
+def test_a_source_without_words_is_told(template: Path, tmp_path: Path) -> None:
+    silent = Path(shutil.copytree(template, tmp_path / "in"))
+    for path in silent.rglob("variation_descriptions.pkl"):
+        path.unlink()
+    done = convert(silent, tmp_path / "out", "rlds")
+    assert [count for words, count in done.traps.items() if "no instruction" in words] == [2]
+
+
 def test_an_unknown_layout_is_named(template: Path, tmp_path: Path) -> None:
     told = ["convert", str(template), "--to", "zip", "--out", str(tmp_path / "out")]
     result = CliRunner().invoke(app, told)
@@ -144,6 +159,11 @@ def test_a_converted_episode_that_was_spoilt_is_found(template: Path) -> None:
     assert topics(camera=replace(front.camera, assumed=True)) == {"camera"}
     moved = front.camera.cam_to_world + np.eye(4)[3] * 0.01
     assert topics(camera=replace(front.camera, cam_to_world=moved)) == {"camera"}
+    swapped = dict(zip(episode.views, reversed(episode.views.values()), strict=True))
+    found = {
+        one[2] for one in converted.compare("x", episode, replace(episode, views=swapped), [0])
+    }
+    assert found == {"images"}
     other = replace(episode, descriptions=("do nothing",))
     assert [one[2] for one in converted.compare("x", episode, other, [0])] == ["instruction"]
     shorter = replace(episode, length=3)

@@ -98,8 +98,21 @@ def test_layouts_keep_splits_apart() -> None:
             assert splits.kind(adapter(name).key_for(f"{split}/task/0", 0)) == kind
 
 
+def test_a_split_alone_does_not_name_a_dataset(tmp_path: Path) -> None:
+    assert card.called(tmp_path / "drawers") == "drawers"
+    assert card.called(tmp_path / "drawers" / "train") == "drawers/train"
+
+
 def test_a_licence_is_taken_where_it_is_stated(tmp_path: Path) -> None:
     assert card.licence_of(tmp_path, []) == card.UNSTATED
+    (tmp_path / "licensed.txt").write_text("no licence")
+    assert card.licence_of(tmp_path, []) == card.UNSTATED
+    (tmp_path / "license.txt").write_text("\nCC BY-NC-ND 4.0\n")
+    (tmp_path / "LICENSE.code").write_text("MIT\n")
+    both = "MIT (LICENSE.code of the source); CC BY-NC-ND 4.0 (license.txt of the source)"
+    assert card.licence_of(tmp_path, []) == both
+    (tmp_path / "license.txt").unlink()
+    (tmp_path / "LICENSE.code").unlink()
     (tmp_path / "a/b").mkdir(parents=True)
     (tmp_path / "a/README.md").write_text("---\ntags: [x]\nlicense: cc-by-4.0\n---\n# A\n")
     assert card.licence_of(tmp_path, ["a/b/0"]) == "cc-by-4.0"

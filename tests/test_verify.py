@@ -13,7 +13,7 @@ from analytic import scene
 from rpaug_adapters._pickles import dump, load
 from typer.testing import CliRunner
 
-from rpaug import recipe
+from rpaug import BadInput, recipe
 from rpaug.augment import Run, execute
 from rpaug.cli import app
 from rpaug.convert import convert
@@ -80,6 +80,15 @@ def lose_report(episode: Path) -> None:
     (episode / "rpaug.json").unlink()
 
 
+def spoil_report(episode: Path) -> None:
+    (episode / "rpaug.json").write_text("{")
+
+
+def spoil_colours(episode: Path) -> None:
+    for path in sorted(episode.glob("*_rgb"))[0].glob("*.png"):
+        cv2.imwrite(str(path), 255 - cv2.imread(str(path)))
+
+
 def leave_gap(episode: Path) -> None:
     episode.rename(episode.with_name("episode7"))
 
@@ -102,6 +111,8 @@ def test_what_augment_writes_passes(augmented: Path, template: Path) -> None:
         (change_camera, "camera"),
         (change_source, "source"),
         (lose_report, "report"),
+        (spoil_report, "report"),
+        (spoil_colours, "images beyond the report"),
         (leave_gap, "numbering"),
     ],
 )
@@ -110,6 +121,15 @@ def test_tampering_is_found(
 ) -> None:
     tamper(output / EPISODES / "episode1")
     assert topic in {finding.topic for finding in bad(output, template)}
+
+
+def test_another_dataset_than_the_source_is_refused(
+    augmented: Path, template: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "in" / "other"
+    shutil.copytree(template / EPISODES / "episode0", other / "episodes" / "episode0")
+    with pytest.raises(BadInput, match="expected the dataset that was the source"):
+        verify(augmented, other)
 
 
 def test_a_copy_in_another_split_is_a_leak(augmented: Path, template: Path, tmp_path: Path) -> None:
@@ -227,7 +247,10 @@ def test_wrong_counts_of_a_tfds_dataset_are_found(template: Path, tmp_path: Path
     told["splits"][0]["numBytes"] = "7"
     path.write_text(json.dumps(told))
     (found,) = bad(tmp_path / "rlds", template)
-    assert (found.topic, "numBytes 7" in found.message) == ("dataset", True)
+    assert (found.topic, "dataset_info.json: train: numBytes: found 7;" in found.message) == (
+        "dataset",
+        True,
+    )
 
 
 def test_wrong_statistics_of_a_lerobot_dataset_are_found(template: Path, tmp_path: Path) -> None:
@@ -239,7 +262,10 @@ def test_wrong_statistics_of_a_lerobot_dataset_are_found(template: Path, tmp_pat
     told["action"]["mean"][0] += 1
     path.write_text(json.dumps(told))
     (found,) = bad(tmp_path / "out", template)
-    assert (found.topic, "action: mean" in found.message) == ("dataset", True)
+    assert (found.topic, "stats.json: action: mean: found" in found.message) == ("dataset", True)
     described = path.with_name("info.json")
     described.write_text(json.dumps(json.loads(described.read_bytes()) | {"total_frames": 3}))
-    assert any("total_frames 3" in one.message for one in bad(tmp_path / "out", template))
+    assert any(
+        "info.json: total_frames: found 3;" in one.message
+        for one in bad(tmp_path / "out", template)
+    )

@@ -12,6 +12,7 @@ from rpaug.cli.console import (
     Dataset,
     Licence,
     console,
+    counted,
     plain,
     print_json,
     progress_bar,
@@ -177,7 +178,7 @@ def _print_summary(described: dict[str, Any], hint: str) -> None:
     if not described["copies"]:
         return
     seconds = ", ".join(f"{stage} {value:.1f}" for stage, value in described["seconds"].items())
-    say(f"{described['copies']} episodes in {described['out']} (seconds: {seconds})")
+    say(f"{counted(described['copies'], 'episode')} in {described['out']} (seconds: {seconds})")
     if hint:
         say(hint)
     if described["contact_sheet"]:

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from rpaug.errors import BadInput, RpaugError
 
-console = Console(stderr=True)
+console = Console(stderr=True, emoji=False)
 
 Dataset = Annotated[Path, typer.Argument(help="Folder of a dataset.", show_default=False)]
 EpisodeKey = Annotated[str | None, typer.Option(help="Key of one episode; the first if not given.")]
@@ -136,9 +136,14 @@ def _told(show: Callable[[str], None]) -> Iterator[None]:
         log.setLevel(level)
 
 
+def counted(number: int, noun: str) -> str:
+    """As `1 episode`, `2 episodes`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def say(line: str) -> None:
     """One line on stdout, never wrapped."""
-    Console().print(plain(line), highlight=False, soft_wrap=True)
+    Console(emoji=False).print(plain(line), highlight=False, soft_wrap=True)
 
 
 def read_episode(dataset: Path, key: str | None) -> Any:

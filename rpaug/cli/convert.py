@@ -10,6 +10,7 @@ from rpaug.cli.console import (
     Dataset,
     Licence,
     console,
+    counted,
     print_json,
     progress_bar,
     say,
@@ -44,9 +45,9 @@ def convert(
         where = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} more"
         warn("skipped", f"{where}: {reason}")
     for words, count in done.traps.items():
-        warn("note", f"{words} ({count} episodes)")
+        warn("note", f"{words} ({counted(count, 'episode')})")
     if done.episodes:
-        say(f"{done.episodes} episodes in {out}")
+        say(f"{counted(done.episodes, 'episode')} in {out}")
     else:
         console.print("Nothing was written.")
     return done.exit_code

@@ -67,7 +67,7 @@ def inspect(
     )
     for row in rows:
         motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion
-        size = " x ".join(f"{side:.1f}" for side in row.size_cm)
+        size = " x ".join(f"{side:.1f}" for side in row.size_cm) if any(row.size_cm) else "unknown"
         body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
         line = f"{row.handle:>8}  {row.role:12}{row.colour_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
         say(f"{line}{row.frames:8d}  {body}")

@@ -5,7 +5,16 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.console import AsJson, Dataset, console, plain, print_json, progress_bar, say
+from rpaug.cli.console import (
+    AsJson,
+    Dataset,
+    console,
+    counted,
+    plain,
+    print_json,
+    progress_bar,
+    say,
+)
 
 
 def verify(
@@ -46,7 +55,11 @@ def verify(
             line = f"[{colour}]{finding.level:4}[/] {plain(f'{finding.episode}: {finding.topic}: {finding.message}')}"
             console.print(line, highlight=False, soft_wrap=True)
         for name, figures in verdict.statistics.items():
-            say(f"{name}: " + ", ".join(f"{key} {value:.1f}" for key, value in figures.items()))
+            if figures:
+                say(f"{name}: " + ", ".join(f"{key} {value:.1f}" for key, value in figures.items()))
         outcome = "as it should be" if verdict.passed else "something is wrong"
-        say(f"{verdict.episodes} episodes compared: {outcome}")
+        looked = "all frames" if verdict.frames is None else f"{verdict.frames} frames"
+        say(
+            f"{counted(verdict.episodes, 'episode')} compared, images in {looked} of each: {outcome}"
+        )
     return 0 if verdict.passed else 1

@@ -12,10 +12,11 @@ pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 
 import pyarrow.parquet as pq
 from lerobot_samples import WORDS, dataset, episode, halved, picture
-from rpaug_adapters import _lerobot_files, _lerobot_stats, _video
+from rpaug_adapters import _lerobot_files, _lerobot_fresh, _lerobot_stats, _video
+from rpaug_adapters._folders import unlike
 from rpaug_adapters.lerobot import LeRobot
 
-from rpaug import BadInput, MissingExtra, Unsupported
+from rpaug import BadInput, MissingExtra, Unsupported, registry
 from rpaug.testing import AdapterContract
 
 KEY = "toy/train/1"
@@ -208,3 +209,42 @@ def test_without_pyarrow_the_extra_is_named(
 def test_paths_are_filled_without_being_run() -> None:
     assert _lerobot_files.filled("a-{n:03d}/{name}", {"n": 7, "name": "x"}) == "a-007/x"
     assert _lerobot_files.filled("{n.__class__}{n!r}", {"n": 7}) == "{n.__class__}{n!r}"
+
+
+def test_the_rate_is_the_videos_own(tmp_path: Path) -> None:
+    recorded = episode(0, 4)
+    assert _lerobot_fresh.rate(recorded) == _lerobot_fresh.RATE
+    times = np.array([[0.0], [1 / 29.97], [2 / 29.97], [3 / 29.97]])
+    filmed = replace(recorded, robot=replace(recorded.robot, extra={"seconds": times}))
+    assert _lerobot_fresh.rate(filmed) == 30
+    still = replace(recorded, robot=replace(recorded.robot, extra={"seconds": 0 * times}))
+    assert _lerobot_fresh.rate(still) == _lerobot_fresh.RATE
+    assert _lerobot_fresh.described(filmed)["fps"] == 30
+    LeRobot().write(recorded, tmp_path, "toy/train/0", dict)
+    with pytest.raises(Unsupported, match="30 frames a second, and the episodes before it have 10"):
+        LeRobot().write(filmed, tmp_path, "toy/train/1", dict)
+
+
+def test_a_dataset_without_its_description_is_not_taken_for_videos(
+    recorded: Path, tmp_path: Path
+) -> None:
+    half = Path(shutil.copytree(recorded, tmp_path / "half"))
+    (info,) = half.rglob("info.json")
+    info.unlink()
+    with pytest.raises(
+        BadInput, match=r"info\.json: file: found nothing; expected a whole lerobot"
+    ):
+        registry.adapter_for(half)
+
+
+def test_what_differs_between_episodes_is_named() -> None:
+    one = {"observation.images.front": {"dtype": "video", "shape": [2, 2, 3], "info": {}}}
+    two = one | {"action": {"dtype": "float32", "shape": [7]}}
+    assert unlike(one, two) == "it has action, and the episodes before it have not"
+    assert unlike(two, one) == "it lacks action, which the episodes before it have"
+    tree = {"featuresDict": {"features": {"image": {"image": {"shape": {"dimensions": ["2"]}}}}}}
+    assert unlike({"pythonClassName": "x"}, {"pythonClassName": "x"} | tree).startswith(
+        "it has image,"
+    )
+    wide = {"observation.images.front": {"dtype": "video", "shape": [2, 4, 3], "info": {}}}
+    assert "observation.images.front is of another kind or size" in unlike(one, wide)

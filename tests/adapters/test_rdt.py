@@ -196,10 +196,25 @@ def test_an_episode_of_another_source_gets_rdts_layout(template: Path, tmp_path:
     assert np.abs(stored.astype(int) - episode.views[name].rgb(0)).max() <= 8
     again = RDT().read(tmp_path, KEY)
     assert again.descriptions == episode.descriptions
-    view = again.views["cam_high"]
+    assert set(again.views) == set(episode.views)  # by their own names, and none that is black
+    view = again.views[name]
     assert view.depth is not None
     assert np.array_equal(view.depth(0), episode.views[name].depth(0))  # type: ignore[misc]
     assert np.allclose(view.camera.cam_to_world, episode.views[name].camera.cam_to_world)
+
+
+def test_a_gripper_without_an_opening_has_none_under_a_moved_camera(
+    template: Path, tmp_path: Path
+) -> None:
+    episode = recorded_elsewhere(template)
+    shut = replace(episode, robot=replace(episode.robot, gripper_open=None))
+    RDT().write(shut, tmp_path / "in", KEY, dict)
+    there = RDT().read(tmp_path / "in", KEY)
+    assert there.robot.gripper_open is None
+    name, view = next(iter(there.views.items()))
+    moved = replace(view, camera=replace(view.camera, cam_to_world=view.camera.cam_to_world.copy()))
+    RDT().write(replace(there, views={**there.views, name: moved}), tmp_path / "out", KEY, dict)
+    assert RDT().read(tmp_path / "out", KEY).robot.gripper_open is None
 
 
 def test_a_robot_without_joints_cannot_be_written(template: Path, tmp_path: Path) -> None:
