@@ -13,6 +13,8 @@ import numpy as np
 
 from rpaug.training import AugmentedEpisodes, wrap
 
+CAMERAS = {"front": "cam_high", "wrist": "cam_right_wrist"}  # as recorded, and as RDT calls them
+
 
 class Samples:
     """Its samples, which do not say which file they are of, made to."""
@@ -45,17 +47,16 @@ def main():
             recipe,
             episode=lambda s: s["episode"],
             frame=lambda s: [max(0, s["meta"]["step_id"] - 1), s["meta"]["step_id"]],
-            cameras={"cam_high": "cam_high", "cam_right_wrist": "cam_right_wrist"},
+            cameras=CAMERAS,
         )
         plain, edited = theirs[0], ours[0]
         t = int(plain["meta"]["step_id"])
         shown = AugmentedEpisodes(folder, recipe, frames=[t])[0]["cameras"]
-        np.savez(
-            out,
-            **{f"plain/{name}": plain[name][-1] for name in ("cam_high", "cam_right_wrist")},
-            **{f"edited/{name}": edited[name][-1] for name in ("cam_high", "cam_right_wrist")},
-            **{f"shown/{name}": shown[name]["rgb"][0] for name in ("cam_high", "cam_right_wrist")},
-        )
+        frames = {}
+        for camera, key in CAMERAS.items():
+            frames |= {f"plain/{key}": plain[key][-1], f"edited/{key}": edited[key][-1]}
+            frames[f"shown/{key}"] = shown[camera]["rgb"][0]
+        np.savez(out, **frames)
     same = [name for name in plain if np.array_equal(plain[name], edited[name])]
     print(json.dumps({"length": len(ours), "step": t, "same": same, "names": sorted(plain)}))
 
