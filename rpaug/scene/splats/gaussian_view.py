@@ -14,7 +14,7 @@ from rpaug.render.composite import Surfaces, composite
 from rpaug.render.splat import Rasteriser, Rendering, Settings, Splats, View
 from rpaug.scene.four import flowing
 from rpaug.scene.recorded import surface
-from rpaug.scene.splats import moments, passing
+from rpaug.scene.splats import moments, passing, weighed
 from rpaug.scene.splats.gaussians import Placement, joined
 from rpaug.types import Body, Camera, Scene
 
@@ -91,9 +91,12 @@ def seen(
         now, middle = flowing.standing(scene.flowing, t), scene.flowing.origin
         before, _ = flowing.beside(before, unedited.ids, now, middle)
         splats, names = flowing.beside(splats, names, flowing.edited(now, scene, t, middle), middle)
-    drawn = Rasteriser(sharp(splats)).forward(splats, view_of(eye, t))
+    asked = weighed.asked(scene)
+    shown = splats.with_features(weighed.marks(names, asked)) if asked else splats
+    drawn = Rasteriser(sharp(splats)).forward(shown, view_of(eye, t))
     depth = plane_depth(drawn, splats, eye, t)
     ids = np.where(drawn.surface_index >= 0, names[drawn.surface_index], 0)
+    ids = weighed.named(drawn, ids, asked) if asked else ids
     if then is not unedited:
         opened = _opened(drawn, before, eye, t)
         depth, ids = np.where(opened, 0, depth), np.where(opened, 0, ids)

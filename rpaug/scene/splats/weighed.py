@@ -1,0 +1,39 @@
+"""Which pixels of a video's Gaussians show an edited thing: those that get most of their light from it.
+
+Where depth was worked out from pictures, Gaussians of neighbouring things lie in one another, and the one Gaussian at
+which half of the light is gone belongs now to this one, now to that: edits by it are frayed. Sums of weights are not.
+"""
+
+import numpy as np
+from jaxtyping import Float32, Int32
+
+from rpaug.render.splat import Rendering
+from rpaug.types import Scene
+
+CHANNELS = 16  # handles told in one pass: the width of a kernel that is compiled anyway
+
+
+def asked(scene: Scene) -> list[int]:
+    """Handles that are edited, at most `CHANNELS`; none where masks were recorded, or where more are edited."""
+    if scene.back is None:
+        return []
+    edited = frozenset().union(*(edit.handles or frozenset() for edit in scene.appearance))
+    return sorted(edited) if len(edited) <= CHANNELS else []
+
+
+def marks(names: Int32[np.ndarray, "n"], handles: list[int]) -> Float32[np.ndarray, "n f"]:
+    """One channel for each handle: 1 for its Gaussians."""
+    out = np.zeros((len(names), CHANNELS), np.float32)
+    out[:, : len(handles)] = names[:, None] == handles
+    return out
+
+
+def named(
+    drawn: Rendering, ids: Int32[np.ndarray, "h w"], handles: list[int]
+) -> Int32[np.ndarray, "h w"]:
+    """The handles with those of `handles` where, and only where, they make up most of the light; else 0."""
+    assert drawn.features is not None
+    share = drawn.features[..., : len(handles)]
+    most = share.max(-1) > drawn.alpha / 2
+    rest = np.where(np.isin(ids, handles), 0, ids)
+    return np.where(most, np.array(handles)[share.argmax(-1)], rest).astype(np.int32)
