@@ -58,12 +58,12 @@ def parted(
     covered = sum(int(one.sum()) for one in pieces)
     if len(pieces) < 2 or covered < NEARLY * whole.sum():
         return [whole]
-    if sum(_solid(one) * one.sum() for one in pieces) < SOLID * covered:
+    if sum(solid(one) * one.sum() for one in pieces) < SOLID * covered:
         return [whole]
     return [part for one in pieces for part in parted(one, lab, deep - 1)]
 
 
-def _solid(mask: Bool[np.ndarray, "h w"]) -> float:
+def solid(mask: Bool[np.ndarray, "h w"]) -> float:
     """The share of its convex outline that a region fills."""
     outline = np.zeros(mask.shape, np.uint8)
     cv2.fillConvexPoly(outline, cv2.convexHull(np.argwhere(mask)[:, ::-1].astype(np.int32)), 1)
