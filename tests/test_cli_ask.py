@@ -100,6 +100,27 @@ def test_a_model_is_asked_and_its_key_is_nowhere(
     assert "manager.v1" in log.read_text()
 
 
+def test_the_key_is_in_nothing_that_a_run_writes(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RPAUG_LLM_KEY", KEY)
+    none = dict.fromkeys(("copies", "seed", "limit", "keep_originals"))
+    step = {"said": "blur the images", "op": "sensor_blur"}
+    answers = [
+        {"steps": [step], "drop": [], **none, "refuse": ""},
+        {"edits": [{"op": "sensor_blur", "sigma": [1, 1]}]},
+    ]
+    out = tmp_path / "out"
+    with served(lambda h, n: h.answer(completion(json.dumps(answers[n - 1])))) as (endpoint, _):
+        ask(
+            data, "blur the images", "--llm", endpoint.url, "--model", "small", "--no-ground",
+            "--run", "--into", out,
+        )  # fmt: skip
+    written = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert any(path.name == "rpaug.json" for path in written)
+    assert not [path for path in written if KEY.encode() in path.read_bytes()]
+
+
 def test_a_broken_endpoint_leaves_nothing(data: Path, tmp_path: Path) -> None:
     with served(lambda h, n: h.answer(b"no", 401)) as (endpoint, _):
         said = ask(

@@ -27,7 +27,9 @@ def hue(lab: Float32[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w 2"]:
 
 def opened(mask: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
     """Without lone pixels and lines one pixel wide."""
-    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    square = np.ones((2, 2), np.uint8)
+    # A square of even width has no middle: grown by the one that it shrank by, all would lie one pixel off.
+    return cv2.dilate(cv2.erode(mask.astype(np.uint8), square), square, anchor=(0, 0))
 
 
 def regions(mask: UInt8[np.ndarray, "h w"]) -> list[Bool[np.ndarray, "h w"]]:
@@ -56,12 +58,12 @@ def parted(
     covered = sum(int(one.sum()) for one in pieces)
     if len(pieces) < 2 or covered < NEARLY * whole.sum():
         return [whole]
-    if sum(_solid(one) * one.sum() for one in pieces) < SOLID * covered:
+    if sum(solid(one) * one.sum() for one in pieces) < SOLID * covered:
         return [whole]
     return [part for one in pieces for part in parted(one, lab, deep - 1)]
 
 
-def _solid(mask: Bool[np.ndarray, "h w"]) -> float:
+def solid(mask: Bool[np.ndarray, "h w"]) -> float:
     """The share of its convex outline that a region fills."""
     outline = np.zeros(mask.shape, np.uint8)
     cv2.fillConvexPoly(outline, cv2.convexHull(np.argwhere(mask)[:, ::-1].astype(np.int32)), 1)

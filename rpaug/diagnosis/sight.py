@@ -38,7 +38,8 @@ class Stage:
     within: Bool[np.ndarray, "h w"]
     table: Bool[np.ndarray, "h w"]
     background: Bool[np.ndarray, "h w"]
-    rosters: tuple[things.Roster, ...]
+    palette: Float32[np.ndarray, "n 3"]  # colours of all but the thing to act on
+    rosters: tuple[things.Roster, ...] = ()
     told: tuple[
         things.Roster, ...
     ] = ()  # the same by the recordings' masks, without the one to act on
@@ -52,7 +53,8 @@ def stage(plate: Plate) -> Stage:
     far = cv2.dilate(plate.usually("background").astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     within = ~near & ~far
     table = within & plate.usually("table")
-    made = Stage(plate, within, table, background & ~near, ())
+    others = np.concatenate([_others(one, within) for one in plate.firsts])
+    made = Stage(plate, within, table, background & ~near, things.palette(others))
     return replace(
         made,
         rosters=tuple(roster(one, made) for one in plate.firsts),
@@ -60,10 +62,22 @@ def stage(plate: Plate) -> Stage:
     )
 
 
+def _known(first: First) -> frozenset[int]:
+    """Ids of all that has a role."""
+    return frozenset().union(*(first.roles.get(role, frozenset()) for role in (MINE, *STATIC)))
+
+
+def _others(first: First, within: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray, "n 3"]:
+    """The colours of what else stood in a recording's first frame, its outlines left out."""
+    mask = within & ~np.isin(first.ids, [0, *_known(first)])
+    inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return _lab(first.image.astype(np.float32))[inner]
+
+
 def _told(first: First, made: Stage) -> things.Roster:
     """What else stood in a recording's first frame, by its mask."""
     lab = _lab(first.image.astype(np.float32))
-    known = frozenset().union(*(first.roles.get(role, frozenset()) for role in (MINE, *STATIC)))
+    known = _known(first)
     found = things.by_ids(first.ids, made.within, lab)
     return things.Roster([one for i, one in found.items() if i not in known], None)
 
@@ -71,7 +85,7 @@ def _told(first: First, made: Stage) -> things.Roster:
 def roster(first: First, made: Stage) -> things.Roster:
     """What stood in a recording's first frame: found by colour as in any image, the target told by its mask."""
     lab = _lab(first.image.astype(np.float32))
-    found, _ = things.by_colour(lab, made.within)
+    found, _ = things.by_colour(lab, made.within, made.palette)
     target = first.mask("manipulated")
     shared = [int((one.mask & target).sum()) for one in found]
     if not shared or max(shared) < parts.LEAST:
@@ -131,7 +145,7 @@ def _things(
     within = made.within & aligned.valid
     if ids is None:
         rosters = [one for k, one in enumerate(made.rosters) if k != without]
-        target, strange = things.recognised(*things.by_colour(lab, within), rosters)
+        target, strange = things.recognised(*things.by_colour(lab, within, made.palette), rosters)
         return target, list(strange)
     told = things.by_ids(aligned.warp(ids), within, lab)
     mine = roles.get(MINE, frozenset())

@@ -3,7 +3,7 @@
 The table is what the commonest, most spread-out colours show; the rest are things. Each training recording is a
 roster of what usually stands there. The one to act on is told by elimination: it is where such a thing usually is, or
 looks like it, and nothing else that the recordings show explains it. So it is found also when its colour, size or place
-have changed.
+have changed. Where it touches other things, it may be what is left without their colours.
 """
 
 from collections.abc import Sequence
@@ -18,6 +18,11 @@ CLUSTERS = 8
 SPREAD = 0.30  # share of the cells in which a colour is found, if it is the table's
 CELLS = 8  # a side
 CLOSE = 11.0  # Lab units: as near as this to a colour of the table is table
+EXPLAINED = 9.0  # Lab units, lightness halved: as near as this to a colour of other things, it may be theirs
+DARKENED = np.array([0.5, 1, 1], np.float32)
+COLOURS = 600  # that stand for all of the other things
+MOST = 0.9  # share of a region: more than this is the region itself
+FULL = 0.7  # share of its convex outline that a piece must fill
 COLOUR, SIZE, PLACE = (
     14.0,
     0.35,
@@ -60,22 +65,60 @@ def by_ids(
 
 
 def by_colour(
-    lab: Float32[np.ndarray, "h w 3"], within: Bool[np.ndarray, "h w"]
+    lab: Float32[np.ndarray, "h w 3"],
+    within: Bool[np.ndarray, "h w"],
+    known: Float32[np.ndarray, "n 3"],
 ) -> tuple[list[Thing], list[Thing]]:
-    """Connected regions that differ from the table's colours, parted where two things touch; and those that were
-    parted, whole, since they may be one patterned thing after all."""
-    found, wholes = [], []
+    """Connected regions that differ from the table's colours, parted where two things touch; and what else of them may
+    be one thing: those that were parted, whole, since they may be patterned, and what is left of each without the
+    colours of the recordings' other things."""
+    found, others = [], []
     for whole in parts.regions(parts.opened(within & ~table(lab, within))):
         pieces = [one for one in parts.parted(whole, lab) if not parts.thin(one)]
         found += [thing(one, lab) for one in pieces]
-        wholes += [thing(whole, lab)] if len(pieces) > 1 else []
-    return found, wholes
+        others += [thing(whole, lab)] if len(pieces) > 1 else []
+        others += [thing(one, lab) for one in _unexplained(whole, lab, known)]
+    return found, others
+
+
+def palette(pixels: Float32[np.ndarray, "n 3"], most: int = COLOURS) -> Float32[np.ndarray, "k 3"]:
+    """Some of many colours, evenly taken, lightness halved: it changes most as a thing turns in the light."""
+    return pixels[:: max(1, len(pixels) // most)] * DARKENED
+
+
+def _unexplained(
+    whole: Bool[np.ndarray, "h w"],
+    lab: Float32[np.ndarray, "h w 3"],
+    known: Float32[np.ndarray, "n 3"],
+) -> list[Bool[np.ndarray, "h w"]]:
+    """The compact pieces of a region that are of no known colour, if others of it are."""
+    if not len(known):
+        return []
+    colours = lab[whole] * DARKENED
+    left = np.zeros_like(whole)
+    left[whole] = np.linalg.norm(colours[:, None] - known, axis=2).min(1) > EXPLAINED
+    return [
+        one
+        for one in parts.regions(parts.opened(left))
+        if one.sum() <= MOST * whole.sum() and parts.solid(one) >= FULL and not parts.thin(one)
+    ]
 
 
 def table(
     lab: Float32[np.ndarray, "h w 3"], within: Bool[np.ndarray, "h w"]
 ) -> Bool[np.ndarray, "h w"]:
-    """Pixels of a region that show its commonest, most spread-out colours."""
+    """Pixels of a region that show its commonest, most spread-out colours.
+
+    What passes for table is looked at once more by itself: among all colours of the picture, a thing of nearly the
+    table's colour falls into one cluster with it.
+    """
+    return _common(lab, _common(lab, within))
+
+
+def _common(
+    lab: Float32[np.ndarray, "h w 3"], within: Bool[np.ndarray, "h w"]
+) -> Bool[np.ndarray, "h w"]:
+    """Pixels of a region in clusters of colour that are found in many places of it, or near to such a cluster."""
     pixels = lab[within]
     if len(pixels) < 50 * CLUSTERS:
         return np.zeros_like(within)

@@ -57,6 +57,13 @@ def test_shading_leaves_the_hue(colour: tuple[float, float, float], light: float
     )  # OpenCV's table of cube roots; two colours are 22 apart
 
 
+def test_opening_leaves_a_thing_where_it_is() -> None:
+    _, mask = canvas((8, 20, RED))
+    speckled = mask.copy()
+    speckled[2, 2] = speckled[40, 5:30] = True
+    assert (parts.opened(speckled) == mask).all()
+
+
 def test_an_outline_is_thin() -> None:
     _, mask = canvas((8, 20, RED))
     inner = cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
