@@ -1,6 +1,7 @@
 """The commands with known answers, split by a seeded hash: one half is worked with, the other is set aside.
 
-Only how many of the half set aside are right is ever read, and only at the end (tools/bench/ask.py --aside).
+Only how many of the half set aside are right is ever read, and only at the end (tools/bench/ask.py --aside). The fresh
+ones were written when the grammar was done, by somebody who knew the docs and the half that is worked with alone.
 """
 
 import hashlib
@@ -11,6 +12,7 @@ from typing import Any
 import yaml
 
 FOLDER = Path(__file__).parent / "commands"
+FRESH = Path(__file__).parent / "fresh"
 SALT = "rpaug ask 0"
 CAMERAS = ["front", "left_shoulder", "right_shoulder", "overhead", "wrist"]
 INSTRUCTIONS = ["put the red block in the bowl"]
@@ -36,10 +38,10 @@ class Known:
         return bool(hashlib.blake2b(said.encode(), digest_size=1).digest()[0] % 2)
 
 
-def every() -> list[Known]:
+def every(folder: Path = FOLDER) -> list[Known]:
     """All commands, in the order of their files."""
     out = []
-    for path in sorted(FOLDER.glob("*.yaml")):
+    for path in sorted(folder.glob("*.yaml")):
         for case in yaml.safe_load(path.read_text()):
             answer = None
             if not case.get("refuse"):

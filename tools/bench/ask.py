@@ -2,6 +2,7 @@
 
     python tools/bench/ask.py            the half that is worked with, with what went wrong
     python tools/bench/ask.py --aside    the half set aside: the figures alone
+    python tools/bench/ask.py --fresh    those written when the grammar was done: the figures alone
 
 A silent wrong edit is a recipe where a refusal was due; those on nonsense and injection are counted apart.
 Seconds are processor time.
@@ -27,8 +28,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--aside", action="store_true", help="the half set aside, figures alone")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--fresh", action="store_true", help="another set, figures alone")
     options = parser.parse_args()
     cases = [one for one in known.every() if one.aside == options.aside]
+    if options.fresh:
+        cases = known.every(known.FRESH)
+    quiet = options.aside or options.fresh
     count: Counter[str] = Counter()
     silent, obeyed, refused, start = 0, 0, 0, time.process_time()
     for one in cases:
@@ -39,11 +44,11 @@ def main() -> None:
         silent += want is None and got is not None
         obeyed += one.kind == "nonsense" and got is not None and got != want
         refused += want is not None and got is None
-        if got != want and not options.aside:
+        if got != want and not quiet:
             sys.stderr.write(f"{one.kind}: {one.say!r}: {got}; expected {want}\n")
     right = sum(value for name, value in count.items() if name.endswith("right"))
     figures = {
-        "half": "set aside" if options.aside else "worked with",
+        "half": "fresh" if options.fresh else "set aside" if options.aside else "worked with",
         "commands": len(cases),
         "exact": right,
         "share": round(right / len(cases), 4),
@@ -57,7 +62,7 @@ def main() -> None:
         return
     for name, value in figures.items():
         sys.stdout.write(f"{name:24}{value}\n")
-    if not options.aside:
+    if not quiet:
         for kind in sorted({one.kind for one in cases}):
             sys.stdout.write(f"{kind:24}{count[f'{kind} right']} of {count[f'{kind} all']}\n")
 
