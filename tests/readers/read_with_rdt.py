@@ -9,13 +9,15 @@ import json
 import os
 import sys
 import tempfile
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 
-def main():
-    repository, folder, out = (Path(argument).resolve() for argument in sys.argv[1:])
+@contextmanager
+def opened(repository, folder):
+    """RDT's own dataset of a folder of episodes; the working folder is another while it is open."""
     sys.path.insert(0, str(repository))
     with tempfile.TemporaryDirectory() as work:
         os.chdir(work)  # the paths in RDT's code are relative
@@ -24,8 +26,13 @@ def main():
         Path("configs").symlink_to(repository / "configs")
         from data.hdf5_vla_dataset import HDF5VLADataset
 
-        np.random.seed(0)  # noqa: NPY002  # RDT draws from it
-        dataset = HDF5VLADataset()
+        yield HDF5VLADataset()
+
+
+def main():
+    repository, folder, out = (Path(argument).resolve() for argument in sys.argv[1:])
+    np.random.seed(0)  # noqa: NPY002  # RDT draws from it
+    with opened(repository, folder) as dataset:
         said, frames = {"rpaug": "rpaug" in sys.modules, "samples": []}, {}
         for i in range(len(dataset)):
             for draw in range(6):

@@ -4,12 +4,11 @@ python wrap_rdt.py REPOSITORY FOLDER RECIPE FRAMES_OUT
 """
 
 import json
-import os
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
+from read_with_rdt import opened
 
 from rpaug.training import AugmentedEpisodes, wrap
 
@@ -32,15 +31,8 @@ class Samples:
 
 def main():
     repository, folder, recipe, out = (Path(argument).resolve() for argument in sys.argv[1:])
-    sys.path.insert(0, str(repository))
-    with tempfile.TemporaryDirectory() as work:
-        os.chdir(work)  # the paths in RDT's code are relative
-        Path("data/datasets/agilex").mkdir(parents=True)
-        Path("data/datasets/agilex/rdt_data").symlink_to(folder)
-        Path("configs").symlink_to(repository / "configs")
-        from data.hdf5_vla_dataset import HDF5VLADataset
-
-        theirs = Samples(HDF5VLADataset())
+    with opened(repository, folder) as rdt:
+        theirs = Samples(rdt)
         ours = wrap(
             theirs,
             folder,

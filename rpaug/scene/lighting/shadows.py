@@ -79,8 +79,7 @@ def lamps(scene: Scene) -> list[list[float]]:
 
     Empty where the recording has no shadows, or no fixed camera saw a table to see them on.
     """
-    fixed = any(view.camera.fixed for view in scene.episode.views.values())
-    table = _table(scene, COARSE) if fixed else None
+    table = None if placing.roving(scene) else _table(scene, COARSE)
     if table is None:
         return []
     light = _brightness(scene, table)

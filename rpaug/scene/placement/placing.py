@@ -130,7 +130,7 @@ def _room(scene: Scene, leaving: frozenset[int]) -> Room:
     seen[rows[inside], columns[inside]] = 1
     seen = cv2.morphologyEx(seen, cv2.MORPH_CLOSE, np.ones((CLOSED, CLOSED), np.uint8))
     showing = seen > 0
-    if _looks(scene, 0):
+    if roving(scene):
         showing &= _agreed(scene, support, low, level, shape)
     nothing = np.full(shape, np.inf, np.float32)
     empty = Room(low, level, showing, nothing, nothing)
@@ -158,10 +158,11 @@ def points_by_handle(
     """The same for each instance. Images are looked at once, at `count` times, or `ROUNDS` where all cameras move."""
     poses = {handle: body.to_world for body in scene.tracked for handle in body.handles}
     found: dict[int, list[Float64[np.ndarray, "n 3"]]] = {handle: [] for handle in handles}
+    looks = max(count, ROUNDS) if roving(scene) else count
     for view in scene.episode.views.values():
         if view.depth is None or view.ids is None:
             continue
-        for t in sampling.frames(scene.episode.length, _looks(scene, count)):
+        for t in sampling.frames(scene.episode.length, looks):
             ids, depth = view.ids(t), view.depth(t)
             usable = (depth > 0) & np.isfinite(depth)
             for handle in found.keys() & set(np.unique(ids).tolist()):
@@ -171,22 +172,20 @@ def points_by_handle(
     return {h: np.concatenate(some) if some else np.zeros((0, 3)) for h, some in found.items()}
 
 
-def _looks(scene: Scene, count: int) -> int:
-    """Frames to look at: `count` where a camera stands still, `ROUNDS` where each sees another part every time."""
-    fixed = any(view.camera.fixed for view in scene.episode.views.values())
-    return count if fixed else max(count, ROUNDS)
+def roving(scene: Scene) -> bool:
+    """Whether all cameras move, so that each frame shows another part of the scene."""
+    return not any(view.camera.fixed for view in scene.episode.views.values())
 
 
 def _support(scene: Scene, support: frozenset[int]) -> Float64[np.ndarray, "n 3"]:
     """Points of the support as cameras saw it over the episode; one that moves beside fixed ones adds a frame."""
-    looks = _looks(scene, STILLS)
+    all_move = roving(scene)
     found = []
     for name, view in scene.episode.views.items():
         if view.depth is None or view.ids is None:
             raise Unsupported(f"{name}: finding room needs recorded depth and masks")
-        for t in sampling.frames(
-            scene.episode.length, 1 if looks == STILLS and not view.camera.fixed else looks
-        ):
+        looks = ROUNDS if all_move else STILLS if view.camera.fixed else 1
+        for t in sampling.frames(scene.episode.length, looks):
             depth = view.depth(t)
             use = np.isin(view.ids(t), list(support)) & (depth > 0) & np.isfinite(depth)
             if use.any():

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Int32
 
 from rpaug.scene.semantic.labels import Stage
-from rpaug.scene.semantic.vote import CHANNELS
+from rpaug.scene.splats.weighed import CHANNELS
 
 COVERED = 0.5  # of a pixel, from which it shows something
 

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, Int32
+from jaxtyping import Bool, Float64, Int32
 
 from rpaug.errors import Unsupported
 from rpaug.scene.semantic.labels import UNKNOWN, Labelled, Stage, recorded
+from rpaug.scene.splats.weighed import CHANNELS, marks
 from rpaug.types import Body, Scene
 
-CHANNELS = 16  # labels gathered in one pass: the width of a kernel that is compiled anyway
 SEEN = 1e-3  # pixels: a Gaussian with less weight than this over all pictures keeps its label
 
 
@@ -42,18 +42,10 @@ def ballots(
         own = own[own != UNKNOWN]
         for start in range(0, len(own), CHANNELS):
             some = own[start : start + CHANNELS]
-            gradients = stage.rasteriser.backward(features=_one_hot(picture.ids, some))
+            gradients = stage.rasteriser.backward(features=marks(picture.ids, some))
             assert gradients.features is not None
             count[:, np.searchsorted(labels, some)] += gradients.features[:, : len(some)]
     return labels, count
-
-
-def _one_hot(
-    ids: Int32[np.ndarray, "h w"], labels: Int32[np.ndarray, "c"]
-) -> Float32[np.ndarray, "h w f"]:
-    out = np.zeros((*ids.shape, CHANNELS), np.float32)
-    out[..., : len(labels)] = ids[..., None] == labels
-    return out
 
 
 def vote(

@@ -4,6 +4,8 @@ Where depth was worked out from pictures, Gaussians of neighbouring things lie i
 which half of the light is gone belongs now to this one, now to that: edits by it are frayed. Sums of weights are not.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float32, Int32
 
@@ -21,10 +23,12 @@ def asked(scene: Scene) -> list[int]:
     return sorted(edited) if len(edited) <= CHANNELS else []
 
 
-def marks(names: Int32[np.ndarray, "n"], handles: list[int]) -> Float32[np.ndarray, "n f"]:
-    """One channel for each handle: 1 for its Gaussians."""
-    out = np.zeros((len(names), CHANNELS), np.float32)
-    out[:, : len(handles)] = names[:, None] == handles
+def marks(
+    names: Int32[np.ndarray, "*n"], handles: Sequence[int] | Int32[np.ndarray, "c"]
+) -> Float32[np.ndarray, "*n f"]:
+    """One of `CHANNELS` channels for each handle: 1 where that is the name."""
+    out = np.zeros((*names.shape, CHANNELS), np.float32)
+    out[..., : len(handles)] = names[..., None] == np.asarray(handles)
     return out
 
 
