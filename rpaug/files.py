@@ -210,11 +210,16 @@ def encode_jpeg(image: UInt8[np.ndarray, "h w 3"]) -> bytes:
     return data.tobytes()
 
 
-def encode_png(image: UInt8[np.ndarray, "h w ..."]) -> bytes:
-    """PNG bytes of an RGB or single-channel uint8 image; the same pixels give the same bytes."""
+def encode_png(image: UInt8[np.ndarray, "h w ..."], level: int = 3) -> bytes:
+    """PNG bytes of an RGB or single-channel uint8 image; the same pixels give the same bytes.
+
+    `level` of compression: 0 (none, for what is read again at once) to 9.
+    """
     if image.ndim == 3:
         image = image[..., ::-1]
-    done, data = cv2.imencode(".png", np.ascontiguousarray(image), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    done, data = cv2.imencode(
+        ".png", np.ascontiguousarray(image), [cv2.IMWRITE_PNG_COMPRESSION, level]
+    )
     if not done:
         raise ValueError(f"cannot encode an image of shape {image.shape}, {image.dtype}")
     return data.tobytes()

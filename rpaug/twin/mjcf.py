@@ -22,7 +22,7 @@ def compile_model(world: World, look: Look, size: int) -> mujoco.MjModel:
     laid = {_cover(name): cover.image for name, cover in _laid(world, look).items()}
     images = {**world.textures, **laid}
     images |= {f"extra-{extra.name}": extra.image for extra in look.extras}
-    pictures = {f"{name}.png": encode_png(image) for name, image in images.items()}
+    pictures = {f"{name}.png": encode_png(image, 0) for name, image in images.items()}
     return mujoco.MjModel.from_xml_string(to_xml(world, look, size), pictures)
 
 

@@ -60,7 +60,9 @@ def test_samples_are_a_demonstrations_key_poses() -> None:
 @pytest.mark.parametrize("condition", looks.CONDITIONS)
 def test_a_condition_changes_what_it_names(condition: str) -> None:
     job, world, _ = stage("stack_cups", 77, 0, Look())
-    look = looks.draw(condition, world, job, "testing", np.random.default_rng(0), 5)
+    look = looks.draw(
+        condition, world, job, "testing", np.random.default_rng(0), Look(texture_seed=5)
+    )
     changed = {
         "object_color": look.tints.keys() >= {"cup_small", "cup_large"},
         "object_texture": "cup_small" in look.covers,

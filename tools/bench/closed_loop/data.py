@@ -54,8 +54,9 @@ def rendered(
                 demo, copy = divmod(number, copies)
                 rng = np.random.default_rng([LAYOUTS, demo, copy, 11])
                 chosen = tuple(name for name in names if rng.random() < CHANCE)
-                job, world, _ = stage(task, LAYOUTS, demo, Look())
-                look = looks.mixed(chosen, world, job, "training", rng, int(rng.integers(2**32)))
+                plain = Look(texture_seed=int(rng.integers(2**32)))
+                job, world, _ = stage(task, LAYOUTS, demo, plain)
+                look = looks.mixed(chosen, world, job, "training", rng, plain)
                 take = twin.perform(task, LAYOUTS, episode=demo, look=look, frames=FRAMES)
                 adapter.write(take.episode, work, key, take.side)
 

@@ -40,11 +40,11 @@ TEXTURES = {  # which images cover parts, (training, testing)
 
 
 def draw(
-    condition: str, world: World, job: Job, use: str, rng: np.random.Generator, texture_seed: int
+    condition: str, world: World, job: Job, use: str, rng: np.random.Generator, look: Look
 ) -> Look:
-    """A look under one condition, for `use` in "training" or "testing"; "all" takes every factor at once."""
+    """The look under one condition, for `use` in "training" or "testing"; "all" takes every factor at once."""
     names = SINGLE if condition == "all" else () if condition == "none" else (condition,)
-    return mixed(names, world, job, use, rng, texture_seed)
+    return mixed(names, world, job, use, rng, look)
 
 
 def mixed(
@@ -53,10 +53,9 @@ def mixed(
     job: Job,
     use: str,
     rng: np.random.Generator,
-    texture_seed: int,
+    look: Look,
 ) -> Look:
-    """A look that differs in all the named factors."""
-    look = Look(texture_seed=texture_seed)
+    """The look with all the named factors changed."""
     for name in names:
         factor = factors.find(name)
         parts = factors.parts(factor, None, world, job)

@@ -56,9 +56,10 @@ def trial(
     use: str = "testing",
 ) -> Trial:
     """One episode from its start until it succeeds, the arm cannot reach, or the key poses run out."""
-    job, world, _ = stage(task, seed, episode, Look())
     rng = np.random.default_rng([seed, episode, number, looks.CONDITIONS.index(condition), 7])
-    look = looks.draw(condition, world, job, use, rng, int(rng.integers(2**32)))
+    plain = Look(texture_seed=int(rng.integers(2**32)))
+    job, world, _ = stage(task, seed, episode, plain)
+    look = looks.draw(condition, world, job, use, rng, plain)
     seen: Seen = []
     with closing(Bench(task, seed, episode, look)) as bench:
         done = bench.solved()
