@@ -31,7 +31,7 @@ class Size:
     tasks: tuple[str, ...] = TASKS
     demos: int = 25
     copies: int = 4
-    steps: int = 600
+    steps: int = 1500
     episodes: int = 10
     conditions: tuple[str, ...] = looks.CONDITIONS
     rounds: int = 2

@@ -6,13 +6,13 @@ import numba
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
+from rpaug.twin.tabletop import TABLE
 from tools.bench.closed_loop.bench import View
 
 GRID = 64  # pixels a side
-LOW, SIDE = (
-    np.array([-0.12, -0.34, 0.72]),
-    0.68,
-)  # metres: the corner of the cube that is looked at, and its side
+SIDE = 0.68  # metres: of the cube that is looked at
+# Its corner. The table's top lies in the middle of a row of cells: on the edge of two, the row would say least about it.
+LOW = np.array([-0.12, -0.34, TABLE - 3.5 * SIDE / GRID])
 AXES = (
     (0, 1, 2),
     (1, 2, 0),
