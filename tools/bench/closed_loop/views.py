@@ -11,7 +11,7 @@ from tools.bench.closed_loop.bench import View
 
 GRID = 64  # pixels a side
 SIDE = 0.68  # metres: of the cube that is looked at
-# Its corner. The table's top lies in the middle of a row of cells: on the edge of two, the row would say least about it.
+# Its corner. The table's top is in the middle of a row of cells: on the edge of two the row would say least about it.
 LOW = np.array([-0.12, -0.34, TABLE - 3.5 * SIDE / GRID])
 AXES = (
     (0, 1, 2),
