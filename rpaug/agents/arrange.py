@@ -9,36 +9,49 @@ from rpaug.agents.grammar import NotThis, Said, done, refuse, rule
 from rpaug.agents.grounding import thing, things
 from rpaug.agents.messages import Entry, Meant, Mention
 
-REMOVE = r"(?:remove|delete|erase|get rid of|take away|take out|eliminate|hide|discard|clear away)"
 BIGGER, SMALLER = (1.1, 1.25), (0.75, 0.9)
-LARGER = r"(?:bigger|larger|greater)"
+LARGER = r"(?:bigger|larger|greater|taller and wider)"
+SMALL = r"(?:smaller|tinier|less big|littler)"
+GROW = r"(?:enlarge|grow|increase|expand|magnify|inflate|upscale|blow up|bump up|scale up|size up)"
+SHRINK = r"(?:shrink|reduce|decrease|downscale|downsize|scale down|size down|minify|miniaturi[sz]e)"
+SIZED = r"(?:(?:the )?(?:size|scale|dimensions) of {thing}|{thing}(?:(?:'s|') (?:size|scale|dimensions))?)"
 ABOUT = r"(?: about (?:its|the) (?P<about>grasp|support|foot))?"
 # Ahead of the robot and to its left, by the words for it.
 WAYS = {
-    **dict.fromkeys(("to the left", "left", "leftwards", "to the robot's left"), (0, 1)),
-    **dict.fromkeys(("to the right", "right", "rightwards", "to the robot's right"), (0, -1)),
-    **dict.fromkeys(("away", "away from the robot", "farther away", "further away", "ahead"), (1, 0)),
-    **dict.fromkeys(("towards the robot", "toward the robot", "closer to the robot", "closer", "nearer"), (-1, 0)),
+    **dict.fromkeys(("to the left", "left", "leftwards", "leftward", "to the robot's left", "to its left", "to the robot's own left"), (0, 1)),
+    **dict.fromkeys(("to the right", "right", "rightwards", "rightward", "to the robot's right", "to its right", "to the robot's own right"), (0, -1)),
+    **dict.fromkeys(("away", "away from the robot", "farther away", "further away", "ahead", "farther away from the robot", "further away from the robot",
+                     "farther from the robot", "further from the robot", "away from the arm", "from the robot"), (1, 0)),
+    **dict.fromkeys(("towards the robot", "toward the robot", "closer to the robot", "closer", "nearer", "nearer to the robot", "towards the arm",
+                     "closer to the arm", "to the robot", "in the direction of the robot"), (-1, 0)),
 }  # fmt: skip
 WAY = slots.any_of(WAYS)
 MATERIALS = ("rubber", "cloth", "foam", "sand", "jelly", "wood", "metal", "ceramic")
-MATERIAL = rf"(?:a |an )?(?P<material>{'|'.join(MATERIALS)})"
+MATERIAL = rf"(?:a |an |some )?(?:piece of |block of |lump of )?(?P<material>{'|'.join(MATERIALS)})"
+LIKE = r"(?:like|as|as if made of|made of|as if it were|as if it were made of|behaving like|as though made of)"
+HERE = r"(?: (?:on|onto|to) (?:the )?(?:table|scene|desk|tabletop))?"
+FROM_HERE = r"(?: (?:out of|from|off) (?:the )?(?:scene|table|picture|pictures|image|images|desk|view|tabletop|workspace|counter))?"
+BESIDE = r"(?:(?:over |down |somewhere |right |to )*(?:near|next to|beside|close to|by|alongside|near to|closer to|nearer to|adjacent to))"
+ANY_WAY = (
+    r"(?: (?:in any direction|either way|any way|in a random direction|from where it (?:is|was)))?"
+)
 
 
-@rule(rf"{REMOVE} {{thing}}(?: (?:out of|from|off) (?:the )?(?:scene|table|picture|image|images|desk))?",
-      r"take {thing} (?:away|out|out of the scene|off the table|from the table|off the desk)",
-      r"{thing} (?:should|must|shall) (?:disappear|vanish|go|be gone|be removed|go away)",
-      r"make {thing} (?:disappear|vanish|go away)")  # fmt: skip
+@rule(rf"<REMOVE> {{thing}}{FROM_HERE}",
+      rf"(?:take|throw|toss|cut|edit|clear|wipe|strip|get|paint|chuck|leave|pull|put|move|push) {{thing}} (?:away|out){FROM_HERE}",
+      rf"(?:take|clear|wipe|get|pull|edit|cut) {{thing}}{FROM_HERE}",
+      r"(?:make|let) {thing} (?:disappear|vanish|go away|invisible|go)")  # fmt: skip
 def remove(said: Said) -> Meant:
     return done(*({"op": "remove", "target": one} for one in things(said)))
 
 
-@rule(r"(?:duplicate|copy|clone|replicate|double) {thing}(?: (?P<times>once|twice|{number} times))?",
-      r"(?:make|add|create|put) {number} (?:copies|copy|duplicates|duplicate|clones|clone) of {thing}(?: on the table)?",
-      r"(?:add|put|make|place) {number} more of {thing}(?: on the table)?")  # fmt: skip
+@rule(r"(?:duplicate|copy|clone|replicate|double|multiply) {thing}(?:,? (?P<times>once|twice|thrice|{number} times|{number}x))?",
+      rf"(?:(?:<ADD>|make|give me|have|produce) )?{{number}} more of {{thing}}{HERE}", rf"(?:(?:<ADD>|make|give me|have|produce) )?{{number}} (?:more |extra |additional |further |exact |identical )?(?:copies|copy|duplicates|duplicate|clones|clone|replicas|replica|twins|twin) of {{thing}}{HERE}",
+      rf"(?:<ADD>|make|have) another (?:one )?of {{thing}}{HERE}",
+      rf"(?:<ADD>|make|have) another copy of {{thing}}{HERE}", r"(?:make|clone) {thing} (?P<times>twice|{number} times)")  # fmt: skip
 def duplicate(said: Said) -> Meant:
     where = thing(said)
-    times = {"once": 1, "twice": 2}.get(said.get("times") or "")
+    times = {"once": 1, "twice": 2, "thrice": 3}.get(said.get("times") or "")
     if times is None:
         times = slots.count(said["number"]) if said.get("number") else 1
     if times > 20:
@@ -49,20 +62,23 @@ def duplicate(said: Said) -> Meant:
     )
 
 
-MOVE = r"(?:move|shift|push|pull|slide|put|place|set|bring|displace|relocate)"
-
-
-@rule(rf"{MOVE} {{thing}} (?:by )?{{length}} (?:further |farther )?(?P<way>{WAY})",
-      rf"{MOVE} {{thing}} (?:further |farther )?(?P<way>{WAY}) (?:by )?{{length}}")  # fmt: skip
+@rule(rf"<PUT> {{thing}} (?:by )?{{length}} (?:further |farther |over )?(?P<way>{WAY})",
+      rf"<PUT> {{thing}} (?:further |farther |over )?(?P<way>{WAY})(?: by|,)? {{length}}",
+      rf"{{thing}} (?:goes |by )?{{length}} (?:further |farther )?(?P<way>{WAY})",
+      rf"<PUT> {{thing}} (?:by )?{{length}} (?:further |farther )?(?P<way>{WAY}),? and (?:by )?{{least}} (?:further |farther )?(?P<then>{WAY})")  # fmt: skip
 def moved(said: Said) -> Meant:
-    ahead, left = WAYS[said["way"]]
-    far = slots.length(said["length"])
-    return _move(said, {"by": [slots.rounded(ahead * far) or 0, slots.rounded(left * far) or 0]})
+    by = [0.0, 0.0]
+    for way, far in (("way", "length"), ("then", "least")):
+        if said.get(way):
+            metres = slots.length(said[far])
+            by = [was + metres * part for was, part in zip(by, WAYS[said[way]], strict=True)]
+    return _move(said, {"by": [slots.rounded(value) or 0 for value in by]})
 
 
-@rule(rf"{MOVE} {{thing}} (?:to|at) {{point}}",
-      rf"{MOVE} {{thing}} (?:near|next to|beside|close to) {{other}}",
-      rf"{MOVE} {{thing}} (?:within|to within) {{length}} of {{other}}")  # fmt: skip
+@rule(r"<PUT> {thing} (?:over )?(?:to|at|onto) (?:position |the position |point |the point |coordinates |the coordinates |location |the location |place )?{point}",
+      r"<PUT> {thing} (?:within|to within|at most|no more than|no farther than|no further than) {length} (?:of|from|away from) {other}",
+      rf"<PUT> {{thing}} {BESIDE} {{other}},? (?:within|at most|no more than|no farther than|no further than|up to) {{length}}(?: away| from it| of it)?",
+      rf"<PUT> {{thing}} {BESIDE} {{other}}")  # fmt: skip
 def placed(said: Said) -> Meant:
     if said.get("point"):
         return _move(said, {"to": slots.numbers(said["point"])})
@@ -72,18 +88,21 @@ def placed(said: Said) -> Meant:
     return _move(said, fields)
 
 
-@rule(rf"{MOVE} {{thing}} (?:by )?<UP_TO> {{length}}",
-      r"move {thing}(?: (?:around|a bit|randomly|elsewhere|somewhere else|somewhere))?",
-      rf"{MOVE} {{thing}} (?:somewhere else|elsewhere|in another place|to another place|somewhere random)",
-      r"(?:vary|randomi[sz]e|change|jitter) the (?:position|place|location) of {thing}(?: by <UP_TO> {length})?",
-      r"relocate {thing}")  # fmt: skip
+@rule(rf"(?:<PUT>|<SHAKE>) {{thing}}(?:'s (?:position|place|location))?(?: around| about| anywhere| somewhere| in any direction)?,? (?:by )?<UP_TO> {{length}}{ANY_WAY}",
+      r"(?:move|shift|displace|nudge|shake|jiggle|jitter|relocate|reposition) {thing}(?: (?:around|about|a bit|a little|slightly|randomly|elsewhere|somewhere else|somewhere))?",
+      r"<PUT> {thing} (?:somewhere else|elsewhere|anywhere|(?:in|to|at) (?:another|a random|a different|some other|a new) (?:place|position|spot|location)|somewhere random|somewhere different|randomly)",
+      rf"<VARY> (?:the )?(?:position|place|location|placement|whereabouts) of {{thing}}(?:,? (?:by )?<UP_TO> {{length}}{ANY_WAY})?",
+      rf"(?:<VARY> )?where {{thing}} (?:is|are|stands?|sits?|lies?|starts?)(?:,? (?:by )?<UP_TO> {{length}}{ANY_WAY})?",
+      rf"<VARY> {{thing}}'s (?:position|place|location|placement)(?:,? (?:by )?<UP_TO> {{length}}{ANY_WAY})?",
+      r"(?:a |use a )?(?:random|different|new|another) (?:place|position|location|spot) for {thing}",
+      r"give {thing} (?:a )?(?:random|different|new|another) (?:place|position|location|spot)")  # fmt: skip
 def anywhere(said: Said) -> Meant:
     far = said.get("length")
     return _move(said, {"shift": slots.length(far)} if far else {})
 
 
 @rule(
-    rf"{MOVE} {{thing}} (?:(?:by )?{{length}} )?(?:forward|forwards|back|backwards|up|down)(?: (?:by )?{slots.LENGTH})?"
+    rf"<PUT> {{thing}} (?:(?:by )?{{length}} )?(?:forward|forwards|back|backwards|up|down)(?: (?:by )?{slots.LENGTH})?"
 )
 def which_way(said: Said) -> Meant:
     thing(said)
@@ -92,7 +111,7 @@ def which_way(said: Said) -> Meant:
     )
 
 
-@rule(rf"{MOVE} {{thing}} (?P<way>{WAY})")
+@rule(rf"<PUT> {{thing}} (?P<way>{WAY})")
 def how_far(said: Said) -> Meant:
     thing(said)
     raise refuse("how far? say a length, such as 5 cm")
@@ -106,14 +125,18 @@ def rotated(said: Said) -> Meant:
 
 OTHERS = (
     r"(?:everything(?: else)?|the (?:loose )?(?:objects|things|clutter|items)|all (?:the )?(?:objects|things)|"
-    r"the other (?:objects|things)|what lies around|objects|things)(?: (?:on|around) the (?:table|desk))?"
+    r"the other (?:objects|things|items)|other objects|other things|what lies around|what is loose|whatever is loose|all loose (?:objects|things)|loose (?:objects|things)|objects|things|the scene|the layout|the arrangement)"
+    r"(?: (?:that is |that are |lying |standing )?(?:on|around|across|over) the (?:table|desk|tabletop|counter))?"
 )
-SPREAD = r"(?:rearrange|shuffle|scatter|spread(?: out)?|mix up|reorder)"
+SPREAD = r"(?:rearrange|re-arrange|shuffle|reshuffle|scatter|spread(?: out)?|mix up|reorder|re-order|jumble|jumble up|disarrange|redistribute|mess up|shake up|permute|randomi[sz]e (?:the )?(?:layout|arrangement|positions|places|placement) of|move around)"
+AROUND = r"(?: (?:around|about|up|out|anew|apart|again|over the table|across the table|on the table|around the table|about the table))?"
 
 
 @rule(
-    rf"{SPREAD} {OTHERS}(?: (?:by )?<UP_TO> {{length}})?",
-    rf"{SPREAD} {{thing}}(?: (?:by )?<UP_TO> {{length}})?",
+    rf"{SPREAD} {OTHERS}{AROUND}(?:,? (?:by )?<UP_TO> {{length}}{ANY_WAY})?",
+    rf"(?:move|shift|mix|push|shake|jumble|spread|scatter) {OTHERS} (?:around|about|up|out|apart)(?:,? (?:by )?<UP_TO> {{length}}{ANY_WAY})?",
+    r"<VARY> the (?:layout|arrangement)(?: of (?:the )?(?:table|scene|objects|things|everything))?",
+    rf"{SPREAD} {{thing}}{AROUND}(?:,? (?:by )?<UP_TO> {{length}}{ANY_WAY})?",
 )
 def spread(said: Said) -> Meant:
     edit: Entry = {"op": "spread"}
@@ -124,10 +147,13 @@ def spread(said: Said) -> Meant:
     return done(edit)
 
 
-@rule(rf"(?:make|render) {{thing}} (?:(?:a bit|a little|slightly|much) )?(?P<way>{LARGER}|smaller){ABOUT}",
-      rf"(?P<way>enlarge|grow|shrink) {{thing}}{ABOUT}")  # fmt: skip
+@rule(rf"(?:make|render|turn|get) {{thing}} (?:(?:a bit|a little|a little bit|slightly|much|somewhat) )?(?:{LARGER}|(?P<less>{SMALL})){ABOUT}",
+      rf"(?:enlarge|grow|magnify|inflate|upscale|blow up|scale up|(?P<less>shrink|downscale|downsize|scale down|miniaturi[sz]e)) {{thing}}(?: (?:a bit|a little|slightly|somewhat))?{ABOUT}",
+      rf"(?:scale|size|blow) {{thing}} (?:up|(?P<less>down)){ABOUT}",
+      rf"(?:increase|(?P<less>reduce|decrease)) (?:the )?(?:size|scale|dimensions) of {{thing}}{ABOUT}",
+      rf"(?:increase|(?P<less>reduce|decrease)) {{thing}}'s (?:size|scale|dimensions){ABOUT}")  # fmt: skip
 def resized(said: Said) -> Meant:
-    low, high = SMALLER if said["way"] in ("smaller", "shrink") else BIGGER
+    low, high = SMALLER if said.get("less") else BIGGER
     return _scale(
         said,
         low,
@@ -136,30 +162,38 @@ def resized(said: Said) -> Meant:
     )
 
 
-@rule(rf"(?:make|render) {{thing}} (?:by )?{{share}} (?P<way>{LARGER}|smaller){ABOUT}",
-      rf"(?:make|render) {{thing}} (?P<way>{LARGER}|smaller) by {{share}}{ABOUT}",
-      rf"(?P<way>enlarge|grow|shrink|increase|reduce) (?:the size of )?{{thing}}(?:'s size)? by {{share}}{ABOUT}")  # fmt: skip
+@rule(rf"(?:(?:make|render|scale|turn|get) )?{{thing}} (?:by )?{{share}} (?:{LARGER}|up|(?P<less>{SMALL}|down)){ABOUT}",
+      rf"(?:make|render|scale|turn|get) {{thing}} (?:{LARGER}|up|(?P<less>{SMALL}|down)) (?:by )?{{share}}{ABOUT}",
+      rf"(?:{GROW}|(?P<less>{SHRINK})) {SIZED}(?: in size)? by {{share}}{ABOUT}",
+      rf"(?:{GROW}|(?P<less>{SHRINK})) {{thing}} {{share}}{ABOUT}")  # fmt: skip
 def resized_by(said: Said) -> Meant:
     part = slots.share(said["share"])
-    factor = slots.rounded(1 - part if said["way"] in ("smaller", "shrink", "reduce") else 1 + part)
+    factor = slots.rounded(1 - part if said.get("less") else 1 + part)
     return _scale(said, factor, factor)
 
 
-@rule(rf"make {{thing}} (?P<times>twice|half|{{number}} times) (?:as (?:large|big)|its (?:own )?size|the size|larger|bigger){ABOUT}",
-      rf"(?:scale|resize|enlarge|multiply) {{thing}} by (?:a factor of )?{{low}}(?: times)?{ABOUT}",
-      rf"(?P<times>double|halve) the size of {{thing}}{ABOUT}",
-      rf"(?:scale|resize|vary the size of) {{thing}} (?:by |by a factor )?(?:between|from) {{low}} (?:and|to) {{high}}(?: times)?{ABOUT}")  # fmt: skip
+@rule(rf"(?:(?:make|scale|render|resize) )?{{thing}} (?:to )?(?P<times>twice|half|{{number}} times) (?:as (?:large|big|small)|(?:of )?(?:its|their) (?:own |current |original |recorded )?(?:size|scale)|the (?:original |recorded |current )?(?:size|scale)|larger|bigger){ABOUT}",
+      rf"(?:scale|resize|enlarge|multiply|grow|upscale|magnify|scale up|shrink|downscale|scale down) {SIZED}(?: up| down)? (?:by|to|with) (?:a )?(?:factor (?:of )?)?(?P<low>{slots.NUMBER})(?: ?(?:times|x|×))?(?: its size)?{ABOUT}",
+      rf"(?:scale|resize) {{thing}} (?:up |down )?(?P<low>{slots.NUMBER}) ?(?:times|x|×){ABOUT}",
+      rf"(?:scale|resize|shrink|enlarge|grow|reduce|bring) {SIZED} to {{share}}(?: (?:of )?(?:its|the) (?:own |original |recorded |current )?size)?{ABOUT}",
+      rf"(?P<times>double|halve|triple) {SIZED} in size{ABOUT}", rf"(?P<times>double|halve|triple) (?:the )?(?:size|scale|dimensions) of {{thing}}{ABOUT}", rf"(?P<times>double|halve|triple) {{thing}}'s (?:size|scale|dimensions){ABOUT}",
+      rf"(?:scale|resize|rescale|<VARY>) {SIZED} (?:by |by a factor |by a factor of |to )?(?:anywhere |anything |somewhere )?(?:between|from) {{low}}(?: times)? (?:and|to) {{high}}(?: times| x)?(?: (?:of )?(?:its|the) (?:own |original |recorded )?size)?{ABOUT}",
+      rf"(?:make|scale|render) {{thing}} (?:between|from) {{low}} (?:and|to) {{high}} times (?:as (?:large|big)|its (?:own |original |recorded )?size|the size){ABOUT}")  # fmt: skip
 def scaled(said: Said) -> Meant:
     if said.get("low"):
-        low = slots.numbers(said["low"])[0]
-        return _scale(said, low, slots.numbers(said.get("high") or said["low"])[0])
-    fixed = {"twice": 2, "half": 0.5, "double": 2, "halve": 0.5}
+        low, high = slots.number(said["low"]), slots.number(said.get("high") or said["low"])
+        return _scale(said, low, high)
+    if said.get("share"):
+        return _scale(said, slots.share(said["share"]), slots.share(said["share"]))
+    fixed = {"twice": 2, "half": 0.5, "double": 2, "halve": 0.5, "triple": 3}
     factor = fixed.get(said["times"]) or slots.number(said["number"])
     return _scale(said, factor, factor)
 
 
-@rule(rf"(?:vary|randomi[sz]e|change|jitter) the size of {{thing}}{ABOUT}",
-      rf"(?:resize|rescale) {{thing}}{ABOUT}", rf"(?:a )?(?:random|different) size for {{thing}}{ABOUT}")  # fmt: skip
+@rule(rf"(?:<VARY>|resize|rescale) (?:the )?(?:size|scale|dimensions) of {{thing}}(?: (?:a bit|a little|slightly))?{ABOUT}",
+      rf"<VARY> {{thing}}'s (?:size|scale|dimensions)(?: (?:a bit|a little|slightly))?{ABOUT}", rf"(?:vary|randomi[sz]e|change|alter) how (?:big|large) {{thing}} (?:is|are){ABOUT}",
+      rf"(?:resize|rescale) {{thing}}(?: (?:a bit|a little|slightly))?{ABOUT}", rf"(?:a |use a )?(?:random|different|new|another) size for {{thing}}{ABOUT}",
+      rf"give {{thing}} (?:a )?(?:random|different|new|another) size{ABOUT}")  # fmt: skip
 def any_size(said: Said) -> Meant:
     return _scale(said, None, None)
 
@@ -170,17 +204,26 @@ def absolute(said: Said) -> Meant:
     raise refuse("sizes are factors of the recorded one: say `20% larger`, or `half its size`")
 
 
-@rule(rf"(?:make|let) {{thing}} (?:behave|act|move|fall|deform|bend) (?:like|as) {MATERIAL}",
-      rf"turn {{thing}} into {MATERIAL}", rf"(?:simulate|treat) {{thing}} as {MATERIAL}",
-      r"make {thing} (?:out )?of (?P<material>rubber|foam|sand|jelly|cloth)",
-      rf"(?:drop|let) {{thing}} (?:fall )?from {{length}} (?:like|as|made of) {MATERIAL}")  # fmt: skip
+@rule(rf"(?:make|let|have) {{thing}} (?:(?:physically )?(?:behave|act|move|fall|deform|bend|respond|react|bounce|wobble|collapse)) (?:(?:just )?like|as|as if (?:it were |it was )?(?:made )?(?:out )?(?:of )?) ?(?:if )?(?:it (?:were|was) )?(?:made )?(?:of )?{MATERIAL}",
+      rf"(?:turn|change|convert) {{thing}} (?:in)?to {MATERIAL}", rf"(?:simulate|treat|model) {{thing}}(?:'s physics)? (?:as|like|as if made of|as being|with) {MATERIAL}(?: physics)?",
+      r"make {thing} (?:(?:be )?(?:made )?(?:out )?of )?(?P<material>rubber|foam|sand|jelly|cloth)",
+      rf"give {{thing}} (?:the )?(?:physics|behaviou?r|mechanics|material) of {MATERIAL}", rf"give {{thing}} {MATERIAL} (?:physics|behaviou?r|mechanics)",
+      rf"(?:drop|let) {{thing}} (?:fall |drop )?(?:down )?(?:from )?(?:a height of |anywhere |a height )?between {{length}} and {{least}}(?: up| high| above the table)?,? {LIKE} {MATERIAL}",
+      rf"(?:drop|let) {{thing}} (?:fall |drop )?{LIKE} {MATERIAL},? (?:down )?(?:from )?(?:a height of |anywhere |a height )?between {{length}} and {{least}}(?: up| high| above the table)?",
+      rf"(?:drop|let) {{thing}} (?:fall |drop )?(?:down )?(?:from )?(?:a height of )?{{length}}(?: up| high| above the table)?,? {LIKE} {MATERIAL}",
+      rf"(?:drop|let) {{thing}} (?:fall )?{LIKE} {MATERIAL},? (?:down )?from (?:a height of )?{{length}}(?: up| high| above the table)?")  # fmt: skip
 def physics(said: Said) -> Meant:
     if "physics" not in registry.operator_names():
         raise refuse("this installation has no operator `physics`")
+    where = things(said)
+    for one in where:
+        if isinstance(one, dict) and one.get("role") in ("table", "background", "robot"):
+            raise refuse(f"the {one['role']} is not simulated, only things that stand on the table")
     fields: Entry = {"material": said["material"]}
     if said.get("length"):
-        fields["height"] = [slots.length(said["length"])] * 2
-    return done(*({"op": "physics", "target": one, **fields} for one in things(said)))
+        low = slots.length(said["length"])
+        fields["height"] = [low, slots.length(said["least"]) if said.get("least") else low]
+    return done(*({"op": "physics", "target": one, **fields} for one in where))
 
 
 @rule(

@@ -13,19 +13,18 @@ from rpaug.errors import MissingExtra
 from rpaug.providers.words import synonym
 from rpaug.scene.naming import colours
 
-ADD = r"(?:add|put|place|insert|set|stand|drop|introduce|spawn)"
-HERE = r"(?: (?:on|onto|to|in) (?:the )?(?:table|scene|desk|counter|tabletop|workspace|picture))?"
-NEAR = r"(?:near|next to|beside|close to|by|nearby)"
-SIZES = r"(?: between {length} and {least}(?: (?:large|big|long|in size))?)?"
+HERE = r"(?: (?:down )?(?:on|onto|to|in|into|all over|over|around|across) (?:the )?(?:table|scene|desk|counter|tabletop|workspace|picture|table top|worktop))?"
+NEAR = r"(?:(?:somewhere |right |down )?(?:near|next to|beside|close to|by|nearby|alongside|adjacent to|near to|in the vicinity of))"
+SIZES = r"(?:,? (?:each |all )?(?:(?:whose|with (?:a|its|the)) longest side (?:is |of )?|of (?:a )?size |sized |measuring |with (?:a )?sizes? )?(?:of )?between {length} and {least}(?: (?:large|big|long|in size|across|wide|each))?)?"
 MANY = rf"(?:(?:a |the )?(?:few|couple of)|some|more|{slots.NUMBER})"
-CLUTTER = r"(?:distractors?|random (?:objects?|things?|items?)|distracting (?:objects?|things?)|unrelated (?:objects?|things?))"
+CLUTTER = r"(?:(?:new )?distractors?(?: objects?| items?| things?)?|(?:random|distracting|unrelated|irrelevant) (?:objects?|things?|items?|clutter))"
 NEW = Mention(kind="new")
 MOST = 30
 
 
-@rule(rf"(?:{ADD} )?(?:(?P<many>{MANY}) )?(?:more )?(?:(?P<tint>{slots.ONE_COLOUR}) )?{CLUTTER}{HERE}{SIZES}",
-      rf"clutter (?:the )?(?:table|scene|desk)(?: with (?:(?P<many>{MANY}) )?(?:(?P<tint>{slots.ONE_COLOUR}) )?{CLUTTER})?{SIZES}",
-      rf"(?:{ADD} )(?:some |more )?clutter{HERE}")  # fmt: skip
+@rule(rf"(?:(?:<ADD>|scatter|sprinkle|distribute|spread|use) )?(?:(?P<many>{MANY}) )?(?:more )?(?:(?P<tint>{slots.ONE_COLOUR}) )?{CLUTTER}{HERE}{SIZES}",
+      rf"(?:clutter|fill|litter|populate|mess up|distract) (?:up )?(?:the )?(?:table|scene|desk|workspace)(?: up)?(?: with (?:(?P<many>{MANY}) )?(?:(?P<tint>{slots.ONE_COLOUR}) )?{CLUTTER})?{SIZES}",
+      rf"(?:<ADD> )(?:some |more )?clutter{HERE}")  # fmt: skip
 def distractors(said: Said) -> Meant:
     edit: Entry = {"op": "distractors"}
     many = said.get("many")
@@ -38,10 +37,11 @@ def distractors(said: Said) -> Meant:
     return done(edit, mention=NEW)
 
 
-@rule(rf"{ADD} {{asset}}{HERE} (?:within|at most) {{length}} (?:of|from|away from) {{other}}",
-      rf"{ADD} {{asset}}{HERE} {NEAR} {{other}}",
-      rf"{ADD} {{asset}}{HERE} at {{point}}",
-      rf"{ADD} {{asset}}{HERE}{SIZES}",
+@rule(rf"<ADD> {{asset}}{HERE},? (?:within|at most|no more than|no farther than|no further than|up to|not more than) {{length}} (?:of|from|away from) {{other}}",
+      rf"<ADD> {{asset}}{HERE},? {NEAR} {{other}}(?:,? (?:within|at most|no more than|no farther than|up to) {{length}}(?: away| from it| of it)?)?",
+      rf"{NEAR} {{other}},? <ADD> {{asset}}{HERE}",
+      rf"<ADD> {{asset}}{HERE},? (?:at|to) (?:position |the position |point |the point |coordinates |the coordinates |location |place )?{{point}}",
+      rf"<ADD> {{asset}}{HERE}{SIZES}",
       r"there should be {asset}" + HERE)  # fmt: skip
 def insert(said: Said) -> Meant:
     fields: Entry = {}
@@ -67,7 +67,7 @@ def insert(said: Said) -> Meant:
     return done(*edits, mention=NEW, notes=tuple(notes))
 
 
-@rule(rf"{ADD} {{asset}} (?:in|into|inside|on|onto|on top of|under|behind|in front of|above|below"
+@rule(r"<ADD> {asset} (?:in|into|inside|on|onto|on top of|under|behind|in front of|above|below"
       r"|(?:to |on )?the (?:left|right) of|left of|right of|between) .+")  # fmt: skip
 def elsewhere(said: Said) -> Meant:
     asset(said["asset"], said.wish.setting.generates)
@@ -93,7 +93,7 @@ def asset(words: str, generates: bool = False) -> tuple[int, dict[str, Any], lis
             raise refuse(f"{words!r}: how many?")
         number = 1 if said == "another" else _count(said)
         words = words[many.end() :]
-    words = re.sub(r"^(?:new|extra|additional) ", "", words)
+    words = re.sub(r"^(?:new|extra|additional|further) ", "", words)
     named = _named(words)
     if named:
         return number, {"asset": named}, []

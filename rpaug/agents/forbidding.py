@@ -9,7 +9,8 @@ from rpaug.agents.messages import Entry, NotUnderstood
 from rpaug.agents.operation import meant
 
 NOT = re.compile(
-    r"(?:do not|don't|dont|never|must not|should not|without|not) (?P<verb>[a-z]+)(?P<rest>.*)"
+    r"(?:do not|don't|dont|never|must not|should not|without|not|avoid) (?P<verb>[a-z]+)(?P<rest>[^,;]*)"
+    r"|(?P<what>(?:the|all|every|its?) [^,;]*?) (?:must|should|may|shall|can) (?:not|never) be (?P<done>[a-z]+)"
 )
 KEEP = re.compile(
     r"(?:leave|keep) (?P<what>.+?) (?:alone|as (?:it is|it was|they are|is|recorded)|unchanged|untouched|the same|where (?:it is|they are))"
@@ -26,8 +27,9 @@ def barred(part: str, gathered: Gathered) -> bool:
         return True
     if negated is None:
         return False
-    verb, rest = negated["verb"], negated["rest"].strip()
-    stem = re.sub(r"ing$", "", verb)
+    verb = negated["verb"] or negated["done"]
+    rest = (negated["rest"] or negated["what"] or "").strip()
+    stem = re.sub(r"(?:ing|ed)$", "", verb)
     known = VAGUE | {_base(word) for word in VAGUE}
     if stem in known or stem + "e" in known:
         gathered.barred.append(rest)

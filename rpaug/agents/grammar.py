@@ -4,19 +4,23 @@ In a pattern `{thing}` and the like stand for slots. Nothing is skipped: a word 
 step not understood. A rule that finds its slots senseless passes; one that knows why it must refuse says so.
 """
 
+import itertools
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rpaug.agents import slots
 from rpaug.agents.messages import Entry, Meant, Mention, NotUnderstood, Wish
+from rpaug.agents.verbs import VERBS
 
+# At least one word after articles, so that "the" alone is never taken for a thing.
+THING = r"(?:(?:all|every|each|both)(?: of)? )?(?:the )?(?!(?:the|an?|all|every|each|both) )[a-z0-9_#-][a-z0-9_#, -]*?"
 SLOTS: Mapping[str, str] = {
-    "thing": r"[a-z0-9_# -]+?",
-    "other": r"[a-z0-9_# -]+?",
+    "thing": THING,
+    "other": THING,
     "asset": r"[a-z0-9_# -]+?",
     "texture": r"[a-z_ ]+?",
-    "camera": r"[a-z0-9_ ,]*?cam(?:era)?s?|it|them",
+    "camera": r"[a-z0-9_ ,-]*?cam(?:era)?s?|it|them",
     "motion": r"[a-z0-9., ]+?",
     "colour": slots.COLOUR,
     "tint": slots.ONE_COLOUR,
@@ -31,9 +35,14 @@ SLOTS: Mapping[str, str] = {
     "triple": slots.TRIPLE,
 }
 PHRASES: Mapping[str, str] = {
-    "LIGHT": r"(?:the |all )?(?:the )?(?:scene )?(?:light|lights|lamp|lamps|lighting|illumination)",
-    "IMAGES": r"(?:the |all |all the |its )?(?:images?|pictures?|frames?|video|videos|views?|footage)",
-    "UP_TO": r"(?:by |of |within )?(?:up to|at most|no more than|a maximum of|max)",
+    "LIGHT": r"(?:the |all |every )?(?:of the |the )?(?:scene(?:'s)? |room )?"
+    r"(?:lights?|lamps?|lighting|illumination|light sources?|light bulbs?)",
+    "IMAGES": r"(?:the |all |all the |all of the |every |each |its )?"
+    r"(?:(?:rendered|final|finished|output|rgb|colou?r|camera) )?"
+    r"(?:images?|pictures?|photos?|frames?|videos?|views?|footage)",
+    "UP_TO": r"(?:by |of |within )?"
+    r"(?:(?:anything |any amount )?up to|at most|no more than|a maximum of|max|a max of|maximally)",
+    **VERBS,
 }
 
 
@@ -45,14 +54,12 @@ class NotThis(Exception):
 class Said:
     """A step that fits a rule: the words in its slots, and the wish it belongs to."""
 
-    slots: Mapping[str, str | None]
+    slots: Mapping[str, str]
     wish: Wish
 
     def __getitem__(self, name: str) -> str:
         """What fills a slot that the pattern demands."""
-        value = self.slots[name]
-        assert value is not None
-        return value
+        return self.slots[name]
 
     def get(self, name: str) -> str | None:
         """What fills a slot, or None."""
@@ -75,7 +82,12 @@ class Rule:
             found = pattern.fullmatch(text)
             if found:
                 try:
-                    return self.make(Said(found.groupdict(), wish))
+                    said = {
+                        name.split("__")[0]: value
+                        for name, value in found.groupdict().items()
+                        if value is not None
+                    }
+                    return self.make(Said(said, wish))
                 except NotThis:
                     continue
         return None
@@ -95,12 +107,13 @@ def rule(*patterns: str) -> Callable[[Make], Make]:
 
 
 def compiled(pattern: str) -> re.Pattern[str]:
-    """A pattern with its slots filled in."""
+    """A pattern with its slots filled in; one that stands in several alternatives is told apart by a number."""
     for name, phrase in PHRASES.items():
         pattern = pattern.replace(f"<{name}>", phrase)
     for name, slot in SLOTS.items():
         pattern = pattern.replace("{" + name + "}", f"(?P<{name}>{slot})")
-    return re.compile(pattern)
+    place = itertools.count()
+    return re.compile(re.sub(r"\(\?P<(\w+)>", lambda m: f"(?P<{m[1]}__{next(place)}>", pattern))
 
 
 def done(

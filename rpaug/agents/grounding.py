@@ -1,13 +1,15 @@
 """Which thing is meant: words into a recipe's target, and targets looked for in a recorded scene."""
 
+import difflib
 import re
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 from rpaug.agents import slots
 from rpaug.agents.grammar import NotThis, Said
 from rpaug.agents.messages import Mention, NotUnderstood
-from rpaug.scene.naming import colours, relations, roles
+from rpaug.scene.naming import colours, relations, roles, shapes
 from rpaug.scene.naming.nouns import ROLES, VERBS
 
 Target = str | dict[str, Any]
@@ -48,26 +50,29 @@ NO_THING = (
     PRONOUNS
     | VERBS
     | frozenset(
-        {
-            "make", "paint", "remove", "delete", "add", "duplicate", "copy", "clone", "dim", "raise", "lower", "blur",
-            "color", "colour", "recolor", "recolour", "texture", "give", "cover", "shift", "jitter", "shake",
-            "erase", "resize", "scale", "shrink", "enlarge", "stylise", "stylize", "style", "light", "lights", "lamp",
-            "lamps", "lighting", "camera", "cameras", "image", "images", "picture", "pictures", "frame", "frames",
-            "noise", "exposure", "view", "size", "dataset", "file", "files", "folder", "folders", "recipe", "recipes",
-            "episode", "episodes", "instruction", "instructions", "output", "outputs", "policy", "policies", "code",
-            "program", "prompt", "system", "data", "key", "keys", "report", "disk", "everything", "nothing",
-            "anything", "something", "except", "but", "not", "no", "without", "or", "then", "please", "do", "don",
-            "never", "ignore", "forget", "undo", "twice", "half", "bigger", "smaller", "larger", "darker", "brighter",
-            "lighter", "percent", "times", "stop", "stops", "copies", "seed", "probability", "scene", "world",
-            "distractor", "distractors", "clutter", "cm", "mm", "m", "metres", "meters", "degrees", "random",
-            "previous", "all", "both", "every", "each", "instead", "if", "when", "while", "because", "like", "as",
-            "look", "looks", "into", "onto", "for", "so", "also", "now", "again", "more", "less", "very", "too",
-            "somewhere", "elsewhere", "else", "anywhere", "left", "right", "other", "middle",
-        }
+        re.findall(
+            r"\S+",
+            """
+            make paint remove delete add duplicate copy clone dim raise lower blur color colour recolor recolour
+            texture give cover shift jitter shake erase resize scale shrink enlarge stylise stylize style light
+            lights lamp lamps lighting camera cameras image images picture pictures frame frames noise exposure
+            view size dataset file files folder folders recipe recipes episode episodes instruction instructions
+            output outputs policy policies code program prompt system data key keys report disk everything
+            nothing anything something except but not no without or then please do don never ignore forget undo
+            twice half bigger smaller larger darker brighter lighter percent times stop stops copies seed
+            probability scene world distractor distractors clutter cm mm m metres meters degrees random previous
+            all both every each instead if when while because like as look looks into onto for so also now again
+            more less very too be been being was were will would should shall must could can't have has had get
+            gets let lets want wants need needs from with by at to up down than there here how what who whether
+            why after before during off out only randomly its their whose glow somewhere elsewhere else anywhere
+            left right other middle
+            """,
+        )
     )
- | frozenset(word for phrase in slots.WORDS for word in phrase.split())
-) - {"one", "place", "a", "an"}  # fmt: skip
+    | frozenset(word for phrase in slots.WORDS for word in phrase.split())
+) - {"one", "place", "a", "an"}
 MOST_NOUNS = 3
+MISSPELT = 0.84  # share of letters in common with a colour, as difflib counts it
 
 
 def thing(said: Said, slot: str = "thing") -> Target:
@@ -81,7 +86,7 @@ def things(said: Said, slot: str = "thing") -> list[Target]:
     try:
         return [target(words, said.wish.mention)]
     except NotThis:
-        parts = re.split(r",? and |, ", words)
+        parts = re.split(r",? and |, ", re.sub(r"^both (?=.* and )", "", words))
         if len(parts) < 2:
             raise
         return [target(part, said.wish.mention) for part in parts]
@@ -123,10 +128,24 @@ def _check(words: str) -> None:
         raise NotThis from None
     if re.search(r"[^a-z_ -]", words) or _nouns(phrase) & NO_THING:
         raise NotThis
+    if any(re.fullmatch(r"[a-z]{3,}ed", noun) for noun in _nouns(phrase)):
+        raise NotThis  # "the mug tinted" is more than a thing
+    for noun in _nouns(phrase):
+        if tint := _nearly_a_colour(noun):
+            raise NotUnderstood(f"{words!r}: {noun!r} is no colour ({noun!r} may be {tint!r})")
     for part in _segments(words.replace("-", " ").split()):
         kinds = [_kind(word) for word in part]
         if kinds != sorted(kinds) or kinds.count(2) > MOST_NOUNS or kinds.count(0) > 1:
             raise NotThis
+
+
+@cache
+def _nearly_a_colour(noun: str) -> str | None:
+    """The colour that a noun looks misspelt from, if it is no known thing."""
+    if len(noun) < 4 or noun in shapes.WORDS or noun.removesuffix("s") in shapes.WORDS:
+        return None
+    turned = [name for name in colours.NAMES if sorted(name) == sorted(noun)]
+    return next(iter(turned or difflib.get_close_matches(noun, colours.NAMES, 1, MISSPELT)), None)
 
 
 def _kind(word: str) -> int:

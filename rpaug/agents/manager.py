@@ -3,29 +3,22 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from rpaug.agents import slots
+from rpaug.agents import phrasing
 from rpaug.agents.forbidding import barred, respect
 from rpaug.agents.gathering import Gathered, take
+from rpaug.agents.grounding import ARTICLES
 from rpaug.agents.messages import Answer, Entry, Meant, NotUnderstood, Trace, Wish
 from rpaug.agents.operation import meant
 from rpaug.agents.settings import chance, settings
 from rpaug.agents.undoing import RESTART, UNDO, undo
+from rpaug.agents.verbs import POLITE, THANKS
 
 MOST_STEPS = 30
-POLITE = re.compile(
-    r"^(?:(?:please|plz|pls|kindly|ok|okay|hey|hi|now|then|also|and|next|finally|lastly|first|firstly|second|secondly|afterwards|"
-    r"after that|could you|can you|would you|will you|i want you to|i would like you to|i'd like you to|i want to|"
-    r"i would like to|i'd like to|let us|let's|just|in addition|additionally|so)\b[, ]*)+"
-)
-APPROXIMATELY = re.compile(rf"\b(?:about|roughly|approximately) (?={slots.NUMBER}\b)")
-SHALL = re.compile(
-    r"(?:i (?:want|need|would like) |i'd like )?(?P<what>(?:the|all|every) .+?) "
-    r"(?:should|must|shall|ought to|has to|have to|needs? to|to) (?:be|become|(?P<like>look(?: like)?)) (?P<how>.+)"
-    r"|(?:i (?:want|need|would like)|i'd like) (?P<whole>(?:the|all|every) .+)"
-)  # "the drawer should be blue", "I want the table to look like marble", "I want the lights dimmer"
-AFTER = re.compile(r"(?:[, ]+(?:please|too|as well|now|thanks|thank you|for me))+$")
+FIRST = re.compile(rf"^(?:{POLITE}\b[, ]*)+")
+AFTER = re.compile(rf"(?:[, ]+{THANKS})+$")
 BREAK = re.compile(
-    r"(?:\s*[;.]\s+|\s*;\s*|,? and then |, then | then |,? but |,? (?=without )|, | and )"
+    r"(?:\s*[;.]\s+|\s*;\s*|,? and then |, then | then |,? but |,? (?=without )"
+    r"|,? while (?:also )?(?=[a-z]+ing )|, and |, | and (?:also )?)"
 )
 
 
@@ -59,8 +52,7 @@ def normal(said: str) -> str:
     """Lower case, single spaces, no politeness, no mark at the end."""
     text = re.sub(r"[’`]", "'", said.lower())
     text = re.sub(r"\s+", " ", text).strip().rstrip("?!. ")
-    text = APPROXIMATELY.sub("", text.replace("colour by", "color by"))
-    return AFTER.sub("", POLITE.sub("", text)).strip()
+    return phrasing.plain(AFTER.sub("", FIRST.sub("", text))).strip()
 
 
 def _run(text: str, gathered: Gathered) -> None:
@@ -86,11 +78,11 @@ def _run(text: str, gathered: Gathered) -> None:
 
 def _beginnings(text: str) -> Iterator[tuple[str, str]]:
     """The text as a whole, and then every shorter beginning with what remains, the longest first."""
-    yield POLITE.sub("", text), ""
+    yield FIRST.sub("", text), ""
     for match in reversed(list(BREAK.finditer(text))):
         part, rest = text[: match.start()].strip(" ,;."), text[match.end() :].strip(" ,;.")
         if part and rest:
-            yield POLITE.sub("", part), POLITE.sub("", rest) if "but" not in match.group() else rest
+            yield FIRST.sub("", part), FIRST.sub("", rest) if "but" not in match.group() else rest
 
 
 def _step(part: str, verb: str, gathered: Gathered) -> str:
@@ -98,10 +90,10 @@ def _step(part: str, verb: str, gathered: Gathered) -> str:
     if RESTART.fullmatch(part):
         gathered.edits, gathered.fresh, gathered.mention, gathered.did = [], [], None, True
         return ""
-    back = UNDO.fullmatch(part)
-    if back:
-        undo(back["what"], gathered)
-        return ""
+    for order in phrasing.orders(part):
+        if back := UNDO.fullmatch(order):
+            undo(back["what"], gathered)
+            return ""
     if barred(part, gathered):
         return verb
     either = re.fullmatch(r"either (.+?),? or (.+)", part)
@@ -109,43 +101,23 @@ def _step(part: str, verb: str, gathered: Gathered) -> str:
         take(_alternatives([either[1], either[2]], gathered), None, gathered)
         return ""
     part, share = chance(part)
-    own = part.split(" ")[0]
     try:
-        found = _meant(part, gathered)
+        found = meant(part, gathered.here())
     except NotUnderstood:
-        if (
-            not verb
-            or SHALL.fullmatch(part)
-            or not re.match(r"(?:the|its?|all|every|both|a|an|\d+|object|handle)\b", part)
-        ):
+        if not verb or not re.match(r"(?:the|its?|all|every|both|a|an|\d+|object|handle)\b", part):
             raise
-        found, own = meant(f"{verb} {part}", gathered.here()), verb
+        found = meant(f"{verb} {part}", gathered.here())
     take(found, share, gathered)
     output = {"edits": list(found.edits), "notes": list(found.notes)}
     gathered.trace.append(Trace(stage=found.stage, by="grammar", input=part, output=output))
-    return own
-
-
-def _meant(part: str, gathered: Gathered) -> Meant:
-    """As it was said, or as an order, or without the "instead" of a second thought."""
-    try:
-        return meant(part, gathered.here())
-    except NotUnderstood:
-        if shall := SHALL.fullmatch(part):
-            said = shall["whole"], shall["what"], shall["like"], shall["how"]
-            return meant(" ".join(filter(None, ("make", *said))), gathered.here())
-        shorter = re.sub(
-            rf" (?:instead|rather)(?: of {slots.ONE_COLOUR})?$|^(?:instead|rather),? ", "", part
-        )
-        if shorter == part or not gathered.edits:
-            raise
-        return meant(shorter, gathered.here())
+    own = found.order.split(" ")[0]
+    return "" if own in ARTICLES else own
 
 
 def _alternatives(parts: Sequence[str], gathered: Gathered) -> Meant:
     options: list[Entry] = []
     for part in parts:
-        found = meant(POLITE.sub("", part), gathered.here())
+        found = meant(FIRST.sub("", part), gathered.here())
         if len(found.edits) != 1 or found.replaces:
             raise NotUnderstood(f"{part!r} is no single edit, and `either` draws one of two")
         options += found.edits[0].get("one_of", found.edits)

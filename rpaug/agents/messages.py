@@ -57,6 +57,7 @@ class Meant(Message):
     notes: tuple[str, ...] = ()
     replaces: tuple[int, ...] = ()  # earlier edits that this one takes the place of
     stage: str = "operation"  # whose rule it was
+    order: str = ""  # the step in the words that fitted the rule
 
 
 class Trace(Message):

@@ -2,7 +2,7 @@
 
 import re
 
-from rpaug.agents import arrange, assets, light, paint, renderer, spelling
+from rpaug.agents import arrange, assets, light, paint, phrasing, renderer, spelling
 from rpaug.agents.grammar import RULES, Rule
 from rpaug.agents.messages import Meant, NotUnderstood, Wish
 from rpaug.errors import MissingExtra, TargetError
@@ -28,17 +28,18 @@ OPPOSED = frozenset({"enlarge", "shrink", "dim", "brighten", "raise", "lower"})
 
 
 def meant(step: str, wish: Wish) -> Meant:
-    """What a step means. Raises NotUnderstood."""
+    """What a step means, in the words in which it was said or in others of the same meaning. Raises NotUnderstood."""
     reasons: list[str] = []
-    for rule in ORDERED:
-        try:
-            found = rule(step, wish)
-        except (NotUnderstood, TargetError) as error:
-            reasons.append(str(error))
-            continue
-        if found is not None:
-            stage = STAGES.get(rule.make.__module__, "operation")
-            return found.model_copy(update={"stage": stage})
+    for order in phrasing.orders(step):
+        for rule in ORDERED:
+            try:
+                found = rule(order, wish)
+            except (NotUnderstood, TargetError) as error:
+                reasons.append(str(error))
+                continue
+            if found is not None:
+                stage = STAGES.get(rule.make.__module__, "operation")
+                return found.model_copy(update={"stage": stage, "order": order})
     if reasons:
         raise NotUnderstood(reasons[0])
     try:

@@ -19,7 +19,7 @@ DIRECTIONS = {
 }  # fmt: skip
 # A positive turn about x looks up, about y looks right, and about z rolls the camera clockwise.
 TURNS = {"up": (1, 0, 0), "down": (-1, 0, 0), "right": (0, 1, 0), "left": (0, -1, 0), "clockwise": (0, 0, 1),
-         "counterclockwise": (0, 0, -1), "counter-clockwise": (0, 0, -1), "anticlockwise": (0, 0, -1)}  # fmt: skip
+         "counterclockwise": (0, 0, -1), "anticlockwise": (0, 0, -1)}  # fmt: skip
 STEP, WRIST_STEP, TURN = 0.1, 0.02, 10 * slots.RADIANS["degree"]  # where no amount was named
 AMOUNTS = {
     "a bit": 0.5,
@@ -34,53 +34,62 @@ AMOUNTS = {
 DIRECTION = slots.any_of(DIRECTIONS)
 AMOUNT = slots.any_of(AMOUNTS)
 TERM = (
-    rf"(?:(?:{DIRECTION})(?: by)? {slots.LENGTH}|(?:by )?{slots.LENGTH} (?:to |further |farther )?(?:{DIRECTION})"
+    rf"(?:(?:to )?(?:{DIRECTION})(?: by|,)? {slots.LENGTH}|(?:by )?{slots.LENGTH} (?:to |further |farther )?(?:{DIRECTION})"
     rf"|(?:{AMOUNT} )?(?:to )?(?:further |farther )?(?:{DIRECTION})(?: {AMOUNT})?)"
 )
 TERMS = rf"(?P<terms>{TERM}(?:(?:,? and |, ){TERM})*)"
-MOVE = r"(?:move|shift|bring|slide|push|pull|put|set|take|place|translate)"
+MOVE = r"(?:move|shift|bring|slide|push|pull|put|set|take|place|translate|nudge|drag|relocate|dolly|truck|reposition|displace)"
+TOWARDS = r"(?: (?:to|towards?|from) (?:the )?(?:scene|table|workspace|desk|objects|action))?"
+TURN_VERB = r"(?:tilt|pitch|turn|rotate|pan|yaw|point|aim|swivel|angle|swing)"
+SIDE = r"(?P<way>up|down|left|right)(?:wards?)?"
+ROLLED = r"(?P<way>clockwise|counter-?clockwise|anti-?clockwise)"
+POSE = r"(?:poses?|positions?|viewpoints?|placements?|locations?|orientations?|extrinsics|angles?|mounts?|viewing angles?)"
+AT_MOST = r"(?:,? (?:by )?<UP_TO> {length}(?:(?: and|,) (?:<UP_TO> )?{angle})?)?"
 
 
 @rule(
-    rf"(?P<way>raise|lift|lower|drop) {{camera}}(?: (?:by )?{{length}})?(?: (?P<amount>{AMOUNT}))?"
+    rf"(?P<way>raise|lift|elevate|hoist|heighten|lower|drop|sink) {{camera}}(?: up| down)?(?: (?:by )?{{length}})?(?: (?P<amount>{AMOUNT}))?"
 )
 def height(said: Said) -> Meant:
-    sign = -1 if said["way"] in ("raise", "lift") else 1
+    sign = -1 if said["way"] not in ("lower", "drop", "sink") else 1
     return _shifted(said, [((0, sign, 0), said.get("length"), said.get("amount"))])
 
 
-@rule(rf"{MOVE} {{camera}} {TERMS}")
+@rule(rf"(?:(?:{MOVE}|make|get) )?{{camera}} {TERMS}{TOWARDS}")
 def shifted(said: Said) -> Meant:
     return _shifted(said, _terms(said["terms"]))
 
 
 @rule(rf"(?:look|view|see|film|watch)(?: at)?(?: (?:it|the scene|the table|everything|this))? from {TERMS}",
-      rf"(?:look|view|see|film|watch)(?: at)?(?: (?:it|the scene|the table|everything|this))? from {TERMS} (?:in|with) {{camera}}",
+      rf"(?:look|view|see|film|watch)(?: at)?(?: (?:it|the scene|the table|everything|this))? from {TERMS} (?:in|with|through) {{camera}}",
+      rf"(?:with|in|for|through) {{camera}},? (?:look|view|see|film|watch)(?: at)?(?: (?:it|the scene|the table|everything|this))? from {TERMS}",
       rf"(?:view|show) (?:it|the scene) {TERMS}")  # fmt: skip
 def looked(said: Said) -> Meant:
     return _shifted(said, _terms(said["terms"]))
 
 
-@rule(r"(?:tilt|pitch|turn|rotate|pan|yaw|point|aim) {camera} (?P<way>up|down|left|right)(?:wards)?(?: (?:by )?{angle})?",
-      r"(?:tilt|pitch|turn|rotate|pan|yaw) {camera} (?:by )?{angle} (?:to the )?(?P<way>up|down|left|right)(?:wards)?",
-      r"(?:tilt|pitch|pan|yaw|turn|rotate) {camera} (?:to )?the (?P<way>left|right)(?: (?:by )?{angle})?",
-      r"(?:roll|rotate|turn) {camera} (?P<way>clockwise|counter-?clockwise|anticlockwise)(?: (?:by )?{angle})?",
-      r"(?:roll|rotate|turn) {camera} (?:by )?{angle} (?P<way>clockwise|counter-?clockwise|anticlockwise)")  # fmt: skip
+@rule(rf"{TURN_VERB} {{camera}} {SIDE}(?: (?:by )?{{angle}})?",
+      rf"{TURN_VERB} {{camera}} (?:by )?{{angle}} (?:to the )?{SIDE}",
+      rf"{TURN_VERB} {{camera}} (?:to |towards? )?(?:the )?{SIDE}(?: (?:by )?{{angle}})?",
+      rf"(?:roll|rotate|turn|twist|spin) {{camera}} {ROLLED}(?: (?:by )?{{angle}})?",
+      rf"(?:roll|rotate|turn|twist|spin) {{camera}} (?:by )?{{angle}} {ROLLED}")  # fmt: skip
 def turned(said: Said) -> Meant:
     names, mention = cameras(said)
     amount = slots.angle(said["angle"]) if said.get("angle") else slots.rounded(TURN)
-    turn = [slots.rounded(amount * part) for part in TURNS[said["way"]]]
+    turn = [slots.rounded(amount * part) for part in TURNS[said["way"].replace("-", "")]]
     notes = () if said.get("angle") else ("10 degrees, since no angle was named",)
     edit = {"op": "camera_pose", "camera": names, "by": [0, 0, 0], "turned": turn}
     return done(edit, mention=mention, notes=notes)
 
 
-@rule(r"(?:jitter|shake|bump|perturb|wiggle|nudge|randomi[sz]e|vary) {camera}(?:(?:'s)? (?:pose|poses|position|positions|viewpoint|viewpoints))?"
-      r"(?: (?:by )?<UP_TO> {length}(?:(?: and|,) (?:<UP_TO> )?{angle})?)?",
-      r"(?:jitter|shake|bump|perturb|wiggle|nudge|randomi[sz]e|vary) {camera} (?:by )?<UP_TO> {angle}",
-      r"randomly move {camera}(?: (?:by )?<UP_TO> {length}(?:(?: and|,) (?:<UP_TO> )?{angle})?)?",
-      r"move {camera} (?:randomly|around|a bit|somewhere else)(?: (?:by )?<UP_TO> {length}(?:(?: and|,) (?:<UP_TO> )?{angle})?)?",
-      r"move {camera} (?:by )?<UP_TO> {length}",
+@rule(rf"<SHAKE> (?:the )?{POSE} of {{camera}}{AT_MOST}",
+      rf"<SHAKE> {{camera}}(?:(?:'s|')? {POSE})?(?: around| about| a bit| slightly)?{AT_MOST}",
+      rf"<SHAKE> {{camera}}(?:(?:'s|')? {POSE})?,? (?:by )?<UP_TO> {{angle}}",
+      rf"<SHAKE> (?:the )?{POSE} of {{camera}},? (?:by )?<UP_TO> {{angle}}",
+      rf"(?:a |use a |some )?(?:random|different|varying|varied) {POSE} (?:for|of) {{camera}}{AT_MOST}",
+      rf"(?:add|apply|use) (?:some |a bit of |random |a random )?(?:pose |position )?(?:jitter|shake|perturbation|noise|motion|wobble) (?:to|on) {{camera}}(?:(?:'s|')? {POSE})?{AT_MOST}",
+      rf"{MOVE} {{camera}} (?:randomly|around|about|a bit|slightly|somewhere else|elsewhere){AT_MOST}",
+      rf"{MOVE} {{camera}},? (?:by )?<UP_TO> {{length}}(?:(?: and|,) (?:<UP_TO> )?{{angle}})?(?: in any direction| either way)?",
       r"move {camera}")  # fmt: skip
 def jittered(said: Said) -> Meant:
     names, mention = cameras(said)
@@ -132,7 +141,7 @@ def cameras(said: Said) -> tuple[str | list[str], Mention]:
 
 def _same(words: str, name: str) -> bool:
     plain = name.lower().replace("-", "_")
-    return words.replace(" ", "_") in (
+    return re.sub("[ -]", "_", words) in (
         plain,
         plain.removesuffix("_camera"),
         plain.removesuffix("_rgb"),

@@ -7,14 +7,20 @@ from collections.abc import Mapping
 from rpaug.agents.messages import NotUnderstood
 from rpaug.scene.naming import colours
 
-WORDS: Mapping[str, float] = {
+WORDS: dict[str, float] = {
     **{w: n for n, w in enumerate(("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"))},
     **{w: n for n, w in enumerate(("ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen"), 10)},
     **{w: 10 * n for n, w in enumerate(("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty"), 2)},
     "ninety": 90,
     "a dozen": 12, "half a": 0.5, "half an": 0.5, "a quarter": 0.25, "half": 0.5, "a third": 1 / 3,
-    "a hundred": 100, "a": 1, "an": 1, "a couple of": 2, "a pair of": 2,
+    "a hundred": 100, "one and a half": 1.5, "two and a half": 2.5, "a": 1, "an": 1, "a couple of": 2, "a pair of": 2,
 }  # fmt: skip
+WORDS = WORDS | {
+    f"{tens}{between}{ones}": WORDS[tens] + WORDS[ones]
+    for tens in ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
+    for between in ("-", " ")
+    for ones in ("one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+}
 METRES: Mapping[str, float] = {
     **dict.fromkeys(("m", "metre", "metres", "meter", "meters"), 1.0),
     **dict.fromkeys(("cm", "centimetre", "centimetres", "centimeter", "centimeters"), 0.01),

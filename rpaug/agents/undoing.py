@@ -6,7 +6,9 @@ from rpaug.agents.calling import called
 from rpaug.agents.gathering import Gathered, short
 from rpaug.agents.messages import NotUnderstood
 
-UNDO = re.compile(r"(?:undo|forget|revert|cancel|take back)(?: (?P<what>[a-z0-9_ ]+))?")
+UNDO = re.compile(
+    r"(?:undo|forget about|forget|revert|cancel|take back|roll back)(?: (?P<what>[a-z0-9_ ]+))?"
+)
 UNDO_LAST = frozenset(
     f"{verb}{what}"
     for verb in ("undo", "revert", "cancel", "take back")

@@ -1,7 +1,8 @@
 """The commands with known answers, split by a seeded hash: one half is worked with, the other is set aside.
 
-Only how many of the half set aside are right is ever read, and only at the end (tools/bench/ask.py --aside). The fresh
-ones were written when the grammar was done, by somebody who knew the docs and the half that is worked with alone.
+Only how many of the half set aside are right is ever read, and only at the end (tools/bench/ask.py --aside). `OTHERS`
+are in others' English: written by people who knew the docs and the half that is worked with, and worked with since. The
+`FRESH` ones were written so too; of them only figures are read.
 """
 
 import hashlib
@@ -12,7 +13,7 @@ from typing import Any
 import yaml
 
 FOLDER = Path(__file__).parent / "commands"
-FRESH = Path(__file__).parent / "fresh"
+OTHERS, FRESH = Path(__file__).parent / "others", Path(__file__).parent / "fresh"
 SALT = "rpaug ask 0"
 CAMERAS = ["front", "left_shoulder", "right_shoulder", "overhead", "wrist"]
 INSTRUCTIONS = ["put the red block in the bowl"]
@@ -28,6 +29,7 @@ class Known:
     answer: dict[str, Any] | None  # None: it must be refused
     after: tuple[str, ...] = ()
     needs: str | None = None  # an operator without which it must be refused
+    missed: bool = False  # known to be refused though meant
     cameras: tuple[str, ...] = field(default=tuple(CAMERAS))
     instructions: tuple[str, ...] = field(default=tuple(INSTRUCTIONS))
 
@@ -53,6 +55,7 @@ def every(folder: Path = FOLDER) -> list[Known]:
                     answer,
                     tuple(case.get("after", ())),
                     case.get("needs"),
+                    case.get("missed", False),
                     tuple(case.get("cameras", CAMERAS)),
                     tuple(case.get("instructions", INSTRUCTIONS)),
                 )
