@@ -1,8 +1,9 @@
 """How many of the commands with known answers the offline grammar gets exactly right.
 
     python tools/bench/ask.py            the half that is worked with, with what went wrong
+    python tools/bench/ask.py --others   those in others' English that are worked with, with what went wrong
     python tools/bench/ask.py --aside    the half set aside: the figures alone
-    python tools/bench/ask.py --fresh    those written when the grammar was done: the figures alone
+    python tools/bench/ask.py --fresh    those in others' English that nobody learned from: the figures alone
 
 A silent wrong edit is a recipe where a refusal was due; those on nonsense and injection are counted apart.
 Seconds are processor time.
@@ -26,13 +27,15 @@ from rpaug import registry
 def main() -> None:
     """Print a table, or one JSON value."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--aside", action="store_true", help="the half set aside, figures alone")
+    sets = parser.add_mutually_exclusive_group()
+    sets.add_argument("--aside", action="store_true", help="the half set aside, figures alone")
+    sets.add_argument("--others", action="store_true", help="in others' English, worked with")
+    sets.add_argument("--fresh", action="store_true", help="in others' English, figures alone")
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--fresh", action="store_true", help="another set, figures alone")
     options = parser.parse_args()
     cases = [one for one in known.every() if one.aside == options.aside]
-    if options.fresh:
-        cases = known.every(known.FRESH)
+    if options.others or options.fresh:
+        cases = known.every(known.OTHERS if options.others else known.FRESH)
     quiet = options.aside or options.fresh
     count: Counter[str] = Counter()
     silent, obeyed, refused, start = 0, 0, 0, time.process_time()
@@ -48,7 +51,9 @@ def main() -> None:
             sys.stderr.write(f"{one.kind}: {one.say!r}: {got}; expected {want}\n")
     right = sum(value for name, value in count.items() if name.endswith("right"))
     figures = {
-        "half": "fresh" if options.fresh else "set aside" if options.aside else "worked with",
+        "set": next(
+            (name for name in ("aside", "others", "fresh") if getattr(options, name)), "ours"
+        ),
         "commands": len(cases),
         "exact": right,
         "share": round(right / len(cases), 4),
