@@ -38,8 +38,8 @@ ANY_WAY = (
 
 
 @rule(rf"<REMOVE> {{thing}}{FROM_HERE}",
-      rf"(?:take|throw|toss|cut|edit|clear|wipe|strip|get|paint|chuck|leave|pull|put|move|push) {{thing}} (?:away|out){FROM_HERE}",
-      rf"(?:take|clear|wipe|get|pull|edit|cut) {{thing}}{FROM_HERE}",
+      rf"(?:take|throw|toss|cut|edit|clear|strip|get|paint|chuck) {{thing}} (?:away|out){FROM_HERE}",
+      rf"(?:take|clear|wipe|get|pull|edit|cut) {{thing}}{FROM_HERE.removesuffix('?')}",
       r"(?:make|let) {thing} (?:disappear|vanish|go away|invisible|go)")  # fmt: skip
 def remove(said: Said) -> Meant:
     return done(*({"op": "remove", "target": one} for one in things(said)))
@@ -89,7 +89,7 @@ def placed(said: Said) -> Meant:
 
 
 @rule(rf"(?:<PUT>|<SHAKE>) {{thing}}(?:'s (?:position|place|location))?(?: around| about| anywhere| somewhere| in any direction)?,? (?:by )?<UP_TO> {{length}}{ANY_WAY}",
-      r"(?:move|shift|displace|nudge|shake|jiggle|jitter|relocate|reposition) {thing}(?: (?:around|about|a bit|a little|slightly|randomly|elsewhere|somewhere else|somewhere))?",
+      r"(?:move|shift|displace|nudge|jiggle|jitter|relocate|reposition) {thing}(?: (?:around|about|a bit|a little|slightly|randomly|elsewhere|somewhere else|somewhere))?",
       r"<PUT> {thing} (?:somewhere else|elsewhere|anywhere|(?:in|to|at) (?:another|a random|a different|some other|a new) (?:place|position|spot|location)|somewhere random|somewhere different|randomly)",
       rf"<VARY> (?:the )?(?:position|place|location|placement|whereabouts) of {{thing}}(?:,? (?:by )?<UP_TO> {{length}}{ANY_WAY})?",
       rf"(?:<VARY> )?where {{thing}} (?:is|are|stands?|sits?|lies?|starts?)(?:,? (?:by )?<UP_TO> {{length}}{ANY_WAY})?",

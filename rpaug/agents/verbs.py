@@ -25,9 +25,8 @@ VERBS: Mapping[str, str] = {
     "REMOVE": _any(
         """
         remove, delete, erase, get rid of, take away, take out, eliminate, hide, discard, clear away, clear out,
-        clear, drop, wipe out, wipe away, wipe, throw out, throw away, toss out, chuck out, cut out, cut, edit
-        out, paint out, scrap, ditch, lose, dispose of, do away with, strip out, leave out, omit, banish,
-        exclude
+        wipe out, throw out, throw away, toss out, chuck out, cut out, edit out, paint out, scrap, ditch, lose,
+        dispose of, do away with, strip out, leave out, omit, banish, exclude
         """
     ),
     "PAINT": _any(
@@ -39,7 +38,7 @@ VERBS: Mapping[str, str] = {
     "ADD": _any(
         """
         add, put, place, insert, set, stand, drop, introduce, spawn, include, throw in, toss in, drop in, bring
-        in, mix in, put in, create, generate, position, lay, stick, leave
+        in, mix in, put in, create, generate, position, lay
         """
     ),
     "PUT": _any(

@@ -47,6 +47,14 @@ def test_both_ask_for_the_same(said: str, order: str) -> None:
         "have the dataset deleted",
         "the cup should be fed",
         "the camera wants the cup",
+        "clear the table",
+        "wipe the table",
+        "drop the mug",
+        "cut the mug",
+        "pull the drawer out",
+        "push the cup away",
+        "shake the bottle",
+        "the robot should pick up the cup",
     ],
 )
 def test_what_means_nothing_is_refused_in_other_words_too(said: str) -> None:
