@@ -40,15 +40,14 @@ ANY_WAY = (
 @rule(rf"<REMOVE> {{thing}}{FROM_HERE}",
       rf"(?:take|throw|toss|cut|edit|clear|strip|get|paint|chuck) {{thing}} (?:away|out){FROM_HERE}",
       rf"(?:take|clear|wipe|get|pull|edit|cut) {{thing}}{FROM_HERE.removesuffix('?')}",
-      r"(?:make|let) {thing} (?:disappear|vanish|go away|invisible|go)")  # fmt: skip
+      r"(?:make|let) {thing} (?:disappear|vanish|go away|invisible)")  # fmt: skip
 def remove(said: Said) -> Meant:
     return done(*({"op": "remove", "target": one} for one in things(said)))
 
 
 @rule(r"(?:duplicate|copy|clone|replicate|double|multiply) {thing}(?:,? (?P<times>once|twice|thrice|{number} times|{number}x))?",
       rf"(?:(?:<ADD>|make|give me|have|produce) )?{{number}} more of {{thing}}{HERE}", rf"(?:(?:<ADD>|make|give me|have|produce) )?{{number}} (?:more |extra |additional |further |exact |identical )?(?:copies|copy|duplicates|duplicate|clones|clone|replicas|replica|twins|twin) of {{thing}}{HERE}",
-      rf"(?:<ADD>|make|have) another (?:one )?of {{thing}}{HERE}",
-      rf"(?:<ADD>|make|have) another copy of {{thing}}{HERE}", r"(?:make|clone) {thing} (?P<times>twice|{number} times)")  # fmt: skip
+      rf"(?:<ADD>|make|have) another (?:one |copy )?of {{thing}}{HERE}")  # fmt: skip
 def duplicate(said: Said) -> Meant:
     where = thing(said)
     times = {"once": 1, "twice": 2, "thrice": 3}.get(said.get("times") or "")
@@ -172,7 +171,7 @@ def resized_by(said: Said) -> Meant:
     return _scale(said, factor, factor)
 
 
-@rule(rf"(?:(?:make|scale|render|resize) )?{{thing}} (?:to )?(?P<times>twice|half|{{number}} times) (?:as (?:large|big|small)|(?:of )?(?:its|their) (?:own |current |original |recorded )?(?:size|scale)|the (?:original |recorded |current )?(?:size|scale)|larger|bigger){ABOUT}",
+@rule(rf"(?:(?:make|scale|render|resize) )?{{thing}} (?:to )?(?P<times>twice|half|{{number}} times) (?:as (?:large|big)|(?:of )?(?:its|their) (?:own |current |original |recorded )?(?:size|scale)|the (?:original |recorded |current )?(?:size|scale)|larger|bigger){ABOUT}",
       rf"(?:scale|resize|enlarge|multiply|grow|upscale|magnify|scale up|shrink|downscale|scale down) {SIZED}(?: up| down)? (?:by|to|with) (?:a )?(?:factor (?:of )?)?(?P<low>{slots.NUMBER})(?: ?(?:times|x|×))?(?: its size)?{ABOUT}",
       rf"(?:scale|resize) {{thing}} (?:up |down )?(?P<low>{slots.NUMBER}) ?(?:times|x|×){ABOUT}",
       rf"(?:scale|resize|shrink|enlarge|grow|reduce|bring) {SIZED} to {{share}}(?: (?:of )?(?:its|the) (?:own |original |recorded |current )?size)?{ABOUT}",

@@ -34,8 +34,7 @@ HUES = r"(?: (?:paint|colou?r|colou?ring|coat|coat of paint|tint|shade|hue|finis
       rf"give {{thing}} (?:a |an |the |some )?(?:(?:coat|shade|layer|colou?r) (?:of )?)?{{colour}}{HUES}",
       rf"(?:use |have |choose |draw |pick )?(?:an? )?{{colour}}{HUES} (?:for|on) {{thing}}", r"{thing} in {colour}",
       r"{colour} is (?:the colou?r )?(?:that )?(?:i want |i'd like |we want )?for {thing}", rf"(?:put|add|use|apply) (?:some |a )?(?:(?:coat|shade|layer) of )?{{colour}}{HUES} (?:on|onto|to|for) {{thing}}",
-      rf"(?:change|turn|switch) {{thing}} from {slots.ONE_COLOUR} (?:to|into) {{colour}}", rf"(?:change|turn|switch) (?:the )?colou?r of {{thing}} from {slots.ONE_COLOUR} (?:to|into) {{colour}}",
-      rf"<PAINT> {{thing}} {{colour}} instead(?: of {slots.ONE_COLOUR})?")  # fmt: skip
+      rf"(?:change|turn|switch) {{thing}} from {slots.ONE_COLOUR} (?:to|into) {{colour}}", rf"(?:change|turn|switch) (?:the )?colou?r of {{thing}} from {slots.ONE_COLOUR} (?:to|into) {{colour}}")  # fmt: skip
 def recolour(said: Said) -> Meant:
     tint = slots.colour(said["colour"])
     where = things(said)
@@ -103,7 +102,7 @@ def _shaded(said: Said) -> tuple[Target, tuple[str, ...]]:
       rf"(?:a |an )?{{texture}}{LAID} (?:for|on) {{thing}}{WIDE}",
       rf"(?P<perhaps>(?:use )?){{texture}} (?:for|on) {{thing}}{WIDE}",
       rf"(?P<perhaps>{LAY}) {{texture}} (?:on|onto|over|to|around|across|upon) {{thing}}{WIDE}",
-      rf"make {{thing}} (?:look |appear )?(?:like|as if made (?:out )?of|made (?:out )?of|of|out of|in|as) (?:a |an |some |it's made of )?{{texture}}(?:{LAID})?{WIDE}",
+      rf"make {{thing}} (?:look |appear )?(?:like|as if made (?:out )?of|made (?:out )?of|of|out of|in|as) (?:a |an |some )?{{texture}}(?:{LAID})?{WIDE}",
       r"(?:make|turn) {thing} (?:look |appear )?(?P<kind>wooden|checkered|chequered|rocky|checked|stony|woody)",
       rf"(?:<VARY>|replace|set|switch|exchange) (?:the )?(?:texture|pattern|surface|material) of {{thing}} (?:to|with|by|for|into) (?:a |an |the |some )?{{texture}}(?:{LAID})?{WIDE}",
       rf"(?:<VARY>|replace|set|switch|exchange) (?:the )?{{thing}}(?:'s|')? (?:texture|pattern|surface) (?:to|with|by|for|into) (?:a |an |the |some )?{{texture}}(?:{LAID})?{WIDE}",

@@ -54,6 +54,8 @@ def test_both_ask_for_the_same(said: str, order: str) -> None:
         "pull the drawer out",
         "push the cup away",
         "shake the bottle",
+        "make the cup twice as small",
+        "let the cup go",
         "the robot should pick up the cup",
     ],
 )
