@@ -1,12 +1,11 @@
 """Which thing is meant: words into a recipe's target, and targets looked for in a recorded scene."""
 
-import difflib
 import re
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from rpaug.agents import slots
+from rpaug.agents import slots, spelling
 from rpaug.agents.grammar import NotThis, Said
 from rpaug.agents.messages import Mention, NotUnderstood
 from rpaug.scene.naming import colours, relations, roles, shapes
@@ -72,7 +71,6 @@ NO_THING = (
     | frozenset(word for phrase in slots.WORDS for word in phrase.split())
 ) - {"one", "place", "a", "an"}
 MOST_NOUNS = 3
-MISSPELT = 0.84  # share of letters in common with a colour, as difflib counts it
 
 
 def thing(said: Said, slot: str = "thing") -> Target:
@@ -144,8 +142,7 @@ def _nearly_a_colour(noun: str) -> str | None:
     """The colour that a noun looks misspelt from, if it is no known thing."""
     if len(noun) < 4 or noun in shapes.WORDS or noun.removesuffix("s") in shapes.WORDS:
         return None
-    turned = [name for name in colours.NAMES if sorted(name) == sorted(noun)]
-    return next(iter(turned or difflib.get_close_matches(noun, colours.NAMES, 1, MISSPELT)), None)
+    return spelling.nearest(noun, colours.NAMES)
 
 
 def _kind(word: str) -> int:

@@ -13,7 +13,7 @@ WARM, COOL = (0.5, 0.42, 0.32), (0.38, 0.44, 0.5)
 LIGHT = Mention(kind="light")
 LEVEL = r"(?:(?:the )?(?:brightness|intensity|level|strength|power) of <LIGHT>|<LIGHT>(?:(?:'s|')? (?:brightness|intensity|level|levels|strength|power))?)"
 DIM_VERB, BRIGHT_VERB = (
-    r"(?:dim|darken|reduce|lower|decrease|weaken|cut)",
+    r"(?:dim|darken|reduce|lower|decrease|weaken)",
     r"(?:brighten|increase|raise|boost|strengthen|amplify)",
 )
 SCENE = r"(?:it|the scene|everything|the table|the workspace|the room|the desk|things)"
@@ -35,10 +35,9 @@ def any_light(said: Said) -> Meant:
 
 
 @rule(
-    r"(?:<PAINT>|cast|bathe) <LIGHT>(?:(?:'s|')? colou?r)? (?:to |into |in )?(?:a )?{tint}(?: colou?r| tint| tinge| hue| cast| glow)?",
+    r"(?:<PAINT>|cast|bathe) <LIGHT>(?:(?:'s|')? colou?r)? (?:to |into |in )?(?:an? )?{tint}(?: colou?r| tint| tinge| hue| cast| glow)?",
     r"<PAINT> (?:the )?colou?r of <LIGHT> (?:to |into )?(?:a )?{tint}",
     r"(?:light|illuminate|bathe) (?:it|the scene|everything|the table|the room) (?:in|with) (?:a )?{tint}(?: lights?| lamps?| lighting)?",
-    r"give <LIGHT> (?:an? )?{tint}(?: colou?r| tint| tinge| hue| cast| glow)?",
     r"(?:let|make|have) <LIGHT> (?:glow|shine|be|burn) (?:in )?(?:a )?{tint}",
     r"(?:swap|exchange|replace|change|switch) <LIGHT> (?:for|with|by|to|into) (?:an? |some )?{tint}(?: ones?| lights?| lamps?| lighting)?",
     r"(?:use |shine |add |have )?(?:a )?{tint} <LIGHT>(?: (?:on|over|in) (?:it|the scene|everything|the table))?",
@@ -133,7 +132,7 @@ def which_side(said: Said) -> Meant:
 
 
 NOISE = r"(?:some |more |a bit of |a little )?(?:random )?(?:sensor |camera |image |pixel )?(?:noise|grain)"
-SENSORS = r"(?:<IMAGES>|all cameras|the cameras|all the cameras|the camera|every camera|everything)"
+SENSORS = r"(?:<IMAGES>|all cameras|the cameras|all the cameras|the camera|every camera)"
 ADD = r"(?:add|use|put on|introduce|apply|inject|include|put)"
 ON = rf"(?: (?:to|on|in|into|for) {SENSORS})?"
 
@@ -182,15 +181,26 @@ SAVE = r"(?:compress|encode|save|store|re-?encode|re-?compress|write|degrade)"
 
 @rule(rf"{SAVE} <IMAGES>{AS_JPEG}{QUALITY}?", rf"jpe?g[ -]?(?:compress|encode) <IMAGES>{QUALITY}?", rf"jpe?g <IMAGES>{QUALITY}?", rf"jpe?g-compressed <IMAGES>{QUALITY}?",
       rf"give <IMAGES> (?:some )?{JPEG}{QUALITY}?",
-      rf"(?:(?:{ADD}|set|vary|randomi[sz]e|change|make|lower|reduce|drop) )?(?:some |the )?{JPEG}{QUALITY}?",
+      rf"(?:(?:{ADD}|set|vary|randomi[sz]e|change|make) )?(?:some |the )?{JPEG}{QUALITY}?",
       rf"(?:make |turn )<IMAGES> (?:into )?jpe?gs?{QUALITY}?",
       rf"(?:{ADD} )?(?:a )?quality (?P<low>{slots.DIGITS}) jpe?g(?: compression)?{ON}")  # fmt: skip
 def jpeg(said: Said) -> Meant:
     return done({"op": "sensor_jpeg", **_interval("quality", said)})
 
 
-STOPS = r"(?P<stops>{NUMBER}|one and a half) ?(?:of an? )?(?:f-?)?(?:stops?|ev)".replace(
-    "{NUMBER}", slots.NUMBER
+STOPS = rf"(?P<stops>{slots.NUMBER}) ?(?:of an? )?(?:f-?)?(?:stops?|ev)"
+LESS = (
+    "under",
+    "darker",
+    "darken",
+    "reduce",
+    "decrease",
+    "lower",
+    "less",
+    "down",
+    "drop",
+    "cut",
+    "pull down",
 )
 EXPOSURE = rf"(?:the )?(?:image |camera )?exposure(?: of {SENSORS})?"
 
@@ -203,19 +213,7 @@ EXPOSURE = rf"(?:the )?(?:image |camera )?exposure(?: of {SENSORS})?"
       rf"{STOPS} (?:of )?(?P<way>over|under)-?exposure", rf"(?:move |turn |set )?{EXPOSURE} (?P<way>up|down)(?: (?:by )?{STOPS})?", rf"(?:turn|bring|take) (?P<way>up|down) {EXPOSURE}(?: (?:by )?{STOPS})?",
       rf"(?P<way>increase|reduce|decrease|raise|lower|boost|drop|cut|bump up|push up|pull down) {EXPOSURE}(?: (?:by )?{STOPS})?")  # fmt: skip
 def exposure(said: Said) -> Meant:
-    less = said["way"] in (
-        "under",
-        "darker",
-        "darken",
-        "reduce",
-        "decrease",
-        "lower",
-        "less",
-        "down",
-        "drop",
-        "cut",
-        "pull down",
-    )
+    less = said["way"] in LESS
     amount = _tidy(slots.number(said["stops"])) if said.get("stops") else 1
     notes = () if said.get("stops") else ("one stop, since no amount was named",)
     value = -amount if less else amount

@@ -52,7 +52,7 @@ def any_colour(said: Said) -> Meant:
     return recolour(Said({**said.slots, "colour": "a random color"}, said.wish))
 
 
-@rule(rf"(?:<PAINT>|give) {{thing}} (?:to |into |in |with |an? )?(?:either |one of )?{ONE_OF}(?: colou?r)?",
+@rule(rf"<PAINT> {{thing}} (?:to |into |in |with |an? )?(?:either |one of )?{ONE_OF}(?: colou?r)?",
       rf"(?:<VARY>|set|make) (?:the )?colou?r of {{thing}} (?:to |into )?(?:either |one of )?{ONE_OF}", rf"(?:<VARY>|set|make) {{thing}}(?:'s|')? colou?r (?:to |into )?(?:either |one of )?{ONE_OF}",
       rf"(?:use |choose )?(?:either )?{ONE_OF} (?:for|on) {{thing}}")  # fmt: skip
 def one_of_colours(said: Said) -> Meant:

@@ -3,6 +3,7 @@
 
 import re
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 
 from rpaug.agents import slots
 
@@ -93,7 +94,7 @@ ROWS: tuple[tuple[str, Callable[[re.Match[str]], Iterator[str]]], ...] = (
     # Chance is what these verbs are about.
     (rf"{RANDOM} (?P<order>{CHANCY} .+)", _template("{order}")),
     (rf"(?P<order>{CHANCY} .+?) {RANDOM}(?P<rest>(?: .+)?)", _template("{order} {rest}")),
-    (rf"{RANDOM} (?P<verb>(?:re-?)?(?:colou?r|paint)) (?P<what>.+)|(?:(?:re-?)?(?:colou?r|paint)) (?P<other>.+?) {RANDOM}", _template("give {what}{other} a random color")),
+    (rf"{RANDOM} (?:re-?)?(?:colou?r|paint) (?P<what>.+)|(?:(?:re-?)?(?:colou?r|paint)) (?P<other>.+?) {RANDOM}", _template("give {what}{other} a random color")),
     (rf"{RANDOM} (?:re-?)?texture (?P<what>.+)|(?:re-?)?texture (?P<other>.+?) {RANDOM}", _template("give {what}{other} a random texture")),
     # What it is about comes first.
     (r"(?:for|on|with) (?P<what>(?:the|all|every) [^,]+?)(?:, | (?=use|choose|pick|take|try))(?:use |choose |pick |take |try |have )?(?P<how>.+)", _template("give {what} {how}")),
@@ -107,10 +108,10 @@ ROWS: tuple[tuple[str, Callable[[re.Match[str]], Iterator[str]]], ...] = (
 COMPILED = tuple((re.compile(pattern), make) for pattern, make in ROWS)
 
 
-def orders(step: str) -> Iterator[str]:
+@lru_cache(256)  # each step is asked for what it takes back, and then for what it means
+def orders(step: str) -> tuple[str, ...]:
     """The step as it was said, and then every other way to put it, the nearest first."""
-    seen, level = {step}, [step]
-    yield step
+    seen, level, out = {step}, [step], [step]
     for _ in range(DEEPEST):
         found: list[str] = []
         for said in level:
@@ -118,8 +119,9 @@ def orders(step: str) -> Iterator[str]:
                 match = pattern.fullmatch(said)
                 found += [other for other in (make(match) if match else ()) if other not in seen]
                 seen.update(found)
-        yield from dict.fromkeys(found)
-        level = found
+        level = list(dict.fromkeys(found))
+        out += level
+    return tuple(out)
 
 
 PLAIN: tuple[tuple[str, str], ...] = (

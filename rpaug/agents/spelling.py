@@ -2,6 +2,7 @@
 
 import difflib
 import re
+from collections.abc import Collection
 from functools import cache
 
 from rpaug.agents.grammar import RULES
@@ -22,11 +23,16 @@ def hint(step: str) -> str:
 
 
 def _like(word: str) -> str | None:
-    """The known word that has the same letters in another order, or nearly the same letters."""
+    """The known word that an unknown one may be."""
     if len(word) < SHORTEST or word in vocabulary() or word.removesuffix("s") in vocabulary():
         return None
-    turned = [known for known in vocabulary() if sorted(known) == sorted(word)]
-    return next(iter(turned or difflib.get_close_matches(word, vocabulary(), 1, ALIKE)), None)
+    return nearest(word, vocabulary())
+
+
+def nearest(word: str, known: Collection[str]) -> str | None:
+    """The known word of the same letters in another order, or of nearly the same letters; None if there is none."""
+    turned = [other for other in known if sorted(other) == sorted(word)]
+    return next(iter(turned or difflib.get_close_matches(word, known, 1, ALIKE)), None)
 
 
 @cache

@@ -56,6 +56,9 @@ def test_both_ask_for_the_same(said: str, order: str) -> None:
         "shake the bottle",
         "make the cup twice as small",
         "let the cup go",
+        "cut the lights",
+        "drop the jpeg compression",
+        "make everything brighter",
         "the robot should pick up the cup",
     ],
 )
@@ -65,7 +68,7 @@ def test_what_means_nothing_is_refused_in_other_words_too(said: str) -> None:
 
 
 def test_the_own_words_come_first() -> None:
-    assert next(phrasing.orders("the cup should be red")) == "the cup should be red"
+    assert phrasing.orders("the cup should be red")[0] == "the cup should be red"
 
 
 WORDS = re.findall(
@@ -76,7 +79,7 @@ WORDS = re.findall(
 
 @given(st.lists(st.sampled_from(WORDS), max_size=12).map(" ".join))
 def test_orders_are_few_and_say_no_other_things(said: str) -> None:
-    orders = list(phrasing.orders(said))
+    orders = phrasing.orders(said)
     assert len(orders) == len(set(orders)) < 200
     things = {"cup", "table", "red", "blue", "5"}
     for order in orders:
