@@ -35,7 +35,7 @@ def answer(wish: Wish) -> Answer:
     respect(gathered)
     if not gathered.did or not (gathered.edits or gathered.wish.edits):
         raise NotUnderstood(f"{wish.said!r}: that asks for no change, so there is nothing to do")
-    steps = [one.input for one in gathered.trace]
+    steps = [one.input for one in gathered.trace if one.stage != "phrasing"]
     whole = Trace(
         stage="manager", by="grammar", input=wish.said, output={"steps": steps, "settings": found}
     )
@@ -109,6 +109,9 @@ def _step(part: str, verb: str, gathered: Gathered) -> str:
         found = meant(f"{verb} {part}", gathered.here())
     take(found, share, gathered)
     output = {"edits": list(found.edits), "notes": list(found.notes)}
+    if found.order != part:
+        put = Trace(stage="phrasing", by="grammar", input=part, output=found.order)
+        gathered.trace.append(put)
     gathered.trace.append(Trace(stage=found.stage, by="grammar", input=part, output=output))
     own = found.order.split(" ")[0]
     return "" if own in ARTICLES else own

@@ -67,6 +67,16 @@ def test_what_means_nothing_is_refused_in_other_words_too(said: str) -> None:
         said_after(said, (), CAMERAS)
 
 
+def test_how_it_was_put_is_logged() -> None:
+    trace = said_after("the cup should be moved 5 cm to the left", (), CAMERAS).trace
+    (put,) = [one for one in trace if one.stage == "phrasing"]
+    assert put.input == "the cup should be moved 5 cm to the left"
+    assert put.output == "move the cup 5 cm to the left"
+    assert not [
+        one for one in said_after("remove the cup", (), CAMERAS).trace if one.stage == put.stage
+    ]
+
+
 def test_the_own_words_come_first() -> None:
     assert phrasing.orders("the cup should be red")[0] == "the cup should be red"
 
