@@ -189,9 +189,12 @@ def _at(episode: Episode, name: str, other: str, t: int, handles: Collection[int
     turn = theirs.cam_to_world[:3, :3]
     seen = (points - (theirs.cam_to_world[:3, 3] - mine.cam_to_world[:3, 3])) @ turn
     kept, row, column = _same(seen, mine.ids[use], theirs.depth, theirs.ids, theirs.K)
-    normal = _normals(surface, theirs.ids)[row, column]
-    off = ((seen[kept] - surface[row, column]) * normal).sum(1)
-    good = np.isfinite(off)
+    normal, surface = _normals(surface, theirs.ids)[row, column], surface[row, column]
+    off = ((seen[kept] - surface) * normal).sum(1)
+    # Of a thin wall each may have seen another side: what faces the other camera must face this one.
+    eye = (mine.cam_to_world[:3, 3] - theirs.cam_to_world[:3, 3]) @ turn
+    facing = (surface * normal).sum(1) * ((surface - eye) * normal).sum(1) > 0
+    good = np.isfinite(off) & facing
     return points[kept][good], (normal @ turn.T)[good], off[good]
 
 

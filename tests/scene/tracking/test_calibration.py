@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from analytic import scene
 
+from rpaug import twin
 from rpaug.scene.tracking import calibration
 
 EYES = {
@@ -68,3 +69,10 @@ def test_how_far_a_camera_disagrees_with_still_ones(episode):
     assert 0.005 < calibration.disagreement(off, "front", everything) < 0.011
     # Nothing in common says nothing.
     assert calibration.disagreement(episode, "front", [-7]) == np.inf
+
+
+@pytest.mark.gl
+def test_both_sides_of_a_thin_wall_are_not_one_surface():
+    """An open box of one handle: one camera sees a wall's inside where another sees its outside."""
+    take = twin.perform("put_in_box", 1000, episode=18, frames=20, roam=0.08)
+    assert calibration.check(take.episode, tolerated=0.001, moving=0.001) == ()
