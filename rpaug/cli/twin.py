@@ -35,6 +35,12 @@ def record(
     antialias: Annotated[bool, typer.Option(help="Anti-alias the colour images.")] = False,
     specular: Annotated[bool, typer.Option(help="Give surfaces highlights.")] = False,
     shadows: Annotated[bool, typer.Option(help="Let the lamps cast shadows.")] = False,
+    roam: Annotated[
+        float,
+        typer.Option(
+            min=0, help="Metres each way that tasks may lie elsewhere, other things strewn anew."
+        ),
+    ] = 0.0,
     as_json: AsJson = False,
 ) -> int:
     """Record episodes of a simulated tabletop in RLBench's format, with the truth beside them.
@@ -56,6 +62,7 @@ def record(
         size=size,
         frames=frames,
         episodes=episodes,
+        roam=roam,
     )
     written = [str(out / take.episode.key) for take in takes]
     if as_json:

@@ -18,6 +18,7 @@ from rpaug.twin.look import Look
 from rpaug.twin.motion import Motion, play
 from rpaug.twin.panda import OPEN
 from rpaug.twin.renderer import Renderer
+from rpaug.twin.roaming import roamed
 from rpaug.twin.soft_tasks import SOFT_TASKS
 from rpaug.twin.staging import Job
 from rpaug.twin.tasks import TASKS
@@ -59,18 +60,20 @@ def perform(
     look: Look | None = None,
     size: int = 128,
     frames: int = 60,
+    roam: float = 0.0,
 ) -> Take:
     """One episode in memory: number `episode` of `seed`, `frames` long, seen in `size` x `size` pixels.
 
     Seed and episode draw the layout, the motion, the handles and the textures, whatever the look.
+    With `roam` the whole task lies elsewhere on the table, by up to so many metres each way (`roaming.roamed`).
     `factor` changes that look, as `factors.FACTORS` lists, on the part `target`: a name, "manipulated"
     or "receiver" (None: the factor's usual parts), to `value` or, where that is None, to a draw from
-    the seed. Raises RpaugError for unknown names, Unsupported without OpenGL or with too few frames.
+    the seed. Raises RpaugError for unknown names and for what cannot roam, Unsupported without OpenGL or with too few frames.
     """
     if not 8 <= size <= LARGEST:
         raise RpaugError(f"size {size}: the twin renders 8 to {LARGEST} pixels a side")
     old = look or Look()
-    job, world, drawn = stage(task, seed, episode, old)
+    job, world, drawn = stage(task, seed, episode, old, roam)
     motion = play(tabletop.ARM, job.script, job.placing, frames)
     shapes = {} if job.soft is None else {job.soft.name: job.soft.track(motion)}
     changed: tuple[str, ...] = ()
@@ -96,6 +99,7 @@ def perform(
         receiver=job.receiver,
         changed=tuple(world.handles[name] for name in changed),
         covers=laid(world, new, motion.objects),
+        roam=roam,
     )
     made = Episode(
         key=f"{task}/all_variations/episodes/episode{episode}",
@@ -107,16 +111,21 @@ def perform(
     return Take(made, truth, motion.objects, shapes)
 
 
-def stage(task: str, seed: int, episode: int, look: Look) -> tuple[Job, World, np.random.Generator]:
+def stage(
+    task: str, seed: int, episode: int, look: Look, roam: float = 0.0
+) -> tuple[Job, World, np.random.Generator]:
     """The task as that seed and episode draw it, its world, and the generator that draws what a factor changes.
 
-    Raises RpaugError for an unknown task.
+    With `roam` it lies elsewhere on the table, by up to so many metres each way. Raises RpaugError for an unknown
+    task, and for one that cannot roam.
     """
     known = {**TASKS, **SOFT_TASKS}
     if task not in known:
         raise RpaugError(f"no task is called {task!r}; there are: {', '.join(known)}")
     layout, handles, textures, drawn = (np.random.default_rng([seed, episode, k]) for k in range(4))
     job = known[task](layout)
+    if roam:
+        job = roamed(job, tabletop.ARM, roam, layout)
     texture_seed = look.texture_seed
     if texture_seed is None:
         texture_seed = int(textures.integers(2**32))
@@ -136,6 +145,7 @@ def record(
     size: int = 128,
     frames: int = 60,
     episodes: int = 1,
+    roam: float = 0.0,
 ) -> list[Take]:
     """Write `episodes` episodes to OUT/<task>/all_variations/episodes/episode<i>, `truth.json` beside each one's files.
 
@@ -155,6 +165,7 @@ def record(
             look=look,
             size=size,
             frames=frames,
+            roam=roam,
         )
         adapter.write(take.episode, Path(out), take.episode.key, take.side)
         takes.append(replace(take, episode=adapter.read(Path(out), take.episode.key)))

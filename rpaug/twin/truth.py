@@ -32,7 +32,8 @@ class Truth:
     `handles` maps part names to mask handles, `bodies` body names to the handles rigid to each
     other, `manipulated` is the name of the part the task moves and `receiver` of the one it is
     brought to. `old` is the look before the change, `new` the one recorded: without a factor the
-    same. `changed` are the handles that may look different, `covers` the images laid on parts.
+    same. `changed` are the handles that may look different, `covers` the images laid on parts,
+    `roam` how many metres each way the task may lie elsewhere.
     """
 
     task: str
@@ -51,6 +52,7 @@ class Truth:
     receiver: str | None = None
     changed: tuple[int, ...] = ()
     covers: Mapping[int, Laid] = field(default_factory=dict)
+    roam: float = 0.0
 
     @property
     def light(self) -> tuple[Vector, Vector]:
@@ -69,11 +71,11 @@ class Truth:
     def describe(self) -> dict[str, Any]:
         """The facts as plain values; colours are display values, lengths metres, angles radians.
 
-        A receiver, changed handles and covers are left out where there are none.
+        A receiver, changed handles, covers and a distance to roam are left out where there are none.
         """
         facts = asdict(self) | {"old": self.old.describe(), "new": self.new.describe()}
         facts["covers"] = {str(handle): asdict(laid) for handle, laid in self.covers.items()}
-        for name in ("receiver", "changed", "covers"):
+        for name in ("receiver", "changed", "covers", "roam"):
             if not facts[name]:
                 del facts[name]
         facts["tints"] = {
