@@ -21,9 +21,10 @@ from tools.bench.closed_loop.bench import Bench
 @pytest.mark.parametrize("task", TASKS)
 def test_recorded_key_poses_do_the_task_and_waiting_does_not(task: str) -> None:
     """Those that a policy learns from: what is picked of a recording must be enough."""
-    learnt = list(samples.of(twin.perform(task, 77, frames=30).episode, 0))
+    take = twin.perform(task, 77, frames=30, look=looks.ROOM, roam=looks.ROAM)
+    learnt = list(samples.of(take.episode, 0))
     assert len(learnt) <= MOST
-    with closing(Bench(task, 77, 0, Look())) as bench:
+    with closing(Bench(task, 77, 0, looks.ROOM)) as bench:
         tip = bench.where("gripper")
         for _ in range(3):
             bench.act(tip, bench.opening)
@@ -37,7 +38,7 @@ def test_recorded_key_poses_do_the_task_and_waiting_does_not(task: str) -> None:
 
 @pytest.mark.gl
 def test_a_pose_out_of_reach_is_refused() -> None:
-    with closing(Bench("push_button", 77, 0, Look())) as bench:
+    with closing(Bench("push_button", 77, 0, looks.ROOM)) as bench:
         far = bench.where("gripper")
         far[:3, 3] += [3.0, 0, 0]
         assert not bench.act(far, 0.0)

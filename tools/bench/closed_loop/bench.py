@@ -13,6 +13,7 @@ from rpaug.twin.record import stage
 from rpaug.twin.renderer import Renderer
 from tools.bench.closed_loop.bodies import STEP, compile_physics
 from tools.bench.closed_loop.goals import GOALS
+from tools.bench.closed_loop.looks import ROAM
 
 Pose = Float[np.ndarray, "4 4"]
 
@@ -40,7 +41,7 @@ class Bench:
 
     def __init__(self, task: str, seed: int, episode: int, look: Look) -> None:
         self.task, self.look = task, look
-        self.job, self.world, _ = stage(task, seed, episode, look)
+        self.job, self.world, _ = stage(task, seed, episode, look, ROAM)
         self.model = compile_physics(self.world, look)
         self.data = mujoco.MjData(self.model)
         self.q, self.opening = HOME, OPEN

@@ -10,7 +10,6 @@ import numpy as np
 
 from rpaug import registry, twin
 from rpaug.files import PART
-from rpaug.twin.look import Look
 from rpaug.twin.record import stage
 from tools.bench.closed_loop import looks
 
@@ -54,10 +53,11 @@ def rendered(
                 demo, copy = divmod(number, copies)
                 rng = np.random.default_rng([LAYOUTS, demo, copy, 11])
                 chosen = tuple(name for name in names if rng.random() < CHANCE)
-                plain = Look(texture_seed=int(rng.integers(2**32)))
-                job, world, _ = stage(task, LAYOUTS, demo, plain)
-                look = looks.mixed(chosen, world, job, "training", rng, plain)
-                take = twin.perform(task, LAYOUTS, episode=demo, look=look, frames=FRAMES)
+                job, world, _ = stage(task, LAYOUTS, demo, looks.ROOM, looks.ROAM)
+                look = looks.mixed(chosen, world, job, "training", rng, looks.ROOM)
+                take = twin.perform(
+                    task, LAYOUTS, episode=demo, look=look, frames=FRAMES, roam=looks.ROAM
+                )
                 adapter.write(take.episode, work, key, take.side)
 
     return _whole(root, make)
@@ -65,7 +65,9 @@ def rendered(
 
 def _record(task: str, work: Path, demos: int) -> None:
     shutil.rmtree(work / task, ignore_errors=True)
-    twin.record(task, LAYOUTS, work, episodes=demos, frames=FRAMES)
+    twin.record(
+        task, LAYOUTS, work, look=looks.ROOM, episodes=demos, frames=FRAMES, roam=looks.ROAM
+    )
 
 
 def _whole(root: Path, make) -> Path:  # type: ignore[no-untyped-def]

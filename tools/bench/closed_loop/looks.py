@@ -4,7 +4,6 @@ Seeds, textures and shapes of distractors differ from those of training, so noth
 """
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import trimesh
@@ -13,6 +12,7 @@ from jaxtyping import Float, UInt8
 from rpaug import geometry
 from rpaug.twin import factors, textures
 from rpaug.twin.look import Extra, Look
+from rpaug.twin.roaming import clear, occupied
 from rpaug.twin.staging import Job
 from rpaug.twin.tabletop import TABLE
 from rpaug.twin.world import World
@@ -32,6 +32,8 @@ CONDITIONS = ("none", *SINGLE, "all")
 INVALIDATING = ("object_size",)  # recorded actions are not right for it
 SIZES = (0.8, 1.12)  # wider than that and a block does not fit the fingers
 DISTRACTORS = 2
+ROOM = Look(texture_seed=7)  # where all demonstrations are recorded: one table, one floor
+ROAM = 0.08  # metres each way that a task may lie elsewhere, among the same things strewn anew
 FREE = 0.10  # metres between a distractor's middle and things, and from the gripper's way over the table
 TEXTURES = {  # which images cover parts, (training, testing)
     "training": textures.KINDS[::2],
@@ -92,13 +94,11 @@ def _covered(
 
 def _distractors(world: World, job: Job, use: str, rng: np.random.Generator) -> tuple[Extra, ...]:
     """Things that have nothing to do with the task, where nothing stands and the gripper does not pass."""
-    taken = [pose[:2, 3] for pose in job.placing.values()]
-    way = [key.tip[:2, 3] for key in job.script if key.tip is not None]
-    taken += [a + s * (b - a) for a, b in pairwise(way) for s in (0, 0.5, 1)]
+    taken = occupied(job.placing, job.script)
     out: list[Extra] = []
     for _ in range(200):
         at = rng.uniform((-0.02, -0.30), (0.48, 0.30))
-        if min(float(np.linalg.norm(at - there)) for there in taken) < FREE:
+        if not clear(at, taken, FREE):
             continue
         taken.append(at)
         out.append(_thing(len(out), at, use, rng))

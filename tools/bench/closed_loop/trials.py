@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rpaug.twin.look import Look
 from rpaug.twin.panda import OPEN
 from rpaug.twin.record import stage
 from tools.bench.closed_loop import looks
@@ -57,9 +56,8 @@ def trial(
 ) -> Trial:
     """One episode from its start until it succeeds, the arm cannot reach, or the key poses run out."""
     rng = np.random.default_rng([seed, episode, number, looks.CONDITIONS.index(condition), 7])
-    plain = Look(texture_seed=int(rng.integers(2**32)))
-    job, world, _ = stage(task, seed, episode, plain)
-    look = looks.draw(condition, world, job, use, rng, plain)
+    job, world, _ = stage(task, seed, episode, looks.ROOM, looks.ROAM)
+    look = looks.draw(condition, world, job, use, rng, looks.ROOM)
     seen: Seen = []
     with closing(Bench(task, seed, episode, look)) as bench:
         done = bench.solved()
