@@ -68,7 +68,8 @@ def perform(
     With `roam` the whole task lies elsewhere on the table, by up to so many metres each way (`roaming.roamed`).
     `factor` changes that look, as `factors.FACTORS` lists, on the part `target`: a name, "manipulated"
     or "receiver" (None: the factor's usual parts), to `value` or, where that is None, to a draw from
-    the seed. Raises RpaugError for unknown names and for what cannot roam, Unsupported without OpenGL or with too few frames.
+    the seed. Raises RpaugError for unknown names and for what cannot roam, Unsupported without OpenGL or with too few
+    frames.
     """
     if not 8 <= size <= LARGEST:
         raise RpaugError(f"size {size}: the twin renders 8 to {LARGEST} pixels a side")

@@ -69,7 +69,8 @@ def _strewn(names: Sequence[str], taken: list[Spot], rng: np.random.Generator) -
             spot = rng.uniform(*FIELD)
             if clear(spot, taken, APART):
                 taken.append(spot)
-                out[name] = upright(*spot, resting_height(name), rng.uniform(-np.pi, np.pi))
+                x, y = spot
+                out[name] = upright(x, y, resting_height(name), rng.uniform(-np.pi, np.pi))
                 break
     return out
 
