@@ -72,8 +72,10 @@ def draw(
     """The scene after this copy's edits, and what was drawn. Raises TargetError."""
     draws = []
     for number, step in enumerate(recipe.steps):
-        rng = recipe.generator(scene.episode.key, copy, number, attempt)
-        chosen = step.draw(rng)
+        first, rng = (recipe.generator(scene.episode.key, copy, number, n) for n in (0, attempt))
+        # What is drawn again is how an edit is done, not whether: else what often fails is done less than asked.
+        chance, _ = first.random(), rng.random()
+        chosen = step.draw(chance, rng)
         edit = None
         if chosen:
             edit = json.loads(json.dumps(chosen.operator.sample(scene, rng)))

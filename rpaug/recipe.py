@@ -99,9 +99,9 @@ class Step:
     options: tuple[Option, ...]
     probability: float = 1.0
 
-    def draw(self, rng: np.random.Generator) -> Option | None:
-        """The option of this draw, or None if the step is skipped."""
-        if rng.random() >= self.probability:
+    def draw(self, chance: float, rng: np.random.Generator) -> Option | None:
+        """The option of this draw, or None if the step is skipped: `chance` is drawn from U[0, 1)."""
+        if chance >= self.probability:
             return None
         weights = np.array([option.weight for option in self.options])
         return self.options[int(rng.choice(len(self.options), p=weights / weights.sum()))]

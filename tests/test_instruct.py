@@ -9,6 +9,7 @@ import pytest
 from tabletop import gl, handle, scene, take
 
 from rpaug import instruct, pipeline, recipe, twin
+from rpaug.files import encode_png
 from rpaug.instruct import Untrue
 from rpaug.instruct.changes import Changes
 from rpaug.instruct.judging import Judge
@@ -75,9 +76,31 @@ class TestFollowed:
     def patterned(self, texture: str) -> dict:
         return {"op": "retexture", "target": {"role": "manipulated"}, "texture": texture}
 
-    def test_a_new_pattern_has_no_colour_word(self, block):
-        with pytest.raises(Untrue, match="another pattern"):
+    def test_a_new_pattern_is_said_where_no_other_has_one(self, block):
+        said = told(f"put the {block} block on the pad")
+        (own,) = scene().roles["manipulated"]
+        others = frozenset({handle("block_small")})
+        for other, told_apart in ((others, True), (others | {handle("block_textured")}, False)):
+            judge = Judge(scene(), scene(), Changes(looks={own: "checkered"}))
+            known = {"block": other | {own}, f"{block} block": frozenset([own])}
+            judge._found = lambda said, after, known=known: known.get(said)  # type: ignore[method-assign]
+            if told_apart:
+                assert judge.rewritten(said.descriptions[0]) == "put the checkered block on the pad"
+            else:
+                with pytest.raises(Untrue, match="a pattern of its own"):
+                    judge.rewritten(said.descriptions[0])
+
+    def test_among_patterned_blocks_a_new_pattern_is_refused(self, block):
+        with pytest.raises(Untrue, match="a pattern of its own"):
             after(told(f"put the {block} block on the pad"), self.patterned("checker_green"))
+
+    def test_an_image_of_ones_own_has_no_word(self, tmp_path, block):
+        halves = np.zeros((8, 8, 3), np.uint8)
+        halves[:4] = 255
+        (tmp_path / "own.png").write_bytes(encode_png(halves))
+        own = self.patterned("own.png") | {"textures": str(tmp_path)}
+        with pytest.raises(Untrue, match="another pattern"):
+            after(told(f"put the {block} block on the pad"), own)
 
     def test_a_texture_of_one_colour_is_called_by_it(self, block):
         said = told(f"put the {block} block on the pad")

@@ -162,7 +162,8 @@ def test_probability_and_weights_are_met() -> None:
             ],
         }
     )
-    names = [made.steps[0].draw(made.generator("e", copy, 0)) for copy in range(2000)]
+    streams = [made.generator("e", copy, 0) for copy in range(2000)]
+    names = [made.steps[0].draw(rng.random(), rng) for rng in streams]
     taken = [option.name for option in names if option]
     assert 0.45 < len(taken) / 2000 < 0.55
     assert 0.7 < taken.count("light_color") / len(taken) < 0.8

@@ -9,6 +9,7 @@ from test_augment import augment, contents
 
 from rpaug import pipeline, recipe, report
 from rpaug.files import REJECTED
+from rpaug.scene.build import build
 
 MOVING = {"op": "camera_pose", "camera": "front", "shift": 0.15, "turn": 0.05}
 LIMIT = 0.4  # of holes: some draws keep it, others do not
@@ -40,6 +41,23 @@ def run(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert summary.rejected.keys() == rejected.keys()
     assert all("holes" in reason for reason in summary.rejected.values())
     return out
+
+
+def test_what_is_drawn_again_is_how_and_not_whether(template: Path) -> None:
+    """Else an edit that often fails its gates would be done less often than its probability says."""
+    light = {"op": "light_color", "range": [[0.1] * 3, [0.5] * 3], "probability": 0.5}
+    asked = recipe.build({"version": 1, "edits": [light, light, light]})
+    key = RLBench().episodes(template)[0]
+    scene = build(RLBench().read(template, key), with_bodies=False)
+    seen = set()
+    for copy in range(6):
+        tries = [pipeline.draw(scene, asked, copy, attempt)[1] for attempt in range(4)]
+        whether = {tuple(one.option is not None for one in draws) for draws in tries}
+        assert len(whether) == 1
+        seen |= whether
+        if any(whether.copy().pop()):
+            assert len({str(draws) for draws in tries}) == 4
+    assert len(seen) > 1
 
 
 def test_what_is_kept_keeps_the_limits_and_what_is_rejected_does_not(run: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rpaug.assets import library
 from rpaug.scene.naming import colours
+from rpaug.textures import shipped
 from rpaug.textures.mapping import Texture
 from rpaug.types import Body, Scene
 
@@ -26,8 +27,8 @@ class Added:
 
 @dataclass(frozen=True)
 class Changes:
-    """By recorded handle: a colour name for what was painted, None for a new pattern; the factor by which it was
-    resized; what was moved, copied, taken out. `added` are the new things."""
+    """By recorded handle: a colour name for what was painted, for a new pattern the word for that, or None if there is
+    no word; the factor by which it was resized; what was moved, copied, taken out. `added` are the new things."""
 
     looks: Mapping[int, str | None] = field(default_factory=dict)
     scales: Mapping[int, float] = field(default_factory=dict)
@@ -53,7 +54,7 @@ def of(scene: Scene, draws: Sequence[Mapping[str, Any]]) -> Changes:
         if (asset := library.get(thing["asset"]))
     )
     return Changes(
-        looks=_looks(scene, frozenset(recorded)),
+        looks=_looks(scene, frozenset(recorded), _patterns(draws)),
         scales=scales,
         moved=frozenset(h for h in now if h not in scales and _elsewhere(now[h], recorded[h])),
         copied=frozenset(old for body in scene.bodies for old in body.copy_of),
@@ -76,16 +77,29 @@ def rearranged(scene: Scene) -> Scene:
     return replace(recorded(scene), bodies=left, roles=roles)
 
 
-def _looks(scene: Scene, known: frozenset[int]) -> dict[int, str | None]:
+def _patterns(draws: Sequence[Mapping[str, Any]]) -> dict[int, str]:
+    """By handle, the word for the shipped texture that was laid on it last; own images have none."""
+    return {
+        surface["handle"]: shipped.pattern(edit["texture"])
+        for draw in draws
+        if "texture" in (edit := draw.get("edit") or {}) and not edit.get("digest")
+        for surface in edit.get("surfaces", ())
+    }
+
+
+def _looks(
+    scene: Scene, known: frozenset[int], patterns: Mapping[int, str]
+) -> dict[int, str | None]:
     looks: dict[int, str | None] = {}
     for appearance in scene.appearance:
         if appearance.handles is None:  # light falls on all alike, and names no thing anew
             continue
         asked, texture = (getattr(appearance, name, None) for name in ("asked", "texture"))
         name = None if asked is None else colours.nearest(np.array(asked))
-        if texture is not None:
-            name = _prevailing(texture)
-        looks.update({handle: name for handle in appearance.handles if handle in known})
+        prevailing = None if texture is None else _prevailing(texture)
+        for handle in appearance.handles & known:
+            patterned = None if texture is None else prevailing or patterns.get(handle)
+            looks[handle] = name or patterned
     return looks
 
 

@@ -6,6 +6,7 @@ from functools import cached_property
 from rpaug.errors import RpaugError, TargetError
 from rpaug.instruct.changes import Added, Changes
 from rpaug.instruct.phrases import BESIDE, LARGE, PLACES, SIZES, Phrase, Word, changed, phrases
+from rpaug.scene.lighting import albedo
 from rpaug.scene.naming import colours, shapes, targets
 from rpaug.scene.naming.nouns import Meaning, understood
 from rpaug.scene.naming.relations import ANYTHING
@@ -146,9 +147,26 @@ class Judge:
                 and self._fits(phrase, handle)
             ):
                 raise Untrue(f"handle {handle} was painted {new}: {said} could be it too")
+        if name is not None and colours.canonical(name) is None:  # a pattern, not a colour
+            for handle in self._others(phrase):
+                if not albedo.plain(self._recorded.episode, handle):
+                    raise Untrue(
+                        f"handle {handle} has a pattern of its own: {said} could be it too"
+                    )
         for one in self._changes.added:
             if (name is None or colours.means(name, one.colour)) and _goes_by(one, phrase.nouns):
                 raise Untrue(f"a {one.colour} {one.kind} was put in: {said} could be it too")
+
+    def _others(self, phrase: Phrase) -> list[int]:
+        """Recorded things that go by the phrase's noun, but for those it means, and that keep their looks."""
+        own = self._named(phrase) or frozenset()
+        return [
+            handle
+            for handle, row in sorted(self._rows.items())
+            if row.role not in targets.APART
+            and handle not in own | self._changes.removed | self._changes.looks.keys()
+            and self._fits(phrase, handle)
+        ]
 
     def _doubt(
         self, phrase: Phrase, handles: frozenset[int], what: str, alone: bool = False

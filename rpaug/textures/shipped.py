@@ -185,6 +185,22 @@ KINDS: Mapping[str, Mapping[str, Draw]] = {
 
 NAMES: Mapping[str, Draw] = {name: draw for kind in KINDS.values() for name, draw in kind.items()}
 
+# What people call a thing that such a texture is laid on, by the first part of its name.
+PATTERNS = {
+    **dict.fromkeys(("oak", "pine", "walnut", "cherry", "mahogany", "ebony", "birch", "ash", "teak"), "wooden"),
+    "granite": "granite", "marble": "marble", "sandstone": "sandstone", "slate": "slate", "concrete": "concrete",
+    "terrazzo": "terrazzo", "cobbles": "cobbled", "denim": "denim", "linen": "linen", "burlap": "burlap",
+    "tweed": "tweed", "plaid": "plaid", "stripes": "striped", "felt": "felt", "polka": "dotted",
+    "checker": "checkered", "chessboard": "checkered", "bricks": "brick", "tiles": "tiled", "plaster": "plastered",
+    "rust": "rusty", "moss": "mossy", "sand": "sandy", "clouds": "clouded", "camouflage": "camouflaged",
+    "paint": "spattered",
+}  # fmt: skip
+
+
+def pattern(name: str) -> str:
+    """The word for things that the shipped texture is laid on: "checkered" for `checker_red`."""
+    return PATTERNS[name.split("_")[0]]
+
 
 @lru_cache(8)
 def image(name: str) -> UInt8[np.ndarray, "256 256 3"]:

@@ -44,6 +44,11 @@ def test_a_name_always_gives_the_same_texture(images: dict[str, np.ndarray]) -> 
         assert np.array_equal(shipped.image(name), images[name])
 
 
+def test_people_have_a_word_for_each() -> None:
+    assert {shipped.pattern(name) for name in shipped.NAMES} >= {"checkered", "plaid", "wooden"}
+    assert shipped.pattern("ash_grey") == "wooden"
+
+
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(RpaugError, match=r"oak.*checker_black"):
         shipped.image("plywood")

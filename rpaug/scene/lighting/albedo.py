@@ -86,6 +86,11 @@ def describe(
     return {"handle": handle, "albedo": list(rgb), "plain": found.plain}
 
 
+def plain(episode: Episode, handle: int) -> bool:
+    """Whether one colour, under any light, explains what is seen of an instance."""
+    return _estimated(episode, handle).plain
+
+
 @remembered.of_episode
 def _estimated(episode: Episode, handle: int) -> Albedo:
     return estimate(pixels(episode, handle))
