@@ -95,11 +95,11 @@ def _looks(
         if appearance.handles is None:  # light falls on all alike, and names no thing anew
             continue
         asked, texture = (getattr(appearance, name, None) for name in ("asked", "texture"))
-        name = None if asked is None else colours.nearest(np.array(asked))
-        prevailing = None if texture is None else _prevailing(texture)
+        colour = None if asked is None else colours.nearest(np.array(asked))
+        if texture is not None:
+            colour = _prevailing(texture)
         for handle in appearance.handles & known:
-            patterned = None if texture is None else prevailing or patterns.get(handle)
-            looks[handle] = name or patterned
+            looks[handle] = patterns.get(handle) if texture is not None and not colour else colour
     return looks
 
 
