@@ -1,7 +1,7 @@
 """Whether policies get better: the same small policy trained on several kinds of data, tested under each factor.
 
     python -m tools.bench.closed_loop run WORK [--seeds 2] [--episodes 10] [--demos 25] [--smoke] [--json]
-    python -m tools.bench.closed_loop train POLICY DATASET [DATASET ...] [--seed 0] [--steps 1500]
+    python -m tools.bench.closed_loop train POLICY DATASET [DATASET ...] [--seed 0] [--steps 2000]
     python -m tools.bench.closed_loop eval POLICY EVALUATION
 
 `run` does everything that is not yet done in WORK, so that it can be stopped and started again, and prints the table.

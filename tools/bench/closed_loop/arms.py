@@ -16,7 +16,7 @@ import torch
 
 from rpaug.diagnosis import jsonl
 from rpaug.files import write_atomic
-from tools.bench.closed_loop import data, looks, result, samples, training, trials
+from tools.bench.closed_loop import data, layouts, looks, result, samples, training, trials
 
 TASKS = ("open_drawer", "push_button", "slide_block", "stack_cups", "put_in_box")
 MOST = 6  # key poses of the longest task
@@ -31,7 +31,7 @@ class Size:
     tasks: tuple[str, ...] = TASKS
     demos: int = 25
     copies: int = 4
-    steps: int = 1500
+    steps: int = 2000
     episodes: int = 10
     conditions: tuple[str, ...] = looks.CONDITIONS
     rounds: int = 2
@@ -51,6 +51,7 @@ def run(
     for arm, left in (("oracle", ()), ("oracle_valid", looks.INVALIDATING)):
         if arm in arms:
             data.rendered(work / arm, size.tasks, size.demos, size.copies, left)
+    tested(work, size)
     jobs = [(work, size, arm, seed) for arm in arms for seed in seeds]
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         done = list(pool.map(measured, *zip(*jobs, strict=True)))
@@ -87,12 +88,19 @@ def measured(work: Path, size: Size, arm: str, seed: int) -> list[list[Any]]:
         trained = training.load(policy)
         rows = [
             [one.task, one.condition, one.episode, one.success]
-            for one in trials.trials(
-                trained, size.tasks, size.conditions, seed=TESTS, episodes=size.episodes
-            )
+            for one in trials.trials(trained, tested(work, size), size.conditions, seed=TESTS)
         ]
         write_atomic(kept, json.dumps(rows).encode())
     return list(json.loads(kept.read_bytes()))
+
+
+def tested(work: Path, size: Size) -> dict[str, list[int]]:
+    """The layouts of the test by task, looked for once."""
+    kept = work / "layouts.json"
+    if not kept.exists():
+        found = {task: layouts.solvable(task, TESTS, size.episodes) for task in size.tasks}
+        write_atomic(kept, json.dumps(found).encode())
+    return dict(json.loads(kept.read_bytes()))
 
 
 def learn(
@@ -112,9 +120,8 @@ def judge(policy: Path, out: Path, tasks: Sequence[str], episodes: int) -> None:
     trained = training.load(policy)
     out.mkdir()
     lines = []
-    for one in trials.trials(
-        trained, tasks, ("none", *looks.SINGLE), seed=VALIDATION, episodes=episodes
-    ):
+    drawn = dict.fromkeys(tasks, range(episodes))
+    for one in trials.trials(trained, drawn, ("none", *looks.SINGLE), seed=VALIDATION):
         name = f"{one.task}-{one.condition}-{one.episode}"
         lines.append(_line(one, name, out))
     jsonl.write(out / "evaluation.jsonl", lines)

@@ -12,8 +12,8 @@ from rpaug import registry, twin
 from rpaug.files import PART
 from rpaug.twin.record import stage
 from tools.bench.closed_loop import looks
+from tools.bench.closed_loop.samples import FRAMES
 
-FRAMES = 30
 CHANCE = 0.5  # of each factor in a copy, as in the fixed recipe
 LAYOUTS = 1000  # seed of the demonstrations' layouts; tests and validations have others
 

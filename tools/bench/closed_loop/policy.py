@@ -1,7 +1,8 @@
-"""A small policy after RVT: where the gripper goes next, read off three orthographic images by a shared U-Net.
+"""A small policy that sees the table from above: a U-Net's heat map says where the gripper goes next.
 
-Goyal et al. 2023 (arXiv 2306.14896), made small: heat maps on a cube of 64 cells a side, the approach axis, the axis
-along which the fingers open (its sign is free, as a gripper is the same after half a turn), and open or closed.
+What is there then says how high, the approach axis, the axis along which the fingers open (its sign is free, as a
+gripper is the same after half a turn), and open or closed. Heat maps over a table are those of Zeng et al. 2020
+(Transporter Networks, arXiv 2010.14406), key poses one after the other RVT's (Goyal et al. 2023, arXiv 2306.14896).
 """
 
 from dataclasses import dataclass
@@ -12,11 +13,13 @@ from jaxtyping import Float, Float32, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from tools.bench.closed_loop.views import AXES, CHANNELS, GRID, cells, metres
+from tools.bench.closed_loop.views import CHANNELS, GRID, cells, metres
 
 WIDTHS = (16, 24, 32, 48)
+HIDDEN = 96  # of the head
+AXES = 9  # numbers of its axes: the approach, and the opening axis's outer product
 SPREAD = 0.8  # cells: standard deviation of the heat that is asked for
-AROUND = 2  # cells to each side of the peak that its position is averaged over
+AROUND = 2  # cells to each side of a peak that its position is averaged over
 
 
 @dataclass(frozen=True)
@@ -37,101 +40,115 @@ class Targets:
     open: Float[Tensor, "b"]
 
 
+@dataclass(frozen=True)
+class Grip:
+    """What the policy says at a place: heat of each height, approach axis, the opening axis's outer product (xx, yy,
+    zz, xy, xz, yz), and a logit of open."""
+
+    height: Float[Tensor, "b z"]
+    approach: Float[Tensor, "b 3"]
+    outer: Float[Tensor, "b 6"]
+    open: Float[Tensor, "b"]
+
+
 class Policy(nn.Module):
-    """Images and what is going on to heat maps and features; `tasks` counts goals, `most` the key poses of one."""
+    """An image and what is going on to heat and features; `tasks` counts goals, `most` the key poses of one."""
 
     def __init__(self, tasks: int, most: int) -> None:
         super().__init__()
         self.tasks, self.most = tasks, most
+        goals = tasks * most
         first, *rest = WIDTHS
-        self.enter = _block(CHANNELS + 3, first)
+        self.enter = _block(CHANNELS, first)
         self.down = nn.ModuleList([_block(a, b) for a, b in zip(WIDTHS, rest, strict=False)])
         self.up = nn.ModuleList(
             [_block(a + b, a) for a, b in zip(WIDTHS[-2::-1], WIDTHS[:0:-1], strict=True)]
         )
-        self.told = nn.ModuleList([nn.Linear(tasks * most, 2 * wide) for wide in WIDTHS[::-1]])
+        self.told = nn.ModuleList([nn.Linear(goals, 2 * wide) for wide in WIDTHS[::-1]])
         self.heat = nn.Conv2d(first, 1, 1)
         self.head = nn.Sequential(
-            nn.Linear(3 * (first + WIDTHS[-1]) + tasks * most, 64), nn.ReLU(), nn.Linear(64, 10)
+            nn.Linear(first + 9 * CHANNELS + WIDTHS[-1] + goals, HIDDEN),
+            nn.ReLU(),
+            nn.Linear(HIDDEN, GRID + AXES + 1),
         )
 
     def forward(
-        self, images: Float[Tensor, "b 3 c h w"], goal: Int[Tensor, "b"]
-    ) -> tuple[Float[Tensor, "b 3 h w"], Float[Tensor, "b 3 f h w"], Float[Tensor, "b k"]]:
-        """Heat of each view, features of each pixel, and what the whole says. `goal` numbers task and key pose."""
-        batch = len(images)
-        which = torch.eye(3)[:, :, None, None].expand(3, 3, GRID, GRID)
-        x = torch.cat([images, which.expand(batch, 3, 3, GRID, GRID)], 2).flatten(0, 1)
+        self, images: Float[Tensor, "b c h w"], goal: Int[Tensor, "b"]
+    ) -> tuple[Float[Tensor, "b h w"], Float[Tensor, "b f h w"], Float[Tensor, "b k"]]:
+        """Heat and features of each pixel, and what the whole says. `goal` numbers task and key pose."""
         goals = functional.one_hot(goal, self.tasks * self.most).float()
-        x = self.enter(x)
+        x = self.enter(images.contiguous(memory_format=torch.channels_last))
         kept = [x]
         for layer in self.down:
             x = layer(functional.max_pool2d(x, 2))
             kept.append(x)
         x = _told(self.told[0], goals, x)
-        whole = x.amax((2, 3)).unflatten(0, (batch, 3)).flatten(1)
+        whole = x.amax((2, 3))
         for layer, told, skip in zip(self.up, self.told[1:], kept[-2::-1], strict=True):
             x = layer(torch.cat([functional.interpolate(x, scale_factor=2.0), skip], 1))
             x = _told(told, goals, x)
-        heat = self.heat(x).squeeze(1).unflatten(0, (batch, 3))
-        return heat, x.unflatten(0, (batch, 3)), torch.cat([whole, goals], 1)
+        return self.heat(x).squeeze(1), x, torch.cat([whole, goals], 1)
 
-    def turned(
+    def grip(
         self,
-        features: Float[Tensor, "b 3 f h w"],
+        images: Float[Tensor, "b c h w"],
+        features: Float[Tensor, "b f h w"],
         whole: Float[Tensor, "b k"],
-        at: Float[Tensor, "b 3"],
-    ) -> Float[Tensor, "b 10"]:
-        """Approach axis (3), the opening axis's outer product (6), open (1, a logit), at positions in cells."""
-        pixel = at.long().clamp(0, GRID - 1)
+        at: Float[Tensor, "b n"],
+    ) -> Grip:
+        """How the gripper is to be there; `at` begins with x and y in cells.
+
+        The pixels around go along as they are: a height must be as exact as what was measured.
+        """
+        x, y = at[:, :2].long().clamp(0, GRID - 1).unbind(1)
         rows = torch.arange(len(at))
-        local = [
-            features[rows, view, :, pixel[:, up], pixel[:, right]]
-            for view, (right, up, _) in enumerate(AXES)
-        ]
-        return self.head(torch.cat([*local, whole], 1))
+        edge = functional.pad(images, (1, 1, 1, 1))
+        around = [edge[rows, :, y + j, x + i] for j in range(3) for i in range(3)]
+        local = features[rows, :, y, x]
+        out = self.head(torch.cat([local, *around, whole], 1).float())
+        height, approach, outer, opened = out.split([GRID, 3, 6, 1], 1)
+        return Grip(height, approach, outer, opened[:, 0])
 
 
 def loss(
-    policy: Policy, images: Float[Tensor, "b 3 c h w"], goal: Int[Tensor, "b"], wanted: Targets
+    policy: Policy, images: Float[Tensor, "b c h w"], goal: Int[Tensor, "b"], wanted: Targets
 ) -> Float[Tensor, ""]:
-    """Cross-entropy of the heat maps and of open or closed, squared errors of the axes."""
+    """Cross-entropy of the heat, of the height and of open or closed, squared errors of the axes."""
     heat, features, whole = policy(images, goal)
-    asked = _asked(wanted.cell)
-    found = functional.log_softmax(heat.flatten(2), -1)
-    where = -(asked.flatten(2) * found).sum(-1).mean()
-    head = policy.turned(features, whole, wanted.cell)
-    axes = functional.mse_loss(head[:, :3], wanted.approach)
-    outer = functional.mse_loss(head[:, 3:9], _outer(wanted.across))
-    grip = functional.binary_cross_entropy_with_logits(head[:, 9], wanted.open)
-    return where + 5 * axes + 5 * outer + 0.5 * grip
+    where = _cross(heat.flatten(1), asked(wanted.cell).flatten(1))
+    grip = policy.grip(images, features, whole, wanted.cell)
+    height = _cross(grip.height, _bump(wanted.cell[:, 2]))
+    axes = functional.mse_loss(grip.approach, wanted.approach)
+    outer = functional.mse_loss(grip.outer, outer_product(wanted.across))
+    opened = functional.binary_cross_entropy_with_logits(grip.open, wanted.open)
+    return where + height + 5 * axes + 5 * outer + 0.5 * opened
 
 
 @torch.no_grad()
-def decide(policy: Policy, images: Float32[np.ndarray, "3 c h w"], goal: int) -> Action:
+def decide(policy: Policy, image: Float32[np.ndarray, "c h w"], goal: int) -> Action:
     """The next key pose."""
-    heat, features, whole = policy(torch.from_numpy(images)[None], torch.tensor([goal]))
-    cell = located(heat[0])
-    head = policy.turned(features, whole, torch.tensor(cell.copy())[None].float())[0].numpy()
+    images = torch.from_numpy(image)[None]
+    heat, features, whole = policy(images, torch.tensor([goal]))
+    y, x = located(heat[0])
+    grip = policy.grip(images, features, whole, torch.tensor([[x, y]]))
+    (z,) = located(grip.height[0])
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation(head[:3], head[3:9]), metres(cell)
-    return Action(pose, bool(head[9] > 0))
+    pose[:3, :3] = rotation(grip.approach[0].numpy(), grip.outer[0].numpy())
+    pose[:3, 3] = metres(np.array([x, y, z]))
+    return Action(pose, bool(grip.open[0] > 0))
 
 
-def located(heat: Float[Tensor, "3 h w"]) -> Float[np.ndarray, "3"]:
-    """The position in cells where the views' heat agrees best, averaged around the peak."""
-    from_above, ahead, left = heat
-    volume = (  # indexed z, y, x
-        from_above[None] + ahead[:, :, None] + left[:, None, :]
-    )
-    peak = np.array(np.unravel_index(int(volume.argmax()), volume.shape))
-    low, high = np.maximum(peak - AROUND, 0), np.minimum(peak + AROUND + 1, GRID)
-    part = volume[low[0] : high[0], low[1] : high[1], low[2] : high[2]]
+def located(heat: Float[Tensor, "*n"]) -> Float[np.ndarray, "k"]:
+    """The hottest place in cells, one number for each axis of `heat`, averaged around its peak."""
+    peak = np.unravel_index(int(heat.argmax()), heat.shape)
+    near = tuple(slice(max(at - AROUND, 0), at + AROUND + 1) for at in peak)
+    part = heat[near].float()
     weights = torch.softmax(part.flatten(), 0).reshape(part.shape).numpy()
     grids = np.meshgrid(
-        *(np.arange(a, b) + 0.5 for a, b in zip(low, high, strict=True)), indexing="ij"
+        *(side.start + 0.5 + np.arange(n) for side, n in zip(near, part.shape, strict=True)),
+        indexing="ij",
     )
-    return np.array([(weights * grid).sum() for grid in grids])[::-1]
+    return np.array([(weights * grid).sum() for grid in grids])
 
 
 def rotation(
@@ -160,25 +177,32 @@ def targets(poses: Float[np.ndarray, "b 4 4"], opened: Float[np.ndarray, "b"]) -
     )
 
 
-def _told(layer: nn.Module, goals: Float[Tensor, "b g"], x: Float[Tensor, "v f h w"]) -> Tensor:
-    """Features scaled and shifted by what is to be done (Perez et al. 2018, arXiv 1709.07871)."""
-    scale, shift = layer(goals).repeat_interleave(3, 0)[..., None, None].chunk(2, 1)
-    out: Tensor = x * (1 + scale) + shift
-    return out
+def asked(cell: Float[Tensor, "b 3"]) -> Float[Tensor, "b h w"]:
+    """The heat that is asked for: a Gaussian around where the position falls."""
+    return _bump(cell[:, 1])[:, :, None] * _bump(cell[:, 0])[:, None, :]
 
 
-def _outer(across: Float[Tensor, "b 3"]) -> Float[Tensor, "b 6"]:
+def outer_product(across: Float[Tensor, "b 3"]) -> Float[Tensor, "b 6"]:
+    """Of an axis with itself: the same for both its signs. Entries xx, yy, zz, xy, xz, yz."""
     x, y, z = across.unbind(1)
     return torch.stack([x * x, y * y, z * z, x * y, x * z, y * z], 1)
 
 
-def _asked(cell: Float[Tensor, "b 3"]) -> Float[Tensor, "b 3 h w"]:
-    """Each view's heat: a Gaussian around where the position falls in it."""
-    line = torch.arange(GRID) + 0.5
-    bumps = torch.exp(-((line - cell[..., None]) ** 2) / (2 * SPREAD**2))  # b 3 n
-    maps = [bumps[:, up, :, None] * bumps[:, right, None, :] for right, up, _ in AXES]
-    heat = torch.stack(maps, 1)
-    return heat / heat.sum((2, 3), keepdim=True).clamp_min(1e-9)
+def _bump(at: Float[Tensor, "b"]) -> Float[Tensor, "b n"]:
+    """A Gaussian over the cells of one axis; sums to one."""
+    heat = torch.exp(-((torch.arange(GRID) + 0.5 - at[:, None]) ** 2) / (2 * SPREAD**2))
+    return heat / heat.sum(1, keepdim=True)
+
+
+def _cross(heat: Float[Tensor, "b n"], wanted: Float[Tensor, "b n"]) -> Float[Tensor, ""]:
+    return -(wanted * functional.log_softmax(heat, -1)).sum(-1).mean()
+
+
+def _told(layer: nn.Module, goals: Float[Tensor, "b g"], x: Float[Tensor, "b f h w"]) -> Tensor:
+    """Features scaled and shifted by what is to be done (Perez et al. 2018, arXiv 1709.07871)."""
+    scale, shift = layer(goals)[..., None, None].chunk(2, 1)
+    out: Tensor = x * (1 + scale) + shift
+    return out
 
 
 def _block(entering: int, leaving: int) -> nn.Sequential:

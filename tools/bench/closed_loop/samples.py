@@ -13,6 +13,7 @@ from rpaug.types import Episode
 from tools.bench.closed_loop.bench import SEEN, View
 from tools.bench.closed_loop.views import cloud
 
+FRAMES = 30  # of a demonstration
 SAME = 0.015  # metres and entries of a rotation: closer poses are one to a policy that sees cells of a centimetre
 
 

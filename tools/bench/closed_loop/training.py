@@ -78,14 +78,14 @@ def load(path: Path) -> Policy:
 
 def _moved(
     sample: Sample, jitter: bool, rng: np.random.Generator
-) -> tuple[Float32[np.ndarray, "3 c h w"], np.ndarray]:
-    """The sample's images and key pose after one random turn and shift of the whole scene."""
+) -> tuple[Float32[np.ndarray, "c h w"], np.ndarray]:
+    """The sample's image and key pose after one random turn and shift of the whole scene."""
     middle = LOW + SIDE / 2
     motion = geometry.rigid(np.array([0, 0, rng.uniform(-TURN, TURN)]), np.zeros(3))
     motion[:3, 3] = middle - motion[:3, :3] @ middle + rng.uniform(-1, 1, 3) * SHIFT
     colours = _jittered(sample.colours, rng) if jitter else sample.colours
     points = geometry.transform(motion, sample.points).astype(np.float32)
-    return project(points, colours.astype(np.float32) / 255), motion @ sample.pose
+    return project(points, colours), motion @ sample.pose
 
 
 def _jittered(colours: Colours, rng: np.random.Generator) -> Colours:

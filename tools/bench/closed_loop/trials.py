@@ -1,6 +1,6 @@
 """How often a policy succeeds: episodes that no training saw, under each condition."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -31,17 +31,19 @@ class Trial:
 
 def trials(
     policy: Policy | None,
-    tasks: Sequence[str],
+    layouts: Mapping[str, Sequence[int]],
     conditions: Sequence[str],
     *,
     seed: int,
-    episodes: int,
     use: str = "testing",
 ) -> Iterator[Trial]:
-    """Every task under every condition; None is the policy that never moves. Layouts come from seed and episode."""
-    for number, task in enumerate(tasks):
+    """Every task under every condition in each of its layouts, which are numbers of the seed's.
+
+    None is the policy that never moves.
+    """
+    for number, (task, episodes) in enumerate(layouts.items()):
         for condition in conditions:
-            for episode in range(episodes):
+            for episode in episodes:
                 yield trial(policy, task, number, condition, seed, episode, use)
 
 
@@ -67,9 +69,8 @@ def trial(
             assert policy is not None
             views = bench.observe()
             seen.append(views)
-            points, colours = cloud(views.values())
-            images = project(points, colours.astype(np.float32) / 255)
-            action = decide(policy, images, number * policy.most + key)
+            image = project(*cloud(views.values()))
+            action = decide(policy, image, number * policy.most + key)
             reached = bench.act(action.pose, OPEN if action.open else 0.0)
             done = bench.solved()
             if not reached:

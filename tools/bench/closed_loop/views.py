@@ -1,4 +1,4 @@
-"""Point clouds as three orthographic images, as RVT sees them (Goyal et al. 2023, arXiv 2306.14896)."""
+"""Point clouds as an image from straight above: colours under the arm, heights under it and of all."""
 
 from collections.abc import Iterable
 
@@ -13,12 +13,8 @@ GRID = 64  # pixels a side
 SIDE = 0.68  # metres: of the cube that is looked at
 # Its corner. The table's top is in the middle of a row of cells: on the edge of two the row would say least about it.
 LOW = np.array([-0.12, -0.34, TABLE - 3.5 * SIDE / GRID])
-AXES = (
-    (0, 1, 2),
-    (1, 2, 0),
-    (0, 2, 1),
-)  # right, up and towards the eye: from above, from ahead, from the left
-CHANNELS = 5  # colour, height along the line of sight, whether anything is there
+UNDER = 0.28  # metres above that corner: things are lower, most of a raised arm is higher
+CHANNELS = 6  # colour, height and presence of the highest point that is lower than that; height of the highest of all
 
 
 def cloud(views: Iterable[View]) -> tuple[Float32[np.ndarray, "n 3"], UInt8[np.ndarray, "n 3"]]:
@@ -37,11 +33,11 @@ def cloud(views: Iterable[View]) -> tuple[Float32[np.ndarray, "n 3"], UInt8[np.n
 
 
 def project(
-    points: Float32[np.ndarray, "n 3"], colours: Float32[np.ndarray, "n 3"]
-) -> Float32[np.ndarray, "3 c h w"]:
-    """The three images: colour 0..1, height 0..1, presence."""
-    out = np.zeros((3, CHANNELS, GRID, GRID), np.float32)
-    _draw(cells(points).astype(np.float32), colours.astype(np.float32), np.array(AXES), out)
+    points: Float32[np.ndarray, "n 3"], colours: UInt8[np.ndarray, "n 3"]
+) -> Float32[np.ndarray, "c h w"]:
+    """The image, rows along y and columns along x: colour 0..1, height 0..1 of `UNDER`, presence, height 0..1."""
+    out = np.zeros((CHANNELS, GRID, GRID), np.float32)
+    _draw(cells(points).astype(np.float32), colours, UNDER * GRID / SIDE, out)
     return out
 
 
@@ -56,18 +52,17 @@ def metres(inside: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
 
 
 @numba.njit(cache=True)
-def _draw(cell, colours, axes, out):
-    size = out.shape[2]
+def _draw(cell, colours, under, out):
+    size = out.shape[1]
     for n in range(len(cell)):
-        for view in range(3):
-            right, up, ahead = axes[view]
-            x, y = int(np.floor(cell[n, right])), int(np.floor(cell[n, up]))
-            z = cell[n, ahead] / size
-            if not (0 <= x < size and 0 <= y < size and 0 <= z < 1):
-                continue
-            if out[view, 4, y, x] > 0 and out[view, 3, y, x] >= z:
-                continue
-            for c in range(3):
-                out[view, c, y, x] = colours[n, c]
-            out[view, 3, y, x] = z
-            out[view, 4, y, x] = 1
+        x, y = int(np.floor(cell[n, 0])), int(np.floor(cell[n, 1]))
+        z = cell[n, 2]
+        if not (0 <= x < size and 0 <= y < size and 0 <= z < size):
+            continue
+        out[5, y, x] = max(out[5, y, x], z / size)
+        if z >= under or (out[4, y, x] > 0 and out[3, y, x] >= z / under):
+            continue
+        for c in range(3):
+            out[c, y, x] = colours[n, c] / 255
+        out[3, y, x] = z / under
+        out[4, y, x] = 1
