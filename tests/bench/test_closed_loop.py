@@ -126,6 +126,24 @@ def test_layouts_that_nothing_can_solve_are_not_tested() -> None:
     assert layouts.solvable("push_button", TESTS, 2) == [0, 1]
 
 
+def test_outcomes_are_kept_by_seed_and_paired_by_episode() -> None:
+    rows = [["task", c, n, c == "none" or n > 3] for c in looks.CONDITIONS for n in (0, 2, 5)]
+    never = [[task, condition, episode, False] for task, condition, episode, _ in rows]
+    kept = {
+        "plain": {"0": result.packed(never), "1": result.packed(never)},
+        "rpaug": {"0": result.packed(rows), "1": result.packed(never)},
+    }
+    assert kept["rpaug"]["0"]["task"] == {
+        c: "111" if c == "none" else "001" for c in looks.CONDITIONS
+    }
+    both = result.outcomes(kept["rpaug"], (0, 1))
+    assert both["task", "none", 1] == 0.5
+    assert both["task", "all", 1] == 0.0
+    shown = result.table(kept, ["plain", "rpaug"], [0])
+    assert "| **mean of factors** | 0.0 | 33.3 |" in shown
+    assert "| rpaug over plain | +100.0 (+100.0, +100.0) | +33.3 (" in shown
+
+
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     """Coin flips whose true difference is 20 points: 95 % of the intervals hold it, give or take."""
     held = 0

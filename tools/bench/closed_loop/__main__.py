@@ -1,20 +1,23 @@
 """Whether policies get better: the same small policy trained on several kinds of data, tested under each factor.
 
     python -m tools.bench.closed_loop run WORK [--seeds 2] [--episodes 10] [--demos 25] [--smoke] [--json]
+    python -m tools.bench.closed_loop table OUTCOMES [--arms ARM ...] [--seeds 0 1 ...]
     python -m tools.bench.closed_loop train POLICY DATASET [DATASET ...] [--seed 0] [--steps 2000]
     python -m tools.bench.closed_loop eval POLICY EVALUATION
 
-`run` does everything that is not yet done in WORK, so that it can be stopped and started again, and prints the table.
+`run` does everything that is not yet done in WORK, so that it can be stopped and started again, writes what came of
+every episode to WORK/outcomes.json, and prints the table, as `table` does again from such a file.
 `train` and `eval` are what `rpaug loop` is given in the arm `diagnosed`. With --smoke two tasks, few demonstrations,
 steps and episodes show within minutes that all of it works; its numbers mean nothing.
 """
 
 import argparse
+import json
 from pathlib import Path
 
 import torch
 
-from tools.bench.closed_loop import arms
+from tools.bench.closed_loop import arms, result
 
 
 def main() -> None:
@@ -31,6 +34,10 @@ def main() -> None:
     run_.add_argument("--workers", type=int, default=2)
     run_.add_argument("--smoke", action="store_true")
     run_.add_argument("--json", action="store_true")
+    table_ = parts.add_parser("table")
+    table_.add_argument("outcomes", type=Path)
+    table_.add_argument("--arms", nargs="+", choices=arms.ARMS)
+    table_.add_argument("--seeds", type=int, nargs="+")
     train_ = parts.add_parser("train")
     train_.add_argument("policy", type=Path)
     train_.add_argument("datasets", type=Path, nargs="+", help="the recorded one first")
@@ -47,6 +54,11 @@ def main() -> None:
         arms.learn(given.policy, given.datasets, given.seed, given.steps, False, arms.TASKS)
     elif given.command == "eval":
         arms.judge(given.policy, given.evaluation, given.tasks, given.episodes)
+    elif given.command == "table":
+        kept: result.Kept = json.loads(given.outcomes.read_bytes())
+        names = given.arms or [name for name in arms.ARMS if name in kept]
+        shared = set.intersection(*(set(map(int, kept[name])) for name in names))
+        print(result.table(kept, names, given.seeds or sorted(shared)))
     else:
         size = arms.SMOKE
         if not given.smoke:

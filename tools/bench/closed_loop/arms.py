@@ -55,19 +55,17 @@ def run(
     jobs = [(work, size, arm, seed) for arm in arms for seed in seeds]
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         done = list(pool.map(measured, *zip(*jobs, strict=True)))
-    outcomes: dict[str, dict[tuple[str, str, int], float]] = {}
-    for (_, _, arm, _), found in zip(jobs, done, strict=True):
-        sums = outcomes.setdefault(arm, {})
-        for task, condition, episode, success in found:
-            key = (task, condition, episode)
-            sums[key] = sums.get(key, 0.0) + success / len(seeds)
+    kept: result.Kept = {}
+    for (_, _, arm, seed), found in zip(jobs, done, strict=True):
+        kept.setdefault(arm, {})[str(seed)] = result.packed(found)
+    write_atomic(work / "outcomes.json", (json.dumps(kept, indent=1) + "\n").encode())
     if as_json:
-        rows = {arm: [[*key, value] for key, value in one.items()] for arm, one in outcomes.items()}
-        print(json.dumps(rows))
+        print(json.dumps(kept))
     elif not set(looks.CONDITIONS) - set(size.conditions):
-        print(result.table(outcomes))
+        print(result.table(kept, arms, seeds))
     else:
-        for arm, one in outcomes.items():
+        for arm in arms:
+            one = result.outcomes(kept[arm], seeds)
             print(f"{arm}: {result.rate(one, size.conditions):.0f} % of {len(one)} episodes")
 
 
