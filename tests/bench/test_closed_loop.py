@@ -84,7 +84,15 @@ def test_a_condition_changes_what_it_names(condition: str) -> None:
 def test_a_pose_is_read_off_the_maps_that_ask_for_it(seed: int) -> None:
     """Heat as the loss wants it and axes as the head should give them decode to the pose, up to half a turn."""
     rng = np.random.default_rng(seed)
-    pose = geometry.rigid(rng.normal(size=3), views.metres(rng.uniform(8, 56, 3)))
+    side, lean, spin = (
+        rng.uniform(0, 2 * np.pi),
+        policy.TILT * rng.integers(0, 13),
+        rng.uniform(0, 6),
+    )
+    about = [(0, 0, side), (np.pi - lean, 0, 0), (0, 0, spin)]
+    turned = [geometry.rigid(np.array(angles, float), np.zeros(3)) for angles in about]
+    pose = turned[0] @ turned[1] @ turned[2]
+    pose[:3, 3] = views.metres(rng.uniform(8, 56, 3))
     wanted = policy.targets(pose[None], np.ones(1))
     outer = policy.outer_product(wanted.across)[0].numpy()
     turn = policy.rotation(wanted.approach[0].numpy(), outer)
@@ -92,6 +100,15 @@ def test_a_pose_is_read_off_the_maps_that_ask_for_it(seed: int) -> None:
     assert min(np.abs(turn - pose[:3, :3]).max(), np.abs(turn - flipped).max()) < 1e-4
     y, x = policy.located(torch.log(policy.asked(wanted.cell)[0].clamp_min(1e-20)))
     assert np.abs(views.metres(np.array([x, y, 0]))[:2] - pose[:2, 3]).max() < 2e-3
+
+
+def test_an_approach_that_is_nearly_straight_down_is() -> None:
+    across = policy.outer_product(torch.tensor([[0.0, 1.0, 0.0]]))[0].numpy()
+    for lean in (0.05, -0.08):
+        turn = policy.rotation(np.array([lean, 0.0, -0.99]), across)
+        np.testing.assert_allclose(turn[:, 2], [0, 0, -1], atol=1e-12)
+    leaning = policy.rotation(np.array([0.63, 0.0, -0.77]), across)[:, 2]
+    np.testing.assert_allclose(leaning, [np.sin(4 * policy.TILT), 0, -np.cos(4 * policy.TILT)])
 
 
 def test_a_policy_learns_one_sample_by_heart() -> None:

@@ -18,6 +18,9 @@ from tools.bench.closed_loop.views import CHANNELS, GRID, cells, metres
 WIDTHS = (16, 24, 32, 48)
 HIDDEN = 96  # of the head
 AXES = 9  # numbers of its axes: the approach, and the opening axis's outer product
+TILT = np.deg2rad(
+    10.0
+)  # an approach leans from straight down by a whole number of these; RVT's bins are 5 degrees
 SPREAD = 0.8  # cells: standard deviation of the heat that is asked for
 AROUND = 2  # cells to each side of a peak that its position is averaged over
 
@@ -154,13 +157,26 @@ def located(heat: Float[Tensor, "*n"]) -> Float[np.ndarray, "k"]:
 def rotation(
     approach: Float[np.ndarray, "3"], outer: Float[np.ndarray, "6"]
 ) -> Float[np.ndarray, "3 3"]:
-    """The gripper's axes: z the approach, y the strongest direction of the outer product, turned towards +y."""
-    z = np.asarray(approach, float) / max(float(np.linalg.norm(approach)), 1e-9)
+    """The gripper's axes: z the approach in steps of `TILT`, y the strongest direction of the outer product, turned
+    towards +y.
+
+    The steps matter where a gripper comes from above: two degrees move its hand by a centimetre, and the next pose
+    would be read off a hand that stands where no recording had it.
+    """
+    z = _stepped(np.asarray(approach, float))
     xx, yy, zz, xy, xz, yz = outer
     y = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float))[1][:, -1]
     y = y - (y @ z) * z
     y *= (1.0 if y[1] >= 0 else -1.0) / max(float(np.linalg.norm(y)), 1e-9)
     return np.stack([np.cross(y, z), y, z], 1)
+
+
+def _stepped(approach: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    """The unit vector that leans by the nearest whole number of steps towards the same side."""
+    level = float(np.hypot(*approach[:2]))
+    lean = round(float(np.arctan2(level, -approach[2])) / TILT) * TILT
+    side = approach[:2] / max(level, 1e-9)
+    return np.array([*(np.sin(lean) * side), -np.cos(lean)])
 
 
 def targets(poses: Float[np.ndarray, "b 4 4"], opened: Float[np.ndarray, "b"]) -> Targets:
