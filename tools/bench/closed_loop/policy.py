@@ -18,9 +18,7 @@ from tools.bench.closed_loop.views import CHANNELS, GRID, cells, metres
 WIDTHS = (16, 24, 32, 48)
 HIDDEN = 96  # of the head
 AXES = 9  # numbers of its axes: the approach, and the opening axis's outer product
-TILT = np.deg2rad(
-    10.0
-)  # an approach leans from straight down by a whole number of these; RVT's bins are 5 degrees
+TILT = np.deg2rad(10.0)  # an approach leans by a whole number of these; RVT's bins are 5 degrees
 SPREAD = 0.8  # cells: standard deviation of the heat that is asked for
 AROUND = 2  # cells to each side of a peak that its position is averaged over
 
