@@ -43,7 +43,7 @@ class Changes:
 
 def of(scene: Scene, draws: Sequence[Mapping[str, Any]]) -> Changes:
     """What an edited scene changed; `draws` are the edits as a report describes them."""
-    recorded = {handle: body for body in scene.tracked for handle in body.handles}
+    recorded = {handle: body for body in _seen(scene) for handle in body.handles}
     left = [body for body in scene.bodies if not body.copy_of and body.handles <= recorded.keys()]
     now = {handle: body for body in left for handle in body.handles}
     scales = {h: now[h].scale / recorded[h].scale for h in now if now[h].scale != recorded[h].scale}
@@ -65,12 +65,17 @@ def of(scene: Scene, draws: Sequence[Mapping[str, Any]]) -> Changes:
 
 def recorded(scene: Scene) -> Scene:
     """The scene as it was before any edit."""
-    return replace(scene, bodies=scene.tracked, recorded_bodies=None, appearance=(), sensor=())
+    return replace(scene, bodies=_seen(scene), recorded_bodies=None, appearance=(), sensor=())
+
+
+def _seen(scene: Scene) -> tuple[Body, ...]:
+    """The recorded bodies, without what was put in."""
+    return tuple(body for body in scene.tracked if body.mesh is None)
 
 
 def rearranged(scene: Scene) -> Scene:
     """What is left of the recorded things, as large as they are now and where they stand now, in their old colours."""
-    known = frozenset().union(*(body.handles for body in scene.tracked))
+    known = frozenset().union(*(body.handles for body in _seen(scene)))
     left = tuple(body for body in scene.bodies if not body.copy_of and body.handles <= known)
     there = frozenset().union(*(body.handles for body in left))
     roles = {name: handles & there for name, handles in scene.roles.items() if handles & there}

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int, Int32
 
 from rpaug.render.jit import kernel
+from rpaug.scene.remembered import once
 from rpaug.types import Episode
 
 MOST_FRAMES = 32  # looked at per episode, beside the frames where the gripper opens or closes
@@ -59,7 +60,17 @@ def frames_to_look_at(episode: Episode, most: int = MOST_FRAMES) -> Int[np.ndarr
 
 def look(episode: Episode, frames: Iterable[int] | None = None) -> Looks:
     """Decode `frames` (default: `frames_to_look_at`) of every camera that has both depth and handles."""
-    chosen = frames_to_look_at(episode) if frames is None else np.array(sorted(set(frames)), int)
+    if frames is None:
+        return _at_all(episode)
+    return _decoded(episode, np.array(sorted(set(frames)), int))
+
+
+@once
+def _at_all(episode: Episode) -> Looks:
+    return _decoded(episode, frames_to_look_at(episode))
+
+
+def _decoded(episode: Episode, chosen: Int[np.ndarray, "s"]) -> Looks:
     names = tuple(
         name
         for name, view in episode.views.items()

@@ -2,11 +2,12 @@
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from dataclasses import fields, replace
 from functools import wraps
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
-from rpaug.types import Episode
+from rpaug.types import Episode, Scene
 
 ANSWERS = 32  # kept of an episode
 
@@ -14,7 +15,7 @@ Found = TypeVar("Found")
 
 
 def once(find: Callable[..., Found]) -> Callable[..., Found]:
-    """Remember the last answer, for arguments that are the very same objects or equal sets."""
+    """Remember the last answer, for arguments that are the very same: objects, sets, tuples and scenes of such."""
     last: list[tuple[tuple[Any, ...], Found]] = []
 
     @wraps(find)
@@ -30,7 +31,16 @@ def once(find: Callable[..., Found]) -> Callable[..., Found]:
 
 
 def _same(one: object, other: object) -> bool:
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, Scene) and isinstance(other, Scene):
+        return all(_same(getattr(one, f.name), getattr(other, f.name)) for f in fields(Scene))
     return one is other or (isinstance(one, frozenset) and one == other)
+
+
+def bare(scene: Scene) -> Scene:
+    """The scene without what changes colours or words alone: what stands where, which such edits do not alter."""
+    return replace(scene, appearance=(), sensor=(), ambience=None, descriptions=())
 
 
 def of_episode(find: Callable[..., Found]) -> Callable[..., Found]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rpaug.scene.splats import behind
 
 KEPT_FRAMES = 8  # a writer asks for rgb, depth and ids of one frame in turn
+KEPT_PIXELS = 1 << 22  # more frames are kept of small images: gates look at them again
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ def _composited(scene: Scene, name: str, watch: Watch) -> CameraView:
 def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Watch) -> CameraView:
     recorded = scene.episode.views[name]
 
-    @lru_cache(KEPT_FRAMES)
+    @lru_cache(max(KEPT_FRAMES, KEPT_PIXELS // (recorded.camera.width * recorded.camera.height)))
     def frame(t: int) -> Frame:
         start = time.thread_time()
         made = render(t)

@@ -1,12 +1,14 @@
 """Recolouring against what a truly repainted surface would show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from analytic import BALL, scene
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug import Scene, TargetError
+from rpaug import Scene, TargetError, Unsupported
 from rpaug.operators.fields import Palette
 from rpaug.operators.recolor import AlbedoRatio, Recolor
 from rpaug.scene.naming.targets import Target
@@ -33,6 +35,14 @@ class TestContract(OperatorContract):
 class TestContractOfTheLabMode(TestContract):
     def operator(self) -> Recolor:
         return Recolor(target=Target(handle=BALL), color=Palette(((0.0, 0.0, 1.0),)), mode="lab")
+
+
+def test_what_was_never_recorded_has_no_colour_to_change() -> None:
+    recorded = small()
+    unseen = replace(recorded.bodies[0], handles=frozenset({999}))
+    paint = Recolor(target=Target(handle=999), color=Palette(((0.0, 0.0, 1.0),)))
+    with pytest.raises(Unsupported, match="handle 999 cannot be painted: no recorded image"):
+        paint.sample(replace(recorded, bodies=(*recorded.bodies, unseen)), np.random.default_rng(0))
 
 
 def edited(old, new, plain: bool = True):  # type: ignore[no-untyped-def]

@@ -1,6 +1,12 @@
 """The last answer is kept for the very same question, and for no other."""
 
-from rpaug.scene.remembered import once
+from dataclasses import replace
+
+from analytic import scene
+
+from rpaug.scene.looks import look
+from rpaug.scene.remembered import bare, once
+from rpaug.types import Scene
 
 
 def test_the_same_question_is_answered_once():
@@ -16,3 +22,25 @@ def test_the_same_question_is_answered_once():
     assert find(other, frozenset({1})) == 2
     assert find(one, frozenset({2})) == 3
     assert len(asked) == 3
+
+
+def test_a_scene_is_the_same_while_nothing_of_it_is_another() -> None:
+    asked = []
+
+    @once
+    def find(shown: Scene) -> int:
+        asked.append(shown)
+        return len(asked)
+
+    recorded = scene({"front": (1.6, 0.3, 1.0)}, length=2)
+    again = replace(recorded, descriptions=("another instruction",), bodies=(*recorded.bodies,))
+    assert find(bare(recorded)) == find(bare(again)) == 1
+    assert find(again) == 2
+    assert find(replace(again, bodies=again.bodies[1:])) == 3
+
+
+def test_an_episode_is_looked_at_once() -> None:
+    recorded = scene({"front": (1.6, 0.3, 1.0)}, length=2).episode
+    assert look(recorded) is look(recorded)
+    assert look(recorded, [0]).frames.tolist() == [0]
+    assert look(replace(recorded)) is not look(recorded)

@@ -77,7 +77,7 @@ def describe(
 ) -> dict[str, Any]:
     """What an edit stores of an instance's surface: handle, albedo (`known` if it is), and whether it is plain.
 
-    Raises Unsupported for a black one.
+    Raises Unsupported for a black one, and for one that no recorded pixel shows.
     """
     found = _estimated(episode, handle)
     rgb = found.rgb if known is None else known
@@ -93,7 +93,12 @@ def plain(episode: Episode, handle: int) -> bool:
 
 @remembered.of_episode
 def _estimated(episode: Episode, handle: int) -> Albedo:
-    return estimate(pixels(episode, handle))
+    seen = pixels(episode, handle)
+    if not len(seen):
+        raise Unsupported(
+            f"handle {handle} cannot be painted: no recorded image shows it (what an edit put in has its colour there)"
+        )
+    return estimate(seen)
 
 
 def highlight(

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Float32, Float64
 from rpaug import geometry
 from rpaug.scene.placement import placing
 from rpaug.scene.placement.placing import hull, points_of
-from rpaug.scene.remembered import once
+from rpaug.scene.remembered import bare, once
 from rpaug.types import Body, Scene, Surface
 
 CELL, COARSE = (
@@ -73,12 +73,16 @@ class _Table:
     shape: tuple[int, int]
 
 
-@once
 def lamps(scene: Scene) -> list[list[float]]:
     """Directions to the lamps that cast shadows on the table, and the share of light that each takes: (x, y, z, share).
 
     Empty where the recording has no shadows, or no fixed camera saw a table to see them on.
     """
+    return _lamps(bare(scene))
+
+
+@once
+def _lamps(scene: Scene) -> list[list[float]]:
     table = None if placing.roving(scene) else _table(scene, COARSE)
     if table is None:
         return []

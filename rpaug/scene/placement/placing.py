@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Float32, Float64
 from rpaug import geometry
 from rpaug.errors import TargetError, Unsupported
 from rpaug.scene import sampling
-from rpaug.scene.remembered import once
+from rpaug.scene.remembered import bare, once
 from rpaug.types import Body, CameraView, Scene
 
 CELL = 0.01  # metres
@@ -108,7 +108,7 @@ def room(scene: Scene, leaving: Iterable[int] = ()) -> Room:
     Things that an edit put elsewhere count where they are now, and removed ones no more. Raises TargetError if there is
     no table, Unsupported without depth and masks.
     """
-    return _room(scene, frozenset(leaving))
+    return _room(bare(scene), frozenset(leaving))
 
 
 @once
