@@ -34,7 +34,8 @@ class Loop:
 
     `train` is given the datasets to train on as {data} (one argument each, the recorded one first) and leaves its
     policy at {policy}; `evaluate` is given {policy} and leaves an evaluation at {evaluation}. Both may use {round}.
-    `copies` of each recorded episode are added in every round.
+    `copies` of each recorded episode are added in every round. `policy` was trained before: round 0 judges it and
+    trains none.
     """
 
     dataset: Path
@@ -45,6 +46,7 @@ class Loop:
     copies: int = 4
     workers: int = 1
     seed: int = 0
+    policy: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,10 @@ def check(loop: Loop, resume: bool = False) -> None:
     words(loop.evaluate, "--eval", policy=Path("POLICY"), evaluation=Path("EVALUATION"), round=0)
     augment.Run(loop.dataset, recipe.build({"version": 1}), loop.out).adapter  # noqa: B018
     apart(loop.out, loop.dataset)
+    if loop.policy is not None and not loop.policy.exists():
+        raise BadInput(
+            loop.policy, "--policy", found="nothing there", expected="what --train would leave"
+        )
     if not loop.out.exists():
         return
     if not resume:
@@ -113,8 +119,11 @@ def run(loop: Loop, *, resume: bool = False, tell: Tell = lambda words: None) ->
 def _round(loop: Loop, number: int, data: Sequence[Path], tell: Tell) -> Round:
     home, clock = _home(loop, number), _Clock()
     home.mkdir(exist_ok=True)
-    tell(f"round {number}: training on {len(data)} dataset{'s' * (len(data) > 1)}")
-    policy = clock("train", lambda: _trained(loop, home, number, data))
+    if number == 0 and loop.policy is not None:
+        policy = loop.policy
+    else:
+        tell(f"round {number}: training on {len(data)} dataset{'s' * (len(data) > 1)}")
+        policy = clock("train", lambda: _trained(loop, home, number, data))
     tell(f"round {number}: evaluating")
     found = clock("evaluate", lambda: _evaluated(loop, home, number, policy))
     rollouts = len(found.rollouts)
@@ -253,8 +262,8 @@ class _Clock:
 
 
 def _described(loop: Loop) -> dict[str, Any]:
-    facts = asdict(loop)
-    return facts | {"dataset": str(loop.dataset.resolve()), "out": str(loop.out.resolve())}
+    paths = {"dataset": loop.dataset, "out": loop.out, "policy": loop.policy}
+    return asdict(loop) | {name: path and str(path.resolve()) for name, path in paths.items()}
 
 
 def _write(loop: Loop, done: Sequence[Round]) -> None:

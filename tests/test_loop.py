@@ -91,6 +91,23 @@ def test_what_is_done_is_not_done_again(
     assert "by hand" in (out / "round1/policy").read_text()
 
 
+def test_a_policy_that_is_there_is_judged_first(
+    commands: tuple[str, str], tmp_path: Path
+) -> None:
+    train, evaluate = commands
+    begun, out = tmp_path / "policy", tmp_path / "looped"
+    begun.write_text('["trained", "elsewhere"]')
+    asked = loop.Loop(SAMPLE, train, evaluate, out, copies=1, policy=begun)
+    (only,) = loop.run(asked)
+    assert only.success == 1.0
+    assert "train" not in only.seconds
+    assert not (out / "round0/policy").exists()
+    with pytest.raises(BadInput, match="policy"):
+        loop.check(loop.Loop(SAMPLE, train, evaluate, out, copies=1), resume=True)
+    with pytest.raises(BadInput, match="nothing there"):
+        loop.check(loop.Loop(SAMPLE, train, evaluate, tmp_path / "new", policy=tmp_path / "none"))
+
+
 def test_another_loop_is_not_resumed(looped: tuple[Path, Any], commands: tuple[str, str]) -> None:
     out, _ = looped
     with pytest.raises(BadInput, match="copies"):

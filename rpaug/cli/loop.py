@@ -28,6 +28,9 @@ def loop(
     copies: Annotated[int, typer.Option(min=1, help="Copies of each episode, every round.")] = 4,
     workers: Annotated[int, typer.Option(min=1, help="Processes that augment.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Of the diagnosed recipes.")] = 0,
+    policy: Annotated[
+        Path | None, typer.Option(help="Trained before: round 0 judges it and trains none.")
+    ] = None,
     resume: Annotated[bool, typer.Option(help="Go on with a loop that was stopped.")] = False,
     as_json: AsJson = False,
 ) -> int:
@@ -41,7 +44,7 @@ def loop(
     """
     from rpaug import loop as looping
 
-    asked = looping.Loop(dataset, train, evaluate, out, rounds, copies, workers, seed)
+    asked = looping.Loop(dataset, train, evaluate, out, rounds, copies, workers, seed, policy)
     looping.check(asked, resume)
     done = looping.run(asked, resume=resume, tell=lambda words: _tell(words, as_json))
     if as_json:

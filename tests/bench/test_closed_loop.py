@@ -17,6 +17,11 @@ from tools.bench.closed_loop.arms import MOST, TASKS, TESTS
 from tools.bench.closed_loop.bench import Bench
 
 
+def begun(task: str) -> Bench:
+    job, world, _ = stage(task, 77, 0, looks.ROOM, looks.ROAM)
+    return Bench(task, job, world, looks.ROOM)
+
+
 @pytest.mark.gl
 @pytest.mark.parametrize("task", TASKS)
 def test_recorded_key_poses_do_the_task_and_waiting_does_not(task: str) -> None:
@@ -24,7 +29,7 @@ def test_recorded_key_poses_do_the_task_and_waiting_does_not(task: str) -> None:
     take = twin.perform(task, 77, frames=30, look=looks.ROOM, roam=looks.ROAM)
     learnt = list(samples.of(take.episode, 0))
     assert len(learnt) <= MOST
-    with closing(Bench(task, 77, 0, looks.ROOM)) as bench:
+    with closing(begun(task)) as bench:
         tip = bench.where("gripper")
         for _ in range(3):
             bench.act(tip, bench.opening)
@@ -38,7 +43,7 @@ def test_recorded_key_poses_do_the_task_and_waiting_does_not(task: str) -> None:
 
 @pytest.mark.gl
 def test_a_pose_out_of_reach_is_refused() -> None:
-    with closing(Bench("push_button", 77, 0, looks.ROOM)) as bench:
+    with closing(begun("push_button")) as bench:
         far = bench.where("gripper")
         far[:3, 3] += [3.0, 0, 0]
         assert not bench.act(far, 0.0)

@@ -153,5 +153,8 @@ def looped(work: Path, home: Path, size: Size, seed: int) -> Path:
     command += ["--eval", f"{me} eval {{policy}} {{evaluation}} {tests}"]
     command += ["--rounds", str(size.rounds), "--copies", str(size.copies // size.rounds)]
     command += ["--seed", str(seed)] + (["--resume"] if out.exists() else [])
+    first = work / "policies" / f"plain{seed}" / "policy.pt"
+    command += ["--policy", str(first)] if first.exists() else []  # the same as round 0 would train
     subprocess.run(command, check=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
-    return max(out.glob("round*/policy"), key=lambda path: int(path.parent.name[5:]))
+    trained = sorted(out.glob("round*/policy"), key=lambda path: int(path.parent.name[5:]))
+    return trained[-1] if trained else first

@@ -9,11 +9,11 @@ from jaxtyping import Float, Float32, UInt8
 from rpaug.twin import cameras, tabletop
 from rpaug.twin.look import Look
 from rpaug.twin.panda import HOME, OPEN
-from rpaug.twin.record import stage
 from rpaug.twin.renderer import Renderer
+from rpaug.twin.staging import Job
+from rpaug.twin.world import World
 from tools.bench.closed_loop.bodies import STEP, compile_physics
 from tools.bench.closed_loop.goals import GOALS
-from tools.bench.closed_loop.looks import ROAM
 
 Pose = Float[np.ndarray, "4 4"]
 
@@ -37,11 +37,10 @@ class View:
 
 
 class Bench:
-    """A task that waits to be done, drawn by seed and episode and seen under a look; close it to free OpenGL."""
+    """A task that waits to be done, as `stage` drew it, seen under a look; close it to free OpenGL."""
 
-    def __init__(self, task: str, seed: int, episode: int, look: Look) -> None:
-        self.task, self.look = task, look
-        self.job, self.world, _ = stage(task, seed, episode, look, ROAM)
+    def __init__(self, task: str, job: Job, world: World, look: Look) -> None:
+        self.task, self.job, self.world, self.look = task, job, world, look
         self.model = compile_physics(self.world, look)
         self.data = mujoco.MjData(self.model)
         self.q, self.opening = HOME, OPEN

@@ -6,6 +6,7 @@ from itertools import count, islice
 
 from rpaug import twin
 from rpaug.twin.panda import OPEN
+from rpaug.twin.record import stage
 from tools.bench.closed_loop import looks
 from tools.bench.closed_loop.bench import Bench
 from tools.bench.closed_loop.samples import FRAMES, keys
@@ -26,7 +27,8 @@ def solved(task: str, seed: int, episode: int) -> bool:
     robot = take.episode.robot
     assert robot.gripper_to_world is not None
     assert robot.gripper_open is not None
-    with closing(Bench(task, seed, episode, looks.ROOM)) as bench:
+    job, world, _ = stage(task, seed, episode, looks.ROOM, looks.ROAM)
+    with closing(Bench(task, job, world, looks.ROOM)) as bench:
         for t in keys(take.episode):
             opening = OPEN if robot.gripper_open[t] else 0.0
             if not bench.act(robot.gripper_to_world[t], opening) or bench.solved():

@@ -61,7 +61,7 @@ def trial(
     job, world, _ = stage(task, seed, episode, looks.ROOM, looks.ROAM)
     look = looks.draw(condition, world, job, use, rng, looks.ROOM)
     seen: Seen = []
-    with closing(Bench(task, seed, episode, look)) as bench:
+    with closing(Bench(task, job, world, look)) as bench:
         done = bench.solved()
         for key in range(0 if policy is None else policy.most):
             if done:
