@@ -91,9 +91,7 @@ def test_what_is_done_is_not_done_again(
     assert "by hand" in (out / "round1/policy").read_text()
 
 
-def test_a_policy_that_is_there_is_judged_first(
-    commands: tuple[str, str], tmp_path: Path
-) -> None:
+def test_a_policy_that_is_there_is_judged_first(commands: tuple[str, str], tmp_path: Path) -> None:
     train, evaluate = commands
     begun, out = tmp_path / "policy", tmp_path / "looped"
     begun.write_text('["trained", "elsewhere"]')

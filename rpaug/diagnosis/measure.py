@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float64
 
 from rpaug.diagnosis.evaluation import Evaluation, Rollout, Shot
 from rpaug.diagnosis.messages import FACTORS, Factor
-from rpaug.diagnosis.reference import Reference
+from rpaug.diagnosis.reference import Plate, Plates, Reference
 from rpaug.diagnosis.sight import NUMBERS, Seen, Stage, measured, stage
 
 MOST_CAMERAS = 3
@@ -43,7 +43,7 @@ def table(evaluation: Evaluation, reference: Reference) -> Table:
         there = ", ".join(sorted(reference.plates)) or "no fixed camera with roles"
         note = f"no camera of the evaluation ({', '.join(sorted(known))}) is one of the recordings' ({there})"
         return Table(names, failed, {}, {}, {}, (note,))
-    scores = [_scored(name, rollouts, reference) for name in cameras]
+    scores = [_by_task(name, rollouts, reference) for name in cameras]
     numbers: dict[Factor, Float64[np.ndarray, "n k"]] = {}
     usual: dict[Factor, Float64[np.ndarray, m]] = {}
     missing = []
@@ -62,11 +62,31 @@ def table(evaluation: Evaluation, reference: Reference) -> Table:
 Scores = dict[Factor, Float64[np.ndarray, "n k"]]
 
 
-def _scored(
+def _by_task(
     camera: str, rollouts: Sequence[Rollout], reference: Reference
 ) -> tuple[Scores, Scores]:
+    """`_scored`, each rollout held against the recordings of its own task."""
+    tasks: dict[int, tuple[Plates, list[int]]] = {}
+    for row, one in enumerate(rollouts):
+        plates = reference.of(one.instruction)
+        tasks.setdefault(id(plates), (plates, []))[1].append(row)
+    now = {
+        factor: np.full((len(rollouts), len(parts)), np.nan) for factor, parts in NUMBERS.items()
+    }
+    own: dict[Factor, list[Float64[np.ndarray, "m k"]]] = {factor: [] for factor in NUMBERS}
+    for plates, rows in tasks.values():
+        if camera not in plates:
+            continue
+        found, usual = _scored(camera, [rollouts[row] for row in rows], plates[camera])
+        for factor in NUMBERS:
+            now[factor][rows] = found[factor]
+            own[factor].append(usual[factor])
+    return now, {factor: np.concatenate(some) for factor, some in own.items()}
+
+
+def _scored(camera: str, rollouts: Sequence[Rollout], plate: Plate) -> tuple[Scores, Scores]:
     """Every rollout's and every recording's numbers in standard deviations of the recordings, in one camera."""
-    made: Stage = stage(reference.plates[camera])
+    made: Stage = stage(plate)
     own = [
         measured(Shot(lambda image=one.image: image), {}, made, without=k)  # type: ignore[misc]
         for k, one in enumerate(made.plate.firsts)

@@ -38,8 +38,9 @@ def gallery(
     """What each picture is, and the picture: how a recording begins, then the rollout's moments."""
     camera = camera_of(rollout, reference)
     out = []
-    if reference is not None and camera in reference.plates:
-        out.append(("training recording", reference.plates[camera].firsts[0].image))
+    usual = {} if reference is None else reference.of(rollout.instruction)
+    if camera in usual:
+        out.append(("training recording", usual[camera].firsts[0].image))
     shots = rollout.shots[camera]
     out += [(f"attempt, frame {t}", shots[t].image()) for t in frames if t in shots]
     return out[:MOST]

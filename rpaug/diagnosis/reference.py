@@ -1,7 +1,12 @@
-"""What is usual: the training recordings' first frames, and which pixels of each fixed camera show what."""
+"""What is usual: the training recordings' first frames, and which pixels of each fixed camera show what.
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+Recordings of several tasks are told apart by their instructions, and a rollout is held against those of its own task:
+what is strange for one may be what another is about.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 
@@ -12,11 +17,16 @@ from rpaug import registry
 from rpaug.agents import asking
 from rpaug.agents.messages import Setting
 from rpaug.errors import BadInput
+from rpaug.interfaces import Adapter
+from rpaug.run import group_of
 from rpaug.scene import keyframes
 from rpaug.scene.build import build
 from rpaug.types import Camera, CameraView, Episode, Robot, Scene
 
 MOST = 10  # recordings that are looked at
+FEWEST = 5  # of each task, where there are several
+MOST_TASKS = 20  # that are told apart: more are taken together
+ALIKE = 0.5  # share of words that instructions of one task have in common
 FRAMES = 24  # frames of each in which roles are told
 OFTEN, ALWAYS = 0.5, 0.9  # shares of the recordings in which a pixel shows something
 
@@ -56,42 +66,100 @@ class Plate:
         return self.usually("robot", ALWAYS)
 
 
+Plates = Mapping[str, Plate]  # by camera
+Words = frozenset[str]
+
+
 @dataclass(frozen=True)
 class Reference:
-    """The recordings a policy was trained on. `scene` builds one of them, to look for targets in."""
+    """The recordings a policy was trained on: their plates all together, and by the words of each task's instruction.
 
-    plates: Mapping[str, Plate]
+    `scene` builds one of them, to look for targets in.
+    """
+
+    plates: Plates
     setting: Setting
     scene: Callable[[], Scene]
     notes: tuple[str, ...] = ()
+    tasks: Mapping[Words, Plates] = field(default_factory=dict)
+
+    def of(self, instruction: str) -> Plates:
+        """The plates of the task whose instruction is most like that one; of all, where none is like it."""
+        said = _words(instruction)
+        best = max(self.tasks, key=lambda task: _shared(said, task), default=frozenset())
+        return self.tasks[best] if _shared(said, best) else self.plates
 
 
 def learn(dataset: Path, most: int = MOST) -> Reference:
-    """What the recordings show, from at most `most` of them, evenly taken. Raises RpaugError."""
+    """What the recordings show, from at most `most` of them or `FEWEST` of each task, evenly taken. Raises RpaugError."""
     adapter = registry.adapter_for(dataset)
     keys = adapter.episodes(dataset)
     if not keys:
         raise BadInput(dataset, "dataset", found="no episodes", expected="training recordings")
-    taken = np.unique(np.linspace(0, len(keys) - 1, min(most, len(keys))).round().astype(int))
-    firsts: dict[str, list[First]] = {}
     first = adapter.read(dataset, keys[0])
-    for number in taken:
-        episode = adapter.read(dataset, keys[number])
-        scene = build(thinned(episode, FRAMES), with_bodies=True)
-        for name, view in scene.episode.views.items():
-            if view.ids is not None and view.camera.fixed:
-                pose = view.camera.cam_to_world[0] if view.camera.placed else None
-                firsts.setdefault(name, []).append(
-                    First(view.rgb(0), view.ids(0), scene.roles, pose)
-                )
-    plates = {name: Plate(tuple(_alike(seen))) for name, seen in firsts.items()}
+    tasks = _tasks(adapter, dataset, keys)
+    each = most if len(tasks) == 1 else max(FEWEST, most // len(tasks))
+    seen = {task: _firsts(adapter, dataset, _evenly(some, each)) for task, some in tasks.items()}
+    plates = _plates(seen.values())
     notes = () if plates else ("the recordings' cameras move, or nothing is told apart in them",)
     return Reference(
         plates,
         asking.setting_of(first),
         cache(lambda: build(thinned(first, FRAMES), with_bodies=True)),
         notes,
+        {task: _plates([firsts]) for task, firsts in seen.items()} if len(seen) > 1 else {},
     )
+
+
+def _tasks(adapter: Adapter, dataset: Path, keys: Sequence[str]) -> dict[Words, list[str]]:
+    """The recordings by task: folders are joined whose first recordings' instructions are alike."""
+    folders: dict[str, list[str]] = {}
+    for key in keys:
+        folders.setdefault(group_of(adapter, key), []).append(key)
+    tasks: dict[Words, list[str]] = {}
+    for some in folders.values():
+        said = _words(*adapter.read(dataset, some[0]).descriptions[:1])
+        known = max(tasks, key=lambda task: _shared(said, task), default=said)
+        tasks.setdefault(known if _shared(said, known) >= ALIKE else said, []).extend(some)
+        if len(tasks) > MOST_TASKS:
+            return {frozenset(): list(keys)}
+    return tasks
+
+
+def _words(*texts: str) -> Words:
+    return frozenset(re.findall(r"\w+", " ".join(texts).lower()))
+
+
+def _shared(some: Words, others: Words) -> float:
+    """The share of words that are in both (Jaccard)."""
+    return len(some & others) / max(1, len(some | others))
+
+
+def _evenly(keys: Sequence[str], most: int) -> list[str]:
+    taken = np.linspace(0, len(keys) - 1, min(most, len(keys))).round().astype(int)
+    return [keys[number] for number in np.unique(taken)]
+
+
+def _firsts(adapter: Adapter, dataset: Path, keys: Iterable[str]) -> dict[str, list[First]]:
+    """The first frames of these recordings in each fixed camera, roles told."""
+    firsts: dict[str, list[First]] = {}
+    for key in keys:
+        scene = build(thinned(adapter.read(dataset, key), FRAMES), with_bodies=True)
+        for name, view in scene.episode.views.items():
+            if view.ids is not None and view.camera.fixed:
+                pose = view.camera.cam_to_world[0] if view.camera.placed else None
+                firsts.setdefault(name, []).append(
+                    First(view.rgb(0), view.ids(0), scene.roles, pose)
+                )
+    return firsts
+
+
+def _plates(several: Iterable[Mapping[str, list[First]]]) -> Plates:
+    joined: dict[str, list[First]] = {}
+    for firsts in several:
+        for name, seen in firsts.items():
+            joined.setdefault(name, []).extend(seen)
+    return {name: Plate(tuple(_alike(seen))) for name, seen in joined.items()}
 
 
 def _alike(firsts: list[First]) -> list[First]:

@@ -11,17 +11,20 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import cv2
+import numpy as np
 import torch
+from jaxtyping import UInt8
 
 from rpaug.diagnosis import jsonl
-from rpaug.files import write_atomic
+from rpaug.files import encode_png, write_atomic
 from tools.bench.closed_loop import data, layouts, looks, result, samples, training, trials
+from tools.bench.closed_loop.bench import View
 
 TASKS = ("open_drawer", "push_button", "slide_block", "stack_cups", "put_in_box")
 MOST = 6  # key poses of the longest task
 ARMS = ("plain", "jitter", "rpaug", "diagnosed", "oracle", "oracle_valid")
 TESTS, VALIDATION = 2000, 3000  # seeds of layouts
+ENDS = (".png", "-mask.png")  # of images and masks
 
 
 @dataclass(frozen=True)
@@ -128,19 +131,27 @@ def judge(policy: Path, out: Path, tasks: Sequence[str], episodes: int) -> None:
 def _line(one: trials.Trial, name: str, out: Path) -> jsonl.Line:
     moments = []
     for t, views in enumerate(one.seen):
-        images, poses = {}, {}
+        images, masks, poses = {}, {}, {}
         for camera, view in views.items():
-            images[camera] = f"{name}-{t}-{camera}.png"
-            cv2.imwrite(str(out / images[camera]), view.rgb[..., ::-1])
+            images[camera], masks[camera] = (f"{name}-{t}-{camera}{end}" for end in ENDS)
+            (out / images[camera]).write_bytes(encode_png(view.rgb))
+            (out / masks[camera]).write_bytes(encode_png(_code(view)))
             poses[camera] = view.cam_to_world.tolist()
-        moments.append(jsonl.Moment(t=t, images=images, poses=poses))
+        moments.append(jsonl.Moment(t=t, images=images, masks=masks, poses=poses))
     return jsonl.Line(
         episode=name,
         success=one.success,
         instruction=one.instruction,
         frames=tuple(moments),
         factor=one.condition,
+        roles={role: list(handles) for role, handles in one.roles.items()},
     )
+
+
+def _code(view: View) -> UInt8[np.ndarray, "h w 3"]:
+    """Handles as colours: R + 256 G + 65536 B."""
+    assert view.ids is not None
+    return np.stack([view.ids >> shift & 255 for shift in (0, 8, 16)], -1).astype(np.uint8)
 
 
 def looped(work: Path, home: Path, size: Size, seed: int) -> Path:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32, Int32, UInt8
 
 from rpaug.twin import cameras, tabletop
 from rpaug.twin.look import Look
@@ -28,12 +28,13 @@ LONGEST = 2.5  # seconds for one leg
 
 @dataclass(frozen=True)
 class View:
-    """One camera's picture: colour, depth in metres, K and pose (OpenCV axes)."""
+    """One camera's picture: colour, depth in metres, K and pose (OpenCV axes), and handles where they are known."""
 
     rgb: UInt8[np.ndarray, "h w 3"]
     depth: Float32[np.ndarray, "h w"]
     K: Float[np.ndarray, "3 3"]
     cam_to_world: Pose
+    ids: Int32[np.ndarray, "h w"] | None = None
 
 
 class Bench:
@@ -56,8 +57,8 @@ class Bench:
         views = {}
         for name in SEEN:
             camera = rig[name]
-            rgb, depth, _ = self._renderer.render(camera, 0, cameras.NEAR, cameras.FAR[name])
-            views[name] = View(rgb.copy(), depth, camera.K, camera.cam_to_world[0])
+            rgb, depth, ids = self._renderer.render(camera, 0, cameras.NEAR, cameras.FAR[name])
+            views[name] = View(rgb.copy(), depth, camera.K, camera.cam_to_world[0], ids)
         return views
 
     def act(self, pose: Pose, opening: float) -> bool:

@@ -15,10 +15,17 @@ from tools.bench.closed_loop.views import cloud, project
 
 Seen = list[dict[str, View]]
 
+PARTS = {  # what is what in every task
+    "table": ("table",),
+    "background": ("floor", "wall_back", "wall_left", "wall_right", "wall_far"),
+    "robot": ("hand", "finger_left", "finger_right", *(f"link{k}" for k in range(8))),
+}
+
 
 @dataclass(frozen=True)
 class Trial:
-    """One episode: what it is, whether it succeeded, the instruction, and what was seen before each key pose."""
+    """One episode: what it is, whether it succeeded, the instruction, what was seen before each key pose, and the
+    handles of what acts and is acted on there."""
 
     task: str
     condition: str
@@ -27,6 +34,7 @@ class Trial:
     success: bool
     instruction: str
     seen: Seen
+    roles: Mapping[str, Sequence[int]]
 
 
 def trials(
@@ -75,4 +83,6 @@ def trial(
             done = bench.solved()
             if not reached:
                 break
-    return Trial(task, condition, seed, episode, done, bench.job.descriptions[0], seen)
+    parts = {**PARTS, "manipulated": (job.manipulated,)}
+    roles = {role: [world.handles[name] for name in names] for role, names in parts.items()}
+    return Trial(task, condition, seed, episode, done, job.descriptions[0], seen, roles)
