@@ -91,7 +91,7 @@ class Reference:
 
 
 def learn(dataset: Path, most: int = MOST) -> Reference:
-    """What the recordings show, from at most `most` of them or `FEWEST` of each task, evenly taken. Raises RpaugError."""
+    """What the recordings show, from up to `most` of them or `FEWEST` of each task, evenly taken. Raises RpaugError."""
     adapter = registry.adapter_for(dataset)
     keys = adapter.episodes(dataset)
     if not keys:
