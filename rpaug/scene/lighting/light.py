@@ -8,6 +8,7 @@ from jaxtyping import Float, Float64, Int
 from rpaug.errors import Unsupported
 from rpaug.scene import sampling
 from rpaug.scene.recorded import surface
+from rpaug.scene.remembered import once
 from rpaug.types import Episode
 
 LAMP = 0.5  # COLOSSEUM's scenes: each lamp's diffuse colour is (0.5, 0.5, 0.5) before it is varied
@@ -20,6 +21,7 @@ PIXELS = 500  # of one image
 WELL_LIT = 0.98  # quantile of a thing's pixels
 
 
+@once
 def estimate(episode: Episode, count: int = 3) -> Float64[np.ndarray, "3"]:
     """The lamps' colour, in COLOSSEUM's unit where white recorded light is (0.5, 0.5, 0.5).
 
@@ -58,6 +60,7 @@ class Lamp:
         return self.ambient + (1 - self.ambient) * towards
 
 
+@once
 def dominant(episode: Episode, count: int = 3) -> Lamp:
     """The one lamp that explains best how things' brightness depends on where their faces turn (Lambert's law).
 
@@ -90,6 +93,7 @@ def brightest(episode: Episode, lamp: Lamp, count: int = 3) -> dict[int, float]:
     return {int(h): float(np.quantile(albedo[things == h], WELL_LIT)) for h in np.unique(things)}
 
 
+@once
 def seen(
     episode: Episode, count: int
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], Int[np.ndarray, "n"]]:
