@@ -30,6 +30,7 @@ from rpaug import twin
 from rpaug.diagnosis import measure, reference, weigh
 from rpaug.diagnosis.evaluation import Evaluation, Rollout, Shot
 from rpaug.diagnosis.messages import KEPT
+from rpaug.twin import factors
 from rpaug.twin.look import Look
 
 ROLLOUTS = 60
@@ -37,7 +38,7 @@ CLEAR = 0.0  # share of the training pictures in which anything is changed
 ROLES = {
     "manipulated": ("block_plain",),
     "table": ("table",),
-    "background": ("floor", "wall_back", "wall_left", "wall_right", "wall_far"),
+    "background": factors.BACKGROUND,
     "robot": ("hand", "finger_left", "finger_right", *(f"link{k}" for k in range(8))),
 }
 

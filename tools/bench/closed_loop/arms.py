@@ -75,24 +75,27 @@ def run(
 def measured(work: Path, size: Size, arm: str, seed: int) -> list[list[Any]]:
     """The outcomes of one policy, (task, condition, episode, success) each."""
     torch.set_num_threads(1)
-    home = work / "policies" / f"{arm}{seed}"
-    kept = home / "outcomes.json"
+    kept = work / "policies" / f"{arm}{seed}" / "outcomes.json"
     if not kept.exists():
-        home.mkdir(parents=True, exist_ok=True)
-        policy = home / "policy.pt"
-        if arm == "diagnosed":
-            policy = looped(work, home, size, seed)
-        elif not policy.exists():
-            sets = [work / "demos"]
-            sets += [work / arm] if arm not in ("plain", "jitter") else []
-            learn(policy, sets, seed, size.steps, arm == "jitter", size.tasks)
-        trained = training.load(policy)
+        make = looped if arm == "diagnosed" else learnt
+        trained = training.load(make(work, size, arm, seed))
         rows = [
             [one.task, one.condition, one.episode, one.success]
             for one in trials.trials(trained, tested(work, size), size.conditions, seed=TESTS)
         ]
         write_atomic(kept, json.dumps(rows).encode())
     return list(json.loads(kept.read_bytes()))
+
+
+def learnt(work: Path, size: Size, arm: str, seed: int) -> Path:
+    """The policy of an arm that trains once, trained if it is not there."""
+    policy = work / "policies" / f"{arm}{seed}" / "policy.pt"
+    if not policy.exists():
+        policy.parent.mkdir(parents=True, exist_ok=True)
+        sets = [work / "demos"]
+        sets += [work / arm] if arm not in ("plain", "jitter") else []
+        learn(policy, sets, seed, size.steps, arm == "jitter", size.tasks)
+    return policy
 
 
 def tested(work: Path, size: Size) -> dict[str, list[int]]:
@@ -154,18 +157,20 @@ def _code(view: View) -> UInt8[np.ndarray, "h w 3"]:
     return np.stack([view.ids >> shift & 255 for shift in (0, 8, 16)], -1).astype(np.uint8)
 
 
-def looped(work: Path, home: Path, size: Size, seed: int) -> Path:
-    """The policy of the last round of `rpaug loop`, whose copies together are as many as the other arms'."""
+def looped(work: Path, size: Size, arm: str, seed: int) -> Path:
+    """The policy of the last round of `rpaug loop`, whose copies together are as many as the other arms'.
+
+    It begins with the policy of `plain`, which is what round 0 would train.
+    """
     me = f"{sys.executable} -m tools.bench.closed_loop"
-    out = home / "loop"
+    first, out = learnt(work, size, "plain", seed), work / "policies" / f"{arm}{seed}" / "loop"
     command = [sys.executable, "-m", "rpaug.cli", "loop", str(work / "demos"), "--out", str(out)]
     command += ["--train", f"{me} train {{policy}} {{data}} --seed {seed} --steps {size.steps}"]
     tests = f"--episodes {max(1, size.episodes // 2)} --tasks {' '.join(size.tasks)}"
     command += ["--eval", f"{me} eval {{policy}} {{evaluation}} {tests}"]
     command += ["--rounds", str(size.rounds), "--copies", str(size.copies // size.rounds)]
-    command += ["--seed", str(seed)] + (["--resume"] if out.exists() else [])
-    first = work / "policies" / f"plain{seed}" / "policy.pt"
-    command += ["--policy", str(first)] if first.exists() else []  # the same as round 0 would train
+    command += ["--seed", str(seed), "--policy", str(first)]
+    command += ["--resume"] if out.exists() else []
     subprocess.run(command, check=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
     trained = sorted(out.glob("round*/policy"), key=lambda path: int(path.parent.name[5:]))
     return trained[-1] if trained else first

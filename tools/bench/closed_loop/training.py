@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float32, UInt8
 
 from rpaug import geometry
+from rpaug.files import PART
 from tools.bench.closed_loop.policy import Policy, loss, targets
 from tools.bench.closed_loop.samples import Sample
 from tools.bench.closed_loop.views import LOW, SIDE, project
@@ -64,8 +65,10 @@ def train(
 
 
 def save(policy: Policy, path: Path) -> None:
-    """Weights and sizes in one file."""
-    torch.save({"tasks": policy.tasks, "most": policy.most, "state": policy.state_dict()}, path)
+    """Weights and sizes in one file, there when it is whole."""
+    work = path.with_name(f".{path.name}{PART}")
+    torch.save({"tasks": policy.tasks, "most": policy.most, "state": policy.state_dict()}, work)
+    work.rename(path)
 
 
 def load(path: Path) -> Policy:

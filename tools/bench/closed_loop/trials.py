@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rpaug.twin import factors
 from rpaug.twin.panda import OPEN
 from rpaug.twin.record import stage
 from tools.bench.closed_loop import looks
@@ -17,7 +18,7 @@ Seen = list[dict[str, View]]
 
 PARTS = {  # what is what in every task
     "table": ("table",),
-    "background": ("floor", "wall_back", "wall_left", "wall_right", "wall_far"),
+    "background": factors.BACKGROUND,
     "robot": ("hand", "finger_left", "finger_right", *(f"link{k}" for k in range(8))),
 }
 
