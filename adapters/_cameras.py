@@ -15,8 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
 from rpaug_adapters._texts import read_yaml
 
 from rpaug import BadInput, Camera, CameraView, Episode, Robot
-from rpaug.files import read_bytes
-from rpaug.geometry import pose_of, rotation
+from rpaug.core.files import read_bytes
+from rpaug.core.geometry import pose_of, rotation
 
 NAME = "cameras.yaml"
 FOCAL = 1.2  # longest sides: what COLMAP assumes of an unknown camera
@@ -27,13 +27,13 @@ Named = TypeVar("Named")
 Row = Annotated[list[float], Field(min_length=3, max_length=4)]
 
 
-class Model(BaseModel):
+class StrictModel(BaseModel):
     """Strict: a misspelt key is an error."""
 
     model_config = ConfigDict(extra="forbid")
 
 
-class Calibration(Model):
+class Calibration(StrictModel):
     """One camera. `K` is in pixels, centres at integer coordinates; poses are camera to world, OpenCV axes, metres."""
 
     K: list[Row] | None = None
@@ -74,7 +74,7 @@ def _pinhole(rows: list[Row]) -> bool:
     return bool(np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0 and K[2, 2] == 1)
 
 
-class Gripper(Model):
+class Gripper(StrictModel):
     """Which numbers are the gripper's pose and opening. Euler angles turn about the fixed x, then y, then z."""
 
     key: str
@@ -84,7 +84,7 @@ class Gripper(Model):
     opening: int | None = 6
 
 
-class Beside(Model):
+class Beside(StrictModel):
     """All of the file."""
 
     version: Literal[1] = 1

@@ -22,7 +22,7 @@ from jaxtyping import Int64, UInt8
 from rpaug_adapters import _ego4d_boxes
 
 from rpaug import BadInput
-from rpaug.files import MAX_SIDE
+from rpaug.core.files import MAX_SIDE
 
 KEPT_BYTES = 64 * 2**20  # of decoded frames
 HIGH_DEFINITION = 720  # rows

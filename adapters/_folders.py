@@ -11,7 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar
 
-from rpaug import Adapter, BadInput, splits
+from rpaug import Adapter, BadInput
+from rpaug.core import splits
 
 # Keys of TFDS' and LeRobot's descriptions that name no feature.
 DESCRIBING = {"featuresDict", "features", "sequence", "feature"} | {
@@ -20,7 +21,7 @@ DESCRIBING = {"featuresDict", "features", "sequence", "feature"} | {
 PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 
 
-class Gathered(Adapter):
+class GatheredAdapter(Adapter):
     """An adapter of such datasets. `mark` is the file that makes a folder a dataset, `rest` patterns of what else lies
     in one, `staged` an episode's own file.
 

@@ -8,7 +8,7 @@ import yaml
 from rpaug_adapters import _cameras
 
 from rpaug import Episode
-from rpaug.geometry import quaternion_of
+from rpaug.core.geometry import quaternion_of
 
 STATE = "observation/state"
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from rpaug import BadInput, CameraView
-from rpaug.files import check_image, decode_image, encode_jpeg, encode_png
+from rpaug.core.files import check_image, decode_image, encode_jpeg, encode_png
 
 JPEG = b"\xff\xd8"
 Place = Callable[[int], str]

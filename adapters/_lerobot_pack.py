@@ -27,7 +27,7 @@ from rpaug_adapters._lerobot_files import (
     filled,
 )
 
-from rpaug.files import PART, atomic_folder, read_bytes, write_atomic
+from rpaug.core.files import PART, atomic_folder, read_bytes, write_atomic
 
 MIB = 2**20
 FILES = 1000  # in a chunk, where nothing is told

@@ -14,7 +14,7 @@ from rpaug_adapters._lerobot_files import COUNTED, INFO, STAGED, Info
 from rpaug_adapters._video import Frames, Span
 
 from rpaug import BadInput, Camera, CameraView, Episode
-from rpaug.files import check_image
+from rpaug.core.files import check_image
 
 IMAGES = ("observation.images.", "observation.")
 DEPTH = "_depth"  # ending of the feature with a camera's depth, where no side file names it
@@ -25,7 +25,7 @@ RANGE = {"depth_min": 0.01, "depth_max": 10.0, "shift": 3.5, "use_log": True}
 
 
 @dataclass(frozen=True)
-class Depth:
+class DepthFeature:
     """The feature of a camera's depth, and metres of one unit of it (None: a video, which has its own scale)."""
 
     key: str
@@ -33,7 +33,7 @@ class Depth:
 
 
 @dataclass(frozen=True)
-class Recorded:
+class LeRobotSource:
     """Where an episode came from: its rows, its videos, and which features its views are."""
 
     info: Info
@@ -42,7 +42,7 @@ class Recorded:
     spans: dict[str, Span]
     views: dict[str, CameraView]
     images: dict[str, str]
-    depths: dict[str, Depth]
+    depths: dict[str, DepthFeature]
     ids: dict[str, str]
     beside: Beside
     tasks: tuple[str, ...]  # of each frame
@@ -75,8 +75,8 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
         depth, mask = depths.get(name), ids.get(name)
         return _view(where, about, rows, spans, images[name], depth, mask, camera)
 
-    def recorded(views: dict[str, CameraView]) -> Recorded:
-        return Recorded(
+    def recorded(views: dict[str, CameraView]) -> LeRobotSource:
+        return LeRobotSource(
             about, own, rows, spans, views, images, depths, ids, beside, tasks, descriptions
         )
 
@@ -157,7 +157,7 @@ def _is_depth(feature: dict[str, Any]) -> bool:
     )
 
 
-def _depths(about: Info, beside: Beside, images: dict[str, str]) -> dict[str, Depth]:
+def _depths(about: Info, beside: Beside, images: dict[str, str]) -> dict[str, DepthFeature]:
     """Each camera's feature of depth: named by the side file, or called after the camera."""
     found = {}
     for name, image in images.items():
@@ -172,7 +172,7 @@ def _depths(about: Info, beside: Beside, images: dict[str, str]) -> dict[str, De
         feature = about.features[key]
         unit = UNITS.get(str((feature.get("info") or {}).get("depth_unit")), 0.0)
         metres = unit or (told.metres if told is not None else UNITS["mm"])
-        found[name] = Depth(key, None if feature["dtype"] == "video" else metres)
+        found[name] = DepthFeature(key, None if feature["dtype"] == "video" else metres)
     return found
 
 
@@ -223,7 +223,7 @@ def _view(
     rows: Any,
     spans: dict[str, Span],
     key: str,
-    depth: Depth | None,
+    depth: DepthFeature | None,
     ids: str | None,
     camera: Camera,
 ) -> CameraView:
@@ -246,7 +246,7 @@ def _metric(
     about: Info,
     rows: Any,
     spans: dict[str, Span],
-    depth: Depth,
+    depth: DepthFeature,
     shape: tuple[int, int],
 ) -> Callable[[int], np.ndarray]:
     """A camera's depth in metres."""

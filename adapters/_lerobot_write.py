@@ -17,7 +17,7 @@ from rpaug_adapters import (
     _video,
 )
 from rpaug_adapters._lerobot_files import COUNTED, STAGED, STATISTICS, Info
-from rpaug_adapters._lerobot_read import Recorded, blobs
+from rpaug_adapters._lerobot_read import LeRobotSource, blobs
 from rpaug_adapters._video import Frames
 
 from rpaug import Episode, Unsupported
@@ -26,7 +26,9 @@ OF_THE_WHOLE = ("index", "episode_index", "task_index")  # columns that count in
 Image = Callable[[int], np.ndarray]
 
 
-def write(episode: Episode, recorded: Recorded | None, about: Info, work: Path) -> dict[str, bytes]:
+def write(
+    episode: Episode, recorded: LeRobotSource | None, about: Info, work: Path
+) -> dict[str, bytes]:
     """Fill a folder; returns the files to lay beside."""
     if recorded is None:
         episode = _lerobot_fresh.plain(episode)
@@ -47,7 +49,7 @@ def write(episode: Episode, recorded: Recorded | None, about: Info, work: Path) 
     return files
 
 
-def _edited(episode: Episode, recorded: Recorded) -> Any:
+def _edited(episode: Episode, recorded: LeRobotSource) -> Any:
     """The recorded rows with new images, depth, handles and words where they changed."""
     pa, _ = _lerobot_files.arrow()
     rows, length = recorded.rows, episode.length
@@ -71,7 +73,7 @@ def _edited(episode: Episode, recorded: Recorded) -> Any:
     return rows
 
 
-def _words(episode: Episode, recorded: Recorded) -> list[str]:
+def _words(episode: Episode, recorded: LeRobotSource) -> list[str]:
     """The words of each frame: new for old where as many came back, else the instruction."""
     old, new = recorded.descriptions, episode.descriptions
     if old == new:
@@ -82,7 +84,7 @@ def _words(episode: Episode, recorded: Recorded) -> list[str]:
     return [episode.instruction] * episode.length
 
 
-def _depth(episode: Episode, recorded: Recorded, name: str) -> Any:
+def _depth(episode: Episode, recorded: LeRobotSource, name: str) -> Any:
     """A column of depth in its own unit and number type. Raises Unsupported for a video of depth."""
     told, view, before = recorded.depths[name], episode.views[name], recorded.views[name]
     if told.metres is None:
@@ -106,7 +108,7 @@ def _depth(episode: Episode, recorded: Recorded, name: str) -> Any:
     return _lerobot_fresh.images(images)
 
 
-def _videos(episode: Episode, recorded: Recorded, work: Path) -> dict[str, Image]:
+def _videos(episode: Episode, recorded: LeRobotSource, work: Path) -> dict[str, Image]:
     """Write every video of the episode; returns what each shows. Frames no edit changed are copied as they are."""
     shown: dict[str, Image] = {}
     names = {key: name for name, key in recorded.images.items()}

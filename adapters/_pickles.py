@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rpaug import BadInput
-from rpaug.files import read_bytes
+from rpaug.core.files import read_bytes
 
 MAX_BYTES = 256 * 2**20
 

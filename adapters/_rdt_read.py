@@ -23,7 +23,7 @@ MOST = 2**28  # numbers in one dataset: more is taken for damage, before anythin
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RDTSource:
     """Where an episode came from, the datasets of its images, their encoded ones (None: stored as pixels), and what
     lies beside it."""
 
@@ -73,8 +73,8 @@ def read(path: Path, key: str) -> Episode:
         depth = None if name not in depths else _depth(path, *depths[name])
         return CameraView(camera, _colours(path, images[name], encoded[name]), depth)
 
-    def recorded(views: dict[str, CameraView]) -> Recorded:
-        return Recorded(path, views, images, encoded, depths, words, beside, descriptions)
+    def recorded(views: dict[str, CameraView]) -> RDTSource:
+        return RDTSource(path, views, images, encoded, depths, words, beside, descriptions)
 
     return _episodes.episode(key, told, sizes, tracks, length, descriptions, view, recorded)
 

@@ -11,11 +11,11 @@ import yaml
 from jaxtyping import Float64, UInt8
 from rpaug_adapters import _cameras
 from rpaug_adapters._hdf5 import opened
-from rpaug_adapters._rdt_read import IMAGES, QPOS, TEXTS, WORDS, Recorded, dataset
+from rpaug_adapters._rdt_read import IMAGES, QPOS, TEXTS, WORDS, RDTSource, dataset
 
 from rpaug import CameraView, Episode, Unsupported
-from rpaug.files import encode_jpeg
-from rpaug.geometry import quaternion_of
+from rpaug.core.files import encode_jpeg
+from rpaug.core.geometry import quaternion_of
 
 HIGH, LEFT, RIGHT = "cam_high", "cam_left_wrist", "cam_right_wrist"
 EXTERNAL = ("front", "cam_high", "third_person", "image", "image_0", "overhead")  # best first
@@ -26,7 +26,7 @@ QPOS_OPEN, ACTION_OPEN = 4.7888, 13.9231  # what that reader divides the right g
 UNIFIED, ARM, GRIPPER, EEF = 128, 0, 10, 30  # RDT's vector (configs/state_vec.py), right arm
 
 
-def write(episode: Episode, recorded: Recorded | None, path: Path) -> dict[str, bytes]:
+def write(episode: Episode, recorded: RDTSource | None, path: Path) -> dict[str, bytes]:
     """Write the HDF5 file; returns the files to lay beside it."""
     if recorded is None:
         _fresh(episode, path)
@@ -42,7 +42,7 @@ def write(episode: Episode, recorded: Recorded | None, path: Path) -> dict[str, 
     return files | _cameras.moved(episode, recorded.views, recorded.beside)
 
 
-def _edited(episode: Episode, recorded: Recorded, path: Path) -> None:
+def _edited(episode: Episode, recorded: RDTSource, path: Path) -> None:
     new: dict[str, Any] = {}
     for name, view in episode.views.items():
         before = recorded.views[name]

@@ -11,8 +11,8 @@ from jaxtyping import Float32, Float64, Int32
 from rpaug_adapters._pickles import Demo, Observation, load
 
 from rpaug import BadInput, Camera, CameraView, Episode, Robot
-from rpaug.files import check_png, decode_png, read_bytes
-from rpaug.geometry import pose_of
+from rpaug.core.files import check_png, decode_png, read_bytes
+from rpaug.core.geometry import pose_of
 
 KINDS = ("rgb", "depth", "mask")
 DEPTH_STEPS = 2**24 - 1
@@ -24,7 +24,7 @@ EXTRAS = ("joint_forces", "gripper_joint_positions", "gripper_touch_forces", "ta
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RLBenchSource:
     """Where an episode came from and what its low-dimensional pickle held."""
 
     folder: Path
@@ -45,7 +45,7 @@ def read(folder: Path, key: str) -> Episode:
         robot=_robot(folder / LOW_DIM, observations),
         descriptions=descriptions,
         length=len(observations),
-        source=Recorded(folder, demo, views, descriptions),
+        source=RLBenchSource(folder, demo, views, descriptions),
     )
 
 

@@ -18,13 +18,13 @@ from rpaug_adapters._rlbench_read import (
     FLIP,
     KINDS,
     LOW_DIM,
-    Recorded,
+    RLBenchSource,
     read_code,
 )
 
 from rpaug import Episode, Unsupported
-from rpaug.files import check_png, encode_png, read_bytes
-from rpaug.geometry import quaternion_of
+from rpaug.core.files import check_png, encode_png, read_bytes
+from rpaug.core.geometry import quaternion_of
 
 NUMBER = "variation_number.pkl"
 NEAR, FAR = 0.01, 10.0  # metres: depth range of cameras that were not recorded by CoppeliaSim
@@ -39,7 +39,7 @@ IMAGES = [
 
 
 def write(
-    episode: Episode, recorded: Recorded | None, work: Path, *, with_descriptions: bool
+    episode: Episode, recorded: RLBenchSource | None, work: Path, *, with_descriptions: bool
 ) -> None:
     """Fill a folder with the episode, beginning with what was recorded if anything was."""
     if recorded is None:
@@ -56,7 +56,7 @@ def write(
         (work / name).write_bytes(data)
 
 
-def _copy_unknown(recorded: Recorded, episode: Episode, work: Path) -> None:
+def _copy_unknown(recorded: RLBenchSource, episode: Episode, work: Path) -> None:
     """Everything but the images we write ourselves; a report of an earlier augmentation stays behind."""
     ours = {f"{name}_{kind}" for name in episode.views for kind in KINDS}
     for entry in os.scandir(recorded.folder):
@@ -68,7 +68,7 @@ def _copy_unknown(recorded: Recorded, episode: Episode, work: Path) -> None:
             shutil.copyfile(entry.path, work / entry.name)
 
 
-def _edited_demo(recorded: Recorded, episode: Episode) -> Demo:
+def _edited_demo(recorded: RLBenchSource, episode: Episode) -> Demo:
     """The recorded demo; only the poses of cameras that moved are new."""
     moved = {
         name: view.camera.cam_to_world @ FLIP
@@ -131,7 +131,7 @@ def _fresh_pickles(episode: Episode) -> dict[str, bytes]:
     return {LOW_DIM: dump(demo), DESCRIPTIONS: dump(list(episode.descriptions)), NUMBER: dump(0)}
 
 
-def _write_images(episode: Episode, recorded: Recorded | None, work: Path) -> None:
+def _write_images(episode: Episode, recorded: RLBenchSource | None, work: Path) -> None:
     """All frames, a few at a time in threads: decoding and encoding release the interpreter."""
     with ThreadPoolExecutor(THREADS) as pool:
         jobs = []
@@ -149,7 +149,7 @@ def _write_images(episode: Episode, recorded: Recorded | None, work: Path) -> No
 
 
 def _kinds(
-    episode: Episode, recorded: Recorded | None, name: str
+    episode: Episode, recorded: RLBenchSource | None, name: str
 ) -> list[tuple[str, Image, Image | None]]:
     """Kind, new and recorded accessor of the images a camera has."""
     new, old = episode.views[name], recorded.views[name] if recorded else None
@@ -163,7 +163,7 @@ def _kinds(
 
 def _write_frame(
     kinds: list[tuple[str, Image, Image | None]],
-    recorded: Recorded | None,
+    recorded: RLBenchSource | None,
     work: Path,
     name: str,
     t: int,
@@ -182,7 +182,7 @@ def _write_frame(
         )
 
 
-def _planes(recorded: Recorded | None, name: str, length: int) -> list[tuple[float, float]]:
+def _planes(recorded: RLBenchSource | None, name: str, length: int) -> list[tuple[float, float]]:
     """Near and far plane of a camera at each frame, in metres."""
     if recorded is None:
         return [(NEAR, FAR)] * length

@@ -18,7 +18,7 @@ from rpaug_adapters._folders import staged
 from rpaug_adapters._texts import read_json
 
 from rpaug import BadInput
-from rpaug.files import PART, read_bytes, write_atomic
+from rpaug.core.files import PART, read_bytes, write_atomic
 
 INFO = "dataset_info.json"
 STAGED = "episode.tfrecord"

@@ -15,7 +15,7 @@ from rpaug_adapters._rlds_features import Leaf
 from rpaug_adapters._rlds_pixels import packed
 
 from rpaug import Episode
-from rpaug.files import encode_png
+from rpaug.core.files import encode_png
 
 CORE = "tensorflow_datasets.core.features."
 DEPTH = Leaf("depth", "Image", True, (None, None, 1), "float32", "png")

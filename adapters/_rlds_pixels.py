@@ -10,7 +10,7 @@ from rpaug_adapters._example import Example
 from rpaug_adapters._rlds_features import Leaf
 
 from rpaug import BadInput
-from rpaug.files import check_png
+from rpaug.core.files import check_png
 
 NUMERIC = frozenset(
     ["", "bool", *(f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64))]

@@ -24,7 +24,7 @@ NUMBERS = frozenset({"float32", "float64", "int32", "int64", "bool", "uint8", "u
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RLDSSource:
     """Where an episode came from, its record, and which features its views and words are."""
 
     folder: Path
@@ -60,8 +60,8 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
     def view(name: str, camera: Camera) -> CameraView:
         return _view(example, images[name], depths.get(name), ids.get(name), camera, length)
 
-    def recorded(views: dict[str, CameraView]) -> Recorded:
-        return Recorded(
+    def recorded(views: dict[str, CameraView]) -> RLDSSource:
+        return RLDSSource(
             folder, own, example, views, images, depths, ids, beside, language, descriptions
         )
 

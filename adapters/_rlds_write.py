@@ -6,12 +6,12 @@ import numpy as np
 from rpaug_adapters import _cameras, _images
 from rpaug_adapters._rlds_features import Leaf
 from rpaug_adapters._rlds_pixels import encoded as encoded_pixels
-from rpaug_adapters._rlds_read import Recorded
+from rpaug_adapters._rlds_read import RLDSSource
 
 from rpaug import Episode, Unsupported
 
 
-def encoded(episode: Episode, recorded: Recorded) -> tuple[bytes, dict[str, bytes]]:
+def encoded(episode: Episode, recorded: RLDSSource) -> tuple[bytes, dict[str, bytes]]:
     """The record, and the files to lay beside it: `cameras.yaml` where a camera was moved."""
     changes: dict[str, Sequence[bytes] | np.ndarray] = {}
     for name, view in episode.views.items():
@@ -46,7 +46,7 @@ def encoded(episode: Episode, recorded: Recorded) -> tuple[bytes, dict[str, byte
 
 
 def _pixels(
-    recorded: Recorded,
+    recorded: RLDSSource,
     leaf: Leaf,
     after: Callable[[int], np.ndarray],
     before: Callable[[int], np.ndarray],

@@ -6,8 +6,9 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from rpaug import BadInput, plain_yaml
-from rpaug.files import read_bytes
+from rpaug import BadInput
+from rpaug.core import safe_yaml
+from rpaug.core.files import read_bytes
 
 Kind = TypeVar("Kind", bound=BaseModel)
 
@@ -23,8 +24,8 @@ def read_json(path: Path, expected: str) -> Any:
 def read_yaml(path: Path, kind: type[Kind], most: int) -> Kind:
     """What a YAML file of at most so many values holds. Raises BadInput, naming line or key."""
     try:
-        return kind.model_validate(plain_yaml.load(read_bytes(path), most)[0])
-    except plain_yaml.NotPlain as error:
+        return kind.model_validate(safe_yaml.load(read_bytes(path), most)[0])
+    except safe_yaml.NotPlain as error:
         line = f"line {error.line}" if error.line else "YAML"
         raise BadInput(path, line, found=error.found, expected=error.expected) from None
     except ValidationError as error:

@@ -3,7 +3,7 @@
 import struct
 
 from rpaug import BadInput
-from rpaug.files import MAX_SIDE
+from rpaug.core.files import MAX_SIDE
 
 ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
 WIDTH, HEIGHT = 256, 257

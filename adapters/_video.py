@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import UInt8, UInt16
 
 from rpaug import BadInput
-from rpaug.files import MAX_SIDE
+from rpaug.core.files import MAX_SIDE
 
 KEPT = 8  # decoded frames
 ENCODERS = {"h264": "libx264", "hevc": "libx265", "av1": "libsvtav1", "vp9": "libvpx-vp9"}

@@ -27,7 +27,7 @@ from rpaug_adapters._folders import natural
 from rpaug_adapters._texts import read_yaml
 
 from rpaug import Adapter, BadInput, CameraView, Episode, Robot, Side, Unsupported
-from rpaug.files import atomic_folder, write_atomic
+from rpaug.core.files import atomic_folder, write_atomic
 
 ENDINGS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi")
 STAGED, SAID, CUTS = "video", "annotations.json", "clips.yaml"
@@ -57,7 +57,7 @@ class Cuts(BaseModel):
 
 
 @dataclass(frozen=True)
-class Recorded:
+class VideoSource:
     """Where an episode came from: the video, its view as read, and what is said of it."""
 
     video: Video
@@ -115,12 +115,12 @@ class Ego4D(Adapter):
         at = video.facts.seconds[video.first : video.first + video.length]
         robot = Robot(still, still, None, None, {"seconds": (at - at[0])[:, None]})
         said = notes.descriptions
-        source = Recorded(video, view, notes, beside, said)
+        source = VideoSource(video, view, notes, beside, said)
         return Episode(key, {VIEW: view}, robot, said, video.length, source)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source
-        if not isinstance(recorded, Recorded):
+        if not isinstance(recorded, VideoSource):
             reason = "the layout holds videos as they were recorded, and this is none"
             raise Unsupported(f"{episode.key}: {reason}")
         if any((root / key).with_suffix(ending).exists() for ending in ENDINGS):
@@ -232,7 +232,7 @@ def _home(root: Path, path: Path) -> Path:
     return path.parent
 
 
-def _measured(view: CameraView, recorded: Recorded) -> bool:
+def _measured(view: CameraView, recorded: VideoSource) -> bool:
     """Whether the view's camera is known by now and was not as recorded."""
     return view.camera is not recorded.view.camera and not view.camera.assumed
 

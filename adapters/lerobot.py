@@ -25,17 +25,17 @@ from rpaug_adapters import (
     _lerobot_read,
     _lerobot_write,
 )
-from rpaug_adapters._folders import Gathered, datasets, place, unlike
+from rpaug_adapters._folders import GatheredAdapter, datasets, place, unlike
 from rpaug_adapters._lerobot_files import INFO, STAGED, Info
-from rpaug_adapters._lerobot_read import Recorded
+from rpaug_adapters._lerobot_read import LeRobotSource
 
 from rpaug import Episode, Side, Unsupported
-from rpaug.files import atomic_folder, read_bytes, write_atomic
+from rpaug.core.files import atomic_folder, read_bytes, write_atomic
 
 EMPTY = {"total_episodes": 0, "total_frames": 0, "total_tasks": 0, "splits": {}}
 
 
-class LeRobot(Gathered):
+class LeRobot(GatheredAdapter):
     """Reads and writes LeRobot v3.0 datasets."""
 
     name: ClassVar[str] = "lerobot"
@@ -52,7 +52,7 @@ class LeRobot(Gathered):
         return _lerobot_read.read(folder, split, number, key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
-        recorded = episode.source if isinstance(episode.source, Recorded) else None
+        recorded = episode.source if isinstance(episode.source, LeRobotSource) else None
         folder, _, _ = self.free(root, key)
         about = _described(episode, recorded, folder, key)
         with atomic_folder(root / key) as work:
@@ -75,7 +75,7 @@ class LeRobot(Gathered):
             _lerobot_pack.pack(folder)
 
 
-def _described(episode: Episode, recorded: Recorded | None, folder: Path, key: str) -> Info:
+def _described(episode: Episode, recorded: LeRobotSource | None, folder: Path, key: str) -> Info:
     """What describes the dataset that an episode is written to. Raises Unsupported for one of another kind."""
     told: dict[str, Any] = (
         _lerobot_fresh.described(episode) if recorded is None else recorded.info.told | EMPTY

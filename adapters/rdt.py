@@ -18,10 +18,10 @@ from typing import ClassVar
 import numpy as np
 from rpaug_adapters import _rdt_read, _rdt_write
 from rpaug_adapters._folders import natural
-from rpaug_adapters._rdt_read import Recorded
+from rpaug_adapters._rdt_read import RDTSource
 
 from rpaug import Adapter, BadInput, Episode, Side
-from rpaug.files import atomic_folder
+from rpaug.core.files import atomic_folder
 
 ENDING = ".hdf5"
 SHORTEST, MOVED = 128, 0.01  # steps; radians
@@ -51,7 +51,7 @@ class RDT(Adapter):
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         if _path(root, key).exists():
             raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
-        recorded = episode.source if isinstance(episode.source, Recorded) else None
+        recorded = episode.source if isinstance(episode.source, RDTSource) else None
         with atomic_folder(root / key) as work:
             path = work / (PurePosixPath(key).name + ENDING)
             files = _rdt_write.write(episode, recorded, path)

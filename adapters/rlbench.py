@@ -20,10 +20,11 @@ from typing import ClassVar
 
 from rpaug_adapters import _rlbench_read, _rlbench_write
 from rpaug_adapters._folders import natural
-from rpaug_adapters._rlbench_read import DESCRIPTIONS, LOW_DIM, Recorded
+from rpaug_adapters._rlbench_read import DESCRIPTIONS, LOW_DIM, RLBenchSource
 
-from rpaug import Adapter, BadInput, Episode, Side, splits
-from rpaug.files import REJECTED, atomic_folder
+from rpaug import Adapter, BadInput, Episode, Side
+from rpaug.core import splits
+from rpaug.core.files import REJECTED, atomic_folder
 
 CAMERAS = ("front", "left_shoulder", "right_shoulder", "overhead", "wrist")
 VERSION = re.compile(r"\d+\.\d+\.\d+")
@@ -60,7 +61,7 @@ class RLBench(Adapter):
         return _rlbench_read.read(root / key, key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
-        recorded = episode.source if isinstance(episode.source, Recorded) else None
+        recorded = episode.source if isinstance(episode.source, RLBenchSource) else None
         homeless = recorded is not None and _homeless(recorded, key)
         with atomic_folder(root / key) as work:
             _rlbench_write.write(episode, recorded, work, with_descriptions=homeless)
@@ -115,7 +116,7 @@ def _beside(key: str) -> str | None:
     return PurePosixPath(*parts[:-2], DESCRIPTIONS).as_posix() if len(parts) > 2 else None
 
 
-def _homeless(recorded: Recorded, key: str) -> bool:
+def _homeless(recorded: RLBenchSource, key: str) -> bool:
     """Whether descriptions came from outside the episode and `finish` has no place for them in the target."""
     return (
         bool(recorded.descriptions)

@@ -19,15 +19,15 @@ from pathlib import Path
 from typing import ClassVar
 
 from rpaug_adapters import _cameras, _rlds_files, _rlds_fresh, _rlds_read, _rlds_write, _tfrecord
-from rpaug_adapters._folders import Gathered, datasets, place, unlike
+from rpaug_adapters._folders import GatheredAdapter, datasets, place, unlike
 from rpaug_adapters._rlds_features import FEATURES, leaves
-from rpaug_adapters._rlds_read import Recorded
+from rpaug_adapters._rlds_read import RLDSSource
 
 from rpaug import Episode, Side, Unsupported
-from rpaug.files import atomic_folder, read_bytes, write_atomic
+from rpaug.core.files import atomic_folder, read_bytes, write_atomic
 
 
-class RLDS(Gathered):
+class RLDS(GatheredAdapter):
     """Reads and writes TFDS datasets whose features have steps."""
 
     name: ClassVar[str] = "rlds"
@@ -47,7 +47,7 @@ class RLDS(Gathered):
         return _rlds_read.read(folder, split, number, key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
-        recorded = episode.source if isinstance(episode.source, Recorded) else None
+        recorded = episode.source if isinstance(episode.source, RLDSSource) else None
         folder, _, _ = self.free(root, key)
         described = None if recorded is not None else _rlds_fresh.features(episode)
         tree = b"" if described is None else json.dumps(described, indent=4).encode()

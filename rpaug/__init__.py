@@ -1,8 +1,15 @@
 """rpaug multiplies robot demonstrations: recorded episodes in, edited and consistent episodes out."""
 
-from rpaug.errors import BadInput, BadRecipe, MissingExtra, RpaugError, TargetError, Unsupported
-from rpaug.interfaces import Adapter, Edit, Operator, Side
-from rpaug.types import (
+from rpaug.core.errors import (
+    BadInput,
+    BadRecipe,
+    MissingExtra,
+    RpaugError,
+    TargetError,
+    Unsupported,
+)
+from rpaug.core.interfaces import Adapter, Edit, Operator, Side
+from rpaug.core.types import (
     Appearance,
     Body,
     Camera,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rpaug.types import Body, Camera, CameraView, Episode, Robot, Scene
+from rpaug.core.types import Body, Camera, CameraView, Episode, Robot, Scene
 
 TABLE, BOX, BALL = 7, 0xABCDEF, 300  # one small handle, one that needs 24 bits
 BOX_LOW, BOX_HIGH = np.array([-0.15, -0.1, 0.0]), np.array([0.15, 0.1, 0.25])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from rolling import demonstration
 
-from rpaug.registry import adapter
+from rpaug.core.registry import adapter
 
 
 @pytest.fixture(scope="session")

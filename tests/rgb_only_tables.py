@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpaug.types import Camera, CameraView, Episode, Robot
+from rpaug.core.types import Camera, CameraView, Episode, Robot
 
 SIZE = 64
 TABLE, FLOOR, BLOCK, ARM, PLATE = (

@@ -7,9 +7,9 @@ import av
 import numpy as np
 
 import rpaug
-from rpaug.diagnosis import Line, Moment, write
-from rpaug.files import encode_png
-from rpaug.registry import adapter_for
+from rpaug.core.files import encode_png
+from rpaug.core.registry import adapter_for
+from rpaug.diagnosis import FrameImages, Line, write
 
 SAMPLE = Path(rpaug.__file__).parent / "sample"
 Change = Callable[[np.ndarray], np.ndarray]
@@ -43,7 +43,7 @@ def evaluation(
                 episode=f"open_drawer/{number}",
                 success=not failed,
                 instruction="open the drawer",
-                frames=(Moment(t=0, images={"front": name}),),
+                frames=(FrameImages(t=0, images={"front": name}),),
                 factor=factor,
             )
         )

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from analytic import scene
 
-from rpaug.scene.splats.gaussians import Picture, joined, lifted
-from rpaug.types import Scene
+from rpaug.core.types import Scene
+from rpaug.gaussians.gaussians import LiftedImage, joined, lifted
 
 EYES = {"front": (1.1, 0.2, 0.7), "side": (0.2, 1.1, 0.6)}
 
@@ -18,7 +18,7 @@ def with_gaussians(length: int = 2) -> Scene:
     for view in bare.episode.views.values():
         ids, depth = view.ids(0), view.depth(0)
         pose = view.camera.cam_to_world[0]
-        parts.append(lifted(Picture(view.rgb(0), depth, ids, view.camera.K, pose, ids > 0)))
+        parts.append(lifted(LiftedImage(view.rgb(0), depth, ids, view.camera.K, pose, ids > 0)))
     return replace(bare, gaussians=joined(parts))
 
 

@@ -5,8 +5,8 @@ from functools import lru_cache
 import pytest
 
 from rpaug import twin
+from rpaug.core.types import Scene
 from rpaug.scene.build import build
-from rpaug.types import Scene
 
 
 @lru_cache(1)

@@ -15,10 +15,10 @@ import pytest
 from rpaug_adapters._pickles import load
 from rpaug_adapters.rlbench import RLBench
 
-from rpaug import pipeline, recipe, report
-from rpaug.augment import Run, Summary, execute
-from rpaug.errors import BadInput
-from rpaug.files import decode_png
+from rpaug.core.errors import BadInput
+from rpaug.core.files import decode_png
+from rpaug.pipeline import copies, recipe, report
+from rpaug.pipeline.augment import Run, Summary, execute
 
 GROUP = "roll_ball/all_variations/episodes"
 RECIPE = {
@@ -136,7 +136,7 @@ def test_a_report_replays_its_episode_exactly(template: Path, tmp_path: Path) ->
     augment(template, made(), tmp_path / "out")
     key = f"{GROUP}/episode3"
     described = json.loads((tmp_path / "out" / key / report.NAME).read_bytes())
-    pipeline.replay(RLBench(), template, described, tmp_path / "again", key)
+    copies.replay(RLBench(), template, described, tmp_path / "again", key)
     assert contents(tmp_path / "out" / key) == contents(tmp_path / "again" / key)
 
 

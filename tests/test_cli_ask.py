@@ -7,8 +7,8 @@ import pytest
 from endpoints import KEY, completion, served
 from typer.testing import CliRunner
 
-from rpaug import recipe
 from rpaug.cli import app
+from rpaug.pipeline import recipe
 
 RUNNER = CliRunner()
 

@@ -9,10 +9,10 @@ from endpoints import KEY, completion, served
 from rollouts import SAMPLE, evaluation, painted
 from typer.testing import CliRunner
 
-from rpaug import recipe
 from rpaug.cli import app
+from rpaug.core.registry import adapter_for
 from rpaug.diagnosis import reference
-from rpaug.registry import adapter_for
+from rpaug.pipeline import recipe
 from rpaug.scene.build import build
 
 RUNNER = CliRunner()

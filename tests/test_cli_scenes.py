@@ -10,9 +10,9 @@ from analytic import scene as analytic_scene
 from typer.testing import CliRunner
 
 from rpaug.cli import app
-from rpaug.scene.splats import ply, store
-from rpaug.scene.splats.seeds import seeds
-from rpaug.types import Scene
+from rpaug.core.types import Scene
+from rpaug.gaussians import ply, store
+from rpaug.gaussians.seeds import seeds
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,9 @@ import pytest
 import rpaug_recipes
 import yaml
 
-from rpaug import BadRecipe, recipe
-from rpaug.scene.naming import colours
+from rpaug import BadRecipe
+from rpaug.core import colors
+from rpaug.pipeline import recipe
 
 ROOT = Path(rpaug_recipes.__file__).parent / "colosseum"
 
@@ -78,8 +79,8 @@ def test_a_task_has_its_own_factors(task: str) -> None:
 
 
 def test_the_twenty_colours_are_rlbenchs() -> None:
-    assert len(colours.RLBENCH) == 20
-    assert colours.RLBENCH["azure"] == (0.0, 0.5, 1.0)
+    assert len(colors.RLBENCH) == 20
+    assert colors.RLBENCH["azure"] == (0.0, 0.5, 1.0)
 
 
 @pytest.mark.parametrize("factor", ["object_mass", "object_friction"])

@@ -10,10 +10,12 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from rpaug import BadInput, Episode, converted, registry
+from rpaug import BadInput, Episode
 from rpaug.cli import app
-from rpaug.convert import convert
-from rpaug.verify import verify
+from rpaug.core import registry
+from rpaug.pipeline import compare_layouts
+from rpaug.pipeline.convert import convert
+from rpaug.pipeline.verify import verify
 
 
 def episodes(root: Path) -> list[Episode]:
@@ -150,7 +152,7 @@ def test_a_converted_episode_that_was_spoilt_is_found(template: Path) -> None:
     def topics(**changes: object) -> set[str]:
         view = replace(front, **changes)
         made = replace(episode, views={**episode.views, "front": view})
-        return {found[2] for found in converted.compare("x", episode, made, [0, 3])}
+        return {found[2] for found in compare_layouts.compare("x", episode, made, [0, 3])}
 
     assert topics() == set()
     assert topics(rgb=lambda t: 255 - front.rgb(t)) == {"images"}
@@ -161,13 +163,14 @@ def test_a_converted_episode_that_was_spoilt_is_found(template: Path) -> None:
     assert topics(camera=replace(front.camera, cam_to_world=moved)) == {"camera"}
     swapped = dict(zip(episode.views, reversed(episode.views.values()), strict=True))
     found = {
-        one[2] for one in converted.compare("x", episode, replace(episode, views=swapped), [0])
+        one[2]
+        for one in compare_layouts.compare("x", episode, replace(episode, views=swapped), [0])
     }
     assert found == {"images"}
     other = replace(episode, descriptions=("do nothing",))
-    assert [one[2] for one in converted.compare("x", episode, other, [0])] == ["instruction"]
+    assert [one[2] for one in compare_layouts.compare("x", episode, other, [0])] == ["instruction"]
     shorter = replace(episode, length=3)
-    assert [one[2] for one in converted.compare("x", episode, shorter, [0])] == ["length"]
+    assert [one[2] for one in compare_layouts.compare("x", episode, shorter, [0])] == ["length"]
     robot = replace(episode.robot, joint_positions=episode.robot.joint_positions + 0.1)
     bent = replace(episode, robot=robot)
-    assert [one[2] for one in converted.compare("x", episode, bent, [0])] == ["robot"]
+    assert [one[2] for one in compare_layouts.compare("x", episode, bent, [0])] == ["robot"]

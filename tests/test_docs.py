@@ -10,9 +10,10 @@ import rpaug_recipes
 import yaml
 from analytic import scene
 
-from rpaug import recipe, registry
+from rpaug.core import registry
 from rpaug.physics import materials
-from rpaug.testing import OperatorContract
+from rpaug.pipeline import recipe
+from rpaug.pipeline.contracts import OperatorContract
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

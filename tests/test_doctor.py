@@ -5,21 +5,20 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from rpaug import doctor
-from rpaug.cli import app
-from rpaug.errors import Unsupported
+from rpaug.cli import app, checks
+from rpaug.core.errors import Unsupported
 
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     """A kernel cache of the test's own."""
-    monkeypatch.setattr("rpaug.render.jit.cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(doctor, "_gl", lambda: doctor.Finding("ok", "OpenGL", "not tried here"))
+    monkeypatch.setattr("rpaug.core.jit.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(checks, "_gl", lambda: checks.Check("ok", "OpenGL", "not tried here"))
     return tmp_path
 
 
-def kernel_cache() -> doctor.Finding:
-    (found,) = (one for one in doctor.examine() if one.topic == "kernel cache")
+def kernel_cache() -> checks.Check:
+    (found,) = (one for one in checks.examine() if one.topic == "kernel cache")
     return found
 
 
@@ -47,7 +46,7 @@ def test_a_cache_nobody_can_write_to_is_a_note(cache, monkeypatch):
 
 def test_warming_tells_the_seconds_of_each_channel_count():
     steps = []
-    warmed = list(doctor.warm(progress=lambda done, total: steps.append((done, total))))
+    warmed = list(checks.warm(progress=lambda done, total: steps.append((done, total))))
     assert [one.channels for one in warmed] == [None, 4, 20]
     assert all(one.cpu_seconds > 0 for one in warmed)
     assert steps == [(0, 3), (1, 3), (2, 3), (3, 3)]
@@ -55,13 +54,13 @@ def test_warming_tells_the_seconds_of_each_channel_count():
 
 def test_more_features_than_the_rasteriser_takes_are_refused():
     with pytest.raises(Unsupported, match="at most 64"):
-        list(doctor.warm([65]))
+        list(checks.warm([65]))
 
 
 def test_the_command_gives_seconds_and_findings(monkeypatch):
-    made = doctor.Warmed("Gaussians, colour and depth", 4, 2.0, 1.5)
-    monkeypatch.setattr(doctor, "warm", lambda progress: iter([made]))
-    monkeypatch.setattr(doctor, "examine", lambda: [doctor.Finding("ok", "rpaug", "here")])
+    made = checks.Warmed("Gaussians, colour and depth", 4, 2.0, 1.5)
+    monkeypatch.setattr(checks, "warm", lambda progress: iter([made]))
+    monkeypatch.setattr(checks, "examine", lambda: [checks.Check("ok", "rpaug", "here")])
     result = CliRunner().invoke(app, ["doctor", "--warm", "--json"])
     described = json.loads(result.stdout)
     assert described["warmed"] == [vars(made)]

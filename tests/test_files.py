@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpaug import BadInput
-from rpaug.files import atomic_folder, check_png, decode_png, encode_png, write_atomic
+from rpaug.core.files import atomic_folder, check_png, decode_png, encode_png, write_atomic
 
 IMAGE = np.arange(5 * 7 * 3, dtype=np.uint8).reshape(5, 7, 3)
 

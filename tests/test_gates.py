@@ -10,13 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from rpaug import Scene, geometry, pipeline, plan
-from rpaug.gates import Figures, Gates, beyond, described, measure
+from rpaug import Scene
+from rpaug.core import geometry
 from rpaug.operators.camera_pose import CameraPose
 from rpaug.operators.fields import Palette
 from rpaug.operators.recolor import AlbedoRatio, Recolor
 from rpaug.operators.sensor_noise import SensorNoise
-from rpaug.scene.naming.targets import Target
+from rpaug.pipeline import copies, plan
+from rpaug.pipeline.gates import Figures, Gates, beyond, described, measure
+from rpaug.scene.targets.targets import Target
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}
 BLUE = (0.1, 0.2, 0.9)
@@ -24,7 +26,7 @@ BLUE = (0.1, 0.2, 0.9)
 
 def figures(scene: Scene) -> Figures:
     """Of an edited scene, all its frames rendered."""
-    made = pipeline.render(scene, (), plan.Plan(0, dict.fromkeys(EYES, 0), True), counted=True)
+    made = copies.render(scene, (), plan.Plan(0, dict.fromkeys(EYES, 0), True), counted=True)
     for view in made.episode.views.values():
         for t in range(scene.episode.length):
             view.rgb(t)
@@ -101,7 +103,7 @@ def test_a_camera_that_is_not_where_it_says_disagrees() -> None:
     scene = recorded()
     edit = {"front": {"turn": [0.0, 0.0, 0.0], "shift": [0.02, 0.0, 0.0]}}
     moved = CameraPose(camera="front").apply(scene, edit)
-    made = pipeline.render(moved, (), plan.Plan(0, dict.fromkeys(EYES, 0), True))
+    made = copies.render(moved, (), plan.Plan(0, dict.fromkeys(EYES, 0), True))
     view = made.episode.views["front"]
     lift = geometry.rigid(np.zeros(3), np.array([0.0, 0.0, -0.01]))
     wrong = replace(view.camera, cam_to_world=view.camera.cam_to_world @ lift)

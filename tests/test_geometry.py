@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from rpaug import Camera, geometry
+from rpaug import Camera
+from rpaug.core import geometry
 
 SMALL = st.floats(-3, 3, allow_nan=False)
 TURN = arrays(float, 3, elements=SMALL)

@@ -8,20 +8,21 @@ import numpy as np
 import pytest
 from tabletop import gl, handle, scene, take
 
-from rpaug import instruct, pipeline, recipe, twin
-from rpaug.files import encode_png
+from rpaug import instruct, twin
+from rpaug.core.files import encode_png
+from rpaug.core.types import Scene
 from rpaug.instruct import Untrue
 from rpaug.instruct.changes import Changes
 from rpaug.instruct.judging import Judge
+from rpaug.pipeline import copies, recipe
 from rpaug.scene.build import build
-from rpaug.scene.naming import targets
-from rpaug.scene.naming.survey import survey
-from rpaug.types import Scene
+from rpaug.scene.targets import targets
+from rpaug.scene.targets.survey import survey
 
 
 def after(recorded: Scene, *edits: dict) -> tuple[str, ...]:
     made = recipe.build({"version": 1, "edits": list(edits)})
-    edited, draws = pipeline.draw(recorded, made, 1)
+    edited, draws = copies.draw(recorded, made, 1)
     return instruct.followed(edited, [one.describe() for one in draws])
 
 
@@ -123,12 +124,10 @@ class TestFollowed:
         said = replace(scene().episode, descriptions=(f"put the {block} block on the pad",))
         base = replace(scene(), episode=said, descriptions=said.descriptions)
         made = recipe.build({"version": 1, "edits": [self.patterned("checker_green")]})
-        edited, draws = pipeline.draw(base, made, 1)
-        from rpaug import plan
+        edited, draws = copies.draw(base, made, 1)
+        from rpaug.pipeline import plan
 
-        drawn = pipeline.render(
-            edited, draws, plan.make([d.option.operator for d in draws], said, 0)
-        )
+        drawn = copies.render(edited, draws, plan.make([d.option.operator for d in draws], said, 0))
         assert "pattern" in drawn.untrue
         assert drawn.episode.descriptions == said.descriptions
 
@@ -156,9 +155,9 @@ def test_colour_words_are_found_with_their_nouns(text, found):
 
 @gl
 def test_it_is_written_and_reported(tmp_path, block):
-    from rpaug.augment import Run, execute
-    from rpaug.registry import adapter
-    from rpaug.verify import verify
+    from rpaug.core.registry import adapter
+    from rpaug.pipeline.augment import Run, execute
+    from rpaug.pipeline.verify import verify
 
     recorded = twin.perform("pick_block", 3, frames=17, size=64)
     said = replace(recorded.episode, descriptions=(f"put the {block} block on the pad", "move it"))
@@ -362,8 +361,8 @@ class TestAdded:
         assert self.put(asset, text) == (text,)
 
     def test_it_is_drawn_again_until_the_words_are_clear(self, tmp_path):
-        from rpaug.augment import Run, execute
-        from rpaug.registry import adapter
+        from rpaug.core.registry import adapter
+        from rpaug.pipeline.augment import Run, execute
 
         said = replace(take().episode, descriptions=("take the red mug",))
         key = "pick_block/all_variations/episodes/episode0"

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from rpaug import loop
 from rpaug.cli import app
-from rpaug.doctor import SAMPLE
-from rpaug.errors import BadInput, RpaugError
+from rpaug.cli.checks import SAMPLE
+from rpaug.core.errors import BadInput, RpaugError
+from rpaug.diagnosis import loop
 
 COPY = ("--copies", "1", "--json")
 TRAIN = """

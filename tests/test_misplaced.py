@@ -9,9 +9,9 @@ import pytest
 from rpaug_adapters._pickles import dump, load
 from typer.testing import CliRunner
 
-from rpaug import registry
 from rpaug.cli import app
-from rpaug.doctor import SAMPLE
+from rpaug.cli.checks import SAMPLE
+from rpaug.core import registry
 from rpaug.scene.tracking import calibration
 
 RECIPE = "version: 1\nedits:\n  - {op: recolor, target: {role: manipulated}, color: blue}\n"

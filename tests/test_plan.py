@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 from analytic import BALL, scene
 
-from rpaug import geometry, plan
+from rpaug.core import geometry
 from rpaug.operators.camera_pose import CameraPose
 from rpaug.operators.light_color import LightColor
-from rpaug.testing import shown
+from rpaug.pipeline import plan
+from rpaug.pipeline.contracts import shown
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}
 

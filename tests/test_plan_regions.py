@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from analytic import BALL, scene
 
-from rpaug import plan, recipe, residuals
+from rpaug.compose import views
 from rpaug.operators.camera_pose import CameraPose
 from rpaug.operators.light_color import LightColor
-from rpaug.preparing import planned, surveyed
-from rpaug.recipe import Accuracy
-from rpaug.residuals import BACKGROUND, Residual
-from rpaug.scene import views
+from rpaug.pipeline import plan, recipe, residuals
+from rpaug.pipeline.prepare import planned, surveyed
+from rpaug.pipeline.recipe import Accuracy
+from rpaug.pipeline.residuals import BACKGROUND, Residual
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}
 REGIONS = {BACKGROUND: frozenset({0, 1}), "body 7": frozenset({7})}

@@ -8,12 +8,14 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from rpaug import BadInput, card, recipe, splits
-from rpaug.augment import Run, execute, jobs
+from rpaug import BadInput
 from rpaug.cli import app
-from rpaug.convert import convert
-from rpaug.registry import adapter
-from rpaug.verify import verify
+from rpaug.core import splits
+from rpaug.core.registry import adapter
+from rpaug.pipeline import card, recipe
+from rpaug.pipeline.augment import Run, execute, jobs
+from rpaug.pipeline.convert import convert
+from rpaug.pipeline.verify import verify
 
 TOLD = {"version": 1, "seed": 5, "edits": [{"op": "light_color"}]}
 GROUP = "roll_ball/all_variations/episodes"

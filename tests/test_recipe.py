@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug import BadRecipe, recipe
+from rpaug import BadRecipe
+from rpaug.pipeline import recipe
 
 GOOD = """\
 version: 1

@@ -7,8 +7,8 @@ import pytest
 from rpaug_adapters.rlbench import RLBench
 from test_augment import augment, contents
 
-from rpaug import pipeline, recipe, report
-from rpaug.files import REJECTED
+from rpaug.core.files import REJECTED
+from rpaug.pipeline import copies, recipe, report
 from rpaug.scene.build import build
 
 MOVING = {"op": "camera_pose", "camera": "front", "shift": 0.15, "turn": 0.05}
@@ -51,7 +51,7 @@ def test_what_is_drawn_again_is_how_and_not_whether(template: Path) -> None:
     scene = build(RLBench().read(template, key), with_bodies=False)
     seen = set()
     for copy in range(6):
-        tries = [pipeline.draw(scene, asked, copy, attempt)[1] for attempt in range(4)]
+        tries = [copies.draw(scene, asked, copy, attempt)[1] for attempt in range(4)]
         whether = {tuple(one.option is not None for one in draws) for draws in tries}
         assert len(whether) == 1
         seen |= whether
@@ -86,9 +86,9 @@ def test_a_stopped_run_is_resumed_to_the_same_bytes(
     out = tmp_path / "out"
     wanted = gated(holes=LIMIT)
     job_order = []
-    whole = pipeline.augment
+    whole = copies.augment
 
-    from rpaug.augment import Run, jobs
+    from rpaug.pipeline.augment import Run, jobs
 
     out.mkdir()
     planned = jobs(Run(template, wanted, out), ())
@@ -106,7 +106,7 @@ def test_a_report_replays_a_rejected_copy_exactly(
     for root in (run, run / REJECTED):
         key, described = next(iter(reports(root).items()))
         target = tmp_path / root.name
-        pipeline.replay(RLBench(), template, described, target, key)
+        copies.replay(RLBench(), template, described, target, key)
         assert contents(target / key) == contents(root / key)
 
 

@@ -14,12 +14,12 @@ from rolling import demonstration
 from rpaug_adapters.rlbench import RLBench
 from test_augment import GROUP, contents
 
-from rpaug import pipeline, preparing, recipe, report
-from rpaug.augment import Run, execute
-from rpaug.engine import local
-from rpaug.scene.four.fit4 import FourSettings
-from rpaug.scene.splats import cached, store
-from rpaug.scene.splats.descent import FitSettings
+from rpaug.gaussians import cached, store
+from rpaug.gaussians.descent import FitSettings
+from rpaug.gaussians.fit4 import FourSettings
+from rpaug.pipeline import copies, prepare, recipe, report
+from rpaug.pipeline import workers as local
+from rpaug.pipeline.augment import Run, execute
 
 RECIPE = {
     "version": 1,
@@ -64,9 +64,9 @@ def run(
 
 def test_the_first_of_a_place_lends_whatever_is_selected(template: Path) -> None:
     adapter = RLBench()
-    assert preparing.founders(adapter, template, [FIRST, SECOND]) == {SECOND: FIRST}
-    assert preparing.founders(adapter, template, [SECOND]) == {SECOND: FIRST}
-    assert preparing.founders(adapter, template, [FIRST]) == {}
+    assert prepare.founders(adapter, template, [FIRST, SECOND]) == {SECOND: FIRST}
+    assert prepare.founders(adapter, template, [SECOND]) == {SECOND: FIRST}
+    assert prepare.founders(adapter, template, [FIRST]) == {}
 
 
 def test_no_order_of_fitting_changes_anything(template: Path, tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_no_order_of_fitting_changes_anything(template: Path, tmp_path: Path) ->
     assert described["plan"]["fit"]["borrowed"] > 500
     assert store.names(tmp_path / "one") == store.names(tmp_path / "two")
     # And from the report alone, without a store.
-    pipeline.replay(RLBench(), template, described, tmp_path / "again", SECOND)
+    copies.replay(RLBench(), template, described, tmp_path / "again", SECOND)
     assert contents(both / SECOND) == contents(tmp_path / "again" / SECOND)
 
 
@@ -100,7 +100,7 @@ def test_any_number_of_workers_and_any_order_of_jobs_give_the_same(
     one = run(source, tmp_path / "one", tmp_path / "alone")
     in_turn = local.run
 
-    def backwards(jobs: Sequence[pipeline.Job], workers: int) -> Iterator[local.Outcome]:
+    def backwards(jobs: Sequence[copies.Job], workers: int) -> Iterator[local.Outcome]:
         return in_turn(jobs[::-1], workers)
 
     monkeypatch.setattr(local, "run", backwards)
@@ -122,7 +122,7 @@ def test_what_cannot_be_read_lends_nothing(template: Path, tmp_path: Path) -> No
     broken = tmp_path / "broken"
     shutil.copytree(template, broken)
     (broken / FIRST / "low_dim_obs.pkl").write_bytes(b"")
-    assert preparing.founders(RLBench(), broken, [SECOND]) == {}
+    assert prepare.founders(RLBench(), broken, [SECOND]) == {}
 
 
 def test_the_fourth_tier_end_to_end(template: Path, tmp_path: Path) -> None:

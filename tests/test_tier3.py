@@ -9,13 +9,14 @@ import pytest
 import rpaug_recipes
 
 import rpaug
-from rpaug import pipeline, plan, preparing, registry
-from rpaug.errors import TargetError
-from rpaug.recipe import load
+from rpaug.core import registry
+from rpaug.core.errors import TargetError
+from rpaug.core.types import Scene
+from rpaug.gaussians.descent import settings_for
+from rpaug.gaussians.fit import fitted, psnr
+from rpaug.pipeline import copies, plan, prepare
+from rpaug.pipeline.recipe import load
 from rpaug.scene.build import build
-from rpaug.scene.splats.descent import settings_for
-from rpaug.scene.splats.fit import fitted, psnr
-from rpaug.types import Scene
 
 FOLDER = Path(rpaug_recipes.__file__).parent
 RECIPES = sorted(
@@ -41,9 +42,9 @@ def frames(
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
     """Camera, what is shown, what was recorded, and where what is shown was invented."""
     loaded = load(FOLDER / recipe)
-    edited, draws = pipeline.draw(scene, loaded, 1)
-    planned = plan.make(preparing.operators(loaded), scene.episode, tier)
-    made = pipeline.render(edited, draws, planned)
+    edited, draws = copies.draw(scene, loaded, 1)
+    planned = plan.make(prepare.operators(loaded), scene.episode, tier)
+    made = copies.render(edited, draws, planned)
     for name, view in made.episode.views.items():
         assert tier < 3 or made.plan.carriers[name] == 3
         shown = view.rgb(6)

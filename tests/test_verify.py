@@ -13,11 +13,12 @@ from analytic import scene
 from rpaug_adapters._pickles import dump, load
 from typer.testing import CliRunner
 
-from rpaug import BadInput, recipe
-from rpaug.augment import Run, execute
+from rpaug import BadInput
 from rpaug.cli import app
-from rpaug.convert import convert
-from rpaug.verify import Finding, compare, verify
+from rpaug.pipeline import recipe
+from rpaug.pipeline.augment import Run, execute
+from rpaug.pipeline.convert import convert
+from rpaug.pipeline.verify import Finding, compare, verify
 
 EPISODES = "roll_ball/all_variations/episodes"
 RECIPE = {"version": 1, "edits": [{"op": "recolor", "target": {"handle": 300}, "color": "blue"}]}

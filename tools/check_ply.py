@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rpaug.core.types import Gaussians
+from rpaug.gaussians import ply
 from rpaug.render.splat import render
-from rpaug.scene.splats import ply
-from rpaug.types import Gaussians
 
 AGREE = 1e-4  # of full colour: float32 through logarithms and logits
 

@@ -12,8 +12,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from rpaug import pipeline, plan, preparing, recipe, registry
-from rpaug.files import encode_png, write_atomic
+from rpaug.core import registry
+from rpaug.core.files import encode_png, write_atomic
+from rpaug.pipeline import copies as pipeline
+from rpaug.pipeline import plan, prepare, recipe
 from rpaug.scene.build import build
 
 MOVED, RECEIVER = {"target": {"role": "manipulated"}}, {"target": {"role": "receiver"}}
@@ -55,7 +57,7 @@ def main() -> None:
         for name in arguments.factor or FACTORS:
             made = recipe.build({"version": 1, "seed": 3, "edits": [FACTORS[name]]})
             edited, draws = pipeline.draw(scene, made, 1)
-            planned = plan.make(preparing.operators(made), episode)
+            planned = plan.make(prepare.operators(made), episode)
             shown = pipeline.render(edited, draws, planned).episode
             rows = [
                 np.concatenate([view.rgb(t) for view in one.views.values()], 1)

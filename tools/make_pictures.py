@@ -7,8 +7,11 @@ import cv2
 import numpy as np
 
 import rpaug
-from rpaug import Episode, Scene, pipeline, plan, preparing, recipe, registry
-from rpaug.files import encode_png, write_atomic
+from rpaug import Episode, Scene
+from rpaug.core import registry
+from rpaug.core.files import encode_png, write_atomic
+from rpaug.pipeline import copies as pipeline
+from rpaug.pipeline import plan, prepare, recipe
 from rpaug.scene.build import build
 
 ROWS = [
@@ -47,7 +50,7 @@ def shown(scene: Scene, edits: list[dict[str, Any]]) -> Episode:
     """The sample as those edits show it."""
     made = recipe.build({"version": 1, "seed": 4, "edits": edits})
     edited, draws = pipeline.draw(scene, made, 1)
-    planned = plan.make(preparing.operators(made), scene.episode)
+    planned = plan.make(prepare.operators(made), scene.episode)
     return pipeline.render(edited, draws, planned).episode
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from rpaug.files import encode_png, write_atomic
-from rpaug.textures import shipped
+from rpaug.assets.textures import shipped
+from rpaug.core.files import encode_png, write_atomic
 
 SIDE, BAND, COLUMNS = 84, 14, 10
 

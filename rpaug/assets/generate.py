@@ -22,8 +22,8 @@ from pathlib import Path
 
 from rpaug.assets import library, reading
 from rpaug.assets.library import Asset
-from rpaug.errors import BadInput, RpaugError, Unsupported
-from rpaug.files import check_image, read_bytes
+from rpaug.core.errors import BadInput, RpaugError, Unsupported
+from rpaug.core.files import check_image, read_bytes
 
 OUTPUT, IMAGE, TEXT = "{out}", "{image}", "{text}"
 MOST_BYTES = 512 << 20  # of a .ply
@@ -33,7 +33,7 @@ TOLD = 300  # characters of a failing model's last words that are repeated
 
 
 @dataclass(frozen=True)
-class Wish:
+class GenerationRequest:
     """What to make: words, a picture, or both."""
 
     text: str = ""
@@ -55,7 +55,7 @@ class Limits:
     most_bytes: int = MOST_BYTES
 
 
-def by_command(command: str, wish: Wish, limits: Limits | None = None) -> bytes:
+def by_command(command: str, wish: GenerationRequest, limits: Limits | None = None) -> bytes:
     """The .ply that a program writes to the file put for `{out}`; `{text}` and `{image}` are put in as well.
 
     No shell is involved. Raises Unsupported, with the program's last words, if it cannot be started, takes too long,
@@ -80,7 +80,7 @@ def by_command(command: str, wish: Wish, limits: Limits | None = None) -> bytes:
         return read_bytes(target)
 
 
-def by_endpoint(address: str, wish: Wish, limits: Limits | None = None) -> bytes:
+def by_endpoint(address: str, wish: GenerationRequest, limits: Limits | None = None) -> bytes:
     """The .ply that an HTTP endpoint answers a POST of JSON with: {"text": ..., "image": base64 or null}.
 
     Raises Unsupported if nobody answers, the answer takes too long, is no success or too large.
@@ -117,7 +117,7 @@ def by_endpoint(address: str, wish: Wish, limits: Limits | None = None) -> bytes
 def keep(
     data: bytes,
     name: str,
-    wish: Wish,
+    wish: GenerationRequest,
     by: str,
     category: str = "thing",
     scale: float = 1.0,
@@ -137,7 +137,7 @@ def keep(
     return library.add(name, category, thing, "generated", splats, provenance(data, wish, by))
 
 
-def provenance(data: bytes, wish: Wish, by: str) -> Mapping[str, str]:
+def provenance(data: bytes, wish: GenerationRequest, by: str) -> Mapping[str, str]:
     """Who made it, of what, and the bytes' own name."""
     facts = {"made by": by, "text": wish.text, "sha256": hashlib.sha256(data).hexdigest()}
     if wish.image is not None:

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from rpaug.assets import picture, shapes, shipped
-from rpaug.errors import BadInput, RpaugError, TargetError
-from rpaug.files import read_bytes, write_atomic
-from rpaug.scene.naming import colours
-from rpaug.scene.splats.gaussians import ARRAYS
-from rpaug.types import Gaussians, Mesh
+from rpaug.core import colors as colours
+from rpaug.core.errors import BadInput, RpaugError, TargetError
+from rpaug.core.files import read_bytes, write_atomic
+from rpaug.core.types import Gaussians, Mesh
+from rpaug.gaussians.gaussians import ARRAYS
 
 FOLDER = "RPAUG_ASSETS"  # environment variable: where added things are kept
 ENDING = ".asset.npz"

@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import UInt8
 
+from rpaug.core.types import Mesh
 from rpaug.render import mesh as triangles
-from rpaug.types import Mesh
 
 BACKDROP = 235
 LIGHT = np.array([0.35, -0.5, 0.79])
@@ -20,7 +20,7 @@ def portrait(thing: Mesh, side: int = 256) -> UInt8[np.ndarray, "side side 3"]:
     return image
 
 
-def drawn(thing: Mesh, side: int, towards: float = 1.0) -> triangles.Drawn:
+def drawn(thing: Mesh, side: int, towards: float = 1.0) -> triangles.MeshView:
     """The thing seen a little from above, from the front and the right, or (`towards` -1) from the opposite side."""
     middle = (thing.points.min(0) + thing.points.max(0)) / 2
     reach = float(np.linalg.norm(np.ptp(thing.points, axis=0)))

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from rpaug import geometry
-from rpaug.errors import BadInput
-from rpaug.files import read_bytes
-from rpaug.scene.splats import harmonics, ply
-from rpaug.scene.splats.gaussians import chosen, moved
-from rpaug.types import Gaussians, Mesh
+from rpaug.core import geometry
+from rpaug.core.errors import BadInput
+from rpaug.core.files import read_bytes
+from rpaug.core.types import Gaussians, Mesh
+from rpaug.gaussians import harmonics, ply
+from rpaug.gaussians.gaussians import chosen, moved
 
 ENDINGS = (".glb", ".gltf", ".obj", ".stl", ".ply")
 FAINT = 0.3  # opacity: a Gaussian below shows too little to count as a surface

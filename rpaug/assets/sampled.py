@@ -3,10 +3,10 @@
 import numpy as np
 from jaxtyping import Float64
 
+from rpaug.core.types import Gaussians, Mesh
+from rpaug.gaussians.carrying import SH0
+from rpaug.gaussians.gaussians import quaternions
 from rpaug.render import mesh as triangles
-from rpaug.scene.splats.carrying import SH0
-from rpaug.scene.splats.gaussians import quaternions
-from rpaug.types import Gaussians, Mesh
 
 COUNT = 50_000
 SPREAD = (

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug import geometry
-from rpaug.types import Mesh
+from rpaug.core import geometry
+from rpaug.core.types import Mesh
 
 DROP = 0.002  # metres
 SECONDS = 1.5

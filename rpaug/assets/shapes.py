@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float64, Int32, UInt8
 
-from rpaug.types import Mesh
+from rpaug.core.types import Mesh
 
 Parts = list[np.ndarray]
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.assets import shapes as s
-from rpaug.textures import shipped as textures
+from rpaug.assets.textures import shipped as textures
 
 SIDE = 128  # texels of a picture
 Colour = tuple[float, float, float]

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
+from rpaug.core import colors
+from rpaug.core.types import CameraView, Episode, Mesh
 from rpaug.providers import inpaint
 from rpaug.render import mesh as triangles
-from rpaug.scene.naming import colours
 from rpaug.twin.look import Extra
-from rpaug.types import CameraView, Episode, Mesh
 
 FINE = 8000.0  # steps to a metre in which depth is inpainted
 STRENGTH, HUE = 0.3, 0.05  # torchvision's usual ColorJitter for robot policies
@@ -140,11 +140,11 @@ def _each(episode: Episode, edit: Callable[[CameraView, int], Planes]) -> Episod
 
 def _shifted(image: Any, old: Any, new: Any, chroma: float) -> Any:
     """L scaled by new over old; a and b the new colour's, with `chroma` of what set them apart from the old one's."""
-    before, after = colours.to_lab(np.array(old)), colours.to_lab(np.array(new))
-    pixels = colours.to_lab(image)
+    before, after = colors.to_lab(np.array(old)), colors.to_lab(np.array(new))
+    pixels = colors.to_lab(image)
     pixels[..., 0] = np.clip(pixels[..., 0] * after[0] / max(before[0], 1.0), 0, 100)
     pixels[..., 1:] = after[1:] + chroma * (pixels[..., 1:] - before[1:])
-    return np.clip(colours.from_lab(pixels), 0, 1)
+    return np.clip(colors.from_lab(pixels), 0, 1)
 
 
 def _quantised(image: Any) -> UInt8[np.ndarray, "h w 3"]:

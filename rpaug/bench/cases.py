@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from rpaug import geometry
 from rpaug.assets import library
 from rpaug.bench import baselines
-from rpaug.interfaces import Edit
+from rpaug.core import geometry
+from rpaug.core.interfaces import Edit
+from rpaug.core.types import Episode
 from rpaug.operators import insert as inserting
 from rpaug.operators.distractors import Distractors
 from rpaug.scene import build
 from rpaug.scene.lighting import albedo, light
-from rpaug.twin import LAMPS, RIG, Laid, Lamp, Take
+from rpaug.twin import LAMPS, RIG, Laid, Take, TwinLamp
 from rpaug.twin.look import Extra
 from rpaug.twin.mjcf import AMBIENT
-from rpaug.types import Episode
 
 TOLD, ESTIMATED = "rpaug", "rpaug, estimated"
 
@@ -38,7 +38,7 @@ class Ask:
 
 
 @dataclass(frozen=True)
-class Case:
+class FactorCase:
     """A factor's operator, what it is asked, and which parts are changed under which lamps.
 
     `ask` gets the recording, its truly changed version, and a folder for images. `colours` gives what a 2D recolouring
@@ -50,7 +50,7 @@ class Case:
     operator: str
     ask: Callable[[Take, Take, Path], tuple[Ask, ...]]
     colours: Callable[[Take, Take, bool], Colours] | None = None
-    lamps: tuple[Lamp, ...] = RIG
+    lamps: tuple[TwinLamp, ...] = RIG
     targets: tuple[str | None, ...] = (None,)
     value: Callable[[Take], Any] | None = None
     baseline: tuple[str, Callable[[Take, Take], Episode]] | None = None
@@ -180,17 +180,19 @@ def _lights(recorded: Take, true: Take, known: bool) -> Colours:
     return {None: ((1.0, 1.0, 1.0), tuple(np.divide(new, old)))}
 
 
-CASES: Mapping[str, Case] = {
-    "object_color": Case("recolor", _recolor, _albedos, targets=("manipulated", "receiver")),
-    "object_texture": Case("retexture", _texture, _albedos, targets=("manipulated", "receiver")),
-    "light_color": Case("light_color", _light_color, _lights),
+CASES: Mapping[str, FactorCase] = {
+    "object_color": FactorCase("recolor", _recolor, _albedos, targets=("manipulated", "receiver")),
+    "object_texture": FactorCase(
+        "retexture", _texture, _albedos, targets=("manipulated", "receiver")
+    ),
+    "light_color": FactorCase("light_color", _light_color, _lights),
     # One lamp: the operator's model, whose error is then that of faces and shadows alone.
-    "light_direction": Case("light_direction", _light_direction, lamps=RIG[:1]),
-    "table_color": Case("table_color", _table_color, _albedos),
-    "table_texture": Case("table_texture", _texture, _albedos),
-    "background_texture": Case("background_texture", _texture, _albedos),
-    "camera_pose": Case("camera_pose", _camera_pose),
-    "removal": Case(
+    "light_direction": FactorCase("light_direction", _light_direction, lamps=RIG[:1]),
+    "table_color": FactorCase("table_color", _table_color, _albedos),
+    "table_texture": FactorCase("table_texture", _texture, _albedos),
+    "background_texture": FactorCase("background_texture", _texture, _albedos),
+    "camera_pose": FactorCase("camera_pose", _camera_pose),
+    "removal": FactorCase(
         "remove",
         _remove,
         baseline=(
@@ -200,7 +202,7 @@ CASES: Mapping[str, Case] = {
             ),
         ),
     ),
-    "object_size": Case(
+    "object_size": FactorCase(
         "object_size",
         _object_size,
         targets=("cylinder",),
@@ -211,7 +213,7 @@ CASES: Mapping[str, Case] = {
             ),
         ),
     ),
-    "distractor": Case(
+    "distractor": FactorCase(
         "distractors",
         _distractors,
         value=_things,
@@ -243,7 +245,7 @@ def _frame(laid: Laid) -> dict[str, list[float]]:
     return {"origin": pose[:3, 3].tolist(), "turn": turn.tolist()}
 
 
-def _towards(lamp: Lamp) -> tuple[float, float, float]:
+def _towards(lamp: TwinLamp) -> tuple[float, float, float]:
     along = np.cos(lamp.height)
     direction = along * np.cos(lamp.heading), along * np.sin(lamp.heading), np.sin(lamp.height)
     return float(direction[0]), float(direction[1]), float(direction[2])

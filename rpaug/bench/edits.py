@@ -15,12 +15,15 @@ import numpy as np
 from jaxtyping import Bool
 from pydantic import TypeAdapter
 
-from rpaug import pipeline, plan, preparing, registry, twin
+from rpaug import twin
 from rpaug.bench import baselines, perceptual
-from rpaug.bench.cases import CASES, ESTIMATED, Ask, Case
+from rpaug.bench.cases import CASES, ESTIMATED, Ask, FactorCase
 from rpaug.bench.scores import HIGHER, Scores, measure
-from rpaug.errors import RpaugError
-from rpaug.types import CameraView, Episode
+from rpaug.core import registry
+from rpaug.core.errors import RpaugError
+from rpaug.core.types import CameraView, Episode
+from rpaug.pipeline import copies as pipeline
+from rpaug.pipeline import plan, prepare
 
 GAUSSIANS = "Gaussian render"
 NONE, LAB, JITTER = "no edit", "CIELAB in the mask", "colour jitter"
@@ -31,7 +34,7 @@ TOLD_MORE = frozenset({GAUSSIANS, LAB})  # than an operator that is left to esti
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
+class EditSetting:
     """What is recorded: seeds take `tasks` in turn, and where a factor has several targets those too."""
 
     factors: tuple[str, ...] = tuple(CASES)
@@ -56,7 +59,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Row:
+class EditRow:
     """One method's figures on one seed; `changed` names what was truly changed, `perceived` are networks' figures."""
 
     factor: str
@@ -79,7 +82,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Shot:
+class EditTrial:
     """One seed's episodes: what was recorded, what truly came of the change, and each method's result."""
 
     factor: str
@@ -89,7 +92,7 @@ class Shot:
     made: dict[str, Episode]
 
 
-def missing(setting: Setting) -> dict[str, str]:
+def missing(setting: EditSetting) -> dict[str, str]:
     """Factors that cannot be measured, with the reason."""
     known = registry.operator_names()
     return {
@@ -100,13 +103,13 @@ def missing(setting: Setting) -> dict[str, str]:
 
 
 def run(
-    setting: Setting,
-    keep: Callable[[Shot], None] = lambda shot: None,
+    setting: EditSetting,
+    keep: Callable[[EditTrial], None] = lambda shot: None,
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Row]:
+) -> list[EditRow]:
     """All rows, seed by seed; `keep` sees every seed's images before they are dropped."""
     factors = [name for name in setting.factors if name not in missing(setting)]
-    rows: list[Row] = []
+    rows: list[EditRow] = []
     warm: set[str] = set()
     for seed in range(setting.seeds):
         for number, factor in enumerate(factors):
@@ -115,10 +118,10 @@ def run(
     return sorted(rows, key=lambda row: factors.index(row.factor))
 
 
-def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def summary(rows: Sequence[EditRow]) -> list[dict[str, Any]]:
     """Mean and worst of every figure by factor and method, and `lead`: dB over the mean of the best baseline that
     knows no more than the method does."""
-    groups: dict[tuple[str, str], list[Row]] = {}
+    groups: dict[tuple[str, str], list[EditRow]] = {}
     for row in rows:
         groups.setdefault((row.factor, row.method), []).append(row)
     out = []
@@ -147,7 +150,7 @@ def _best(entries: Sequence[Mapping[str, Any]], ours: Mapping[str, Any]) -> floa
     )
 
 
-def encoded(setting: Setting, rows: Sequence[Row]) -> bytes:
+def encoded(setting: EditSetting, rows: Sequence[EditRow]) -> bytes:
     """Everything as one JSON document."""
     described = {
         "setting": asdict(setting),
@@ -158,7 +161,7 @@ def encoded(setting: Setting, rows: Sequence[Row]) -> bytes:
     return (json.dumps(described, indent=1) + "\n").encode()
 
 
-def table(rows: Sequence[Row]) -> bytes:
+def table(rows: Sequence[EditRow]) -> bytes:
     """One line a row, as CSV."""
     text = io.StringIO(newline="")
     flat = [row.flat() for row in rows]
@@ -169,8 +172,8 @@ def table(rows: Sequence[Row]) -> bytes:
 
 
 def _one(
-    setting: Setting, factor: str, seed: int, warm: set[str], keep: Callable[[Shot], None]
-) -> Iterator[Row]:
+    setting: EditSetting, factor: str, seed: int, warm: set[str], keep: Callable[[EditTrial], None]
+) -> Iterator[EditRow]:
     case, judge = CASES[factor], perceptual.opened(setting.eyes)
     recorded, true = _takes(setting, case, factor, seed)
     made: dict[str, Episode] = {}
@@ -191,11 +194,13 @@ def _one(
                 if everything
                 else "+".join(names.get(h, "inserted") for h in true.truth.changed)
             )
-            yield Row(factor, method, seed, true.truth.task, changed, scores, perceived)
-    keep(Shot(factor, seed, recorded, true, made))
+            yield EditRow(factor, method, seed, true.truth.task, changed, scores, perceived)
+    keep(EditTrial(factor, seed, recorded, true, made))
 
 
-def _takes(setting: Setting, case: Case, factor: str, seed: int) -> tuple[twin.Take, twin.Take]:
+def _takes(
+    setting: EditSetting, case: FactorCase, factor: str, seed: int
+) -> tuple[twin.Take, twin.Take]:
     task = setting.tasks[seed % len(setting.tasks)]
     recorded = _recorded(setting, case.lamps, task, seed)
     target = case.targets[seed // len(setting.tasks) % len(case.targets)]
@@ -218,7 +223,9 @@ def _takes(setting: Setting, case: Case, factor: str, seed: int) -> tuple[twin.T
 
 
 @lru_cache(2)  # factors share what was recorded
-def _recorded(setting: Setting, lamps: tuple[twin.Lamp, ...], task: str, seed: int) -> twin.Take:
+def _recorded(
+    setting: EditSetting, lamps: tuple[twin.TwinLamp, ...], task: str, seed: int
+) -> twin.Take:
     look = twin.Look(
         lamps=lamps,
         antialias=setting.antialias,
@@ -235,7 +242,12 @@ Make = Callable[[], tuple[Episode, Holes]]
 
 
 def _methods(
-    setting: Setting, case: Case, recorded: twin.Take, true: twin.Take, seed: int, folder: Path
+    setting: EditSetting,
+    case: FactorCase,
+    recorded: twin.Take,
+    true: twin.Take,
+    seed: int,
+    folder: Path,
 ) -> Iterator[tuple[str, Make]]:
     episode = recorded.episode
     asks = case.ask(recorded, true, folder)
@@ -254,12 +266,12 @@ def _methods(
         yield GAUSSIANS, partial(_edited, episode, case, asks[0], 3)
 
 
-def _edited(episode: Episode, case: Case, ask: Ask, tier: int) -> tuple[Episode, Holes]:
+def _edited(episode: Episode, case: FactorCase, ask: Ask, tier: int) -> tuple[Episode, Holes]:
     """The episode through the pipeline's own stages, every image rendered."""
     kind = TypeAdapter(registry.operator(case.operator))
     operators = [kind.validate_python(dict(fields)) for fields in ask.steps]
     made = plan.make(operators, episode, tier)
-    scene = recorded = preparing.prepare(episode, made)
+    scene = recorded = prepare.prepare(episode, made)
     for operator in operators:
         edit = ask.edit or operator.sample(recorded, np.random.default_rng(0))
         scene = operator.apply(scene, json.loads(json.dumps(edit)))

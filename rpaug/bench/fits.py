@@ -6,11 +6,11 @@ from itertools import product
 from typing import Any
 
 from rpaug.bench.pareto import Panel
-from rpaug.errors import MissingExtra, RpaugError, Unsupported
-from rpaug.scene.splats.densify import Densify
-from rpaug.scene.splats.frame_fit import FrameFit, FrameFitSettings, fit_views
-from rpaug.scene.splats.shots import shots_at
-from rpaug.types import Episode
+from rpaug.core.errors import MissingExtra, RpaugError, Unsupported
+from rpaug.core.types import Episode
+from rpaug.gaussians.densify import Densify
+from rpaug.gaussians.frame_fit import FrameFit, FrameFitSettings, fit_views
+from rpaug.gaussians.shots import shots_at
 
 OPTIMISERS = {"adam": None, "adam, splitting": Densify()}
 ENGINES = ("numba/float32", "reference/float64", "reference/float32", "gsplat/float32")
@@ -22,7 +22,7 @@ PANELS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
+class FitSetting:
     """Every combination is one fit; every `strides`-th pixel of each row and column begins as a Gaussian."""
 
     strides: tuple[int, ...] = (2, 4)
@@ -43,7 +43,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Row:
+class FitRow:
     """One fit. Seconds exclude compiling and reading: on the wall, and of the processor, all threads together.
 
     Decibels are PSNR over all cameras' pixels together at the end; `held_out_best_db` is the best that the held-out
@@ -65,13 +65,13 @@ class Row:
 
 
 def run(
-    setting: Setting,
+    setting: FitSetting,
     episode: Episode,
     t: int,
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> tuple[list[Row], list[dict[str, Any]], dict[str, str]]:
+) -> tuple[list[FitRow], list[dict[str, Any]], dict[str, str]]:
     """All rows, the trace of each, and why engines were skipped. Raises Unsupported without depth."""
-    rows: list[Row] = []
+    rows: list[FitRow] = []
     traces: list[dict[str, Any]] = []
     skipped: dict[str, str] = {}
     asked = list(product(setting.engines, setting.strides, setting.optimisers, setting.iterations))
@@ -96,11 +96,11 @@ def run(
     return rows, traces, skipped
 
 
-def _row(found: FrameFit, stride: int, iterations: int, optimiser: str, engine: str) -> Row:
+def _row(found: FrameFit, stride: int, iterations: int, optimiser: str, engine: str) -> FitRow:
     last = found.trace[-1]
     judged = [(p.held_out_db, p.seconds) for p in found.trace if p.held_out_db is not None]
     best = max(judged, default=(None, None))
-    return Row(
+    return FitRow(
         f"{engine}, stride {stride}, {optimiser}", stride, iterations, optimiser, engine,
         last.gaussians, last.seconds, last.processor_seconds, last.recorded_db, last.held_out_db,
         best[0], best[1],

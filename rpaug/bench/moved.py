@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool
 
-from rpaug import geometry, twin
-from rpaug.errors import Unsupported
+from rpaug import twin
+from rpaug.core import geometry
+from rpaug.core.errors import Unsupported
+from rpaug.core.types import CameraView, Episode, Scene
 from rpaug.scene.build import build
 from rpaug.scene.recorded import surfels
-from rpaug.types import CameraView, Episode, Scene
 
 SAME_POINT = 0.004, 0.01  # metres and share of depth: a recorded pixel this close saw the point
 OTHER_TIMES = 5  # frames between the recordings that may have seen a static point

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rpaug.errors import MissingExtra
+from rpaug.core.errors import MissingExtra
 
 
 def front(seconds: Float[np.ndarray, "n"], error: Float[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:

@@ -12,11 +12,11 @@ from torch import Tensor
 from torch.nn import functional
 
 from rpaug.bench import scores
-from rpaug.errors import BadInput
+from rpaug.core.errors import BadInput
+from rpaug.core.types import Episode
 from rpaug.providers import features, weights
 from rpaug.providers.clip import Clip
 from rpaug.twin import Take
-from rpaug.types import Episode
 
 LAYERS = ("conv1_2", "conv2_2", "conv3_3", "conv4_3", "conv5_3")
 LEAST = 32  # pixels a side of what VGG16 is shown: two cells of its last block
@@ -35,13 +35,13 @@ class Eyes:
     lpips: str | None = None
     clip: str | None = None
 
-    def open(self) -> "Judge":
+    def open(self) -> "PerceptualMetrics":
         """Load what there is. Raises BadInput or MissingExtra for what was named and cannot be used."""
         known = self.vgg is not None or weights.path().is_file()
         network = features.load(Path(self.vgg) if self.vgg else None) if known else None
         heads = _lpips(Path(self.lpips), network) if self.lpips else None
         clip = Clip.load(Path(self.clip)) if self.clip else None
-        return Judge(network, heads, clip)
+        return PerceptualMetrics(network, heads, clip)
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Lpips:
 
 
 @dataclass(frozen=True)
-class Judge:
+class PerceptualMetrics:
     """Figures of one episode. `vgg` and `lpips` are distances, `clip` is a cosine, 1 for the same picture.
 
     Each camera is looked at once, two thirds through the episode, where something has moved. `vgg` is taken over the
@@ -143,7 +143,7 @@ def _pairs(
 
 
 @lru_cache(2)
-def opened(eyes: Eyes) -> Judge:
+def opened(eyes: Eyes) -> PerceptualMetrics:
     """`Eyes.open`, once."""
     return eyes.open()
 

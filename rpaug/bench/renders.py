@@ -10,12 +10,12 @@ import numpy as np
 import torch
 from jaxtyping import Float32
 
-from rpaug import geometry
 from rpaug.bench.pareto import Panel
-from rpaug.errors import MissingExtra, RpaugError, Unsupported
+from rpaug.core import geometry
+from rpaug.core.errors import MissingExtra, RpaugError, Unsupported
+from rpaug.core.types import CameraView, Episode, Gaussians
+from rpaug.gaussians.gaussians import LiftedImage, joined, lifted
 from rpaug.render.splat import Rasteriser, Splats, View, rasterise
-from rpaug.scene.splats.gaussians import Picture, joined, lifted
-from rpaug.types import CameraView, Episode, Gaussians
 
 NAMES = tuple(field.name for field in fields(Splats))
 # The reference in float32 is left out unless asked for: denormal numbers slow it down a hundredfold.
@@ -36,7 +36,7 @@ PANELS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
+class RenderSetting:
     """Every size with every number of Gaussians and every engine, which is a backend with a precision."""
 
     sizes: tuple[tuple[int, int], ...] = ((32, 32), (128, 128), (640, 480))
@@ -53,7 +53,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Row:
+class RenderRow:
     """One backend on one scene; milliseconds are the fastest of the repeats, on the wall and of all threads.
 
     Errors are those to the float64 reference, on a crop that the reference can afford: colours of full scale 1,
@@ -77,7 +77,7 @@ class Row:
     gradient_error: float | None
 
 
-class Scene(NamedTuple):
+class RenderScene(NamedTuple):
     """What is rendered; `name` begins its name for people."""
 
     name: str
@@ -95,7 +95,7 @@ class Engine(NamedTuple):
     ]
 
 
-def strewn(width: int, height: int, count: int, features: int = 0) -> Scene:
+def strewn(width: int, height: int, count: int, features: int = 0) -> RenderScene:
     """Gaussians about as large as their share of the image, strewn over depths of 0.8 to 3 m."""
     rng = np.random.default_rng(0)
     focal = 0.9 * width
@@ -113,10 +113,10 @@ def strewn(width: int, height: int, count: int, features: int = 0) -> Scene:
         features=rng.normal(size=(count, features)).astype(np.float32) if features else None,
     )
     K = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
-    return Scene("", splats, View(K, np.eye(4), width, height))
+    return RenderScene("", splats, View(K, np.eye(4), width, height))
 
 
-def strewn_scenes(setting: Setting) -> list[Scene]:
+def strewn_scenes(setting: RenderSetting) -> list[RenderScene]:
     """Strewn Gaussians of every size and number."""
     return [
         strewn(width, height, count, setting.features)
@@ -125,7 +125,7 @@ def strewn_scenes(setting: Setting) -> list[Scene]:
     ]
 
 
-def recorded_scenes(episode: Episode, t: int, strides: Sequence[int]) -> list[Scene]:
+def recorded_scenes(episode: Episode, t: int, strides: Sequence[int]) -> list[RenderScene]:
     """What all cameras with depth recorded at `t`, every so-many-th pixel a Gaussian, seen from each of them.
 
     Each Gaussian is put up to 0.1 % nearer or farther: those of one row of pixels on a table are otherwise equally far,
@@ -145,7 +145,7 @@ def recorded_scenes(episode: Episode, t: int, strides: Sequence[int]) -> list[Sc
             means = (centre + far * (splats.means - centre)).astype(np.float32)
             pose = geometry.inverse(camera.cam_to_world[t])
             eye = View(camera.K, pose, camera.width, camera.height)
-            found.append(Scene(f"{name}, ", replace(splats, means=means), eye))
+            found.append(RenderScene(f"{name}, ", replace(splats, means=means), eye))
     return found
 
 
@@ -156,16 +156,18 @@ def _lifted(view: CameraView, t: int, stride: int) -> Gaussians:
     use[::stride, ::stride] = True
     ids = np.zeros(depth.shape, np.int32) if view.ids is None else view.ids(t)
     camera = view.camera
-    return lifted(Picture(view.rgb(t), depth, ids, camera.K, camera.cam_to_world[t], use), stride)
+    return lifted(
+        LiftedImage(view.rgb(t), depth, ids, camera.K, camera.cam_to_world[t], use), stride
+    )
 
 
 def run(
-    setting: Setting,
-    shown: Sequence[Scene],
+    setting: RenderSetting,
+    shown: Sequence[RenderScene],
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> tuple[list[Row], dict[str, str]]:
+) -> tuple[list[RenderRow], dict[str, str]]:
     """All rows, and why backends were skipped. Each backend is compiled before its first timing."""
-    rows: list[Row] = []
+    rows: list[RenderRow] = []
     skipped: dict[str, str] = {}
     for number, scene in enumerate(shown):
         truth = _Truth(scene)
@@ -183,7 +185,7 @@ def run(
 class _Truth:
     """The reference's image and gradients on a crop around the middle that it can afford."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: RenderScene) -> None:
         self.view = _crop(scene.view, AFFORDABLE // max(len(scene.splats), 1))
         shape = (self.view.height, self.view.width, 3)
         self.pull = np.random.default_rng(1).normal(size=shape).astype(np.float32)
@@ -201,7 +203,7 @@ class _Truth:
         return float(off.max()), float((off > CLOSE).mean()), max(apart)
 
 
-def _row(setting: Setting, scene: Scene, truth: _Truth, name: str) -> Row:
+def _row(setting: RenderSetting, scene: RenderScene, truth: _Truth, name: str) -> RenderRow:
     view, count = scene.view, len(scene.splats)
     worst, over, gradient = truth.errors(_engine(scene.splats, truth.view, name, setting.threads))
     pixels = view.width * view.height
@@ -212,7 +214,7 @@ def _row(setting: Setting, scene: Scene, truth: _Truth, name: str) -> Row:
         pull = np.ones((view.height, view.width, 3), np.float32)
         forward = _fastest(engine.forward, setting.repeats)
         both = _fastest(lambda: engine.both(pull), setting.repeats)
-    return Row(
+    return RenderRow(
         f"{scene.name}{view.width}x{view.height}, {count}", view.width, view.height, count,
         setting.features, name, setting.threads, forward[0], both[0], forward[1], both[1],
         worst, over, gradient,

@@ -6,10 +6,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Bool
 
-from rpaug.bench import metrics
+from rpaug.core import metrics
+from rpaug.core.types import CameraView, Episode
 from rpaug.scene.tracking import agreement
 from rpaug.twin import Take
-from rpaug.types import CameraView, Episode
 
 FAR = 0.02  # metres of depth error that count as another surface
 MIXED = 2  # pixels an anti-aliased outline may mix colours over

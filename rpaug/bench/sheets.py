@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from rpaug.bench.edits import BASELINES, Setting, Shot
+from rpaug.bench.edits import BASELINES, EditSetting, EditTrial
 from rpaug.bench.scores import regions
-from rpaug.errors import MissingExtra
-from rpaug.files import encode_png, write_atomic
+from rpaug.core.errors import MissingExtra
+from rpaug.core.files import encode_png, write_atomic
 
 TILE = 192  # pixels of one image's height
 GAIN = 4  # the difference to the truth is shown four times as strong, around grey
@@ -29,11 +29,11 @@ COLUMNS = ("psnr", "psnr_worst", "lead", "ssim", "ciede2000", "outside_worst", "
 class Sheets:
     """Writes one PNG a factor: a row a seed, the camera and frame that show the change most."""
 
-    def __init__(self, folder: Path, setting: Setting, most: int = 6) -> None:
+    def __init__(self, folder: Path, setting: EditSetting, most: int = 6) -> None:
         self.folder, self.setting, self.most = folder, setting, most
         self.rows: dict[str, list[UInt8[np.ndarray, "h w 3"]]] = {}
 
-    def keep(self, shot: Shot) -> None:
+    def keep(self, shot: EditTrial) -> None:
         """Add a seed to its factor's sheet, up to `most` of them."""
         rows = self.rows.setdefault(shot.factor, [])
         if len(rows) < self.most:
@@ -100,7 +100,7 @@ def plot(path: Path, summary: Sequence[Mapping[str, Any]]) -> Path:
     return path
 
 
-def _row(shot: Shot, antialias: bool) -> UInt8[np.ndarray, "h w 3"]:
+def _row(shot: EditTrial, antialias: bool) -> UInt8[np.ndarray, "h w 3"]:
     """Recorded, truth, then every method with its difference to the truth below."""
     late = 2 * shot.true.episode.length // 3  # by then something has moved
     found = max(

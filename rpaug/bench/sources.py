@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from rpaug import registry, twin
-from rpaug.errors import BadInput, RpaugError
-from rpaug.types import Episode
+from rpaug import twin
+from rpaug.core import registry
+from rpaug.core.errors import BadInput, RpaugError
+from rpaug.core.types import Episode
 
 
 @dataclass(frozen=True, kw_only=True)

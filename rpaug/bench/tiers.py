@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
-from rpaug.bench import metrics, moved
+from rpaug.bench import moved
 from rpaug.bench.moved import Sight
 from rpaug.bench.pareto import Panel
-from rpaug.errors import RpaugError
+from rpaug.core import metrics
+from rpaug.core.errors import RpaugError
+from rpaug.core.types import Scene
+from rpaug.gaussians import fit, fit4, gaussian_view
+from rpaug.gaussians.descent import settings_for
+from rpaug.gaussians.frame_fit import FrameFitSettings, fit_views
+from rpaug.gaussians.shots import shots_at
 from rpaug.render import holes
 from rpaug.render.splat import Rasteriser, Splats, warm
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene.four import fit4
 from rpaug.scene.recorded import surfels
-from rpaug.scene.splats import fit, gaussian_view
-from rpaug.scene.splats.descent import settings_for
-from rpaug.scene.splats.frame_fit import FrameFitSettings, fit_views
-from rpaug.scene.splats.shots import shots_at
-from rpaug.types import Scene
 
 FAR = 0.02  # metres
 ALL_SECONDS = "processor seconds, preparing and all views"
@@ -33,7 +33,7 @@ PANELS = (
 
 
 @dataclass(frozen=True)
-class Shown:
+class TierView:
     """One view as a method shows it; `hole` marks what it invented."""
 
     rgb: UInt8[np.ndarray, "h w 3"]
@@ -69,7 +69,7 @@ class Method:
     """A way to show a view, and which of `STAGES` it needs; `show` gives None for a view it has nothing for."""
 
     tier: str
-    show: Callable[[Prepared, Sight], Shown | None]
+    show: Callable[[Prepared, Sight], TierView | None]
     needs: tuple[str, ...] = ()
 
 
@@ -78,7 +78,7 @@ Recording = tuple[Scene, Sequence[Sight]]
 
 
 @dataclass(frozen=True)
-class Row:
+class TierRow:
     """One method over all views of all recordings: PSNR of the mean squared error, SSIM's mean, medians of depth and
     of time.
 
@@ -104,39 +104,39 @@ class Row:
     gaussians: int
 
 
-def unchanged(made: Prepared, sight: Sight) -> Shown | None:
+def unchanged(made: Prepared, sight: Sight) -> TierView | None:
     """The recorded image, as if the camera had stayed; nothing for a camera that was left out."""
     view = sight.scene.episode.views.get(sight.name)
     if view is None:
         return None
     assert view.depth is not None
     depth = view.depth(sight.t)
-    return Shown(view.rgb(sight.t), depth, np.zeros(depth.shape, bool))
+    return TierView(view.rgb(sight.t), depth, np.zeros(depth.shape, bool))
 
 
-def by_surfels(made: Prepared, sight: Sight) -> Shown:
+def by_surfels(made: Prepared, sight: Sight) -> TierView:
     """The z-buffer, holes filled from what lies beside them."""
     drawn = moved.shown_by_surfels(made.kept, sight)
-    return Shown(drawn.image, drawn.depth, drawn.hole)
+    return TierView(drawn.image, drawn.depth, drawn.hole)
 
 
-def by_gaussians(made: Prepared, sight: Sight) -> Shown:
+def by_gaussians(made: Prepared, sight: Sight) -> TierView:
     """The fitted Gaussians alone, holes filled from what lies beside them."""
     return _gaussians_of(made.scene, sight)
 
 
-def by_gaussians_in_time(made: Prepared, sight: Sight) -> Shown:
+def by_gaussians_in_time(made: Prepared, sight: Sight) -> TierView:
     """The same with those in space and time for what bends."""
     return _gaussians_of(made.in_time, sight)
 
 
-def _gaussians_of(scene: Scene, sight: Sight) -> Shown:
+def _gaussians_of(scene: Scene, sight: Sight) -> TierView:
     there = replace(scene, cameras=sight.scene.cameras)
     rgb, depth, ids = gaussian_view.render_view(there, sight.name, sight.t)
     return _filled(rgb, depth, ids)
 
 
-def by_moments(made: Prepared, sight: Sight) -> Shown:
+def by_moments(made: Prepared, sight: Sight) -> TierView:
     """Gaussians fitted to nothing but what all cameras recorded at that time, holes filled."""
     camera, splats = sight.scene.cameras[sight.name], made.moments[sight.t]
     view = gaussian_view.view_of(camera, sight.t)
@@ -150,18 +150,18 @@ def _filled(
     rgb: UInt8[np.ndarray, "h w 3"],
     depth: Float32[np.ndarray, "h w"],
     ids: Int32[np.ndarray, "h w"],
-) -> Shown:
+) -> TierView:
     none = depth == 0
     drawn = Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none)
     filled = holes.fill(drawn)
-    return Shown(filled.image, filled.depth, none)
+    return TierView(filled.image, filled.depth, none)
 
 
-def by_both(made: Prepared, sight: Sight) -> Shown:
+def by_both(made: Prepared, sight: Sight) -> TierView:
     """Surfels, and Gaussians where no recording showed anything."""
     near, far = by_surfels(made, sight), by_gaussians(made, sight)
     use = near.hole & ~far.hole
-    return Shown(
+    return TierView(
         np.where(use[..., None], far.rgb, near.rgb),
         np.where(use, far.depth, near.depth),
         near.hole & ~use,
@@ -193,7 +193,7 @@ def run(
     steps: int | None = None,
     threads: int = 2,
     progress: Callable[[], None] = lambda: None,
-) -> list[Row]:
+) -> list[TierRow]:
     """A row for each method over all recordings' views, the same for all. `steps` are of each fit of an episode.
 
     `progress` is told of each method done with each recording.
@@ -279,7 +279,7 @@ def _measured(made: Prepared, name: str, sight: Sight) -> dict[str, float] | Non
 
 def _row(
     views_of: str, name: str, prepared: Sequence[Prepared], measured: list[dict[str, float]]
-) -> Row:
+) -> TierRow:
     method = METHODS[name]
     mean = {key: float(np.nanmean([one[key] for one in measured])) for key in measured[0]}
     middle = {
@@ -288,7 +288,7 @@ def _row(
     before = sum(made.spent[need].processor for made in prepared for need in method.needs)
     wall = sum(made.spent[need].wall for made in prepared for need in method.needs)
     counts = [sum(made.counts[need] for need in method.needs) for made in prepared]
-    return Row(
+    return TierRow(
         views_of=views_of,
         method=name,
         tier=method.tier,

@@ -18,7 +18,7 @@ from rpaug.cli.console import (
     say,
     write_new,
 )
-from rpaug.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError
 
 
 def ask(
@@ -77,10 +77,11 @@ def ask(
 
     Example: [bold]rpaug ask data/open_drawer "make the drawer blue, put two mugs near it" --out blue.yaml[/]
     """
-    from rpaug.agents import asking, rounds
-    from rpaug.agents.messages import NotUnderstood
     from rpaug.cli.console import read_episode
-    from rpaug.errors import TargetError, Unsupported
+    from rpaug.core.errors import TargetError, Unsupported
+    from rpaug.language import asking
+    from rpaug.language import rounds
+    from rpaug.language.messages import NotUnderstood
     from rpaug.scene.build import build
 
     if run and into is None:
@@ -114,7 +115,7 @@ def ask(
 
 
 def _maker(who: str | None, scale: float, up: str) -> Any:
-    from rpaug.agents.making import Maker
+    from rpaug.language.making import Maker
 
     if up not in ("y", "z"):
         raise RpaugError(f"--generator-up {up}: give y or z")
@@ -134,10 +135,10 @@ def _endpoint(
         return None
     if model is None:
         raise RpaugError("--llm needs --model: the name of the model to ask")
-    from rpaug.agents.talk import Model
+    from rpaug.language.talk import WishModel
     from rpaug.providers.language import Endpoint
 
-    return Model(Endpoint.of(url, model, key_env=key_env, timeout=timeout, price=price))
+    return WishModel(Endpoint.of(url, model, key_env=key_env, timeout=timeout, price=price))
 
 
 def _refused(reason: str, endpoint: Any, as_json: bool) -> int:
@@ -154,7 +155,7 @@ def _refused(reason: str, endpoint: Any, as_json: bool) -> int:
 
 
 def _write(asked: Any, out: Path | None, history: Path | None, log: Path | None) -> None:
-    from rpaug.files import write_atomic
+    from rpaug.core.files import write_atomic
 
     if out is not None:
         write_new(out, asked.yaml.encode())

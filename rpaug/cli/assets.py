@@ -82,13 +82,13 @@ def generate(
     """
     from rpaug.assets import generate as generating
     from rpaug.assets import library
-    from rpaug.errors import RpaugError
+    from rpaug.core.errors import RpaugError
 
     if (command is None) == (endpoint is None):
         raise RpaugError("generate: name who makes it, with --command or --endpoint, not both")
     _check_up(up)
     library.check_name(name)
-    wish = generating.Wish(text, image)
+    wish = generating.GenerationRequest(text, image)
     wish.check()
     limits = generating.Limits(timeout, most_megabytes << 20)
     with console.status(f"waiting for {name} (at most {timeout:g} s)"):
@@ -110,7 +110,7 @@ def show(
     Example: [bold]rpaug assets show mug_red --out mug.png[/]
     """
     from rpaug.assets import library, picture
-    from rpaug.files import encode_png, write_atomic
+    from rpaug.core.files import encode_png, write_atomic
 
     asset = library.get(name)
     thing = library.mesh(name)
@@ -129,7 +129,7 @@ def show(
 
 
 def _check_up(up: str) -> None:
-    from rpaug.errors import RpaugError
+    from rpaug.core.errors import RpaugError
 
     if up not in ("y", "z"):
         raise RpaugError(f"--up {up}: give y or z")

@@ -20,7 +20,7 @@ from rpaug.cli.console import (
     warn,
 )
 from rpaug.cli.recipes import load_recipe
-from rpaug.errors import RpaugError
+from rpaug.core.errors import RpaugError
 
 
 def augment(
@@ -72,7 +72,7 @@ def augment(
 
     Example: [bold]rpaug augment data/train/open_drawer --recipe recipe.yaml --out augmented --workers 2[/]
     """
-    from rpaug.augment import Run, execute
+    from rpaug.pipeline.augment import Run, execute
 
     if tier == 2:
         raise RpaugError("--tier 2: assets enter at any tier; the least tier is 0, 1, 3 or 4")
@@ -112,7 +112,7 @@ def _ratio(told: str | None) -> tuple[int, int] | None:
 
 def _contact_sheet(run: Any, described: dict[str, Any]) -> int:
     """Write the sheet; the episodes are done whether it can be or not."""
-    from rpaug import contact
+    from rpaug.pipeline import contact
 
     try:
         described["contact_sheet"] = str(contact.write(run.adapter, run.source, run.target))
@@ -124,8 +124,8 @@ def _contact_sheet(run: Any, described: dict[str, Any]) -> int:
 
 def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
     """What a run would do. Images are looked at only to measure errors, where the recipe states an accuracy."""
-    from rpaug import preparing
-    from rpaug.augment import check
+    from rpaug.pipeline import prepare
+    from rpaug.pipeline.augment import check
 
     check(run, resume)
     plans, total, failed = [], {"seconds": 0.0, "megabytes": 0.0}, {}
@@ -133,7 +133,7 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
     for key in run.keys:
         try:
             episode = run.adapter.read(run.source, key)
-            made = preparing.planned(episode, run.recipe, run.tier)
+            made = prepare.planned(episode, run.recipe, run.tier)
         except RpaugError as error:
             failed[key] = str(error)
             continue

@@ -39,7 +39,7 @@ def edits(
     """
     from rpaug.bench import edits as measured
     from rpaug.bench import perceptual, sheets
-    from rpaug.files import atomic_folder
+    from rpaug.core.files import atomic_folder
 
     switches = {"antialias": antialias, "specular": specular, "shadows": shadows}
     shape = {"seeds": seeds, "frames": frames, "size": size, "gaussians": gaussians}
@@ -48,7 +48,7 @@ def edits(
     judged = perceptual.opened(eyes).names
     chosen = {"factors": factor, "tasks": task}
     named = {name: tuple(value) for name, value in chosen.items() if value}
-    setting = measured.Setting(**named, **shape, **switches, eyes=eyes)  # type: ignore[arg-type]
+    setting = measured.EditSetting(**named, **shape, **switches, eyes=eyes)  # type: ignore[arg-type]
     skipped = measured.missing(setting)
     with atomic_folder(out) as folder:
         kept = sheets.Sheets(folder, setting)

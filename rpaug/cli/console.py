@@ -18,7 +18,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from rpaug.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError
 
 console = Console(stderr=True, emoji=False)
 
@@ -125,7 +125,7 @@ class _Words(logging.Handler):
 @contextmanager
 def _told(show: Callable[[str], None]) -> Iterator[None]:
     """What takes minutes says how far it is; only in this process: of workers the bar tells whole copies."""
-    log, handler = logging.getLogger("rpaug.preparing"), _Words(show)
+    log, handler = logging.getLogger("rpaug.pipeline.prepare"), _Words(show)
     level = log.level
     log.addHandler(handler)
     log.setLevel(logging.INFO)
@@ -147,7 +147,7 @@ def say(line: str) -> None:
 
 
 def read_episode(dataset: Path, key: str | None) -> Any:
-    from rpaug import registry
+    from rpaug.core import registry
 
     adapter = registry.adapter_for(dataset)
     keys = adapter.episodes(dataset)
@@ -157,7 +157,7 @@ def read_episode(dataset: Path, key: str | None) -> Any:
 
 
 def write_new(path: Path, data: bytes) -> None:
-    from rpaug.files import write_atomic
+    from rpaug.core.files import write_atomic
 
     if path.exists():
         raise BadInput(

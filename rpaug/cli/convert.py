@@ -31,7 +31,7 @@ def convert(
 
     Example: [bold]rpaug convert data/train/open_drawer --to rdt --out data/rdt[/]
     """
-    from rpaug.convert import convert as write
+    from rpaug.pipeline.convert import convert as write
 
     with progress_bar("converting", as_json) as progress:
         done = write(dataset, out, to, progress, licence=licence)

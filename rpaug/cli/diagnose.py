@@ -17,7 +17,7 @@ from rpaug.cli.console import (
     say,
     write_new,
 )
-from rpaug.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError
 
 
 def diagnose(

@@ -23,7 +23,7 @@ def doctor(
     """
     from dataclasses import asdict
 
-    from rpaug import doctor as asked
+    from rpaug.cli import checks as asked
 
     warmed = []
     if warm:

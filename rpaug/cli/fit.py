@@ -16,10 +16,10 @@ from rpaug.cli.console import (
     read_episode,
     say,
 )
-from rpaug.errors import RpaugError
+from rpaug.core.errors import RpaugError
 
 
-class Stop(Enum):
+class StopChoice(Enum):
     """When a fit ends."""
 
     HELDOUT = "heldout"
@@ -34,11 +34,11 @@ def fit(
         Path | None, typer.Option(help="Also export to this new file, in 3DGS layout.")
     ] = None,
     stop: Annotated[
-        Stop,
+        StopChoice,
         typer.Option(
             help="Until held-out views stop improving, or until recorded views are shown to --target."
         ),
-    ] = Stop.HELDOUT,
+    ] = StopChoice.HELDOUT,
     target: Annotated[
         float | None,
         typer.Option(min=0, max=60, help="Decibels that --stop fidelity is to reach; 35."),
@@ -60,10 +60,10 @@ def fit(
 
     Example: [bold]rpaug fit data/train/open_drawer --out scenes --ply drawer.ply[/]
     """
-    from rpaug.fitting import fit_episode
-    from rpaug.scene.splats.descent import settings_for
+    from rpaug.gaussians.descent import settings_for
+    from rpaug.pipeline.fit import fit_episode
 
-    if target is not None and stop is Stop.HELDOUT:
+    if target is not None and stop is StopChoice.HELDOUT:
         raise RpaugError("--target: only --stop fidelity has one")
     settings = settings_for(stop.value, target=target, steps=steps)
     found = read_episode(dataset, episode)
@@ -83,8 +83,9 @@ def fit(
 
 def _founder(dataset: Path, key: str) -> Any:
     """The episode that lends Gaussians to this one; None if it is the first of its place."""
-    from rpaug import preparing, registry
+    from rpaug.core import registry
+    from rpaug.pipeline import prepare
 
     adapter = registry.adapter_for(dataset)
-    first = preparing.founders(adapter, dataset, [key]).get(key)
+    first = prepare.founders(adapter, dataset, [key]).get(key)
     return None if first is None else adapter.read(dataset, first)

@@ -31,7 +31,7 @@ def inspect(
 
     Example: [bold]rpaug inspect data/train/open_drawer --html instances.html[/]
     """
-    from rpaug import inspect as inspection
+    from rpaug.pipeline import inspect as inspection
 
     found = read_episode(dataset, episode)
     with progress_bar("looking", as_json):  # a video takes minutes, and says what is being done

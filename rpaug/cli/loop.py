@@ -42,7 +42,7 @@ def loop(
     Example: [bold]rpaug loop data/train --train "python train.py --data {data} --out {policy}"
     --eval "python eval.py {policy} {evaluation}" --out looped[/]
     """
-    from rpaug import loop as looping
+    from rpaug.diagnosis import loop as looping
 
     asked = looping.Loop(dataset, train, evaluate, out, rounds, copies, workers, seed, policy)
     looping.check(asked, resume)

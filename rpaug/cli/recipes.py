@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from rpaug.cli.console import AsJson, print_json, say
-from rpaug.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError
 
 
 def validate_recipe(
@@ -23,7 +23,7 @@ def validate_recipe(
 
     Example: [bold]rpaug validate-recipe recipe.yaml[/]
     """
-    from rpaug import recipe as recipes
+    from rpaug.pipeline import recipe as recipes
 
     if schema:
         print_json(recipes.schema())
@@ -40,7 +40,7 @@ def validate_recipe(
 
 
 def load_recipe(name: str, overrides: list[str]) -> Any:
-    from rpaug import recipe
+    from rpaug.pipeline import recipe
 
     path = Path(name)
     if not path.is_file():

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from rpaug.cli.console import AsJson, print_json, say
-from rpaug.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError
 
 Store = Annotated[
     Path, typer.Argument(help="Folder of a store: `rpaug fit --out`.", show_default=False)
@@ -23,7 +23,7 @@ def ls(
 
     Exit code 1 if some are damaged. Example: [bold]rpaug scenes ls scenes --check[/]
     """
-    from rpaug.scene.splats import store as stored
+    from rpaug.gaussians import store as stored
 
     rows: list[dict[str, Any]] = []
     for name in stored.names(store):
@@ -76,7 +76,7 @@ def rm(
 
     Example: [bold]rpaug scenes rm scenes 3fa2[/]
     """
-    from rpaug.scene.splats import store as stored
+    from rpaug.gaussians import store as stored
 
     names = list(dict.fromkeys(stored.named(store, key) for key in keys))
     for name in names:
@@ -112,8 +112,8 @@ def export(
     """
     import numpy as np
 
-    from rpaug.scene.splats import gaussians, ply
-    from rpaug.scene.splats import store as stored
+    from rpaug.gaussians import gaussians, ply
+    from rpaug.gaussians import store as stored
 
     found = stored.load(store, stored.named(store, key))
     assert found is not None

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from rpaug.cli.console import AsJson, EpisodeKey, plain, print_json, progress_bar, warn
-from rpaug.errors import RpaugError
+from rpaug.core.errors import RpaugError
 
 WIDTH = 180  # columns of a printed table
 
@@ -64,7 +64,7 @@ def render(
         "engines": tuple(engine or ()),
     }
     named = {name: value for name, value in named.items() if value}
-    setting = renders.Setting(**named, features=features, threads=threads, repeats=repeats)
+    setting = renders.RenderSetting(**named, features=features, threads=threads, repeats=repeats)
     asked: dict[str, Any] = vars(setting)
     if dataset is None and twin is None:
         shown = renders.strewn_scenes(setting)
@@ -119,7 +119,7 @@ def fit(
         "optimisers": tuple(optimiser or ()),
         "engines": tuple(engine or ()),
     }
-    setting = fits.Setting(**{k: v for k, v in named.items() if v}, threads=threads)
+    setting = fits.FitSetting(**{k: v for k, v in named.items() if v}, threads=threads)
     found, origin = _recorded(dataset, twin, seed, episode, frame)
     with progress_bar("fitting", as_json) as progress:
         rows, traces, skipped = fits.run(setting, found, frame, progress)
@@ -243,7 +243,7 @@ def _write(
 ) -> None:
     """The rows as CSV and JSON, and the plot if there are panels, in a new folder."""
     from rpaug.bench import pareto, tables
-    from rpaug.files import atomic_folder
+    from rpaug.core.files import atomic_folder
 
     with atomic_folder(out) as folder:
         (folder / f"{name}.csv").write_bytes(tables.as_csv(rows))

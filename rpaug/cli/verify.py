@@ -36,8 +36,8 @@ def verify(
     """
     from dataclasses import replace
 
-    from rpaug.verify import LOOKED_AT, Finding
-    from rpaug.verify import verify as compared
+    from rpaug.pipeline.verify import LOOKED_AT, Finding
+    from rpaug.pipeline.verify import verify as compared
 
     with progress_bar("verifying", as_json) as progress:
         verdict = compared(

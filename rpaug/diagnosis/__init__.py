@@ -2,16 +2,16 @@
 
 from rpaug.diagnosis.diagnose import diagnose
 from rpaug.diagnosis.evaluation import Evaluation, Rollout, read
-from rpaug.diagnosis.jsonl import Line, Moment, write
+from rpaug.diagnosis.jsonl import FrameImages, Line, write
 from rpaug.diagnosis.messages import Cause, Diagnosis, Measured
 
 __all__ = [
     "Cause",
     "Diagnosis",
     "Evaluation",
+    "FrameImages",
     "Line",
     "Measured",
-    "Moment",
     "Rollout",
     "diagnose",
     "read",

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 
-from rpaug.diagnosis.reference import Plate
+from rpaug.diagnosis.reference import ReferenceCamera
 
 SIDE = 128  # pixels: larger images are searched at this width
 REACH = 0.22  # of the image's width: how far the robot is looked for
@@ -42,7 +42,7 @@ class Aligned:
         return cv2.warpAffine(ids.astype(np.float32), self.matrix, (w, h), flags=flags).astype(int)
 
 
-def align(image: UInt8[np.ndarray, "h w 3"], plate: Plate) -> Aligned | None:
+def align(image: UInt8[np.ndarray, "h w 3"], plate: ReferenceCamera) -> Aligned | None:
     """How the image lies against the recordings' camera; None where no robot is found."""
     h, w = plate.mean.shape[:2]
     if image.shape[:2] != (h, w):

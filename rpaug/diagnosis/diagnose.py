@@ -8,7 +8,7 @@ from rpaug.diagnosis.analyst import Analyst, Judged
 from rpaug.diagnosis.evaluation import Evaluation
 from rpaug.diagnosis.messages import KEPT, Cause, Diagnosis
 from rpaug.diagnosis.reference import Reference, learn
-from rpaug.diagnosis.rules import Rules
+from rpaug.diagnosis.rules import RuleAnalyst
 
 
 def diagnose(
@@ -27,7 +27,7 @@ def diagnose(
     is what `reference.learn` made of it, if that was done before. `analyst` is the rule-based one unless given; with a
     `second` one only causes that both name are kept. Raises RpaugError; nothing is written.
     """
-    analyst = analyst or Rules(seed)
+    analyst = analyst or RuleAnalyst(seed)
     label = analyst.label if second is None else f"{analyst.label}; cross-checked: {second.label}"
     failures = evaluation.failures
     facts: dict[str, Any] = {

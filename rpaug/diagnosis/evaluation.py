@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int32, UInt8
 
-from rpaug import registry
+from rpaug.core import registry
+from rpaug.core.errors import BadInput
+from rpaug.core.types import CameraView
 from rpaug.diagnosis import jsonl
-from rpaug.errors import BadInput
-from rpaug.types import CameraView
 
 Image = Callable[[], UInt8[np.ndarray, "h w 3"]]
 
 
 @dataclass(frozen=True)
-class Shot:
+class CameraShot:
     """What one camera saw at one frame. `ids` and `pose` (camera to world) are None where the evaluation lacks them."""
 
     image: Image
@@ -33,7 +33,7 @@ class Rollout:
     name: str
     success: bool
     instruction: str
-    shots: Mapping[str, Mapping[int, Shot]]
+    shots: Mapping[str, Mapping[int, CameraShot]]
     roles: Mapping[str, frozenset[int]] = field(default_factory=dict)
     failed_at: int | None = None
     factor: str | None = None
@@ -92,21 +92,21 @@ def checked(path: Path, evaluation: Evaluation) -> Evaluation:
     return evaluation
 
 
-def filmed(path: Path) -> Mapping[int, Shot]:
+def filmed(path: Path) -> Mapping[int, CameraShot]:
     """The frames of a video, decoded when asked for. Raises BadInput."""
     episode = registry.adapter("ego4d").read(path.parent, path.stem)
     view: CameraView = next(iter(episode.views.values()))
-    return {t: Shot(partial(view.rgb, t)) for t in range(episode.length)}
+    return {t: CameraShot(partial(view.rgb, t)) for t in range(episode.length)}
 
 
 def _rollout(where: str, line: jsonl.Line, folder: Path) -> Rollout:
-    shots: dict[str, dict[int, Shot]] = {}
+    shots: dict[str, dict[int, CameraShot]] = {}
     for number, moment in enumerate(line.frames):
         for name, file in moment.images.items():
             at = f"frames[{number}]"
             mask, pose = moment.masks.get(name), moment.poses.get(name)
             seen = jsonl.inside(folder, file, where, f"{at}.images.{name}")
-            shots.setdefault(name, {})[moment.t] = Shot(
+            shots.setdefault(name, {})[moment.t] = CameraShot(
                 partial(jsonl.image, seen),
                 partial(jsonl.ids, jsonl.inside(folder, mask, where, f"{at}.masks.{name}"))
                 if mask is not None

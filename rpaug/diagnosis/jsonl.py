@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, StrictBool, ValidationError, field_validator
 
-from rpaug.agents.messages import Message
-from rpaug.errors import BadInput
-from rpaug.faults import dotted
-from rpaug.files import decode_image, write_atomic
+from rpaug.core.errors import BadInput
+from rpaug.core.files import decode_image, write_atomic
+from rpaug.language.messages import Message
+from rpaug.pipeline.recipe_errors import dotted
 
 MOST_BYTES = 2**26  # of the file
 MOST_LINE = 2**20  # bytes of one line
@@ -21,7 +21,7 @@ Name = Annotated[str, Field(min_length=1, max_length=200)]
 Frame = Annotated[int, Field(ge=0, lt=2**31)]
 
 
-class Moment(Message):
+class FrameImages(Message):
     """The images of one frame by camera; paths are relative to the file. Masks hold ids as R + 256 G + 65536 B.
 
     `poses` are camera-to-world matrices (x right, y down, z ahead).
@@ -47,7 +47,7 @@ class Line(Message):
     episode: Name
     success: StrictBool
     instruction: str = Field(default="", max_length=2000)
-    frames: tuple[Moment, ...] = Field(default=(), max_length=256)
+    frames: tuple[FrameImages, ...] = Field(default=(), max_length=256)
     video: dict[Name, str] = Field(default={}, max_length=16)
     roles: dict[Name, tuple[int, ...]] = {}
     failed_at: Frame | None = None
@@ -56,7 +56,7 @@ class Line(Message):
 
     @field_validator("frames")
     @classmethod
-    def _in_order(cls, frames: tuple[Moment, ...]) -> tuple[Moment, ...]:
+    def _in_order(cls, frames: tuple[FrameImages, ...]) -> tuple[FrameImages, ...]:
         times = [moment.t for moment in frames]
         if times != sorted(set(times)):
             raise ValueError(f"t is {times[:10]}; expected rising numbers")

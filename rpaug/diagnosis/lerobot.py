@@ -14,10 +14,10 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from rpaug.core.errors import BadInput
+from rpaug.core.files import read_bytes
 from rpaug.diagnosis.evaluation import Evaluation, Rollout, checked, filmed
-from rpaug.errors import BadInput
-from rpaug.faults import dotted
-from rpaug.files import read_bytes
+from rpaug.pipeline.recipe_errors import dotted
 
 INFO = "eval_info.json"
 MOST_BYTES = 2**26

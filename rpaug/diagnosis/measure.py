@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from rpaug.diagnosis.evaluation import Evaluation, Rollout, Shot
+from rpaug.diagnosis.evaluation import CameraShot, Evaluation, Rollout
 from rpaug.diagnosis.messages import FACTORS, Factor
-from rpaug.diagnosis.reference import Plate, Plates, Reference
-from rpaug.diagnosis.sight import NUMBERS, Seen, Stage, measured, stage
+from rpaug.diagnosis.reference import Plates, Reference, ReferenceCamera
+from rpaug.diagnosis.sight import NUMBERS, Seen, SightCamera, measured, stage
 
 MOST_CAMERAS = 3
 FEW = 0.5  # share of the rollouts in which a factor must be measured
@@ -84,11 +84,13 @@ def _by_task(
     return now, {factor: np.concatenate(some) for factor, some in own.items()}
 
 
-def _scored(camera: str, rollouts: Sequence[Rollout], plate: Plate) -> tuple[Scores, Scores]:
+def _scored(
+    camera: str, rollouts: Sequence[Rollout], plate: ReferenceCamera
+) -> tuple[Scores, Scores]:
     """Every rollout's and every recording's numbers in standard deviations of the recordings, in one camera."""
-    made: Stage = stage(plate)
+    made: SightCamera = stage(plate)
     own = [
-        measured(Shot(lambda image=one.image: image), {}, made, without=k)  # type: ignore[misc]
+        measured(CameraShot(lambda image=one.image: image), {}, made, without=k)  # type: ignore[misc]
         for k, one in enumerate(made.plate.firsts)
     ]
     now = [_first(one, camera, made) for one in rollouts]
@@ -97,7 +99,9 @@ def _scored(camera: str, rollouts: Sequence[Rollout], plate: Plate) -> tuple[Sco
     )
     if masked and any(one.roles for one in rollouts):
         own = [
-            measured(Shot(lambda i=one.image: i, lambda i=one.ids: i), one.roles, made, without=k)  # type: ignore[misc]
+            measured(
+                CameraShot(lambda i=one.image: i, lambda i=one.ids: i), one.roles, made, without=k
+            )  # type: ignore[misc]
             for k, one in enumerate(made.plate.firsts)
         ]
     scored: Scores = {}
@@ -115,7 +119,7 @@ def _scored(camera: str, rollouts: Sequence[Rollout], plate: Plate) -> tuple[Sco
     return scored, usual
 
 
-def _first(rollout: Rollout, camera: str, made: Stage) -> Seen:
+def _first(rollout: Rollout, camera: str, made: SightCamera) -> Seen:
     shots = rollout.shots.get(camera)
     return measured(shots[min(shots)], rollout.roles, made) if shots else {}
 

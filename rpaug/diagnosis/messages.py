@@ -4,7 +4,7 @@ from typing import Any, Literal, get_args
 
 from pydantic import Field
 
-from rpaug.agents.messages import Message
+from rpaug.language.messages import Message
 
 Factor = Literal[
     "object position",

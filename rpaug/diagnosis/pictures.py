@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from rpaug.core.files import encode_png
 from rpaug.diagnosis.evaluation import Rollout
 from rpaug.diagnosis.reference import Reference
-from rpaug.files import encode_png
 
 SIDE = 512  # pixels, of the longer side of what a model is shown
 MOST = 6  # pictures in one question

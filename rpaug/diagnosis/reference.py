@@ -13,15 +13,14 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8
 
-from rpaug import registry
-from rpaug.agents import asking
-from rpaug.agents.messages import Setting
-from rpaug.errors import BadInput
-from rpaug.interfaces import Adapter
-from rpaug.run import group_of
-from rpaug.scene import keyframes
+from rpaug.core import keyframes, registry
+from rpaug.core.errors import BadInput
+from rpaug.core.interfaces import Adapter
+from rpaug.core.types import Camera, CameraView, Episode, Robot, Scene
+from rpaug.language import asking
+from rpaug.language.messages import WishContext
+from rpaug.pipeline.job import group_of
 from rpaug.scene.build import build
-from rpaug.types import Camera, CameraView, Episode, Robot, Scene
 
 MOST = 10  # recordings that are looked at
 FEWEST = 5  # of each task, where there are several
@@ -46,7 +45,7 @@ class First:
 
 
 @dataclass(frozen=True)
-class Plate:
+class ReferenceCamera:
     """One fixed camera of the recordings: all first frames, their mean, and what most of them show where."""
 
     firsts: tuple[First, ...]
@@ -66,7 +65,7 @@ class Plate:
         return self.usually("robot", ALWAYS)
 
 
-Plates = Mapping[str, Plate]  # by camera
+Plates = Mapping[str, ReferenceCamera]  # by camera
 Words = frozenset[str]
 
 
@@ -78,7 +77,7 @@ class Reference:
     """
 
     plates: Plates
-    setting: Setting
+    setting: WishContext
     scene: Callable[[], Scene]
     notes: tuple[str, ...] = ()
     tasks: Mapping[Words, Plates] = field(default_factory=dict)
@@ -159,7 +158,7 @@ def _plates(several: Iterable[Mapping[str, list[First]]]) -> Plates:
     for firsts in several:
         for name, seen in firsts.items():
             joined.setdefault(name, []).extend(seen)
-    return {name: Plate(tuple(_alike(seen))) for name, seen in joined.items()}
+    return {name: ReferenceCamera(tuple(_alike(seen))) for name, seen in joined.items()}
 
 
 def _alike(firsts: list[First]) -> list[First]:

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from typing import Any
 
-from rpaug import recipe as recipes
-from rpaug.agents import asking
-from rpaug.agents.messages import NotUnderstood, Setting
+from rpaug.core.errors import TargetError, Unsupported
 from rpaug.diagnosis.messages import Cause, Factor
 from rpaug.diagnosis.reference import Reference
-from rpaug.errors import TargetError, Unsupported
+from rpaug.language import asking
+from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.pipeline import recipe as recipes
 
 # What the rule-based analyst asks for. A thing that the robot acts on cannot be moved: recorded actions would miss it.
 WORDS: dict[Factor, str] = {
@@ -33,7 +33,7 @@ def mended(cause: Cause, reference: Reference | None, seed: int = 0) -> Cause:
     """The cause with the edits that its remedy comes to in the recordings, or with a note why there are none."""
     if not cause.remedy:
         return cause.model_copy(update={"note": NO_EDIT.get(cause.factor, "no remedy was named")})
-    setting = Setting() if reference is None else reference.setting
+    setting = WishContext() if reference is None else reference.setting
     scene = None if reference is None else reference.scene
     try:
         asked = asking.ask(cause.remedy, setting, scene)

@@ -10,7 +10,7 @@ from rpaug.diagnosis.reference import Reference
 from rpaug.diagnosis.remedies import WORDS
 
 
-class Rules:
+class RuleAnalyst:
     """Says which measured factor tells failed from succeeded rollouts."""
 
     label: ClassVar[str] = "rule-based analyst: measured image statistics, no model looked"

@@ -13,9 +13,9 @@ import math
 import re
 from pathlib import Path
 
+from rpaug.core.errors import BadInput
+from rpaug.core.files import read_bytes
 from rpaug.diagnosis.evaluation import Evaluation, Rollout, checked, filmed
-from rpaug.errors import BadInput
-from rpaug.files import read_bytes
 
 TABLE, VIDEOS = "eval_results.csv", "videos"
 MOST_BYTES = 2**22

@@ -9,9 +9,9 @@ from jaxtyping import Bool, Float32, Float64, Int32
 
 from rpaug.diagnosis import parts, things
 from rpaug.diagnosis.align import Aligned, align
-from rpaug.diagnosis.evaluation import Shot
+from rpaug.diagnosis.evaluation import CameraShot
 from rpaug.diagnosis.messages import Factor
-from rpaug.diagnosis.reference import First, Plate
+from rpaug.diagnosis.reference import First, ReferenceCamera
 
 # Each factor's numbers, and the difference in each that means nothing: what re-measuring the same scene varies by.
 NUMBERS: Mapping[Factor, tuple[tuple[str, float], ...]] = {
@@ -31,10 +31,10 @@ Seen = dict[Factor, Float64[np.ndarray, "k"]]
 
 
 @dataclass(frozen=True)
-class Stage:
+class SightCamera:
     """A camera of the recordings, prepared: where things are looked for, and rosters of what stands there."""
 
-    plate: Plate
+    plate: ReferenceCamera
     within: Bool[np.ndarray, "h w"]
     table: Bool[np.ndarray, "h w"]
     background: Bool[np.ndarray, "h w"]
@@ -45,7 +45,7 @@ class Stage:
     ] = ()  # the same by the recordings' masks, without the one to act on
 
 
-def stage(plate: Plate) -> Stage:
+def stage(plate: ReferenceCamera) -> SightCamera:
     """What measuring needs to know of a camera."""
     near = cv2.dilate(plate.usually("robot", 0.2).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     edge = np.ones((5, 5), np.uint8)
@@ -54,7 +54,7 @@ def stage(plate: Plate) -> Stage:
     within = ~near & ~far
     table = within & plate.usually("table")
     others = np.concatenate([_others(one, within) for one in plate.firsts])
-    made = Stage(plate, within, table, background & ~near, things.palette(others))
+    made = SightCamera(plate, within, table, background & ~near, things.palette(others))
     return replace(
         made,
         rosters=tuple(roster(one, made) for one in plate.firsts),
@@ -74,7 +74,7 @@ def _others(first: First, within: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray
     return _lab(first.image.astype(np.float32))[inner]
 
 
-def _told(first: First, made: Stage) -> things.Roster:
+def _told(first: First, made: SightCamera) -> things.Roster:
     """What else stood in a recording's first frame, by its mask."""
     lab = _lab(first.image.astype(np.float32))
     known = _known(first)
@@ -82,7 +82,7 @@ def _told(first: First, made: Stage) -> things.Roster:
     return things.Roster([one for i, one in found.items() if i not in known], None)
 
 
-def roster(first: First, made: Stage) -> things.Roster:
+def roster(first: First, made: SightCamera) -> things.Roster:
     """What stood in a recording's first frame: found by colour as in any image, the target told by its mask."""
     lab = _lab(first.image.astype(np.float32))
     found, _ = things.by_colour(lab, made.within, made.palette)
@@ -94,7 +94,10 @@ def roster(first: First, made: Stage) -> things.Roster:
 
 
 def measured(
-    shot: Shot, roles: Mapping[str, frozenset[int]], made: Stage, without: int | None = None
+    shot: CameraShot,
+    roles: Mapping[str, frozenset[int]],
+    made: SightCamera,
+    without: int | None = None,
 ) -> Seen:
     """The numbers of one image; what cannot be told is absent. `without` leaves one recording's roster out."""
     image = shot.image()
@@ -138,9 +141,9 @@ def _things(
     aligned: Aligned,
     ids: Int32[np.ndarray, "h w"] | None,
     roles: Mapping[str, frozenset[int]],
-    made: Stage,
+    made: SightCamera,
     without: int | None,
-) -> tuple[things.Thing | None, list[things.Thing]]:
+) -> tuple[things.TableInstance | None, list[things.TableInstance]]:
     """The thing to act on, if it is seen, and what no recording has."""
     within = made.within & aligned.valid
     if ids is None:
@@ -160,7 +163,7 @@ def _camera(aligned: Aligned) -> Float64[np.ndarray, "4"]:
     return np.array([*aligned.shift, np.log(aligned.scale), aligned.turn])
 
 
-def _light(aligned: Aligned, plate: Plate) -> tuple[Float32[np.ndarray, "3"], float]:
+def _light(aligned: Aligned, plate: ReferenceCamera) -> tuple[Float32[np.ndarray, "3"], float]:
     """By how much the robot is brighter than usual, per channel, and how unevenly: the robot keeps its own colours."""
     region = cv2.erode(plate.robot.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     region &= aligned.valid

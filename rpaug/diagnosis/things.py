@@ -34,7 +34,7 @@ LOOKS = 0.6  # what colour and size of the thing to act on count for, beside its
 
 
 @dataclass(frozen=True)
-class Thing:
+class TableInstance:
     """Something on the table: its pixels, mean Lab colour, logarithm of its area's root, and middle."""
 
     mask: Bool[np.ndarray, "h w"]
@@ -43,11 +43,11 @@ class Thing:
     place: Float32[np.ndarray, "2"]  # right and down, shares of the width
 
 
-def thing(mask: Bool[np.ndarray, "h w"], lab: Float32[np.ndarray, "h w 3"]) -> Thing:
+def thing(mask: Bool[np.ndarray, "h w"], lab: Float32[np.ndarray, "h w 3"]) -> TableInstance:
     """What a mask shows of an image in Lab."""
     rows, columns = np.nonzero(mask)
     place = np.array([columns.mean(), rows.mean()], np.float32) / mask.shape[1]
-    return Thing(
+    return TableInstance(
         mask, np.median(lab[mask], 0).astype(np.float32), 0.5 * float(np.log(mask.sum())), place
     )
 
@@ -56,7 +56,7 @@ def by_ids(
     ids: Int32[np.ndarray, "h w"],
     within: Bool[np.ndarray, "h w"],
     lab: Float32[np.ndarray, "h w 3"],
-) -> dict[int, Thing]:
+) -> dict[int, TableInstance]:
     """Everything that a mask tells apart within a region."""
     counts = {int(i): int((within & (ids == i)).sum()) for i in np.unique(ids[within]) if i}
     return {
@@ -68,7 +68,7 @@ def by_colour(
     lab: Float32[np.ndarray, "h w 3"],
     within: Bool[np.ndarray, "h w"],
     known: Float32[np.ndarray, "n 3"],
-) -> tuple[list[Thing], list[Thing]]:
+) -> tuple[list[TableInstance], list[TableInstance]]:
     """Connected regions that differ from the table's colours, parted where two things touch; and what else of them may
     be one thing: those that were parted, whole, since they may be patterned, and what is left of each without the
     colours of the recordings' other things."""
@@ -144,7 +144,7 @@ def _common(
 class Roster:
     """What stood on the table in one recording; `target` is the row of the thing the robot acts on, None if unseen."""
 
-    things: Sequence[Thing]
+    things: Sequence[TableInstance]
     target: int | None
 
     def others(self) -> "Roster":
@@ -153,8 +153,8 @@ class Roster:
 
 
 def recognised(
-    seen: Sequence[Thing], wholes: Sequence[Thing], rosters: Sequence[Roster]
-) -> tuple[Thing | None, Sequence[Thing]]:
+    seen: Sequence[TableInstance], wholes: Sequence[TableInstance], rosters: Sequence[Roster]
+) -> tuple[TableInstance | None, Sequence[TableInstance]]:
     """The thing to act on, which may be one of the `wholes`, and the things that no roster has."""
     mine = [one.things[one.target] for one in rosters if one.target is not None]
     rest = [one.others() for one in rosters]
@@ -165,9 +165,9 @@ def recognised(
     return target, unknown([one for one in seen if not (one.mask & target.mask).any()], rest)
 
 
-def unknown(seen: Sequence[Thing], rosters: Sequence[Roster]) -> Sequence[Thing]:
+def unknown(seen: Sequence[TableInstance], rosters: Sequence[Roster]) -> Sequence[TableInstance]:
     """The things that even the roster with the fewest such lacks."""
-    left: Sequence[Thing] = seen
+    left: Sequence[TableInstance] = seen
     for roster in rosters:
         taken = matched(seen, roster).values() if seen and roster.things else ()
         rest = [one for i, one in enumerate(seen) if i not in taken]
@@ -175,7 +175,7 @@ def unknown(seen: Sequence[Thing], rosters: Sequence[Roster]) -> Sequence[Thing]
     return left
 
 
-def matched(seen: Sequence[Thing], roster: Roster) -> dict[int, int]:
+def matched(seen: Sequence[TableInstance], roster: Roster) -> dict[int, int]:
     """Rows of `seen` by rows of the roster, the likest pair first; what is too unlike is no pair."""
     cost = np.array([[_unlike(a, b) for a in seen] for b in roster.things])
     taken: dict[int, int] = {}
@@ -188,18 +188,18 @@ def matched(seen: Sequence[Thing], roster: Roster) -> dict[int, int]:
     return taken
 
 
-def _as_target(one: Thing, mine: Sequence[Thing]) -> float:
+def _as_target(one: TableInstance, mine: Sequence[TableInstance]) -> float:
     """How unlike the thing to act on it is, as any recording shows that, in usual differences."""
     away = min(float(np.linalg.norm(one.place - other.place)) for other in mine) / PLACE
     return min(WORST, away) + LOOKS * min(_unlike(one, other) for other in mine)
 
 
-def _as_other(one: Thing, others: Sequence[Thing]) -> float:
+def _as_other(one: TableInstance, others: Sequence[TableInstance]) -> float:
     """How unlike everything else that the recordings show it is."""
     return min((_unlike(one, other) for other in others), default=2 * WORST)
 
 
-def _unlike(a: Thing, b: Thing) -> float:
+def _unlike(a: TableInstance, b: TableInstance) -> float:
     """How unlike two things look, in usual differences of colour and size."""
     colour = min(WORST, float(np.linalg.norm(a.colour - b.colour)) / COLOUR)
     return colour + min(WORST, abs(a.size - b.size) / SIZE)

@@ -12,14 +12,14 @@ from typing import Any
 
 from pydantic import Field
 
-from rpaug.agents import answers, rounds, schemas
-from rpaug.agents.messages import Message, Setting
-from rpaug.agents.prompting import prompt
 from rpaug.diagnosis import pictures
 from rpaug.diagnosis.analyst import Judged, Moments
 from rpaug.diagnosis.evaluation import Evaluation, Rollout
 from rpaug.diagnosis.messages import FACTORS, KEPT, Cause, Factor
 from rpaug.diagnosis.reference import Reference
+from rpaug.language import answers, rounds, schemas
+from rpaug.language.messages import Message, WishContext
+from rpaug.language.prompting import prompt
 from rpaug.providers.language import Endpoint
 
 TIMES = 3  # that a cause is asked for
@@ -116,7 +116,7 @@ class Vision:
         question = {"cause": factor} | _question(rollout, shown)
         detail: Detail = self._asked("detail", question, shown, Detail, trace)
         asked = {"cause": factor, "detail": detail.detail}
-        setting = Setting() if reference is None else reference.setting
+        setting = WishContext() if reference is None else reference.setting
         remedy: Remedy = self._asked("remedy", asked, (), Remedy, trace, setting=setting)
         return Cause(
             factor=factor,
@@ -135,7 +135,7 @@ class Vision:
         kind: type[Message],
         trace: list,
         temperature: float = 0.0,
-        setting: Setting | None = None,
+        setting: WishContext | None = None,
     ) -> Any:
         words = prompt(stage)
         text = json.dumps(question, ensure_ascii=False)
@@ -154,7 +154,7 @@ class Vision:
         return answer
 
 
-def checked(kind: type[Message], value: Any, setting: Setting | None = None) -> Message:
+def checked(kind: type[Message], value: Any, setting: WishContext | None = None) -> Message:
     """The answer, if it is of its kind, and a remedy is a wish that is understood. Raises ValueError, NotUnderstood."""
     answer: Message = answers.valid(kind, value)
     if isinstance(answer, Remedy) and answer.remedy and setting is not None:

@@ -9,10 +9,10 @@ words that lie.
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rpaug.core.types import Scene
 from rpaug.instruct import changes
 from rpaug.instruct.judging import Judge, Untrue
 from rpaug.instruct.phrases import phrases
-from rpaug.types import Scene
 
 __all__ = ["Untrue", "followed", "phrases"]
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from rpaug.assets import library
-from rpaug.scene.naming import colours
-from rpaug.textures import shipped
-from rpaug.textures.mapping import Texture
-from rpaug.types import Body, Scene
+from rpaug.assets.textures import shipped
+from rpaug.assets.textures.mapping import Texture
+from rpaug.core import colors as colours
+from rpaug.core.types import Body, Scene
 
 COARSE = 32  # texels a side at which a texture's colours are counted
 MOSTLY = 0.9  # of them in one colour, and people call it by that

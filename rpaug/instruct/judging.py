@@ -3,15 +3,25 @@
 from dataclasses import replace
 from functools import cached_property
 
-from rpaug.errors import RpaugError, TargetError
+from rpaug.core import colors
+from rpaug.core.errors import RpaugError, TargetError
+from rpaug.core.types import Scene
 from rpaug.instruct.changes import Added, Changes
-from rpaug.instruct.phrases import BESIDE, LARGE, PLACES, SIZES, Phrase, Word, changed, phrases
+from rpaug.instruct.phrases import (
+    BESIDE,
+    LARGE,
+    PLACES,
+    SIZES,
+    InstructionPhrase,
+    Word,
+    changed,
+    phrases,
+)
 from rpaug.scene.lighting import albedo
-from rpaug.scene.naming import colours, shapes, targets
-from rpaug.scene.naming.nouns import Meaning, understood
-from rpaug.scene.naming.relations import ANYTHING
-from rpaug.scene.naming.survey import InstanceSummary, survey
-from rpaug.types import Scene
+from rpaug.scene.targets import shapes, targets
+from rpaug.scene.targets.nouns import Meaning, understood
+from rpaug.scene.targets.relations import ANYTHING
+from rpaug.scene.targets.survey import InstanceSummary, survey
 
 # Nouns that things of several kinds go by: a mug is a cup, a brick is a block.
 BROAD = frozenset(
@@ -50,7 +60,7 @@ class Judge:
             text = changed(text, place, word)
         return text
 
-    def _there(self, phrase: Phrase) -> None:
+    def _there(self, phrase: InstructionPhrase) -> None:
         """See that what is named is still there, and only once. Raises Untrue."""
         for handles, what in (
             (self._changes.removed, "was taken out"),
@@ -64,7 +74,7 @@ class Judge:
             elif named & handles:
                 raise Untrue(f"{phrase.text!r} {what}")
 
-    def _stands(self, phrase: Phrase, beside: bool) -> None:
+    def _stands(self, phrase: InstructionPhrase, beside: bool) -> None:
         """See that what is told by its place stands as told. Raises Untrue."""
         moved = self._changes.moved
         told = phrase.rank is not None and phrase.rank.text in PLACES
@@ -78,7 +88,7 @@ class Judge:
         elif told and self._named(phrase, after=True) != named:
             raise Untrue(f"{phrase.text!r} is another thing now that things were moved")
 
-    def _sized(self, phrase: Phrase, rank: Word) -> str:
+    def _sized(self, phrase: InstructionPhrase, rank: Word) -> str:
         """The word for its size that is true after the edits. Raises Untrue."""
         scales = self._changes.scales
         if not scales or rank.text not in SIZES:
@@ -103,14 +113,14 @@ class Judge:
             raise Untrue(f"{phrase.text!r} is {scales[lies[0]]:.2f} times its size now")
         return rank.text
 
-    def _becomes(self, phrase: Phrase) -> str | None:
+    def _becomes(self, phrase: InstructionPhrase) -> str | None:
         """The colour word that is true after the edits, None where there is none and none is needed. Raises Untrue."""
         looks = self._changes.looks
         if phrase.colour is None or not looks:
             return phrase.colour
         named = self._named(phrase)
         if named is None:
-            doubtful = [h for h in self._loose() if colours.means(phrase.colour, self._was(h))]
+            doubtful = [h for h in self._loose() if colors.means(phrase.colour, self._was(h))]
             if doubtful:
                 raise Untrue(
                     f"it cannot be told whether {phrase.text!r} is handle {doubtful[0]}, which was painted"
@@ -122,18 +132,18 @@ class Judge:
         if None in new:
             raise Untrue(f"{phrase.text!r} has another pattern now, and no one colour")
         names = {str(name) for name in new}
-        if all(colours.means(phrase.colour, name) for name in names):
+        if all(colors.means(phrase.colour, name) for name in names):
             return phrase.colour
         if len(names) > 1:
             raise Untrue(f"{phrase.text!r} is {' and '.join(sorted(names))} now")
         return names.pop()
 
-    def _alone(self, phrase: Phrase, named: frozenset[int]) -> bool:
+    def _alone(self, phrase: InstructionPhrase, named: frozenset[int]) -> bool:
         """Do a phrase's nouns say the same without its colour: "the button", where there is but one?"""
         plain = replace(phrase, colour=None, tint=None)
         return bool(phrase.nouns) and self._named(plain) == named
 
-    def _clear(self, phrase: Phrase, name: str | None) -> None:
+    def _clear(self, phrase: InstructionPhrase, name: str | None) -> None:
         """See that what the words say now fits nothing that they did not mean. Raises Untrue."""
         said = " ".join([*filter(None, [name]), *phrase.nouns])
         painted = self._loose() if name is not None else []
@@ -143,21 +153,21 @@ class Judge:
             if (
                 handle not in own
                 and new
-                and colours.means(str(name), new)
+                and colors.means(str(name), new)
                 and self._fits(phrase, handle)
             ):
                 raise Untrue(f"handle {handle} was painted {new}: {said} could be it too")
-        if name is not None and colours.canonical(name) is None:  # a pattern, not a colour
+        if name is not None and colors.canonical(name) is None:  # a pattern, not a colour
             for handle in self._others(phrase):
                 if not albedo.plain(self._recorded.episode, handle):
                     raise Untrue(
                         f"handle {handle} has a pattern of its own: {said} could be it too"
                     )
         for one in self._changes.added:
-            if (name is None or colours.means(name, one.colour)) and _goes_by(one, phrase.nouns):
+            if (name is None or colors.means(name, one.colour)) and _goes_by(one, phrase.nouns):
                 raise Untrue(f"a {one.colour} {one.kind} was put in: {said} could be it too")
 
-    def _others(self, phrase: Phrase) -> list[int]:
+    def _others(self, phrase: InstructionPhrase) -> list[int]:
         """Recorded things that go by the phrase's noun, but for those it means, and that keep their looks."""
         own = self._named(phrase) or frozenset()
         return [
@@ -169,7 +179,7 @@ class Judge:
         ]
 
     def _doubt(
-        self, phrase: Phrase, handles: frozenset[int], what: str, alone: bool = False
+        self, phrase: InstructionPhrase, handles: frozenset[int], what: str, alone: bool = False
     ) -> None:
         """See that none of these could be meant by a phrase that nothing was found for. Raises Untrue.
 
@@ -179,7 +189,7 @@ class Judge:
         if alone and phrase.handled and phrase.colour is None:
             return
         for handle in sorted(handles):
-            alike = phrase.colour is None or colours.means(phrase.colour, self._was(handle))
+            alike = phrase.colour is None or colors.means(phrase.colour, self._was(handle))
             if (
                 alike
                 and self._rows[handle].role not in targets.APART
@@ -190,7 +200,7 @@ class Judge:
                 )
 
     def _named(
-        self, phrase: Phrase, after: bool = False, rank: str | None = None
+        self, phrase: InstructionPhrase, after: bool = False, rank: str | None = None
     ) -> frozenset[int] | None:
         """The handles that a phrase means, in the recorded scene or in what is left; None if that cannot be told."""
         noun = phrase.nouns[-1] if phrase.nouns else None
@@ -208,7 +218,7 @@ class Judge:
             self._known[after, said] = found
         return self._known[after, said]
 
-    def _fits(self, phrase: Phrase, handle: int) -> bool:
+    def _fits(self, phrase: InstructionPhrase, handle: int) -> bool:
         """Could a thing be called by the phrase's noun? Where the noun says nothing, any may be."""
         if not phrase.nouns:
             return True

@@ -5,8 +5,9 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rpaug.scene.naming import colours, relations
-from rpaug.scene.naming.nouns import HANDLING, TOWARDS, VERBS
+from rpaug.core import colors as colours
+from rpaug.scene.targets import relations
+from rpaug.scene.targets.nouns import HANDLING, TOWARDS, VERBS
 
 STOPS = (
     TOWARDS
@@ -77,7 +78,7 @@ class Word:
 
 
 @dataclass(frozen=True)
-class Phrase:
+class InstructionPhrase:
     """A thing in an instruction's words. `colour` is the colour's own name, `tint` the word for it.
 
     `rank` is a word for its size or its place. `handled` is what a verb such as "grip" or "push" acts on.
@@ -105,7 +106,7 @@ class Phrase:
         return self.rank.text if self.rank and self.rank.text in relations.RANKS else None
 
 
-def phrases(text: str) -> Iterator[Phrase]:
+def phrases(text: str) -> Iterator[InstructionPhrase]:
     """Every phrase that names a thing, in order."""
     kind: tuple[str, ...] = ()
     for group in _groups(text):
@@ -163,7 +164,7 @@ def _by_colour(group: Sequence[Word]) -> Iterator[list[Word]]:
         yield list(group[start:stop])
 
 
-def _phrase(words: Sequence[Word]) -> Phrase | None:
+def _phrase(words: Sequence[Word]) -> InstructionPhrase | None:
     tint = next((word for word in words if colours.canonical(word.text)), None)
     ranks = [word for word in words if word.text in SIZES or word.text in PLACES]
     nouns = tuple(word.text for word in words if word is not tint and word not in ranks)
@@ -173,10 +174,10 @@ def _phrase(words: Sequence[Word]) -> Phrase | None:
     rank = ranks[0] if ranks else None
     # "the orange on the plate" is a fruit, and "the orange" alone has no noun.
     if colour == "orange" and not nouns:
-        return Phrase(None, ("orange",), None, rank)
+        return InstructionPhrase(None, ("orange",), None, rank)
     if not nouns and colour is None:
         return None
-    return Phrase(colour, nouns, tint, rank)
+    return InstructionPhrase(colour, nouns, tint, rank)
 
 
 def changed(text: str, word: Word, new: str) -> str:

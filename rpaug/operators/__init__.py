@@ -1,0 +1,1 @@
+"""The edits: one operator a file, each found through its entry point."""

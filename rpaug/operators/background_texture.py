@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import Field
 
 from rpaug.operators.texturing import Texturing
-from rpaug.scene.naming.targets import BACKGROUND, Target
+from rpaug.scene.targets.targets import BACKGROUND, Target
 
 
 @dataclass(frozen=True, kw_only=True)

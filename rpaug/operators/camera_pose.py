@@ -7,10 +7,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from rpaug import geometry
-from rpaug.errors import TargetError
-from rpaug.interfaces import Edit, Operator
-from rpaug.types import Effect, Scene
+from rpaug.core import geometry
+from rpaug.core.errors import TargetError
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene
 
 Motion = tuple[float, float, float]
 

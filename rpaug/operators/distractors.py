@@ -7,7 +7,8 @@ import numpy as np
 from pydantic import Field
 
 from rpaug.assets import library
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene
 from rpaug.operators.insert import (
     AS_IT_COMES,
     Harmoniser,
@@ -19,7 +20,6 @@ from rpaug.operators.insert import (
 )
 from rpaug.providers import harmonise
 from rpaug.scene.placement.placing import room
-from rpaug.types import Effect, Scene
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,13 +6,13 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from rpaug.errors import Unsupported
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.errors import Unsupported
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Body, Effect, Scene
 from rpaug.scene.lighting import shadows
-from rpaug.scene.naming import targets
 from rpaug.scene.placement import standing, untouched
 from rpaug.scene.placement.placing import room
-from rpaug.types import Body, Effect, Scene
+from rpaug.scene.targets import targets
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from rpaug.scene.naming import colours
+from rpaug.core import colors as colour
 
 Unit = Annotated[float, Field(ge=0, le=1)]
 RGB = tuple[Unit, Unit, Unit]
@@ -44,19 +44,19 @@ def _palette(value: Any) -> Palette:
     if isinstance(value, Palette):
         return value
     if isinstance(value, str):
-        name = colours.canonical(value)
+        name = colour.canonical(value)
         if name is None:
-            raise ValueError(f"no such colour word; there are: {', '.join(colours.NAMES)}")
-        return Palette((colours.NAMES[name],))
+            raise ValueError(f"no such colour word; there are: {', '.join(colour.NAMES)}")
+        return Palette((colour.NAMES[name],))
     if isinstance(value, dict) and len(value) == 1:
         ((kind, content),) = value.items()
         if kind == "sample" and content == "colosseum":
-            return Palette(tuple(colours.RLBENCH.values()))
+            return Palette(tuple(colour.RLBENCH.values()))
         if kind == "rgb":
             return Palette((_triple(content, [(0, 1)] * 3),))
         if kind == "lab":
             lab = _triple(content, [(0, 100), (-128, 128), (-128, 128)])
-            red, green, blue = np.clip(colours.from_lab(np.array(lab)), 0, 1)
+            red, green, blue = np.clip(colour.from_lab(np.array(lab)), 0, 1)
             return Palette(((float(red), float(green), float(blue)),))
     raise ValueError(
         "expected a colour word, {rgb: [r, g, b]} in 0..1, {lab: [L, a, b]} or {sample: colosseum}"
@@ -83,7 +83,7 @@ Color = Annotated[
     WithJsonSchema(
         {
             "oneOf": [
-                {"enum": list(colours.NAMES)},
+                {"enum": list(colour.NAMES)},
                 *(
                     {
                         "type": "object",

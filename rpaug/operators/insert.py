@@ -7,19 +7,19 @@ import numpy as np
 from jaxtyping import Float64
 from pydantic import AfterValidator, Field
 
-from rpaug import geometry
 from rpaug.assets import library, settle
 from rpaug.assets.library import Asset
-from rpaug.errors import RpaugError, Unsupported
-from rpaug.interfaces import Edit, Operator
+from rpaug.compose.inserted import draw as draw_all
+from rpaug.core import geometry
+from rpaug.core.errors import RpaugError, Unsupported
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Ambience, Body, Effect, Gaussians, Scene
 from rpaug.operators.fields import Interval
 from rpaug.providers import harmonise
-from rpaug.scene.added.inserted import draw as draw_all
 from rpaug.scene.lighting import ambience, shadows
-from rpaug.scene.naming import targets
 from rpaug.scene.placement import standing
 from rpaug.scene.placement.placing import Room, hull, room
-from rpaug.types import Ambience, Body, Effect, Gaussians, Scene
+from rpaug.scene.targets import targets
 
 AS_IT_COMES: Edit = {"ambience": None, "lamps": []}
 TRIES = 12  # things or turns drawn before giving up
@@ -203,6 +203,6 @@ def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
 
 
 def _in_light(splats: Gaussians, pose: Float64[np.ndarray, "4 4"], light: Ambience) -> Gaussians:
-    from rpaug.scene.added import tuned  # only here: it brings torch and the rasteriser
+    from rpaug.compose import tuned  # only here: it brings torch and the rasteriser
 
     return tuned.tuned(splats, pose, light)

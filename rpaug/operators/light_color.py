@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float32
 from pydantic import Field
 
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene, Surface
 from rpaug.scene.lighting import light
-from rpaug.types import Effect, Scene, Surface
 
 Unit = Annotated[float, Field(ge=0, le=1)]
 Colour = tuple[Unit, Unit, Unit]

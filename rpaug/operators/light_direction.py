@@ -8,12 +8,12 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int32
 from pydantic import Field
 
-from rpaug.errors import Unsupported
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.errors import Unsupported
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene, Surface
 from rpaug.operators.fields import Unit
 from rpaug.scene.lighting import light
 from rpaug.scene.lighting.light import Lamp
-from rpaug.types import Effect, Scene, Surface
 
 Direction = tuple[float, float, float]
 LOWEST = 0.15  # sine of the height above the horizon: no lamp is put lower

@@ -7,14 +7,14 @@ import numpy as np
 from jaxtyping import Float64
 from pydantic import Field
 
-from rpaug.errors import Unsupported
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.errors import Unsupported
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene
 from rpaug.scene.lighting import shadows
-from rpaug.scene.looks import look
-from rpaug.scene.naming import places, targets
 from rpaug.scene.placement import standing, untouched
 from rpaug.scene.placement.placing import room
-from rpaug.types import Effect, Scene
+from rpaug.scene.sampled_frames import look
+from rpaug.scene.targets import places, targets
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,9 @@ class Move(Operator):
             "lamps": shadows.lamps(scene),
         }
 
-    def _asked(self, scene: Scene, one: standing.Thing) -> Float64[np.ndarray, "2"] | None:
+    def _asked(
+        self, scene: Scene, one: standing.StandingInstance
+    ) -> Float64[np.ndarray, "2"] | None:
         """The very place that is asked for, in the world."""
         if self.to is not None:
             return np.array(self.to, float)
@@ -71,7 +73,7 @@ class Move(Operator):
         frame = places.robot_frame(scene, look(scene.episode))
         return one.middle + frame[:2, :2].T @ np.array(self.by)
 
-    def _near(self, scene: Scene, one: standing.Thing) -> standing.Around:
+    def _near(self, scene: Scene, one: standing.StandingInstance) -> standing.Around:
         """What a drawn place must be close to: a point or an outline in the world, and metres."""
         if self.near is None:
             return one.middle, self.shift

@@ -7,15 +7,15 @@ import numpy as np
 from jaxtyping import Float64
 from pydantic import AfterValidator, Field
 
-from rpaug import geometry
-from rpaug.errors import Unsupported
-from rpaug.interfaces import Edit, Operator
+from rpaug.core import geometry
+from rpaug.core.errors import Unsupported
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Body, Effect, Scene
 from rpaug.operators.fields import Interval
 from rpaug.scene.lighting import shadows
-from rpaug.scene.looks import look
-from rpaug.scene.naming import targets
 from rpaug.scene.placement import grip, growing, placing, untouched
-from rpaug.types import Body, Effect, Scene
+from rpaug.scene.sampled_frames import look
+from rpaug.scene.targets import targets
 
 
 def _positive(value: tuple[float, float]) -> tuple[float, float]:

@@ -7,17 +7,16 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from rpaug.errors import RpaugError, Unsupported
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.errors import RpaugError, Unsupported
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval
-from rpaug.physics import materials
+from rpaug.physics import materials, simulate
 from rpaug.physics.materials import Law, Material
+from rpaug.physics.simulate import SimulationSetting
 from rpaug.scene.lighting import shadows
-from rpaug.scene.naming import targets
 from rpaug.scene.placement import untouched
-from rpaug.scene.simulated import simulate
-from rpaug.scene.simulated.simulate import Setting
-from rpaug.types import Effect, Scene
+from rpaug.scene.targets import targets
 
 LAWS = Literal["elastic", "jelly", "plasticine", "sand"]
 SPEED = 10.0  # m/s
@@ -122,7 +121,7 @@ class Physics(Operator):
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         values = {**edit["material"], "law": Law[edit["material"]["law"].upper()]}
-        how = Setting(
+        how = SimulationSetting(
             material=Material(**values),
             height=edit["height"],
             velocity=self.velocity,

@@ -6,11 +6,12 @@ from typing import ClassVar, Literal
 import numpy as np
 from jaxtyping import Float32
 
-from rpaug.interfaces import Edit, Operator
+from rpaug.core import colors as colours
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB, Color
 from rpaug.scene.lighting import albedo, shading
-from rpaug.scene.naming import colours, targets
-from rpaug.types import Appearance, Effect, Scene, Surface
+from rpaug.scene.targets import targets
 
 # Per channel the pixel is divided by the old albedo only while that does not blow up its noise: a gain of 6 turns
 # half a grey level into 0.003 rms (50 dB); from 12 on the shading of the well-lit channels stands in.

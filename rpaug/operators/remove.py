@@ -6,13 +6,13 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import AfterValidator
 
-from rpaug.errors import RpaugError
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.errors import RpaugError
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene
 from rpaug.providers import inpaint
 from rpaug.scene.lighting import shadows
-from rpaug.scene.naming import targets
 from rpaug.scene.placement import untouched
-from rpaug.types import Effect, Scene
+from rpaug.scene.targets import targets
 
 
 def _known(method: str) -> str:

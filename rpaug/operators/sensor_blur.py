@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import UInt8
 from pydantic import Field
 
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval
-from rpaug.types import Effect, Scene
 
 
 @dataclass(frozen=True)

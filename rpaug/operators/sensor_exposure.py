@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import UInt8
 from pydantic import Field
 
-from rpaug.interfaces import Edit, Operator
+from rpaug.core import colors
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval
-from rpaug.scene.naming import colours
-from rpaug.types import Effect, Scene
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Exposure:
 
     @cached_property
     def _table(self) -> UInt8[np.ndarray, "256"]:
-        light = colours.to_linear(np.arange(256) / 255.0) * 2.0**self.stops
-        return np.rint(255 * np.clip(colours.from_linear(light), 0, 1)).astype(np.uint8)
+        light = colors.to_linear(np.arange(256) / 255.0) * 2.0**self.stops
+        return np.rint(255 * np.clip(colors.from_linear(light), 0, 1)).astype(np.uint8)
 
 
 @dataclass(frozen=True, kw_only=True)

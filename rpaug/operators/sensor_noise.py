@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import UInt8
 from pydantic import Field
 
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval, seed
-from rpaug.types import Effect, Scene
 
 Amount = Annotated[float, Field(ge=0, le=1)]
 

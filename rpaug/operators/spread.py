@@ -6,13 +6,13 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from rpaug.errors import RpaugError, Unsupported
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.errors import RpaugError, Unsupported
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene
 from rpaug.scene.lighting import shadows
-from rpaug.scene.naming.targets import Target
 from rpaug.scene.placement import standing, untouched
 from rpaug.scene.placement.placing import Room, room
-from rpaug.types import Effect, Scene
+from rpaug.scene.targets.targets import Target
 
 LARGEST = 0.4  # metres: what is wider is furniture
 
@@ -58,12 +58,12 @@ class Spread(Operator):
             after = standing.moved(after, frozenset(move["handles"]), np.array(move["motion"]))
         return shadows.follow(scene, after, edit["lamps"])
 
-    def _named(self, scene: Scene, around: Room) -> list[standing.Thing]:
+    def _named(self, scene: Scene, around: Room) -> list[standing.StandingInstance]:
         named = [untouched.find_untouched(scene, each, "spreading") for each in self.targets or ()]
         return [standing.thing(scene, handles, around, "spreading") for handles in named]
 
 
-def _loose(scene: Scene, around: Room) -> list[standing.Thing]:
+def _loose(scene: Scene, around: Room) -> list[standing.StandingInstance]:
     """Small things on the table that no role is known of."""
     taken = frozenset().union(*scene.roles.values()) if scene.roles else frozenset()
     found = []

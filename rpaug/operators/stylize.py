@@ -8,13 +8,13 @@ import numpy as np
 from jaxtyping import Float32
 from pydantic import Field
 
-from rpaug.errors import BadInput, TargetError, Unsupported
-from rpaug.interfaces import Edit, Operator
+from rpaug.assets.textures import folder, shipped
+from rpaug.core.errors import BadInput, TargetError, Unsupported
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene, Surface
+from rpaug.gaussians.painting import Painting
 from rpaug.operators import fields, texturing
-from rpaug.scene.naming import targets
-from rpaug.scene.painted.painting import Painting
-from rpaug.textures import folder, shipped
-from rpaug.types import Effect, Scene, Surface
+from rpaug.scene.targets import targets
 
 SHADE = (
     0.3,
@@ -88,8 +88,8 @@ class Stylize(Operator):
         }
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
+        from rpaug.gaussians import nnfm
         from rpaug.providers import features  # only here: both bring torch
-        from rpaug.scene.painted import nnfm
 
         network = features.load(self.weights)
         if network.digest != edit["weights"]["digest"]:
@@ -107,7 +107,7 @@ class Stylize(Operator):
             texturing.same(self.textures, edit["style"], edit["digest"])
             picture = folder.image(self.textures, edit["style"])
         handles = frozenset(edit["handles"])
-        settings = nnfm.Settings(steps=self.steps)
+        settings = nnfm.StyleSettings(steps=self.steps)
         styled = nnfm.stylise(scene, handles, picture, network, edit["seed"], settings)
         laid = Stylised(handles, styled.old, styled.new)
         return replace(scene, appearance=(*scene.appearance, laid))

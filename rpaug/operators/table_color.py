@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from rpaug.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import RGB
 from rpaug.operators.recolor import AlbedoRatio
 from rpaug.scene.lighting import shading
-from rpaug.scene.naming import targets
-from rpaug.types import Effect, Scene
+from rpaug.scene.targets import targets
 
 
 @dataclass(frozen=True, kw_only=True)

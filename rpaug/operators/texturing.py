@@ -9,15 +9,15 @@ import numpy as np
 from jaxtyping import Float32, Float64
 from pydantic import BaseModel, ConfigDict, Field
 
-from rpaug import geometry
-from rpaug.errors import BadInput, TargetError
-from rpaug.interfaces import Edit, Operator
+from rpaug.assets.textures import folder, shipped
+from rpaug.assets.textures.mapping import Mapping, Texture
+from rpaug.core import geometry
+from rpaug.core.errors import BadInput, TargetError
+from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB
 from rpaug.scene.lighting import albedo, shading
-from rpaug.scene.naming import targets
-from rpaug.textures import folder, shipped
-from rpaug.textures.mapping import Mapping, Texture
-from rpaug.types import Appearance, Effect, Scene, Surface
+from rpaug.scene.targets import targets
 
 Triple = tuple[float, float, float]
 
@@ -162,7 +162,7 @@ class Texturing(Operator):
             )
         return replace(scene, appearance=(*scene.appearance, *laid))
 
-    def _frame(self, seen: dict[int, shading.Samples]) -> Float64[np.ndarray, "4 4"]:
+    def _frame(self, seen: dict[int, shading.ShadedPixels]) -> Float64[np.ndarray, "4 4"]:
         back = shading.frame(seen)
         if self.origin is None and self.turn is None:
             return back
@@ -173,7 +173,7 @@ class Texturing(Operator):
             pose[:3, 3] = self.origin
         return geometry.inverse(pose)
 
-    def _surface(self, scene: Scene, handle: int, seen: shading.Samples) -> dict[str, Any]:
+    def _surface(self, scene: Scene, handle: int, seen: shading.ShadedPixels) -> dict[str, Any]:
         described = albedo.describe(scene.episode, handle, self.albedo)
         smooth = shading.fit(seen, tuple(described["albedo"]), known=self.albedo is not None)
         return described | {"smooth": smooth.describe() if smooth else None}

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, Float64
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.physics.contact import COLUMNS
 
 MOST_NODES = 4_000_000

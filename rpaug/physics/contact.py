@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 
 COLUMNS = 22
 TOUCH = 0.1  # of a particle's mass: a node that carries less does not make a contact

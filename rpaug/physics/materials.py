@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 
 
 class Law(IntEnum):

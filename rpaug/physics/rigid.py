@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Float64
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.physics.colliders import Boxes
 from rpaug.physics.solids import Solid, around
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float64
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.physics import contact, transfer
 from rpaug.physics.colliders import Still, Track, nothing
 from rpaug.physics.materials import Law, Material

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug import geometry
+from rpaug.core import geometry
 
 CLOSE = 0.001  # metres from the surface: what lies on it
 MOST_OFF = 0.05  # share of points near the surface that may be farther from it: outlines, noise

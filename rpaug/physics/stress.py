@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 
 LEAST_J = 0.05  # volume ratio below which a particle counts as crushed
 MOST_STRETCH = 20.0  # entry of F above which it counts as torn

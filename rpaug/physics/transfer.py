@@ -7,7 +7,7 @@ one lies at `origin + cell * (i, j, n)`. Channels of a node are momentum (3) and
 
 import numpy as np
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 
 
 @inlined

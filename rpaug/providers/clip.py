@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch.nn import functional
 
-from rpaug.errors import BadInput, MissingExtra
+from rpaug.core.errors import BadInput, MissingExtra
 from rpaug.providers import models
 
 MEAN, DEVIATION = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)

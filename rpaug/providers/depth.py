@@ -6,10 +6,10 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 
 
-class Depth(Protocol):
+class DepthModel(Protocol):
     """Depth of every pixel along the camera's axis, in metres; `relative` if only up to one factor an image."""
 
     relative: bool
@@ -49,7 +49,7 @@ class TorchScript:
         return (1 / np.maximum(depth, 1e-6) if self.relative else depth).astype(np.float32)
 
 
-def depth(name: str) -> Depth:
+def depth(name: str) -> DepthModel:
     """The model that a recipe names: `torchscript:FILE` or `torchscript-inverse:FILE`. Raises Unsupported."""
     kind, _, file = name.partition(":")
     if kind not in ("torchscript", "torchscript-inverse") or not file:

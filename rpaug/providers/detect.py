@@ -1,6 +1,6 @@
 """Detectors: an image and a few words, and boxes around what the words mean.
 
-The offline default knows roles, colours, shapes and relations and needs a scene: `rpaug.scene.naming.targets`.
+The offline default knows roles, colours, shapes and relations and needs a scene: `rpaug.scene.targets.targets`.
 `GroundingDino` and `Owlv2` are the real models, loaded from a folder that you name.
 """
 
@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.providers.models import CLIP, load, picture, sigmoid, tokenizer
 from rpaug.providers.segment import Box
 

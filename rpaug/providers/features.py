@@ -19,8 +19,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from rpaug.errors import BadInput, MissingExtra
-from rpaug.files import read_bytes
+from rpaug.core.errors import BadInput, MissingExtra
+from rpaug.core.files import read_bytes
 from rpaug.providers import weights
 
 BLOCKS = (2, 2, 3, 3, 3)  # convolutions between poolings

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, UInt8
 
-from rpaug.errors import BadInput, RpaugError, Unsupported
+from rpaug.core.errors import BadInput, RpaugError, Unsupported
 
 SCENE, LIBCOM = "scene", "libcom:"
 MODEL = "PCTNet"  # Guerreiro et al. 2023 (arXiv 2305.15265), in bcmi/libcom

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, UInt8
 
-from rpaug.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError
 
 LAMA = "lama:"
 LAMA_STEP = 8  # pixels: the network's strides need sides that are multiples of this

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-from rpaug.errors import RpaugError
+from rpaug.core.errors import RpaugError
 
 MOST_BYTES = 2**20  # of one reply
 MOST_TOKENS = 1024  # asked for in one reply

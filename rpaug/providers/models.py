@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from rpaug.errors import MissingExtra, Unsupported
+from rpaug.core.errors import MissingExtra, Unsupported
 
 EXTRA = "models"
 IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # mean, standard deviation

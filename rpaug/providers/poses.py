@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from jaxtyping import Float32, Float64, UInt8
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 
 KINDS = ("torchscript", "export")
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.providers import grabcut
 from rpaug.providers.models import load, picture
 

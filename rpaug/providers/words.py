@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float32
 
-from rpaug.errors import MissingExtra
+from rpaug.core.errors import MissingExtra
 from rpaug.providers.models import tokenizer, transformers
 
 EXTRA = "words"

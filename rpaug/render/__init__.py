@@ -1,0 +1,1 @@
+"""From surfaces to pixels: the z-buffer, outlines and mattes, and the splat rasteriser."""

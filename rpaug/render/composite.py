@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Bool, Float32, Int, Int32, UInt8
 
-from rpaug.render.jit import kernel
+from rpaug.core.jit import kernel
+from rpaug.core.types import Appearance, Surface
 from rpaug.render.matting import matte
-from rpaug.types import Appearance, Surface
 
 Surfaces = Callable[[Int[np.ndarray, "n"]], Surface]
 """What pixels of the image show, by their flat index."""

@@ -7,7 +7,7 @@ they are and averages the noise away. Rendered depth has none, and is never touc
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
 
-from rpaug.render.jit import kernel
+from rpaug.core.jit import kernel
 
 NOISY = 4e-4  # of depth: rendered depth, also when stored as 16 bits of millimetres, has less
 RADIUS = 2  # pixels: 5 x 5 neighbours

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rpaug.render.jit import kernel
+from rpaug.core.jit import kernel
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 from rpaug.render.zbuffer import Gains, Source
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rpaug.render.jit import kernel
+from rpaug.core.jit import kernel
 from rpaug.render.zbuffer import Rendered
 
 FARNESS = 4  # a surface half as far must be 2**4 times closer in the image to be preferred

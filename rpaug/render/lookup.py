@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 from rpaug.render.pinhole import NEAR, map_pixel
 
 ENOUGH = 0.3  # of the taps' weight must be on the same thing, or its nearest pixel counts alone

@@ -7,7 +7,7 @@ F and B are taken from pixels nearby (sampling matting, Wang and Cohen 2007), an
 import numpy as np
 from jaxtyping import Bool, Float32
 
-from rpaug.render.jit import kernel
+from rpaug.core.jit import kernel
 
 REACH = 4  # pixels: how far to look for unmixed colours
 MOST = 10  # of them, on each side

@@ -8,15 +8,15 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
-from rpaug import geometry
-from rpaug.render.jit import kernel
-from rpaug.types import Mesh
+from rpaug.core import geometry
+from rpaug.core.jit import kernel
+from rpaug.core.types import Mesh
 
 NEAREST = 0.005  # metres before the camera: a triangle that reaches nearer is not drawn
 
 
 @dataclass(frozen=True)
-class Drawn:
+class MeshView:
     """What one camera sees of a mesh, per pixel; only where `hit` does the rest mean anything.
 
     `depth` is in metres, `normals` are unit vectors in the world towards the camera, `albedo` display sRGB in 0..1.
@@ -34,7 +34,7 @@ def draw(
     K: Float64[np.ndarray, "3 3"],
     cam_to_world: Float64[np.ndarray, "4 4"],
     size: tuple[int, int],
-) -> Drawn:
+) -> MeshView:
     """The mesh as the camera `K`, `cam_to_world` of `size` (width, height) sees it, sampled at pixels' centres."""
     width, height = size
     pose = geometry.inverse(cam_to_world) @ to_world
@@ -62,7 +62,7 @@ def draw(
         spread = _spread(mesh, local[corners], mesh.uv[corners], ray, K)
         albedo[hit] = look_up(mesh, (mesh.uv[corners] * share).sum(1), spread)
     depth = np.divide(1.0, near, out=np.zeros_like(near), where=hit)
-    return Drawn(hit, depth, normals, albedo)
+    return MeshView(hit, depth, normals, albedo)
 
 
 @kernel

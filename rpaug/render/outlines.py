@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64, Int8, Int32
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 
 HALF = 0.52  # pixels: a pixel's own 0.5 and a little more, so that rounding leaves no gap
 WIDE = 0.8  # pixels: how far a surfel at an outline may reach, short of the next pixel's centre

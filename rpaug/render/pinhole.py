@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug.render.jit import kernel
+from rpaug.core.jit import kernel
 
 NEAR = 1e-3  # of a surfel's recorded depth: a corner nearer to the target camera than this is not drawn
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from rpaug.render.jit import kernel
+from rpaug.core.jit import kernel
 from rpaug.render.outlines import RADIUS, Footprints
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 from rpaug.render.zbuffer import Source, nearness

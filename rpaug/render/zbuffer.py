@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int16, Int32, UInt8
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 from rpaug.render.lookup import add_colour
 from rpaug.render.outlines import BEFORE, BEHIND, HALF, INSIDE, WIDE, Footprints, footprints
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative

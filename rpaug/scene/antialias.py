@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from rpaug.scene import sampling
-from rpaug.types import Episode
+from rpaug.core import sampling
+from rpaug.core.types import Episode
 
 STRONG = 0.04  # squared colour step of an edge worth judging
 FLAT = 0.003  # squared colour step within one side that still counts as flat

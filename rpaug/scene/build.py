@@ -4,13 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rpaug.scene import antialias, rgb_only, sampling
-from rpaug.scene.looks import look
-from rpaug.scene.naming import roles
-from rpaug.scene.segmentation import motion
+from rpaug.core import sampling
+from rpaug.core.types import Body, Episode, Scene
+from rpaug.scene import antialias
+from rpaug.scene.instances import by_motion, rgb_episode
+from rpaug.scene.sampled_frames import look
+from rpaug.scene.targets import roles
 from rpaug.scene.tracking import bodies
 from rpaug.scene.tracking.arms import KNOWN, Kinematics
-from rpaug.types import Body, Episode, Scene
 
 SAMPLED = 32  # frames of each camera in which instances without depth are looked for
 
@@ -29,12 +30,12 @@ def build(
     and the model that `depth` names guesses it (`rpaug.providers.depth`).
     """
     if with_bodies:
-        episode = motion.masked(episode)
+        episode = by_motion.masked(episode)
     tracked: tuple = ()
     named: dict = {}
     lens = False
-    if with_bodies and rgb_only.lacking(episode):
-        found = rgb_only.find(episode, depth)
+    if with_bodies and rgb_episode.lacking(episode):
+        found = rgb_episode.find(episode, depth)
         episode, tracked, named = found.episode, found.bodies, dict(found.roles)
         lens = True  # a real one: it mixes the colours on either side of every outline
     elif with_bodies and not all(view.depth and view.ids for view in episode.views.values()):

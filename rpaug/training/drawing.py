@@ -5,10 +5,10 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import Any
 
-from rpaug import pipeline
+from rpaug.core.types import Episode
+from rpaug.pipeline import copies as pipeline
 from rpaug.training.scenes import Ready, Scenes
 from rpaug.training.schedule import Schedule
-from rpaug.types import Episode
 
 TRIES = 4  # draws of one copy until its instruction and actions are true; else it stays as recorded
 KEPT_DRAWS = 2  # edited scenes: each keeps its recorded one, and decoded images of it

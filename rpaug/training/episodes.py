@@ -8,14 +8,15 @@ import numpy as np
 import torch
 from torch.utils.data import Dataset, IterableDataset, get_worker_info
 
-from rpaug import recipe, registry
-from rpaug.errors import Unsupported
+from rpaug.core import registry
+from rpaug.core.errors import Unsupported
+from rpaug.core.types import Episode
+from rpaug.pipeline import recipe
 from rpaug.training import frames as choosing
 from rpaug.training.drawing import Draws
 from rpaug.training.frames import Frames, Windows
 from rpaug.training.scenes import Scenes
 from rpaug.training.schedule import Schedule
-from rpaug.types import Episode
 
 GAUSSIANS = 3  # the first tier that is fitted
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from rpaug.errors import Unsupported
-from rpaug.scene import keyframes
-from rpaug.types import Episode
+from rpaug.core import keyframes
+from rpaug.core.errors import Unsupported
+from rpaug.core.types import Episode
 
 
 @dataclass(frozen=True)

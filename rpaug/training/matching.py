@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from jaxtyping import Float32
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 
 MEAN, WORST = (
     0.02,

@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from rpaug.errors import BadInput
-from rpaug.files import read_bytes, write_atomic
+from rpaug.core.errors import BadInput
+from rpaug.core.files import read_bytes, write_atomic
+from rpaug.core.types import Body, Scene
 from rpaug.render import zbuffer
 from rpaug.render.zbuffer import Source
-from rpaug.scene.recorded.parts import Part
+from rpaug.scene.recorded.parts import PartRecording
 from rpaug.scene.recorded.plates import Plate
 from rpaug.scene.recorded.surfels import Surfels
-from rpaug.types import Body, Scene
 
 VERSION = 1
 ENDING = ".npz"
@@ -118,7 +118,7 @@ def _surfels_of(facts: Mapping[str, Any], arrays: Arrays) -> Surfels:
         _source_of(one, arrays), empty.tolerance
     )
     parts = tuple(
-        Part(frozenset(one["handles"]), take(one["source"]), arrays[one["to_world"]])
+        PartRecording(frozenset(one["handles"]), take(one["source"]), arrays[one["to_world"]])
         for one in facts["parts"]
     )
     return replace(

@@ -7,16 +7,17 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from rpaug import preparing, registry
-from rpaug.errors import TargetError, Unsupported
-from rpaug.plan import Plan, make
-from rpaug.recipe import Recipe
+from rpaug.core import registry
+from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.types import Episode, Scene
+from rpaug.gaussians import store
+from rpaug.pipeline import prepare
+from rpaug.pipeline.plan import Plan, make
+from rpaug.pipeline.recipe import Recipe
 from rpaug.scene.build import build
 from rpaug.scene.recorded import surfels
 from rpaug.scene.recorded.surfels import Surfels
-from rpaug.scene.splats import store
 from rpaug.training import prepared
-from rpaug.types import Episode, Scene
 
 KEPT_SCENES = 256
 KEPT_BYTES = 512 * 2**20  # of surfels, in each process
@@ -81,19 +82,19 @@ class Scenes:
         return Ready(scene, plan, find, cache(lambda: _lacking(scene, self.recipe)))
 
     def _found(self, episode: Episode) -> tuple[Scene, Plan, Surfels | None]:
-        plan = make(preparing.operators(self.recipe), episode, self.tier)
+        plan = make(prepare.operators(self.recipe), episode, self.tier)
         bare = build(episode, with_bodies=False)
         masked = all(view.ids and view.depth for view in episode.views.values())
         plain = masked and plan.bodies and not plan.parts and not plan.gaussians
         if self.folder is None or not plain or self.recipe.accuracy:
-            return *preparing.made_ready(episode, self.recipe, self.tier, self.folder), None
+            return *prepare.made_ready(episode, self.recipe, self.tier, self.folder), None
         arms = [path.read_bytes().hex() for path in self.recipe.arms]
         name = store.key(bare, {"prepared": prepared.VERSION, "arms": arms}, 0)
         path = self.folder / f"{name}{prepared.ENDING}"
         moved = 1 in plan.carriers.values()
         found = prepared.load(path, bare)
         if found is None or (moved and found[1] is None):
-            scene, plan = preparing.made_ready(episode, self.recipe, self.tier)
+            scene, plan = prepare.made_ready(episode, self.recipe, self.tier)
             found = scene, surfels.recorded(scene) if moved else None
             prepared.save(path, *found)
         return found[0], plan, found[1]
@@ -112,7 +113,7 @@ class Scenes:
 
 def _lacking(scene: Scene, recipe: Recipe) -> str:
     try:
-        preparing.ground(scene, recipe)
+        prepare.ground(scene, recipe)
     except (TargetError, Unsupported) as error:
         return str(error)
     return ""

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rpaug.errors import Unsupported
-from rpaug.recipe import Recipe
+from rpaug.core.errors import Unsupported
+from rpaug.pipeline.recipe import Recipe
 
 SALT = 0x5CED  # sets these draws apart from those of the recipe's steps
 

@@ -8,14 +8,15 @@ import numpy as np
 import torch
 from torch.utils.data import Dataset, IterableDataset
 
-from rpaug import geometry, recipe, registry
-from rpaug.errors import Unsupported
+from rpaug.core import geometry, registry
+from rpaug.core.errors import Unsupported
+from rpaug.core.types import CameraView
+from rpaug.pipeline import recipe
 from rpaug.training import matching
 from rpaug.training.drawing import Draws
 from rpaug.training.matching import Layout
 from rpaug.training.scenes import Scenes
 from rpaug.training.schedule import Schedule
-from rpaug.types import CameraView
 
 Kind = Literal["rgb", "depth", "ids", "points", "K", "cam_to_world"]
 Sample = Any

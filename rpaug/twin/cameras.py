@@ -11,9 +11,9 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.core.types import Camera
 from rpaug.twin.look import Bump
-from rpaug.types import Camera
 
 NAMES = ("front", "left_shoulder", "right_shoulder", "overhead", "wrist")
 BUMPED = ("front", "left_shoulder", "right_shoulder")

@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from rpaug import geometry
-from rpaug.errors import RpaugError
+from rpaug.core import geometry
+from rpaug.core.errors import RpaugError
 from rpaug.twin import textures
 from rpaug.twin.world import Geom, Part
 
@@ -43,7 +43,7 @@ class Cover:
 
 
 @dataclass(frozen=True)
-class Mesh:
+class CoverMesh:
     """Triangles in the body's frame with one normal and one image coordinate (tiles right, tiles up) a corner."""
 
     points: Float[np.ndarray, "v 3"]
@@ -79,7 +79,7 @@ def look_up(
     return out / 255.0
 
 
-def mesh(part: Part, number: int, side: float) -> Mesh:
+def mesh(part: Part, number: int, side: float) -> CoverMesh:
     """The mesh of one of a part's shapes. Raises RpaugError for shapes with round ends."""
     geom = part.geoms[number]
     if geom.shape == "box":
@@ -100,7 +100,7 @@ def mesh(part: Part, number: int, side: float) -> Mesh:
         tiles.append(coordinates(surface, facing, side))
         faces.append(triangles)
         count += len(surface)
-    return Mesh(*map(np.concatenate, (points, normals, tiles, faces)))
+    return CoverMesh(*map(np.concatenate, (points, normals, tiles, faces)))
 
 
 Grid = tuple[Float[np.ndarray, "r c 3"], Float[np.ndarray, "r c 3"] | None]

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from rpaug.errors import RpaugError
+from rpaug.core.errors import RpaugError
 from rpaug.twin import textures
 from rpaug.twin.cameras import BUMPED
 from rpaug.twin.covers import Cover
-from rpaug.twin.look import Bump, Lamp, Look
-from rpaug.twin.staging import Job
+from rpaug.twin.look import Bump, Look, TwinLamp
+from rpaug.twin.staging import StagedTask
 from rpaug.twin.world import Vector, World
 
 BRIGHTEST_LAMP = 0.5  # COLOSSEUM draws the lamps' diffuse colour from U[0, 0.5]^3
@@ -67,7 +67,7 @@ def light_direction(look: Look, names: Names, value: Any, rng: np.random.Generat
     """All lamps turned together and lowered; a value is the new tuple of `Lamp`s."""
     turn, lower = rng.uniform(-FURTHEST_LAMP, FURTHEST_LAMP), rng.uniform(LOWEST_LAMP, 1.0)
     drawn = tuple(
-        Lamp(lamp.heading + float(turn), lamp.height * float(lower)) for lamp in look.lamps
+        TwinLamp(lamp.heading + float(turn), lamp.height * float(lower)) for lamp in look.lamps
     )
     return replace(look, lamps=drawn if value is None else tuple(value))
 
@@ -137,7 +137,7 @@ def find(factor: str) -> Factor:
     return FACTORS[factor]
 
 
-def parts(factor: Factor, target: str | None, world: World, job: Job) -> Names:
+def parts(factor: Factor, target: str | None, world: World, job: StagedTask) -> Names:
     """The parts it may change. `target` is a part's name, "manipulated" or "receiver". Raises RpaugError."""
     if factor.parts is None:
         return tuple(world.handles)

@@ -16,7 +16,7 @@ _ODD = ((1, 0, 5, 3), (2, 0, 3, 6), (4, 0, 6, 5), (7, 3, 5, 6), (0, 3, 6, 5))
 
 
 @dataclass(frozen=True)
-class Physics:
+class FlexPhysics:
     """What a flex is made of: kilograms in all, simulated seconds per step, weight, MJCF elements for its stiffness."""
 
     mass: float
@@ -25,9 +25,9 @@ class Physics:
     stiffness: str
 
 
-FABRIC = Physics(0.08, 0.001, 9.81, '<edge equality="true" damping="0.002"/>')
+FABRIC = FlexPhysics(0.08, 0.001, 9.81, '<edge equality="true" damping="0.002"/>')
 # Heavier than rubber, so that explicit steps stay stable, and weightless for it.
-RUBBER = Physics(1.0, 0.0005, 0.0, '<elasticity young="1e5" poisson="0.3" damping="0.002"/>')
+RUBBER = FlexPhysics(1.0, 0.0005, 0.0, '<elasticity young="1e5" poisson="0.3" damping="0.002"/>')
 
 
 def sheet(
@@ -75,7 +75,7 @@ def hand(at: Float[np.ndarray, "3"], cell: Float[np.ndarray, "3"], printed: Prin
 
 def simulate(
     flex: Flex,
-    physics: Physics,
+    physics: FlexPhysics,
     *,
     length: int,
     pinned: Bool[np.ndarray, "v"],
@@ -144,7 +144,7 @@ def _lay(data: mujoco.MjData, ends: Float[np.ndarray, "2 3"]) -> None:
 
 def _xml(
     flex: Flex,
-    physics: Physics,
+    physics: FlexPhysics,
     pinned: Bool[np.ndarray, "v"],
     rod: Float[np.ndarray, "t 2 3"] | None,
     radius: float,

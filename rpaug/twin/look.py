@@ -16,7 +16,7 @@ LAMPS: Vector = (0.5, 0.5, 0.5)
 
 
 @dataclass(frozen=True)
-class Lamp:
+class TwinLamp:
     """Parallel light from `heading` about the vertical (0: from +x) and `height` above the horizon, radians."""
 
     heading: float
@@ -24,7 +24,7 @@ class Lamp:
 
 
 RIG = tuple(
-    Lamp(float(np.deg2rad(heading)), float(np.deg2rad(height)))
+    TwinLamp(float(np.deg2rad(heading)), float(np.deg2rad(height)))
     for heading, height in ((20, 33), (250, 25), (165, 25))
 )
 
@@ -78,7 +78,7 @@ class Look:
     shadows: bool = False
     texture_seed: int | None = None
     covers: Mapping[str, Cover] = field(default_factory=dict)
-    lamps: tuple[Lamp, ...] = RIG
+    lamps: tuple[TwinLamp, ...] = RIG
     headlight: float = 0.0
     absent: frozenset[str] = frozenset()
     scales: Mapping[str, float] = field(default_factory=dict)

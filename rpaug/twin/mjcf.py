@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int32
 
-from rpaug import geometry
-from rpaug.files import encode_png
+from rpaug.core import geometry
+from rpaug.core.files import encode_png
 from rpaug.twin import covers
-from rpaug.twin.look import LAMPS, Extra, Lamp, Look
-from rpaug.twin.world import WHITE, Body, Flex, Geom, Part, Print, World
+from rpaug.twin.look import LAMPS, Extra, Look, TwinLamp
+from rpaug.twin.world import WHITE, Flex, Geom, Part, Print, TwinBody, World
 
 SKIN = 0.0015  # metres: half the thickness of a sheet
 AMBIENT = 0.3  # display intensity, at the lamps' own brightness
@@ -144,7 +144,7 @@ def resized(part: Part, scale: float) -> Part:
     return replace(part, geoms=geoms)
 
 
-def _add_lamp(scene: Xml.Element, lamp: Lamp, look: Look) -> None:
+def _add_lamp(scene: Xml.Element, lamp: TwinLamp, look: Look) -> None:
     along = np.cos(lamp.height)
     source = np.array(
         [along * np.cos(lamp.heading), along * np.sin(lamp.heading), np.sin(lamp.height)]
@@ -163,7 +163,7 @@ def _add_lamp(scene: Xml.Element, lamp: Lamp, look: Look) -> None:
     )
 
 
-def _add_body(elements: dict[str | None, Xml.Element], body: Body) -> Xml.Element:
+def _add_body(elements: dict[str | None, Xml.Element], body: TwinBody) -> Xml.Element:
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, body.pose[:3, :3].ravel())
     element = Xml.SubElement(
@@ -203,7 +203,7 @@ def _add_part(asset: Xml.Element, body: Xml.Element, part: Part, look: Look) -> 
         _add_geom(body, geom, name)
 
 
-def _add_mesh(asset: Xml.Element, body: Xml.Element, mesh: covers.Mesh, name: str) -> None:
+def _add_mesh(asset: Xml.Element, body: Xml.Element, mesh: covers.CoverMesh, name: str) -> None:
     downwards = mesh.tiles * (1, -1)  # MuJoCo's images begin with their first row, at the top
     Xml.SubElement(
         asset,
@@ -225,7 +225,7 @@ def _add_extra(asset: Xml.Element, scene: Xml.Element, extra: Extra) -> None:
     points = geometry.transform(extra.pose, extra.points)
     tiles = np.asarray(extra.uv, float)
     body = Xml.SubElement(scene, "body", name=name)
-    mesh = covers.Mesh(points, extra.normals @ extra.pose[:3, :3].T, tiles, extra.faces)
+    mesh = covers.CoverMesh(points, extra.normals @ extra.pose[:3, :3].T, tiles, extra.faces)
     _add_mesh(asset, body, mesh, f"{name}/0")
 
 

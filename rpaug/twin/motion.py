@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rpaug import geometry
-from rpaug.errors import Unsupported
+from rpaug.core import geometry
+from rpaug.core.errors import Unsupported
 from rpaug.twin.panda import HOME, OPEN, Panda
 
 STEP = 0.05  # seconds between frames, RLBench's simulation step
@@ -15,7 +15,7 @@ _NUDGE = 1e-4  # of a straight path: the step of the central difference that giv
 
 
 @dataclass(frozen=True)
-class Hinge:
+class HingeTurn:
     """A turn about an axis through `at` (metres, world), by the rotation vector `turn` in radians."""
 
     at: Float[np.ndarray, "3"]
@@ -41,7 +41,7 @@ class Key:
     tip: Float[np.ndarray, "4 4"] | None = None
     opening: float = OPEN
     straight: bool = False
-    about: Hinge | None = None
+    about: HingeTurn | None = None
     holds: str | None = None
 
 

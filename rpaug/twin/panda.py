@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rpaug import geometry
-from rpaug.twin.world import Body, Geom, Part, Vector
+from rpaug.core import geometry
+from rpaug.twin.world import Geom, Part, TwinBody, Vector
 
 # Craig's modified Denavit-Hartenberg parameters a, d (metres), alpha (radians) of joints 1 to 7,
 # the flange's distance, the hand's turn and the tip's distance: Franka Control Interface
@@ -88,20 +88,20 @@ class Panda:
         return q
 
 
-def bodies(base: Float[np.ndarray, "4 4"]) -> tuple[Body, ...]:
+def bodies(base: Float[np.ndarray, "4 4"]) -> tuple[TwinBody, ...]:
     """The base, seven links, the hand and two fingers; one part, hence one handle, each."""
-    out = [Body("link0", (Part("link0", _BASE),), base)]
+    out = [TwinBody("link0", (Part("link0", _BASE),), base)]
     for number, (origin, geoms) in enumerate(zip(_ORIGINS, _LINKS, strict=True), start=1):
         part = Part(f"link{number}", geoms)
-        out.append(Body(part.name, (part,), origin, f"link{number - 1}", ("hinge", (0, 0, 1))))
-    out.append(Body("hand", (Part("hand", _HAND),), HAND, "link7"))
+        out.append(TwinBody(part.name, (part,), origin, f"link{number - 1}", ("hinge", (0, 0, 1))))
+    out.append(TwinBody("hand", (Part("hand", _HAND),), HAND, "link7"))
     for name, side in (("finger_left", 1.0), ("finger_right", -1.0)):
         finger = (
             Geom("box", (0.010, 0.006, 0.016), (0, side * 0.009, 0.016), colour=_SHELL),
             Geom("box", (0.009, 0.006, 0.014), (0, side * 0.006, 0.040), colour=_RUBBER),
         )
         out.append(
-            Body(name, (Part(name, finger),), _lift(0.0584), "hand", ("slide", (0, side, 0)))
+            TwinBody(name, (Part(name, finger),), _lift(0.0584), "hand", ("slide", (0, side, 0)))
         )
     return tuple(out)
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from rpaug import registry
-from rpaug.errors import RpaugError
-from rpaug.files import encode_png
+from rpaug.core import registry
+from rpaug.core.errors import RpaugError
+from rpaug.core.files import encode_png
+from rpaug.core.types import Camera, CameraView, Episode, Robot
 from rpaug.twin import cameras, factors, tabletop
 from rpaug.twin.look import Look
 from rpaug.twin.motion import Motion, play
@@ -20,11 +21,10 @@ from rpaug.twin.panda import OPEN
 from rpaug.twin.renderer import Renderer
 from rpaug.twin.roaming import roamed
 from rpaug.twin.soft_tasks import SOFT_TASKS
-from rpaug.twin.staging import Job
+from rpaug.twin.staging import StagedTask
 from rpaug.twin.tasks import TASKS
 from rpaug.twin.truth import Truth, changed_tints, laid, mean_albedos
 from rpaug.twin.world import Part, World
-from rpaug.types import Camera, CameraView, Episode, Robot
 
 LARGEST = 2048  # pixels a side
 _OPEN_FROM = 0.95  # of the full opening: RLBench's rule for gripper_open
@@ -114,7 +114,7 @@ def perform(
 
 def stage(
     task: str, seed: int, episode: int, look: Look, roam: float = 0.0
-) -> tuple[Job, World, np.random.Generator]:
+) -> tuple[StagedTask, World, np.random.Generator]:
     """The task as that seed and episode draw it, its world, and the generator that draws what a factor changes.
 
     With `roam` it lies elsewhere on the table, by up to so many metres each way. Raises RpaugError for an unknown

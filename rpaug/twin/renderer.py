@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 from jaxtyping import Float32, Float64, Int32, UInt8
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
+from rpaug.core.types import Camera
 from rpaug.twin import mjcf
 from rpaug.twin.look import Look
 from rpaug.twin.world import World
-from rpaug.types import Camera
 
 Frame = tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]
 

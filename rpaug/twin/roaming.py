@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from rpaug import geometry
-from rpaug.errors import RpaugError
-from rpaug.twin.motion import Hinge, Key
+from rpaug.core import geometry
+from rpaug.core.errors import RpaugError
+from rpaug.twin.motion import HingeTurn, Key
 from rpaug.twin.panda import HOME, Panda
-from rpaug.twin.staging import LOOSE, Job, moved
+from rpaug.twin.staging import LOOSE, StagedTask, moved
 from rpaug.twin.tabletop import resting_height, upright
 
 Pose = Float[np.ndarray, "4 4"]
@@ -24,7 +24,7 @@ APART = 0.09  # metres between the middles of things, and from the gripper's way
 TRIES = 100  # draws of a place, and of the whole
 
 
-def roamed(job: Job, arm: Panda, far: float, rng: np.random.Generator) -> Job:
+def roamed(job: StagedTask, arm: Panda, far: float, rng: np.random.Generator) -> StagedTask:
     """The job turned by up to `TURN` and moved by up to `far` metres each way, all that is no part of it strewn anew.
 
     The arm reaches all of it. Raises RpaugError for a job with something that bends, and where no such place is found.
@@ -57,7 +57,7 @@ def clear(spot: Spot, taken: Sequence[Spot], apart: float) -> bool:
     return min(float(np.linalg.norm(spot - other)) for other in taken) >= apart
 
 
-def _needs(job: Job, name: str) -> bool:
+def _needs(job: StagedTask, name: str) -> bool:
     return name not in LOOSE or name in (job.manipulated, job.receiver)
 
 
@@ -79,7 +79,7 @@ def _moved_key(key: Key, motion: Pose) -> Key:
     tip = None if key.tip is None else motion @ key.tip
     hinge = key.about
     if hinge is not None:
-        hinge = Hinge(geometry.transform(motion, hinge.at), motion[:3, :3] @ hinge.turn)
+        hinge = HingeTurn(geometry.transform(motion, hinge.at), motion[:3, :3] @ hinge.turn)
     return replace(key, tip=tip, about=hinge)
 
 

@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from jaxtyping import Float
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.twin import flex
 from rpaug.twin.flex import FABRIC, RUBBER
 from rpaug.twin.motion import STEP, Key, Motion
 from rpaug.twin.panda import FINGER_END, FINGER_HALF
-from rpaug.twin.staging import LOOSE, Job, Soft, gripper_pose, moved, scattered
+from rpaug.twin.staging import LOOSE, SoftPart, StagedTask, gripper_pose, moved, scattered
 from rpaug.twin.tabletop import POST, RACK, TABLE, upright
 from rpaug.twin.world import Print
 
@@ -21,7 +21,7 @@ CELL = np.array([0.022, 0.017, 0.020])  # of the soft hand: depth, width, height
 CURL = 0.015  # newtons that bend a finger, on each vertex of its tip
 
 
-def push_towel(rng: np.random.Generator) -> Job:
+def push_towel(rng: np.random.Generator) -> StagedTask:
     """Push a hanging towel away with closed fingers and let go of it at once; a draught stirs it all the while."""
     x, y = np.array([0.36, 0.0]) + rng.uniform(-0.02, 0.02, 2)
     rack = upright(x, y)
@@ -60,18 +60,18 @@ def push_towel(rng: np.random.Generator) -> Job:
         Key(share=0.42, opening=0.0),
     )
     spots = [(0.05, -0.33), (0.22, -0.38), (0.42, -0.30), (0.08, 0.36), (0.44, 0.30), (0.20, 0.34)]
-    return Job(
+    return StagedTask(
         {"rack": rack, **scattered(LOOSE, spots, rng)},
         script,
         "towel",
         ("push the towel", "give the hanging towel a push"),
         0,
         "rack",
-        Soft("towel", towel, swing),
+        SoftPart("towel", towel, swing),
     )
 
 
-def wave_glove(rng: np.random.Generator) -> Job:
+def wave_glove(rng: np.random.Generator) -> StagedTask:
     """A soft hand on a post turns to and fro and beckons with its fingers while the gripper presses a button."""
     x, y = np.array([0.30, 0.10]) + rng.uniform(-0.03, 0.03, 2)
     post = upright(x, y)
@@ -103,18 +103,18 @@ def wave_glove(rng: np.random.Generator) -> Job:
         Key(share=0.25, tip=above, opening=0.0, straight=True),
     )
     spots = [(0.03, -0.33), (0.22, -0.38), (0.42, -0.30), (0.04, 0.36), (0.24, 0.38), (0.46, 0.30)]
-    return Job(
+    return StagedTask(
         {"post": post, **scattered(LOOSE, spots, rng)},
         script,
         "glove",
         ("wave back at the soft hand",),
         0,
         None,
-        Soft("glove", glove, wave),
+        SoftPart("glove", glove, wave),
     )
 
 
-SOFT_TASKS: Mapping[str, Callable[[np.random.Generator], Job]] = {
+SOFT_TASKS: Mapping[str, Callable[[np.random.Generator], StagedTask]] = {
     "push_towel": push_towel,
     "wave_glove": wave_glove,
 }

@@ -20,7 +20,7 @@ LOOSE = ("block_plain", "block_two_coloured", "block_textured", "block_small", "
 
 
 @dataclass(frozen=True)
-class Job:
+class StagedTask:
     """One drawn instance of a task.
 
     `manipulated` is the part that moves (its name is also the default target of a change),
@@ -34,11 +34,11 @@ class Job:
     descriptions: tuple[str, ...]
     variation: int
     receiver: str | None = None
-    soft: "Soft | None" = None
+    soft: "SoftPart | None" = None
 
 
 @dataclass(frozen=True)
-class Soft:
+class SoftPart:
     """The part of a job that bends, and how: its vertices over time, worked out from the robot's motion."""
 
     name: str

@@ -6,9 +6,9 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.twin import panda, textures
-from rpaug.twin.world import WHITE, Body, Geom, Part, World, draw_handles
+from rpaug.twin.world import WHITE, Geom, Part, TwinBody, World, draw_handles
 
 TABLE = 0.752  # metres, the height of RLBench's table
 ARM = panda.Panda(geometry.rigid(np.zeros(3), np.array([-0.29, 0.0, TABLE])))
@@ -48,11 +48,11 @@ def build(
         *(_cabinet(placing["cabinet"]) if "cabinet" in placing else ()),
         *((_stove(placing["stove"]),) if "stove" in placing else ()),
         *(
-            Body(name, (part,), placing[name], movable=True)
+            TwinBody(name, (part,), placing[name], movable=True)
             for name, part in _things().items()
             if name in placing
         ),
-        *(Body(part.name, (part,)) for part in soft),
+        *(TwinBody(part.name, (part,)) for part in soft),
     )
     return World(bodies, _pictures(texture_seed), draw_handles(bodies, rng))
 
@@ -71,7 +71,7 @@ def resting_height(name: str) -> float:
     return -min(lowest)
 
 
-def _room() -> Body:
+def _room() -> TwinBody:
     """Table, floor and three walls: nothing of it ever moves, yet each has its own handle."""
     wall = 0.05
 
@@ -97,7 +97,7 @@ def _room() -> Body:
             "box", (0.05, 0.05, (TABLE - 2 * top) / 2), (0.7, -0.6, TABLE / 2 - top), texture="wood"
         ),
     )
-    return Body(
+    return TwinBody(
         "room",
         (
             Part("table", table),
@@ -110,7 +110,7 @@ def _room() -> Body:
     )
 
 
-def _cabinet(pose: Float[np.ndarray, "4 4"]) -> tuple[Body, Body]:
+def _cabinet(pose: Float[np.ndarray, "4 4"]) -> tuple[TwinBody, TwinBody]:
     """A box that is open in the upper front, and the drawer in it; x is the way the drawer opens, z = 0 its foot."""
     d, w, h, t = DEPTH / 2, WIDTH / 2, HEIGHT, WALL / 2
     shelf = 0.10
@@ -145,8 +145,8 @@ def _cabinet(pose: Float[np.ndarray, "4 4"]) -> tuple[Body, Body]:
         Geom("cylinder", (0.006,), (start, y + post, z), (x, y + post, z)),
     )
     return (
-        Body("cabinet", (Part("cabinet", frame, (0.80, 0.72, 0.62)),), pose, movable=True),
-        Body(
+        TwinBody("cabinet", (Part("cabinet", frame, (0.80, 0.72, 0.62)),), pose, movable=True),
+        TwinBody(
             "drawer",
             (Part("drawer", tray, (0.95, 0.90, 0.82)), Part("grip", grip, (0.30, 0.31, 0.34))),
             pose,
@@ -155,7 +155,7 @@ def _cabinet(pose: Float[np.ndarray, "4 4"]) -> tuple[Body, Body]:
     )
 
 
-def _stove(pose: Float[np.ndarray, "4 4"]) -> Body:
+def _stove(pose: Float[np.ndarray, "4 4"]) -> TwinBody:
     """A cooktop with one hot plate, and two knobs on its far edge that have handles of their own."""
     x, y, height = STOVE
     at, radius, thick = PLATE
@@ -174,7 +174,7 @@ def _stove(pose: Float[np.ndarray, "4 4"]) -> Body:
             ("knob_right", (KNOB_AT[0], -KNOB_AT[1], height)),
         )
     )
-    return Body("stove", (Part("stove", (steel, plate)), *knobs), pose, movable=True)
+    return TwinBody("stove", (Part("stove", (steel, plate)), *knobs), pose, movable=True)
 
 
 def _things() -> dict[str, Part]:

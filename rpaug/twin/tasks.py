@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from rpaug import geometry
-from rpaug.twin.motion import Hinge, Key
+from rpaug.core import geometry
+from rpaug.twin.motion import HingeTurn, Key
 from rpaug.twin.panda import FINGER_END, FINGER_HALF
-from rpaug.twin.staging import DOWN, LOOSE, REACH, Job, carry, gripper_pose, moved, scattered
+from rpaug.twin.staging import DOWN, LOOSE, REACH, StagedTask, carry, gripper_pose, moved, scattered
 from rpaug.twin.tabletop import (
     BLOCK,
     BOX,
@@ -31,7 +31,7 @@ _HALFWAY = np.deg2rad(40.0)  # of the fingers from the vertical when they begin 
 _LEAN = np.deg2rad(40.0)  # how far the approach to the grip leans from the vertical into the drawer
 
 
-def open_drawer(rng: np.random.Generator) -> Job:
+def open_drawer(rng: np.random.Generator) -> StagedTask:
     """Take the drawer's grip and pull it open by 15 cm."""
     x, y = np.array([0.22, 0.16]) + rng.uniform(-0.02, 0.02, 2)
     cabinet = upright(x, y, 0.0, np.deg2rad(-80.0) + rng.uniform(-0.12, 0.12))
@@ -59,7 +59,7 @@ def open_drawer(rng: np.random.Generator) -> Job:
         ),
         Key(share=0.06, opening=GRIP_RADIUS, holds="drawer"),
     )
-    return Job(
+    return StagedTask(
         {"cabinet": cabinet, "drawer": cabinet, **scattered(LOOSE, spots, rng)},
         script,
         "drawer",
@@ -68,7 +68,7 @@ def open_drawer(rng: np.random.Generator) -> Job:
     )
 
 
-def pick_block(rng: np.random.Generator) -> Job:
+def pick_block(rng: np.random.Generator) -> StagedTask:
     """Take a block, lift it and set it down on the pad."""
     variation = int(rng.integers(2))
     name, colour = (("block_plain", "red"), ("block_two_coloured", "red and yellow"))[variation]
@@ -94,7 +94,7 @@ def pick_block(rng: np.random.Generator) -> Job:
     script = carry(name, grasp, place, BLOCK[0])
     spots = [(0.06, -0.35), (0.23, -0.38), (0.41, -0.33), (0.08, 0.25)]
     others = tuple(thing for thing in LOOSE if thing not in (name, "pad"))
-    return Job(
+    return StagedTask(
         {
             "cabinet": cabinet,
             "drawer": cabinet,
@@ -113,7 +113,7 @@ def pick_block(rng: np.random.Generator) -> Job:
     )
 
 
-def push_button(rng: np.random.Generator) -> Job:
+def push_button(rng: np.random.Generator) -> StagedTask:
     """Press a button down with closed fingers."""
     x, y = np.array([0.20, 0.0]) + rng.uniform(-0.06, 0.06, 2)
     button = upright(x, y, 0.0, rng.uniform(-0.5, 0.5))
@@ -129,7 +129,7 @@ def push_button(rng: np.random.Generator) -> Job:
         Key(share=0.20, tip=above, opening=0.0, straight=True),
     )
     spots = [(0.02, -0.28), (0.24, -0.34), (0.42, -0.22), (0.06, 0.27), (0.26, 0.33), (0.44, 0.20)]
-    return Job(
+    return StagedTask(
         {"button": button, "button_base": button, **scattered(LOOSE, spots, rng)},
         script,
         "button",
@@ -139,7 +139,7 @@ def push_button(rng: np.random.Generator) -> Job:
     )
 
 
-def slide_block(rng: np.random.Generator) -> Job:
+def slide_block(rng: np.random.Generator) -> StagedTask:
     """Push the red block over the table onto the green patch."""
     turn = rng.uniform(-0.25, 0.25)
     along = np.array([-np.sin(turn), np.cos(turn), 0.0])
@@ -159,7 +159,7 @@ def slide_block(rng: np.random.Generator) -> Job:
         Key(share=0.14, tip=moved(touch, way + back), opening=0.0, straight=True),
     )
     spots = [(0.00, -0.36), (0.40, -0.36), (0.44, -0.08), (0.46, 0.18), (-0.02, 0.32)]
-    return Job(
+    return StagedTask(
         {
             "block_plain": block,
             "patch": patch,
@@ -173,7 +173,7 @@ def slide_block(rng: np.random.Generator) -> Job:
     )
 
 
-def stack_cups(rng: np.random.Generator) -> Job:
+def stack_cups(rng: np.random.Generator) -> StagedTask:
     """Take the small cup and set it into the large one."""
     small = upright(
         0.12 + rng.uniform(-0.04, 0.04),
@@ -192,7 +192,7 @@ def stack_cups(rng: np.random.Generator) -> Job:
     inside = large[:3, 3] + high + [0, 0, FLOOR_OF_CUP]
     script = carry("cup_small", grasp, gripper_pose(inside, DOWN, small[:3, 0]), CUP_SMALL[0])
     spots = [(0.00, -0.36), (0.22, -0.38), (0.44, -0.30), (0.02, 0.22), (0.20, 0.34), (0.46, 0.26)]
-    return Job(
+    return StagedTask(
         {"cup_small": small, "cup_large": large, **scattered(LOOSE, spots, rng)},
         script,
         "cup_small",
@@ -202,7 +202,7 @@ def stack_cups(rng: np.random.Generator) -> Job:
     )
 
 
-def put_in_box(rng: np.random.Generator) -> Job:
+def put_in_box(rng: np.random.Generator) -> StagedTask:
     """Take the red block and set it down in the open box."""
     block = upright(
         0.10 + rng.uniform(-0.03, 0.03),
@@ -217,7 +217,7 @@ def put_in_box(rng: np.random.Generator) -> Job:
     inside = box[:3, 3] + grip + [0, 0, BOX_FLOOR + BLOCK[2]]
     place = gripper_pose(inside, DOWN, opens_along=block[:3, 0])
     spots = [(0.00, -0.36), (0.22, -0.38), (0.44, -0.28), (0.00, 0.26), (0.16, 0.36)]
-    return Job(
+    return StagedTask(
         {
             "block_plain": block,
             "box": box,
@@ -231,7 +231,7 @@ def put_in_box(rng: np.random.Generator) -> Job:
     )
 
 
-def put_on_stove(rng: np.random.Generator) -> Job:
+def put_on_stove(rng: np.random.Generator) -> StagedTask:
     """Take the small cup and set it down on the stove's hot plate."""
     cup = upright(
         0.08 + rng.uniform(-0.03, 0.03),
@@ -246,7 +246,7 @@ def put_on_stove(rng: np.random.Generator) -> Job:
     grasp = gripper_pose(cup[:3, 3] + high, DOWN, opens_along=cup[:3, 0])
     place = gripper_pose(plate + high, DOWN, opens_along=cup[:3, 0])
     spots = [(0.00, -0.38), (0.22, -0.38), (0.44, -0.32), (-0.04, 0.28), (0.14, 0.38)]
-    return Job(
+    return StagedTask(
         {
             "cup_small": cup,
             "stove": stove,
@@ -260,14 +260,14 @@ def put_on_stove(rng: np.random.Generator) -> Job:
     )
 
 
-def close_box(rng: np.random.Generator) -> Job:
+def close_box(rng: np.random.Generator) -> StagedTask:
     """Push the box's open lid over with closed fingers until it lies on the box."""
     yaw = rng.uniform(-0.15, 0.15)
     box = upright(0.25 + rng.uniform(-0.02, 0.02), rng.uniform(-0.05, 0.05), 0.0, yaw)
     across = box[:3, 1]
     hinge = geometry.transform(box, np.array([BOX[0], 0, BOX[2] + 0.001]))
     closed = moved(box, hinge - box[:3, 3])
-    lid = Hinge(hinge, LID_OPEN * across).turned(closed, 1.0)
+    lid = HingeTurn(hinge, LID_OPEN * across).turned(closed, 1.0)
     # Fingers touch the outside near its free edge, half of the turn before and half after they point down.
     approach = np.array(geometry.rotation(_HALFWAY * across) @ DOWN)
     back = lid[:3, 2]
@@ -277,11 +277,11 @@ def close_box(rng: np.random.Generator) -> Job:
     script = (
         Key(share=0.44, tip=ready, opening=0.0),
         Key(share=0.10, tip=start, opening=0.0, straight=True),
-        Key(share=0.32, about=Hinge(hinge, -LID_OPEN * across), opening=0.0, holds="lid"),
+        Key(share=0.32, about=HingeTurn(hinge, -LID_OPEN * across), opening=0.0, holds="lid"),
         Key(share=0.10, opening=0.0),
     )
     spots = [(0.00, -0.36), (0.22, -0.38), (0.44, -0.30), (0.00, 0.30), (0.20, 0.36), (0.46, 0.26)]
-    return Job(
+    return StagedTask(
         {"box": box, "lid": lid, **scattered(LOOSE, spots, rng)},
         script,
         "lid",
@@ -291,7 +291,7 @@ def close_box(rng: np.random.Generator) -> Job:
     )
 
 
-TASKS: Mapping[str, Callable[[np.random.Generator], Job]] = {
+TASKS: Mapping[str, Callable[[np.random.Generator], StagedTask]] = {
     "open_drawer": open_drawer,
     "pick_block": pick_block,
     "push_button": push_button,

@@ -76,7 +76,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Body:
+class TwinBody:
     """A rigid set of parts.
 
     `pose` is in the frame of `parent`, or in the world. A body with a `joint` turns about (hinge)
@@ -95,11 +95,11 @@ class Body:
 class World:
     """All bodies, parents before their children, the images of their textures, and the mask handle of every part."""
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[TwinBody, ...]
     textures: Mapping[str, UInt8[np.ndarray, "n n 3"]]
     handles: Mapping[str, int]
 
-    def body(self, name: str) -> Body:
+    def body(self, name: str) -> TwinBody:
         """The body called `name`."""
         return next(body for body in self.bodies if body.name == name)
 
@@ -108,7 +108,7 @@ class World:
         return next(part for body in self.bodies for part in body.parts if part.name == name)
 
 
-def draw_handles(bodies: tuple[Body, ...], rng: np.random.Generator) -> dict[str, int]:
+def draw_handles(bodies: tuple[TwinBody, ...], rng: np.random.Generator) -> dict[str, int]:
     """A positive integer for each part, unlike for every seed, as a simulator numbers its objects."""
     names = [part.name for body in bodies for part in body.parts]
     numbers = rng.choice(np.arange(8, 250), len(names), replace=False)

@@ -12,8 +12,9 @@ from rpaug_adapters._ego4d_video import Video
 from rpaug_adapters.ego4d import Ego4D
 from videos import HEIGHT, WIDTH, picture, turn, write
 
-from rpaug import BadInput, CameraView, Episode, Unsupported, registry
-from rpaug.testing import AdapterContract
+from rpaug import BadInput, CameraView, Episode, Unsupported
+from rpaug.core import registry
+from rpaug.pipeline.contracts import AdapterContract
 
 UID, CLIP = "9c5b7322-d1cc-4b56-ae9d-85831f28fac1", "0a1b"
 VARIED = [0, 512, 700, 2100, 2200, 2300, 5000, 5010, 6000, 6512, 7000, 9000]

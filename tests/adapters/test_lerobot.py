@@ -16,8 +16,9 @@ from rpaug_adapters import _lerobot_files, _lerobot_fresh, _lerobot_stats, _vide
 from rpaug_adapters._folders import unlike
 from rpaug_adapters.lerobot import LeRobot
 
-from rpaug import BadInput, MissingExtra, Unsupported, registry
-from rpaug.testing import AdapterContract
+from rpaug import BadInput, MissingExtra, Unsupported
+from rpaug.core import registry
+from rpaug.pipeline.contracts import AdapterContract
 
 KEY = "toy/train/1"
 

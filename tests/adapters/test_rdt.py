@@ -14,7 +14,7 @@ from rpaug_adapters.rdt import RDT
 from rpaug_adapters.rlbench import RLBench
 
 from rpaug import BadInput, CameraView, Episode, Unsupported
-from rpaug.testing import AdapterContract
+from rpaug.pipeline.contracts import AdapterContract
 
 KEY = "pour/episode_0"
 STEPS, HEIGHT, WIDTH = 4, 12, 16

@@ -10,9 +10,10 @@ import pytest
 from rpaug_adapters._pickles import dump, load
 from rpaug_adapters.rlbench import RLBench
 
-from rpaug import BadInput, geometry
-from rpaug.files import decode_png, encode_png
-from rpaug.testing import AdapterContract
+from rpaug import BadInput
+from rpaug.core import geometry
+from rpaug.core.files import decode_png, encode_png
+from rpaug.pipeline.contracts import AdapterContract
 
 KEY = "roll_ball/all_variations/episodes/episode0"
 

@@ -14,7 +14,7 @@ from rpaug_adapters._example import Example
 from rpaug_adapters.rlds import RLDS
 
 from rpaug import BadInput, CameraView, Episode
-from rpaug.testing import AdapterContract
+from rpaug.pipeline.contracts import AdapterContract
 
 KEY = "toy/1.0.0/train/0"
 

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from rpaug.scene.naming import colours
-from rpaug.scene.splats import ply
-from rpaug.scene.splats.carrying import SH0
-from rpaug.types import Gaussians
+from rpaug.core import colors
+from rpaug.core.types import Gaussians
+from rpaug.gaussians import ply
+from rpaug.gaussians.carrying import SH0
 
 
 def ball(text: str) -> bytes:
     """The .ply of a ball, 8 cm across."""
     if "nothing" in text:
         raise SystemExit("I have no idea what that is")
-    words = [word for word in text.split() if colours.canonical(word)]
-    tint = np.array(colours.rgb(words[0]) if words else (0.5, 0.5, 0.5), np.float32)
+    words = [word for word in text.split() if colors.canonical(word)]
+    tint = np.array(colors.rgb(words[0]) if words else (0.5, 0.5, 0.5), np.float32)
     way = np.random.default_rng(0).normal(size=(300, 3))
     count, means = len(way), 0.04 * way / np.linalg.norm(way, axis=1, keepdims=True)
     return ply.encoded(

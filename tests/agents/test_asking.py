@@ -6,13 +6,13 @@ import pytest
 import yaml
 from tabletop import gl, scene, take
 
-from rpaug import recipe
-from rpaug.agents import asking, grounding, rounds
-from rpaug.agents.messages import NotUnderstood, Setting
-from rpaug.errors import BadInput, TargetError, Unsupported
+from rpaug.core.errors import BadInput, TargetError, Unsupported
+from rpaug.language import asking, grounding, rounds
+from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.pipeline import recipe
 
 
-def setting() -> Setting:
+def setting() -> WishContext:
     return asking.setting_of(take().episode)
 
 
@@ -61,14 +61,14 @@ def test_what_the_scene_has_nothing_for_is_refused(wish, error):
 def test_a_talk_goes_on_and_back(tmp_path):
     talk, path = rounds.History(), tmp_path / "talk.json"
     for wish in ("paint the cup blue", "add two mugs", "now make the cup darker"):
-        asked = asking.ask(wish, Setting(cameras=("front",)), history=talk)
+        asked = asking.ask(wish, WishContext(cameras=("front",)), history=talk)
         path.write_text(asked.history.model_dump_json())
         talk = rounds.load(path)
     assert len(talk.rounds) == 3
     assert asked.recipe["edits"][0]["color"] == {"rgb": [0.0, 0.0, 0.6]}
-    undone = asking.ask("undo", Setting(), history=talk)
+    undone = asking.ask("undo", WishContext(), history=talk)
     assert undone.recipe["edits"][0]["color"] == "blue"
-    less = asking.ask("undo the mugs", Setting(), history=talk)
+    less = asking.ask("undo the mugs", WishContext(), history=talk)
     assert [edit["op"] for edit in less.recipe["edits"]] == ["recolor"]
 
 
@@ -82,7 +82,7 @@ def test_a_broken_history_is_refused(tmp_path):
 
 def test_an_over_long_wish_is_refused():
     with pytest.raises(NotUnderstood, match="characters"):
-        asking.ask("a" * 5000, Setting())
+        asking.ask("a" * 5000, WishContext())
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_the_phrases_inside_a_target(said, inner):
 
 
 def test_notes_and_wishes_cannot_break_out_of_their_comment():
-    asked = asking.ask("paint the cup\nblue\n", Setting())
+    asked = asking.ask("paint the cup\nblue\n", WishContext())
     assert yaml.safe_load(asked.yaml)["edits"] == [
         {"op": "recolor", "target": "cup", "color": "blue"}
     ]

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug import recipe, registry
-from rpaug.agents.messages import NotUnderstood, Setting
-from rpaug.agents.rounds import said_after
-from rpaug.errors import BadRecipe
-from rpaug.scene.naming import relations
+from rpaug.core import registry
+from rpaug.core.errors import BadRecipe
+from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.language.rounds import said_after
+from rpaug.pipeline import recipe
+from rpaug.scene.targets import relations
 
 OURS = [*(one for one in known.every() if not one.aside), *known.every(known.OTHERS)]
 
@@ -32,7 +33,7 @@ def rounded(value: Any, of: str = "") -> Any:
 
 def told(one: known.Known) -> dict[str, Any] | None:
     """The recipe's own part of what comes of a command; None if it is refused."""
-    setting = Setting(cameras=one.cameras, instructions=one.instructions)
+    setting = WishContext(cameras=one.cameras, instructions=one.instructions)
     try:
         answer = said_after(one.say, one.after, setting)
         recipe.build(answer.recipe())
@@ -81,19 +82,19 @@ def test_every_operator_can_be_asked_for() -> None:
 )
 def test_a_refusal_says_why(wish: str, why: str) -> None:
     with pytest.raises(NotUnderstood, match=why):
-        said_after(wish, (), Setting(cameras=tuple(known.CAMERAS)))
+        said_after(wish, (), WishContext(cameras=tuple(known.CAMERAS)))
 
 
 def test_what_is_taken_for_granted_is_told() -> None:
-    answer = said_after("look from further left", (), Setting(cameras=("front",)))
+    answer = said_after("look from further left", (), WishContext(cameras=("front",)))
     assert answer.notes == ("10 cm, since no length was named",)
-    after = said_after("paint the cup blue", ["paint the cup red"], Setting())
+    after = said_after("paint the cup blue", ["paint the cup red"], WishContext())
     assert any("takes the place of" in note for note in after.notes)
 
 
 def test_a_colour_belongs_to_what_it_was_said_of() -> None:
     wish = "make the table brown and the walls white"
-    assert said_after(wish, (), Setting()).edits == (
+    assert said_after(wish, (), WishContext()).edits == (
         {"op": "recolor", "target": {"role": "table"}, "color": "brown"},
         {"op": "recolor", "target": {"role": "background"}, "color": "white"},
     )
@@ -112,7 +113,7 @@ WORDS = st.sampled_from(
 @given(st.lists(WORDS, max_size=12))
 def test_whatever_is_said_is_refused_or_valid(words: list[str]) -> None:
     try:
-        answer = said_after(" ".join(words), (), Setting(cameras=("front",)))
+        answer = said_after(" ".join(words), (), WishContext(cameras=("front",)))
     except NotUnderstood:
         return
     recipe.build(answer.recipe())
@@ -122,7 +123,7 @@ def test_whatever_is_said_is_refused_or_valid(words: list[str]) -> None:
 @given(st.text(max_size=80))
 def test_no_text_breaks_it(text: str) -> None:
     with contextlib.suppress(NotUnderstood):
-        said_after(text, (), Setting(cameras=("front",)))
+        said_after(text, (), WishContext(cameras=("front",)))
 
 
 @pytest.mark.parametrize(
@@ -137,7 +138,7 @@ def test_no_text_breaks_it(text: str) -> None:
     ],
 )
 def test_a_wish_is_an_order(wish: str, order: str) -> None:
-    assert said_after(wish, (), Setting()).edits == said_after(order, (), Setting()).edits
+    assert said_after(wish, (), WishContext()).edits == said_after(order, (), WishContext()).edits
 
 
 @pytest.mark.parametrize(
@@ -150,4 +151,4 @@ def test_a_wish_is_an_order(wish: str, order: str) -> None:
 )
 def test_what_is_no_order_stays_refused(wish: str) -> None:
     with pytest.raises(NotUnderstood):
-        said_after(wish, (), Setting())
+        said_after(wish, (), WishContext())

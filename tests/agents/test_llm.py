@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from rpaug.agents import answers, schemas
-from rpaug.agents.messages import NotUnderstood, Setting
-from rpaug.agents.prompting import prompt
-from rpaug.agents.rounds import said_after
+from rpaug.language import answers, schemas
+from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.language.prompting import prompt
+from rpaug.language.rounds import said_after
 from rpaug.providers.language import Endpoint, LanguageError
 
 FOLDER = os.environ.get("RPAUG_LLM")
@@ -65,7 +65,7 @@ def test_its_json_always_fits_the_schema(endpoint: Endpoint) -> None:
     schema, right = schemas.plain(schemas.of_viewpoint(CAMERAS)), 0
     for wish in WISHES:
         found = endpoint.ask(question(wish), "viewpoint", schema, answers.Viewpoint.model_validate)
-        wanted = said_after(wish, (), Setting(cameras=CAMERAS)).edits
+        wanted = said_after(wish, (), WishContext(cameras=CAMERAS)).edits
         right += found.edit() == wanted[0]
         print(f"{wish}: {found.edit()}")
     print(f"right: {right} of {len(WISHES)}; {endpoint.usage.describe(None)}")
@@ -95,11 +95,13 @@ def test_a_complaint_is_told_and_answered(endpoint: Endpoint) -> None:
 
 
 def test_what_it_cannot_do_ends_in_words(endpoint: Endpoint) -> None:
-    from rpaug.agents.rounds import History
-    from rpaug.agents.talk import Model
+    from rpaug.language.rounds import History
+    from rpaug.language.talk import WishModel
 
     try:
-        answer = Model(endpoint)(History(), "raise the front camera 5 cm", Setting(cameras=CAMERAS))
+        answer = WishModel(endpoint)(
+            History(), "raise the front camera 5 cm", WishContext(cameras=CAMERAS)
+        )
         print(answer.edits, answer.notes)
     except (NotUnderstood, LanguageError) as error:
         print(error)

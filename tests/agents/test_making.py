@@ -12,14 +12,14 @@ import pytest
 from tabletop import gl, scene, take
 from typer.testing import CliRunner
 
-from rpaug.agents import asking
-from rpaug.agents.making import Maker, NotMade
-from rpaug.agents.messages import NotUnderstood, Setting
 from rpaug.assets import library
 from rpaug.cli import app
+from rpaug.language import asking
+from rpaug.language.making import Maker, NotMade
+from rpaug.language.messages import NotUnderstood, WishContext
 
 COMMAND = f"{sys.executable} {little_generator.__file__} {{out}} {{text}}"
-SETTING = Setting(cameras=("front",))
+SETTING = WishContext(cameras=("front",))
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +50,7 @@ def address() -> Iterator[str]:
     server.server_close()
 
 
-def ask(wish: str, who: str | None, **more: object) -> asking.Asked:
+def ask(wish: str, who: str | None, **more: object) -> asking.AskResult:
     return asking.ask(wish, SETTING, maker=Maker(who) if who else None, **more)  # type: ignore[arg-type]
 
 

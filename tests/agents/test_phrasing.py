@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug.agents import phrasing
-from rpaug.agents.messages import NotUnderstood, Setting
-from rpaug.agents.rounds import said_after
+from rpaug.language import phrasing
+from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.language.rounds import said_after
 
-CAMERAS = Setting(cameras=("front", "wrist"))
+CAMERAS = WishContext(cameras=("front", "wrist"))
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from rpaug import recipe
-from rpaug.agents import answers, prompting
-from rpaug.agents.messages import Setting
-from rpaug.agents.rounds import said_after
+from rpaug.language import answers, prompting
+from rpaug.language.messages import WishContext
+from rpaug.language.rounds import said_after
+from rpaug.pipeline import recipe
 
 STAGES = sorted(prompting.LATEST)
 
@@ -36,13 +36,15 @@ def test_the_operations_examples_are_what_the_grammar_says() -> None:
         known = answers.known_words(f"{question['step']} {question['it']}", ())
         assert answers.edits({"edits": edits}, question["op"], known) == edits
         before = [f"paint the {question['it']} red"] if question["it"] else []
-        assert list(said_after(question["step"], before, Setting()).edits[len(before) :]) == edits
+        assert (
+            list(said_after(question["step"], before, WishContext()).edits[len(before) :]) == edits
+        )
 
 
 def test_the_renderers_examples_are_what_the_grammar_says() -> None:
     for asked, answered in prompting.prompt("renderer").examples:
         question = json.loads(asked)
-        setting = Setting(cameras=tuple(question["cameras"]))
+        setting = WishContext(cameras=tuple(question["cameras"]))
         edit = answers.viewpoint(json.loads(answered), setting.cameras).edit()
         assert edit == said_after(question["step"], (), setting).edits[0]
         recipe.option("camera_pose", {name: value for name, value in edit.items() if name != "op"})

@@ -2,9 +2,9 @@
 
 import pytest
 
-from rpaug.agents import spelling
-from rpaug.agents.messages import NotUnderstood, Setting
-from rpaug.agents.rounds import said_after
+from rpaug.language import spelling
+from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.language.rounds import said_after
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ from rpaug.agents.rounds import said_after
 )
 def test_it_is_told(wish: str, hint: str) -> None:
     with pytest.raises(NotUnderstood, match=hint):
-        said_after(wish, (), Setting(cameras=("front",)))
+        said_after(wish, (), WishContext(cameras=("front",)))
 
 
 @pytest.mark.parametrize("step", ["paint the cup blue", "add two mugs", "frobnicate xyzzy"])

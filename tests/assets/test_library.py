@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 from rpaug.assets import library, reading, settle
 from rpaug.assets.shipped import THINGS
 from rpaug.cli import app
-from rpaug.errors import BadInput, TargetError
-from rpaug.scene.splats import ply
-from rpaug.types import Gaussians
+from rpaug.core.errors import BadInput, TargetError
+from rpaug.core.types import Gaussians
+from rpaug.gaussians import ply
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ import numpy as np
 from analytic import scene
 
 from rpaug.bench import baselines
-from rpaug.types import Episode
+from rpaug.core.types import Episode
 
 
 def episode() -> Episode:

@@ -8,7 +8,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug import geometry, twin
+from rpaug import twin
+from rpaug.core import geometry
 from rpaug.twin.look import Look
 from rpaug.twin.panda import OPEN
 from rpaug.twin.record import stage

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rpaug import RpaugError, geometry, registry, twin
+from rpaug import RpaugError, twin
 from rpaug.bench import edits, scores
 from rpaug.bench.cases import CASES, ESTIMATED, TOLD
 from rpaug.cli import app
+from rpaug.core import geometry, registry
 from rpaug.twin.factors import FACTORS
 
 pytestmark = pytest.mark.gl
@@ -65,7 +66,7 @@ def test_every_factor_of_the_twin_has_a_case():
 
 
 @cache
-def small(lamps: tuple[twin.Lamp, ...], factor: str | None) -> twin.Take:
+def small(lamps: tuple[twin.TwinLamp, ...], factor: str | None) -> twin.Take:
     look = twin.Look(lamps=lamps)
     return twin.perform("open_drawer", 1, frames=11, size=16, look=look, factor=factor)
 
@@ -123,10 +124,10 @@ def test_the_command_writes_what_it_measured(tmp_path):
 
 def test_factors_without_an_operator_are_named(monkeypatch, tmp_path):
     monkeypatch.setattr(registry, "operator_names", lambda: [])
-    setting = edits.Setting(factors=("light_color",), seeds=1)
+    setting = edits.EditSetting(factors=("light_color",), seeds=1)
     assert edits.missing(setting) == {"light_color": "no operator is called 'light_color'"}
     assert edits.run(setting) == []
     with pytest.raises(RpaugError, match="object_color, object_texture"):
-        edits.Setting(factors=("gravity",))
+        edits.EditSetting(factors=("gravity",))
     with pytest.raises(RpaugError, match="open_drawer, pick_block"):
-        edits.Setting(tasks=("juggle",))
+        edits.EditSetting(tasks=("juggle",))

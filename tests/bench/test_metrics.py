@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug.bench import metrics
+from rpaug.core import metrics
 
 
 def test_psnr_by_hand():

@@ -11,7 +11,7 @@ from torch.nn import functional
 
 from rpaug import twin
 from rpaug.bench import edits, perceptual, scores
-from rpaug.errors import BadInput
+from rpaug.core.errors import BadInput
 from rpaug.providers import features, weights
 from rpaug.providers.clip import Clip
 
@@ -157,7 +157,7 @@ def test_the_truth_is_nearer_than_no_edit(tmp_path: Path, clip: Path) -> None:
     assert worse["lpips"] > 1e-4
     assert worse["clip"] < 1
     seen = scores.measure(recorded, true.episode, true, {}, False, 1.0)
-    row = edits.Row("object_color", edits.NONE, 1, "stack_cups", "cup", seen, best)
+    row = edits.EditRow("object_color", edits.NONE, 1, "stack_cups", "cup", seen, best)
     lower = replace(row, perceived=worse, seed=2)
     (found,) = edits.summary([row, lower])
     assert found["vgg_worst"] == worse["vgg"]

@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 from rpaug.bench import pareto, renders, tables
 from rpaug.bench.sources import Origin
 from rpaug.cli import app
-from rpaug.errors import RpaugError
+from rpaug.core.errors import RpaugError
 
-SMALL = renders.Setting(sizes=((24, 16),), counts=(50,), engines=renders.ENGINES, repeats=1)
+SMALL = renders.RenderSetting(sizes=((24, 16),), counts=(50,), engines=renders.ENGINES, repeats=1)
 
 
 def test_the_kernels_stay_close_to_the_reference_and_the_reference_to_itself() -> None:
@@ -45,7 +45,7 @@ def test_lifted_gaussians_are_as_many_as_the_pixels_taken() -> None:
 
 def test_an_engine_nobody_knows_is_named() -> None:
     with pytest.raises(RpaugError, match="numba/float32"):
-        renders.Setting(engines=("cuda",))
+        renders.RenderSetting(engines=("cuda",))
 
 
 def test_a_dataset_or_the_twin_but_not_both() -> None:

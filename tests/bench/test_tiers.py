@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from rpaug.bench import fits, moved, tiers
 from rpaug.cli import app
-from rpaug.doctor import SAMPLE
-from rpaug.errors import RpaugError, Unsupported
+from rpaug.cli.checks import SAMPLE
+from rpaug.core.errors import RpaugError, Unsupported
 
 EYES = {"front": (1.6, 0.3, 1.0), "side": (1.3, 1.0, 1.0), "overhead": (0.1, -0.9, 1.5)}
 
@@ -52,8 +52,8 @@ def test_every_tier_has_a_row_on_the_same_views(episode) -> None:
 
 def test_holes_take_the_gaussians_where_they_show_something(monkeypatch) -> None:
     hole = np.array([[True, True, False]])
-    base = tiers.Shown(np.full((1, 3, 3), 10, np.uint8), np.ones((1, 3), np.float32), hole)
-    over = tiers.Shown(
+    base = tiers.TierView(np.full((1, 3, 3), 10, np.uint8), np.ones((1, 3), np.float32), hole)
+    over = tiers.TierView(
         np.full((1, 3, 3), 200, np.uint8),
         np.full((1, 3), 2, np.float32),
         np.array([[False, True, False]]),
@@ -70,15 +70,15 @@ def test_names_nobody_knows_are_refused(episode) -> None:
     with pytest.raises(RpaugError, match="surfels"):
         tiers.check(["meshes"])
     with pytest.raises(RpaugError, match="adam"):
-        fits.Setting(optimisers=("sgd",))
+        fits.FitSetting(optimisers=("sgd",))
     with pytest.raises(RpaugError, match="numba/float32"):
-        fits.Setting(engines=("cuda",))
+        fits.FitSetting(engines=("cuda",))
     with pytest.raises(Unsupported, match="another camera"):
         moved.left_out(scene({"front": EYES["front"]}, length=2).episode, "front", 1)
 
 
 def test_more_iterations_show_recorded_pixels_better(episode) -> None:
-    setting = fits.Setting(strides=(4,), iterations=(5, 40), optimisers=("adam",))
+    setting = fits.FitSetting(strides=(4,), iterations=(5, 40), optimisers=("adam",))
     rows, traces, skipped = fits.run(setting, episode, 0)
     assert skipped == {}
     assert rows[1].recorded_db > rows[0].recorded_db

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from rollouts import film
 
+from rpaug.core.errors import BadInput
 from rpaug.diagnosis import read
-from rpaug.errors import BadInput
 
 HEAD = "task,success rate,length,total_transitions\n"
 

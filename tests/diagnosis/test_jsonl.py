@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rollouts import evaluation
 
-from rpaug.diagnosis import Line, Moment, jsonl, read, write
-from rpaug.errors import BadInput
-from rpaug.files import encode_png
+from rpaug.core.errors import BadInput
+from rpaug.core.files import encode_png
+from rpaug.diagnosis import FrameImages, Line, jsonl, read, write
 
 GOOD = {
     "version": 1,
@@ -132,7 +132,7 @@ def test_lines_come_back_as_they_were(tmp_path: Path) -> None:
         Line(
             episode="a",
             success=False,
-            frames=(Moment(t=2, images={"front": "a.png"}),),
+            frames=(FrameImages(t=2, images={"front": "a.png"}),),
             failed_at=2,
         ),
         Line(episode="b", success=True, video={"front": "b.mp4"}, metadata={"seed": 3}),

@@ -7,7 +7,7 @@ import pytest
 
 from rpaug import twin
 from rpaug.diagnosis import measure, reference
-from rpaug.diagnosis.evaluation import Evaluation, Rollout, Shot
+from rpaug.diagnosis.evaluation import CameraShot, Evaluation, Rollout
 from rpaug.diagnosis.reference import Reference
 
 TASKS = ("push_button", "stack_cups")
@@ -29,7 +29,7 @@ def rollouts(usual: Reference, task: int, instruction: str) -> tuple[Rollout, ..
             f"{task}-{n}",
             True,
             instruction,
-            {"front": {0: Shot(lambda i=one.image: i, lambda i=one.ids: i)}},  # type: ignore[misc]
+            {"front": {0: CameraShot(lambda i=one.image: i, lambda i=one.ids: i)}},  # type: ignore[misc]
             one.roles,
         )
         for n, one in enumerate(plate.firsts)

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from rpaug.diagnosis.things import Roster, Thing, recognised
+from rpaug.diagnosis.things import Roster, TableInstance, recognised
 
 RED, BLUE, GREEN, WHITE = (40, 60, 45), (30, 20, -60), (50, -45, 35), (90, 0, 0)
 
 
-def thing(colour: tuple[float, ...], x: float, y: float, size: float = 2.5) -> Thing:
+def thing(colour: tuple[float, ...], x: float, y: float, size: float = 2.5) -> TableInstance:
     mask = np.zeros((64, 64), bool)
     mask[int(64 * y) :, int(64 * x) :][:6, :6] = True
-    return Thing(mask, np.array(colour, np.float32), size, np.array([x, y], np.float32))
+    return TableInstance(mask, np.array(colour, np.float32), size, np.array([x, y], np.float32))
 
 
 USUAL = [
@@ -36,7 +36,7 @@ OTHERS = [thing(BLUE, 0.15, 0.75), thing(GREEN, 0.7, 0.2)]
         thing(WHITE, 0.55, 0.6),  # painted and moved
     ],
 )
-def test_it_is_found_whatever_changed(mine: Thing) -> None:
+def test_it_is_found_whatever_changed(mine: TableInstance) -> None:
     target, strange = recognised([*OTHERS, mine], [], USUAL)
     assert target is mine
     assert not strange
@@ -57,7 +57,9 @@ def test_one_more_of_a_kind_is_strange() -> None:
 
 def test_a_whole_that_was_parted_may_be_it() -> None:
     whole = thing(WHITE, 0.4, 0.5)
-    piece = Thing(whole.mask & (np.arange(64) < 28), np.array(GREEN, np.float32), 1.6, whole.place)
+    piece = TableInstance(
+        whole.mask & (np.arange(64) < 28), np.array(GREEN, np.float32), 1.6, whole.place
+    )
     target, strange = recognised([*OTHERS, piece], [whole], USUAL)
     assert target is whole
     assert not strange

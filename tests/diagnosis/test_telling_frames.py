@@ -5,12 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpaug.diagnosis import Rollout, keyframes
-from rpaug.diagnosis.evaluation import Shot
+from rpaug.diagnosis.evaluation import CameraShot
 
 
 def rollout(levels: list[int], failed_at: int | None = None) -> Rollout:
-    def shot(level: int) -> Shot:
-        return Shot(lambda: np.full((40, 40, 3), level, np.uint8))
+    def shot(level: int) -> CameraShot:
+        return CameraShot(lambda: np.full((40, 40, 3), level, np.uint8))
 
     return Rollout(
         "a", False, "", {"front": dict(enumerate(map(shot, levels)))}, failed_at=failed_at

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from endpoints import KEY, Handler, completion, served
 
-from rpaug.agents.messages import Message, Setting
-from rpaug.agents.prompting import prompt
-from rpaug.agents.rounds import said_after
 from rpaug.diagnosis import Diagnosis, Evaluation, Rollout, diagnose
-from rpaug.diagnosis.evaluation import Shot
+from rpaug.diagnosis.evaluation import CameraShot
 from rpaug.diagnosis.messages import FACTORS
 from rpaug.diagnosis.remedies import NO_EDIT, WORDS
 from rpaug.diagnosis.vision import TIMES, Detail, Guesses, Remedy, Vision, checked
+from rpaug.language.messages import Message, WishContext
+from rpaug.language.prompting import prompt
+from rpaug.language.rounds import said_after
 from rpaug.providers.language import MOST_BYTES, Endpoint, LanguageError
 
 TABLE = {
@@ -27,8 +27,10 @@ DETAIL, REMEDY = {"detail": "The table is pink."}, {"remedy": "change the textur
 
 
 def evaluation(failures: int = 2, instruction: str = "push it") -> Evaluation:
-    def shots(level: int) -> dict[int, Shot]:
-        return {t: Shot(lambda t=t: np.full((16, 16, 3), level + t, np.uint8)) for t in range(6)}  # type: ignore[misc]
+    def shots(level: int) -> dict[int, CameraShot]:
+        return {
+            t: CameraShot(lambda t=t: np.full((16, 16, 3), level + t, np.uint8)) for t in range(6)
+        }  # type: ignore[misc]
 
     rollouts = [
         Rollout(f"r{n}", n >= failures, instruction, {"front": shots(20 * n)}) for n in range(4)
@@ -78,13 +80,13 @@ def test_three_prompts_make_a_recipe() -> None:
 )
 def test_the_prompts_examples_are_answers_that_are_taken(stage: str, kind: type[Message]) -> None:
     for _, answered in prompt(stage).examples:
-        checked(kind, json.loads(answered), Setting())
+        checked(kind, json.loads(answered), WishContext())
 
 
 def test_every_remedy_of_the_rules_is_a_wish() -> None:
     assert set(WORDS) | set(NO_EDIT) == set(FACTORS)
     for words in WORDS.values():
-        assert said_after(words, (), Setting()).edits
+        assert said_after(words, (), WishContext()).edits
 
 
 def test_an_unsure_model_finds_no_cause() -> None:

@@ -7,9 +7,10 @@ import pytest
 from analytic import scene
 from pydantic import TypeAdapter, ValidationError
 
-from rpaug import Scene, TargetError, geometry
+from rpaug import Scene, TargetError
+from rpaug.core import geometry
 from rpaug.operators.camera_pose import CameraPose
-from rpaug.testing import OperatorContract
+from rpaug.pipeline.contracts import OperatorContract
 
 EYES = {"front": (0.0, -0.9, 0.6), "side": (0.9, -0.1, 0.7), "wrist": (0.2, -0.5, 0.8)}
 

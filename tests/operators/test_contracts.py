@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from rpaug import Operator, registry
-from rpaug.testing import OperatorContract
+from rpaug import Operator
+from rpaug.core import registry
+from rpaug.pipeline.contracts import OperatorContract
 
 
 def held() -> set[str]:

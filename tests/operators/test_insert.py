@@ -5,13 +5,13 @@ import pytest
 from tabletop import handle, scene, take
 
 from rpaug.assets import library
-from rpaug.errors import TargetError, Unsupported
+from rpaug.compose import inserted
+from rpaug.core.errors import TargetError, Unsupported
 from rpaug.operators.distractors import Distractors
 from rpaug.operators.insert import Insert
-from rpaug.scene.added import inserted
-from rpaug.scene.naming.targets import Target
+from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.placement import placing
-from rpaug.testing import OperatorContract, shown
+from rpaug.scene.targets.targets import Target
 from rpaug.twin import tabletop
 
 pytestmark = pytest.mark.gl

@@ -7,7 +7,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from rpaug import Scene
 from rpaug.operators.light_color import LightColor
-from rpaug.testing import OperatorContract, shown
+from rpaug.pipeline.contracts import OperatorContract, shown
 
 
 def small() -> Scene:

@@ -9,10 +9,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from rpaug import Scene, Unsupported
 from rpaug.operators.light_direction import LightDirection
+from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.lighting import light
 from rpaug.scene.lighting.light import Lamp
 from rpaug.scene.recorded import surface
-from rpaug.testing import OperatorContract, shown
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5), "side": (-1.2, -1.0, 0.9)}
 RECORDED = np.array([0.5, -0.4, 0.77])

@@ -6,12 +6,12 @@ from pydantic import TypeAdapter, ValidationError
 from tabletop import handle, scene
 
 from rpaug import twin
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.operators.object_size import ObjectSize
+from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.build import build
-from rpaug.scene.naming.targets import Target
 from rpaug.scene.placement import growing, placing
-from rpaug.testing import OperatorContract, shown
+from rpaug.scene.targets.targets import Target
 
 pytestmark = pytest.mark.gl
 

@@ -12,17 +12,18 @@ from small_clip import saved, taught
 from tabletop import handle, scene, take
 from test_augment import augment
 
-from rpaug import Unsupported, pipeline, recipe, report
-from rpaug.augment import Run, execute
-from rpaug.errors import BadRecipe
-from rpaug.files import REJECTED
+from rpaug import Unsupported
+from rpaug.core.errors import BadRecipe
+from rpaug.core.files import REJECTED
+from rpaug.core.types import CameraView, Episode, Robot
 from rpaug.operators.physics import Physics
-from rpaug.physics import materials
-from rpaug.scene.naming.targets import Target
-from rpaug.scene.simulated import simulate
-from rpaug.testing import OperatorContract, shown
+from rpaug.physics import materials, simulate
+from rpaug.pipeline import copies as pipeline
+from rpaug.pipeline import recipe, report
+from rpaug.pipeline.augment import Run, execute
+from rpaug.pipeline.contracts import OperatorContract, shown
+from rpaug.scene.targets.targets import Target
 from rpaug.training import AugmentedEpisodes
-from rpaug.types import CameraView, Episode, Robot
 
 QUICK = {"particles": 400, "fps": 40.0}
 
@@ -70,7 +71,7 @@ def test_it_falls_and_everything_else_stays_bit_for_bit(material: str, solver: s
 @pytest.mark.gl
 def test_cameras_agree_on_where_a_soft_thing_is() -> None:
     """Points that two cameras show of it lie on one surface, within its pixels' footprint."""
-    from rpaug import geometry
+    from rpaug.core import geometry
 
     made, mine, clouds = shown(fallen("jelly")), handle("cylinder"), []
     for name in ("overhead", "left_shoulder", "right_shoulder"):

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from tabletop import handle, scene, take
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.operators.duplicate import Duplicate
 from rpaug.operators.move import Move
 from rpaug.operators.spread import Spread
-from rpaug.scene.naming.targets import Target
+from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.placement import placing, standing
-from rpaug.testing import OperatorContract, shown
+from rpaug.scene.targets.targets import Target
 
 pytestmark = pytest.mark.gl
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from rpaug import Scene, TargetError, Unsupported
 from rpaug.operators.fields import Palette
 from rpaug.operators.recolor import AlbedoRatio, Recolor
-from rpaug.scene.naming.targets import Target
-from rpaug.testing import OperatorContract, shown
+from rpaug.pipeline.contracts import OperatorContract, shown
+from rpaug.scene.targets.targets import Target
 
 UNIT = st.floats(0.15, 1.0)
 COLOUR = st.tuples(UNIT, UNIT, UNIT)

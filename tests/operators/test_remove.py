@@ -7,12 +7,12 @@ import pytest
 import torch
 from analytic import BOX, TABLE, scene
 
-from rpaug import recipe
-from rpaug.errors import BadRecipe, TargetError, Unsupported
+from rpaug.core.errors import BadRecipe, TargetError, Unsupported
 from rpaug.operators.remove import Remove
-from rpaug.scene.naming.targets import Target
+from rpaug.pipeline import recipe
+from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.recorded import surfels
-from rpaug.testing import OperatorContract, shown
+from rpaug.scene.targets.targets import Target
 
 EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "back": (-0.2, 0.9, 0.8)}
 

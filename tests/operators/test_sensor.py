@@ -10,7 +10,7 @@ from rpaug.operators.sensor_blur import Blur, SensorBlur
 from rpaug.operators.sensor_exposure import Exposure, SensorExposure
 from rpaug.operators.sensor_jpeg import JPEG, SensorJPEG
 from rpaug.operators.sensor_noise import Noise, SensorNoise
-from rpaug.testing import OperatorContract, shown
+from rpaug.pipeline.contracts import OperatorContract, shown
 
 RNG = np.random.default_rng(0)
 
@@ -80,7 +80,7 @@ def test_moved_cameras_have_the_same_sensor() -> None:
 
 
 def test_an_exposure_of_one_stop_doubles_the_light() -> None:
-    from rpaug.scene.naming.colours import to_linear
+    from rpaug.core.colors import to_linear
 
     image = RNG.integers(20, 120, (50, 50, 3)).astype(np.uint8)
     brighter = Exposure(1.0)(image, RNG)

@@ -11,13 +11,14 @@ from analytic import BOX
 from pydantic import TypeAdapter, ValidationError
 from styled import stripes, with_gaussians
 
-from rpaug import geometry, plan, preparing, recipe
-from rpaug.errors import BadInput, Unsupported
-from rpaug.files import encode_png
+from rpaug.core import geometry
+from rpaug.core.errors import BadInput, Unsupported
+from rpaug.core.files import encode_png
+from rpaug.core.types import Scene
 from rpaug.operators.stylize import Stylize
+from rpaug.pipeline import plan, prepare, recipe
+from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.providers import features, weights
-from rpaug.testing import OperatorContract, shown
-from rpaug.types import Scene
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +122,7 @@ def test_what_is_missing_is_said_before_anything_is_made(folder, tmp_path, monke
     made = {"target": {"handle": BOX}, "style": "paint"}
     steps = recipe.build({"version": 1, "edits": [{"op": "stylize", **made}]})
     with pytest.raises(BadInput, match="rpaug weights vgg16"):
-        preparing.made_ready(recorded().episode, steps, 0)  # before anything is fitted
+        prepare.made_ready(recorded().episode, steps, 0)  # before anything is fitted
     with pytest.raises(ValidationError, match="no texture is called"):
         stylize(folder, textures=None, style="nothing")
 

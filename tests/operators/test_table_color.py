@@ -9,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from rpaug import Scene
 from rpaug.operators.table_color import TableColor
-from rpaug.testing import OperatorContract, shown
+from rpaug.pipeline.contracts import OperatorContract, shown
 
 
 def small() -> Scene:

@@ -9,16 +9,17 @@ from analytic import BALL, BOX, TABLE, ball_at, look, pinhole, shoot
 from analytic import scene as analytic_scene
 from pydantic import TypeAdapter, ValidationError
 
-from rpaug import BadInput, Body, Scene, TargetError, Unsupported, geometry
-from rpaug.files import encode_png
+from rpaug import BadInput, Body, Scene, TargetError, Unsupported
+from rpaug.assets.textures import shipped
+from rpaug.assets.textures.mapping import Texture
+from rpaug.core import geometry
+from rpaug.core.files import encode_png
 from rpaug.operators.background_texture import BackgroundTexture
 from rpaug.operators.retexture import Retexture
 from rpaug.operators.table_texture import TableTexture
 from rpaug.operators.texturing import Sample
-from rpaug.scene.naming.targets import Target
-from rpaug.testing import OperatorContract, shown
-from rpaug.textures import shipped
-from rpaug.textures.mapping import Texture
+from rpaug.pipeline.contracts import OperatorContract, shown
+from rpaug.scene.targets.targets import Target
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}
 LENGTH = 4

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.physics.colliders import Boxes, still
 
 

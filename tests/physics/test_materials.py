@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import rpaug_recipes
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.physics import materials
 from rpaug.physics.materials import RANGES, Law, Material
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.physics.colliders import Boxes
 from rpaug.physics.rigid import Hinge, Rail, Rigid, columns
 from rpaug.physics.solids import Solid

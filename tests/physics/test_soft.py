@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.physics.colliders import Boxes, Still, still
 from rpaug.physics.materials import Law, Material
 from rpaug.physics.soft import COURANT, Soft, block, step_for, too_stiff

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.physics.solids import LYING, Solid, solid
 
 LEVEL = 0.75

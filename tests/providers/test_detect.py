@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rpaug.errors import MissingExtra, Unsupported
+from rpaug.core.errors import MissingExtra, Unsupported
 from rpaug.providers import detect, models
 from rpaug.providers.detect import Detection, GroundingDino, Owlv2, _detections, detector
 

@@ -5,9 +5,9 @@ import pytest
 import torch
 import vgg
 
-from rpaug.errors import BadInput
+from rpaug.assets.textures import shipped
+from rpaug.core.errors import BadInput
 from rpaug.providers import features, weights
-from rpaug.textures import shipped
 
 
 def published(widths: dict[int, int] = vgg.WIDTHS) -> torch.nn.Sequential:

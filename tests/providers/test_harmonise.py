@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.operators.insert import Insert
 from rpaug.providers import harmonise
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from rpaug.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError
 from rpaug.providers import inpaint
 
 ROWS, COLUMNS = np.mgrid[:40, :52]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.providers.segment import Box, GrabCut, Sam, Sam2, segmenter, whole_pixels
 
 

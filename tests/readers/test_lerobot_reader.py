@@ -6,9 +6,10 @@ import drivers
 import numpy as np
 import pytest
 
-from rpaug import recipe, registry
-from rpaug.augment import Run, execute
-from rpaug.convert import convert
+from rpaug.core import registry
+from rpaug.pipeline import recipe
+from rpaug.pipeline.augment import Run, execute
+from rpaug.pipeline.convert import convert
 
 PLACE = "toy"
 

@@ -7,7 +7,8 @@ import drivers
 import numpy as np
 import pytest
 
-from rpaug import CameraView, Episode, registry
+from rpaug import CameraView, Episode
+from rpaug.core import registry
 
 KEY = "all_variations/episodes/episode0"
 RIGHT_ARM, GRIPPER = slice(0, 6), 10  # in RDT's unified vector

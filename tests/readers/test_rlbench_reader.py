@@ -9,7 +9,8 @@ import drivers
 import numpy as np
 import pytest
 
-from rpaug import Scene, geometry, registry
+from rpaug import Scene
+from rpaug.core import geometry, registry
 from rpaug.operators.camera_pose import CameraPose
 from rpaug.scene.recorded import surfels
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import drivers
 
-from rpaug import recipe
-from rpaug.augment import Run, execute
+from rpaug.pipeline import recipe
+from rpaug.pipeline.augment import Run, execute
 
 LIBRARIES = ("", "rvt/libs/YARR", "rvt/libs/peract_colab")
 RECIPE = {

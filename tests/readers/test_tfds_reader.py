@@ -6,9 +6,9 @@ from pathlib import Path
 import drivers
 import pytest
 
-from rpaug import recipe
-from rpaug.augment import Run, execute
-from rpaug.convert import convert
+from rpaug.pipeline import recipe
+from rpaug.pipeline.augment import Run, execute
+from rpaug.pipeline.convert import convert
 
 PLACE = "bridge_dataset/1.0.0"
 

@@ -12,8 +12,8 @@ import numpy as np
 from test_rdt_reader import KEY, lengthened
 from test_rvt_replay import LIBRARIES, RECIPE
 
-from rpaug import registry
-from rpaug.convert import convert
+from rpaug.core import registry
+from rpaug.pipeline.convert import convert
 
 
 def said(python: Path | str, script: str, *arguments: object, **environment: str) -> dict[str, Any]:

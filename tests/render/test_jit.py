@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 HELPER = """
-from rpaug.render.jit import inlined
+from rpaug.core.jit import inlined
 
 @inlined
 def scaled(x):
@@ -15,7 +15,7 @@ def scaled(x):
 """
 KERNEL = """
 import functools, json, sys
-from rpaug.render.jit import kernel
+from rpaug.core.jit import kernel
 from made.helper import scaled
 
 @functools.cache

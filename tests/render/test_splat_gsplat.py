@@ -8,7 +8,7 @@ import pytest
 import torch
 from splat_cases import NAMES, ON_GPU, assert_close, draw, gradients, relative, splats, view
 
-from rpaug.errors import MissingExtra, Unsupported
+from rpaug.core.errors import MissingExtra, Unsupported
 from rpaug.render.splat import Settings, _gsplat
 
 

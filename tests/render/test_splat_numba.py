@@ -17,7 +17,7 @@ from splat_cases import (
     view,
 )
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.render.splat import Rasteriser, Settings, Splats, View, _compositing, _reference, shared
 
 

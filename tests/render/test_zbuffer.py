@@ -8,7 +8,7 @@ from analytic import BOX, TABLE, look, pinhole, shoot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.render.zbuffer import Source, render, to_bytes
 
 EYE, AT = (0.1, -0.7, 0.9), (0.0, 0.0, 0.05)

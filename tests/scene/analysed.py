@@ -1,9 +1,9 @@
 """An episode with its bodies and roles found, unedited."""
 
-from rpaug.scene.looks import look
-from rpaug.scene.naming import roles
+from rpaug.core.types import Episode, Scene
+from rpaug.scene.sampled_frames import look
+from rpaug.scene.targets import roles
 from rpaug.scene.tracking import bodies
-from rpaug.types import Episode, Scene
 
 
 def analysed(episode: Episode) -> Scene:

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from rpaug import geometry
-from rpaug.types import Camera, CameraView, Episode, Robot
+from rpaug.core import geometry
+from rpaug.core.types import Camera, CameraView, Episode, Robot
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpaug.types import Gaussians
+from rpaug.core.types import Gaussians
 
 
 def some(n: int, bands: int = 1, seed: int = 0) -> Gaussians:

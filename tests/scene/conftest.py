@@ -6,8 +6,8 @@ import boxes
 import pytest
 from analysed import analysed
 
-from rpaug.registry import adapter
-from rpaug.types import Scene
+from rpaug.core.registry import adapter
+from rpaug.core.types import Scene
 
 EPISODES = "rlbench_open_drawer/all_variations/episodes"
 

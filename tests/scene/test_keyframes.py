@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from rpaug.scene import keyframes
-from rpaug.types import Robot, Scene
+from rpaug.core import keyframes
+from rpaug.core.types import Robot, Scene
 
 
 def robot(speeds: list[float], gripper: list[float]) -> Robot:

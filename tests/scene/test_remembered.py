@@ -4,9 +4,9 @@ from dataclasses import replace
 
 from analytic import scene
 
-from rpaug.scene.looks import look
-from rpaug.scene.remembered import bare, once
-from rpaug.types import Scene
+from rpaug.core.memo import bare, once
+from rpaug.core.types import Scene
+from rpaug.scene.sampled_frames import look
 
 
 def test_the_same_question_is_answered_once():

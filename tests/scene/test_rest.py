@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rpaug.registry import adapter
+from rpaug.core.registry import adapter
 from rpaug.scene.build import build
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rpaug import Camera, Unsupported
-from rpaug.sfm import colmap, world
+from rpaug.scene.video import colmap, world
 from rpaug.twin import cameras, tabletop
 from rpaug.twin.look import Look
 from rpaug.twin.motion import play
@@ -16,7 +16,7 @@ from rpaug.twin.tasks import TASKS
 
 pytest.importorskip("pycolmap", reason="the extra `video` is missing")
 SIZE, LENGTH = 224, 12
-RULE = colmap.Settings(threads=1, features=800, overlap=6)
+RULE = colmap.ColmapSettings(threads=1, features=800, overlap=6)
 
 
 def filmed(track: np.ndarray) -> Callable[[int], np.ndarray]:

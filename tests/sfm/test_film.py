@@ -8,35 +8,36 @@ import numpy as np
 import pytest
 import walks
 
-from rpaug import BadInput, Unsupported, geometry
-from rpaug.inspect import inspect
-from rpaug.scene import views
-from rpaug.sfm import colmap, developing, sweep, things, world
-from rpaug.sfm.asked import Asked
-from rpaug.sfm.film import Film
-from rpaug.sfm.lens import Lens
-from rpaug.sfm.model import Model, believed, load, save
+from rpaug import BadInput, Unsupported
+from rpaug.compose import views
+from rpaug.core import geometry
+from rpaug.pipeline.inspect import inspect
+from rpaug.scene.video import colmap, instances, reconstruct, sweep, world
+from rpaug.scene.video.lens import Lens
+from rpaug.scene.video.model import Reconstruction, believed, load, save
+from rpaug.scene.video.settings import VideoSettings
+from rpaug.scene.video.video_scene import VideoScene
 
 LENGTH = 10
 TIMES = [0, 1, 2, 3, 4, 5, 6, 7, 9]
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Film:
+def made(tmp_path_factory: pytest.TempPathFactory) -> VideoScene:
     """The walk with a model in which one frame was not registered."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(colmap, "reconstruct", lambda *args, **named: walks.model(LENGTH, TIMES))
-        return developing.develop(walks.walk(LENGTH), cache=tmp_path_factory.mktemp("cache"))
+        return reconstruct.develop(walks.walk(LENGTH), cache=tmp_path_factory.mktemp("cache"))
 
 
 def test_only_a_camera_that_moves_is_looked_for() -> None:
     walk = walks.walk(LENGTH)
-    assert developing.unplaced(walk)
+    assert reconstruct.unplaced(walk)
     (view,) = walk.views.values()
     still = replace(walk, views={"ego": replace(view, rgb=lambda t: view.rgb(0))})
-    assert not developing.unplaced(still)
+    assert not reconstruct.unplaced(still)
     depth = replace(walk, views={"ego": replace(view, depth=lambda t: np.ones((144, 192)))})
-    assert not developing.unplaced(depth)
+    assert not reconstruct.unplaced(depth)
 
 
 def test_a_lens_that_does_not_bend_changes_nothing() -> None:
@@ -87,19 +88,19 @@ def test_alignment_finds_the_motion_and_the_scale() -> None:
     assert np.allclose(found, motion)
 
 
-def test_swept_depth_is_the_scenes(made: Film) -> None:
+def test_swept_depth_is_the_scenes(made: VideoScene) -> None:
     """The plane is exact where its things are told, and the sweep is near it."""
     view = made.episode.views["ego"]
     assert view.depth is not None
     for k in (2, 6):
         pose = made.camera.cam_to_world[k]
-        met = things.plane_depth(made.camera.K, pose, (144, 192), made.things.level or 0)
+        met = instances.plane_depth(made.camera.K, pose, (144, 192), made.things.level or 0)
         table = (met > 0) & ~walks._beyond(walks.poses(LENGTH)[TIMES[k]])
         assert np.median(np.abs(made.depths[k] / met - 1)[table]) < 0.06
         assert np.median(np.abs(view.depth(k) / met - 1)[table]) < 0.06
 
 
-def test_things_keep_their_handles_over_frames(made: Film) -> None:
+def test_things_keep_their_handles_over_frames(made: VideoScene) -> None:
     view = made.episode.views["ego"]
     assert view.ids is not None
     handles = []
@@ -114,7 +115,7 @@ def test_things_keep_their_handles_over_frames(made: Film) -> None:
     assert len(set(handles)) == 1
 
 
-def test_unregistered_frames_and_untouched_pixels_pass_through(made: Film) -> None:
+def test_unregistered_frames_and_untouched_pixels_pass_through(made: VideoScene) -> None:
     scene = made.scene()
     shown = views.edited(scene, {"ego": 0}, lambda *told: None)
     assert made(shown).views["ego"].rgb is made.recorded.views["ego"].rgb
@@ -132,9 +133,9 @@ def test_unregistered_frames_and_untouched_pixels_pass_through(made: Film) -> No
 
 
 def test_inspect_names_the_handles_that_edits_go_by(
-    made: Film, monkeypatch: pytest.MonkeyPatch
+    made: VideoScene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(developing, "develop", lambda *args, **named: made)
+    monkeypatch.setattr(reconstruct, "develop", lambda *args, **named: made)
     described, rows, seen = inspect(made.recorded)
     assert seen.views["ego"].ids is not None
     assert {row.handle for row in rows} == {*made.things.every}
@@ -145,7 +146,7 @@ def test_inspect_names_the_handles_that_edits_go_by(
     def refused(*args: object, **named: object) -> None:
         raise Unsupported("degenerate: 2 of 10")
 
-    monkeypatch.setattr(developing, "develop", refused)
+    monkeypatch.setattr(reconstruct, "develop", refused)
     described, _, _ = inspect(made.recorded)
     assert described["assumed"][0].startswith("degenerate: 2 of 10")
     assert "film" not in described
@@ -163,13 +164,13 @@ def level_depths(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_was_worked_out_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
 
-    def once(*args: object, **named: object) -> Model:
+    def once(*args: object, **named: object) -> Reconstruction:
         calls.append(1)
         return walks.model(LENGTH)
 
     monkeypatch.setattr(colmap, "reconstruct", once)
-    first = developing.develop(walks.walk(LENGTH), cache=tmp_path)
-    second = developing.develop(walks.walk(LENGTH), cache=tmp_path)
+    first = reconstruct.develop(walks.walk(LENGTH), cache=tmp_path)
+    second = reconstruct.develop(walks.walk(LENGTH), cache=tmp_path)
     assert len(calls) == 1
     assert np.array_equal(first.model.cam_to_world, second.model.cam_to_world)
     assert all(np.array_equal(a, b) for a, b in zip(first.depths, second.depths, strict=True))
@@ -182,7 +183,7 @@ def test_a_known_height_or_length_is_metric(
     monkeypatch.setattr(colmap, "reconstruct", lambda *args, **named: walks.model(LENGTH))
 
     def steps(**asked: Any) -> np.ndarray:
-        found = developing.develop(walks.walk(LENGTH), Asked(**asked), cache=tmp_path)
+        found = reconstruct.develop(walks.walk(LENGTH), VideoSettings(**asked), cache=tmp_path)
         assert found.unit.startswith("metres")
         return np.linalg.norm(np.diff(found.model.cam_to_world[:, :3, 3], axis=0), axis=1)
 
@@ -198,7 +199,7 @@ def test_a_known_height_or_length_is_metric(
         with pytest.raises(BadInput, match=words):
             steps(known_length=known | wrong)
     with pytest.raises(ValueError, match="give one"):
-        Asked(camera_height=1.0, known_length=known)
+        VideoSettings(camera_height=1.0, known_length=known)
 
 
 def test_degenerate_models_are_refused_with_the_numbers(tmp_path: Path) -> None:
@@ -224,21 +225,21 @@ def test_degenerate_models_are_refused_with_the_numbers(tmp_path: Path) -> None:
 def test_a_refusal_is_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
 
-    def refused(*args: object, **named: object) -> Model:
+    def refused(*args: object, **named: object) -> Reconstruction:
         calls.append(1)
         raise Unsupported("degenerate: 2 of 10")
 
     monkeypatch.setattr(colmap, "reconstruct", refused)
     for _ in range(2):
         with pytest.raises(Unsupported, match="2 of 10"):
-            developing.develop(walks.walk(LENGTH), cache=tmp_path)
+            reconstruct.develop(walks.walk(LENGTH), cache=tmp_path)
     assert len(calls) == 1
 
 
 def test_colmap_refuses_what_shows_nothing() -> None:
     blank = np.full((48, 64, 3), 90, np.uint8)
     with pytest.raises(Unsupported, match="nothing in 8 frames"):
-        colmap.reconstruct(lambda t: blank, range(8), settings=colmap.Settings(threads=1))
+        colmap.reconstruct(lambda t: blank, range(8), settings=colmap.ColmapSettings(threads=1))
     with pytest.raises(Unsupported, match="at most 300"):
         colmap.reconstruct(lambda t: blank, range(301))
 

@@ -8,12 +8,12 @@ import pytest
 import walks
 
 from rpaug import Episode
-from rpaug.scene.four.fit4 import FourSettings
-from rpaug.scene.splats import gaussian_view
-from rpaug.sfm import colmap, developing, moving, splats
-from rpaug.sfm.film import Film
-from rpaug.sfm.look import Look
-from rpaug.sfm.splats import SplatSettings
+from rpaug.gaussians import fit_video, gaussian_view
+from rpaug.gaussians.fit4 import FourSettings
+from rpaug.gaussians.fit_video import SplatSettings
+from rpaug.scene.video import colmap, moving, reconstruct
+from rpaug.scene.video.frame import PosedFrame
+from rpaug.scene.video.video_scene import VideoScene
 
 LENGTH = 10
 SIDE = 48
@@ -52,13 +52,13 @@ def episode() -> Episode:
 
 
 @pytest.fixture(scope="module")
-def made(episode: Episode, tmp_path_factory: pytest.TempPathFactory) -> Film:
+def made(episode: Episode, tmp_path_factory: pytest.TempPathFactory) -> VideoScene:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(colmap, "reconstruct", lambda *args, **named: walks.model(LENGTH))
-        return developing.develop(episode, cache=tmp_path_factory.mktemp("cache"))
+        return reconstruct.develop(episode, cache=tmp_path_factory.mktemp("cache"))
 
 
-def test_what_is_carried_is_told_apart(made: Film) -> None:
+def test_what_is_carried_is_told_apart(made: VideoScene) -> None:
     assert made.hand is not None
     assert made.contradicted == ()
     view = made.episode.views["ego"]
@@ -83,14 +83,14 @@ def test_frames_that_do_not_move_as_their_poses_say_pass_through(
     poses[11] = poses[0]
     wrong = replace(model, cam_to_world=poses)
     monkeypatch.setattr(colmap, "reconstruct", lambda *args, **named: wrong)
-    found = developing.develop(walks.walk(12), cache=tmp_path)
+    found = reconstruct.develop(walks.walk(12), cache=tmp_path)
     assert 11 in found.contradicted
     assert found.describe()["passed_through"] == list(found.contradicted)
     assert len(found.model.times) == 12 - len(found.contradicted)
 
 
-def test_hands_are_fitted_in_time_and_found_in_the_store(made: Film, tmp_path: Path) -> None:
-    scene, facts = splats.kept(made.scene(), made, tmp_path, QUICK)
+def test_hands_are_fitted_in_time_and_found_in_the_store(made: VideoScene, tmp_path: Path) -> None:
+    scene, facts = fit_video.kept(made.scene(), made, tmp_path, QUICK)
     assert scene.flowing is not None
     assert set(np.unique(scene.flowing.ids)) == {made.hand}
     assert facts["four"]["handles"] == [made.hand]
@@ -99,19 +99,19 @@ def test_hands_are_fitted_in_time_and_found_in_the_store(made: Film, tmp_path: P
     assert scene.gaussians is not None
     assert made.hand not in scene.gaussians.ids
     with pytest.MonkeyPatch.context() as patch:
-        patch.delattr(splats, "fitted")
-        again, told = splats.kept(made.scene(), made, tmp_path, QUICK)
+        patch.delattr(fit_video, "fitted")
+        again, told = fit_video.kept(made.scene(), made, tmp_path, QUICK)
     assert told == facts
     assert again.flowing is not None
     assert np.array_equal(again.flowing.means, scene.flowing.means)
     other = replace(QUICK, stride=4)
-    assert splats.name_of(made, other) != splats.name_of(made, QUICK)
+    assert fit_video.name_of(made, other) != fit_video.name_of(made, QUICK)
 
 
-def test_gaussians_are_named_by_what_frames_show(made: Film, tmp_path: Path) -> None:
-    scene, _ = splats.kept(made.scene(), made, tmp_path, QUICK)
+def test_gaussians_are_named_by_what_frames_show(made: VideoScene, tmp_path: Path) -> None:
+    scene, _ = fit_video.kept(made.scene(), made, tmp_path, QUICK)
     assert scene.gaussians is not None
-    small = splats._made_small(replace(scene, flowing=None), made, QUICK)
+    small = fit_video._made_small(replace(scene, flowing=None), made, QUICK)
     ids = small.episode.views["ego"].ids
     assert ids is not None
 
@@ -152,7 +152,7 @@ def test_boxes_are_drawn_between_annotated_frames() -> None:
 def test_a_box_takes_what_lies_in_it_and_not_what_is_behind() -> None:
     image = np.full((90, 120, 3), 200, np.uint8)
     image[30:60, 40:70] = (150, 80, 60)
-    look = Look(image, np.ones((90, 120), np.float32), walks.K(), np.eye(4))
+    look = PosedFrame(image, np.ones((90, 120), np.float32), walks.K(), np.eye(4))
     hand = moving.boxed(look, [(35.0, 25.0, 75.0, 65.0)])
     assert hand[32:58, 42:68].all()
     assert not hand[:25].any()

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 import walks
 
-from rpaug import geometry
+from rpaug.compose import inserted
+from rpaug.core import geometry
+from rpaug.core.types import Scene
 from rpaug.operators.insert import Insert
-from rpaug.scene.added import inserted
+from rpaug.pipeline.contracts import shown
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import placing
 from rpaug.scene.placement.untouched import without
 from rpaug.scene.recorded import surfels
-from rpaug.sfm import colmap, developing
-from rpaug.sfm.things import BACKGROUND
-from rpaug.testing import shown
-from rpaug.types import Scene
+from rpaug.scene.video import colmap, reconstruct
+from rpaug.scene.video.instances import BACKGROUND
 
 LENGTH = 10
 
@@ -28,7 +28,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
         patch.setattr(
             colmap, "reconstruct", lambda *args, **named: walks.model(LENGTH, list(range(LENGTH)))
         )
-        return developing.develop(
+        return reconstruct.develop(
             walks.walk(LENGTH), cache=tmp_path_factory.mktemp("cache")
         ).scene()
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import walks
 
-from rpaug import Unsupported, geometry
+from rpaug import Unsupported
+from rpaug.core import geometry
 from rpaug.providers import poses
 from rpaug.providers.poses import Posed
-from rpaug.sfm import colmap, developing, posed, world
-from rpaug.sfm.asked import Asked
+from rpaug.scene.video import colmap, posed, reconstruct, world
+from rpaug.scene.video.settings import VideoSettings
 
 torch = pytest.importorskip("torch")
 LENGTH = 10
@@ -120,12 +121,12 @@ def test_it_is_asked_where_structure_from_motion_fails(
         raise Unsupported("nothing in 10 frames")
 
     monkeypatch.setattr(colmap, "reconstruct", refused)
-    asked = Asked(pose_model=f"torchscript:{file}")
-    film = developing.develop(walks.walk(LENGTH), asked, cache=tmp_path)
+    asked = VideoSettings(pose_model=f"torchscript:{file}")
+    film = reconstruct.develop(walks.walk(LENGTH), asked, cache=tmp_path)
     assert film.describe()["mapper"] == "pose model"
     assert misplaced(film.model.cam_to_world) < 1e-4
     with pytest.raises(Unsupported, match=r"nothing in 10 frames; by the model of poses: no model"):
-        developing.develop(walks.walk(LENGTH), Asked(pose_model="walk.pt"), cache=tmp_path)
+        reconstruct.develop(walks.walk(LENGTH), VideoSettings(pose_model="walk.pt"), cache=tmp_path)
 
 
 def test_answers_that_cannot_be_are_refused() -> None:

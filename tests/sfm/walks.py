@@ -3,8 +3,9 @@
 import cv2
 import numpy as np
 
-from rpaug import Camera, CameraView, Episode, Robot, geometry
-from rpaug.sfm.model import Model
+from rpaug import Camera, CameraView, Episode, Robot
+from rpaug.core import geometry
+from rpaug.scene.video.model import Reconstruction
 
 WIDTH, HEIGHT, FOCAL = 192, 144, 180.0
 LEVEL = -0.4
@@ -69,7 +70,7 @@ def walk(length: int = 10) -> Episode:
     return Episode("walk", {"ego": CameraView(camera, images.__getitem__)}, robot, (), length)
 
 
-def model(length: int, times: list[int] | None = None, radial: float = 0.0) -> Model:
+def model(length: int, times: list[int] | None = None, radial: float = 0.0) -> Reconstruction:
     """What structure from motion should find: points on the table, in a world that is turned and scaled."""
     times = list(range(length)) if times is None else times
     rng = np.random.default_rng(1)
@@ -82,7 +83,7 @@ def model(length: int, times: list[int] | None = None, radial: float = 0.0) -> M
         local = geometry.transform(geometry.inverse(pose), points) @ K().T
         at = local[:, :2] / local[:, 2:]
         seen[k] = (local[:, 2] > 0) & (at > 0).all(1) & (at < [WIDTH - 1, HEIGHT - 1]).all(1)
-    found = Model(
+    found = Reconstruction(
         np.array(times, np.int32), track, FOCAL, (float(K()[0, 2]), float(K()[1, 2])), radial, WIDTH,
         HEIGHT, points, np.full((len(points), 3), 128, np.uint8), seen, {"mapper": "exact"},
     )  # fmt: skip

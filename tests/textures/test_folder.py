@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rpaug import BadInput
-from rpaug.files import encode_png
-from rpaug.textures import folder
+from rpaug.assets.textures import folder
+from rpaug.core.files import encode_png
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug.textures.mapping import Texture
+from rpaug.assets.textures.mapping import Texture
 
 RNG = np.random.default_rng(0)
 IMAGE = RNG.integers(0, 256, (8, 16, 3)).astype(np.uint8)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rpaug import RpaugError
-from rpaug.textures import shipped
+from rpaug.assets.textures import shipped
 
 
 def test_there_are_many_of_several_kinds() -> None:

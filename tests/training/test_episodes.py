@@ -11,8 +11,9 @@ from rolling import demonstration
 from rpaug_adapters.rlbench import RLBench
 from torch.utils.data import DataLoader
 
-from rpaug import CameraView, Episode, Unsupported, recipe
-from rpaug.augment import Run, execute
+from rpaug import CameraView, Episode, Unsupported
+from rpaug.pipeline import recipe
+from rpaug.pipeline.augment import Run, execute
 from rpaug.training import AugmentedEpisodes
 
 RECIPE = {

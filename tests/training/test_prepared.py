@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from rpaug import BadInput, registry
+from rpaug import BadInput
+from rpaug.core import registry
 from rpaug.scene.build import build
 from rpaug.scene.recorded import surfels
 from rpaug.training import AugmentedEpisodes, prepared

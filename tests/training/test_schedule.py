@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug import Unsupported, recipe
+from rpaug import Unsupported
+from rpaug.pipeline import recipe
 from rpaug.training import Schedule
 
 RECIPE = recipe.build({"version": 1, "seed": 3, "edits": []})

@@ -13,7 +13,8 @@ import torch
 from rpaug_adapters.rlbench import RLBench
 from torch.utils.data import DataLoader, IterableDataset
 
-from rpaug import Unsupported, geometry
+from rpaug import Unsupported
+from rpaug.core import geometry
 from rpaug.training import AugmentedEpisodes, Schedule, wrap
 
 KEYS = [f"roll_ball/all_variations/episodes/episode{n}" for n in range(2)]

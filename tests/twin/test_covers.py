@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from rpaug import RpaugError, geometry, twin
-from rpaug.files import decode_png
+from rpaug import RpaugError, twin
+from rpaug.core import geometry
+from rpaug.core.files import decode_png
 from rpaug.twin import covers, textures
 from rpaug.twin.covers import Cover
 from rpaug.twin.world import Geom, Part

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rpaug import geometry, twin
+from rpaug import twin
+from rpaug.core import geometry
 from rpaug.twin import flex
 from rpaug.twin.flex import FABRIC, RUBBER
 from rpaug.twin.motion import play

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from rpaug import Unsupported, geometry
+from rpaug import Unsupported
+from rpaug.core import geometry
 from rpaug.twin.motion import STEP, Motion, play
 from rpaug.twin.panda import FINGER_END, HIGHEST, LOWEST, OPEN
-from rpaug.twin.staging import Job
+from rpaug.twin.staging import StagedTask
 from rpaug.twin.tabletop import (
     ARM,
     BLOCK,
@@ -19,7 +20,7 @@ from rpaug.twin.tabletop import (
 from rpaug.twin.tasks import PULL, TASKS
 
 
-def acted(task: str, seed: int, frames: int) -> tuple[Job, Motion]:
+def acted(task: str, seed: int, frames: int) -> tuple[StagedTask, Motion]:
     job = TASKS[task](np.random.default_rng(seed))
     return job, play(ARM, job.script, job.placing, frames)
 

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from rpaug import BadInput, RpaugError, geometry, registry, twin
+from rpaug import BadInput, RpaugError, twin
+from rpaug.core import geometry, registry
 from rpaug.twin.cameras import BUMPED
 
 pytestmark = pytest.mark.gl

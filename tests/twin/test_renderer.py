@@ -9,10 +9,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from rpaug import Unsupported, geometry, twin
+from rpaug import Unsupported, twin
+from rpaug.core import geometry
+from rpaug.core.types import CameraView
 from rpaug.twin import cameras, renderer, tabletop, tasks
 from rpaug.twin.motion import play
-from rpaug.types import CameraView
 
 pytestmark = pytest.mark.gl
 

@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug import geometry
-from rpaug.errors import RpaugError
+from rpaug.core import geometry
+from rpaug.core.errors import RpaugError
 from rpaug.twin import tabletop
 from rpaug.twin.look import Look
 from rpaug.twin.panda import HOME
 from rpaug.twin.record import stage
 from rpaug.twin.roaming import APART, FIELD, TURN, occupied
-from rpaug.twin.staging import LOOSE, Job
+from rpaug.twin.staging import LOOSE, StagedTask
 from rpaug.twin.tasks import TASKS
 
 FAR = 0.08
 
 
-def strewn(job: Job) -> list[str]:
+def strewn(job: StagedTask) -> list[str]:
     return [
         name
         for name in LOOSE

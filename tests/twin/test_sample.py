@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rpaug.registry import adapter
+from rpaug.core.registry import adapter
 from rpaug.twin import sample
 
 

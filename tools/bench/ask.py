@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests/agents"))
 import known
 from test_grammar import rounded, told
 
-from rpaug import registry
+from rpaug.core import registry
 
 
 def main() -> None:

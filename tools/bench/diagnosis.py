@@ -28,7 +28,7 @@ from diagnosis_pool import CAMERA, CHANGES, ROOM, TASK, WALLS, Seen
 
 from rpaug import twin
 from rpaug.diagnosis import measure, reference, weigh
-from rpaug.diagnosis.evaluation import Evaluation, Rollout, Shot
+from rpaug.diagnosis.evaluation import CameraShot, Evaluation, Rollout
 from rpaug.diagnosis.messages import KEPT
 from rpaug.twin import factors
 from rpaug.twin.look import Look
@@ -136,7 +136,7 @@ def _table(pool: list[Seen], usual: reference.Reference, masks: bool) -> measure
     rollouts = tuple(
         Rollout(
             str(n), True, "",
-            {CAMERA: {0: Shot(lambda s=s: s.rgb, (lambda s=s: s.ids) if masks else None)}},
+            {CAMERA: {0: CameraShot(lambda s=s: s.rgb, (lambda s=s: s.ids) if masks else None)}},
             {r: frozenset(s.handles[p] for p in ps if p in s.handles) for r, ps in ROLES.items()} if masks else {},
         )
         for n, s in enumerate(pool)

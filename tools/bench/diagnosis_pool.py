@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.twin import cameras, factors, tabletop
 from rpaug.twin.look import Look
 from rpaug.twin.panda import HOME, OPEN

@@ -18,13 +18,13 @@ from pathlib import Path
 
 import numpy as np
 
-from rpaug import registry
-from rpaug.files import encode_png, write_atomic
+from rpaug.core import registry
+from rpaug.core.files import encode_png, write_atomic
+from rpaug.core.sampling import frames
+from rpaug.core.types import Scene
+from rpaug.gaussians import fit, gaussian_view
+from rpaug.gaussians.descent import settings_for
 from rpaug.scene.build import build
-from rpaug.scene.sampling import frames
-from rpaug.scene.splats import fit, gaussian_view
-from rpaug.scene.splats.descent import settings_for
-from rpaug.types import Scene
 
 TIMES = 12  # frames looked at per camera
 

@@ -22,7 +22,7 @@ import numpy as np
 from rpaug_adapters import _tfrecord
 from rpaug_adapters._example import example
 
-from rpaug.registry import adapter
+from rpaug.core.registry import adapter
 
 CORE = "tensorflow_datasets.core.features."
 

@@ -22,12 +22,11 @@ import cv2
 import numpy as np
 
 from rpaug import twin
+from rpaug.core.types import Scene
+from rpaug.gaussians import fit, fit4, gaussian_view
+from rpaug.gaussians.descent import FitSettings
 from rpaug.scene.build import build
-from rpaug.scene.four import fit4
-from rpaug.scene.splats import fit, gaussian_view
-from rpaug.scene.splats.descent import FitSettings
 from rpaug.twin.soft_tasks import SOFT_TASKS
-from rpaug.types import Scene
 
 SIDE = 64  # pixels of one picture on the sheet
 AT_THE_LENS = 0.03  # metres of median depth: where the thing hangs over the camera

@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from rpaug import Camera, CameraView, Episode, Robot, registry
+from rpaug import Camera, CameraView, Episode, Robot
+from rpaug.core import registry
 
 EDITS: dict[str, dict[str, Any]] = {
     "colour": {"op": "recolor", "target": {"handle": 2}, "color": "blue"},

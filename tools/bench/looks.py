@@ -16,7 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import rpaug
-from rpaug import Episode, Scene, pipeline, plan, preparing, recipe, registry
+from rpaug import Episode, Scene
+from rpaug.core import registry
+from rpaug.pipeline import copies as pipeline
+from rpaug.pipeline import plan, prepare, recipe
 from rpaug.scene.build import build
 
 RECEIVER = {"target": {"role": "receiver"}}
@@ -47,7 +50,7 @@ def look(episode: Episode) -> float:
 def measure(scene: Scene, name: str) -> dict[str, float]:
     """Seconds and changed pixels of one operator."""
     made = recipe.build({"version": 1, "seed": 1, "edits": [{"op": name, **EDITS[name]}]})
-    planned = plan.make(preparing.operators(made), scene.episode)
+    planned = plan.make(prepare.operators(made), scene.episode)
     edited, draws = pipeline.draw(scene, made, 1)
     warm = pipeline.render(edited, draws, planned).episode
     for view in warm.views.values():

@@ -21,20 +21,20 @@ import cv2
 import numpy as np
 import torch
 
-from rpaug import geometry, twin
-from rpaug.files import encode_png, write_atomic
+from rpaug import twin
+from rpaug.assets.textures import shipped
+from rpaug.core import geometry
+from rpaug.core.files import encode_png, write_atomic
+from rpaug.core.types import Episode, Scene
+from rpaug.gaussians import fit, nnfm
+from rpaug.gaussians.descent import FitSettings
+from rpaug.gaussians.gaussian_view import SHARP, render_view, standing, view_of
+from rpaug.gaussians.gaussians import SH0, Placement
 from rpaug.operators.stylize import Stylised
+from rpaug.pipeline.contracts import shown
 from rpaug.providers import features
 from rpaug.render.splat import Splats, rasterise
 from rpaug.scene import build
-from rpaug.scene.painted import nnfm
-from rpaug.scene.splats import fit
-from rpaug.scene.splats.descent import FitSettings
-from rpaug.scene.splats.gaussian_view import SHARP, render_view, standing, view_of
-from rpaug.scene.splats.gaussians import SH0, Placement
-from rpaug.testing import shown
-from rpaug.textures import shipped
-from rpaug.types import Episode, Scene
 
 TASKS = ("open_drawer", "slide_block", "stack_cups")
 NEAR = 0.25  # of a pixel: how near two cameras' pixels must lie to count as one place
@@ -62,7 +62,7 @@ def vanilla(
     views: list[tuple[str, int]],
     picture: np.ndarray,
     network: features.VGG16,
-    settings: nnfm.Settings,
+    settings: nnfm.StyleSettings,
     seed: int,
 ) -> tuple[Scene, list[float]]:
     """ARF as published, in every Gaussian's colour: features of whole views, nothing held to the recording."""
@@ -184,8 +184,8 @@ def measure(
     made: dict[str, Scene] = {}
     fitted = time.process_time() - start
     for method, settings in (
-        ("rpaug", nnfm.Settings()),
-        ("no outer term", nnfm.Settings(outside=0.0)),
+        ("rpaug", nnfm.StyleSettings()),
+        ("no outer term", nnfm.StyleSettings(outside=0.0)),
     ):
         start = time.process_time()
         styled = nnfm.stylise(scene, handles, picture, network, seed, settings)
@@ -220,7 +220,7 @@ def measure(
                 sheet / f"nnfm-{seed}-{task}.png", encode_png(contact(episode, after, views))
             )
     start = time.process_time()
-    made["vanilla"], losses = vanilla(scene, views, picture, network, nnfm.Settings(), seed)
+    made["vanilla"], losses = vanilla(scene, views, picture, network, nnfm.StyleSettings(), seed)
     seconds = time.process_time() - start
     rows.append(
         row(

@@ -19,17 +19,18 @@ from typing import Any
 
 import numpy as np
 
-from rpaug import geometry, plan, twin
+from rpaug import twin
 from rpaug.assets import library, sampled
-from rpaug.bench import metrics
+from rpaug.compose import tuned, views
+from rpaug.core import geometry, metrics
+from rpaug.core.types import CameraView, Episode, Scene
 from rpaug.operators.distractors import Distractors
 from rpaug.operators.object_size import ObjectSize
 from rpaug.operators.remove import Remove
+from rpaug.pipeline import plan
 from rpaug.providers import inpaint
-from rpaug.scene import build, views
-from rpaug.scene.added import tuned
-from rpaug.scene.naming.targets import Target
-from rpaug.types import CameraView, Episode, Scene
+from rpaug.scene import build
+from rpaug.scene.targets.targets import Target
 
 SAME_POINT = 0.004, 0.01  # metres and share of depth: a recorded pixel this close saw the point
 EVERY = 4  # frames
@@ -160,15 +161,15 @@ def remove(asked: Asked) -> Iterator[dict]:
 
 def _fitted(scene: Scene, asked: Asked) -> Scene:
     """The scene with Gaussians, kept in the folder for the next run."""
-    from rpaug.scene.splats import cached
-    from rpaug.scene.splats.descent import settings_for
+    from rpaug.gaussians import cached
+    from rpaug.gaussians.descent import settings_for
 
     return cached.fitted(scene, asked.scenes, settings=settings_for(steps=asked.steps))[0]
 
 
 def _by_gaussians(after: Scene) -> dict[str, Episode]:
     """What Gaussians alone show of an edited scene, and what is left of them without anything in the hole."""
-    from rpaug.scene.splats import gaussian_view
+    from rpaug.gaussians import gaussian_view
 
     def deleted(name: str) -> CameraView:
         seen: Callable[[int], Any] = lambda t: gaussian_view.blended(after, name, t)  # noqa: E731
@@ -200,7 +201,7 @@ def _rendered(scene: Scene, holes: dict[str, np.ndarray]) -> Episode:
     """The episode an edited scene shows; its hole masks are kept by camera/frame."""
     settled = plan.settle(plan.Plan(0, dict.fromkeys(scene.episode.views, 0), True), scene)
 
-    def watch(shown: views.Shown) -> None:
+    def watch(shown: views.RenderedFrame) -> None:
         if shown.hole is not None:
             holes[f"{shown.camera}/{shown.t}"] = shown.hole
 

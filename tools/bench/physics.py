@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 import torch
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.physics import transfer
 from rpaug.physics.colliders import still
 from rpaug.physics.contact import COLUMNS

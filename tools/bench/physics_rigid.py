@@ -17,13 +17,14 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug import geometry, twin
+from rpaug import twin
+from rpaug.core import geometry
 from rpaug.operators.physics import Physics
 from rpaug.physics import materials
 from rpaug.physics.colliders import Boxes
 from rpaug.physics.rigid import Rigid
 from rpaug.scene.build import build
-from rpaug.scene.naming.targets import Target
+from rpaug.scene.targets.targets import Target
 from rpaug.twin import mjcf, tabletop
 from rpaug.twin.look import Look
 

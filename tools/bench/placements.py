@@ -14,8 +14,9 @@ import mujoco
 import numpy as np
 from objects import extra
 
-from rpaug import geometry, twin
+from rpaug import twin
 from rpaug.assets import library
+from rpaug.core import geometry
 from rpaug.operators import insert as inserting
 from rpaug.scene import build
 from rpaug.scene.placement import placing

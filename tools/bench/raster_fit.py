@@ -18,11 +18,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from rpaug.registry import adapter
+from rpaug.core.registry import adapter
+from rpaug.gaussians.densify import Densify
+from rpaug.gaussians.frame_fit import Checkpoint, FrameFitSettings, fit_views
+from rpaug.gaussians.shots import shots_at
 from rpaug.render.splat import Rasteriser
-from rpaug.scene.splats.densify import Densify
-from rpaug.scene.splats.frame_fit import Checkpoint, FrameFitSettings, fit_views
-from rpaug.scene.splats.shots import shots_at
 
 
 def show(point: Checkpoint) -> None:

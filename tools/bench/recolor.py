@@ -26,8 +26,8 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from rpaug import Episode, Scene, twin
+from rpaug.compose import views
 from rpaug.operators.recolor import Recolor
-from rpaug.scene import views
 from rpaug.scene.build import build
 
 RED, BLUE, PURE_RED, PURE_BLUE = (0.80, 0.07, 0.06), (0.08, 0.15, 0.80), (1, 0, 0), (0, 0, 1)

@@ -18,15 +18,15 @@ import cv2
 import numpy as np
 from pydantic import TypeAdapter
 
-from rpaug import registry, twin
+from rpaug import twin
 from rpaug.bench.cases import CASES
-from rpaug.scene import views
+from rpaug.compose import joint, views
+from rpaug.core import registry
+from rpaug.core.types import Scene
+from rpaug.gaussians.descent import settings_for
+from rpaug.gaussians.fit import fitted
+from rpaug.gaussians.frame_fit import decibels
 from rpaug.scene.build import build
-from rpaug.scene.refined import joint
-from rpaug.scene.splats.descent import settings_for
-from rpaug.scene.splats.fit import fitted
-from rpaug.scene.splats.frame_fit import decibels
-from rpaug.types import Scene
 
 TIMES = (2, 5, 8, 11, 15)
 

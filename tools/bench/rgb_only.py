@@ -25,14 +25,15 @@ import numpy as np
 from jaxtyping import Bool
 from pydantic import TypeAdapter
 
-from rpaug import Camera, CameraView, registry, twin
-from rpaug.bench.metrics import psnr
-from rpaug.errors import RpaugError
+from rpaug import Camera, CameraView, twin
+from rpaug.core import colors, registry
+from rpaug.core.errors import RpaugError
+from rpaug.core.metrics import psnr
+from rpaug.core.types import Episode, Scene
+from rpaug.pipeline.contracts import shown
 from rpaug.scene.build import build
-from rpaug.scene.naming import colours, targets
-from rpaug.scene.rgb_only import outlines
-from rpaug.testing import shown
-from rpaug.types import Episode, Scene
+from rpaug.scene.instances import outlines
+from rpaug.scene.targets import targets
 
 FACTORS = ("object_color", "table_color", "background_texture", "light_color")
 SEEN = 12  # pixels a frame: of a thing that a camera shows less of nothing is asked there
@@ -149,7 +150,7 @@ def asked(
         if manipulated := scene.roles.get("manipulated"):
             target = {"handle": sorted(manipulated)}
             yield "object by role", manipulated, "recolor", fields | {"target": target}
-        word = colours.nearest(np.array(recorded.truth.albedos[changed[0]]))
+        word = colors.nearest(np.array(recorded.truth.albedos[changed[0]]))
         target = {"text": f"the {word} thing", "all": True}
         try:
             handles = targets.find(scene, targets.Target(**target))

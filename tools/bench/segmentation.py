@@ -22,11 +22,12 @@ from typing import Any
 import cv2
 import numpy as np
 
-from rpaug import registry, twin
+from rpaug import twin
+from rpaug.core import registry
+from rpaug.core.types import Episode
 from rpaug.scene.build import build
-from rpaug.scene.segmentation import motion
+from rpaug.scene.instances import by_motion
 from rpaug.twin.soft_tasks import SOFT_TASKS
-from rpaug.types import Episode
 
 STRIDE = 12  # frames between those that are compared
 ARM = ("link", "hand", "finger")
@@ -58,7 +59,7 @@ def takes(
         yield task, take.episode, bodies
 
 
-def counted(episode: Episode, found: motion.Segmentation) -> tuple[dict[str, Counter], float]:
+def counted(episode: Episode, found: by_motion.Segmentation) -> tuple[dict[str, Counter], float]:
     """Pixels by true and found handle, of fixed cameras and of the others; seconds for one image."""
     pairs = {"fixed": Counter(), "wrist": Counter()}
     images, start = 0, time.process_time()
@@ -102,7 +103,7 @@ def overlaps(
     return row
 
 
-def picture(episode: Episode, found: motion.Segmentation) -> np.ndarray:
+def picture(episode: Episode, found: by_motion.Segmentation) -> np.ndarray:
     """Images over found instances: two cameras, five times."""
     colours = np.random.default_rng(4).integers(60, 255, (1000, 3)).astype(np.uint8)
     colours[0], colours[1] = 0, 60
@@ -134,7 +135,7 @@ def main() -> None:
     for name, episode, bodies in takes(arguments):
         bare = {key: replace(view, ids=None) for key, view in episode.views.items()}
         start = time.process_time()
-        found = motion.segment(replace(episode, views=bare))
+        found = by_motion.segment(replace(episode, views=bare))
         seconds = time.process_time() - start
         pairs, each = counted(episode, found)
         row: dict[str, Any] = {"episode": name, "found": list(found.names.values())}

@@ -22,14 +22,13 @@ from pathlib import Path
 import numpy as np
 from surfels import covisible
 
-from rpaug.scene import semantic
+from rpaug.core.types import CameraView, Episode, Scene
+from rpaug.gaussians import fit, semantic
+from rpaug.gaussians.descent import FitSettings
+from rpaug.gaussians.distil import FINE_TUNING
+from rpaug.gaussians.encoding import Learning, descend, neighbours
 from rpaug.scene.build import build
-from rpaug.scene.semantic.distil import FINE_TUNING
-from rpaug.scene.semantic.encoding import Learning, descend, neighbours
-from rpaug.scene.splats import fit
-from rpaug.scene.splats.descent import FitSettings
 from rpaug.twin import Bump, Look, perform
-from rpaug.types import CameraView, Episode, Scene
 
 FRAMES = 30
 LEARNING = Learning()
@@ -119,7 +118,7 @@ def compare_masks(task: str, steps: int, size: int, seed: int) -> list[dict]:
     semantic.vote(
         scene, semantic.recorded(scene, 1)
     )  # kernels are compiled before anything is timed
-    stage = semantic.Stage(scene)
+    stage = semantic.LabelRenderer(scene)
     rows = []
     for fault in ("as recorded", "10 % wrong pixels", "handles swapped"):
         pictures = spoiled(semantic.recorded(scene), fault, seed)
@@ -128,7 +127,7 @@ def compare_masks(task: str, steps: int, size: int, seed: int) -> list[dict]:
         seconds = time.process_time() - start
 
         def by_vote(at: Scene, ids: np.ndarray = ids) -> Callable:
-            there = semantic.Stage(at)
+            there = semantic.LabelRenderer(at)
             return lambda name, t: semantic.mask(ids, there, name, t)
 
         rows.append(
@@ -139,7 +138,7 @@ def compare_masks(task: str, steps: int, size: int, seed: int) -> list[dict]:
         seconds = time.process_time() - start
 
         def by_encodings(at: Scene, learned: semantic.Identities = learned) -> Callable:
-            there = semantic.Stage(at)
+            there = semantic.LabelRenderer(at)
             return lambda name, t: semantic.identity_mask(learned, there, name, t)
 
         rows.append(
@@ -169,7 +168,7 @@ def compare_parts(steps: int, size: int, seed: int) -> list[dict]:
     views = {name: coarse(view) for name, view in take.episode.views.items()}
     scene, level = fitted(replace(take.episode, views=views), steps)
     print(f"{len(scene.gaussians)} Gaussians, {level:.1f} dB at fitted times")
-    stage, whole = semantic.Stage(scene), frozenset([stove])
+    stage, whole = semantic.LabelRenderer(scene), frozenset([stove])
     start = time.process_time()
     known = semantic.learn(scene, settings=LEARNING, stage=stage)
     print(f"encodings of the coarse masks: {time.process_time() - start:.1f} s")
@@ -178,7 +177,7 @@ def compare_parts(steps: int, size: int, seed: int) -> list[dict]:
     for number, knob in enumerate(knobs):
         at = np.argwhere(take.episode.views["front"].ids(0) == knob)
         (top, left), (bottom, right) = at.min(0) - 1.0, at.max(0) + 1.0
-        prompt = semantic.Prompt("front", 0, (left, top, right, bottom))
+        prompt = semantic.PartPrompt("front", 0, (left, top, right, bottom))
         for method in ("vote", "encodings"):
             start = time.process_time()
             told = semantic.tell_apart(scene, whole, prompt, by=method, identities=known)
@@ -212,7 +211,11 @@ def compare_parts(steps: int, size: int, seed: int) -> list[dict]:
 
 
 def _direct(
-    scene: Scene, stage: semantic.Stage, known: semantic.Identities, told: semantic.Told, seed: int
+    scene: Scene,
+    stage: semantic.LabelRenderer,
+    known: semantic.Identities,
+    told: semantic.Told,
+    seed: int,
 ) -> semantic.Identities:
     """The ablation: the same prompts' masks laid over the recorded ones, everything fine-tuned for as many steps."""
     laid = []
@@ -242,7 +245,7 @@ def _direct(
 
 
 def _knob(episode: Episode, scene: Scene, ids: np.ndarray, handle: int, knob: int) -> float:
-    stage, both, either = semantic.Stage(scene), 0, 0
+    stage, both, either = semantic.LabelRenderer(scene), 0, 0
     for name, view in episode.views.items():
         for t in KNOB_TIMES:
             made, true = semantic.mask(ids, stage, name, t) == handle, view.ids(t) == knob

@@ -17,11 +17,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rpaug import preparing, registry, twin
+from rpaug import twin
+from rpaug.core import registry
+from rpaug.core.types import Episode, Scene
+from rpaug.gaussians import cached, store
+from rpaug.gaussians.descent import FitSettings, settings_for
+from rpaug.pipeline import prepare
 from rpaug.scene.build import build
-from rpaug.scene.splats import cached, store
-from rpaug.scene.splats.descent import FitSettings, settings_for
-from rpaug.types import Episode, Scene
 
 
 def pair(told: argparse.Namespace) -> tuple[Episode, Episode]:
@@ -31,7 +33,7 @@ def pair(told: argparse.Namespace) -> tuple[Episode, Episode]:
         take = twin.perform(told.twin, told.seed, frames=told.frames, factor="object_color")
         return first, replace(take.episode, key="second")
     adapter = registry.adapter_for(told.dataset)
-    lent = preparing.founders(adapter, told.dataset, adapter.episodes(told.dataset))
+    lent = prepare.founders(adapter, told.dataset, adapter.episodes(told.dataset))
     borrower, lender = next(iter(lent.items()))
     return adapter.read(told.dataset, lender), adapter.read(told.dataset, borrower)
 

@@ -18,16 +18,16 @@ import numba
 import numpy as np
 
 from rpaug.bench.moved import covisible
+from rpaug.core.types import Body, CameraView, Scene
+from rpaug.gaussians import gaussian_view
+from rpaug.gaussians.descent import FitSettings, settings_for
+from rpaug.gaussians.fit import fitted
 from rpaug.render import holes, zbuffer
 from rpaug.render.zbuffer import Rendered
 from rpaug.scene import build
 from rpaug.scene.recorded import surfels
-from rpaug.scene.splats import gaussian_view
-from rpaug.scene.splats.descent import FitSettings, settings_for
-from rpaug.scene.splats.fit import fitted
 from rpaug.twin.look import Look
 from rpaug.twin.record import Take, perform
-from rpaug.types import Body, CameraView, Scene
 
 HEADLIGHT = 0.25  # half as bright as each of the twin's lamps
 

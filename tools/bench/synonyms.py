@@ -11,8 +11,8 @@ import json
 import sys
 import time
 
-from rpaug.agents.operation import OPPOSED, VERBS
 from rpaug.assets import library
+from rpaug.language.operation import OPPOSED, VERBS
 from rpaug.providers.words import synonym
 
 VERBS_MEANT = {

@@ -17,13 +17,14 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
-from rpaug import CameraView, geometry, twin
+from rpaug import CameraView, twin
 from rpaug.bench.cases import CASES
-from rpaug.bench.metrics import psnr
+from rpaug.core import geometry
+from rpaug.core.metrics import psnr
+from rpaug.core.types import Body, Episode, Scene
 from rpaug.operators.table_texture import TableTexture
+from rpaug.pipeline.contracts import shown
 from rpaug.scene.lighting import shading
-from rpaug.testing import shown
-from rpaug.types import Body, Episode, Scene
 
 LAMP, FLOOR = (
     np.array([0.1, 0.3, 0.7]),

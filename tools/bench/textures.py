@@ -15,8 +15,8 @@ import sys
 
 import numpy as np
 
-from rpaug.textures import shipped
-from rpaug.textures.mapping import WIDTH, Texture
+from rpaug.assets.textures import shipped
+from rpaug.assets.textures.mapping import WIDTH, Texture
 
 RAYS = 16  # a pixel's side
 EYE, AHEAD = np.array([-1.3, 0.0, 0.8]), np.array([1.3, 0.0, -0.8])

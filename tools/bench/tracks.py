@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from rpaug import geometry, registry
+from rpaug.core import geometry, registry
+from rpaug.core.types import Body, Episode
 from rpaug.scene.build import build
 from rpaug.twin.look import Look
 from rpaug.twin.record import Take, perform
 from rpaug.twin.tabletop import ARM
-from rpaug.types import Body, Episode
 
 TASKS = ("open_drawer", "slide_block", "pick_block")
 LOOKED_AT = 12  # frames that surface points are taken from

@@ -20,7 +20,7 @@ from typing import Any
 
 from torch.utils.data import DataLoader
 
-from rpaug import registry
+from rpaug.core import registry
 from rpaug.training import AugmentedEpisodes
 
 FIXED = {"op": "recolor", "target": {"role": "manipulated"}, "color": {"sample": "colosseum"}}

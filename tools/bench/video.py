@@ -17,10 +17,11 @@ import cv2
 import numpy as np
 from rpaug_adapters.ego4d import Ego4D
 
-from rpaug import recipe
-from rpaug.augment import Run, execute
-from rpaug.errors import Unsupported
-from rpaug.sfm import developing, splats, world
+from rpaug.core.errors import Unsupported
+from rpaug.gaussians import fit_video
+from rpaug.pipeline import recipe
+from rpaug.pipeline.augment import Run, execute
+from rpaug.scene.video import reconstruct, world
 
 
 def main() -> None:
@@ -58,7 +59,7 @@ def measured(given: argparse.Namespace, path: Path, cache: Path) -> dict[str, ob
     episode = adapter.read(path, adapter.episodes(path)[0])
     start = time.process_time()
     try:
-        found = developing.develop(episode, threads=given.threads, cache=cache)
+        found = reconstruct.develop(episode, threads=given.threads, cache=cache)
     except Unsupported as error:
         return {"refused": str(error), "processor_s": round(time.process_time() - start, 1)}
     facts: dict[str, object] = {
@@ -74,8 +75,8 @@ def measured(given: argparse.Namespace, path: Path, cache: Path) -> dict[str, ob
         facts["trajectory_rmse_cm"] = round(100 * float(np.sqrt((off**2).sum(1).mean())), 2)
     if given.gaussians:
         start = time.process_time()
-        rule = splats.SplatSettings(threads=given.threads, width=given.width)
-        _, told = splats.fitted(found.scene(), found, rule)
+        rule = fit_video.SplatSettings(threads=given.threads, width=given.width)
+        _, told = fit_video.fitted(found.scene(), found, rule)
         facts |= {
             f"gaussians_{name}": told[name] for name in ("gaussians", "train_db", "held_out_db")
         }

@@ -52,8 +52,8 @@ STARTS = ("os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "subp
 
 def read(layout: str, root: Path) -> str:
     """Read everything of a dataset; what came of it in a word. Raises what reading raises."""
-    from rpaug import recipe
-    from rpaug.registry import adapter
+    from rpaug.core.registry import adapter
+    from rpaug.pipeline import recipe
 
     if not layout:
         recipe.load(root / "recipe.yaml")
@@ -88,7 +88,7 @@ def work(first: int, end: int, progress: Path) -> None:
     from binaries import spoilt
     from rpaug_adapters._hdf5 import CHILD
 
-    from rpaug.errors import RpaugError
+    from rpaug.core.errors import RpaugError
 
     started: list[str] = []
     armed = False

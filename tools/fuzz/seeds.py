@@ -12,7 +12,7 @@ from rpaug_adapters import _tfrecord
 from rpaug_adapters._example import example
 
 from rpaug import Camera, CameraView, Episode, Robot
-from rpaug.registry import adapter
+from rpaug.core.registry import adapter
 
 STEPS, SIDE = 2, 8
 

@@ -6,6 +6,7 @@
 import numpy as np
 from jaxtyping import Float
 
+from rpaug.core.types import Gaussians
 from rpaug.render.splat import _reference
 from rpaug.render.splat._autograd import Images, rasterise
 from rpaug.render.splat._numba import Rasteriser
@@ -13,7 +14,6 @@ from rpaug.render.splat._threads import cores, shared
 from rpaug.render.splat.adam import Adam, Rates
 from rpaug.render.splat.loss import Errors, Loss
 from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
-from rpaug.types import Gaussians
 
 __all__ = [
     "Adam",

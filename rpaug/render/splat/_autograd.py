@@ -21,7 +21,7 @@ def _array(tensor: Tensor | None) -> np.ndarray | None:
     return tensor.detach().cpu().numpy()
 
 
-class _Native(torch.autograd.Function):
+class _NativeFunction(torch.autograd.Function):
     """The CPU kernels, forward and backward."""
 
     @staticmethod
@@ -95,4 +95,4 @@ def rasterise(
         return _reference.rasterise(*tensors, view, settings, colour)[0]
     if backend != "numba":
         raise ValueError(f"backend is {backend!r}; expected auto, numba, reference or gsplat")
-    return Images(*_Native.apply(view, settings, fill, threads, *tensors))
+    return Images(*_NativeFunction.apply(view, settings, fill, threads, *tensors))

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 from rpaug.render.splat._pinhole import COLUMN, HALF_WIDTH, ROW, half_size
 from rpaug.render.splat._simd import next_ticket
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 from rpaug.render.splat._banks import bank_fma, broadcast_bank, load_bank, store_bank
 from rpaug.render.splat._pinhole import (
     COLUMN,

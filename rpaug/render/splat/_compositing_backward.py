@@ -9,7 +9,7 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-from rpaug.render.jit import kernel
+from rpaug.core.jit import kernel
 from rpaug.render.splat._banks import (
     bank_dot,
     bank_fma,

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from rpaug.errors import MissingExtra, Unsupported
+from rpaug.core.errors import MissingExtra, Unsupported
 from rpaug.render.splat import _reference
 from rpaug.render.splat._reference import Images
 from rpaug.render.splat.settings import LARGEST, Rendering, Settings, Splats, View

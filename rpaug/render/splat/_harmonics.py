@@ -1,6 +1,6 @@
 """Real spherical harmonics to degree 3 and their slopes, in the order and with the signs of 3DGS."""
 
-from rpaug.render.jit import inlined
+from rpaug.core.jit import inlined
 
 C0 = 0.28209479177387814
 C1 = 0.4886025119029199

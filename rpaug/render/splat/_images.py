@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpaug.render.jit import kernel
+from rpaug.core.jit import kernel
 from rpaug.render.splat._pinhole import DEPTH_CHANNEL
 
 SMALLEST_ALPHA = 1e-10  # expected depth is D / max(A, this): 0 where nothing is drawn

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float32
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.render.splat import (
     _binning,
     _compositing,

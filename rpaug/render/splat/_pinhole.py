@@ -14,7 +14,7 @@ CHUNK numbers for each quantity, so that LLVM turns the arithmetic into vectors.
 import math
 from typing import NamedTuple
 
-from rpaug.render.jit import inlined
+from rpaug.core.jit import inlined
 from rpaug.render.splat.settings import Settings, View
 
 COLUMN, ROW, L11, L21, L22, OPACITY, FARTHEST, HALF_WIDTH = range(8)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 from rpaug.render.splat import _harmonics
 from rpaug.render.splat._pinhole import (
     CHUNK,

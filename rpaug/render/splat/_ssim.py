@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 
 REACH, SIGMA = 5, 1.5  # pixels: a window is 11 x 11
 C1, C2 = np.float32(0.01**2), np.float32(0.03**2)  # of colours in 0..1

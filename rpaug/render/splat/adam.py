@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Int
 
-from rpaug.render.jit import inlined, kernel
+from rpaug.core.jit import inlined, kernel
 from rpaug.render.splat._threads import ranges, together
 from rpaug.render.splat.settings import Gradients, Splats
 

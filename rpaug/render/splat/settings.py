@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Float32, Int32
 
-from rpaug.types import Gaussians
+from rpaug.core.types import Gaussians
 
 LARGEST = (
     1e18  # pixels, or px^2: what lands beyond is left out and counted, before float32 overflows
@@ -62,7 +62,7 @@ class View:
 class Splats:
     """Gaussians as the rasteriser takes them; shape by `quats` and `scales`, or by `covariances`.
 
-    Units and orders are those of `rpaug.types.Gaussians`. `covariances` holds (xx, xy, xz, yy, yz, zz) in
+    Units and orders are those of `rpaug.core.types.Gaussians`. `covariances` holds (xx, xy, xz, yy, yz, zz) in
     square metres, world axes. `features` are K more channels, blended like colours. Means may be float64:
     they are taken relative to the camera before anything is rounded.
     """

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float, Float32
 from torch import Tensor
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.render.splat._autograd import NAMES, rasterise
 from rpaug.render.splat._images import HALF_COVERED
 from rpaug.render.splat._numba import Rasteriser
@@ -59,10 +59,10 @@ def worker(
         raise Unsupported(f"backend {backend} computes in float32; backend reference in {dtype}")
     if backend == "gsplat":
         return _Torch(backend, dtype, settings or Settings())
-    return _Native(settings, threads, keep_order)
+    return _NativeBackend(settings, threads, keep_order)
 
 
-class _Native:
+class _NativeBackend:
     """The CPU kernels."""
 
     def __init__(self, settings: Settings | None, threads: int, keep_order: int) -> None:

@@ -1,0 +1,1 @@
+"""The light an episode was recorded in: albedo, shading, lamps and shadows."""

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
-from rpaug.errors import Unsupported
-from rpaug.scene import remembered, sampling
-from rpaug.types import Episode
+from rpaug.core import memo, sampling
+from rpaug.core.errors import Unsupported
+from rpaug.core.types import Episode
 
 LEAST_PIXELS = 8
 BLACK = 0.01  # an albedo below this shows no shading above the images' rounding
@@ -91,7 +91,7 @@ def plain(episode: Episode, handle: int) -> bool:
     return _estimated(episode, handle).plain
 
 
-@remembered.of_episode
+@memo.of_episode
 def _estimated(episode: Episode, handle: int) -> Albedo:
     seen = pixels(episode, handle)
     if not len(seen):

@@ -4,13 +4,13 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, Int
 
-from rpaug.errors import Unsupported
-from rpaug.scene import sampling
+from rpaug.core import colors as colours
+from rpaug.core import sampling
+from rpaug.core.errors import Unsupported
+from rpaug.core.memo import once
+from rpaug.core.types import Ambience, Episode
 from rpaug.scene.lighting import irradiance, light
-from rpaug.scene.naming import colours
 from rpaug.scene.recorded import surface
-from rpaug.scene.remembered import once
-from rpaug.types import Ambience, Episode
 
 FRAMES = 8
 PASSES = 8  # of the alternation between albedos and light, both robust

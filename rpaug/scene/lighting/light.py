@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float64, Int
 
-from rpaug.errors import Unsupported
-from rpaug.scene import sampling
+from rpaug.core import sampling
+from rpaug.core.errors import Unsupported
+from rpaug.core.memo import once
+from rpaug.core.types import Episode
 from rpaug.scene.recorded import surface
-from rpaug.scene.remembered import once
-from rpaug.types import Episode
 
 LAMP = 0.5  # COLOSSEUM's scenes: each lamp's diffuse colour is (0.5, 0.5, 0.5) before it is varied
 GREY = 0.12  # saturation up to which a surface may be taken for grey under coloured light

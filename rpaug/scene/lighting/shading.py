@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from rpaug.errors import Unsupported
-from rpaug.render.jit import kernel
-from rpaug.scene import remembered, sampling
+from rpaug.core import memo, sampling
+from rpaug.core.errors import Unsupported
+from rpaug.core.jit import kernel
+from rpaug.core.types import Body, Episode, Scene
 from rpaug.scene.lighting import albedo
 from rpaug.scene.recorded import surface
-from rpaug.types import Body, Episode, Scene
 
 RGB = tuple[float, float, float]
 
@@ -42,7 +42,7 @@ PASSES = 6  # of the robust fit
 
 
 @dataclass(frozen=True)
-class Samples:
+class ShadedPixels:
     """Some pixels of one thing from several cameras and frames, 0..1, and where they lie in its body's frame."""
 
     colour: Float32[np.ndarray, "n 3"]
@@ -51,10 +51,10 @@ class Samples:
     facing: Float32[np.ndarray, "n 3"]
 
 
-@remembered.of_episode
+@memo.of_episode
 def sample(
     episode: Episode, bodies: tuple[Body, ...], wanted: tuple[int, ...]
-) -> dict[int, Samples]:
+) -> dict[int, ShadedPixels]:
     """Pixels of each of the `wanted` handles that is seen at all. Raises Unsupported if no camera has depth."""
     if all(surface.depth_of(view, 0) is None for view in episode.views.values()):
         raise Unsupported("a texture needs recorded depth to lie on, and this source has none")
@@ -72,7 +72,7 @@ def sample(
                 colour = rgb.reshape(-1, 3)[rows].astype(np.float32) / 255
                 parts[handle].append((colour, here.points, here.normals, here.facing))
     return {
-        handle: Samples(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        handle: ShadedPixels(*(np.concatenate(part) for part in zip(*found, strict=True)))
         for handle, found in parts.items()
         if found
     }
@@ -127,7 +127,7 @@ def describe(
     return [dict(one) for one in _described(scene.episode, scene.bodies, tuple(handles), known)]
 
 
-@remembered.of_episode
+@memo.of_episode
 def _described(
     episode: Episode, bodies: tuple[Body, ...], handles: tuple[int, ...], known: RGB | None
 ) -> list[dict[str, Any]]:
@@ -142,7 +142,9 @@ def _described(
     return found
 
 
-def fit(samples: Samples, colour: tuple[float, float, float], known: bool = True) -> Smooth | None:
+def fit(
+    samples: ShadedPixels, colour: tuple[float, float, float], known: bool = True
+) -> Smooth | None:
     """The smooth shading of a patterned thing, or None if its brightness varies no more than its shading does.
 
     `colour` is the thing's albedo. Unless it is `known`, its brightness is a guess, and the best-lit part is taken to
@@ -222,7 +224,7 @@ def _terms(
     return out
 
 
-def frame(samples: Mapping[int, Samples]) -> Float64[np.ndarray, "4 4"]:
+def frame(samples: Mapping[int, ShadedPixels]) -> Float64[np.ndarray, "4 4"]:
     """From the bodies' frame to one that suits the thing: its middle, its side faces along x and y, z up.
 
     The faces' bearing is the mean of their normals' with all quarter turns taken for the same; round things keep the

@@ -15,11 +15,11 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.core.memo import bare, once
+from rpaug.core.types import Body, Scene, Surface
 from rpaug.scene.placement import placing
 from rpaug.scene.placement.placing import hull, points_of
-from rpaug.scene.remembered import bare, once
-from rpaug.types import Body, Scene, Surface
 
 CELL, COARSE = (
     0.005,

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug import geometry
-from rpaug.scene.looks import Looks
-from rpaug.scene.naming.roles import surface
-from rpaug.types import Scene
+from rpaug.core import geometry
+from rpaug.core.types import Scene
+from rpaug.scene.sampled_frames import SampledFrames
+from rpaug.scene.targets.roles import surface
 
 TIP = 0.03  # metres around the gripper's tip within which fingers touch
 ACROSS = 0.8  # cosine between a face that is gripped and the way the fingers close
@@ -31,7 +31,7 @@ class Contact:
 
 
 def contacts(
-    scene: Scene, looks: Looks, handles: frozenset[int], pivot: Float64[np.ndarray, "3"]
+    scene: Scene, looks: SampledFrames, handles: frozenset[int], pivot: Float64[np.ndarray, "3"]
 ) -> tuple[Contact, ...]:
     """Where the robot, or what it moves, touches those instances. `pivot` is what they grow about, in their frame."""
     found = []
@@ -79,7 +79,7 @@ def _held(
 
 def _rests(
     scene: Scene,
-    looks: Looks,
+    looks: SampledFrames,
     track: Float64[np.ndarray, "t 4 4"],
     points: np.ndarray,
     growth: np.ndarray,

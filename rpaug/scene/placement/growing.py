@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 
-from rpaug.errors import TargetError
-from rpaug.scene.naming.targets import APART
+from rpaug.core.errors import TargetError
+from rpaug.core.types import Scene
 from rpaug.scene.placement.placing import CELL, Room, hull, points_of, room
-from rpaug.types import Scene
+from rpaug.scene.targets.targets import APART
 
 STEPS = 24  # factors tried between the recorded size and the one asked for
 INSIDE = 0.005  # metres inside or outside of a side, from which on that is clear

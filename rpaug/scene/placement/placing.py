@@ -12,11 +12,10 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
 
-from rpaug import geometry
-from rpaug.errors import TargetError, Unsupported
-from rpaug.scene import sampling
-from rpaug.scene.remembered import bare, once
-from rpaug.types import Body, CameraView, Scene
+from rpaug.core import geometry, sampling
+from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.memo import bare, once
+from rpaug.core.types import Body, CameraView, Scene
 
 CELL = 0.01  # metres
 MARGIN = 0.05  # metres to other things, as COLOSSEUM keeps them apart
@@ -117,7 +116,7 @@ def _room(scene: Scene, leaving: frozenset[int]) -> Room:
     if not support:
         raise TargetError("nothing was seen to be the table, so there is nowhere to put things")
     if any(view.stand_in for view in scene.episode.views.values()):
-        from rpaug.scene.rgb_only import room as by_sight  # only here: it makes a Room
+        from rpaug.scene.placement import free_space_rgb as by_sight  # only here: it makes a Room
 
         return by_sight.room(scene, leaving)
     points = _support(scene, support)

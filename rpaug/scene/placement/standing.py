@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Float64
 
-from rpaug import geometry
-from rpaug.errors import Unsupported
+from rpaug.core import geometry
+from rpaug.core.errors import Unsupported
+from rpaug.core.types import Body, Scene
 from rpaug.scene.placement.placing import Room, hull, points_of
-from rpaug.types import Body, Scene
 
 LIFTED = (
     0.02  # metres: what is seen to begin higher than this over the support does not stand on it
@@ -20,7 +20,7 @@ Around = tuple[Float[np.ndarray, "2"] | Float[np.ndarray, "c 2"], float]
 
 
 @dataclass(frozen=True)
-class Thing:
+class StandingInstance:
     """Some instances that stand together; `outline` is around `middle`, in metres, `top` above the support."""
 
     handles: frozenset[int]
@@ -34,7 +34,7 @@ class Thing:
         return geometry.rigid(np.array([0.0, 0.0, turn]), np.array([*to, 0.0])) @ about
 
 
-def thing(scene: Scene, handles: frozenset[int], room: Room, doing: str) -> Thing:
+def thing(scene: Scene, handles: frozenset[int], room: Room, doing: str) -> StandingInstance:
     """What the instances look like from above. Raises Unsupported if they do not stand on the support."""
     points = points_of(scene, handles)
     if len(points) < 4:
@@ -47,7 +47,7 @@ def thing(scene: Scene, handles: frozenset[int], room: Room, doing: str) -> Thin
         )
     outline = hull(points)
     middle = (outline.min(0) + outline.max(0)) / 2
-    return Thing(handles, middle, outline - middle, float(height.max()))
+    return StandingInstance(handles, middle, outline - middle, float(height.max()))
 
 
 def beside(
@@ -69,7 +69,11 @@ def turned(outline: Float[np.ndarray, "k 2"], turn: float) -> Float64[np.ndarray
 
 
 def settle(
-    one: Thing, room: Room, turn: float, rng: np.random.Generator, near: Around | None = None
+    one: StandingInstance,
+    room: Room,
+    turn: float,
+    rng: np.random.Generator,
+    near: Around | None = None,
 ) -> tuple[Float64[np.ndarray, "2"], float] | None:
     """A free place near what is given, and a turn of at most `turn` radians; None if none."""
     for _ in range(TRIES):

@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from rpaug.errors import Unsupported
-from rpaug.scene.looks import look
-from rpaug.scene.naming.targets import Target, find
-from rpaug.scene.remembered import once
+from rpaug.core.errors import Unsupported
+from rpaug.core.memo import once
+from rpaug.core.types import Episode, Scene
+from rpaug.scene.sampled_frames import look
+from rpaug.scene.targets.targets import Target, find
 from rpaug.scene.tracking.touch import touching
-from rpaug.types import Episode, Scene
 
 FEW = 2  # looked-at frames: a contact seen less often is chance
 ACTED_ON = ("robot", "manipulated")

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, Int32
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.core.types import Body, Scene
 from rpaug.render.outlines import BEFORE, TOUCHING, Footprints, grown
 from rpaug.render.zbuffer import Source
-from rpaug.types import Body, Scene
 
 
 @dataclass(frozen=True)

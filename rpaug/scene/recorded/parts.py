@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.core.types import Body, Scene
 from rpaug.render.zbuffer import Source, lift
 from rpaug.scene.recorded.plates import among, source_at, spread
-from rpaug.types import Body, Scene
 
 CANDIDATES = 16  # frames, spread over the episode, that are looked at
 MOST = 4  # recordings kept of a body
@@ -23,7 +23,7 @@ TRUSTED = 0.003  # metres: residual of a track up to which its poses carry surfe
 
 
 @dataclass(frozen=True)
-class Part:
+class PartRecording:
     """A recording of a body at another time: its surfels, and the pose that the body had then."""
 
     handles: frozenset[int]
@@ -36,7 +36,7 @@ class Part:
         return replace(self.source, cam_to_world=carried @ self.source.cam_to_world)
 
 
-_Seen = tuple[Part, set[int]]
+_Seen = tuple[PartRecording, set[int]]
 
 
 def trusted(body: Body) -> bool:
@@ -45,7 +45,7 @@ def trusted(body: Body) -> bool:
     return moves and not body.ambiguous and body.residual <= TRUSTED
 
 
-def recorded(scene: Scene, noise: float, tolerance: float) -> tuple[Part, ...]:
+def recorded(scene: Scene, noise: float, tolerance: float) -> tuple[PartRecording, ...]:
     """A few recordings of each trusted body that together show most of what was ever seen of it.
 
     Reads `CANDIDATES` frames of each camera, and none if no body can be trusted.
@@ -71,11 +71,11 @@ def _seen(source: Source, body: Body, t: int) -> _Seen | None:
     own = geometry.inverse(body.to_world[t]) @ source.cam_to_world
     cells = np.floor(geometry.transform(own, points) / CELL).astype(np.int64) & 0x1FFFFF
     packed = cells[:, 0] << 42 | cells[:, 1] << 21 | cells[:, 2]
-    part = Part(body.handles, replace(source, use=use), body.to_world[t])
+    part = PartRecording(body.handles, replace(source, use=use), body.to_world[t])
     return part, set(packed.tolist())
 
 
-def _most_telling(seen: list[_Seen]) -> Iterator[Part]:
+def _most_telling(seen: list[_Seen]) -> Iterator[PartRecording]:
     """Greedily the recordings that add most, while they add enough."""
     every = {cell for _, cells in seen for cell in cells}
     known: set[int] = set()

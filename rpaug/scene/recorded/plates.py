@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
+from rpaug.core.types import CameraView
 from rpaug.render.denoise import smooth
 from rpaug.render.zbuffer import Source, lift
-from rpaug.types import CameraView
 
 PLATE_SAMPLES = (
     9  # recordings of a static pixel, spread over the episode, whose median is its plate

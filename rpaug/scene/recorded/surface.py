@@ -7,10 +7,10 @@ from functools import cache, cached_property
 import numpy as np
 from jaxtyping import Float32, Float64, Int, Int32
 
-from rpaug import geometry
-from rpaug.errors import Unsupported
-from rpaug.render.jit import kernel
-from rpaug.types import Body, Camera, CameraView, Gaussians
+from rpaug.core import geometry
+from rpaug.core.errors import Unsupported
+from rpaug.core.jit import kernel
+from rpaug.core.types import Body, Camera, CameraView, Gaussians
 
 GRAZING = 0.1  # cosine: a surface seen at a smaller angle is sampled as if at this one
 LONE = 0.5  # of its step: what a side of one pixel counts as bent, since none can see how straight it is

@@ -24,17 +24,17 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Int32
 
-from rpaug import geometry
-from rpaug.errors import TargetError, Unsupported
+from rpaug.core import geometry
+from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.types import Camera, CameraView, Scene
 from rpaug.render import denoise, holes, window, zbuffer
 from rpaug.render.gains import matched
 from rpaug.render.window import Window
 from rpaug.render.zbuffer import Rendered, Source
 from rpaug.scene.recorded import parts, unseen
 from rpaug.scene.recorded.carry import carried
-from rpaug.scene.recorded.parts import Part
+from rpaug.scene.recorded.parts import PartRecording
 from rpaug.scene.recorded.plates import Plate, among, plate, source_at, spread
-from rpaug.types import Camera, CameraView, Scene
 
 HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
 SAME_PLACE = 0.01  # metres: what another camera saw this close to what the own one shows of a body is the same
@@ -53,7 +53,7 @@ class Surfels:
     static: frozenset[int]
     plates: Mapping[str, Plate]
     history: Mapping[str, tuple[Source, ...]]
-    parts: tuple[Part, ...] = ()
+    parts: tuple[PartRecording, ...] = ()
     noise: float = 0.0
     patches: tuple[Source, ...] = ()
 

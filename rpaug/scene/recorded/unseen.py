@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 
+from rpaug.core.types import Camera
 from rpaug.providers.inpaint import paint
 from rpaug.render import holes, zbuffer
 from rpaug.render.zbuffer import Rendered, Source
 from rpaug.scene.recorded.plates import Plate, among
-from rpaug.types import Camera
 
 FEWEST = 2  # pixels: a hole smaller than this is left to the filling of single views
 RING = 12  # pixels around a hole that tell the surfaces which it continues

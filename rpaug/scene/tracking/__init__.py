@@ -1,0 +1,1 @@
+"""How each instance moves: static, with the gripper, as a link of the arm, or aligned by depth."""

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float, Float64, Int
 
-from rpaug import geometry
-from rpaug.types import Camera, CameraView
+from rpaug.core import geometry
+from rpaug.core.types import Camera, CameraView
 
 NEAR = 0.005  # metres
 

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug import geometry
-from rpaug.scene.looks import Looks
+from rpaug.core import geometry
+from rpaug.scene.sampled_frames import SampledFrames
 from rpaug.scene.tracking import evidence
 
 ROUNDS = 12
@@ -18,7 +18,7 @@ def align(
     points: Float64[np.ndarray, "k 3"],
     trust: Float64[np.ndarray, "k"],
     guess: Float64[np.ndarray, "4 4"],
-    looks: Looks,
+    looks: SampledFrames,
     s: int,
     handle: int,
     *,

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug import geometry
-from rpaug.errors import BadInput
-from rpaug.files import read_bytes
+from rpaug.core import geometry
+from rpaug.core.errors import BadInput
+from rpaug.core.files import read_bytes
+from rpaug.core.types import Robot
 from rpaug.scene.tracking import urdf
-from rpaug.types import Robot
 
 GOOD_FIT = 0.004  # metres, rms: simulated arms give way by half a millimetre
 HELD = 0.01  # metres per radian: how firmly the joints' zeros are kept where the motion does not tell them

@@ -6,17 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64, Int
 
-from rpaug import geometry
-from rpaug.scene.looks import Looks, events, look
+from rpaug.core import geometry
+from rpaug.core.types import Body, Episode
+from rpaug.scene.sampled_frames import SampledFrames, events, look
 from rpaug.scene.tracking import evidence
 from rpaug.scene.tracking.arms import KNOWN, Kinematics, link_tracks
-from rpaug.scene.tracking.chain import OFTEN, Place, places
+from rpaug.scene.tracking.chain import OFTEN, ChainPosition, places
 from rpaug.scene.tracking.jaws import fingers, sliding
 from rpaug.scene.tracking.motion import (
     FREE,
     GRIPPER,
     STATIC,
-    Case,
+    TrackedInstance,
     at_events,
     cheapest,
     costs,
@@ -28,7 +29,6 @@ from rpaug.scene.tracking.motion import (
 from rpaug.scene.tracking.slide import straightened
 from rpaug.scene.tracking.slip import slips
 from rpaug.scene.tracking.touch import touching
-from rpaug.types import Body, Episode
 
 LINK = 0.3  # millimetres per interval that a link of the arm must win by: there are many to choose from
 POOR = 0.005  # metres: residual of a track that explains nothing
@@ -66,7 +66,7 @@ class _Track:
 
 
 def track(
-    episode: Episode, looks: Looks | None = None, arms: Sequence[Kinematics] = KNOWN
+    episode: Episode, looks: SampledFrames | None = None, arms: Sequence[Kinematics] = KNOWN
 ) -> tuple[Body, ...]:
     """Every instance's rigid motion, instances that move as one in one body, most pixels first.
 
@@ -85,7 +85,7 @@ def track(
     cases = []
     for number, handle in enumerate(handles.tolist()):
         seen = np.flatnonzero((samples.counts[:, number] >= evidence.ENOUGH).any(1))
-        cases.append(Case(number, handle, looks, samples, seen, carriers))
+        cases.append(TrackedInstance(number, handle, looks, samples, seen, carriers))
     costed = {case.handle: costs(case) for case in cases if len(case.seen) > 1}
     touch = touching(looks)
     row = _row(cases, costed, touch)
@@ -116,10 +116,10 @@ def _carriers(episode: Episode, arms: Sequence[Kinematics]) -> Float64[np.ndarra
 
 
 def _row(
-    cases: Sequence[Case],
+    cases: Sequence[TrackedInstance],
     costed: Mapping[int, tuple[Float64[np.ndarray, "i m"], Bool[np.ndarray, "i"]]],
     touch: Mapping[frozenset[int], int],
-) -> dict[int, Place]:
+) -> dict[int, ChainPosition]:
     """Places of the instances that are an arm's links."""
     fits = {h: cost.sum(0) / known.sum() for h, (cost, known) in costed.items() if known.any()}
     limits = {h: AS_WELL[0] * float(fit.min()) + AS_WELL[1] for h, fit in fits.items()}
@@ -132,7 +132,7 @@ def _row(
     return places(fits, limits, often)
 
 
-def _unseen(case: Case) -> _Track:
+def _unseen(case: TrackedInstance) -> _Track:
     """What no two frames show: at rest, for all we know."""
     rest = np.tile(np.eye(4), (case.carriers.shape[1], 1, 1))
     weight = int(case.samples.counts[:, case.number].sum())
@@ -140,11 +140,11 @@ def _unseen(case: Case) -> _Track:
 
 
 def _track(
-    case: Case,
+    case: TrackedInstance,
     happens: Int[np.ndarray, "e"],
     cost: Float64[np.ndarray, "i m"],
     known: Bool[np.ndarray, "i"],
-    place: Place | None,
+    place: ChainPosition | None,
     jaws: Float64[np.ndarray, "f t 4 4"],
 ) -> _Track:
     counts = case.samples.counts[:, case.number].sum(1)
@@ -196,7 +196,7 @@ def _apart(
     return float(np.linalg.norm(gap, axis=-1).max())
 
 
-def _residual(case: Case, anchor: int, to_world: Float64[np.ndarray, "t 4 4"]) -> float:
+def _residual(case: TrackedInstance, anchor: int, to_world: Float64[np.ndarray, "t 4 4"]) -> float:
     """Median point-to-plane distance in metres, from frame number `anchor` to others."""
     points, still = case.points(anchor)
     points = points[:still] if still >= evidence.ENOUGH else points

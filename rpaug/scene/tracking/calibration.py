@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int32
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.core.types import Episode
 from rpaug.scene.recorded.plates import source_at, spread
-from rpaug.types import Episode
 
 FRAMES = 4  # times that are looked at
 STRIDE = 2  # pixels: every other one in each direction

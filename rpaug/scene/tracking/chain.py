@@ -17,7 +17,7 @@ OFTEN = 0.5  # share of the frames that show both, in which links that follow on
 
 
 @dataclass(frozen=True)
-class Place:
+class ChainPosition:
     """Where in the row an instance is: its label as in `motion`, and whether it could be elsewhere."""
 
     label: int
@@ -40,7 +40,7 @@ def places(
     fits: Mapping[int, Float64[np.ndarray, "m"]],
     as_well: Mapping[int, float],
     touch: Collection[frozenset[int]],
-) -> dict[int, Place]:
+) -> dict[int, ChainPosition]:
     """Places of those instances that make up the longest row: rest, link 1, link 2, ..., the gripper.
 
     `fits[handle][label]` is what a motion leaves unexplained, in any unit; up to `as_well[handle]` it explains as
@@ -75,7 +75,7 @@ def places(
     if len(firm) < FIRM:
         return {}
     return {
-        handle: Place(label, 0 < i < len(held) - 1 or _alone(fits, as_well, held, handle))
+        handle: ChainPosition(label, 0 < i < len(held) - 1 or _alone(fits, as_well, held, handle))
         for i, (handle, label) in enumerate(held.items())
         if label != STATIC
     }

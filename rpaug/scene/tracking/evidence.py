@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float64, Int
 
-from rpaug.render.jit import kernel
-from rpaug.scene.looks import Looks
+from rpaug.core.jit import kernel
+from rpaug.scene.sampled_frames import SampledFrames
 
 TRUST = 0.2  # weight of a moving camera's point
 CAP = 0.02  # metres: a point that is further off says no more than that the motion is wrong
@@ -42,7 +42,7 @@ class Samples:
         return self.points[s][first:last], int(middle - first)
 
 
-def draw(looks: Looks, handles: Int[np.ndarray, "n"], most: int = SAMPLES) -> Samples:
+def draw(looks: SampledFrames, handles: Int[np.ndarray, "n"], most: int = SAMPLES) -> Samples:
     """At most `most` points per instance, frame and kind of camera (fixed, moving)."""
     points, offsets, counts = [], [], []
     for s in range(len(looks.frames)):
@@ -59,7 +59,7 @@ def judge(
     points: Float64[np.ndarray, "k 3"],
     still: int,
     motions: Float64[np.ndarray, "m 4 4"],
-    looks: Looks,
+    looks: SampledFrames,
     s: int,
     handle: int,
 ) -> Float64[np.ndarray, "m 2 2"]:
@@ -75,7 +75,7 @@ def judge(
 def distances(
     points: Float64[np.ndarray, "k 3"],
     motion: Float64[np.ndarray, "4 4"],
-    looks: Looks,
+    looks: SampledFrames,
     s: int,
     handle: int,
 ) -> tuple[Float64[np.ndarray, "k"], Float64[np.ndarray, "k 3"], Float64[np.ndarray, "k 3"]]:
@@ -105,7 +105,7 @@ def mean(
     )
 
 
-def _frame(looks: Looks, s: int) -> Any:
+def _frame(looks: SampledFrames, s: int) -> Any:
     return (
         looks.fixed, looks.K, looks.cam_to_world[s], looks.depth[s], looks.ids[s], looks.points[s],
         looks.normals[s],

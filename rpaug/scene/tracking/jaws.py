@@ -3,9 +3,9 @@
 import numpy as np
 from jaxtyping import Float64, Int
 
-from rpaug import geometry
-from rpaug.scene.tracking.motion import GRIPPER, Case
-from rpaug.types import Robot
+from rpaug.core import geometry
+from rpaug.core.types import Robot
+from rpaug.scene.tracking.motion import GRIPPER, TrackedInstance
 
 TRAVEL = 1e-3  # metres: an opening that changes by less shows nothing
 SLIDES = 5e-4  # metres a finger slides in an interval, from which that interval tells something
@@ -27,7 +27,7 @@ def fingers(robot: Robot) -> Float64[np.ndarray, "f t 4 4"]:
 
 
 def sliding(
-    case: Case, labels: Int[np.ndarray, "i"], carriers: Float64[np.ndarray, "f t 4 4"]
+    case: TrackedInstance, labels: Int[np.ndarray, "i"], carriers: Float64[np.ndarray, "f t 4 4"]
 ) -> Float64[np.ndarray, "t 4 4"] | None:
     """The track of the finger that explains better than the gripper what is seen of an instance that hangs on it.
 

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float64, Int
 
-from rpaug import geometry
-from rpaug.scene.looks import Looks
+from rpaug.core import geometry
+from rpaug.scene.sampled_frames import SampledFrames
 from rpaug.scene.tracking import evidence
 from rpaug.scene.tracking.align import between
 
@@ -27,13 +27,13 @@ STATIC, GRIPPER, FREE = 0, 1, -1  # labels; 2 and up are links of the arm
 
 
 @dataclass(frozen=True)
-class Case:
+class TrackedInstance:
     """One instance: its number among the handles, the numbers of the frames that show it (two or more), and
     the world poses of all it may hang on: the world itself, the gripper, the arm's links."""
 
     number: int
     handle: int
-    looks: Looks
+    looks: SampledFrames
     samples: evidence.Samples
     seen: Int[np.ndarray, "n"]
     carriers: Float64[np.ndarray, "m t 4 4"]
@@ -66,7 +66,7 @@ class Case:
 REST = 0.02  # millimetres per interval that a motion must win by against rest
 
 
-def costs(case: Case) -> tuple[Float64[np.ndarray, "i m"], Bool[np.ndarray, "i"]]:
+def costs(case: TrackedInstance) -> tuple[Float64[np.ndarray, "i m"], Bool[np.ndarray, "i"]]:
     """Cost of every carrier's motion in every interval, and whether the interval shows anything at all."""
     cost = np.zeros((len(case.seen) - 1, len(case.carriers)))
     known = np.zeros(len(case.seen) - 1, bool)
@@ -127,13 +127,13 @@ def _tolls(labels: int, at_event: bool) -> Float64[np.ndarray, "m m"]:
     return toll
 
 
-def spread(case: Case, labels: Int[np.ndarray, "i"]) -> Int[np.ndarray, "steps"]:
+def spread(case: TrackedInstance, labels: Int[np.ndarray, "i"]) -> Int[np.ndarray, "steps"]:
     """Labels of every step t to t + 1 of the episode; the ends go on as they are."""
     steps = np.arange(case.carriers.shape[1] - 1)
     return labels[np.clip(np.searchsorted(case.times, steps, side="right") - 1, 0, len(labels) - 1)]
 
 
-def sharpen(case: Case, labels: Int[np.ndarray, "i"]) -> Int[np.ndarray, "steps"]:
+def sharpen(case: TrackedInstance, labels: Int[np.ndarray, "i"]) -> Int[np.ndarray, "steps"]:
     """Labels of every step, each switch moved to the frame that explains best what is seen around it."""
     steps, times = spread(case, labels), case.times
     for i in np.flatnonzero(labels[1:] != labels[:-1]):
@@ -171,7 +171,7 @@ def _around(labels: Int[np.ndarray, "i"], i: int) -> tuple[int, int]:
 
 
 def _apart(
-    case: Case, before: int, after: int, turns: Int[np.ndarray, "n"]
+    case: TrackedInstance, before: int, after: int, turns: Int[np.ndarray, "n"]
 ) -> Float64[np.ndarray, "n"]:
     """How far two carriers go apart from each frame to the next, in metres where the thing is."""
     ahead = np.minimum(turns + 1, case.carriers.shape[1] - 1)
@@ -184,7 +184,7 @@ def _apart(
 
 
 def follow(
-    case: Case,
+    case: TrackedInstance,
     steps: Int[np.ndarray, "steps"],
     free: Mapping[int, Float64[np.ndarray, "4 4"]],
 ) -> Float64[np.ndarray, "t 4 4"]:

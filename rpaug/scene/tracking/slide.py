@@ -3,11 +3,11 @@
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.scene.tracking import evidence
 from rpaug.scene.tracking.align import align
 from rpaug.scene.tracking.evidence import TRUST
-from rpaug.scene.tracking.motion import Case
+from rpaug.scene.tracking.motion import TrackedInstance
 
 TRAVEL = 0.03  # metres: less does not show a direction
 OFF_RAIL = 0.006  # metres beside the rail that alignment may have been off
@@ -17,7 +17,7 @@ MODEL = 6  # seen frames whose points are aligned together
 
 
 def straightened(
-    case: Case, to_world: Float64[np.ndarray, "t 4 4"], middle: Float64[np.ndarray, "3"]
+    case: TrackedInstance, to_world: Float64[np.ndarray, "t 4 4"], middle: Float64[np.ndarray, "3"]
 ) -> Float64[np.ndarray, "t 4 4"] | None:
     """The same motion as a slide along one axis without turning, None if it is no slide.
 
@@ -49,7 +49,7 @@ def along_rail(
 
 
 def _corrected(
-    case: Case, along: Float64[np.ndarray, "t"], axis: Float64[np.ndarray, "3"]
+    case: TrackedInstance, along: Float64[np.ndarray, "t"], axis: Float64[np.ndarray, "3"]
 ) -> Float64[np.ndarray, "t"]:
     """Positions on the rail: aligned in the seen frames, the track's own course in between."""
     times, found = case.times, []
@@ -75,7 +75,7 @@ def _corrected(
     return along + np.where(np.abs(along) < 1e-9, 0.0, late)
 
 
-def _distance(case: Case, to_world: Float64[np.ndarray, "t 4 4"]) -> float:
+def _distance(case: TrackedInstance, to_world: Float64[np.ndarray, "t 4 4"]) -> float:
     """Metres from each seen frame to the one a quarter of the way on: mean, and median to planes.
 
     The mean has outlines in it, which see a thing slide in its own plane but are as coarse as a pixel; the median

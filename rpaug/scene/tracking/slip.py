@@ -3,10 +3,10 @@
 import numpy as np
 from jaxtyping import Float64, Int
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.scene.tracking.align import align
 from rpaug.scene.tracking.evidence import TRUST
-from rpaug.scene.tracking.motion import FULL_WEIGHT, GRIPPER, STATIC, Case, price
+from rpaug.scene.tracking.motion import FULL_WEIGHT, GRIPPER, STATIC, TrackedInstance, price
 
 # Costs are millimetres of mean distance per interval, as in `motion`.
 UNEXPLAINED = 2.0  # intervals explained worse than this are aligned
@@ -24,7 +24,7 @@ MODEL = 5  # seen frames whose points are aligned together, beside the newest
 
 
 def slips(
-    case: Case, cost: Float64[np.ndarray, "i m"], labels: Int[np.ndarray, "i"]
+    case: TrackedInstance, cost: Float64[np.ndarray, "i m"], labels: Int[np.ndarray, "i"]
 ) -> tuple[dict[int, Float64[np.ndarray, "4 4"]], bool]:
     """Motions of the intervals that `labels` (static or gripper) do not explain, and whether they are certain.
 
@@ -56,7 +56,7 @@ def slips(
 
 
 def _best(
-    case: Case,
+    case: TrackedInstance,
     a: int,
     b: int,
     rows: Float64[np.ndarray, "k 4"],
@@ -88,7 +88,7 @@ def _best(
 
 
 def _aside(
-    case: Case, a: int, b: int, start: Float64[np.ndarray, "4 4"]
+    case: TrackedInstance, a: int, b: int, start: Float64[np.ndarray, "4 4"]
 ) -> Float64[np.ndarray, "4 4"]:
     """`start` shifted along one of the gripper's axes, as far as explains most."""
     axes = case.carriers[GRIPPER, case.looks.frames[b], :3, :3].T
@@ -100,7 +100,7 @@ def _aside(
 
 
 def _settled(
-    case: Case, a: int, b: int, motion: Float64[np.ndarray, "4 4"], left: float
+    case: TrackedInstance, a: int, b: int, motion: Float64[np.ndarray, "4 4"], left: float
 ) -> tuple[Float64[np.ndarray, "4 4"], float]:
     """The shift nearby that explains outlines best too, by steps that halve: planes let flat things slide."""
     axes = case.carriers[GRIPPER, case.looks.frames[b], :3, :3].T

@@ -4,14 +4,14 @@ from collections import defaultdict
 
 import numpy as np
 
-from rpaug.render.jit import kernel
-from rpaug.scene.looks import Looks
+from rpaug.core.jit import kernel
+from rpaug.scene.sampled_frames import SampledFrames
 
 GAP = 0.005  # metres, beside what the spacing of the pixels allows
 SPACING = 2.0  # pixels: how far apart two neighbours on one slanted surface may be
 
 
-def touching(looks: Looks, frames: slice = slice(None)) -> dict[frozenset[int], int]:
+def touching(looks: SampledFrames, frames: slice = slice(None)) -> dict[frozenset[int], int]:
     """Number of looked-at frames in which each pair of handles touches, of those in `frames`."""
     found: dict[frozenset[int], int] = defaultdict(int)
     for s in range(len(looks.frames))[frames]:

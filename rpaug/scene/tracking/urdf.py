@@ -12,8 +12,8 @@ from xml.etree import ElementTree
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug import geometry
-from rpaug.errors import BadInput
+from rpaug.core import geometry
+from rpaug.core.errors import BadInput
 
 TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from analytic import scene
 
-from rpaug import geometry
 from rpaug.assets import library, sampled
+from rpaug.compose import inserted, splatted, tuned
+from rpaug.core import geometry
+from rpaug.core.types import Ambience, Body
+from rpaug.gaussians import harmonics
+from rpaug.gaussians.gaussian_view import view_of
 from rpaug.render import mesh as triangles
 from rpaug.render.splat import Rasteriser, Splats
-from rpaug.scene.added import inserted, splatted, tuned
 from rpaug.scene.lighting import irradiance
-from rpaug.scene.splats import harmonics
-from rpaug.scene.splats.gaussian_view import view_of
-from rpaug.types import Ambience, Body
 
 SIZE = 96
 

@@ -7,10 +7,9 @@ import pytest
 import waves
 
 from rpaug import Unsupported
-from rpaug.scene.four import fit4, seeds4
-from rpaug.scene.four.descent4 import Descent4, split
-from rpaug.scene.splats import gaussian_view, store
-from rpaug.types import Gaussians
+from rpaug.core.types import Gaussians
+from rpaug.gaussians import fit4, gaussian_view, seeds4, store
+from rpaug.gaussians.descent4 import Descent4, split
 
 QUICK = fit4.FourSettings(rounds=6, checked_frames=3, densify_rounds=(3,), least_pixels=20)
 

@@ -6,8 +6,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug.scene.four import gaussians4
-from rpaug.types import Gaussians4
+from rpaug.core.types import Gaussians4
+from rpaug.gaussians import gaussians4
 
 SEEDS = st.integers(0, 2**31)
 

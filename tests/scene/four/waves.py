@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rpaug import geometry
-from rpaug.scene.splats.gaussians import Picture, joined, lifted
-from rpaug.types import Body, Camera, CameraView, Episode, Robot, Scene
+from rpaug.core import geometry
+from rpaug.core.types import Body, Camera, CameraView, Episode, Robot, Scene
+from rpaug.gaussians.gaussians import LiftedImage, joined, lifted
 
 TABLE, SHEET = 3, 9
 SIZE = 48
@@ -68,10 +68,12 @@ def scene(
     still = np.tile(np.eye(4), (length, 1, 1))
     bodies = (Body(frozenset([TABLE]), still, "static"), Body(frozenset([SHEET]), still, "unknown"))
     parts = [
-        lifted(Picture(v.rgb(0), v.depth(0), v.ids(0), K, v.camera.cam_to_world[0], v.depth(0) > 0))
+        lifted(
+            LiftedImage(v.rgb(0), v.depth(0), v.ids(0), K, v.camera.cam_to_world[0], v.depth(0) > 0)
+        )
         for v in views.values()
     ]
-    table = lifted(Picture(*(a[0] for a in _table(views, K, scale, shift, length))))
+    table = lifted(LiftedImage(*(a[0] for a in _table(views, K, scale, shift, length))))
     cameras = {name: view.camera for name, view in views.items()}
     return Scene(episode, cameras, bodies, {}, False, ("wave",), gaussians=joined([*parts, table]))
 

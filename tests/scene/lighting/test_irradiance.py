@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from rpaug.gaussians.gaussians import SH0, Placement, normals
 from rpaug.render.splat import Splats
 from rpaug.scene.lighting import irradiance
-from rpaug.scene.splats.gaussians import SH0, Placement, normals
 
 
 def test_even_light_shades_nothing() -> None:

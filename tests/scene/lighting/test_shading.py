@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rpaug.scene.lighting import shading
-from rpaug.scene.lighting.shading import Samples, Smooth
+from rpaug.scene.lighting.shading import ShadedPixels, Smooth
 
 RNG = np.random.default_rng(0)
 ALBEDO = (0.8, 0.6, 0.4)
@@ -15,7 +15,7 @@ ALBEDO = (0.8, 0.6, 0.4)
 
 def board(
     pattern: float, fall: float = 0.0, count: int = 4000
-) -> tuple[Samples, np.ndarray, np.ndarray]:
+) -> tuple[ShadedPixels, np.ndarray, np.ndarray]:
     """A level board whose light changes by `fall` a metre, a tenth of it in shadow: samples, light, shadow mask."""
     points = RNG.uniform([-0.5, -0.4, 0.7], [0.5, 0.4, 0.7], (count, 3)).astype(np.float32)
     normals = np.tile(np.float32([0, 0, 1]), (count, 1))
@@ -24,7 +24,7 @@ def board(
     light = np.where(shadow, 0.3 * light, light)
     grain = np.exp(pattern * RNG.standard_normal(count))
     colour = np.clip((light * grain)[:, None] * np.array(ALBEDO), 0, 1).astype(np.float32)
-    return Samples(colour, points, normals, normals), light, shadow
+    return ShadedPixels(colour, points, normals, normals), light, shadow
 
 
 def test_a_plain_surface_keeps_its_measured_shading() -> None:
@@ -66,7 +66,7 @@ def test_the_frame_turns_to_the_side_faces(bearing: float) -> None:
     angle = bearing + np.pi / 2 * RNG.integers(0, 4, 400)
     normals = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1).astype(np.float32)
     points = (normals * 0.2 + [1, 2, 0.5]).astype(np.float32)
-    back = shading.frame({1: Samples(normals, points, normals, normals)})
+    back = shading.frame({1: ShadedPixels(normals, points, normals, normals)})
     turned = normals @ back[:3, :3].T
     assert np.abs(np.abs(turned).max(1) - 1).max() < 1e-5
     assert np.allclose(back @ [*np.percentile(points, [1, 99], axis=0).mean(0), 1], [0, 0, 0, 1])
@@ -76,7 +76,8 @@ def test_broad_grain_is_no_light() -> None:
     samples, light, shadow = board(0.05)
     grain = 1 + 0.2 * np.sin(9 * samples.points[:, :1])
     smooth = shading.fit(
-        Samples(samples.colour * grain, samples.points, samples.normals, samples.facing), ALBEDO
+        ShadedPixels(samples.colour * grain, samples.points, samples.normals, samples.facing),
+        ALBEDO,
     )
     assert smooth is not None
     out = smooth.of(light.astype(np.float32), samples.points, samples.facing)

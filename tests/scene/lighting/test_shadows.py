@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rpaug import twin
+from rpaug.pipeline.contracts import shown
 from rpaug.scene.build import build
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement.untouched import without
-from rpaug.testing import shown
 from rpaug.twin.look import RIG
 
 pytestmark = pytest.mark.gl

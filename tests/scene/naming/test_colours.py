@@ -6,54 +6,54 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug.scene.naming import colours
+from rpaug.core import colors
 
 channel = st.floats(0.0, 1.0)
 
 
 @given(st.tuples(channel, channel, channel))
 def test_lab_and_back(srgb: tuple[float, float, float]) -> None:
-    np.testing.assert_allclose(colours.from_lab(colours.to_lab(np.array(srgb))), srgb, atol=1e-6)
+    np.testing.assert_allclose(colors.from_lab(colors.to_lab(np.array(srgb))), srgb, atol=1e-6)
 
 
 def test_lab_is_opencvs() -> None:
     grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 6)] * 3), -1).reshape(1, -1, 3)
     theirs = cv2.cvtColor(grid.astype(np.float32), cv2.COLOR_RGB2LAB)
     # OpenCV interpolates the transfer curves from tables.
-    np.testing.assert_allclose(colours.to_lab(grid), theirs, atol=0.3)
+    np.testing.assert_allclose(colors.to_lab(grid), theirs, atol=0.3)
 
 
 def test_white_is_white() -> None:
-    np.testing.assert_allclose(colours.to_lab(np.ones(3)), [100.0, 0.0, 0.0], atol=0.02)
+    np.testing.assert_allclose(colors.to_lab(np.ones(3)), [100.0, 0.0, 0.0], atol=0.02)
 
 
-@pytest.mark.parametrize("name", sorted(colours.NAMES))
+@pytest.mark.parametrize("name", sorted(colors.NAMES))
 def test_a_name_is_its_own_nearest(name: str) -> None:
-    assert colours.nearest(np.array(colours.rgb(name))) == name
-    assert colours.means(name, name)
+    assert colors.nearest(np.array(colors.rgb(name))) == name
+    assert colors.means(name, name)
 
 
 def test_rlbench_has_twenty_colours() -> None:
-    assert len(colours.RLBENCH) == 20
-    assert colours.RLBENCH["azure"] == (0.0, 0.5, 1.0)
+    assert len(colors.RLBENCH) == 20
+    assert colors.RLBENCH["azure"] == (0.0, 0.5, 1.0)
 
 
 def test_plain_words_cover_their_shades() -> None:
-    assert colours.means("red", "maroon")
-    assert not colours.means("maroon", "red")
-    assert colours.canonical("Grey") == "gray"
-    assert colours.canonical("cup") is None
+    assert colors.means("red", "maroon")
+    assert not colors.means("maroon", "red")
+    assert colors.canonical("Grey") == "gray"
+    assert colors.canonical("cup") is None
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(KeyError, match="there are: azure"):
-        colours.rgb("mauve-ish")
+        colors.rgb("mauve-ish")
 
 
 def test_typical_leaves_out_highlights_and_shadows() -> None:
     pixels = np.full((100, 3), (200, 10, 10), np.uint8)
     pixels[:20], pixels[80:] = 255, 0
-    np.testing.assert_allclose(colours.typical(pixels), np.array([200, 10, 10]) / 255)
+    np.testing.assert_allclose(colors.typical(pixels), np.array([200, 10, 10]) / 255)
 
 
 # Sharma, Wu, Dalal: The CIEDE2000 Color-Difference Formula (2005), table 1.
@@ -97,5 +97,5 @@ SHARMA = """
 
 def test_ciede2000_of_the_published_pairs():
     rows = np.array(SHARMA.split(), float).reshape(34, 7)
-    np.testing.assert_allclose(colours.ciede2000(rows[:, :3], rows[:, 3:6]), rows[:, 6], atol=5e-5)
-    np.testing.assert_allclose(colours.ciede2000(rows[:, 3:6], rows[:, :3]), rows[:, 6], atol=5e-5)
+    np.testing.assert_allclose(colors.ciede2000(rows[:, :3], rows[:, 3:6]), rows[:, 6], atol=5e-5)
+    np.testing.assert_allclose(colors.ciede2000(rows[:, 3:6], rows[:, :3]), rows[:, 6], atol=5e-5)

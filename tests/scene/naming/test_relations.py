@@ -7,15 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug.scene.naming.places import Place, gap, ranked, related
-from rpaug.scene.naming.relations import RANKS, RELATIONS, Phrase, parse
+from rpaug.scene.targets.places import LocatedInstance, gap, ranked, related
+from rpaug.scene.targets.relations import RANKS, RELATIONS, Phrase, parse
 
 
-def thing(x: float, y: float, z: float = 0.0, size: float = 0.04, handle: int = 1) -> Place:
+def thing(
+    x: float, y: float, z: float = 0.0, size: float = 0.04, handle: int = 1
+) -> LocatedInstance:
     """Points of a cube whose lower face is at z."""
     half = np.array([size / 2, size / 2, 0])
     grid = np.stack(np.meshgrid(*[np.linspace(0, size, 5)] * 3), -1).reshape(-1, 3)
-    return Place(frozenset([handle]), grid + np.array([x, y, z]) - half)
+    return LocatedInstance(frozenset([handle]), grid + np.array([x, y, z]) - half)
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,10 @@ import pytest
 from boxes import BLOCK, FLOOR, HAND, OTHER, PAD, TABLE, WALL, World
 
 from rpaug import twin
+from rpaug.core.types import Scene
 from rpaug.scene.build import build
-from rpaug.scene.naming import roles
+from rpaug.scene.targets import roles
 from rpaug.scene.tracking import bodies
-from rpaug.types import Scene
 
 SEEN_BY_EYE = {
     "open the top drawer": {

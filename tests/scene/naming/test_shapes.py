@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug import geometry
-from rpaug.scene.naming.shapes import WORDS, shape
+from rpaug.core import geometry
+from rpaug.scene.targets.shapes import WORDS, shape
 
 Cloud = tuple[np.ndarray, np.ndarray]
 

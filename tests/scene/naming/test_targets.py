@@ -8,10 +8,10 @@ from analysed import analysed
 from boxes import BLOCK, HAND, OTHER, PAD, World
 from pydantic import ValidationError
 
-from rpaug.errors import TargetError
-from rpaug.scene.naming.survey import survey
-from rpaug.scene.naming.targets import Target, find
-from rpaug.types import Scene
+from rpaug.core.errors import TargetError
+from rpaug.core.types import Scene
+from rpaug.scene.targets.survey import survey
+from rpaug.scene.targets.targets import Target, find
 
 
 def test_by_handle(placed: tuple[World, Scene]) -> None:

@@ -9,13 +9,13 @@ import vgg
 from analytic import BOX, TABLE
 from styled import stripes, with_gaussians
 
-from rpaug.errors import TargetError, Unsupported
+from rpaug.core.errors import TargetError, Unsupported
+from rpaug.gaussians import nnfm
+from rpaug.gaussians.gaussians import SH0
+from rpaug.gaussians.windows import render, windows
 from rpaug.providers import features
-from rpaug.scene.painted import nnfm
-from rpaug.scene.painted.windows import render, windows
-from rpaug.scene.splats.gaussians import SH0
 
-SHORT = nnfm.Settings(steps=32, size=48, picture=48)
+SHORT = nnfm.StyleSettings(steps=32, size=48, picture=48)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_a_window_in_old_colours_is_the_recording():
 
 def test_the_seed_decides(network, styled):
     def colours(seed: int) -> np.ndarray:
-        settings = nnfm.Settings(steps=3, size=32, picture=32)
+        settings = nnfm.StyleSettings(steps=3, size=32, picture=32)
         return nnfm.stylise(
             with_gaussians(), frozenset({BOX}), stripes(), network, seed, settings
         ).colours

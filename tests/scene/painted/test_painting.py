@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug.scene.painted.painting import Painting, corners, places
+from rpaug.gaussians.painting import Painting, corners, places
 
 A, B = 7, 0xABCDEF
 

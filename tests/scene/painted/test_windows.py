@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from analytic import BOX, TABLE, scene
 
-from rpaug.scene.painted import windows
-from rpaug.scene.splats.gaussians import Picture, joined, lifted
-from rpaug.types import Body, Scene
+from rpaug.core.types import Body, Scene
+from rpaug.gaussians import windows
+from rpaug.gaussians.gaussians import LiftedImage, joined, lifted
 
 EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8)}
 
@@ -23,7 +23,9 @@ def in_unit(unit: float) -> Scene:
         depth = (unit * view.depth(0)).astype(np.float32)
         camera = replace(view.camera, cam_to_world=pose)
         views[name] = replace(view, camera=camera, depth=lambda _, d=depth: d)
-        parts.append(lifted(Picture(view.rgb(0), depth, view.ids(0), camera.K, pose[0], depth > 0)))
+        parts.append(
+            lifted(LiftedImage(view.rgb(0), depth, view.ids(0), camera.K, pose[0], depth > 0))
+        )
     body = Body(frozenset({TABLE, BOX}), np.eye(4)[None], "static")
     return replace(
         plain,

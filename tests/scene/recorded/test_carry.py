@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from analytic import BALL, BOX, TABLE, ball_at, scene, shoot
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.core.types import Body
 from rpaug.scene.recorded import carry, surfels
 from rpaug.scene.recorded.carry import carried
-from rpaug.types import Body
 
 EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "wrist": (-0.3, -0.5, 0.8)}
 STEP = np.array([0.05, -0.06, 0.0])  # metres

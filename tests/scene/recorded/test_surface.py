@@ -7,7 +7,7 @@ import pytest
 from analytic import BALL, BALL_RADIUS, BOX, TABLE, ball_at, scene
 
 from rpaug import Body, Gaussians, Scene, Unsupported
-from rpaug.geometry import rigid, transform
+from rpaug.core.geometry import rigid, transform
 from rpaug.scene.recorded import surface
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from analytic import BALL, BOX, TABLE, ball_at, scene, shoot
 
-from rpaug import Camera, TargetError, Unsupported, geometry, registry
+from rpaug import Camera, TargetError, Unsupported
+from rpaug.core import geometry, registry
+from rpaug.core.types import Body, Episode, Scene
 from rpaug.scene.recorded import surfels
-from rpaug.types import Body, Episode, Scene
 
 EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "wrist": (-0.3, -0.5, 0.8)}
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from analytic import BALL, BOX, EYES, LENGTH, TABLE, ball_at, scene, seen_by, shoot
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.core.types import Body
 from rpaug.scene.recorded import surfels
-from rpaug.types import Body
 
 
 @pytest.fixture(scope="module")

@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 import rpaug
-from rpaug import pipeline, plan, preparing, recipe, registry
+from rpaug.compose import baking, joint
+from rpaug.compose.goals import goals
+from rpaug.core import registry
+from rpaug.core.types import Scene
+from rpaug.gaussians.descent import PARAMETERS, settings_for
+from rpaug.gaussians.fit import fitted
+from rpaug.pipeline import copies, plan, prepare, recipe
 from rpaug.render.splat import Splats
 from rpaug.scene.build import build
-from rpaug.scene.refined import baking, joint
-from rpaug.scene.refined.goals import goals
-from rpaug.scene.splats.descent import PARAMETERS, settings_for
-from rpaug.scene.splats.fit import fitted
-from rpaug.types import Scene
 
-SHORT = joint.Settings(steps=60, times=4, held=2)
+SHORT = joint.RefineSettings(steps=60, times=4, held=2)
 
 
 @pytest.fixture(scope="module")
@@ -138,10 +139,10 @@ def test_a_recipe_asks_for_it_and_the_report_tells(sample: Scene) -> None:
         }
     )
     assert made.refine == 3
-    edited, draws = pipeline.draw(sample, made, 1)
+    edited, draws = copies.draw(sample, made, 1)
     for tier in (3, 0):
-        planned = plan.make(preparing.operators(made), sample.episode, tier)
-        done = pipeline.render(edited, draws, replace(planned, refine=made.refine))
+        planned = plan.make(prepare.operators(made), sample.episode, tier)
+        done = copies.render(edited, draws, replace(planned, refine=made.refine))
         told = done.plan.describe()["refined"]
         assert told["gaussians"] > 100 if tier == 3 else "tier 3" in told["skipped"]
         assert done.scene.appearance == edited.appearance

@@ -7,9 +7,11 @@ import pytest
 import torch
 from rgb_only_tables import episode, image
 
-from rpaug import geometry, pipeline, recipe
-from rpaug.errors import Unsupported
-from rpaug.preparing import ground, made_ready
+from rpaug.core import geometry
+from rpaug.core.errors import Unsupported
+from rpaug.pipeline import copies as pipeline
+from rpaug.pipeline import recipe
+from rpaug.pipeline.prepare import ground, made_ready
 from rpaug.providers.depth import depth
 from rpaug.scene.build import build
 

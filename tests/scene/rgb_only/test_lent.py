@@ -5,11 +5,11 @@ import pytest
 import torch
 from rgb_only_tables import SIZE, episode, image
 
-from rpaug import fitting, pipeline, recipe
-from rpaug.errors import Unsupported
-from rpaug.preparing import ground, made_ready
-from rpaug.scene.rgb_only import lent
-from rpaug.scene.splats import gaussian_view, passing
+from rpaug.core.errors import Unsupported
+from rpaug.gaussians import fit_static_rgb, gaussian_view, untracked_gaussians
+from rpaug.pipeline import copies as pipeline
+from rpaug.pipeline import fit, recipe
+from rpaug.pipeline.prepare import ground, made_ready
 
 RED = {"op": "recolor", "target": {"text": "the red thing"}, "color": "green"}
 MOVE = {"op": "camera_pose", "camera": ["image_0"], "shift": 0.02, "turn": 0.01}
@@ -60,7 +60,7 @@ def test_they_show_every_frame_what_moves_included(on_stage) -> None:
         assert db(gaussian_view.blended(scene, "image_0", t)[0], image(t)) > 26
     assert plan.fit["train_db"] > 26
     assert plan.fit["held_out_db"] is None
-    assert not np.isin(scene.gaussians.ids, sorted(passing.unsteady(scene))).any()
+    assert not np.isin(scene.gaussians.ids, sorted(untracked_gaussians.unsteady(scene))).any()
 
 
 def test_edits_of_them_are_shown_and_no_depth_is_written(on_stage) -> None:
@@ -106,15 +106,17 @@ def test_a_scene_with_recorded_depth_is_fitted_as_it_is() -> None:
         "k", views, scene.episode.robot, scene.episode.descriptions, scene.episode.length
     )
     bare = type(scene)(plain, scene.cameras, scene.bodies, {}, False, ())
-    assert lent.fitted(bare, lambda one: (one, {"same": one is bare}))[1] == {"same": True}
+    assert fit_static_rgb.fitted(bare, lambda one: (one, {"same": one is bare}))[1] == {
+        "same": True
+    }
 
 
 def test_fit_stores_and_finds_them_again(tmp_path) -> None:
-    from rpaug.scene.splats.descent import FitSettings
+    from rpaug.gaussians.descent import FitSettings
 
     settings = FitSettings(steps=20)
-    first = fitting.fit_episode(episode(), tmp_path, settings=settings)
-    again = fitting.fit_episode(episode(), tmp_path, settings=settings)
+    first = fit.fit_episode(episode(), tmp_path, settings=settings)
+    again = fit.fit_episode(episode(), tmp_path, settings=settings)
     assert (first["found_in_store"], again["found_in_store"]) == (False, True)
     assert first["scene"] == again["scene"]
     assert first["train_db"] == again["train_db"]

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 
-from rpaug.scene.rgb_only import outlines
-from rpaug.scene.rgb_only.grouping import MOVING, SUPPORT
+from rpaug.scene.instances import outlines
+from rpaug.scene.instances.grouping import MOVING, SUPPORT
 
 THING = 7
 

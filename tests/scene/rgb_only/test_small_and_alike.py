@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from rgb_only_tables import BLOCK, PLATE, episode, image
 
-from rpaug.errors import TargetError
+from rpaug.core.errors import TargetError
+from rpaug.core.types import Episode, Scene
 from rpaug.scene.build import build
-from rpaug.scene.naming.targets import Target, find
-from rpaug.scene.rgb_only.grouping import MOVING
-from rpaug.types import Episode, Scene
+from rpaug.scene.instances.grouping import MOVING
+from rpaug.scene.targets.targets import Target, find
 
 LENGTH = 12
 DOT = (slice(31, 33), slice(30, 34))

@@ -7,13 +7,12 @@ import pytest
 from pydantic import TypeAdapter
 from rgb_only_tables import episode, image, still
 
-from rpaug import geometry, registry
-from rpaug.errors import Unsupported
-from rpaug.scene import rgb_only
+from rpaug.core import geometry, registry
+from rpaug.core.errors import Unsupported
+from rpaug.pipeline.contracts import shown
 from rpaug.scene.build import build
+from rpaug.scene.instances import ground_plane, rgb_episode
 from rpaug.scene.placement.placing import room
-from rpaug.scene.rgb_only import stage
-from rpaug.testing import shown
 
 LENGTH = 12
 
@@ -32,20 +31,20 @@ def edited(scene, op: str, **fields):
 def test_an_unplaced_camera_looks_down_on_the_support() -> None:
     support = np.zeros((64, 64), bool)
     support[20:60, 10:50] = True
-    made = stage.of(still(3), support, ~support)
+    made = ground_plane.of(still(3), support, ~support)
     points = geometry.world_points(made.depth.astype(float), made.camera, 0)
     assert np.abs(points[support][:, 2]).max() < 1e-5
-    assert points[~support][:, 2].min() > -stage.FLOOR - 1e-3
+    assert points[~support][:, 2].min() > -ground_plane.FLOOR - 1e-3
     assert made.camera.cam_to_world[0, 2, 3] > 0.3
     middle = points[support].mean(0)
-    assert np.linalg.norm(middle - made.camera.cam_to_world[0, :3, 3]) < 2 * stage.DISTANCE
+    assert np.linalg.norm(middle - made.camera.cam_to_world[0, :3, 3]) < 2 * ground_plane.DISTANCE
 
 
 def test_a_placed_camera_stays_where_it_is_told() -> None:
-    camera = stage.of(still(3), np.ones((64, 64), bool), np.zeros((64, 64), bool)).camera
+    camera = ground_plane.of(still(3), np.ones((64, 64), bool), np.zeros((64, 64), bool)).camera
     told = still(3, assumed=False)
     told = type(told)(told.K, camera.cam_to_world, 64, 64)
-    made = stage.of(told, np.ones((64, 64), bool), np.zeros((64, 64), bool))
+    made = ground_plane.of(told, np.ones((64, 64), bool), np.zeros((64, 64), bool))
     assert made.camera is told
 
 
@@ -109,7 +108,7 @@ def test_cameras_that_do_not_know_of_one_another_share_no_new_thing() -> None:
 
 
 def test_what_is_assumed_is_said(scene) -> None:
-    told = "\n".join(rgb_only.assumptions(scene.episode))
+    told = "\n".join(rgb_episode.assumptions(scene.episode))
     for part in ("focal length of 77 px assumed", "45 degrees", "0.75 m", "median of 12 frames"):
         assert part in told
-    assert not rgb_only.assumptions(episode())
+    assert not rgb_episode.assumptions(episode())

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from rgb_only_tables import BLOCK, PLATE, TABLE, episode, image, still
 
-from rpaug.errors import TargetError, Unsupported
-from rpaug.scene import rgb_only
+from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.types import CameraView
 from rpaug.scene.build import build
-from rpaug.scene.naming.targets import Target, find
-from rpaug.scene.rgb_only import backdrop, things, tints
-from rpaug.types import CameraView
+from rpaug.scene.instances import backdrop, color_clusters, rgb_episode, rgb_things
+from rpaug.scene.targets.targets import Target, find
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +26,7 @@ def iou(a: np.ndarray, b: np.ndarray) -> float:
 
 def test_it_is_taken_only_where_depth_and_masks_lack() -> None:
     bare = episode()
-    assert rgb_only.lacking(bare)
+    assert rgb_episode.lacking(bare)
     view = bare.views["image_0"]
     for known in (
         {"ids": lambda t: np.zeros((64, 64), np.int32)},
@@ -37,7 +36,7 @@ def test_it_is_taken_only_where_depth_and_masks_lack() -> None:
         told = type(bare)(
             bare.key, {"image_0": CameraView(view.camera, **parts)}, bare.robot, (), bare.length
         )
-        assert not rgb_only.lacking(told)
+        assert not rgb_episode.lacking(told)
 
 
 @pytest.mark.parametrize("t", [0, 5, 11])
@@ -84,7 +83,7 @@ def test_a_camera_that_moves_is_seen_to_and_goes_by_colour() -> None:
     shaken = CameraView(still(12), lambda t: np.roll(image(t), (5 * t, 9 * t), (0, 1)))
     drop = backdrop.find(shaken, 12)
     assert not drop.still
-    found = things.find(type(bare)("k", {"a": shaken}, bare.robot, (), 12))
+    found = rgb_things.find(type(bare)("k", {"a": shaken}, bare.robot, (), 12))
     ids = found.ids("a", shaken.rgb(4))
     red = np.roll(truth(BLOCK, 4), (20, 36), (0, 1))
     assert len(np.unique(ids[red])) == 1
@@ -101,13 +100,13 @@ def test_images_that_show_nothing_are_left_alone() -> None:
 
 def test_tints_do_not_depend_on_the_order_of_draws() -> None:
     images = [image(t) for t in range(4)]
-    assert np.array_equal(tints.find(images), tints.find(images))
-    assert len(tints.find(images)) >= 4
+    assert np.array_equal(color_clusters.find(images), color_clusters.find(images))
+    assert len(color_clusters.find(images)) >= 4
 
 
 def test_what_needs_depth_is_refused_by_name() -> None:
-    from rpaug import recipe
-    from rpaug.preparing import ground, made_ready
+    from rpaug.pipeline import recipe
+    from rpaug.pipeline.prepare import ground, made_ready
 
     for edit, missing in (
         ({"op": "camera_pose", "camera": ["image_0"]}, "camera_pose: .*depth.*cameras.yaml"),

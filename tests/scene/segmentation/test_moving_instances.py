@@ -6,13 +6,13 @@ import boxes
 import numpy as np
 import pytest
 
-from rpaug.scene import views
+from rpaug.compose import views
+from rpaug.core.types import Episode
 from rpaug.scene.build import build
-from rpaug.scene.segmentation import motion, regions
-from rpaug.types import Episode
+from rpaug.scene.instances import by_motion, regions
 
 
-def overlap(found: motion.Segmentation, truth: Episode, handle: int) -> tuple[float, int]:
+def overlap(found: by_motion.Segmentation, truth: Episode, handle: int) -> tuple[float, int]:
     """Best IoU of one true instance with any found one, over all images, and which."""
     counts: dict[int, np.ndarray] = {}
     total = 0
@@ -33,7 +33,7 @@ def overlap(found: motion.Segmentation, truth: Episode, handle: int) -> tuple[fl
 def carried():
     world = boxes.pick_and_place()
     truth = world.episode()
-    return truth, motion.segment(world.episode(masks=False))
+    return truth, by_motion.segment(world.episode(masks=False))
 
 
 def test_what_is_carried_and_what_carries(carried):
@@ -62,7 +62,7 @@ def test_what_is_pushed_without_being_held():
     world = boxes.push()
     truth = world.episode()
     open_all_the_time = replace(world, gripper_open=np.ones(len(world.gripper_open)))
-    found = motion.segment(open_all_the_time.episode(masks=False))
+    found = by_motion.segment(open_all_the_time.episode(masks=False))
     block, handle = overlap(found, truth, boxes.BLOCK)
     assert block > 0.6
     assert found.names[handle].startswith(("pushed", "held"))
@@ -80,12 +80,12 @@ def test_bodies_follow_from_it():
 
 def test_recorded_masks_are_kept():
     episode = boxes.still(3).episode()
-    assert motion.masked(episode) is episode
+    assert by_motion.masked(episode) is episode
 
 
 def test_one_frame_has_no_motion():
     episode = boxes.still(1).episode(masks=False)
-    assert motion.masked(episode) is episode
+    assert by_motion.masked(episode) is episode
 
 
 def test_regions_hang_together():

@@ -8,12 +8,11 @@ import pytest
 from boxes import BLOCK, World
 from clouds import some
 
-from rpaug import geometry
-from rpaug.errors import TargetError, Unsupported
-from rpaug.scene import semantic
-from rpaug.scene.splats import gaussian_view, gaussians, ply
-from rpaug.scene.splats.seeds import seeds
-from rpaug.types import Scene
+from rpaug.core import geometry
+from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.types import Scene
+from rpaug.gaussians import gaussian_view, gaussians, ply, semantic
+from rpaug.gaussians.seeds import seeds
 
 
 @pytest.mark.parametrize("named", [True, False])

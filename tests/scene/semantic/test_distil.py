@@ -9,14 +9,13 @@ import pytest
 from boxes import OTHER, PAD, Box, World, at
 from pydantic import ValidationError
 
-from rpaug.errors import TargetError, Unsupported
+from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.types import Body, Episode, Gaussians, Scene
+from rpaug.gaussians import parts, semantic
+from rpaug.gaussians.distil import detected, overlap
+from rpaug.gaussians.seeds import seeds
 from rpaug.providers.detect import Detection
-from rpaug.scene import semantic
-from rpaug.scene.naming.targets import Part, Target, find
-from rpaug.scene.semantic import parts
-from rpaug.scene.semantic.distil import detected, overlap
-from rpaug.scene.splats.seeds import seeds
-from rpaug.types import Body, Episode, Gaussians, Scene
+from rpaug.scene.targets.targets import Target, TargetPart, find
 
 LID = 77
 
@@ -67,7 +66,7 @@ def box_of(fine: Episode, camera: str, handle: int) -> tuple[float, float, float
 
 def iou(scene: Scene, handle: int, fine: Episode) -> float:
     assert scene.gaussians is not None
-    stage, both, either = semantic.Stage(scene), 0, 0
+    stage, both, either = semantic.LabelRenderer(scene), 0, 0
     for name, view in fine.views.items():
         assert view.ids is not None
         drawn = semantic.mask(scene.gaussians.ids, stage, name, 1) == handle
@@ -87,7 +86,7 @@ def same_but_ids(one: Gaussians, two: Gaussians, rows: Sequence[int]) -> None:
 def test_the_part_gets_a_handle_and_nothing_else_changes(
     scene: Scene, fine: Episode, by: str
 ) -> None:
-    prompt = semantic.Prompt("front", 0, box_of(fine, "front", LID))
+    prompt = semantic.PartPrompt("front", 0, box_of(fine, "front", LID))
     known = None
     if by == "encodings":
         quick = semantic.Learning(steps=60, rate=0.1, smoothness=0.05, sampled=200)
@@ -111,14 +110,14 @@ def test_the_part_gets_a_handle_and_nothing_else_changes(
 
 
 def test_a_box_around_the_whole_needs_nothing_finer(scene: Scene, fine: Episode) -> None:
-    prompt = semantic.Prompt("left", 0, box_of(fine, "left", PAD))
+    prompt = semantic.PartPrompt("left", 0, box_of(fine, "left", PAD))
     told = semantic.tell_apart(scene, frozenset([PAD]), prompt)
     assert (told.finer, told.handle) == (False, PAD)
     assert told.scene is scene
 
 
 def test_what_cannot_be_told_says_why(scene: Scene, fine: Episode) -> None:
-    lid = semantic.Prompt("front", 0, box_of(fine, "front", LID))
+    lid = semantic.PartPrompt("front", 0, box_of(fine, "front", LID))
     with pytest.raises(TargetError, match="nothing of the target stands out"):
         semantic.tell_apart(scene, frozenset([OTHER]), lid)
     with pytest.raises(TargetError, match="not one rigid body"):
@@ -141,7 +140,9 @@ def test_a_detector_gives_the_box(scene: Scene, fine: Episode) -> None:
 
 def test_targets_with_parts(scene: Scene, fine: Episode) -> None:
     bare = replace(scene, gaussians=None)
-    target = Target(role="receiver", part=Part(camera="front", box=box_of(fine, "front", LID)))
+    target = Target(
+        role="receiver", part=TargetPart(camera="front", box=box_of(fine, "front", LID))
+    )
     with pytest.raises(TargetError, match="not told apart before"):
         find(bare, target)
     made = parts.told(bare, [target, target])
@@ -163,13 +164,13 @@ def test_targets_with_parts(scene: Scene, fine: Episode) -> None:
         )
     assert both / either > 0.8
     for part, message in (
-        (Part(camera="top", box=(1, 1, 2, 2)), "no camera is called 'top'; there are: front"),
-        (Part(camera="left", frame=3, box=(1, 1, 2, 2)), "frame 3 of 3"),
-        (Part(camera="left", box=box_of(fine, "left", PAD)), "leave `part` out"),
+        (TargetPart(camera="top", box=(1, 1, 2, 2)), "no camera is called 'top'; there are: front"),
+        (TargetPart(camera="left", frame=3, box=(1, 1, 2, 2)), "frame 3 of 3"),
+        (TargetPart(camera="left", box=box_of(fine, "left", PAD)), "leave `part` out"),
     ):
         with pytest.raises(TargetError, match=message):
             parts.told(bare, [Target(handle=PAD, part=part)])
-    unknown = Part(camera="left", box=(1, 1, 2, 2), segmenter="scissors")
+    unknown = TargetPart(camera="left", box=(1, 1, 2, 2), segmenter="scissors")
     with pytest.raises(Unsupported, match="there are: grabcut, sam:FOLDER"):
         parts.told(bare, [Target(handle=PAD, part=unknown)])
 
@@ -182,7 +183,7 @@ def test_bad_parts() -> None:
         {"box": (0, 0, 1, 1), "words": "x"},
     ):
         with pytest.raises(ValidationError, match=r"give a box, or words|left < right"):
-            Part(camera="front", **fields)  # type: ignore[arg-type]
+            TargetPart(camera="front", **fields)  # type: ignore[arg-type]
 
 
 def test_overlap_of_boxes() -> None:

@@ -8,15 +8,10 @@ import pytest
 from boxes import BLOCK, World
 from test_vote import overlap
 
-from rpaug.scene import semantic
-from rpaug.scene.semantic.encoding import (
-    descend,
-    divergence_pull,
-    entropy_pull,
-    neighbours,
-)
-from rpaug.scene.splats.seeds import seeds
-from rpaug.types import Scene
+from rpaug.core.types import Scene
+from rpaug.gaussians import semantic
+from rpaug.gaussians.encoding import descend, divergence_pull, entropy_pull, neighbours
+from rpaug.gaussians.seeds import seeds
 
 QUICK = semantic.Learning(steps=80, rate=0.1, smoothness=0.05, sampled=200)
 
@@ -93,7 +88,7 @@ def test_neighbours_are_the_nearest_others() -> None:
 
 def test_learned_masks_are_the_recorded_ones(lifted: Scene, learned: semantic.Identities) -> None:
     assert overlap(lifted, learned.ids) > 0.83
-    stage = semantic.Stage(lifted)
+    stage = semantic.LabelRenderer(lifted)
     view = lifted.episode.views["left"]
     assert view.ids is not None
     for t in (0, 16):
@@ -118,7 +113,7 @@ def test_only_the_named_rows_move(lifted: Scene, learned: semantic.Identities) -
     made = descend(
         learned,
         semantic.recorded(lifted, 2),
-        semantic.Stage(lifted),
+        semantic.LabelRenderer(lifted),
         neighbours(lifted.gaussians.means, 5),
         settings=replace(QUICK, steps=3),
         rng=np.random.default_rng(0),

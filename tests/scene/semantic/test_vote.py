@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from boxes import BLOCK, OTHER, PAD, World
 
-from rpaug.errors import Unsupported
-from rpaug.scene import semantic
-from rpaug.scene.splats.gaussians import chosen
-from rpaug.scene.splats.seeds import seeds
-from rpaug.types import Gaussians, Scene
+from rpaug.core.errors import Unsupported
+from rpaug.core.types import Gaussians, Scene
+from rpaug.gaussians import semantic
+from rpaug.gaussians.gaussians import chosen
+from rpaug.gaussians.seeds import seeds
 
 TIMES = (0, 9, 16, 24)
 
@@ -28,7 +28,7 @@ def given(scene: Scene) -> Gaussians:
 
 def overlap(scene: Scene, ids: np.ndarray) -> float:
     """Mean over handles of the masks' intersection over union, over cameras and times."""
-    stage = semantic.Stage(scene)
+    stage = semantic.LabelRenderer(scene)
     both: dict[int, list[int]] = {}
     for name, view in scene.episode.views.items():
         assert view.ids is not None
@@ -48,7 +48,9 @@ def test_ballots_are_sums_of_blending_weights(lifted: Scene) -> None:
     ids = (np.arange(64 * 64).reshape(64, 64) % 3 - 1).astype(np.int32)
     labels, count = semantic.ballots(scene, [semantic.Labelled("left", 0, ids)])
     assert labels.tolist() == [0, 1]  # -1 is no statement
-    one_by_one = semantic.Stage(scene).draw("left", 0, np.eye(16, dtype=np.float32)).features
+    one_by_one = (
+        semantic.LabelRenderer(scene).draw("left", 0, np.eye(16, dtype=np.float32)).features
+    )
     assert one_by_one is not None
     for column, label in enumerate(labels):
         expected = one_by_one[ids == label].sum(0)
@@ -62,7 +64,7 @@ def test_drawn_masks_are_the_recorded_ones_at_every_time(lifted: Scene) -> None:
         overlap(lifted, ids) > 0.86
     )  # at 64 x 64, unfitted: outlines are a tenth of the smaller things
     # Nothing bled over time: no trace of the carried block where it was before or will be.
-    stage = semantic.Stage(lifted)
+    stage = semantic.LabelRenderer(lifted)
     for name, view in lifted.episode.views.items():
         assert view.ids is not None
         for t in TIMES:

@@ -6,11 +6,11 @@ Moments hold places as half floats, in multiples of a standard deviation: good t
 import numpy as np
 import pytest
 
-from rpaug import geometry
-from rpaug.scene.four.flowing import shapes
-from rpaug.scene.simulated import bound, filling
-from rpaug.scene.splats import gaussians, harmonics, moments
-from rpaug.types import Gaussians
+from rpaug.core import geometry
+from rpaug.core.types import Gaussians
+from rpaug.gaussians import frame_residuals, gaussians, harmonics
+from rpaug.gaussians.flowing import shapes
+from rpaug.physics import bound, filling
 
 
 def some(count: int = 40, terms: int = 4) -> Gaussians:
@@ -36,7 +36,7 @@ def test_an_affine_motion_carries_them_exactly(neighbours: int) -> None:
     rest = particles()
     tied = bound.bind(some(), rest, 0.01, neighbours, inside=False)
     state = rest @ motion.T + [0.05, 0, 0.1], np.tile(motion, (len(rest), 1, 1))
-    now = moments.at(bound.shown(tied, [state]), 0)
+    now = frame_residuals.at(bound.shown(tied, [state]), 0)
     np.testing.assert_allclose(now.means, some().means @ motion.T + [0.05, 0, 0.1], atol=1e-4)
     wanted = motion @ shapes(some().quats, some().scales) @ motion.T
     np.testing.assert_allclose(
@@ -49,7 +49,7 @@ def test_a_turn_is_what_a_rigid_motion_does() -> None:
     rest, turn = particles(), motion[:3, :3]
     tied = bound.bind(some(), rest, 0.01, 8, inside=False)
     state = geometry.transform(motion, rest), np.tile(turn, (len(rest), 1, 1))
-    now, rigid = moments.at(bound.shown(tied, [state]), 0), gaussians.moved(some(), motion)
+    now, rigid = frame_residuals.at(bound.shown(tied, [state]), 0), gaussians.moved(some(), motion)
     np.testing.assert_allclose(now.means, rigid.means, atol=1e-4)
     np.testing.assert_allclose(
         shapes(now.quats, now.scales), shapes(rigid.quats, rigid.scales), atol=3e-8

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from tabletop import scene
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.core.types import Body, Scene
+from rpaug.physics.held import enclosed, held
 from rpaug.physics.rigid import Hinge, Rail
-from rpaug.scene.simulated.held import enclosed, held
-from rpaug.types import Body, Scene
 
 HANDLE, LEVEL = 77, 0.75
 AXIS = np.array([0.6, -0.8, 0.0])

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from analytic import BOX, TABLE, scene
 
+from rpaug.compose import views
+from rpaug.gaussians import fill_gaussians
+from rpaug.gaussians.gaussian_view import seen
+from rpaug.gaussians.seeds import seeds
 from rpaug.operators.remove import Remove
-from rpaug.scene import views
-from rpaug.scene.naming.targets import Target
 from rpaug.scene.recorded import surfels
-from rpaug.scene.splats import behind
-from rpaug.scene.splats.gaussian_view import seen
-from rpaug.scene.splats.seeds import seeds
+from rpaug.scene.targets.targets import Target
 
 EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "back": (-0.2, 0.9, 0.8)}
 
@@ -27,7 +27,7 @@ def after():
 
 @pytest.fixture(scope="module")
 def patched(after):
-    return behind.patched(after)
+    return fill_gaussians.patched(after)
 
 
 def test_only_gaussians_near_the_hole_are_new(after, patched):
@@ -72,5 +72,5 @@ def test_the_edited_episode_shows_them_and_marks_the_paint(after):
 
 def test_what_was_not_taken_away_needs_none(after):
     plain = replace(after, recorded_bodies=None)
-    assert behind.patched(plain).scene is plain
-    assert behind.patched(replace(after, gaussians=None)).painted == 0
+    assert fill_gaussians.patched(plain).scene is plain
+    assert fill_gaussians.patched(replace(after, gaussians=None)).painted == 0

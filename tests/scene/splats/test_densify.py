@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from analytic import scene
 
+from rpaug.gaussians.densify import Densify, densified
+from rpaug.gaussians.shots import TargetImage, shots_at
 from rpaug.render.splat import Adam, Loss, Rasteriser, Splats
 from rpaug.render.splat.workers import worker
-from rpaug.scene.splats.densify import Densify, densified
-from rpaug.scene.splats.shots import Shot, shots_at
 
 
 @pytest.fixture(scope="module")
-def frame() -> tuple[Splats, Shot]:
+def frame() -> tuple[Splats, TargetImage]:
     eyes = {"front": (1.6, 0.3, 1.0)}
     splats, shots = shots_at(scene(eyes, length=1).episode, 0, stride=4)
     return splats, shots[0]

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from analytic import scene
 
-from rpaug.errors import Unsupported
+from rpaug.core.errors import Unsupported
+from rpaug.gaussians.densify import Densify
+from rpaug.gaussians.frame_fit import FrameFitSettings, fit_views
+from rpaug.gaussians.shots import TargetImage, shots_at
 from rpaug.render.splat import Loss, Settings, Splats
-from rpaug.scene.splats.densify import Densify
-from rpaug.scene.splats.frame_fit import FrameFitSettings, fit_views
-from rpaug.scene.splats.shots import Shot, shots_at
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5), "side": (0.4, 1.4, 0.9)}
 SHORT = FrameFitSettings(iterations=30, check_every=10, stop="iterations", threads=1)
 
 
 @pytest.fixture(scope="module")
-def frame() -> tuple[Splats, tuple[Shot, ...]]:
+def frame() -> tuple[Splats, tuple[TargetImage, ...]]:
     return shots_at(scene(EYES, length=1).episode, 0, stride=3)
 
 

@@ -9,14 +9,14 @@ from boxes import BLOCK, World
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug import geometry
-from rpaug.errors import TargetError, Unsupported
+from rpaug.core import geometry
+from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.types import Scene, Surface
+from rpaug.gaussians import gaussian_view, gaussians
+from rpaug.gaussians.fit import FitSettings, fit, psnr, ssim
+from rpaug.gaussians.gaussians import LiftedImage, Placement
+from rpaug.gaussians.seeds import seeds
 from rpaug.render.splat import Gradients, Splats
-from rpaug.scene.splats import gaussian_view, gaussians
-from rpaug.scene.splats.fit import FitSettings, fit, psnr, ssim
-from rpaug.scene.splats.gaussians import Picture, Placement
-from rpaug.scene.splats.seeds import seeds
-from rpaug.types import Scene, Surface
 
 angle = st.floats(-3.1, 3.1)
 
@@ -46,10 +46,10 @@ def test_turning_is_the_product_of_rotations(
     np.testing.assert_allclose(min(turned @ product, -turned @ product), -1, atol=1e-9)
 
 
-def plate(world: World) -> Picture:
+def plate(world: World) -> LiftedImage:
     camera = world.episode().views["left"].camera
     depth, ids, rgb = world.cast(camera, 0)
-    return Picture(rgb, depth, ids, camera.K, camera.cam_to_world[0], ids > 0)
+    return LiftedImage(rgb, depth, ids, camera.K, camera.cam_to_world[0], ids > 0)
 
 
 def test_lifted_gaussians_lie_flat_on_their_surfaces() -> None:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from analytic import BALL, BOX, EYES, LENGTH, TABLE, ball_at, scene, seen_by
 
-from rpaug import geometry
-from rpaug.scene.splats.descent import settings_for
-from rpaug.scene.splats.fit import fitted, psnr
-from rpaug.scene.splats.gaussian_view import render_view
-from rpaug.scene.splats.moments import PARTS
-from rpaug.types import Body, Scene
+from rpaug.core import geometry
+from rpaug.core.types import Body, Scene
+from rpaug.gaussians.descent import settings_for
+from rpaug.gaussians.fit import fitted, psnr
+from rpaug.gaussians.frame_residuals import PARTS
+from rpaug.gaussians.gaussian_view import render_view
 
 SETTINGS = replace(settings_for(steps=40), train_frames=4, checked_frames=1, threads=1)
 

@@ -8,25 +8,25 @@ import pytest
 from boxes import BLOCK, World
 from clouds import some
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.core.types import FrameResidual, Gaussians, Scene
+from rpaug.gaussians import frame_residuals, gaussian_view, gaussians, store
+from rpaug.gaussians.descent import settings_for
+from rpaug.gaussians.fit import fitted
+from rpaug.gaussians.fit_residuals import fit_moments
+from rpaug.gaussians.frame_residuals import PARTS
+from rpaug.gaussians.gaussians import Placement
 from rpaug.render.splat import Splats
-from rpaug.scene.splats import gaussian_view, gaussians, moments, store
-from rpaug.scene.splats.descent import settings_for
-from rpaug.scene.splats.fit import fitted
-from rpaug.scene.splats.gaussians import Placement
-from rpaug.scene.splats.moment_fit import fit_moments
-from rpaug.scene.splats.moments import PARTS
-from rpaug.types import Gaussians, Moment, Scene
 
 
 def a_set(count: int = 12, seed: int = 0) -> Gaussians:
     """Gaussians with moments at times 2 and 7."""
     rng = np.random.default_rng(seed)
 
-    def moment(rows: list[int]) -> Moment:
+    def moment(rows: list[int]) -> FrameResidual:
         shapes = ((3,), (4,), (3,), (), (1, 3))
         arrays = (rng.normal(0, 0.1, (len(rows), *s)).astype(np.float16) for s in shapes)
-        return Moment(np.array(rows, np.int32), *arrays)
+        return FrameResidual(np.array(rows, np.int32), *arrays)
 
     return replace(some(count), moments={2: moment([1, 4, 5]), 7: moment([0, 5])})
 
@@ -38,13 +38,13 @@ def assert_alike(one: Gaussians, other: Gaussians) -> None:
 
 def test_only_the_rows_of_a_time_differ_at_it() -> None:
     usual = a_set()
-    then = moments.at(usual, 2)
+    then = frame_residuals.at(usual, 2)
     for name in PARTS:
         differs = (getattr(then, name) != getattr(usual, name)).reshape(len(usual), -1).any(1)
         assert set(np.flatnonzero(differs)) <= {1, 4, 5}
     assert (then.means != usual.means).any()
-    assert len(moments.at(usual, 3).moments) == 0
-    np.testing.assert_array_equal(moments.at(usual, 3).means, usual.means)
+    assert len(frame_residuals.at(usual, 3).moments) == 0
+    np.testing.assert_array_equal(frame_residuals.at(usual, 3).means, usual.means)
 
 
 def test_a_difference_is_what_leads_there() -> None:
@@ -52,22 +52,29 @@ def test_a_difference_is_what_leads_there() -> None:
     rows = np.array([0, 3, 8])
     there = gaussians.chosen(replace(some(12), moments={}), [9, 10, 11])
     there = replace(there, opacities=np.clip(there.opacities, 0.01, 0.99))
-    with_it = replace(usual, moments={5: moments.difference(usual, there, rows)})
-    assert_alike(gaussians.chosen(moments.at(with_it, 5), rows), there)
+    with_it = replace(usual, moments={5: frame_residuals.difference(usual, there, rows)})
+    assert_alike(gaussians.chosen(frame_residuals.at(with_it, 5), rows), there)
 
 
 def test_moments_follow_chosen_joined_and_moved_gaussians() -> None:
     usual = a_set()
     keep = np.array([5, 4, 0])
     assert_alike(
-        moments.at(gaussians.chosen(usual, keep), 2), gaussians.chosen(moments.at(usual, 2), keep)
+        frame_residuals.at(gaussians.chosen(usual, keep), 2),
+        gaussians.chosen(frame_residuals.at(usual, 2), keep),
     )
     two = gaussians.joined([usual, a_set(6, seed=1)])
-    assert_alike(gaussians.chosen(moments.at(two, 7), slice(0, 12)), moments.at(usual, 7))
-    assert_alike(gaussians.chosen(moments.at(two, 7), slice(12, 18)), moments.at(a_set(6, 1), 7))
+    assert_alike(
+        gaussians.chosen(frame_residuals.at(two, 7), slice(0, 12)), frame_residuals.at(usual, 7)
+    )
+    assert_alike(
+        gaussians.chosen(frame_residuals.at(two, 7), slice(12, 18)),
+        frame_residuals.at(a_set(6, 1), 7),
+    )
     motion = geometry.rigid(np.array([0.4, -0.9, 0.2]), np.array([1.0, 2, 3]))
     assert_alike(
-        moments.at(gaussians.moved(usual, motion), 2), gaussians.moved(moments.at(usual, 2), motion)
+        frame_residuals.at(gaussians.moved(usual, motion), 2),
+        gaussians.moved(frame_residuals.at(usual, 2), motion),
     )
     with pytest.raises(ValueError, match="only once"):
         gaussians.chosen(usual, [1, 1])

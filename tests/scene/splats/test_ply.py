@@ -8,8 +8,8 @@ import pytest
 import trimesh
 from clouds import some
 
-from rpaug.errors import BadInput
-from rpaug.scene.splats import ply
+from rpaug.core.errors import BadInput
+from rpaug.gaussians import ply
 
 
 @pytest.mark.parametrize("bands", [1, 4, 9, 16])

@@ -7,11 +7,11 @@ import numpy as np
 from analysed import analysed
 from boxes import BLOCK
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.gaussians import refine
+from rpaug.gaussians.fit import FitSettings, fitted
+from rpaug.gaussians.gaussians import quaternions, turned
 from rpaug.render.splat import Gradients, Rates, Splats
-from rpaug.scene.splats import refine
-from rpaug.scene.splats.fit import FitSettings, fitted
-from rpaug.scene.splats.gaussians import quaternions, turned
 
 
 def test_the_twist_is_the_derivative() -> None:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from analytic import BALL, BOX, EYES, LENGTH, TABLE, ball_at, scene, seen_by
 
-from rpaug.errors import BadInput
-from rpaug.scene.splats import cached, sharing, store
-from rpaug.scene.splats.descent import settings_for
-from rpaug.scene.splats.fit import fitted
-from rpaug.types import Body, Scene
+from rpaug.core.errors import BadInput
+from rpaug.core.types import Body, Scene
+from rpaug.gaussians import cached, sharing, store
+from rpaug.gaussians.descent import settings_for
+from rpaug.gaussians.fit import fitted
 
 SETTINGS = replace(settings_for(steps=60), train_frames=4, checked_frames=1, threads=1)
 OTHER_TABLE = 71  # its handle in the second episode

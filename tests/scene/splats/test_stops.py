@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug.scene.splats.stops import Check, Stop
+from rpaug.gaussians.stops import Check, Stop
 
 DECIBELS = st.lists(st.floats(10, 50), min_size=1, max_size=12)
 

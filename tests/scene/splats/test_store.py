@@ -9,10 +9,10 @@ import pytest
 from boxes import World
 from clouds import some
 
-from rpaug.errors import BadInput
-from rpaug.scene.splats import store
-from rpaug.scene.splats.fit import FitSettings
-from rpaug.types import Body, Scene
+from rpaug.core.errors import BadInput
+from rpaug.core.types import Body, Scene
+from rpaug.gaussians import store
+from rpaug.gaussians.fit import FitSettings
 
 
 @pytest.fixture

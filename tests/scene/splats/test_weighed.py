@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from rpaug.core.types import Gaussians
+from rpaug.gaussians import ids_by_weight
+from rpaug.gaussians.gaussian_view import SHARP
 from rpaug.render.splat import Rasteriser, Splats, View
-from rpaug.scene.splats import weighed
-from rpaug.scene.splats.gaussian_view import SHARP
-from rpaug.types import Gaussians
 
 ONE, OTHER = 5, 6
 
@@ -29,10 +29,10 @@ def through_one_another(count: int = 4000) -> Gaussians:
 def test_what_makes_up_most_of_the_light_is_what_a_pixel_shows() -> None:
     cloud = through_one_another()
     K = np.array([[64.0, 0, 31.5], [0, 64, 31.5], [0, 0, 1]])
-    splats = Splats.of(cloud).with_features(weighed.marks(cloud.ids, [ONE]))
+    splats = Splats.of(cloud).with_features(ids_by_weight.marks(cloud.ids, [ONE]))
     drawn = Rasteriser(SHARP).forward(splats, View(K, np.eye(4), 64, 64))
     surface = np.where(drawn.surface_index >= 0, cloud.ids[drawn.surface_index], 0)
-    named = weighed.named(drawn, surface, [ONE])
+    named = ids_by_weight.named(drawn, surface, [ONE])
     left = np.broadcast_to(np.arange(64) < 31, (64, 64))
     inside = (np.abs(np.arange(64) - 31.5) > 2) & (np.abs(np.arange(64) - 31.5) < 26)
     inside = inside[None, :] & (np.abs(np.arange(64) - 31.5) < 26)[:, None]

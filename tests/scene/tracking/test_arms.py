@@ -11,11 +11,11 @@ from arm_files import panda_mjcf, panda_urdf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug import geometry
-from rpaug.errors import BadInput
+from rpaug.core import geometry
+from rpaug.core.errors import BadInput
+from rpaug.core.types import Robot
 from rpaug.scene.tracking import arms, urdf
 from rpaug.scene.tracking.arms import PANDA
-from rpaug.types import Robot
 
 WEIGHT = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
 TWO_LINKS = f"""<robot name="two">

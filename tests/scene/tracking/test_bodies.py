@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from boxes import BLOCK, FLOOR, HAND, PAD, TABLE, World
 
-from rpaug import geometry
-from rpaug.scene.looks import look
+from rpaug.core import geometry
+from rpaug.core.types import Body, Scene
+from rpaug.scene.sampled_frames import look
 from rpaug.scene.tracking import bodies
-from rpaug.types import Body, Scene
 
 
 def body(scene: Scene, handle: int) -> Body:

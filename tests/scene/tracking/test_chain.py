@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpaug.scene.tracking.chain import Place, places
+from rpaug.scene.tracking.chain import ChainPosition, places
 from rpaug.scene.tracking.motion import GRIPPER, STATIC
 
 LINK = {number: GRIPPER + number for number in range(1, 7)}
@@ -45,8 +45,8 @@ def limits(found: dict[int, np.ndarray]) -> dict[int, float]:
 
 def test_each_link_has_one_place() -> None:
     found = arm()
-    expected = {10 + k: Place(LINK[k], certain=True) for k in range(1, 7)}
-    expected[17] = Place(GRIPPER, certain=True)
+    expected = {10 + k: ChainPosition(LINK[k], certain=True) for k in range(1, 7)}
+    expected[17] = ChainPosition(GRIPPER, certain=True)
     assert places(found, limits(found), row_of(range(10, 18))) == expected
 
 
@@ -61,7 +61,7 @@ def test_a_thing_at_rest_beside_the_arm_is_no_link() -> None:
     found = arm() | {30: fits((STATIC, 0.2, LINK[1], 0.25))[10]}
     settled = places(found, limits(found), row_of(range(10, 18)) | {frozenset((30, 14))})
     assert 30 not in settled
-    assert settled[11] == Place(LINK[1], certain=True)
+    assert settled[11] == ChainPosition(LINK[1], certain=True)
 
 
 @pytest.mark.parametrize("seen", [range(10, 12), range(10, 13)])
@@ -73,7 +73,7 @@ def test_too_few_moving_links_tell_nothing(seen: range) -> None:
 def test_a_row_that_ends_early_leaves_its_end_uncertain_where_another_place_is_free() -> None:
     found = fits((LINK[2], 0.3, LINK[1], 0.3), (LINK[3], 0.3), (LINK[4], 0.3))
     settled = places(found, limits(found), row_of(range(10, 13)))
-    assert settled[10] == Place(LINK[2], certain=False)
+    assert settled[10] == ChainPosition(LINK[2], certain=False)
     assert settled[11].certain
     assert settled[12].certain
 

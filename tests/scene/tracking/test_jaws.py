@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from boxes import HAND, Box, World
 
-from rpaug import geometry
+from rpaug.core import geometry
+from rpaug.core.types import Episode
 from rpaug.scene.tracking import bodies, jaws
-from rpaug.types import Episode
 
 LEFT, RIGHT = 20, 21
 OPEN, SHUT = 0.06, 0.03

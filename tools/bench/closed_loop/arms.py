@@ -15,8 +15,8 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
+from rpaug.core.files import encode_png, write_atomic
 from rpaug.diagnosis import jsonl
-from rpaug.files import encode_png, write_atomic
 from tools.bench.closed_loop import data, layouts, looks, result, samples, training, trials
 from tools.bench.closed_loop.bench import View
 
@@ -140,7 +140,7 @@ def _line(one: trials.Trial, name: str, out: Path) -> jsonl.Line:
             (out / images[camera]).write_bytes(encode_png(view.rgb))
             (out / masks[camera]).write_bytes(encode_png(_code(view)))
             poses[camera] = view.cam_to_world.tolist()
-        moments.append(jsonl.Moment(t=t, images=images, masks=masks, poses=poses))
+        moments.append(jsonl.FrameImages(t=t, images=images, masks=masks, poses=poses))
     return jsonl.Line(
         episode=name,
         success=one.success,

@@ -10,7 +10,7 @@ from rpaug.twin import cameras, tabletop
 from rpaug.twin.look import Look
 from rpaug.twin.panda import HOME, OPEN
 from rpaug.twin.renderer import Renderer
-from rpaug.twin.staging import Job
+from rpaug.twin.staging import StagedTask
 from rpaug.twin.world import World
 from tools.bench.closed_loop.bodies import STEP, compile_physics
 from tools.bench.closed_loop.goals import GOALS
@@ -40,7 +40,7 @@ class View:
 class Bench:
     """A task that waits to be done, as `stage` drew it, seen under a look; close it to free OpenGL."""
 
-    def __init__(self, task: str, job: Job, world: World, look: Look) -> None:
+    def __init__(self, task: str, job: StagedTask, world: World, look: Look) -> None:
         self.task, self.job, self.world, self.look = task, job, world, look
         self.model = compile_physics(self.world, look)
         self.data = mujoco.MjData(self.model)

@@ -11,7 +11,7 @@ from rpaug.twin.look import Look
 from rpaug.twin.mjcf import resized
 from rpaug.twin.panda import FINGER_END, FINGER_HALF, OPEN
 from rpaug.twin.tabletop import BUTTON_TRAVEL, CUP_SMALL, DEPTH
-from rpaug.twin.world import Body, Geom, World
+from rpaug.twin.world import Geom, TwinBody, World
 
 STEP = 0.002  # seconds
 LOOSE = (
@@ -55,7 +55,7 @@ def compile_physics(world: World, look: Look) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(Xml.tostring(root, encoding="unicode"))
 
 
-def _add(scene: Xml.Element, body: Body, look: Look) -> None:
+def _add(scene: Xml.Element, body: TwinBody, look: Look) -> None:
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, body.pose[:3, :3].ravel())
     held = {"gravcomp": "1"} if body.name in WEIGHTLESS else {}

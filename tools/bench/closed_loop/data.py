@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rpaug import registry, twin
-from rpaug.files import PART
+from rpaug import twin
+from rpaug.core import registry
+from rpaug.core.files import PART
 from rpaug.twin.record import stage
 from tools.bench.closed_loop import looks
 from tools.bench.closed_loop.samples import FRAMES

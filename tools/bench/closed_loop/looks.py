@@ -9,11 +9,11 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, UInt8
 
-from rpaug import geometry
+from rpaug.core import geometry
 from rpaug.twin import factors, textures
 from rpaug.twin.look import Extra, Look
 from rpaug.twin.roaming import clear, occupied
-from rpaug.twin.staging import Job
+from rpaug.twin.staging import StagedTask
 from rpaug.twin.tabletop import TABLE
 from rpaug.twin.world import World
 
@@ -42,7 +42,7 @@ TEXTURES = {  # which images cover parts, (training, testing)
 
 
 def draw(
-    condition: str, world: World, job: Job, use: str, rng: np.random.Generator, look: Look
+    condition: str, world: World, job: StagedTask, use: str, rng: np.random.Generator, look: Look
 ) -> Look:
     """The look under one condition, for `use` in "training" or "testing"; "all" takes every factor at once."""
     names = SINGLE if condition == "all" else () if condition == "none" else (condition,)
@@ -52,7 +52,7 @@ def draw(
 def mixed(
     names: tuple[str, ...],
     world: World,
-    job: Job,
+    job: StagedTask,
     use: str,
     rng: np.random.Generator,
     look: Look,
@@ -92,7 +92,9 @@ def _covered(
     return factor.change(look, parts, cover, rng)
 
 
-def _distractors(world: World, job: Job, use: str, rng: np.random.Generator) -> tuple[Extra, ...]:
+def _distractors(
+    world: World, job: StagedTask, use: str, rng: np.random.Generator
+) -> tuple[Extra, ...]:
     """Things that have nothing to do with the task, where nothing stands and the gripper does not pass."""
     taken = occupied(job.placing, job.script)
     out: list[Extra] = []

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from rpaug import registry
-from rpaug.scene import keyframes
-from rpaug.types import Episode
+from rpaug.core import keyframes, registry
+from rpaug.core.types import Episode
 from tools.bench.closed_loop.bench import SEEN, View
 from tools.bench.closed_loop.views import cloud
 

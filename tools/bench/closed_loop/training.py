@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from jaxtyping import Float32, UInt8
 
-from rpaug import geometry
-from rpaug.files import PART
+from rpaug.core import geometry
+from rpaug.core.files import PART
 from tools.bench.closed_loop.policy import Policy, loss, targets
 from tools.bench.closed_loop.samples import Sample
 from tools.bench.closed_loop.views import LOW, SIDE, project

@@ -1,0 +1,1 @@
+"""The edited scene turned into images: every camera's views, what was added, the joint refinement."""

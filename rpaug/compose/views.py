@@ -1,0 +1,215 @@
+"""The edited scene as an episode: every camera's images, each rendered when asked for."""
+
+import hashlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float32, Int32, UInt8
+
+from rpaug.compose import inserted
+from rpaug.core.errors import Unsupported
+from rpaug.core.image_cache import shelved
+from rpaug.core.types import CameraView, Episode, Scene, Sensor
+from rpaug.render import holes
+from rpaug.render.composite import composite
+from rpaug.render.zbuffer import Rendered
+from rpaug.scene.recorded import surface, surfels
+
+if TYPE_CHECKING:
+    from rpaug.gaussians import fill_gaussians
+
+KEPT_FRAMES = 8  # a writer asks for rgb, depth and ids of one frame in turn
+KEPT_PIXELS = 1 << 22  # more frames are kept of small images: gates look at them again
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One rendered image with what belongs to it, all from the same surfaces; `hole` marks invented pixels."""
+
+    rgb: UInt8[np.ndarray, "h w 3"]
+    depth: Float32[np.ndarray, "h w"]
+    ids: Int32[np.ndarray, "h w"]
+    hole: Bool[np.ndarray, "h w"]
+
+
+@dataclass(frozen=True)
+class RenderedFrame:
+    """A frame rendered anew: what was recorded, what is seen now, its hole mask if it can have one, and the seconds
+    its thread took."""
+
+    camera: str
+    t: int
+    before: UInt8[np.ndarray, "h w 3"]
+    image: UInt8[np.ndarray, "h w 3"]
+    hole: Bool[np.ndarray, "h w"] | None
+    seconds: float
+
+
+Watch = Callable[[RenderedFrame], None]
+
+
+def edited(
+    scene: Scene,
+    carriers: Mapping[str, int],
+    watch: Watch,
+    blended: Mapping[str, frozenset[int]] | None = None,
+    kept: Callable[[], surfels.Surfels] | None = None,
+) -> Episode:
+    """The episode the scene now shows. Images that no edit reaches keep their recorded accessors.
+
+    `blended` names the handles that Gaussians show in a camera whose other pixels are surfels. `kept` gives the
+    surfels of the recorded scene, where they were built before.
+    """
+    near, shared = scene, None
+    if 1 in carriers.values():  # each camera's view is drawn from all cameras' images
+        near = replace(scene, episode=shelved(scene.episode))
+        shared = surfels.build(near, kept() if kept else None)
+    whole = None
+    if any(tier >= 3 for tier in carriers.values()):
+        from rpaug.gaussians import fill_gaussians  # only here: it brings torch and the rasteriser
+
+        whole = fill_gaussians.patched(scene, kept)
+    views = {}
+    for name in scene.episode.views:
+        stand_in = scene.episode.views[name].stand_in
+        blank = stand_in is not None and stand_in.blank
+        if carriers[name] == 0 and inserted.bodies(scene) and not blank:
+            views[name] = _rendered(scene, name, partial(_recorded, scene, name), watch)
+        elif carriers[name] == 0 or blank:
+            views[name] = _composited(scene, name, watch)
+        elif shared is not None and carriers[name] == 1:
+            render = partial(_surfels, near, shared, name)
+            if blended and blended.get(name):
+                render = partial(_blended, near, shared, name, blended[name])
+            views[name] = _rendered(near, name, render, watch)
+        else:
+            render = partial(_gaussians, scene if whole is None else whole, name)
+            views[name] = _rendered(scene, name, render, watch)
+    shown = {name: _as_recorded(view, scene.episode.views[name]) for name, view in views.items()}
+    return replace(scene.episode, views=shown, descriptions=scene.descriptions)
+
+
+def _as_recorded(view: CameraView, recorded: CameraView) -> CameraView:
+    """The view without what was only inferred: what a source lacks is not written into its copies."""
+    stand_in = recorded.stand_in
+    if stand_in is not None and view.camera is recorded.camera:
+        view = replace(view, camera=stand_in.camera)
+    if stand_in is not None and stand_in.modelled:
+        view = replace(view, depth=None)
+    return replace(view, ids=None, inferred=False, stand_in=None) if recorded.inferred else view
+
+
+def sense(
+    sensor: Sequence[Sensor], image: UInt8[np.ndarray, "h w 3"], camera: str, t: int
+) -> UInt8[np.ndarray, "h w 3"]:
+    """The image as the camera's own faults would give it: the same whenever it is asked for again."""
+    name = int.from_bytes(hashlib.blake2b(camera.encode(), digest_size=8).digest(), "little")
+    for number, effect in enumerate(sensor):
+        image = effect(image, np.random.default_rng([effect.seed, name, t, number]))
+    return image
+
+
+def _composited(scene: Scene, name: str, watch: Watch) -> CameraView:
+    view = scene.episode.views[name]
+    if not scene.appearance and not scene.sensor:
+        return view
+
+    def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
+        start = time.thread_time()
+        ids = view.ids(t) if view.ids else None
+        surfaces = surface.of_view(view, t, scene.bodies, ids)
+        before = view.rgb(t)
+        image = composite(before, ids, scene.appearance, scene.antialiased, surfaces)
+        image = sense(scene.sensor, image, name, t)
+        watch(RenderedFrame(name, t, before, image, None, time.thread_time() - start))
+        return image
+
+    return replace(view, rgb=rgb)
+
+
+def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Watch) -> CameraView:
+    recorded = scene.episode.views[name]
+
+    @lru_cache(max(KEPT_FRAMES, KEPT_PIXELS // (recorded.camera.width * recorded.camera.height)))
+    def frame(t: int) -> Frame:
+        start = time.thread_time()
+        made = render(t)
+        made = replace(made, rgb=sense(scene.sensor, made.rgb, name, t))
+        spent = time.thread_time() - start
+        watch(RenderedFrame(name, t, recorded.rgb(t), made.rgb, made.hole, spent))
+        return made
+
+    return CameraView(
+        camera=scene.cameras[name],
+        rgb=lambda t: frame(t).rgb,
+        depth=(lambda t: frame(t).depth) if recorded.depth else None,
+        ids=(lambda t: frame(t).ids) if recorded.ids else None,
+    )
+
+
+def _recorded(scene: Scene, name: str, t: int) -> Frame:
+    """What was recorded, with what was inserted."""
+    view = scene.episode.views[name]
+    depth = surface.depth_of(view, t)
+    if depth is None:
+        raise Unsupported(
+            f"{name}: inserting things needs recorded depth, and this source has none"
+        )
+    rgb = view.rgb(t)
+    ids = view.ids(t) if view.ids else np.zeros(depth.shape, np.int32)
+    return _finished(scene, name, t, (rgb, depth, ids), np.zeros(depth.shape, bool))
+
+
+def _surfels(scene: Scene, shared: surfels.Surfels, name: str, t: int) -> Frame:
+    drawn = surfels.view(shared, scene, name, t)
+    return _finished(scene, name, t, (drawn.image, drawn.depth, drawn.ids), drawn.hole)
+
+
+def _finished(
+    scene: Scene, name: str, t: int, before: inserted.Image, hole: Bool[np.ndarray, "h w"]
+) -> Frame:
+    """The image with what was inserted, and every appearance edit on all of it."""
+    camera = scene.cameras[name]
+    rgb, depth, ids = inserted.draw(scene, camera, t, before)
+    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies)
+    image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces)
+    return Frame(image, depth, ids, hole & (ids == before[2]))
+
+
+def _blended(
+    scene: Scene, shared: surfels.Surfels, name: str, handles: frozenset[int], t: int
+) -> Frame:
+    """Surfels, but where both carriers show one of the handles everything is the Gaussians'."""
+    base, over = _surfels(scene, shared, name, t), _gaussians(scene, name, t)
+    ours = np.isin(base.ids, list(handles)) & (over.ids == base.ids) & ~over.hole
+    return Frame(
+        np.where(ours[..., None], over.rgb, base.rgb),
+        np.where(ours, over.depth, base.depth),
+        base.ids,
+        base.hole & ~ours,
+    )
+
+
+def _gaussians(shown: "Scene | fill_gaussians.Patched", name: str, t: int) -> Frame:
+    from rpaug.gaussians import (  # only here: they bring the rasteriser
+        fill_gaussians,
+        gaussian_view,
+    )
+
+    whole = fill_gaussians.Patched(shown) if isinstance(shown, Scene) else shown
+    scene = whole.scene
+    rgb, depth, ids, index = gaussian_view.seen(scene, name, t)
+    empty = depth == 0
+    drawn = Rendered(rgb.astype(np.float32) / 255, depth, ids, -empty.astype(np.int16), empty)
+    filled = holes.fill(drawn)
+    camera = gaussian_view.standing(scene, name)
+    rgb, depth, ids = inserted.draw(scene, camera, t, (filled.image, filled.depth, filled.ids))
+    where = gaussian_view.surfaces(depth, ids, camera, t, scene.bodies)
+    # Gaussians blend, so an outline's pixel is a mixture however sharp the recording was.
+    image = composite(rgb, ids, scene.appearance, True, where)
+    made_up = empty | whole.invented(t, index)
+    return Frame(image, depth, ids, made_up & (ids == filled.ids))

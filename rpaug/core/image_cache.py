@@ -1,0 +1,55 @@
+"""Decoded images of an episode, kept while they are drawn from: each view shows pieces of many."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rpaug.core.types import Episode
+
+MOST_BYTES = 256 << 20  # of decoded images that are kept
+
+
+def shelved(episode: Episode, most: int = MOST_BYTES) -> Episode:
+    """The episode with its decoded images kept, as many of the latest as fit into so many bytes.
+
+    For drawing views from each other's recordings; its accessors are its own, so a writer must not be given them as
+    the recorded ones.
+    """
+    shelf = _Shelf(most)
+    views = {}
+    for name, view in episode.views.items():
+        views[name] = replace(
+            view,
+            rgb=partial(shelf.take, (name, "rgb"), view.rgb),
+            depth=view.depth and partial(shelf.take, (name, "depth"), view.depth),
+            ids=view.ids and partial(shelf.take, (name, "ids"), view.ids),
+        )
+    return replace(episode, views=views)
+
+
+class _Shelf:
+    """Arrays by name and frame, the least recently asked for thrown out first."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._held = most, 0
+        self._arrays: OrderedDict[tuple[Any, int], np.ndarray] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def take(self, name: tuple[str, str], read: Callable[[int], np.ndarray], t: int) -> np.ndarray:
+        with self._lock:
+            if (name, t) in self._arrays:
+                self._arrays.move_to_end((name, t))
+                return self._arrays[name, t]
+        array = read(t)
+        with self._lock:
+            if (name, t) not in self._arrays:
+                self._arrays[name, t] = array
+                self._held += array.nbytes
+            while self._held > self._most and len(self._arrays) > 1:
+                self._held -= self._arrays.popitem(last=False)[1].nbytes
+        return array

@@ -1,0 +1,97 @@
+"""The three contracts a third party implements or meets: Operator, Adapter, Edit."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import ConfigDict
+
+from rpaug.core.types import Effect, Episode, Scene
+
+Edit = dict[str, Any]
+"""One drawn change as plain JSON values: enough, with the operator's fields, to replay it exactly."""
+
+
+Side = Callable[[], Mapping[str, bytes]]
+"""Files to lay beside an episode's own, by name; asked for once all its images have been rendered."""
+
+
+class Operator(ABC):
+    """One kind of edit. Subclasses are frozen keyword-only dataclasses; their fields are the recipe's keys.
+
+    A subclass declares `effect`, and `gaussians` if it cannot do without fitted ones. Registering it under the
+    entry-point group `rpaug.operators` makes its entry-point name an `op:` in recipes.
+    `rpaug.pipeline.contracts.OperatorContract` holds it to the promises below.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+
+    effect: ClassVar[Effect]
+    gaussians: ClassVar[bool] = False
+
+    def ready(self) -> None:  # noqa: B027  # most need nothing but the scene
+        """Raises RpaugError where something beside the recording is missing, before any work is done."""
+
+    @abstractmethod
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        """Draw once for the whole episode. Raises TargetError if the scene lacks what the edit needs."""
+
+    @abstractmethod
+    def apply(self, scene: Scene, edit: Edit) -> Scene:
+        """The edited scene; the one passed in is left as it was."""
+
+
+class Adapter(ABC):
+    """One dataset layout: where its episodes are, how to read one, how to write one.
+
+    Registered under the entry-point group `rpaug.adapters`. Episodes are named by keys, paths relative to the
+    dataset's root with forward slashes. `rpaug.pipeline.contracts.AdapterContract` holds an adapter to its promises.
+    """
+
+    name: ClassVar[str]
+    loose: ClassVar[bool] = False  # claims files that other layouts hold too: is asked last
+    after: ClassVar[str] = (
+        ""  # what whoever trains on the output should know, said at the end of a run
+    )
+
+    @abstractmethod
+    def episodes(self, root: Path) -> Sequence[str]:
+        """Keys of all episodes in natural order; empty if this is not our layout. Reads no episode."""
+
+    @abstractmethod
+    def read(self, root: Path, key: str) -> Episode:
+        """One episode, images lazy. Raises BadInput for whatever is wrong in its files, before any edit."""
+
+    @abstractmethod
+    def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
+        """Write the episode as `key`, with side files beside its own, by one atomic rename.
+
+        Begins with what was recorded (`episode.source`), so that unknown fields survive; an image whose
+        accessor is the recorded one, or whose pixels are unchanged, keeps its bytes. Raises BadInput if
+        `key` exists.
+        """
+
+    @abstractmethod
+    def key_at(self, like: str, index: int) -> str:
+        """The key of episode number `index` in the group that `like` belongs to; keys of a group count from 0."""
+
+    def key_for(self, like: str, index: int) -> str:
+        """The key here of episode number `index` of the group that another layout's key `like` belongs to."""
+        return self.key_at(like, index)
+
+    def traps(self, episode: Episode) -> Sequence[str]:  # most layouts have none
+        """What known readers of this layout would trip over in an episode, in words."""
+        return ()
+
+    def faults(self, root: Path) -> Sequence[str]:  # most layouts describe nothing as a whole
+        """What a dataset of this layout says of itself as a whole that is not so, in words."""
+        return ()
+
+    def missing(self, root: Path) -> Path | None:  # most layouts can be read without any one file
+        """The file that a dataset of this layout under `root` lacks, whose other files are there; or None."""
+        return None
+
+    def finish(self, source: Path, target: Path) -> None:  # noqa: B027  # nothing to do for most layouts
+        """Bring along what belongs to the dataset and to no single episode."""

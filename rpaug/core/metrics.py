@@ -1,0 +1,62 @@
+"""Distances between images, depth maps and masks, in float64, as published."""
+
+from collections.abc import Iterable
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float64, Int32, UInt8
+
+from rpaug.core import colors
+
+LEAST_ERROR = 1e-4  # squared grey levels: equal images score 88 dB, not infinity
+_WINDOW, _SIGMA = 11, 1.5  # pixels: Wang et al. 2004
+_C1, _C2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
+
+
+def psnr(squared_error: float) -> float:
+    """Decibels of a mean squared error in grey levels of 255."""
+    return float(10 * np.log10(255**2 / max(squared_error, LEAST_ERROR)))
+
+
+def ssim(
+    first: UInt8[np.ndarray, "h w 3"], second: UInt8[np.ndarray, "h w 3"]
+) -> Float64[np.ndarray, "h w"]:
+    """Structural similarity around each pixel, the mean of the channels (Wang et al. 2004; 11 x 11 Gaussian)."""
+    a, b = first.astype(np.float64), second.astype(np.float64)
+    mean_a, mean_b = _blurred(a), _blurred(b)
+    variance_a = _blurred(a * a) - mean_a**2
+    variance_b = _blurred(b * b) - mean_b**2
+    shared = _blurred(a * b) - mean_a * mean_b
+    near = (2 * mean_a * mean_b + _C1) * (2 * shared + _C2)
+    return (near / ((mean_a**2 + mean_b**2 + _C1) * (variance_a + variance_b + _C2))).mean(-1)
+
+
+def difference(
+    first: UInt8[np.ndarray, "n 3"], second: UInt8[np.ndarray, "n 3"]
+) -> Float64[np.ndarray, "n"]:
+    """CIEDE2000 between display colours of 0..255."""
+    return colors.ciede2000(colors.to_lab(first / 255.0), colors.to_lab(second / 255.0))
+
+
+def mean_iou(pairs: Iterable[tuple[Int32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]]) -> float:
+    """Intersection over union of each handle's pixels over all pairs of masks, averaged over the handles."""
+    shared: dict[int, int] = {}
+    either: dict[int, int] = {}
+    for first, second in pairs:
+        for handle in np.union1d(first, second).tolist():
+            a, b = first == handle, second == handle
+            shared[handle] = shared.get(handle, 0) + int((a & b).sum())
+            either[handle] = either.get(handle, 0) + int((a | b).sum())
+    return float(np.mean([shared[handle] / either[handle] for handle in either]))
+
+
+def grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:
+    """The mask with an outline wider by that many pixels, corners included."""
+    if pixels == 0:
+        return mask
+    square = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
+    return cv2.dilate(mask.astype(np.uint8), square).astype(bool)
+
+
+def _blurred(image: Float64[np.ndarray, "h w 3"]) -> Float64[np.ndarray, "h w 3"]:
+    return np.asarray(cv2.GaussianBlur(image, (_WINDOW, _WINDOW), _SIGMA), np.float64)

@@ -1,0 +1,74 @@
+"""Adapters and operators by name, found through entry points: ours and anyone's alike."""
+
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+from rpaug.core.errors import BadInput, RpaugError
+from rpaug.core.interfaces import Adapter, Operator
+
+
+@cache
+def _found(group: str) -> dict[str, EntryPoint]:
+    return {point.name: point for point in sorted(entry_points(group=group), key=lambda p: p.name)}
+
+
+UNSEEN = {
+    name: f"{name} is left out: it changes no recorded pixel, only how things would have moved"
+    for name in ("object_mass", "object_friction")
+}
+"""COLOSSEUM's factors that no edit of a recording can show."""
+
+
+def operator_names() -> list[str]:
+    """Names usable as `op:` in a recipe."""
+    return list(_found("rpaug.operators"))
+
+
+def adapter_names() -> list[str]:
+    """Names of the dataset layouts that can be read."""
+    return list(_found("rpaug.adapters"))
+
+
+def operator(name: str) -> type[Operator]:
+    """The operator class called `name`. Raises RpaugError listing the known ones."""
+    found = _found("rpaug.operators")
+    if name in UNSEEN:
+        raise RpaugError(UNSEEN[name])
+    if name not in found:
+        raise RpaugError(f"no operator is called {name!r}; there are: {', '.join(found)}")
+    return found[name].load()
+
+
+def adapter(name: str) -> Adapter:
+    """The adapter called `name`. Raises RpaugError listing the known ones."""
+    found = _found("rpaug.adapters")
+    if name not in found:
+        raise RpaugError(f"no adapter is called {name!r}; there are: {', '.join(found)}")
+    return found[name].load()()
+
+
+def _whole(root: Path, every: list[Adapter]) -> None:
+    """See that no dataset lacks just the file that it is known by: its videos would be taken for recordings."""
+    for one in every:
+        if (path := one.missing(root)) is not None:
+            expected = f"a whole {one.name} dataset: its other files are there"
+            raise BadInput(path, "file", found="nothing", expected=expected)
+
+
+def adapter_for(root: Path) -> Adapter:
+    """The adapter that finds episodes under `root`. Raises BadInput if none does."""
+    if not root.exists():
+        raise BadInput(root, "dataset", found="no such folder", expected="the folder of a dataset")
+    every = [adapter(name) for name in _found("rpaug.adapters")]
+    for candidate in sorted(every, key=lambda one: one.loose):
+        if candidate.loose and root.is_dir():
+            _whole(root, every)
+        if (root.is_dir() or candidate.loose) and candidate.episodes(root):
+            return candidate
+    if root.is_file():
+        raise BadInput(
+            root, "dataset", found="a file", expected="the folder of a dataset, or a video"
+        )
+    known = ", ".join(_found("rpaug.adapters"))
+    raise BadInput(root, "layout", found="no episodes", expected=f"a dataset in one of: {known}")

@@ -1,0 +1,352 @@
+"""The values that flow through rpaug: episodes as recorded, and scenes as rebuilt.
+
+Conventions, everywhere: metres, radians, seconds; right-handed world; cameras look along +z with x to
+the right and y down (OpenCV); **pixel centres lie at integer coordinates**, so pixel (0, 0) covers
+[-0.5, 0.5] x [-0.5, 0.5] and a point projects by `K @ p / p_z` without any half-pixel shift. Depth is
+the z coordinate in the camera's frame, not the ray's length. Colours are display sRGB: uint8 in images,
+float in 0..1 elsewhere. Arrays are never written to after they were handed over.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Flag, auto
+from typing import Any, Protocol
+
+import numpy as np
+from jaxtyping import Float16, Float32, Float64, Int32, UInt8
+
+
+class Effect(Flag):
+    """What an operator may change; everything else must come back bit for bit."""
+
+    NONE = 0
+    RGB = auto()
+    DEPTH = auto()
+    MASK = auto()
+    CAMERA = auto()
+    BODIES = auto()
+    WORDS = auto()
+    PIXELS = RGB | DEPTH | MASK
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics and pose track of one camera (OpenCV axes, integer pixel centres).
+
+    `assumed` is set where a source says neither and both are stand-ins that nothing may be measured by; `unplaced`
+    where it knows the intrinsics alone.
+    """
+
+    K: Float64[np.ndarray, "3 3"]
+    cam_to_world: Float64[np.ndarray, "t 4 4"]
+    width: int
+    height: int
+    assumed: bool = False
+    unplaced: bool = False
+
+    @property
+    def placed(self) -> bool:
+        """True if the source says where the camera is."""
+        return not (self.assumed or self.unplaced)
+
+    @property
+    def fixed(self) -> bool:
+        """True if the camera never moves during the episode."""
+        return bool((self.cam_to_world == self.cam_to_world[:1]).all())
+
+
+@dataclass(frozen=True)
+class ProxyGeometry:
+    """What a scene puts in the place of a depth that its source lacks: for edits to lie and stand on.
+
+    `camera` is the recorded one, for whom the view's own may stand in. `depth` is that of a stage, metres, the same at
+    all times, None where there can be none; `blank` tells of images that show nothing. `assumed` says in sentences
+    what was assumed. `modelled`: the view's depth is a model's guess. `untold` says why what was moved is no target,
+    where that is so. Nothing is measured by it and nothing of it is written.
+    """
+
+    camera: Camera
+    depth: Float32[np.ndarray, "h w"] | None
+    assumed: tuple[str, ...] = ()
+    blank: bool = False
+    modelled: bool = False
+    untold: str = ""
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """A camera and its images, each loaded when asked for.
+
+    `rgb(t)` is (h, w, 3) uint8; `depth(t)` (h, w) float32 metres, 0 where the sensor saw nothing;
+    `ids(t)` (h, w) int32 instance handles, 0 for nothing. `depth` and `ids` are None where a source has none.
+    Views that share an accessor share its images: a writer may then copy the recorded file. `inferred` handles were
+    not recorded but found by motion or colour: a scene may use them, and no dataset gets them. So it is with
+    `stand_in`. `hands` are boxes (left, top, right, bottom; pixels) that annotators drew around hands, by frame.
+    """
+
+    camera: Camera
+    rgb: Callable[[int], UInt8[np.ndarray, "h w 3"]]
+    depth: Callable[[int], Float32[np.ndarray, "h w"]] | None = None
+    ids: Callable[[int], Int32[np.ndarray, "h w"]] | None = None
+    inferred: bool = False
+    stand_in: ProxyGeometry | None = None
+    hands: Mapping[int, tuple[tuple[float, float, float, float], ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What the robot recorded. Never edited, written back as it came.
+
+    Joints are (t, 0) and the gripper's pose and opening None where a source does not have them, or does not say
+    which of its numbers they are; `extra` has all its numbers by their own names.
+    """
+
+    joint_positions: Float64[np.ndarray, "t j"]
+    joint_velocities: Float64[np.ndarray, "t j"]
+    gripper_to_world: Float64[np.ndarray, "t 4 4"] | None
+    gripper_open: Float64[np.ndarray, "t"] | None
+    extra: Mapping[str, Float64[np.ndarray, "t ..."]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """One recorded demonstration.
+
+    `key` is its path inside the dataset, with forward slashes. `source` is the adapter's own: what it
+    needs to write the episode back with every field it does not know about.
+    """
+
+    key: str
+    views: Mapping[str, CameraView]
+    robot: Robot
+    descriptions: tuple[str, ...]
+    length: int
+    source: Any = None
+
+    @property
+    def instruction(self) -> str:
+        """The first description, or an empty string."""
+        return self.descriptions[0] if self.descriptions else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A thing that was never recorded: triangles with an image laid on them, in metres of their own frame.
+
+    `points` and unit `normals` belong together, and `uv` says where in `image` each lies: (0, 0) is its lower left,
+    (1, 1) its upper right, and it repeats. `faces` run counter-clockwise seen from outside. The image holds albedos.
+    """
+
+    points: Float64[np.ndarray, "v 3"]
+    normals: Float64[np.ndarray, "v 3"]
+    uv: Float64[np.ndarray, "v 2"]
+    faces: Int32[np.ndarray, "f 3"]
+    image: UInt8[np.ndarray, "h w 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid set of instances and where it is over time.
+
+    `to_world[t]` carries a point from the body's own frame (world coordinates at the frame `reference`, so
+    that `to_world[reference]` is the identity) to world at t. `motion` says which hypothesis explains the
+    track; `residual` is its median point-to-plane distance in metres, and `ambiguous` is set where another
+    hypothesis explains the pixels as well. `copy_of` is set for a duplicate: it maps
+    each recorded handle whose pixels show it to the handle it has here. `scale` is the size of a resized body over
+    its recorded one: a recorded point p of its frame is shown at scale * p. An inserted body has a `mesh` in its
+    frame; where it also has `splats` there, those are shown and the mesh only says how far it reaches, unless it is
+    `outlined`: then the mesh is its true surface, which gives depth and mask. A body that deforms is shown by `soft`:
+    Gaussians in the world with a moment for every time.
+    """
+
+    handles: frozenset[int]
+    to_world: Float64[np.ndarray, "t 4 4"]
+    motion: str  # "static" | "gripper" | "link" | "aligned" | "unknown" | "simulated"
+    reference: int = 0
+    residual: float = 0.0
+    ambiguous: bool = False
+    copy_of: Mapping[int, int] = field(default_factory=dict)
+    scale: float = 1.0
+    mesh: Mesh | None = None
+    soft: "Gaussians | None" = None
+    splats: "Gaussians | None" = None
+    outlined: bool = False
+
+
+class Surface(Protocol):
+    """Where some colours lie, row by row; every part is worked out only when it is asked for.
+
+    `points` are metres in the frame of the row's own body (`Body.to_world` at that time undone), `normals` unit
+    vectors there, towards whoever looks; `facing` are the same normals in the world. `footprint` is the width in
+    metres that one pixel covers on the surface. `ids` are instance handles. Raises Unsupported where a source has no
+    depth to tell it from.
+    """
+
+    @property
+    def ids(self) -> Int32[np.ndarray, "n"]: ...
+    @property
+    def points(self) -> Float32[np.ndarray, "n 3"]: ...
+    @property
+    def normals(self) -> Float32[np.ndarray, "n 3"]: ...
+    @property
+    def facing(self) -> Float32[np.ndarray, "n 3"]: ...
+    @property
+    def footprint(self) -> Float32[np.ndarray, "n"]: ...
+
+
+class Appearance(Protocol):
+    """A function on surfaces: recorded colour in, edited colour out.
+
+    `handles` are the instances it applies to, None for all. It is called with colours in display sRGB 0..1 and
+    with where they lie, and must treat every row alone, so that any carrier (pixels, surfels, Gaussians) can use it.
+    What depends on `surface.points` and `surface.normals` alone is the same in all cameras and at all times.
+    """
+
+    @property
+    def handles(self) -> frozenset[int] | None: ...
+
+    def __call__(
+        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]: ...
+
+
+class Sensor(Protocol):
+    """What the camera itself does to a finished image, after everything in the scene is settled.
+
+    All its randomness comes from `rng`, which is seeded by the draw's `seed`, the camera's name and the frame.
+    """
+
+    @property
+    def seed(self) -> int: ...
+
+    def __call__(
+        self, image: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator
+    ) -> UInt8[np.ndarray, "h w 3"]: ...
+
+
+@dataclass(frozen=True)
+class FrameResidual:
+    """What some Gaussians differ by at one recorded time: the residual that no rigid body explains.
+
+    `rows` name them, ascending. Each array is added to that of `Gaussians`; `means` come in multiples of the
+    Gaussian's largest standard deviation and `scales` as differences of logarithms.
+    """
+
+    rows: Int32[np.ndarray, "m"]
+    means: Float16[np.ndarray, "m 3"]
+    quats: Float16[np.ndarray, "m 4"]
+    scales: Float16[np.ndarray, "m 3"]
+    opacities: Float16[np.ndarray, "m"]
+    sh: Float16[np.ndarray, "m k 3"]
+
+
+@dataclass(frozen=True)
+class Gaussians:
+    """3D Gaussians in their bodies' frames (Kerbl et al. 2023, arXiv 2308.04079).
+
+    `quats` are (w, x, y, z), of any length but zero. `scales` are standard deviations in metres along the
+    Gaussian's own axes. `opacities` are in 0..1. `sh` holds real spherical-harmonics coefficients in 3DGS
+    order: colour = 0.5 + 0.28209479 * sh[:, 0] for degree 0. `ids` are instance handles (0: none).
+    `moments[t]` is how they differ at time t alone; `moments.at` applies it.
+    """
+
+    means: Float32[np.ndarray, "n 3"]
+    quats: Float32[np.ndarray, "n 4"]
+    scales: Float32[np.ndarray, "n 3"]
+    opacities: Float32[np.ndarray, "n"]
+    sh: Float32[np.ndarray, "n k 3"]
+    ids: Int32[np.ndarray, "n"]
+    moments: Mapping[int, FrameResidual] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+
+@dataclass(frozen=True)
+class Gaussians4:
+    """Gaussians in space and time (Yang et al. 2023, arXiv 2310.10642), for what no rigid motion explains.
+
+    `means` are (x, y, z, t) in metres, space relative to `origin` in the world, time with `pace` metres to a frame.
+    `left` and `right` are the quaternions (w, x, y, z) of the rotation v -> left * v * right, t being the real part,
+    of any length but zero. `scales` are standard deviations in metres along the Gaussian's own four axes. The rest
+    is as in `Gaussians` and does not depend on time.
+    """
+
+    means: Float32[np.ndarray, "n 4"]
+    left: Float32[np.ndarray, "n 4"]
+    right: Float32[np.ndarray, "n 4"]
+    scales: Float32[np.ndarray, "n 4"]
+    opacities: Float32[np.ndarray, "n"]
+    sh: Float32[np.ndarray, "n k 3"]
+    ids: Int32[np.ndarray, "n"]
+    origin: Float64[np.ndarray, "3"]
+    pace: float
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+
+@dataclass(frozen=True)
+class Ambience:
+    """The light that inserted things are shown in, and how far colours reach in the recording.
+
+    `light` are the nine terms of `rpaug.scene.lighting.irradiance`, 1 on a face that looks up, and `tint` its colour.
+    `gamut` is the darkest and brightest lightness and the strongest chroma recorded (CIELAB), None to leave colours be.
+    """
+
+    light: tuple[float, ...]
+    tint: tuple[float, float, float]
+    gamut: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An episode rebuilt: bodies with pose tracks, cameras, and how their surfaces look.
+
+    Operators change a scene and nothing else. `episode` holds the recorded pixels, which are the scene's
+    surfels; `gaussians` is there when the plan fitted some. `cameras` and `descriptions` start as recorded.
+    `appearance` is applied in order to what is seen, `sensor` in order to the finished images.
+    `flowing` are the Gaussians of instances that bend; `gaussians` then lacks those.
+    `drift[camera][t]` put before a moving camera's recorded pose is where its image was truly taken from:
+    recorders are off by millimetres. It is for rendering alike, and never written. `irradiance` is the light that
+    Gaussians of moving bodies turn in, None for the same from everywhere.
+    An operator that moves, copies or removes bodies keeps the recorded ones in `recorded_bodies`
+    (`recorded_bodies=scene.tracked`): the recorded pixels are carried from there to where the bodies are now.
+    `inpaint` names what paints the places that this uncovers and nobody ever saw (`rpaug.providers.inpaint`).
+    `ambience` is the light that inserted bodies are shown in. `simulated` says, in plain values, what each simulation
+    came to; `actions_valid` is false in it where the recorded actions would no longer do what they did.
+    `back` brings what the scene shows back into the recording, where that is no set of pinhole images: None leaves it.
+    """
+
+    episode: Episode
+    cameras: Mapping[str, Camera]
+    bodies: tuple[Body, ...]
+    roles: Mapping[str, frozenset[int]]
+    antialiased: bool
+    descriptions: tuple[str, ...]
+    appearance: tuple[Appearance, ...] = ()
+    sensor: tuple[Sensor, ...] = ()
+    gaussians: Gaussians | None = None
+    flowing: Gaussians4 | None = None
+    drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(default_factory=dict)
+    irradiance: Float64[np.ndarray, "9"] | None = None
+    recorded_bodies: tuple[Body, ...] | None = None
+    inpaint: str = "fsr"
+    ambience: Ambience | None = None
+    simulated: tuple[Mapping[str, Any], ...] = ()
+    back: Callable[[Episode], Episode] | None = None
+
+    @property
+    def actions_valid(self) -> bool:
+        """Whether what the robot recorded would still do what it did."""
+        return all(one["actions_valid"] for one in self.simulated)
+
+    @property
+    def tracked(self) -> tuple[Body, ...]:
+        """The bodies as they were recorded, whatever was edited since."""
+        return self.bodies if self.recorded_bodies is None else self.recorded_bodies
+
+    @property
+    def handles(self) -> frozenset[int]:
+        """All instance handles the scene knows."""
+        return frozenset().union(*(body.handles for body in self.bodies))

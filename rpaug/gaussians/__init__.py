@@ -1,0 +1,1 @@
+"""Gaussians fitted to an episode: static, moving, semantic, stylised, stored."""

@@ -1,0 +1,66 @@
+"""How well a scene's Gaussians show what was recorded: PSNR, SSIM and depth, view by view."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Float64, UInt8
+
+from rpaug.core.types import Scene
+from rpaug.gaussians import frame_residuals
+from rpaug.gaussians.descent import shot_of
+from rpaug.gaussians.gaussian_view import plane_depth, sharp, standing, to_bytes, view_of
+from rpaug.gaussians.gaussians import Placement
+from rpaug.render.splat import Rasteriser, Splats
+
+
+def judged(
+    scene: Scene, times: Sequence[int], threads: int
+) -> Float64[np.ndarray, "times cameras 3"]:
+    """PSNR in decibels, SSIM, and the median error of the surface's depth in metres, of each recorded view."""
+    assert scene.gaussians is not None
+    usual, names = scene.gaussians, list(scene.episode.views)
+    placement = Placement.of(usual.ids, scene.bodies, scene.irradiance)
+
+    def look(t: int) -> list[tuple[float, float, float]]:
+        placed = placement.place(Splats.of(frame_residuals.at(usual, t)), t)
+        found = []
+        for name in names:
+            eye, shot = standing(scene, name), shot_of(scene.episode, name, t)
+            drawn = Rasteriser(sharp(placed)).forward(placed, view_of(eye, t))
+            depth = plane_depth(drawn, placed, eye, t)
+            off = np.abs(depth - shot.depth)[(depth > 0) & (shot.depth > 0)]
+            truth, image = to_bytes(shot.rgb), to_bytes(drawn.colour)
+            wrong = float(np.median(off)) if len(off) else 0.0
+            found.append((psnr(image, truth), ssim(image, truth), wrong))
+        return found
+
+    with ThreadPoolExecutor(threads) as pool:
+        return np.array(list(pool.map(look, times))).reshape(len(times), len(names), 3)
+
+
+def fixed_cameras(scene: Scene) -> list[int]:
+    """Which of the episode's cameras stand still, by their place; all if none does."""
+    views = list(scene.episode.views.values())
+    return [k for k, view in enumerate(views) if view.camera.fixed] or list(range(len(views)))
+
+
+def psnr(image: UInt8[np.ndarray, "h w 3"], truth: UInt8[np.ndarray, "h w 3"]) -> float:
+    """Peak signal-to-noise ratio in decibels, at most 100."""
+    error = np.mean((image.astype(np.float64) - truth) ** 2)
+    return float(10 * np.log10(255.0**2 / max(error, 255.0**2 * 1e-10)))
+
+
+def ssim(image: UInt8[np.ndarray, "h w 3"], truth: UInt8[np.ndarray, "h w 3"]) -> float:
+    """Structural similarity (Wang et al. 2004): 11x11 Gaussian window, sigma 1.5, mean over channels."""
+    x, y = image.astype(np.float64), truth.astype(np.float64)
+
+    def blur(a: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w 3"]:
+        return cv2.GaussianBlur(a, (11, 11), 1.5)[5:-5, 5:-5]
+
+    mx, my = blur(x), blur(y)
+    vx, vy, both = blur(x * x) - mx * mx, blur(y * y) - my * my, blur(x * y) - mx * my
+    a, b = (0.01 * 255) ** 2, (0.03 * 255) ** 2
+    value = (2 * mx * my + a) * (2 * both + b) / ((mx * mx + my * my + a) * (vx + vy + b))
+    return float(value.mean()) if value.size else 1.0

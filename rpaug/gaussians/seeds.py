@@ -1,0 +1,129 @@
+"""The Gaussians a fit starts from: every surface that was ever recorded, once."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float32, Int
+
+from rpaug.core import geometry
+from rpaug.core.sampling import frames
+from rpaug.core.types import Body, CameraView, Gaussians, Scene
+from rpaug.gaussians.gaussians import SPREAD, LiftedImage, chosen, joined, lifted, moved
+from rpaug.scene.recorded import surfels
+
+SAME_DEPTH = 0.01  # of depth, beside 1 cm: a point that another picture shows too
+BODY_FRAMES = 20  # frames that moving bodies are gathered from
+HISTORY_FRAMES = 32  # of moving cameras, for static surfaces that no fixed camera saw
+MOST = 4000  # Gaussians of one moving body
+AS_FINE = 1.1  # footprints that differ by less are equally fine
+CHECKER = 2.0**0.5  # pixels between neighbours on a chequerboard
+
+
+def seeds(scene: Scene) -> Gaussians:
+    """Static surfaces from the fixed cameras' plates and, where those saw nothing, from moving cameras; each
+    moving body gathered over time in its own frame."""
+    kept = surfels.build(scene)
+    static = joined(_static(scene, kept))
+    moving = [body for body in scene.bodies if not body.handles <= kept.static]
+    return joined([static, *_bodies(scene, moving)])
+
+
+def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
+    plates = []
+    for name, plate in kept.plates.items():
+        camera = scene.episode.views[name].camera
+        pose = camera.cam_to_world[0]
+        plates.append(LiftedImage(plate.rgb, plate.depth, plate.ids, camera.K, pose, plate.known))
+    yield from finest(plates)
+    done = plates
+    for view in scene.episode.views.values():
+        if not view.camera.fixed:
+            for t in frames(scene.episode.length, HISTORY_FRAMES):
+                past = picture_of(view, t, kept.static)
+                if past is not None:
+                    part = _sparse(past)
+                    yield chosen(part, np.isinf(_footprints(part, done)))
+                    done = [*done, past]
+
+
+def finest(pictures: Sequence[LiftedImage]) -> Iterator[Gaussians]:
+    """A Gaussian for each used pixel, each place left to the picture that shows it finest; of equals to the first."""
+    for k, picture in enumerate(pictures):
+        part = lifted(picture)
+        earlier, later = _footprints(part, pictures[:k]), _footprints(part, pictures[k + 1 :])
+        mine = (part.scales[:, 1] < earlier / AS_FINE) & (part.scales[:, 1] <= later * AS_FINE)
+        yield chosen(part, mine)
+
+
+def _sparse(picture: LiftedImage) -> Gaussians:
+    """Every second pixel, as on a chequerboard."""
+    height, width = picture.ids.shape
+    black = (np.arange(height)[:, None] + np.arange(width)) % 2 == 0
+    return lifted(replace(picture, use=picture.use & black), CHECKER)
+
+
+def _footprints(part: Gaussians, by: Sequence[LiftedImage]) -> Float32[np.ndarray, "n"]:
+    """The finest spread with which a picture shows each Gaussian's place; infinite where none does."""
+    out = np.full(len(part), np.inf, np.float32)
+    for picture in by:
+        local = geometry.transform(geometry.inverse(picture.cam_to_world), part.means.astype(float))
+        z = np.maximum(local[:, 2], 1e-6)
+        column = np.rint(picture.K[0, 0] * local[:, 0] / z + picture.K[0, 2])
+        row = np.rint(picture.K[1, 1] * local[:, 1] / z + picture.K[1, 2])
+        height, width = picture.depth.shape
+        inside = (local[:, 2] > 0) & (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        r, c = row[inside].astype(int), column[inside].astype(int)
+        near = np.abs(picture.depth[r, c] - z[inside]) < 0.01 + SAME_DEPTH * z[inside]
+        shown = near & picture.use[r, c] & (picture.ids[r, c] == part.ids[inside])
+        size = np.where(shown, SPREAD * z[inside] / picture.K[0, 0], np.inf)
+        out[inside] = np.minimum(out[inside], size)
+    return out
+
+
+def _bodies(scene: Scene, bodies: Sequence[Body]) -> Iterator[Gaussians]:
+    """Gaussians of moving bodies, each in its own frame."""
+    found: list[list[Gaussians]] = [[] for _ in bodies]
+    handles = frozenset().union(*(body.handles for body in bodies))
+    for t in frames(scene.episode.length, BODY_FRAMES):
+        for view in scene.episode.views.values():
+            picture = picture_of(view, t, handles)
+            if picture is None:
+                continue
+            part = lifted(picture)
+            for body, own in zip(bodies, found, strict=True):
+                mine = chosen(part, np.isin(part.ids, list(body.handles)))
+                if len(mine):
+                    own.append(moved(mine, geometry.inverse(body.to_world[t])))
+    return (thinned(joined(own)) for own in found if own)
+
+
+def thinned(every: Gaussians, most: int = MOST) -> Gaussians:
+    """At most so many of them, so that each place holds one, that of the finest view."""
+    every = chosen(every, np.argsort(every.scales[:, 1], kind="stable"))
+    cell = float(np.quantile(every.scales[:, 1], 0.1)) / SPREAD
+    first = _first_of_each_cell(every, cell)
+    while len(first) > most:
+        cell *= 1.2
+        first = _first_of_each_cell(every, cell)
+    thin = chosen(every, first)
+    scales = thin.scales.copy()
+    scales[:, :2] = np.maximum(scales[:, :2], SPREAD * cell)
+    return replace(thin, scales=scales)
+
+
+def _first_of_each_cell(gaussians: Gaussians, cell: float) -> Int[np.ndarray, "m"]:
+    cells = np.floor(gaussians.means / cell).astype(np.int64)
+    return np.sort(np.unique(cells, axis=0, return_index=True)[1])
+
+
+def picture_of(view: CameraView, t: int, handles: frozenset[int]) -> LiftedImage | None:
+    """What a camera shows of some handles at t."""
+    if view.depth is None or view.ids is None:
+        return None
+    ids = view.ids(t)
+    use = np.isin(ids, list(handles))
+    if not use.any():
+        return None
+    camera = view.camera
+    return LiftedImage(view.rgb(t), view.depth(t), ids, camera.K, camera.cam_to_world[t], use)

@@ -1,0 +1,157 @@
+"""One wish through all stages: understood, grounded in a recorded scene, checked as a recipe, and logged."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import yaml
+
+from rpaug.core.errors import BadRecipe, RpaugError, TargetError, Unsupported
+from rpaug.core.types import Episode, Scene
+from rpaug.language import grounding, making, refiner, rounds
+from rpaug.language.making import Maker
+from rpaug.language.messages import Answer, Entry, NotUnderstood, Trace, WishContext
+from rpaug.language.rounds import History
+from rpaug.pipeline import recipe as recipes
+from rpaug.scene.targets import targets
+
+
+class Understanding(Protocol):
+    """What turns a wish after some rounds into edits: the grammar, or a language model. Raises NotUnderstood."""
+
+    def __call__(self, history: History, said: str, setting: WishContext) -> Answer: ...
+
+
+@dataclass(frozen=True)
+class AskResult:
+    """What came of a wish: a valid recipe, notes on what was taken for granted, the log, and the talk so far."""
+
+    recipe: dict[str, Any]
+    notes: tuple[str, ...]
+    trace: tuple[Trace, ...]
+    history: History
+
+    @property
+    def yaml(self) -> str:
+        """The recipe as a file, with the wishes and the notes on top."""
+        lines = [f"# asked: {_line(one.said)}" for one in self.history.rounds]
+        lines += [f"# note: {_line(note)}" for note in self.notes]
+        return (
+            "\n".join(lines)
+            + "\n"
+            + yaml.dump(self.recipe, Dumper=_Dumper, sort_keys=False, width=110)
+        )
+
+    @property
+    def log(self) -> str:
+        """Every stage, one JSON value a line."""
+        return "".join(
+            json.dumps(one.model_dump(), ensure_ascii=False) + "\n" for one in self.trace
+        )
+
+
+class _Dumper(yaml.SafeDumper):
+    """An edit on lines of its own, and lists of numbers in one."""
+
+    def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> Any:
+        flat = all(not isinstance(value, dict) for value in sequence)
+        return super().represent_sequence(tag, sequence, flow_style=flat)
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def setting_of(episode: Episode) -> WishContext:
+    """What a recording offers to a wish."""
+    return WishContext(cameras=tuple(episode.views), instructions=episode.descriptions)
+
+
+def ask(
+    said: str,
+    setting: WishContext,
+    scene: Callable[[], Scene] | None = None,
+    *,
+    history: History | None = None,
+    understanding: Understanding = rounds.next_round,
+    tier: int = 0,
+    maker: Maker | None = None,
+) -> AskResult:
+    """The recipe for a wish. `scene` builds a recorded scene in which every target must be found.
+
+    `maker` makes what is to be put in and the library lacks. Raises NotUnderstood for a wish that has no meaning here,
+    TargetError or Unsupported for one that the scene has nothing for, NotMade where making fails. Nothing is written
+    but what was made.
+    """
+    history = history or History()
+    setting = setting.model_copy(update={"generates": maker is not None})
+    answer = understanding(history, said, setting)
+    _built(answer)
+    trace = list(answer.trace)
+    there = scene() if scene is not None and answer.edits else None
+    if there is not None:
+        trace += _grounded(there, answer.edits)
+    found = list(making.provided(answer.edits, maker))
+    trace += [done for _, done in found if done is not None]
+    edits = tuple(edit for edit, _ in found)
+    settings, output = refiner.refined(edits, answer.settings, tier)
+    trace.append(Trace(stage="refiner", by="plan", input=list(edits), output=output))
+    answer = answer.model_copy(update={"edits": edits, "settings": settings})
+    if there is not None:
+        _tried(there, _built(answer))
+    return AskResult(answer.recipe(), answer.notes, tuple(trace), history.after(said, answer))
+
+
+def _built(answer: Answer) -> recipes.Recipe:
+    """The recipe that an answer comes to. Raises NotUnderstood if it is not valid."""
+    try:
+        return recipes.build(answer.recipe(), name="the wish")
+    except BadRecipe as error:
+        raise NotUnderstood(f"the wish comes to a recipe that is not valid: {error}") from None
+
+
+def _grounded(scene: Scene, edits: tuple[Entry, ...]) -> Iterator[Trace]:
+    """Every target and the things it is told by, found in the scene. Raises RpaugError."""
+    for value in _targets(edits):
+        found = {}
+        for phrase in grounding.phrases(value):
+            found[phrase] = sorted(targets.find(scene, targets.Target(text=phrase, all=True)))
+        whole = targets.Target.model_validate(value)
+        found[str(whole)] = sorted(targets.find(scene, whole))
+        yield Trace(stage="grounding", by="scene", input=value, output=found)
+
+
+def _tried(scene: Scene, made: recipes.Recipe) -> None:
+    """See that every edit can be drawn in the scene. Raises RpaugError."""
+    for step in made.steps:
+        for option in step.options:
+            if option.operator.gaussians:  # fitted only when the recipe runs
+                continue
+            try:
+                option.operator.sample(scene, np.random.default_rng(0))
+            except TargetError:
+                raise
+            except Unsupported as error:
+                raise Unsupported(f"{option.name}: {error}") from None
+
+
+def _targets(edits: tuple[Entry, ...]) -> Iterator[Any]:
+    """Each target once. What an edit before brings along is not looked for: it was never recorded."""
+    seen = []
+    for edit in edits:
+        for one in edit.get("one_of", [edit]):
+            named = [one[name] for name in ("target", "near") if one.get(name) is not None]
+            for value in [*named, *(one.get("targets") or ())]:
+                if value not in seen:
+                    seen.append(value)
+                    yield value
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def reason(error: RpaugError) -> str:
+    """What was not understood, in one line."""
+    return _line(str(error))

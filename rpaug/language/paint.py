@@ -1,0 +1,178 @@
+"""Rules for colours, textures and styles."""
+# ruff: noqa: E501  # patterns are easiest to read whole
+
+import re
+
+from rpaug.assets.textures import shipped
+from rpaug.language import slots
+from rpaug.language.grammar import NotThis, Said, done, refuse, rule
+from rpaug.language.grounding import Target, thing, things
+from rpaug.language.messages import Entry, Meant, Mention
+
+TABLE, BACKGROUND = {"role": "table"}, {"role": "background"}
+ONE_OF = rf"(?P<one>{slots.ONE_COLOUR})(?P<more>(?:, ?{slots.ONE_COLOUR})*,? or (?:an? )?{slots.ONE_COLOUR}(?:,? or (?:an? )?{slots.ONE_COLOUR})*)"
+DARKER, LIGHTER = 0.6, 0.4  # of a colour's rgb; of its way to white
+KINDS = {
+    **dict.fromkeys(("wood", "wooden", "timber", "woody"), "wood"),
+    **dict.fromkeys(("stone", "rock", "rocky", "stony"), "stone"),
+    **dict.fromkeys(("fabric", "cloth", "textile"), "fabric"),
+    **dict.fromkeys(("checker", "checkered", "chequered", "checked", "checkerboard"), "checker"),
+    **dict.fromkeys(("noise", "noisy"), "noise"),
+}
+LAID = r"(?: (?:texture|pattern|surface|finish|look|skin|cover|covering|material))"
+WIDE = r"(?:,? (?:(?:that|which) (?:is|are) )?(?:(?:at|with) (?:a )?(?:scale|width|size) of {length}|(?:at |of )?{length}(?: (?:wide|across|scale|in width|large|per tile|per repeat))|scaled to {length}))?"
+WIDE_TOO = r"(?:{length}[ -](?:wide )?)?"
+STYLE = r"(?:styli[sz]e|re-?style|re-?styli[sz]e|style)"
+LAY = r"(?:put|lay|add|use|apply|place|wrap|project|map|slap|stick|throw|spread|print)"
+COVER = r"(?:cover|wrap|texture|re-?texture|line|coat|clad|drape|dress|skin|plaster|upholster|paper|overlay|tile|pave|face|decorate|finish|carpet|panel)"
+HUES = r"(?: (?:paint|colou?r|colou?ring|coat|coat of paint|tint|shade|hue|finish))?"
+
+
+@rule(rf"<PAINT> {{thing}} (?:(?:to|to be|into|in|with|as) )?(?:(?:a )?(?:coat|shade|layer) of )?{{colour}}{HUES}(?P<contrast>,? (?:and )?(?:not|rather than|instead of) {slots.ONE_COLOUR})?",
+      r"(?:<VARY>|set|turn|make|paint|switch) (?:the )?colou?r of {thing} (?:to|into|for|with|to be)? ?{colour}",
+      r"(?:<VARY>|set|turn|make|switch) {thing}(?:'s|')? colou?r (?:to|into|for|with|to be)? ?{colour}",
+      rf"give {{thing}} (?:a |an |the |some )?(?:(?:coat|shade|layer|colou?r) (?:of )?)?{{colour}}{HUES}",
+      rf"(?:use |have |choose |draw |pick )?(?:an? )?{{colour}}{HUES} (?:for|on) {{thing}}", r"{thing} in {colour}",
+      r"{colour} is (?:the colou?r )?(?:that )?(?:i want |i'd like |we want )?for {thing}", rf"(?:put|add|use|apply) (?:some |a )?(?:(?:coat|shade|layer) of )?{{colour}}{HUES} (?:on|onto|to|for) {{thing}}",
+      rf"(?:change|turn|switch) {{thing}} from {slots.ONE_COLOUR} (?:to|into) {{colour}}", rf"(?:change|turn|switch) (?:the )?colou?r of {{thing}} from {slots.ONE_COLOUR} (?:to|into) {{colour}}")  # fmt: skip
+def recolour(said: Said) -> Meant:
+    tint = slots.colour(said["colour"])
+    where = things(said)
+    if tint == {"sample": "colosseum"} and where == [TABLE]:
+        return done({"op": "table_color"}, mention=Mention(kind="target", target=TABLE))
+    return _each(where, {"op": "recolor", "color": tint}, "target", ("color",))
+
+
+@rule(r"(?:<VARY>|re-?colou?r|re-?paint) (?:the )?(?:colou?rs?|hue|paint) of {thing}",
+      r"<VARY> (?:the )?{thing}(?:'s|')? (?:colou?rs?|hue|paint)",
+      r"(?:<VARY>|choose|pick|draw) (?:what |which |the )?colou?r (?:the )?{thing} (?:is|are|has|have)",
+      r"(?:re-?colou?r|re-?paint) {thing}",
+      r"(?:a |use a |some )?(?:random|new|different|another|other) colou?rs? (?:for|on) {thing}")  # fmt: skip
+def any_colour(said: Said) -> Meant:
+    return recolour(Said({**said.slots, "colour": "a random color"}, said.wish))
+
+
+@rule(rf"<PAINT> {{thing}} (?:to |into |in |with |an? )?(?:either |one of )?{ONE_OF}(?: colou?r)?",
+      rf"(?:<VARY>|set|make) (?:the )?colou?r of {{thing}} (?:to |into )?(?:either |one of )?{ONE_OF}", rf"(?:<VARY>|set|make) {{thing}}(?:'s|')? colou?r (?:to |into )?(?:either |one of )?{ONE_OF}",
+      rf"(?:use |choose )?(?:either )?{ONE_OF} (?:for|on) {{thing}}")  # fmt: skip
+def one_of_colours(said: Said) -> Meant:
+    where = thing(said)
+    tints = [said["one"], *re.split(r",? or (?:an? )?|, ?", said["more"])[1:]]
+    options = [{"op": "recolor", "target": where, "color": slots.colour(tint)} for tint in tints]
+    return done({"one_of": options}, mention=Mention(kind="target", target=where))
+
+
+@rule(
+    r"(?:make|paint|turn) {thing} (?:(?:a bit|a little|slightly|much|even) )?(?P<way>darker|lighter|brighter)(?: still)?"
+)
+def shade(said: Said) -> Meant:
+    where, notes = _shaded(said)
+    for number, edit in reversed(list(enumerate(said.wish.edits))):
+        if edit.get("op") == "recolor" and edit["target"] == where:
+            dark = said["way"] == "darker"
+            tint = edit["color"]
+            values = slots.darker(tint, DARKER) if dark else slots.lighter(tint, LIGHTER)
+            return done(
+                {**edit, "color": {"rgb": values}},
+                mention=Mention(kind="target", target=where),
+                notes=notes,
+                replaces=(number,),
+            )
+    raise refuse(
+        f"{said['way']} than what? Only a colour that was asked for before has a {said['way']} one: name a colour"
+    )
+
+
+def _shaded(said: Said) -> tuple[Target, tuple[str, ...]]:
+    """What is to be darker or lighter. "it" may be the one thing that was painted, if it was not named last."""
+    mention, painted = (
+        said.wish.mention,
+        [e["target"] for e in said.wish.edits if e.get("op") == "recolor"],
+    )
+    unclear = said["thing"] == "it" and (mention is None or mention.kind in ("camera", "new"))
+    if unclear and len(painted) == 1:
+        return painted[0], (f"'it' is taken to mean what was painted: {painted[0]}",)
+    return thing(said), ()
+
+
+@rule(rf"(?:give|gave) {{thing}} (?:a |an |some )(?:random |new )?{{texture}}{LAID}{WIDE}", rf"(?:give|gave) {{thing}} (?:the )?{{texture}}{LAID}{WIDE}",
+      rf"{COVER} {{thing}} (?:over |up |out )?(?:with|in|as|by|using) (?:a |an |the |some )?{{texture}}(?:{LAID})?{WIDE}",
+      rf"{LAY} (?:a |an |the |some )?{{texture}}{LAID} (?:on|onto|to|over|around|across|upon|for) {{thing}}{WIDE}",
+      rf"(?P<perhaps>{LAY}) (?:a |an |the |some )?{WIDE_TOO}{{texture}}(?:{LAID})? (?:on|onto|to|over|around|across|upon) {{thing}}",
+      rf"(?:a |an )?{{texture}}{LAID} (?:for|on) {{thing}}{WIDE}",
+      rf"(?P<perhaps>(?:use )?){{texture}} (?:for|on) {{thing}}{WIDE}",
+      rf"(?P<perhaps>{LAY}) {{texture}} (?:on|onto|over|to|around|across|upon) {{thing}}{WIDE}",
+      rf"make {{thing}} (?:look |appear )?(?:like|as if made (?:out )?of|made (?:out )?of|of|out of|in|as) (?:a |an |some )?{{texture}}(?:{LAID})?{WIDE}",
+      r"(?:make|turn) {thing} (?:look |appear )?(?P<kind>wooden|checkered|chequered|rocky|checked|stony|woody)",
+      rf"(?:<VARY>|replace|set|switch|exchange) (?:the )?(?:texture|pattern|surface|material) of {{thing}} (?:to|with|by|for|into) (?:a |an |the |some )?{{texture}}(?:{LAID})?{WIDE}",
+      rf"(?:<VARY>|replace|set|switch|exchange) (?:the )?{{thing}}(?:'s|')? (?:texture|pattern|surface) (?:to|with|by|for|into) (?:a |an |the |some )?{{texture}}(?:{LAID})?{WIDE}",
+      r"(?:<VARY>|replace|exchange) (?:the )?(?:textures?|patterns?|surfaces?) (?:of|on) {thing}",
+      r"(?:<VARY>|replace|exchange) (?:the )?{thing}(?:'s|')? (?:textures?|patterns?|surfaces?)",
+      r"(?:a |use a )?(?:random|different|new|another) texture (?:for|on) {thing}",
+      r"(?:re-?texture|texture) {thing}")  # fmt: skip
+def texture(said: Said) -> Meant:
+    where = things(said)
+    words = said.get("texture") or said.get("kind")
+    fields: Entry = (
+        {} if words is None else _picture("texture", words, sure="perhaps" not in said.slots)
+    )
+    if said.get("length"):
+        fields["scale"] = slots.length(said["length"])
+    named = {"table": "table_texture", "background": "background_texture"}
+    if len(where) == 1 and isinstance(where[0], dict) and where[0].get("role") in named:
+        op = named[where[0]["role"]]
+        return done({"op": op, **fields}, mention=Mention(kind="target", target=where[0]))
+    return _each(where, {"op": "retexture", **fields}, "target", tuple(fields))
+
+
+@rule(rf"{STYLE} {{thing}} (?:(?:to look |so that it looks )?like|as|as if made of|with|after|in the style of|using|by) (?:a |an |the |some )?{{texture}}(?: style)?",
+      rf"{STYLE} {{thing}} (?:in|with|to) (?:a |an |the )?{{texture}} style",
+      r"give {thing} (?:the |a |some )?(?:style|look|appearance) of (?:a |an |the )?{texture}", r"give {thing} (?:the |an? )?{texture} style",
+      r"(?:apply|use|transfer|put) (?:a |an |the )?(?:{texture} style|style of (?:a |an |the )?(?P<kind>[a-z_ ]+?)) (?:to|on|onto|for) {thing}",
+      r"(?:redo|render|make|paint) {thing} in (?:the style of (?:a |an |the )?{texture}|(?:a |an |the )?(?P<kind>[a-z_ ]+?) style)",
+      rf"{STYLE} {{thing}}(?: randomly)?", r"(?:<VARY>) (?:the )?style of {thing}", r"(?:<VARY>) {thing}'s style", r"(?:a |use a )?(?:random|different|new|another) style for {thing}", r"give {thing} (?:a )?(?:random|different|new|another) style")  # fmt: skip
+def style(said: Said) -> Meant:
+    words = said.get("texture") or said.get("kind")
+    fields = {} if words is None else _picture("style", words)
+    return _each(things(said), {"op": "stylize", **fields}, "target", tuple(fields))
+
+
+def _each(where: list[Target], edit: Entry, name: str, last: tuple[str, ...]) -> Meant:
+    """The edit for each target, with the target as its first field."""
+    head = {key: value for key, value in edit.items() if key not in last}
+    tail = {key: edit[key] for key in last}
+    mention = Mention(kind="target", target=where[0]) if len(where) == 1 else None
+    return done(*({**head, name: one, **tail} for one in where), mention=mention)
+
+
+def _picture(name: str, words: str, sure: bool = True) -> Entry:
+    """The field for a texture in words. Raises NotThis, or if `sure` NotUnderstood for one that does not ship."""
+    words = re.sub(
+        r"^(?:a |an |the )?(?:random |other |another |different |new )+", "", words + " "
+    ).strip()
+    words = re.sub(r" ?(?:texture|style)$", "", words)
+    if words in ("", "any", "another", "random", "new", "one", "ones"):
+        return {}
+    if words in KINDS:
+        return {name: {"sample": KINDS[words]}}
+    parts = sorted(words.replace(" ", "_").split("_"))
+    same = [known for known in shipped.NAMES if sorted(known.split("_")) == parts]
+    singular = sorted(part.removesuffix("s") for part in parts)
+    same = same or [
+        known
+        for known in shipped.NAMES
+        if sorted(p.removesuffix("s") for p in known.split("_")) == singular
+    ]
+    if same:
+        return {name: same[0]}
+    alike = [known for known in shipped.NAMES if set(parts) <= set(known.split("_"))]
+    if len(alike) == 1:
+        return {name: alike[0]}
+    if alike:
+        raise refuse(f"{words!r} could be {', '.join(alike)}; say which")
+    if len(parts) > 3 or not sure:
+        raise NotThis
+    kinds = ", ".join(shipped.KINDS)
+    raise refuse(
+        f"no texture is called {words!r}; kinds are: {kinds}; names are: {', '.join(shipped.NAMES)}"
+    )

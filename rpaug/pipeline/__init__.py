@@ -1,0 +1,1 @@
+"""Recipe, plan, preparation, one copy, its gates and report, and whole runs of them."""

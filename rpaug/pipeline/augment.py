@@ -1,0 +1,147 @@
+"""A whole dataset through the pipeline: which copies to make, where they go, and what came of them."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+from rpaug.core import splits
+from rpaug.core.errors import BadInput
+from rpaug.core.files import REJECTED, apart, write_atomic
+from rpaug.pipeline import output_folder, prepare, report
+from rpaug.pipeline import workers as local
+from rpaug.pipeline.copies import Job
+from rpaug.pipeline.job import Run, Summary, group_of
+
+__all__ = ["Run", "Summary", "check", "execute", "jobs"]
+
+Progress = Callable[[int, int], None]
+
+
+def check(run: Run, resume: bool = False) -> None:
+    """See that a run may start. Raises BadInput."""
+    if run.ratio and any(report.synthetic(run.source, key) for key in run.keys):
+        expected = "recorded ones, of which the ratio is"
+        raise BadInput(run.source, "--ratio", found="synthetic episodes", expected=expected)
+    assert run.keys  # raises for a dataset that is none, or a selection that is empty
+    apart(run.target, run.source)
+    if not run.target.exists():
+        return
+    if not resume:
+        raise BadInput(
+            run.target, "--out", found="something there already", expected="a new path, or --resume"
+        )
+    path = run.target / report.SUMMARY
+    try:
+        described = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        raise BadInput(
+            path, "--resume", found="no run of rpaug here", expected="the --out of a stopped run"
+        ) from None
+    for name, value in ({"share": None, "ratio": None} | run.marker).items():
+        if not isinstance(described, dict) or described.get(name) != value:
+            raise BadInput(path, name, found=f"another {name}", expected="the one being resumed")
+
+
+def execute(
+    run: Run,
+    *,
+    workers: int = 1,
+    resume: bool = False,
+    progress: Progress = lambda done, total: None,
+) -> Summary:
+    """Augment a dataset. Raises BadInput for what is wrong before the first episode.
+
+    A bad episode among good ones is skipped and named in the summary. Every finished episode appears by one rename,
+    so a killed run leaves only whole ones and can be resumed. If nothing could be made, nothing is left behind.
+    """
+    check(run, resume)
+    made_folders = output_folder.missing(run.target)
+    write_atomic(run.target / report.SUMMARY, report.encode(run.marker))
+    output_folder.sweep(run.target)
+    written = [*output_folder.reports(run).items(), *output_folder.reports(run, REJECTED).items()]
+    done = [(key, one["source"], one["copy"]) for key, one in written]
+    todo = jobs(run, done)
+    summary = Summary(resumed=len(done))
+    total, finished = sum(len(job.copies) for job in todo), 0
+    progress(0, total)
+    for outcome in _outcomes(_staged(run, todo), workers):
+        finished += len(outcome.reports)
+        if outcome.fatal:
+            summary.aborted = outcome.error
+        elif outcome.error and outcome.job.copies:  # who borrows from it says so too
+            summary.failures[outcome.job.key] = outcome.error
+        progress(finished, total)
+    kept, rejected = output_folder.keys(run), output_folder.keys(run, REJECTED)
+    if kept or rejected:
+        output_folder.close_gaps(run)
+        for keys, root in ((kept, run.target), (rejected, run.target / REJECTED)):
+            if keys:
+                run.adapter.finish(run.source, root)
+        output_folder.total(summary, run)
+        output_folder.write_card(run)
+        write_atomic(run.target / report.SUMMARY, report.encode(vars(summary) | run.marker))
+    elif made_folders:
+        shutil.rmtree(made_folders[-1], ignore_errors=True)
+    return summary
+
+
+def _staged(run: Run, todo: Sequence[Job]) -> list[list[Job]]:
+    """The jobs in turns: what lends Gaussians to others is fitted before them, and once."""
+    if not run.share:
+        return [list(todo)]
+    lent = prepare.founders(run.adapter, run.source, [job.key for job in todo])
+    lenders = dict.fromkeys(lent.values())
+    own = {job.key: job for job in todo}
+    first = [own.get(key) or _job(run, key, ()) for key in lenders]
+    rest = [replace(job, founder=lent.get(job.key)) for job in todo if job.key not in lenders]
+    return [first, rest]
+
+
+def _outcomes(stages: Sequence[Sequence[Job]], workers: int) -> Iterator[local.Outcome]:
+    for stage in stages:
+        fatal = False
+        for outcome in local.run(stage, workers):
+            yield outcome
+            fatal |= outcome.fatal
+        if fatal:
+            return
+
+
+def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
+    """One job per source episode: its missing copies and the keys they get, numbered from 0 in each group.
+
+    `done` are keys already given, to rejected copies too, with the source key and the copy of each.
+    """
+    taken = {key for key, _, _ in done}
+    finished = {(source, copy) for _, source, copy in done}
+    free: dict[str, int] = {}
+    copies: dict[str, list[tuple[int, str]]] = {key: [] for key in run.keys}
+    for copy in run.copies:
+        for key in run.keys:
+            if (key, copy) in finished or (key, copy) in run.spared:
+                continue
+            group = group_of(run.adapter, key)
+            while run.adapter.key_at(key, free.setdefault(group, 0)) in taken:
+                free[group] += 1
+            made = run.adapter.key_at(key, free[group])
+            if splits.of(made) != splits.of(key):  # an adapter's mistake, and the worst of all
+                found, expected = f"{made}, of another split", "a copy in its source's split"
+                raise BadInput(run.source / key, "split", found=found, expected=expected)
+            copies[key].append((copy, made))
+            free[group] += 1
+    return [_job(run, key, made) for key, made in copies.items() if made]
+
+
+def _job(run: Run, key: str, copies: Sequence[tuple[int, str]]) -> Job:
+    return Job(
+        run.adapter.name,
+        run.source,
+        key,
+        run.target,
+        tuple(copies),
+        run.recipe.source,
+        run.tier,
+        run.scenes,
+        keep_invalid=run.keep_invalid,
+    )

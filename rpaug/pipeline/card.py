@@ -1,0 +1,130 @@
+"""The dataset card of an output: `README.md` with a header for machines (`synthetic: true`) and words for people."""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+import rpaug
+from rpaug.core import splits
+
+NAME = "README.md"
+LICENCE = re.compile(r"(licen[sc]e|copying)([._-].*)?", re.IGNORECASE)  # names of their files
+UNSTATED = "unknown: the source states none"
+LONGEST = 200  # characters of a licence's first line
+Lines = tuple[str, ...]
+
+
+def text(
+    source: Path,
+    layout: str,
+    reports: Mapping[str, Mapping[str, Any]],
+    *,
+    recipe: Mapping[str, Any] | None = None,
+    converted: str | None = None,
+    rejected: int = 0,
+    licence: str | None = None,
+    ratio: str | None = None,
+) -> str:
+    """The card of a dataset made from `source`, by the reports of its episodes. The same run gives the same card.
+
+    It was made by a `recipe`, or `converted` from another layout, which is then named.
+    """
+    made = Counter(
+        (splits.of(key) or "all", bool(one["synthetic"])) for key, one in reports.items()
+    )
+    synthetic = sum(count for (_, is_made), count in made.items() if is_made)
+    licence = licence or licence_of(source, (one["source"] for one in reports.values()))
+    header = {
+        "synthetic": synthetic > 0,
+        "license": licence,
+        "source_datasets": [called(source)],
+        "generator": f"rpaug {rpaug.__version__}",
+        "episodes": {"recorded": len(reports) - synthetic, "synthetic": synthetic},
+        **({"ratio": ratio} if ratio else {}),
+    }
+    rows = [
+        f"| {split} | {made[split, False]} | {made[split, True]} |"
+        for split in sorted({split for split, _ in made})
+    ]
+    title, opening, closing = (
+        _converted(layout, converted) if converted else _augmented(layout, recipe or {}, rejected)
+    )
+    lines = [
+        f"---\n{yaml.safe_dump(header, sort_keys=False, allow_unicode=True)}---",
+        f"# {called(source)}, {title}",
+        *opening,
+        "| split | recorded | synthetic |\n|---|---|---|\n" + "\n".join(rows),
+        f"Source: `{called(source)}`. Licence of the source, which this dataset is under too: {licence}.",
+        *closing,
+    ]
+    return "\n\n".join(lines) + "\n"
+
+
+def called(source: Path) -> str:
+    """What a dataset is called: its folder, and the one above it where the folder is a split."""
+    path = source.resolve()
+    return f"{path.parent.name}/{path.name}" if path.name.lower() in splits.KINDS else path.name
+
+
+def _augmented(layout: str, recipe: Mapping[str, Any], rejected: int) -> tuple[str, Lines, Lines]:
+    """Title, and what is said before and after the counts."""
+    told = yaml.safe_dump(dict(recipe), sort_keys=False, allow_unicode=True).rstrip()
+    return (
+        "augmented",
+        (
+            f"Edited copies of recorded episodes in the layout `{layout}`, made by rpaug {rpaug.__version__}. "
+            "Images are synthetic where an edit changed them; actions and robot states are the recorded ones, bit for "
+            "bit. Each episode's `rpaug.json` says what was drawn and whether the episode is synthetic.",
+        ),
+        (
+            f"Copies that failed their gates, kept aside in `rejected/`: {rejected}.",
+            "Copies are in the split of the episode that they were made from. Evaluate on recorded episodes.",
+            f"## Recipe\n\n```yaml\n{told}\n```",
+        ),
+    )
+
+
+def _converted(layout: str, before: str) -> tuple[str, Lines, Lines]:
+    """Title, and what is said before and after the counts."""
+    return (
+        f"in the layout `{layout}`",
+        (
+            f"The episodes of a dataset in the layout `{before}`, written as `{layout}` by rpaug {rpaug.__version__}; "
+            "nothing was edited. Each episode's `rpaug.json` names the one that it was made from and says whether that "
+            "was synthetic.",
+        ),
+        (
+            "What this layout has no place for was left out; `rpaug verify` against the source lists it.",
+        ),
+    )
+
+
+def licence_of(source: Path, keys: Iterable[str]) -> str:
+    """What the source says of its licence: in its own card's header, or the first line of each licence file."""
+    above = {parent for key in keys for parent in Path(key).parents}
+    for folder in (source, *(source / one for one in sorted(above))):
+        card = folder / NAME
+        if card.is_file():
+            found = re.match(
+                r"---\n.*?^licen[sc]e:[ \t]*(.+?)$.*?^---", _start(card), re.DOTALL | re.M
+            )
+            if found:
+                return found[1].strip().strip("\"'")[:LONGEST]
+        said = []
+        for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+            if LICENCE.fullmatch(path.name) and path.is_file():
+                lines = (line.strip() for line in _start(path).splitlines())
+                first = next(filter(None, lines), None)
+                said += [f"{first[:LONGEST]} ({path.name} of the source)"] if first else []
+        if said:
+            return "; ".join(said)
+    return UNSTATED
+
+
+def _start(path: Path) -> str:
+    with path.open("rb") as stream:
+        return stream.read(2**16).decode(errors="replace")

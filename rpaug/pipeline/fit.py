@@ -1,0 +1,89 @@
+"""`rpaug fit`: one episode to stored Gaussians, with the figures that say how well they show it."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rpaug.core.errors import BadInput
+from rpaug.core.types import Episode, Scene
+from rpaug.gaussians import cached, fit_static_rgb, ply, store
+from rpaug.gaussians.descent import FitSettings
+from rpaug.gaussians.gaussians import placed
+from rpaug.pipeline import prepare
+from rpaug.scene.build import build
+from rpaug.scene.tracking import arms
+from rpaug.scene.video import reconstruct
+
+
+def fit_episode(
+    episode: Episode,
+    folder: Path,
+    *,
+    export: Path | None = None,
+    seed: int = 0,
+    settings: FitSettings | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    founder: Episode | None = None,
+    files: Sequence[Path] = (),
+) -> dict[str, Any]:
+    """Fit, store under `folder`, export to `.ply` if asked, and return plain values.
+
+    A scene that the store has already is not fitted again. `founder` lends its static Gaussians; `files` are URDF or
+    MJCF files of arms. A video of a moving camera is fitted by its own rules (docs/video.md), whatever `settings` say.
+    Raises BadInput if the export exists, Unsupported for a video without a model.
+    """
+    if export is not None and export.exists():
+        raise BadInput(export, "--ply", found="something there already", expected="a new path")
+    if reconstruct.unplaced(episode):
+        return _fit_video(episode, folder, export)
+    settings = settings or FitSettings()
+
+    def built(one: Episode) -> Scene:
+        return build(one, with_bodies=True, arms=arms.for_robot(files, one.robot))
+
+    scene, lender = built(episode), None if founder is None else built(founder)
+    stored: list[tuple[Path, bool]] = []
+
+    def fit(one: Scene) -> tuple[Scene, cached.Facts]:
+        path = store.path_of(folder, cached.name_of(one, settings, seed, lender))
+        stored.append((path, path.is_dir()))
+        return cached.fitted(
+            one,
+            folder,
+            settings=settings,
+            seed=seed,
+            progress=lambda share: progress(round(100 * share), 100),
+            founder=lender,
+        )
+
+    made, facts = fit_static_rgb.fitted(scene, fit)
+    ((path, again),) = stored
+    described = {
+        "episode": episode.key,
+        "scene": str(path),
+        "found_in_store": again,
+        **facts,
+    }
+    if told := arms.misfits(files, episode.robot):
+        described["warnings"] = list(told)
+    if export is not None:
+        ply.write(export, placed(made, t=0))
+        described["ply"] = str(export)
+    return described
+
+
+def _fit_video(episode: Episode, folder: Path, export: Path | None) -> dict[str, Any]:
+    from rpaug.gaussians import fit_video
+
+    found = reconstruct.develop(episode, progress=prepare.told_of(episode.key))
+    where = store.path_of(folder, fit_video.name_of(found, fit_video.SplatSettings()))
+    again = where.is_dir()
+    made, facts = fit_video.kept(found.scene(), found, folder)
+    described = {
+        "episode": episode.key, "scene": str(where), "found_in_store": again,
+        "film": found.describe(), **facts,
+    }  # fmt: skip
+    if export is not None:
+        ply.write(export, placed(made, t=0))
+        described["ply"] = str(export)
+    return described

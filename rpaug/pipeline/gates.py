@@ -1,0 +1,217 @@
+"""Gates: what an edited copy must measure up to before it is kept.
+
+All figures are taken from rendered frames, beside the recorded ones. A figure is None where the edit leaves nothing to
+measure; then its gate passes.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from typing import Annotated, Any, Protocol, runtime_checkable
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Int32, UInt8
+from pydantic import BaseModel, ConfigDict, Field
+
+from rpaug.compose import views
+from rpaug.core import colors
+from rpaug.core.types import CameraView, Episode, Scene
+from rpaug.scene.lighting import albedo
+from rpaug.scene.tracking import agreement
+
+MOMENTS = 8  # pairs of neighbouring frames that flicker and agreement are measured at
+STILL = 1e-3  # metres of depth up to which a pixel shows the same place in the next frame
+FAINT = 0.02  # brightest channel below which no hue can be told
+
+Limit = Annotated[float, Field(ge=0)] | None
+
+
+class Gates(BaseModel):
+    """Limits a copy must keep, None for none, and how many draws it gets to do so."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    tries: Annotated[int, Field(ge=1, le=100, strict=True)] = 3
+    outside: Annotated[int, Field(ge=0)] | None = 0
+    reprojection: Limit = 5.0
+    holes: Limit = 0.15
+    flicker: Limit = 2.0
+    color: Limit = 5.0
+
+    def faults(self, figures: "Figures") -> list[str]:
+        """Which limits the figures exceed, in words."""
+        found = []
+        for name, value in asdict(figures).items():
+            limit = getattr(self, name)
+            if value is not None and limit is not None and value > limit:
+                found.append(f"{name} {value:.4g}, at most {limit:g}")
+        return found
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What one copy measures; None where there is nothing to measure.
+
+    `outside` counts changed pixels, over all frames of cameras shown by their recorded pixels, where no edit reaches.
+    `reprojection` is the median distance in millimetres between the points of one camera and the surface the next one
+    sees there. `holes` is the share of invented pixels in the moved camera that has most. `flicker` is by how many
+    grey levels more than in the recording fixed cameras' pixels change between two frames in which they show the
+    same place. `color` is the CIEDE2000 difference between the colour a thing was to take and the one it shows, its
+    brightness apart, which shading decides.
+    """
+
+    outside: int | None = None
+    reprojection: float | None = None
+    holes: float | None = None
+    flicker: float | None = None
+    color: float | None = None
+
+    def describe(self) -> dict[str, float]:
+        """What was measured, rounded."""
+        return {k: round(v, 4) for k, v in asdict(self).items() if v is not None}
+
+
+@runtime_checkable
+class Paint(Protocol):
+    """An appearance that gives its handles one colour, display sRGB 0..1."""
+
+    @property
+    def handles(self) -> frozenset[int]: ...
+    @property
+    def asked(self) -> tuple[float, float, float]: ...
+
+
+def measure(
+    scene: Scene,
+    made: Episode,
+    carriers: Mapping[str, int],
+    outside: int,
+    holes: Mapping[str, Bool[np.ndarray, "h w"]],
+) -> Figures:
+    """The figures of an edited scene and the episode it shows.
+
+    `outside` was counted frame by frame (`beyond`); `holes` are masks by camera/frame. Sensor effects change every
+    pixel anew in every frame: with them neither `outside` nor `flicker` can be told.
+    """
+    anew = any(tier > 0 for tier in carriers.values())
+    return Figures(
+        outside=None if scene.sensor else outside,
+        reprojection=agreement.median_mm(made.views.values(), _moments(made.length))
+        if anew
+        else None,
+        holes=_holes(holes),
+        flicker=None if scene.sensor else _flicker(scene, made),
+        color=_color(scene),
+    )
+
+
+def beyond(
+    scene: Scene,
+    before: UInt8[np.ndarray, "h w 3"],
+    after: UInt8[np.ndarray, "h w 3"],
+    ids: Int32[np.ndarray, "h w"] | None,
+) -> int:
+    """Pixels of one recorded image that changed though no appearance edit reaches them.
+
+    On the outlines of anti-aliased things an edit reaches one pixel further.
+    """
+    handles: set[int] = set()
+    for edit in scene.appearance:
+        if edit.handles is None:
+            return 0
+        handles |= edit.handles
+    reach = np.zeros(before.shape[:2], bool) if ids is None else np.isin(ids, list(handles))
+    if scene.antialiased:
+        reach = cv2.dilate(reach.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    return int(((before != after).any(-1) & ~reach).sum())
+
+
+def _moments(length: int) -> list[int]:
+    """Frames t, evenly spread, whose next frame is there too."""
+    return sorted(set(np.linspace(0, length - 2, MOMENTS).round().astype(int).tolist()) - {-1})
+
+
+def _holes(holes: Mapping[str, Bool[np.ndarray, "h w"]]) -> float | None:
+    shares: dict[str, list[float]] = {}
+    for key, mask in holes.items():
+        shares.setdefault(key.rsplit("/", 1)[0], []).append(float(mask.mean()))
+    return max((float(np.mean(found)) for found in shares.values()), default=None)
+
+
+def _flicker(scene: Scene, made: Episode) -> float | None:
+    """Mean over fixed cameras, moments and still pixels; where a camera stands as recorded, over edited pixels only."""
+    edited, recorded = [], []
+    for name, view in made.views.items():
+        old = scene.episode.views[name]
+        if not view.camera.fixed or view is old:
+            continue
+        for t in _moments(made.length):
+            mine, theirs = view.rgb(t), old.rgb(t)
+            touched = (mine != theirs).any(-1) | (view.camera is not old.camera)
+            edited.append(_change(mine, view.rgb(t + 1))[touched & _still(view, t)])
+            recorded.append(_change(theirs, old.rgb(t + 1))[touched & _still(old, t)])
+    if not sum(map(len, edited)) or not sum(map(len, recorded)):
+        return None
+    more = np.concatenate(edited).mean() - np.concatenate(recorded).mean()
+    return max(0.0, float(more))
+
+
+def _change(now: UInt8[np.ndarray, "h w 3"], then: UInt8[np.ndarray, "h w 3"]) -> np.ndarray:
+    return np.abs(then.astype(np.int16) - now).mean(-1)
+
+
+def _still(view: CameraView, t: int) -> Bool[np.ndarray, "h w"]:
+    """Pixels that show the same place of the same thing in frames t and t + 1."""
+    still = np.ones((view.camera.height, view.camera.width), bool)
+    if view.ids is not None:
+        still &= view.ids(t) == view.ids(t + 1)
+    if view.depth is not None:
+        still &= np.abs(view.depth(t) - view.depth(t + 1)) < STILL
+    return still
+
+
+def _color(scene: Scene) -> float | None:
+    """The largest difference of any thing that was painted, in the recorded views, without the edits after it."""
+    found = []
+    for number, edit in enumerate(scene.appearance):
+        if isinstance(edit, Paint):
+            shown = _painted(scene, number + 1)
+            found += [_difference(shown, handle, edit.asked) for handle in sorted(edit.handles)]
+    return max((value for value in found if value is not None), default=None)
+
+
+def _painted(scene: Scene, count: int) -> Episode:
+    """The recorded episode under the first so many appearance edits; frames that were asked for are kept."""
+    plain = replace(
+        scene,
+        appearance=scene.appearance[:count],
+        sensor=(),
+        cameras={name: view.camera for name, view in scene.episode.views.items()},
+        bodies=scene.tracked,
+        recorded_bodies=None,
+    )
+    shown = views.edited(plain, dict.fromkeys(scene.episode.views, 0), lambda *ignored: None)
+    kept = {name: replace(view, rgb=cache(view.rgb)) for name, view in shown.views.items()}
+    return replace(shown, views=kept)
+
+
+def _difference(shown: Episode, handle: int, asked: tuple[float, float, float]) -> float | None:
+    seen = albedo.pixels(shown, handle)
+    if not len(seen):
+        return None
+    got, wanted = np.array(albedo.estimate(seen).rgb), np.array(asked)
+    if got.max() > FAINT:
+        got = np.clip(got * (wanted @ got) / (got @ got), 0, 1)
+    return float(colors.ciede2000(colors.to_lab(wanted), colors.to_lab(got)))
+
+
+def described(figures: Figures, faults: Iterable[str], attempt: int) -> dict[str, Any]:
+    """What the report says: figures, limits exceeded, and the number of the draw, from 0."""
+    faults = list(faults)
+    return {
+        "passed": not faults,
+        "attempt": attempt,
+        "figures": figures.describe(),
+        "faults": faults,
+    }

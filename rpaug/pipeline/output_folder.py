@@ -1,0 +1,108 @@
+"""The output folder of a run: the episodes that are there, their reports, numbers without gaps, totals and card."""
+
+import os
+import shutil
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from rpaug.core import splits
+from rpaug.core.errors import BadInput
+from rpaug.core.files import PART, REJECTED, write_atomic
+from rpaug.pipeline import card, report
+from rpaug.pipeline.job import Run, Summary, group_of
+
+
+def keys(run: Run, folder: str = "") -> list[str]:
+    """The episodes in the target, or in a folder of it; rejected copies are none of the target's own."""
+    root = run.target / folder
+    held = run.adapter.episodes(root) if root.is_dir() else ()
+    return [key for key in held if PurePosixPath(key).parts[0] != REJECTED]
+
+
+def reports(run: Run, folder: str = "") -> dict[str, dict[str, Any]]:
+    """The report of every episode there. Raises BadInput for an episode without one."""
+    found = {}
+    for key in keys(run, folder):
+        own = run.target / folder / key
+        told = report.of(own)
+        if told is None:
+            found_, expected = "none that can be read", "an episode of this run"
+            raise BadInput(own / report.NAME, "report", found=found_, expected=expected)
+        found[key] = told
+    return found
+
+
+def missing(target: Path) -> list[Path]:
+    """The folders that making `target` makes, innermost first; none if it is there."""
+    found = []
+    while not target.exists():
+        found.append(target)
+        target = target.parent
+    return found
+
+
+def sweep(target: Path) -> None:
+    """Remove what a killed run had half written."""
+    for folder, subfolders, files in os.walk(target):
+        for name in [name for name in subfolders if name.startswith(".") and name.endswith(PART)]:
+            shutil.rmtree(Path(folder) / name, ignore_errors=True)
+            subfolders.remove(name)
+        for name in files:
+            if name.startswith(".") and name.endswith(PART):
+                (Path(folder) / name).unlink(missing_ok=True)
+
+
+def close_gaps(run: Run) -> None:
+    """Renumber so that each group counts from 0 without holes: readers walk the numbers until one is missing."""
+    counts: dict[str, int] = {}
+    for key in keys(run):
+        group = group_of(run.adapter, key)
+        wanted = run.adapter.key_at(key, counts.get(group, 0))
+        counts[group] = counts.get(group, 0) + 1
+        if wanted != key:
+            os.rename(run.target / key, run.target / wanted)
+
+
+def total(summary: Summary, run: Run) -> None:
+    """Fill in what the reports in the target say."""
+    made = list(reports(run).values())
+    summary.copies = len(made)
+    for key, described in reports(run, REJECTED).items():
+        summary.rejected[key] = "; ".join(described["gates"]["faults"])
+    for described in made:
+        if found := described["plan"].get("warnings"):
+            summary.warnings[described["source"]] = list(found)
+        for stage, seconds in described["seconds"].items():
+            summary.seconds[stage] = round(summary.seconds.get(stage, 0.0) + seconds, 4)
+    for name in sorted({name for described in made for name in described["changed_share"]}):
+        shares = [described["changed_share"].get(name, 0.0) for described in made]
+        summary.changed_share[name] = round(sum(shares) / len(shares), 6)
+    _sources_warned(run, summary)
+
+
+def write_card(run: Run) -> None:
+    """The dataset card; it counts the episodes that are there."""
+    told = card.text(
+        run.source,
+        run.adapter.name,
+        reports(run),
+        recipe=run.recipe.source,
+        rejected=len(keys(run, REJECTED)),
+        licence=run.licence,
+        ratio=run.ratio and f"{run.ratio[0]}:{run.ratio[1]}",
+    )
+    write_atomic(run.target / card.NAME, told.encode())
+
+
+def _sources_warned(run: Run, summary: Summary) -> None:
+    """Warn of sources that are synthetic themselves, and of a run over several splits."""
+    for key in run.keys:
+        if report.synthetic(run.source, key):
+            words = "it is synthetic itself: a copy of a copy"
+            summary.warnings[key] = [*summary.warnings.get(key, []), words]
+    held = {splits.kind(key) for key in run.keys} - {None, "train"}
+    if held:
+        named = " and ".join(sorted(str(one) for one in held))
+        words = f"copies of {named} episodes are made too: evaluate on recorded ones, or select train alone"
+        first = next(key for key in run.keys if splits.kind(key) in held)
+        summary.warnings[first] = [*summary.warnings.get(first, []), words]

@@ -1,0 +1,272 @@
+"""Which carrier shows each part of each camera: the lowest tier that is good enough, and what is known about that.
+
+A region is one body, or the background, in one camera. Its tier rises above the lowest that can show it at all only
+where the recipe states an accuracy, an error measured on the episode misses it, and the next tier should meet it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from rpaug.core.interfaces import Operator
+from rpaug.core.types import Effect, Episode, Scene
+from rpaug.pipeline.recipe import Accuracy
+from rpaug.pipeline.residuals import Residual
+from rpaug.scene.targets.targets import Target
+
+TIERS = {0: "recorded pixels", 1: "surfels", 3: "Gaussians", 4: "Gaussians in space and time"}
+GEOMETRY = Effect.CAMERA | Effect.DEPTH | Effect.MASK | Effect.BODIES
+EVERYTHING = "everything"
+FIT = (
+    "steps", "train_db", "held_out_db", "per_camera_db", "depth_error_mm", "founder", "borrowed",
+    "four",
+)  # fmt: skip
+FEWEST = 200  # pixels: the residual of a smaller region says little
+
+# Rough figures of a 2-core machine, for --dry-run: seconds per million rendered pixels, and per fit.
+SECONDS = {0: 0.3, 1: 2.0, 3: 1.0, 4: 1.3}
+SECONDS_READ = 0.1
+SECONDS_BODIES = 3.0
+SECONDS_FIT = 90.0
+SECONDS_FOUR = 60.0  # more, where something bends
+BYTES_A_PIXEL = 3.7  # rgb, depth and mask as PNG, measured on RLBench episodes
+
+
+@dataclass(frozen=True)
+class Error:
+    """What is known of a region's error: PSNR in dB, median depth error in mm, and where that is from.
+
+    `known` is "exact" (recorded pixels stay), "measured" (on this episode), "fit" (on its recorded views, after the
+    fit) or "table" (docs/tiers.md: measured on other episodes).
+    """
+
+    psnr: float | None
+    depth_mm: float | None
+    known: str
+
+    def meets(self, accuracy: Accuracy) -> bool:
+        """True if nothing asked for is missed."""
+        if self.known == "exact":
+            return True
+        bright = accuracy.psnr is None or (self.psnr is not None and self.psnr >= accuracy.psnr)
+        near = accuracy.depth_mm is None or (
+            self.depth_mm is not None and self.depth_mm <= accuracy.depth_mm
+        )
+        return bright and near
+
+    def __str__(self) -> str:
+        if self.known == "exact":
+            return "exact"
+        parts = [f"{self.psnr:.1f} dB"] if self.psnr is not None else []
+        parts += [f"{self.depth_mm:.2f} mm"] if self.depth_mm is not None else []
+        return f"{', '.join(parts)} ({self.known})"
+
+
+EXACT = Error(None, None, "exact")
+TABLE = {0: EXACT, 1: Error(27.6, 0.0, "table"), 3: Error(25.8, 2.8, "table")}
+TABLE[4] = TABLE[3]  # of what is rigid; what bends is measured by the fit itself
+
+
+@dataclass(frozen=True)
+class Region:
+    """One part of one camera's view, the tier that shows it, and its error there.
+
+    `lower` is the measured error at the tier below, where that made the tier rise. `met` is None without an accuracy.
+    """
+
+    camera: str
+    name: str
+    tier: int
+    error: Error
+    handles: frozenset[int] = frozenset()  # of no use for `everything`
+    lower: Error | None = None
+    met: bool | None = None
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values."""
+        facts: dict[str, Any] = {"camera": self.camera, "region": self.name, "tier": self.tier}
+        facts |= {"error": vars(self.error)}
+        if self.lower is not None:
+            facts["risen_from"] = vars(self.lower)
+        return facts if self.met is None else facts | {"met": self.met}
+
+    def __str__(self) -> str:
+        told = f"{self.camera}, {self.name}: tier {self.tier}, {TIERS[self.tier]}: {self.error}"
+        if self.lower is not None:
+            told += f", since the tier below gives {self.lower}"
+        return told if self.met is not False else f"{told}; misses the accuracy asked for"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """`tier` is the least tier wanted, `carriers` the tier that draws each camera, `bodies` whether instances must
+    be told apart and tracked. Of a camera that surfels draw, single regions may be at tier 3. `fit` is what a fit of
+    Gaussians said of itself, `warnings` what is wrong with the recording, `parts` the targets of which a part finer
+    than the masks is meant. `modelled`: an edit works on Gaussians, whatever shows what comes of it.
+    `assumed` is what the source does not say and edits go by, in sentences. `film` is what structure from motion said
+    of a video. `refine` is how many steps the edited Gaussians are tuned together, `refined` what came of it."""
+
+    tier: int
+    carriers: dict[str, int]
+    bodies: bool
+    regions: tuple[Region, ...] = ()
+    fit: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    parts: tuple[Target, ...] = ()
+    modelled: bool = False
+    assumed: tuple[str, ...] = ()
+    film: Mapping[str, Any] = field(default_factory=dict)
+    refine: int = 0
+    refined: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def gaussians(self) -> bool:
+        """Whether anything is shown by Gaussians, or made with them."""
+        tiers = [*self.carriers.values(), *(region.tier for region in self.regions)]
+        return self.modelled or any(tier >= 3 for tier in tiers)
+
+    @property
+    def blended(self) -> dict[str, frozenset[int]]:
+        """Handles that Gaussians show, by camera that surfels draw."""
+        shown: dict[str, frozenset[int]] = {}
+        for region in self.regions:
+            if region.tier == 3 and self.carriers[region.camera] == 1:
+                shown[region.camera] = shown.get(region.camera, frozenset()) | region.handles
+        return shown
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values for the report and for people."""
+        carriers = {name: f"tier {tier}, {TIERS[tier]}" for name, tier in self.carriers.items()}
+        regions = [region.describe() for region in self.regions]
+        facts: dict[str, Any] = {
+            "tier": self.tier,
+            "carriers": carriers,
+            "bodies": self.bodies,
+            "regions": regions,
+        }
+        facts |= {"fit": dict(self.fit)} if self.fit else {}
+        facts |= {"assumed": list(self.assumed)} if self.assumed else {}
+        facts |= {"film": dict(self.film)} if self.film else {}
+        facts |= {"refined": dict(self.refined)} if self.refined else {}
+        return facts | ({"warnings": list(self.warnings)} if self.warnings else {})
+
+    def cost(self, episode: Episode, copies: int) -> dict[str, float]:
+        """Estimated seconds and megabytes of `copies` edited episodes."""
+        seconds = SECONDS_BODIES * self.bodies + SECONDS_FIT * self.gaussians
+        seconds += SECONDS_FOUR * (4 in self.carriers.values())
+        size = 0.0
+        for name, view in episode.views.items():
+            megapixels = view.camera.width * view.camera.height * episode.length / 1e6
+            rate = SECONDS[self.carriers[name]] + SECONDS[3] * (name in self.blended)
+            seconds += megapixels * (SECONDS_READ + copies * rate)
+            size += copies * megapixels * BYTES_A_PIXEL
+        return {"seconds": round(seconds, 1), "megabytes": round(size, 1)}
+
+
+def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan:
+    """The plan for all these operators together, before anything is drawn.
+
+    Appearance edits stay in cameras where they were recorded: tier 0. A moved camera sees surfaces that its own
+    recording may lack: tier 1. Assets (tier 2) are shown by the surfels' z-buffer. `tier` is the least one wanted.
+    """
+    geometry = any(operator.effect & GEOMETRY for operator in operators)
+    targets = [getattr(operator, "target", None) for operator in operators]
+    parts = tuple(t for t in targets if isinstance(t, Target) and t.part is not None)
+    targeted = any(target is not None for target in targets)
+    carrier = _carrier(geometry, tier)
+    carriers = dict.fromkeys(episode.views, carrier)
+    modelled = any(operator.gaussians for operator in operators)
+    bodies = targeted or modelled or carrier > 0
+    parts = tuple(dict.fromkeys(parts))
+    return Plan(tier, carriers, bodies, _whole(carriers), parts=parts, modelled=modelled)
+
+
+def weigh(
+    plan: Plan,
+    regions: Mapping[str, frozenset[int]],
+    measured: Sequence[Residual],
+    accuracy: Accuracy,
+) -> Plan:
+    """The plan with each region at the lowest tier that meets `accuracy`, by what was measured of tier 1.
+
+    Where no tier is known to meet it, the lowest stays and the region says so. Cameras of which nothing was measured
+    keep their tier.
+    """
+    found = []
+    for name, carrier in plan.carriers.items():
+        here = [one for one in measured if one.camera == name]
+        if carrier != 1 or not here:
+            error = TABLE[carrier]
+            met = error.meets(accuracy)
+            found.append(Region(name, EVERYTHING, carrier, error, met=met))
+        found += [_weighed(one, regions[one.region], accuracy) for one in here if carrier == 1]
+    return replace(plan, carriers=_carriers(plan.carriers, found), regions=tuple(found))
+
+
+def fitted(plan: Plan, facts: Mapping[str, Any], measured: Sequence[Residual]) -> Plan:
+    """The plan with what a fit came to, and what was measured of its Gaussians in the recorded views.
+
+    A region that rose goes back where Gaussians show even what they were fitted to no better than surfels would.
+    """
+    errors = {(one.camera, one.region): _error(one) for one in measured}
+
+    def known(region: Region) -> Region:
+        if region.tier < 3:
+            return region
+        if region.name == EVERYTHING:
+            psnr = facts["per_camera_db"].get(region.camera)
+            return replace(region, error=Error(psnr, facts["depth_error_mm"], "fit"))
+        error = errors[region.camera, region.name]
+        assert region.lower is not None
+        if (error.psnr or 0.0) > (region.lower.psnr or 0.0):
+            return replace(region, error=replace(error, known="fit"))
+        return replace(region, tier=1, error=region.lower, lower=None, met=False)
+
+    regions = tuple(known(region) for region in plan.regions)
+    told = {name: facts[name] for name in FIT if name in facts}
+    return replace(plan, carriers=_carriers(plan.carriers, regions), regions=regions, fit=told)
+
+
+def settle(plan: Plan, scene: Scene) -> Plan:
+    """The plan of one edited scene: rendered anew is only what shows a move, of its camera or of bodies."""
+    edited = scene.recorded_bodies is not None
+    carriers = {}
+    for name, view in scene.episode.views.items():
+        moved = edited or scene.cameras[name] is not view.camera
+        carriers[name] = max(_carrier(moved, plan.tier), plan.carriers[name] if moved else 0)
+    kept = [
+        region for region in plan.regions if carriers[region.camera] == plan.carriers[region.camera]
+    ]
+    others = {name: tier for name, tier in carriers.items() if tier != plan.carriers[name]}
+    return replace(plan, carriers=carriers, regions=(*kept, *_whole(others)))
+
+
+def _whole(carriers: Mapping[str, int]) -> tuple[Region, ...]:
+    return tuple(Region(name, EVERYTHING, tier, TABLE[tier]) for name, tier in carriers.items())
+
+
+def _carriers(before: Mapping[str, int], regions: Sequence[Region]) -> dict[str, int]:
+    """What draws each camera: Gaussians where they show all of it, surfels where they show some."""
+    carriers = {}
+    for name in before:
+        tiers = {region.tier for region in regions if region.camera == name}
+        carriers[name] = tiers.pop() if len(tiers) == 1 else 1
+    return carriers
+
+
+def _error(one: Residual) -> Error:
+    return Error(round(one.psnr, 2), round(one.depth_mm, 3), "measured")
+
+
+def _weighed(one: Residual, handles: frozenset[int], accuracy: Accuracy) -> Region:
+    error = TABLE[1] if one.pixels < FEWEST else _error(one)
+    met = error.meets(accuracy)
+    if met or error.known != "measured" or not TABLE[3].meets(accuracy):
+        return Region(one.camera, one.region, 1, error, handles, met=met)
+    return Region(one.camera, one.region, 3, TABLE[3], handles, lower=error, met=True)
+
+
+def _carrier(moved: bool, tier: int) -> int:
+    if tier >= 3:
+        return tier
+    return 1 if moved or tier >= 1 else 0

@@ -1,0 +1,224 @@
+"""From an episode and a recipe to a scene in which its edits can be made, and the plan of who shows what."""
+
+import json
+import logging
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpaug.core import splits
+from rpaug.core.errors import RpaugError, Unsupported
+from rpaug.core.interfaces import Adapter, Edit, Operator
+from rpaug.core.types import Camera, Effect, Episode, Scene
+from rpaug.gaussians import fit_static_rgb
+from rpaug.pipeline import plan as planning
+from rpaug.pipeline import report, residuals
+from rpaug.pipeline.recipe import Recipe
+from rpaug.scene.build import build
+from rpaug.scene.instances import rgb_episode
+from rpaug.scene.tracking import arms, calibration
+from rpaug.scene.video import reconstruct
+from rpaug.scene.video.settings import VideoSettings
+from rpaug.scene.video.video_scene import VideoScene
+
+log = logging.getLogger(__name__)
+
+
+def operators(recipe: Recipe) -> list[Operator]:
+    """Every operator the recipe may use."""
+    return [option.operator for step in recipe.steps for option in step.options]
+
+
+def ground(scene: Scene, recipe: Recipe) -> None:
+    """See that the scene has what every edit of the recipe asks for. Raises TargetError, Unsupported.
+
+    What an episode without depth cannot give is refused here, naming operator, reason, and how to give it.
+    """
+    for step in recipe.steps:
+        for option in step.options:
+            try:
+                edit = option.operator.sample(scene, np.random.default_rng(0))
+                _showable(scene, option.operator, edit)
+            except Unsupported as error:
+                raise Unsupported(f"{option.name}: {error}{_how(scene, str(error))}") from None
+
+
+def _showable(scene: Scene, operator: Operator, edit: Edit) -> None:
+    """See that every camera can show what the edit comes to. Raises Unsupported."""
+    flat = [name for name, view in scene.episode.views.items() if view.depth is None]
+    if not flat or not operator.effect & planning.GEOMETRY:
+        return
+    edited = operator.apply(scene, json.loads(json.dumps(edit)))
+    carriers = planning.settle(planning.make([operator], scene.episode), edited).carriers
+    for name in flat:
+        if carriers[name] > 0:
+            raise Unsupported(
+                f"{name} would show what its images hide, and that takes depth, which this source lacks"
+            )
+
+
+def _how(scene: Scene, reason: str) -> str:
+    """How to give an episode the depth that it lacks, if that is what the reason is about."""
+    if "depth" not in reason or all(view.depth for view in scene.episode.views.values()):
+        return ""
+    return (
+        "; recorded depth is named in cameras.yaml (docs/rgb_only.md), a model that estimates it by the recipe's key"
+        " depth_model: torchscript:FILE"
+    )
+
+
+def made_ready(
+    episode: Episode,
+    recipe: Recipe,
+    tier: int,
+    scenes: Path | None = None,
+    watch: report.Stopwatch | None = None,
+    founder: Callable[[], Episode] | None = None,
+) -> tuple[Scene, planning.Plan]:
+    """Plan and build: errors are measured if the recipe states an accuracy, Gaussians fitted if the plan has any.
+
+    `founder` reads the episode whose static Gaussians are borrowed.
+    """
+    watch = watch or report.Stopwatch()
+    with watch("build"):
+        scene, plan = surveyed(episode, recipe, tier)
+    if not plan.gaussians:
+        return _with_parts(scene, plan), plan
+    with watch("fit"):
+        lender = _lender(founder, recipe)
+        scene, facts = _with_gaussians(scene, plan, scenes, lender)
+        risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
+        measured = residuals.of_gaussians(scene, risen)
+    return _with_parts(scene, plan), planning.fitted(plan, facts, measured)
+
+
+def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planning.Plan]:
+    """The recorded scene without Gaussians, and the plan with errors measured where the recipe asks for an accuracy."""
+    for operator in operators(recipe):
+        operator.ready()
+    plan = replace(planning.make(operators(recipe), episode, tier), refine=recipe.refine)
+    scene, plan = _built(episode, recipe, plan)
+    plan = replace(plan, assumed=rgb_episode.assumptions(scene.episode))
+    if plan.bodies and scene.back is None:
+        # Whatever looks at depth is misled by cameras that are not where they say they are.
+        off = tuple(map(str, calibration.check(episode)))
+        found = (*plan.warnings, *off, *arms.misfits(recipe.arms, episode.robot))
+        plan = replace(plan, warnings=found)
+    if recipe.accuracy is None:
+        return scene, plan
+    moved = {name: camera for name, camera in _moved(scene, recipe) if plan.carriers[name] == 1}
+    measured = residuals.measure(scene, moved) if moved else []
+    return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
+
+
+def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
+    """The recorded scene; where instances are asked for, that of a video by structure from motion if that succeeds."""
+    if plan.bodies and recipe.depth_model is None and reconstruct.unplaced(episode):
+        film, why = filmed(episode, recipe.video)
+        if film is not None:
+            return film.scene(), replace(plan, film=film.describe())
+        plan = replace(plan, warnings=(*plan.warnings, why))
+    known = arms.for_robot(recipe.arms, episode.robot) if plan.bodies else ()
+    made = build(episode, with_bodies=plan.bodies, arms=known, depth=recipe.depth_model)
+    return made, plan
+
+
+def filmed(episode: Episode, asked: VideoSettings | None = None) -> tuple[VideoScene | None, str]:
+    """A video of one moving camera as a film, or why there is none."""
+    try:
+        return reconstruct.develop(episode, asked, progress=told_of(episode.key)), ""
+    except Unsupported as error:
+        return None, f"{error}; its images alone are gone by"
+
+
+def told_of(key: str) -> reconstruct.Progress:
+    """Tells a log how far a video is: minutes pass."""
+    return lambda share, what: log.info("%s: %.0f %% (%s)", key, 100 * share, what)
+
+
+def planned(episode: Episode, recipe: Recipe, tier: int) -> planning.Plan:
+    """The plan, with no more work than it takes: images are looked at only where the recipe asks for an accuracy, and
+    where nothing but images tells what there is; then what cannot be done is refused as it would be later."""
+    made = planning.make(operators(recipe), episode, tier)
+    alone = made.bodies and rgb_episode.lacking(episode)
+    if recipe.accuracy is None and not alone:
+        return made
+    scene, made = surveyed(episode, recipe, tier)
+    if alone:
+        ground(scene, recipe)
+    return made
+
+
+def _moved(scene: Scene, recipe: Recipe) -> Iterator[tuple[str, Camera]]:
+    """Where one draw of the recipe's camera edits puts cameras."""
+    edited = scene
+    for operator in operators(recipe):
+        if operator.effect & Effect.CAMERA:
+            edit = operator.sample(scene, np.random.default_rng(0))
+            edited = operator.apply(edited, json.loads(json.dumps(edit)))
+    for name, camera in edited.cameras.items():
+        if camera is not scene.cameras[name]:
+            yield name, camera
+
+
+def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -> Scene:
+    """The recorded scene with what the plan asks for, Gaussians among it: from the store `scenes`, or fitted."""
+    scene = build(episode, with_bodies=plan.bodies)
+    scene = _with_gaussians(scene, plan, scenes)[0] if plan.gaussians else scene
+    return _with_parts(scene, plan)
+
+
+def _lender(founder: Callable[[], Episode] | None, recipe: Recipe) -> Scene | None:
+    if founder is None:
+        return None
+    episode = founder()
+    return build(episode, with_bodies=True, arms=arms.for_robot(recipe.arms, episode.robot))
+
+
+def _with_gaussians(
+    scene: Scene, plan: planning.Plan, scenes: Path | None, lender: Scene | None = None
+) -> tuple[Scene, Mapping[str, Any]]:
+    if isinstance(scene.back, VideoScene):
+        from rpaug.gaussians import fit_video  # only here: it brings torch and the rasteriser
+
+        return fit_video.kept(scene, scene.back, scenes)
+    from rpaug.gaussians import cached  # only here: it brings torch and the rasteriser
+
+    fitted = cached.fitted_in_time if plan.tier >= 4 else cached.fitted
+    return fit_static_rgb.fitted(scene, lambda one: fitted(one, scenes, founder=lender))
+
+
+def founders(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str]:
+    """For each of these episodes that may borrow static Gaussians the one that lends them.
+
+    That is the first episode of its place in its split of the whole dataset, in natural order: whatever was selected
+    or fitted before, and in whatever order, it is the same. The first itself, and what cannot be read, is left out.
+    """
+    from rpaug.gaussians import sharing  # only here: it brings torch and the rasteriser
+
+    first: dict[tuple[str | None, str], str] = {}
+    found, wanted = {}, set(keys)
+    for key in adapter.episodes(root):
+        try:
+            where = sharing.place(adapter.read(root, key))
+        except RpaugError:
+            continue  # told when its turn comes
+        if where is None:
+            continue
+        # Pixels of one split never come into another.
+        lender = first.setdefault((splits.kind(key), where), key)
+        if lender != key and key in wanted:
+            found[key] = lender
+    return found
+
+
+def _with_parts(scene: Scene, plan: planning.Plan) -> Scene:
+    """The scene in which targets finer than the masks have handles of their own."""
+    if not plan.parts:
+        return scene
+    from rpaug.gaussians import parts  # only here: it brings torch and the rasteriser
+
+    return parts.told(scene, plan.parts)

@@ -1,0 +1,259 @@
+"""The recipe: what to change, how often, from which seed. YAML in, validated operators out."""
+
+import fnmatch
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+from rpaug.core import registry
+from rpaug.core.errors import BadRecipe, RpaugError
+from rpaug.core.files import read_bytes
+from rpaug.core.interfaces import Operator
+from rpaug.pipeline.gates import Gates
+from rpaug.pipeline.recipe_errors import Faults
+from rpaug.pipeline.recipe_yaml import Path_, kind_of, override, parse
+from rpaug.scene.video.settings import VideoSettings
+
+MAX_BYTES = 2**20
+DEFAULT_VIDEO = VideoSettings()
+
+
+class Select(BaseModel):
+    """Which episodes to take: `episodes` are shell patterns on keys, `limit` the first so many of them."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    episodes: list[str] = ["*"]
+    limit: Annotated[int, Field(ge=1)] | None = None
+
+    def __call__(self, keys: Sequence[str]) -> list[str]:
+        """The selected keys, in order."""
+        taken = [k for k in keys if any(fnmatch.fnmatchcase(k, p) for p in self.episodes)]
+        return taken[: self.limit]
+
+
+class Accuracy(BaseModel):
+    """How good rendered regions shall be: at least `psnr` dB, and a median depth error of at most `depth_mm`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    psnr: Annotated[float, Field(gt=0, le=100)] | None = None
+    depth_mm: Annotated[float, Field(gt=0)] | None = None
+
+
+class _Top(BaseModel):
+    """The keys of a recipe file; each entry of `edits` is validated by its own operator."""
+
+    model_config = ConfigDict(extra="forbid", title="rpaug recipe")
+
+    version: Annotated[int, Field(ge=1, le=1, strict=True)]
+    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
+    copies: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 1
+    keep_originals: bool = False
+    select: Select = Select()
+    accuracy: Accuracy | None = None
+    arms: list[Path] = []
+    depth_model: str | None = None
+    video: VideoSettings = VideoSettings()
+    refine: Annotated[int, Field(ge=0, le=10_000, strict=True)] = 0
+    edits: list[dict[str, Any]] = []
+    gates: Gates | None = None
+
+
+class _Chance(BaseModel):
+    """What every entry of `edits` may carry beside its operator's own fields."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    probability: Annotated[float, Field(ge=0, le=1)] = 1.0
+
+
+class _Weight(BaseModel):
+    """What every alternative of a `one_of` may carry."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    weight: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+
+
+@dataclass(frozen=True)
+class Option:
+    """One operator with its fields as the recipe gave them, and its weight among its alternatives."""
+
+    name: str
+    fields: dict[str, Any]
+    operator: Operator
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Step:
+    """One entry of `edits`: taken with `probability`, as one of `options`."""
+
+    options: tuple[Option, ...]
+    probability: float = 1.0
+
+    def draw(self, chance: float, rng: np.random.Generator) -> Option | None:
+        """The option of this draw, or None if the step is skipped: `chance` is drawn from U[0, 1)."""
+        if chance >= self.probability:
+            return None
+        weights = np.array([option.weight for option in self.options])
+        return self.options[int(rng.choice(len(self.options), p=weights / weights.sum()))]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A validated recipe. `source` is the plain data it was made from, as the report stores it."""
+
+    seed: int
+    copies: int
+    keep_originals: bool
+    select: Select
+    steps: tuple[Step, ...]
+    source: dict[str, Any]
+    gates: Gates | None = None
+    accuracy: Accuracy | None = None
+    arms: tuple[Path, ...] = ()  # URDF or MJCF files
+    depth_model: str | None = None  # for episodes without depth
+    video: VideoSettings = field(default_factory=VideoSettings)  # for videos of one moving camera
+    refine: int = 0  # steps of the joint fine-tune, where Gaussians show all
+
+    def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
+        """The random stream of one step for one copy of one episode: the same in any order, on any worker.
+
+        A copy that failed its gates is drawn again with the next `attempt`. `key` is relative to the dataset's root:
+        two datasets with the same keys draw alike under one seed.
+        """
+        name = int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8).digest(), "little")
+        again = [attempt] if attempt else []
+        return np.random.default_rng([self.seed, name, copy, step, *again])
+
+
+def load(path: Path, overrides: Sequence[str] = ()) -> Recipe:
+    """The recipe in a YAML file, with `a.b=c` overrides applied. Raises BadRecipe with file, line and key."""
+    data = read_bytes(path)
+    if len(data) > MAX_BYTES:
+        raise BadRecipe(f"{path}: found {len(data)} bytes; expected at most {MAX_BYTES}")
+    tree, lines = parse(data, str(path))
+    for told in overrides:
+        override(tree, told)
+    return build(tree, name=str(path), lines=lines)
+
+
+def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = None) -> Recipe:
+    """The recipe of plain data. Raises BadRecipe naming every fault by line (if known) and key."""
+    faults = Faults(name, lines or {})
+    if not isinstance(tree, dict):
+        faults.add((), f"found {kind_of(tree)}; expected keys such as version, seed, edits")
+        faults.raise_any()
+    top = faults.check((), _Top, tree)
+    entries = tree.get("edits") if isinstance(tree.get("edits"), list) else []
+    steps = [_step(faults, ("edits", i), entry) for i, entry in enumerate(entries or [])]
+    faults.raise_any()
+    assert top is not None
+    return Recipe(
+        seed=top.seed,
+        copies=top.copies,
+        keep_originals=top.keep_originals,
+        select=top.select,
+        steps=tuple(step for step in steps if step),
+        source=json.loads(json.dumps(tree)),
+        gates=top.gates,
+        accuracy=top.accuracy,
+        arms=tuple(top.arms),
+        depth_model=top.depth_model,
+        video=top.video,
+        refine=top.refine,
+    )
+
+
+def option(name: str, fields: dict[str, Any]) -> Option:
+    """An operator made from its recipe fields. Raises BadRecipe."""
+    faults = Faults(name, {})
+    made = _option(faults, (), {"op": name, **fields})
+    faults.raise_any()
+    assert made is not None
+    return made
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema of recipe files, with every installed operator's fields."""
+    top = _Top.model_json_schema()
+    definitions = top.setdefault("$defs", {})
+    names: list[dict[str, str]] = []
+    alternatives: list[dict[str, str]] = []
+    chance = {"probability": {"type": "number", "minimum": 0, "maximum": 1, "default": 1.0}}
+    weight = {"weight": {"type": "number", "exclusiveMinimum": 0, "maximum": 1e6, "default": 1.0}}
+    for name in registry.operator_names():
+        fields = TypeAdapter(registry.operator(name)).json_schema(ref_template="#/$defs/{model}")
+        definitions.update(fields.pop("$defs", {}))
+        fields["required"] = ["op", *fields.get("required", [])]
+        for kind, extra, group in (("op", chance, names), ("one_of", weight, alternatives)):
+            properties = {"op": {"const": name}} | extra | fields.get("properties", {})
+            definitions[f"{kind}_{name}"] = fields | {"properties": properties}
+            group.append({"$ref": f"#/$defs/{kind}_{name}"})
+    definitions["one_of"] = {
+        "type": "object",
+        "properties": {"one_of": {"type": "array", "items": {"oneOf": alternatives}, "minItems": 1}}
+        | chance,
+        "required": ["one_of"],
+        "additionalProperties": False,
+    }
+    top["properties"]["edits"] = {
+        "type": "array",
+        "items": {"oneOf": [*names, {"$ref": "#/$defs/one_of"}]},
+        "default": [],
+    }
+    return top
+
+
+def _step(faults: Faults, path: Path_, entry: Any) -> Step | None:
+    if not isinstance(entry, dict):
+        faults.add(path, f"found {kind_of(entry)}; expected a mapping with `op` or `one_of`")
+        return None
+    chance = faults.check(path, _Chance, {k: v for k, v in entry.items() if k == "probability"})
+    rest = {k: v for k, v in entry.items() if k != "probability"}
+    if "one_of" not in entry:
+        options = [_option(faults, path, rest)]
+    else:
+        for key in rest.keys() - {"one_of"}:
+            faults.add((*path, key), "unknown key; beside one_of only probability is known")
+        choices = entry["one_of"]
+        if not isinstance(choices, list) or not choices:
+            faults.add((*path, "one_of"), f"found {kind_of(choices)}; expected a list of edits")
+            return None
+        options = [_alternative(faults, (*path, "one_of", i), one) for i, one in enumerate(choices)]
+    made = tuple(option for option in options if option)
+    return Step(made, chance.probability) if chance and made else None
+
+
+def _alternative(faults: Faults, path: Path_, entry: Any) -> Option | None:
+    if not isinstance(entry, dict):
+        return _option(faults, path, entry)
+    weight = faults.check(path, _Weight, {k: v for k, v in entry.items() if k == "weight"})
+    made = _option(faults, path, {k: v for k, v in entry.items() if k != "weight"})
+    return replace(made, weight=weight.weight) if made and weight else None
+
+
+def _option(faults: Faults, path: Path_, entry: Any) -> Option | None:
+    if not isinstance(entry, dict) or not isinstance(entry.get("op"), str):
+        faults.add(path, f"found {kind_of(entry)} without `op`; expected one of: {_names()}")
+        return None
+    fields = {k: v for k, v in entry.items() if k != "op"}
+    try:
+        kind = registry.operator(entry["op"])
+    except RpaugError as error:
+        faults.add((*path, "op"), str(error))
+        return None
+    operator = faults.check(path, kind, fields)
+    return Option(entry["op"], fields, operator) if operator is not None else None
+
+
+def _names() -> str:
+    return ", ".join(registry.operator_names())

@@ -1,0 +1,63 @@
+"""A recipe's YAML as plain data, with the line of every key, and keys set from outside."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import yaml
+
+from rpaug.core import safe_yaml as plain_yaml
+from rpaug.core.errors import BadRecipe
+
+MOST = 20_000  # values, aliases written out
+
+Path_ = tuple[str | int, ...]
+
+
+def parse(data: bytes, name: str) -> tuple[Any, dict[Path_, int]]:
+    """Plain data and the line of every key. Raises BadRecipe, naming file and line."""
+    try:
+        tree, node = plain_yaml.load(data, MOST)
+    except plain_yaml.NotPlain as error:
+        raise BadRecipe(f"{name}:{error.line or '?'}: {error}") from None
+    return tree, dict(_lines(node)) if node is not None else {(): 1}
+
+
+def _lines(root: yaml.Node) -> Iterator[tuple[Path_, int]]:
+    waiting: list[tuple[yaml.Node, Path_]] = [(root, ())]
+    while waiting:
+        node, path = waiting.pop()
+        yield path, node.start_mark.line + 1
+        if isinstance(node, yaml.MappingNode):
+            waiting += [(value, (*path, str(key.value))) for key, value in node.value]
+        elif isinstance(node, yaml.SequenceNode):
+            waiting += [(value, (*path, i)) for i, value in enumerate(node.value)]
+
+
+def override(tree: Any, told: str) -> None:
+    """Apply `edits.0.color=red` to plain data. Raises BadRecipe."""
+    dotted_path, equals, text = told.partition("=")
+    if not equals or not dotted_path:
+        raise BadRecipe(f"--set {told}: expected key.path=value")
+    *parents, last = dotted_path.split(".")
+    here = tree
+    try:
+        for part in parents:
+            here = here[int(part)] if isinstance(here, list) else here.setdefault(part, {})
+        value, _ = plain_yaml.load(text.encode(), MOST)
+        if isinstance(here, list):
+            here[int(last)] = value
+        elif isinstance(here, dict):
+            here[last] = value
+        else:
+            raise BadRecipe(
+                f"--set {told}: {'.'.join(parents)} holds {kind_of(here)}, not a mapping or list"
+            )
+    except (ValueError, IndexError, AttributeError):
+        raise BadRecipe(f"--set {told}: no such place in the recipe, or not a value") from None
+
+
+def kind_of(value: Any) -> str:
+    """A value in a few words."""
+    return {dict: "a mapping", list: "a list", type(None): "nothing"}.get(
+        type(value), repr(value)[:60]
+    )

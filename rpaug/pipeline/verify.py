@@ -1,0 +1,343 @@
+"""Check an augmented dataset against its source: what must not have changed, and what trips its readers."""
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal
+
+import numpy as np
+
+from rpaug.core import registry, splits
+from rpaug.core.errors import BadInput, RpaugError
+from rpaug.core.files import REJECTED
+from rpaug.core.interfaces import Adapter
+from rpaug.core.types import CameraView, Effect, Episode
+from rpaug.pipeline import compare_layouts, compare_report, report
+from rpaug.scene.tracking import agreement
+
+LOOKED_AT = 6  # frames of each episode whose images are compared, evenly spread
+SLACK = 2.0  # millimetres by which cameras may agree worse than they were recorded to
+# Shares of a camera's points that another sees: what is worth comparing, and how much of it an edit may cost.
+SEEN, LOST = 0.02, 0.2
+Level = Literal["bad", "note"]
+KINDS = {Effect.RGB: "rgb", Effect.DEPTH: "depth", Effect.MASK: "ids"}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found wrong, or worth knowing."""
+
+    level: Level
+    episode: str
+    topic: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """All findings, how many episodes were compared, and colour statistics of both datasets, 0 to 255.
+
+    Images were compared in `frames` frames of each episode, None for all.
+    """
+
+    episodes: int
+    findings: tuple[Finding, ...]
+    statistics: dict[str, dict[str, float]]
+    frames: int | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing bad was found."""
+        return not any(finding.level == "bad" for finding in self.findings)
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values."""
+        findings = [asdict(finding) for finding in self.findings]
+        return {
+            "passed": self.passed,
+            "episodes": self.episodes,
+            "frames": "all" if self.frames is None else self.frames,
+            "findings": findings,
+            "statistics": self.statistics,
+        }
+
+
+def verify(
+    target: Path,
+    source: Path,
+    *,
+    frames: int | None = LOOKED_AT,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Verdict:
+    """Compare every episode with the one that its report names. Images are compared in `frames` frames, None for all.
+
+    Raises BadInput where either folder holds no dataset, or the source is not what any episode was made from.
+    """
+    adapter = registry.adapter_for(target)
+    keys = list(adapter.episodes(target))
+    theirs = registry.adapter_for(source)
+    known = set(theirs.episodes(source))
+    reports = {key: report.of(target / key) for key in keys}
+    _related(target, source, reports.values(), known)
+    findings = [*_numbering(adapter, keys), *_counts(target, keys)]
+    findings += [Finding("bad", ".", "dataset", words) for words in adapter.faults(target)]
+    tallies = {"rgb, source": _Tally(), "rgb, output": _Tally()}
+    for number, key in enumerate(keys):
+        progress(number, len(keys))
+        try:
+            made = adapter.read(target, key)
+            told = reports[key]
+            if told is None or not {"source", "draws"} <= told.keys():
+                spoilt = (target / key / report.NAME).exists()
+                words = f"no {report.NAME} of a copy or a conversion: rpaug did not make it"
+                if spoilt:
+                    words = f"{report.NAME} is spoilt: expected JSON with source and draws in it"
+                findings.append(Finding("bad", key, "report", words))
+                continue
+            if told["source"] not in known:
+                words = f"made from {told['source']}, which is not in {source}"
+                findings.append(Finding("bad", key, "source", words))
+                continue
+            recorded = theirs.read(source, told["source"])
+        except RpaugError as error:
+            findings.append(Finding("bad", key, "reading", str(error)))
+            continue
+        findings += _leak(key, told)
+        if told.get("converted"):
+            times = _times(made.length, frames)
+            findings += [
+                Finding(*one) for one in compare_layouts.compare(key, recorded, made, times)
+            ]
+        else:
+            findings += compare(key, recorded, made, told, frames)
+        for name, episode in zip(tallies, (recorded, made), strict=True):
+            tallies[name].add(episode, frames)
+        findings += [Finding("note", key, "reader", words) for words in adapter.traps(made)]
+    progress(len(keys), len(keys))
+    statistics = {name: tally.figures() for name, tally in tallies.items()}
+    return Verdict(len(keys), _merged(findings), statistics, frames)
+
+
+def _related(
+    target: Path, source: Path, reports: Iterable[dict[str, Any] | None], known: Set[str]
+) -> None:
+    """See that some episode was made from one of the source. Raises BadInput."""
+    named = [told["source"] for told in reports if told and isinstance(told.get("source"), str)]
+    if named and not known & set(named):
+        found = f"no episode that {target} was made from ({named[0]}, ...)"
+        raise BadInput(source, "--against", found=found, expected="the dataset that was the source")
+
+
+def compare(
+    key: str, recorded: Episode, made: Episode, told: dict[str, Any], frames: int | None = LOOKED_AT
+) -> Iterator[Finding]:
+    """What differs between an episode and its source that the edits in its report do not account for."""
+    allowed = _allowed(told)
+    if made.length != recorded.length:
+        yield Finding(
+            "bad", key, "length", f"{made.length} frames, recorded were {recorded.length}"
+        )
+        return
+    yield from _robot(key, recorded, made)
+    told_words = tuple((told.get("words") or {}).get("written", recorded.descriptions))
+    if not allowed & Effect.WORDS and made.descriptions != told_words:
+        yield Finding(
+            "bad",
+            key,
+            "instruction",
+            f"found {list(made.descriptions)}; expected {list(told_words)}",
+        )
+    if list(made.views) != list(recorded.views):
+        yield Finding(
+            "bad", key, "cameras", f"{list(made.views)}, recorded were {list(recorded.views)}"
+        )
+        return
+    for name, view in made.views.items():
+        yield from _camera(
+            key, name, recorded.views[name], view, allowed, _times(made.length, frames)
+        )
+    if allowed & Effect.RGB:
+        times = _times(made.length, frames)
+        yield from (
+            Finding(*one) for one in compare_report.compare(key, recorded, made, told, times)
+        )
+    yield from _agreement(key, recorded, made, _times(made.length, frames))
+    if told.get("synthetic") and allowed & Effect.RGB and not _shown(recorded, made, frames):
+        words = "no pixel differs in the frames compared, though the episode is called synthetic"
+        yield Finding("note", key, "statistics", words)
+
+
+def _shown(recorded: Episode, made: Episode, frames: int | None) -> bool:
+    """Whether any image differs."""
+    return any(
+        view.rgb is not recorded.views[name].rgb
+        and not np.array_equal(view.rgb(t), recorded.views[name].rgb(t))
+        for name, view in made.views.items()
+        for t in _times(made.length, frames)
+    )
+
+
+def _allowed(told: dict[str, Any]) -> Effect:
+    """All that the edits of a report may change."""
+    allowed = Effect.NONE
+    for draw in told["draws"]:
+        if not draw.get("skipped"):
+            allowed |= registry.operator(draw["op"]).effect
+    return allowed
+
+
+def _robot(key: str, recorded: Episode, made: Episode) -> Iterator[Finding]:
+    for field in fields(recorded.robot):
+        old, new = getattr(recorded.robot, field.name), getattr(made.robot, field.name)
+        if field.name == "extra":
+            same = old.keys() == new.keys() and all(
+                np.array_equal(old[name], new[name]) for name in old
+            )
+        else:
+            same = (old is None) == (new is None) and (old is None or np.array_equal(old, new))
+        if not same:
+            yield Finding("bad", key, "robot", f"{field.name} is not bit for bit as recorded")
+
+
+def _camera(
+    key: str,
+    name: str,
+    recorded: CameraView,
+    made: CameraView,
+    allowed: Effect,
+    times: Sequence[int],
+) -> Iterator[Finding]:
+    old, new = recorded.camera, made.camera
+    if (old.width, old.height) != (new.width, new.height):
+        found = f"{new.width}x{new.height}, recorded was {old.width}x{old.height}"
+        yield Finding("bad", key, "size", f"{name}: {found}")
+        return
+    moved = not (
+        np.array_equal(old.K, new.K) and np.array_equal(old.cam_to_world, new.cam_to_world)
+    )
+    if moved and not allowed & Effect.CAMERA:
+        yield Finding("bad", key, "camera", f"{name}: moved, and no edit moves cameras")
+    for effect, kind in KINDS.items():
+        before, after = getattr(recorded, kind), getattr(made, kind)
+        if (before is None) != (after is None):
+            yield Finding(
+                "bad", key, kind, f"{name}: {'gone' if after is None else 'never recorded'}"
+            )
+        elif before is not None:
+            yield from _images(key, f"{name} {kind}", before, after, bool(allowed & effect), times)
+
+
+def _images(
+    key: str,
+    name: str,
+    before: Callable[[int], np.ndarray],
+    after: Callable[[int], np.ndarray],
+    edited: bool,
+    times: Sequence[int],
+) -> Iterator[Finding]:
+    for t in times:
+        old, new = before(t), after(t)
+        if (old.shape, old.dtype) != (new.shape, new.dtype):
+            kind = f"{new.dtype} {new.shape}, recorded was {old.dtype} {old.shape}"
+            yield Finding("bad", key, "kind of image", f"{name}, frame {t}: {kind}")
+            return
+        if not edited and not np.array_equal(old, new):
+            share = 100 * float((old != new).mean())
+            message = f"{name}, frame {t}: {share:.2f} % differ, and no edit changes that"
+            yield Finding("bad", key, "untouched images", message)
+            return
+
+
+def _agreement(
+    key: str, recorded: Episode, made: Episode, times: Sequence[int]
+) -> Iterator[Finding]:
+    """Do depth and cameras still say the same of each point, camera by camera?"""
+    after = agreement.by_pair(made.views, times)
+    for pair, (apart, share) in agreement.by_pair(recorded.views, times).items():
+        if any(made.views[name].depth is None for name in pair):
+            continue  # said already
+        now, left = after.get(pair, (0.0, 0.0))
+        if now > apart + SLACK or (share > SEEN and left < LOST * share):
+            words = (
+                f"{now:.2f} mm apart, recorded {apart:.2f} mm; {100 * left:.1f} % of the first's points agree, "
+                f"recorded {100 * share:.1f} %: depth or cameras are stale"
+            )
+            yield Finding("bad", key, "depth and cameras", f"{' and '.join(pair)}: {words}")
+
+
+def _numbering(adapter: Adapter, keys: Sequence[str]) -> Iterator[Finding]:
+    """Readers walk the numbers of a group until one is missing."""
+    groups: dict[str, int] = {}
+    for key in keys:
+        group = PurePosixPath(adapter.key_at(key, 0)).parent.as_posix()
+        wanted = adapter.key_at(key, groups.get(group, 0))
+        groups[group] = groups.get(group, 0) + 1
+        if wanted != key and _stem(wanted) == _stem(key):
+            yield Finding("bad", key, "numbering", f"expected {wanted}: readers stop at a gap")
+
+
+def _counts(target: Path, keys: Sequence[str]) -> Iterator[Finding]:
+    """As many episodes as the run that made them counted."""
+    try:
+        told = json.loads((target / report.SUMMARY).read_bytes()).get("copies")
+    except (OSError, ValueError, AttributeError):
+        return
+    held = sum(PurePosixPath(key).parts[0] != REJECTED for key in keys)
+    if isinstance(told, int) and told != held:
+        yield Finding("bad", ".", "counts", f"{held} episodes; {report.SUMMARY} counted {told}")
+
+
+def _stem(key: str) -> str:
+    return key.rstrip("0123456789")
+
+
+def _leak(key: str, told: dict[str, Any]) -> Iterator[Finding]:
+    """A copy stays in its source's split, or what is trained on has seen what is tested on."""
+    mine, theirs = splits.kind(key), splits.kind(told["source"])
+    if told.get("converted") and theirs is None:  # layouts that have splits call all of it train
+        theirs = "train" if mine else None
+    if mine != theirs:
+        yield Finding("bad", key, "splits", f"made from {told['source']}, of another split")
+
+
+def _times(length: int, frames: int | None) -> list[int]:
+    every = np.arange(length) if frames is None else np.linspace(0, length - 1, frames).round()
+    return sorted({int(t) for t in every})
+
+
+def _merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """The same words about many episodes are said once, with their number."""
+    several: dict[tuple[Level, str, str], list[str]] = {}
+    for one in findings:
+        several.setdefault((one.level, one.topic, one.message), []).append(one.episode)
+    found = []
+    for (level, topic, message), keys in several.items():
+        where = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} more"
+        found.append(Finding(level, where, topic, message))
+    return tuple(found)
+
+
+class _Tally:
+    """Mean and spread of colours, summed up image by image; one all black stands for a camera that is not there."""
+
+    def __init__(self) -> None:
+        self._count, self._sum, self._squares = 0, np.zeros(3), np.zeros(3)
+
+    def add(self, episode: Episode, frames: int | None) -> None:
+        for view in episode.views.values():
+            for t in _times(episode.length, frames):
+                image = view.rgb(t).reshape(-1, 3).astype(np.float64)
+                if not image.any():
+                    continue
+                self._count += len(image)
+                self._sum += image.sum(0)
+                self._squares += (image**2).sum(0)
+
+    def figures(self) -> dict[str, float]:
+        if not self._count:
+            return {}
+        mean = self._sum / self._count
+        spread = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0))
+        values = {"red": mean[0], "green": mean[1], "blue": mean[2], "spread": spread.mean()}
+        return {name: round(float(value), 2) for name, value in values.items()}

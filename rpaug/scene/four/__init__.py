@@ -1,1 +1,0 @@
-"""Gaussians in space and time, for what no rigid motion explains."""

@@ -1,0 +1,1 @@
+"""Instances that no mask names: found by motion, or by colour in recordings of colour images alone."""

@@ -1,0 +1,175 @@
+"""Scenes of colour images alone: what an episode without depth and masks shows, told by colour and motion.
+
+Handles are found, never recorded, and a stage stands in for depth: both serve the scene, and neither is written.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float32, Int32
+
+from rpaug.core.errors import Unsupported
+from rpaug.core.types import Body, Camera, CameraView, Episode, ProxyGeometry
+from rpaug.scene.instances import ground_plane, rgb_things
+from rpaug.scene.instances.rgb_things import CameraInstanceMap
+
+if TYPE_CHECKING:
+    from rpaug.providers.depth import DepthModel
+
+KEPT = 64  # labelled frames of one camera
+UNTOLD = (
+    "what was moved has its surroundings' colours, and nothing tells its outline where it rested: it is no target and "
+    "is left alone; record depth or masks"
+)
+
+
+@dataclass(frozen=True)
+class Found:
+    """The episode with found handles and stand-ins, its bodies and its roles."""
+
+    episode: Episode
+    bodies: tuple[Body, ...]
+    roles: Mapping[str, frozenset[int]]
+
+
+def lacking(episode: Episode) -> bool:
+    """Is this an episode of several frames without any masks, and without depth in some camera?"""
+    views = episode.views.values()
+    unmasked = not any(view.ids for view in views)
+    return unmasked and not all(view.depth for view in views) and episode.length > 1
+
+
+def find(episode: Episode, depth: str | None = None) -> Found:
+    """Look at a `lacking` episode. Every camera gets handles; one that stands still gets a stage too.
+
+    With a model of `depth` it gets that instead. Raises Unsupported for several such cameras whose places are unknown.
+    """
+    seen = rgb_things.find(episode)
+    views = {name: _view(episode, seen, name) for name in episode.views}
+    if depth is not None:
+        views |= _deep(episode, seen, views, depth)
+    still = np.tile(np.eye(4), (episode.length, 1, 1))
+    unsteady = seen.moving | seen.manipulated
+    bodies = tuple(
+        Body(
+            frozenset([handle]),
+            still,
+            "unknown" if handle in unsteady else "static",
+            ambiguous=handle in unsteady,
+        )
+        for handle in sorted(seen.handles)
+    )
+    return Found(replace(episode, views=views), bodies, seen.roles)
+
+
+def assumptions(episode: Episode) -> tuple[str, ...]:
+    """What was assumed about the cameras of an episode that `find` looked at; empty for any other."""
+    told = [
+        f"{name}: {sentence}"
+        for name, view in episode.views.items()
+        if view.stand_in is not None
+        for sentence in view.stand_in.assumed
+    ]
+    return tuple(told)
+
+
+def _view(episode: Episode, seen: CameraInstanceMap, name: str) -> CameraView:
+    view, part = episode.views[name], seen.cameras[name]
+
+    @lru_cache(KEPT)
+    def ids(t: int) -> Int32[np.ndarray, "h w"]:
+        return seen.ids(name, view.rgb(t))
+
+    drop = part.backdrop
+    if drop.dead:
+        told = ("shows nothing, and nothing is put into it",)
+        stand_in = ProxyGeometry(view.camera, None, told, blank=True)
+    elif not drop.still:
+        stand_in = ProxyGeometry(
+            view.camera, None, ("moves, so that things in it are told by their colour alone",)
+        )
+    else:
+        support = np.isin(part.resting, list(seen.support))
+        around = np.isin(part.resting, list(seen.background))
+        made = ground_plane.of(view.camera, support, around)
+        assumed = _assumed(view.camera, episode.length)
+        untold = (UNTOLD,) if part.came is not None else ()
+        stand_in = ProxyGeometry(
+            view.camera, made.depth, (*assumed, *untold), untold="".join(untold)
+        )
+        view = replace(view, camera=made.camera)
+    return replace(view, ids=ids, inferred=True, stand_in=stand_in)
+
+
+def _deep(
+    episode: Episode, seen: CameraInstanceMap, views: Mapping[str, CameraView], named: str
+) -> dict[str, CameraView]:
+    """The views of cameras that stand still, with the depth that a model gives."""
+    from rpaug.providers import depth as providers  # only here: it brings torch
+
+    model = providers.depth(named)
+    still = {
+        name: view
+        for name, view in views.items()
+        if view.stand_in and view.stand_in.depth is not None
+    }
+    lost = [name for name in still if not episode.views[name].camera.placed]
+    if len(still) > 1 and lost:
+        raise Unsupported(
+            f"depth_model: nothing says where {', '.join(lost)} stand to one another: give cam_to_world for each in "
+            f"cameras.yaml, or name the one camera to edit there (views: [{lost[0]}])"
+        )
+    return {name: _modelled(episode, seen, name, view, model) for name, view in still.items()}
+
+
+def _modelled(
+    episode: Episode, seen: CameraInstanceMap, name: str, view: CameraView, model: "DepthModel"
+) -> CameraView:
+    """The backdrop's depth where nothing changed, and each frame's own elsewhere, scaled to agree around it."""
+    part = seen.cameras[name]
+    recorded = episode.views[name].camera
+    support = np.isin(part.resting, list(seen.support))
+    behind = model(part.backdrop.image)
+    if model.relative:
+        inside = behind[support] if support.any() else behind
+        behind = behind * np.float32(ground_plane.DISTANCE / np.median(inside))
+    made = ground_plane.on(recorded, support, behind.astype(np.float32))
+
+    @lru_cache(KEPT)
+    def depth(t: int) -> Float32[np.ndarray, "h w"]:
+        image = view.rgb(t)
+        changed = part.backdrop.changed(image)
+        if not changed.any():
+            return made.depth
+        now = model(image)
+        factor = np.median(made.depth[~changed] / np.maximum(now[~changed], 1e-6))
+        return np.where(changed, now * factor, made.depth).astype(np.float32)
+
+    assert view.stand_in is not None
+    focal = [s for s in view.stand_in.assumed if "level support" not in s]
+    told = (
+        *focal,
+        "depth guessed by a model"
+        + (f", its scale by a support {ground_plane.DISTANCE:g} m away" if model.relative else ""),
+    )
+    stand_in = ProxyGeometry(recorded, made.depth, told, modelled=True)
+    return replace(view, camera=made.camera, depth=depth, stand_in=stand_in)
+
+
+def _assumed(camera: Camera, length: int) -> tuple[str, ...]:
+    told = [f"instances told by colour, and by motion against the median of {length} frames"]
+    if camera.assumed:
+        told.append(
+            f"focal length of {camera.K[0, 0]:.0f} px assumed; cameras.yaml takes K or field_of_view"
+        )
+    if camera.placed:
+        told.append("the support is taken to be level and at z = 0 of the world its pose is in")
+    else:
+        told.append(
+            f"taken to look down on a level support by {np.degrees(ground_plane.TILT):.0f} degrees, from "
+            f"{ground_plane.DISTANCE:g} m; cameras.yaml takes cam_to_world, z up, the support at z = 0"
+        )
+    return tuple(told)

@@ -1,0 +1,175 @@
+"""What an episode of colour images alone shows: a support, things on it, what lies around, and what moves.
+
+In a camera that stands still the median over time is the backdrop, cut into patches of one tint. Where a frame differs
+from it something moves: the robot, or a thing that left its place, told by tint. Patches that look alike in several
+cameras are one thing. In a camera that moves there is no backdrop, and a thing is whatever has its tint.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Int32, UInt8
+
+from rpaug.core import sampling
+from rpaug.core.types import Episode
+from rpaug.scene.instances import (
+    backdrop,
+    color_clusters,
+    grouping,
+    lasting,
+    named,
+    outlines,
+    rgb_settling,
+    support,
+    watched,
+)
+from rpaug.scene.instances.backdrop import Backdrop
+from rpaug.scene.instances.grouping import AROUND, MOVING, SUPPORT
+from rpaug.scene.instances.resting import Resting
+from rpaug.scene.instances.rgb_settling import NAMED, CameraInstances
+from rpaug.scene.instances.watched import Watched
+
+LOOSE = 100_000  # handles from here on are of what never rests, by tint
+
+
+@dataclass(frozen=True)
+class CameraInstanceMap:
+    """All cameras' parts, and what each handle does."""
+
+    color_clusters: color_clusters.Tints
+    cameras: Mapping[str, CameraInstances]
+    support: frozenset[int]
+    background: frozenset[int]
+    moving: frozenset[int]
+    manipulated: frozenset[int]
+    handles: frozenset[int]
+
+    @property
+    def roles(self) -> dict[str, frozenset[int]]:
+        """Handles by role, those that are known."""
+        found = {
+            "manipulated": self.manipulated,
+            "robot": self.moving,
+            "table": self.support,
+            "background": self.background,
+        }
+        return {name: handles for name, handles in found.items() if handles}
+
+    def ids(self, name: str, image: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
+        """Handles of one image of a camera."""
+        part = self.cameras[name]
+        if part.backdrop.dead:
+            return np.zeros(image.shape[:2], np.int32)
+        label = color_clusters.labelled(image, self.tints)
+        if part.backdrop.still:
+            return rgb_settling.handles(part, label, image)
+        table = np.zeros(len(self.tints), np.int32)
+        table[list(part.mine)] = list(part.mine.values())
+        return table[label]
+
+
+def find(episode: Episode) -> CameraInstanceMap:
+    """Look at all cameras and tell what there is."""
+    drops = {name: backdrop.find(view, episode.length) for name, view in episode.views.items()}
+    known = _tints(episode, drops)
+    still = {
+        name: watched.watch(episode.views[name], episode.length, drop, known)
+        for name, drop in drops.items()
+        if drop.still and not drop.dead
+    }
+    seen, loose = _resting(still, len(known))
+    on = support.find(seen, known)
+    groups = grouping.grouped(seen, on, known)
+    carried = grouping.carried(seen, groups, known)
+    parts: dict[str, CameraInstances] = {}
+    for name, drop in drops.items():
+        if name in seen:
+            parts[name] = _part(seen[name], groups[name], carried, loose)
+        else:
+            mine = {} if drop.dead else grouping.by_tint(seen, groups, len(known))
+            empty = np.zeros(drop.image.shape[:2], np.int32)
+            parts[name] = CameraInstances(
+                drop, empty, empty.astype(np.int64), frozenset(), {}, mine
+            )
+    if not carried and not loose:
+        parts = _untinted(episode, still, seen, parts, known)
+    return _told(known, parts, any(part.active.any() for part in seen.values()))
+
+
+def _untinted(
+    episode: Episode,
+    still: Mapping[str, Watched],
+    seen: Mapping[str, Resting],
+    parts: Mapping[str, CameraInstances],
+    known: color_clusters.Tints,
+) -> dict[str, CameraInstances]:
+    """The parts with what the robot acted on, where no tint of its own was seen to leave its place."""
+    mobile = frozenset().union(*(part.mobile for part in seen.values()))
+    came = lasting.find(still, seen, mobile)
+    wanted = frozenset() if came else named.asked(episode.descriptions, known)
+    small = named.find(still, seen, mobile, wanted) if wanted else {}
+    return {
+        name: replace(part, came=came.get(name), small=small.get(name))
+        for name, part in parts.items()
+    }
+
+
+def _tints(episode: Episode, drops: Mapping[str, Backdrop]) -> color_clusters.Tints:
+    """The tints of all images that show anything."""
+    looks = []
+    for name, drop in drops.items():
+        if drop.dead:
+            continue
+        # What never rests is on no backdrop, and a camera that moves has none.
+        times = sampling.frames(episode.length, 2 if drop.still else 5)
+        looks += [drop.image] if drop.still else []
+        looks += [episode.views[name].rgb(t) for t in times]
+    return color_clusters.find(looks) if looks else np.zeros((0, 3), np.float32)
+
+
+def _resting(still: Mapping[str, Watched], count: int) -> tuple[dict[str, Resting], frozenset[int]]:
+    """The patches of all still cameras, the robot taken away where it stood for long; and the tints that never rest."""
+    mobile, loose = watched.mobile(still.values(), count)
+    found = {}
+    for name, one in still.items():
+        robot = Resting.of(one, mobile).robot_mask
+        found[name] = Resting.of(one.without(robot, mobile) if robot.any() else one, mobile)
+    return found, loose
+
+
+def _part(
+    seen: Resting, handles: Mapping[int, int], carried: Mapping[int, int], loose: Iterable[int]
+) -> CameraInstances:
+    """A camera's part once its patches have handles; `loose` tints get handles of their own."""
+    resting = np.zeros(seen.tint.shape, np.int32)
+    for k, blob in enumerate(seen.blobs):
+        resting[blob.mask] = handles[k]
+    never = {tint: LOOSE + tint for tint in loose}
+    resting = outlines.cut(seen.backdrop.image, resting)
+    return CameraInstances(
+        seen.backdrop, resting, seen.tint, seen.mobile, never | dict(carried), {}
+    )
+
+
+def _told(
+    known: color_clusters.Tints, parts: Mapping[str, CameraInstances], active: bool
+) -> CameraInstanceMap:
+    used = {
+        h
+        for part in parts.values()
+        for h in (*np.unique(part.resting).tolist(), *part.mine.values(), *part.moved.values())
+    }
+    used |= {MOVING} if active else set()
+    used |= {NAMED for part in parts.values() if part.small is not None}
+    moved = frozenset(h for part in parts.values() for h in part.moved.values()) & used
+    moved |= used & {NAMED}
+    return CameraInstanceMap(
+        known,
+        parts,
+        frozenset({SUPPORT} & used),
+        frozenset({AROUND} & used),
+        frozenset({MOVING} & used),
+        moved,
+        frozenset(used) - {0},
+    )

@@ -1,0 +1,147 @@
+"""A few frames of an episode, decoded once: depth, instance handles and surface normals of every camera."""
+
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float32, Float64, Int, Int32
+
+from rpaug.core.jit import kernel
+from rpaug.core.memo import once
+from rpaug.core.types import Episode
+
+MOST_FRAMES = 32  # looked at per episode, beside the frames where the gripper opens or closes
+MOST_PIXELS = 160  # wide; larger images are thinned to about this
+THREADS = 2
+
+
+@dataclass(frozen=True)
+class SampledFrames:
+    """Images of `frames` (ascending) from the cameras that have depth and handles, thinned to one size.
+
+    Where a camera's image is smaller than the others it is padded: depth 0, handle -1. `normals` are unit
+    vectors in the world, from neighbours of the same handle only; zero where there is none. `points` are
+    world points. `fixed[c]` tells whether camera c stands still.
+    """
+
+    frames: Int[np.ndarray, "s"]
+    cameras: tuple[str, ...]
+    fixed: Bool[np.ndarray, "c"]
+    K: Float64[np.ndarray, "c 3 3"]
+    cam_to_world: Float64[np.ndarray, "s c 4 4"]
+    depth: Float32[np.ndarray, "s c h w"]
+    ids: Int32[np.ndarray, "s c h w"]
+    points: Float32[np.ndarray, "s c h w 3"]
+    normals: Float32[np.ndarray, "s c h w 3"]
+
+    @property
+    def handles(self) -> Int32[np.ndarray, "n"]:
+        """Every handle seen, ascending; 0 is not one."""
+        found = np.unique(self.ids)
+        return found[found > 0]
+
+
+def events(gripper_open: Float64[np.ndarray, "t"] | None) -> Int[np.ndarray, "e"]:
+    """Frames t after which the gripper starts to open or close (it differs at t + 1); none where that is unknown."""
+    if gripper_open is None:
+        return np.zeros(0, int)
+    state = gripper_open > 0.5
+    return np.flatnonzero(state[1:] != state[:-1])
+
+
+def frames_to_look_at(episode: Episode, most: int = MOST_FRAMES) -> Int[np.ndarray, "s"]:
+    """Evenly spread frames, the first, the last, and each at which the gripper starts to open or close."""
+    spread = np.unique(
+        np.linspace(0, episode.length - 1, min(most, episode.length)).round().astype(int)
+    )
+    return np.union1d(spread, events(episode.robot.gripper_open))
+
+
+def look(episode: Episode, frames: Iterable[int] | None = None) -> SampledFrames:
+    """Decode `frames` (default: `frames_to_look_at`) of every camera that has both depth and handles."""
+    if frames is None:
+        return _at_all(episode)
+    return _decoded(episode, np.array(sorted(set(frames)), int))
+
+
+@once
+def _at_all(episode: Episode) -> SampledFrames:
+    return _decoded(episode, frames_to_look_at(episode))
+
+
+def _decoded(episode: Episode, chosen: Int[np.ndarray, "s"]) -> SampledFrames:
+    names = tuple(
+        name
+        for name, view in episode.views.items()
+        if view.depth is not None and view.ids is not None
+    )
+    cameras = [episode.views[name].camera for name in names]
+    steps = [max(1, round(camera.width / MOST_PIXELS)) for camera in cameras]
+    shape = (
+        len(chosen),
+        len(names),
+        max((-(-c.height // s) for c, s in zip(cameras, steps, strict=True)), default=1),
+        max((-(-c.width // s) for c, s in zip(cameras, steps, strict=True)), default=1),
+    )
+    depth, ids = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
+    K = np.zeros((len(names), 3, 3))
+    poses = np.zeros((len(chosen), len(names), 4, 4))
+    points, normals = np.zeros((*shape, 3), np.float32), np.zeros((*shape, 3), np.float32)
+    for c, (camera, step) in enumerate(zip(cameras, steps, strict=True)):
+        # Integer pixel centres: every step-th pixel is the image of a camera with K / step, exactly.
+        K[c] = np.diag([1 / step, 1 / step, 1.0]) @ camera.K
+        poses[:, c] = camera.cam_to_world[chosen]
+
+    def fill(s: int, c: int) -> None:
+        view, step, t = episode.views[names[c]], steps[c], int(chosen[s])
+        assert view.depth is not None
+        assert view.ids is not None
+        near = view.depth(t)[::step, ::step]
+        depth[s, c, : near.shape[0], : near.shape[1]] = np.nan_to_num(near, posinf=0.0, neginf=0.0)
+        ids[s, c, : near.shape[0], : near.shape[1]] = view.ids(t)[::step, ::step]
+        lift(depth[s, c], ids[s, c], K[c], poses[s, c], points[s, c], normals[s, c])
+
+    with ThreadPoolExecutor(THREADS) as pool:  # decoding and lifting release the interpreter
+        list(pool.map(fill, *np.indices(shape[:2]).reshape(2, -1).tolist()))
+    fixed = np.array([camera.fixed for camera in cameras], bool)
+    return SampledFrames(chosen, names, fixed, K, poses, depth, ids, points, normals)
+
+
+@kernel
+def lift(depth, ids, K, pose, points, normals):
+    """Fill world points and unit normals (zero where unknown) of one image, both (h, w, 3).
+
+    Normals are one-sided: the smaller of the two differences wins, within one handle.
+    """
+    height, width = depth.shape
+    for r in range(height):
+        for c in range(width):
+            z = depth[r, c]
+            local = np.array([(c - K[0, 2]) / K[0, 0] * z, (r - K[1, 2]) / K[1, 1] * z, z])
+            for i in range(3):
+                points[r, c, i] = pose[i, 3] + (
+                    pose[i, 0] * local[0] + pose[i, 1] * local[1] + pose[i, 2] * local[2]
+                )
+    step = np.zeros((2, 3))
+    for r in range(height):
+        for c in range(width):
+            found = 0
+            for axis in range(2):
+                best = np.inf
+                for side in (-1, 1):
+                    row, column = (r, c + side) if axis == 0 else (r + side, c)
+                    if row < 0 or row >= height or column < 0 or column >= width:
+                        continue
+                    gap = abs(depth[row, column] - depth[r, c])
+                    if ids[row, column] == ids[r, c] and depth[row, column] > 0 and gap < best:
+                        best = gap
+                        for i in range(3):
+                            step[axis, i] = side * (points[row, column, i] - points[r, c, i])
+                found += best < np.inf
+            if found == 2 and depth[r, c] > 0:
+                n = np.cross(step[1], step[0])
+                length = np.sqrt((n**2).sum())
+                if length > 0:
+                    for i in range(3):
+                        normals[r, c, i] = n[i] / length

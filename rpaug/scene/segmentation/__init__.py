@@ -1,1 +1,0 @@
-"""Instances from motion, for episodes that were recorded without masks."""

@@ -1,0 +1,170 @@
+"""Every instance in one row: what it does, how it looks, how large it is, how it moves, where it is seen."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float64
+
+from rpaug.core import colors as colours
+from rpaug.core import sampling
+from rpaug.core.memo import once
+from rpaug.core.types import Body, Episode
+from rpaug.scene.sampled_frames import SampledFrames, look
+from rpaug.scene.targets.roles import NAMES, surface
+
+COLOUR_FRAMES = 6  # looked at for colour: it hardly changes
+
+
+@dataclass(frozen=True)
+class InstanceSummary:
+    """One instance handle. `role` is "" where none is known; `motion` and `ambiguous` are its body's.
+
+    `colour` is display sRGB in 0..1, `size_cm` length, width (the tightest upright box) and height of what
+    was seen, `residual_mm` the track's median distance, `body` the handles that move with it. `pixels` counts
+    pixels per camera over all frames, `first_frame` to `last_frame` with `frames` of them showing it.
+    """
+
+    handle: int
+    role: str
+    colour: tuple[float, float, float]
+    colour_name: str
+    size_cm: tuple[float, float, float]
+    motion: str
+    ambiguous: bool
+    residual_mm: float
+    body: frozenset[int]
+    frames: int
+    first_frame: int
+    last_frame: int
+    pixels: Mapping[str, int]
+
+    @property
+    def moving(self) -> bool:
+        return self.motion != "static"
+
+    def __str__(self) -> str:
+        length, width, height = self.size_cm
+        role = f", {self.role}" if self.role else ""
+        if not any(self.size_cm):
+            return f"{self.handle} ({self.colour_name}{role})"
+        return f"{self.handle} ({self.colour_name}{role}, {length:.0f} x {width:.0f} x {height:.0f} cm)"
+
+
+@once
+def survey(
+    episode: Episode,
+    bodies: Sequence[Body],
+    roles: Mapping[str, frozenset[int]],
+    looks: SampledFrames | None = None,
+) -> tuple[InstanceSummary, ...]:
+    """One row for each handle of `bodies`, ascending."""
+    looks = look(episode) if looks is None else looks
+    body_of = {handle: body for body in bodies for handle in body.handles}
+    role_of = {handle: role for role in reversed(NAMES) for handle in roles.get(role, ())}
+    role_of |= dict.fromkeys(roles.get("table", ()), "table")
+    handles = sorted(body_of)
+    seen = _seen(episode, np.array(handles, np.int32))
+    tints = _colours(episode, looks, handles) if looks.cameras else _colours_alone(episode, handles)
+    rows = []
+    for i, handle in enumerate(handles):
+        body, tint = body_of[handle], tints[handle]
+        when = np.flatnonzero(seen[:, i].any(-1))
+        rows.append(
+            InstanceSummary(
+                handle,
+                role_of.get(handle, ""),
+                tint,
+                colours.nearest(np.array(tint)),
+                size_cm(surface(looks, handle, body)[0]),
+                body.motion,
+                body.ambiguous,
+                body.residual * 1e3,
+                body.handles,
+                len(when),
+                int(when[0]) if len(when) else 0,
+                int(when[-1]) if len(when) else 0,
+                {name: int(seen[:, i, c].sum()) for c, name in enumerate(_with_ids(episode))},
+            )
+        )
+    return tuple(rows)
+
+
+def size_cm(points: Float64[np.ndarray, "n 3"]) -> tuple[float, float, float]:
+    """Length, width and height of the tightest upright box around all but the outermost percent."""
+    if not len(points):
+        return (0.0, 0.0, 0.0)
+    low, high = np.percentile(points, [0.5, 99.5], axis=0)
+    inner = points[((points >= low) & (points <= high)).all(-1)]
+    inner = inner if len(inner) else points
+    box = cv2.minAreaRect(inner[:, :2].astype(np.float32))[1]
+    return (100 * max(box), 100 * min(box), 100 * float(np.ptp(inner[:, 2])))
+
+
+def _with_ids(episode: Episode) -> list[str]:
+    return [name for name, view in episode.views.items() if view.ids is not None]
+
+
+def _seen(episode: Episode, handles: np.ndarray) -> np.ndarray:
+    """Pixels of each handle per frame and camera: (t, n, c)."""
+    names = _with_ids(episode)
+    out = np.zeros((episode.length, len(handles), len(names)), np.int64)
+    for c, name in enumerate(names):
+        read = episode.views[name].ids
+        assert read is not None
+        for t in range(episode.length):
+            found, count = np.unique(read(t), return_counts=True)
+            at = np.searchsorted(handles, found)
+            known = at < len(handles)
+            known[known] = handles[at[known]] == found[known]
+            out[t, at[known], c] = count[known]
+    return out
+
+
+def _colours_alone(
+    episode: Episode, handles: Iterable[int]
+) -> dict[int, tuple[float, float, float]]:
+    """Typical colours over a few frames of all cameras, where no depth is looked at."""
+    found: dict[int, list[np.ndarray]] = {handle: [] for handle in handles}
+    for _, _, rgb, ids in sampling.images(episode, COLOUR_FRAMES):
+        if ids is None:
+            continue
+        flat, image = ids.reshape(-1), rgb.reshape(-1, 3)
+        order = np.argsort(flat, kind="stable")
+        names, starts = np.unique(flat[order], return_index=True)
+        for handle, rows in zip(names.tolist(), np.split(order, starts[1:]), strict=True):
+            if handle in found:
+                found[handle].append(image[rows])
+    out = {}
+    for handle, pixels in found.items():
+        tint = colours.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
+        out[handle] = (float(tint[0]), float(tint[1]), float(tint[2]))
+    return out
+
+
+def _colours(
+    episode: Episode, looks: SampledFrames, handles: Iterable[int]
+) -> dict[int, tuple[float, float, float]]:
+    """Typical colours over a few frames and all cameras; over more where that shows nothing."""
+    spread = np.unique(np.linspace(0, len(looks.frames) - 1, COLOUR_FRAMES).round().astype(int))
+    found: dict[int, list[np.ndarray]] = {handle: [] for handle in handles}
+    for chosen in (spread, np.setdiff1d(np.arange(len(looks.frames)), spread)):
+        missing = [handle for handle, pixels in found.items() if not pixels]
+        for s in chosen:
+            for c, name in enumerate(looks.cameras):
+                ids = looks.ids[s, c]
+                shown = [handle for handle in missing if (ids == handle).any()]
+                if not shown:
+                    continue
+                image = episode.views[name].rgb(int(looks.frames[s]))
+                step = max(1, round(image.shape[1] / ids.shape[1]))
+                image = image[::step, ::step]
+                inside = ids[: image.shape[0], : image.shape[1]]
+                for handle in shown:
+                    found[handle].append(image[inside == handle])
+    out = {}
+    for handle, pixels in found.items():
+        tint = colours.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
+        out[handle] = (float(tint[0]), float(tint[1]), float(tint[2]))
+    return out

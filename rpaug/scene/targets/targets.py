@@ -1,0 +1,318 @@
+"""Which instances an edit is meant for: by handle, by role, or by a few words."""
+
+import zlib
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    StrictInt,
+    model_validator,
+)
+
+from rpaug.core import colors as colours
+from rpaug.core.errors import TargetError
+from rpaug.core.types import Scene
+from rpaug.scene.sampled_frames import SampledFrames, look
+from rpaug.scene.targets import places, relations, roles, shapes
+from rpaug.scene.targets.nouns import Meaning, understood
+from rpaug.scene.targets.relations import Phrase
+from rpaug.scene.targets.survey import InstanceSummary, survey
+
+APART = (
+    "robot",
+    "table",
+    "background",
+)  # roles that a phrase with a place in it means only by name
+TOUCH = 0.5  # of the strongest chroma that fits a colour word: weaker ones are not meant beside it
+
+
+class TargetPart(BaseModel):
+    """A part of the target that is finer than its masks, by a `box` (left, top, right, bottom in pixels) in the image
+    of `camera` at `frame`, or by `words` for a `detector` (`dino:FOLDER`, `owlv2:FOLDER`), which then finds the box.
+
+    `segmenter` finds the part in the box: `grabcut`, `sam:FOLDER` or `sam2:FOLDER`.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    camera: str
+    frame: int = Field(default=0, ge=0)
+    box: tuple[float, float, float, float] | None = None
+    words: str | None = Field(default=None, min_length=1)
+    detector: str | None = None
+    segmenter: str = "grabcut"
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.box is None) == (self.words is None) or (self.words is None) != (
+            self.detector is None
+        ):
+            raise ValueError("give a box, or words with a detector")
+        if self.box is not None and not (self.box[0] < self.box[2] and self.box[1] < self.box[3]):
+            raise ValueError(f"box {self.box}: expected left < right and top < bottom")
+        return self
+
+    @property
+    def handle(self) -> int:
+        """The handle that this part gets: always the same for the same words, above those that simulators give."""
+        return (1 << 23) + zlib.crc32(self.model_dump_json().encode()) % (1 << 22)
+
+
+class Target(BaseModel):
+    """Exactly one of `handle`, `role` and `text`.
+
+    `text` says what the thing is and where ("the red receiver", "the cup closest to the drawer", "the second
+    largest block left of the bowl"): the grammar is that of `relations`, nouns mean what `nouns` says. A noun
+    that means nothing here is taken only beside a colour word, and then the colour decides alone. A plain string
+    is a `text`. With a `part` only that part of the thing is meant. Where several things fit, `all` takes them;
+    a body of several handles that move as one is one thing.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    handle: StrictInt | list[StrictInt] | None = None
+    role: str | None = None
+    text: str | None = Field(default=None, min_length=1)
+    all: bool = False
+    part: TargetPart | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_text(cls, value: Any) -> Any:
+        return {"text": value} if isinstance(value, str) else value
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: GetJsonSchemaHandler) -> Any:
+        """A mapping, or its text alone."""
+        return {"anyOf": [{"type": "string", "minLength": 1}, handler(schema)]}
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if sum(value is not None for value in (self.handle, self.role, self.text)) != 1:
+            raise ValueError("give exactly one of handle, role, text")
+        if self.role is not None and self.role not in roles.NAMES:
+            raise ValueError(
+                f"no role is called {self.role!r}; there are: {', '.join(roles.NAMES)}"
+            )
+        if self.handle == []:
+            raise ValueError("give at least one handle")
+        if self.text is not None:
+            relations.parse(self.text)
+        return self
+
+    def __str__(self) -> str:
+        if self.handle is not None:
+            return f"handle {self.handle}"
+        return f"role {self.role}" if self.role is not None else repr(self.text)
+
+
+TABLE, BACKGROUND = Target(role="table"), Target(role="background")
+
+
+def find(scene: Scene, target: Target) -> frozenset[int]:
+    """Handles of the instances that the target names.
+
+    Raises TargetError if there is none, or if several things fit where one was meant, and lists what there is.
+    """
+    if target.part is not None:
+        if target.part.handle not in scene.handles:
+            raise TargetError(f"{target}: its part was not told apart before: `parts.told` does it")
+        return frozenset([target.part.handle])
+    if target.handle is not None:
+        wanted = frozenset([target.handle] if isinstance(target.handle, int) else target.handle)
+        if wanted - scene.handles:
+            raise TargetError(
+                f"{target}: no such instance {_numbers(wanted - scene.handles)}; {_there_is(_rows(scene))}"
+            )
+        return wanted
+    if target.role is not None:
+        if target.role not in scene.roles:
+            raise TargetError(f"{target}: {_why(scene, target.role)}; {_there_is(_rows(scene))}")
+        return scene.roles[target.role]
+    assert target.text is not None
+    return _by_words(scene, target)
+
+
+def _by_words(scene: Scene, target: Target) -> frozenset[int]:
+    found = _Finder(scene, str(target)).things(relations.parse(target.text or ""))
+    if len(found) > 1 and not target.all:
+        raise TargetError(
+            f"{target}: {len(found)} things fit: {_list(_firsts(_rows(scene), found))}; "
+            "say more, or set all: true to take them all"
+        )
+    return frozenset().union(*found)
+
+
+class _Finder:
+    """Finds what a phrase and the phrases inside it mean. A thing is a group of handles: those of a role together,
+    else those of a body. Images are looked at only if a colour, a shape or a place is asked for."""
+
+    def __init__(self, scene: Scene, said: str) -> None:
+        self._scene, self._said = scene, said
+        self._looks: SampledFrames | None = None
+
+    @cached_property
+    def _rows(self) -> Sequence[InstanceSummary]:
+        return _rows(self._scene)
+
+    def things(self, phrase: Phrase) -> list[frozenset[int]]:
+        """One thing or several that the phrase fits. Raises TargetError if it fits none."""
+        found = self._described(phrase)
+        if phrase.spatial:
+            found = self._placed(phrase, found)
+        if not found:
+            raise TargetError(f"{self._said}: nothing fits; {_there_is(self._rows)}")
+        return found
+
+    def _described(self, phrase: Phrase) -> list[frozenset[int]]:
+        """Things with the phrase's role, colour and noun, wherever they are."""
+        role = phrase.role
+        for word in phrase.nouns[:-1]:
+            if phrase.colour is None:
+                raise TargetError(
+                    f"{self._said}: {word!r} is nothing that masks and depth can tell"
+                )
+        if role is not None:
+            return self._playing(role, phrase)
+        meanings = self._meanings(phrase)
+        for meaning in meanings:
+            if meaning.role is not None:
+                fits = self._playing(meaning.role, phrase)
+            elif not self._look().cameras:  # without depth nothing has a shape
+                fits = []
+            else:
+                shaped = [row for row in self._movable() if self._shape(row) in meaning.shapes]
+                fits = _bodies(self._coloured(phrase, shaped))
+            if fits:
+                return fits
+        if meanings and phrase.colour is None:
+            return []
+        return _bodies(self._coloured(phrase, self._movable() if phrase.spatial else self._rows))
+
+    def _meanings(self, phrase: Phrase) -> list[Meaning]:
+        """What the head noun means here. Raises TargetError if it means nothing and there is no colour to go by."""
+        if not phrase.nouns:
+            return []
+        noun = phrase.nouns[-1]
+        found = understood(noun, self._scene.descriptions, self._scene.roles)
+        if not found and phrase.colour is None:
+            raise TargetError(
+                f"{self._said}: {noun!r} is no role, no shape and not in the instruction: such nouns need a detector"
+                f" (the extra rpaug[words] brings synonyms). Roles: {', '.join(roles.NAMES)}; "
+                f"shapes: {', '.join(sorted(shapes.WORDS))}; {_there_is(self._rows)}"
+            )
+        return found
+
+    def _playing(self, role: str, phrase: Phrase) -> list[frozenset[int]]:
+        """What has that role and the phrase's colour, as one thing."""
+        known = self._scene.roles.get(role)
+        if not known:
+            raise TargetError(f"{self._said}: {_why(self._scene, role)}; {_there_is(self._rows)}")
+        if phrase.colour is None:
+            return [known & self._scene.handles] if known & self._scene.handles else []
+        rows = self._coloured(phrase, [row for row in self._rows if row.handle in known])
+        return [frozenset(row.handle for row in rows)] if rows else []
+
+    def _movable(self) -> list[InstanceSummary]:
+        """All but robot, table and background, which are meant only by name."""
+        return [row for row in self._rows if row.role not in APART]
+
+    def _coloured(
+        self, phrase: Phrase, rows: Sequence[InstanceSummary]
+    ) -> Sequence[InstanceSummary]:
+        colour = phrase.colour
+        if colour is None:
+            return rows
+        exact = [row for row in rows if row.colour_name == colour]
+        exact = exact or [row for row in rows if colours.means(colour, row.colour_name)]
+        if not any(view.stand_in for view in self._scene.episode.views.values()):
+            return exact
+        # A camera alone shows colours washed out: their hue says more than the nearest name.
+        # Beside a thing that has much of it, what has a touch of it is not meant.
+        chroma = [float(np.hypot(*colours.to_lab(np.array(row.colour))[1:])) for row in rows]
+        told = [k for k, row in enumerate(rows) if colours.hued(colour, np.array(row.colour))]
+        strongest = max((chroma[k] for k in told), default=0.0)
+        return [rows[k] for k in told if chroma[k] > TOUCH * strongest] or exact
+
+    def _shape(self, row: InstanceSummary) -> str:
+        body = next(body for body in self._scene.bodies if row.handle in body.handles)
+        return shapes.shape(*roles.surface(self._look(), row.handle, body))
+
+    def _look(self) -> SampledFrames:
+        if self._looks is None:
+            self._looks = look(self._scene.episode)
+        return self._looks
+
+    def _placed(self, phrase: Phrase, found: list[frozenset[int]]) -> list[frozenset[int]]:
+        """Of these things those that stand as the phrase says, ranked and counted."""
+        anchors = [tuple(map(self._anchor, relation.anchors)) for relation in phrase.relations]
+        taken = frozenset[int]().union(*(group for some in anchors for group in some))
+        found = [group for group in found if not group & taken]
+        groups = [*found, *(group for some in anchors for group in some)]
+        where = places.places(self._scene, self._look(), groups)
+        for group in groups:
+            if group in where:
+                continue
+            raise TargetError(f"{self._said}: no camera shows handle {_numbers(group)} with depth")
+        left = [where[group] for group in found]
+        for relation, some in zip(phrase.relations, anchors, strict=True):
+            left = places.related(relation.name, left, [where[group] for group in some])
+        if phrase.rank is not None:
+            left = places.ranked(phrase.rank, left)[phrase.ordinal : phrase.ordinal + 1]
+        return [place.handles for place in left]
+
+    def _anchor(self, phrase: Phrase) -> frozenset[int]:
+        """The one thing that an inner phrase means."""
+        found = self.things(phrase)
+        if len(found) > 1:
+            listed = _list(_firsts(self._rows, found))
+            raise TargetError(f"{self._said}: of which? {len(found)} things fit there: {listed}")
+        return found[0]
+
+
+def _bodies(rows: Sequence[InstanceSummary]) -> list[frozenset[int]]:
+    return list(dict.fromkeys(row.body for row in rows))
+
+
+def _firsts(
+    rows: Sequence[InstanceSummary], things: Sequence[frozenset[int]]
+) -> list[InstanceSummary]:
+    """One row to show for each thing."""
+    return [next(row for row in rows if row.handle in group) for group in things]
+
+
+def _rows(scene: Scene) -> tuple[InstanceSummary, ...]:
+    return survey(scene.episode, scene.bodies, scene.roles)
+
+
+def _why(scene: Scene, role: str) -> str:
+    """Why a role is not known."""
+    if not scene.bodies:
+        return "the episode has no depth or no instance masks, so no role is known"
+    if scene.episode.length < 2:
+        return f"one frame alone does not show what is the {role}"
+    if role in ("manipulated", "receiver") and "manipulated" not in scene.roles:
+        views = scene.episode.views.values()
+        untold = next((v.stand_in.untold for v in views if v.stand_in and v.stand_in.untold), None)
+        return untold or f"nothing was seen to be moved by the robot, so there is no {role}"
+    if role == "receiver":
+        return "what was moved touches nothing at the end, so there is no receiver"
+    return f"nothing was seen to be the {role}"
+
+
+def _numbers(handles: Iterable[int]) -> str:
+    return ", ".join(map(str, sorted(handles)))
+
+
+def _list(rows: Iterable[InstanceSummary]) -> str:
+    return "; ".join(map(str, rows))
+
+
+def _there_is(rows: Sequence[InstanceSummary]) -> str:
+    return f"there is: {_list(rows)}" if rows else "there is no instance at all"

@@ -1,0 +1,1 @@
+"""A video's camera, depth and instances: structure from motion, and the scene made of it."""

@@ -1,0 +1,207 @@
+"""Structure from motion by COLMAP: SIFT, matches of neighbours in time, then mapping, incremental and global.
+
+Schönberger and Frahm 2016 (Structure-from-Motion Revisited); the global mapper is GLOMAP (Pan et al. 2024, arXiv
+2407.20219). The global one is tried where the incremental one leaves frames out. Mapping runs in one thread, seeded:
+the same frames give the same model.
+"""
+
+import contextlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from rpaug.core.errors import Unsupported
+from rpaug.scene.video.model import Reconstruction, believed
+
+MOST_FRAMES = 300
+DOUBLED = 800  # pixels: narrower images are doubled before features are looked for
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColmapSettings:
+    """How a video's frames are matched and mapped."""
+
+    width: int = 640  # pixels: larger frames are made smaller
+    features: int = 1500  # of a frame, at most
+    overlap: int = (
+        10  # neighbours in time that a frame is matched with, and further ones at powers of two
+    )
+    enough: float = 0.95  # share of registered frames from which on the global mapper is not tried
+    threads: int = 2  # of features and matches; results do not depend on it
+    seed: int = 0
+
+
+def reconstruct(
+    frame: Callable[[int], UInt8[np.ndarray, "h w 3"]],
+    times: Sequence[int],
+    focal: float | None = None,
+    settings: ColmapSettings | None = None,
+    progress: Progress | None = None,
+) -> Reconstruction:
+    """The largest model of these frames. `focal`, in pixels of a frame, is where the search for it begins.
+
+    Raises Unsupported where no model can be believed, with the numbers, and for more than MOST_FRAMES frames.
+    """
+    if len(times) > MOST_FRAMES:
+        raise Unsupported(
+            f"structure from motion of {len(times)} frames: at most {MOST_FRAMES}; cut clips (clips.yaml)"
+        )
+    settings, tell = settings or ColmapSettings(), progress or (lambda share, what: None)
+    first = frame(times[0])
+    full = (first.shape[1], first.shape[0])
+    with tempfile.TemporaryDirectory(prefix="rpaug-sfm-") as folder, _quiet():
+        work = Path(folder)
+        factor = _lay_out(frame, times, work / "images", settings.width)
+        tell(0.1, "features")
+        start = None if focal is None else factor * focal
+        _features(work, start, settings)
+        tell(0.4, "matches")
+        _matches(work, settings)
+        tell(0.6, "mapping")
+        models = _mapped(work, "incremental", settings)
+        most = max((len(model.times) for model in models), default=0)
+        degenerate = not any(not model.faults(len(times)) for model in models)
+        if most < settings.enough * len(times) or degenerate:
+            tell(0.8, "mapping at once")
+            models += _mapped(work, "global", settings)
+    tell(1.0, "mapped")
+    return believed([model.sized(*full) for model in models], len(times))
+
+
+def _lay_out(
+    frame: Callable[[int], UInt8[np.ndarray, "h w 3"]],
+    times: Sequence[int],
+    folder: Path,
+    width: int,
+) -> float:
+    """Frames as files called by their numbers; by how much they were made smaller."""
+    folder.mkdir()
+    factor = 1.0
+    for t in times:
+        image = frame(t)
+        factor = min(1.0, width / image.shape[1])
+        if factor < 1:
+            size = (round(image.shape[1] * factor), round(image.shape[0] * factor))
+            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        cv2.imwrite(
+            str(folder / f"{t:08d}.png"), image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1]
+        )
+    return factor
+
+
+def _features(work: Path, focal: float | None, settings: ColmapSettings) -> None:
+    import pycolmap
+
+    pycolmap.set_random_seed(settings.seed)
+    extraction = pycolmap.FeatureExtractionOptions()
+    extraction.use_gpu, extraction.num_threads = False, settings.threads
+    extraction.sift.max_num_features = settings.features
+    image = cv2.imread(str(next((work / "images").iterdir())))
+    assert image is not None  # it was written just now
+    height, width = image.shape[:2]
+    extraction.sift.first_octave = -1 if width < DOUBLED else 0
+    reader = pycolmap.ImageReaderOptions()
+    reader.camera_model = "SIMPLE_RADIAL"
+    if focal is not None:
+        reader.camera_params = f"{focal},{width / 2},{height / 2},0"
+    pycolmap.extract_features(
+        work / "features.db",
+        work / "images",
+        camera_mode=pycolmap.CameraMode.SINGLE,
+        reader_options=reader,
+        extraction_options=extraction,
+    )
+
+
+def _matches(work: Path, settings: ColmapSettings) -> None:
+    import pycolmap
+
+    matching = pycolmap.FeatureMatchingOptions()
+    matching.use_gpu, matching.num_threads = False, settings.threads
+    pairs = pycolmap.SequentialPairingOptions()
+    pairs.overlap, pairs.quadratic_overlap = settings.overlap, True
+    pycolmap.match_sequential(
+        work / "features.db", matching_options=matching, pairing_options=pairs
+    )
+
+
+def _mapped(work: Path, mapper: str, settings: ColmapSettings) -> list[Reconstruction]:
+    """All models that one of the mappers makes; none where the installed version lacks it or it fails."""
+    import pycolmap
+
+    out = work / mapper
+    out.mkdir()
+    options: Any
+    run: Any
+    if mapper == "incremental":
+        options, run = pycolmap.IncrementalPipelineOptions(), pycolmap.incremental_mapping
+    elif hasattr(pycolmap, "global_mapping"):
+        options, run = pycolmap.GlobalPipelineOptions(), pycolmap.global_mapping
+    else:
+        return []
+    options.num_threads, options.random_seed = 1, settings.seed
+    try:
+        found = run(work / "features.db", work / "images", out, options)
+    except (RuntimeError, ValueError):  # too few matches for it to begin
+        return []
+    return [replace(_model(one), facts={"mapper": mapper, **_told(one)}) for one in found.values()]
+
+
+def _told(found: Any) -> dict[str, Any]:
+    return {"reprojection_px": round(float(found.compute_mean_reprojection_error()), 3)}
+
+
+def _model(found: Any) -> Reconstruction:
+    (camera,) = found.cameras.values()
+    focal, x, y, radial = camera.params.tolist()
+    images = sorted((im for im in found.images.values() if im.has_pose), key=lambda im: im.name)
+    points = [(point.xyz, point.color, point.track) for _, point in sorted(found.points3D.items())]
+    place = {image.image_id: k for k, image in enumerate(images)}
+    seen = np.zeros((len(images), len(points)), bool)
+    for j, (_, _, track) in enumerate(points):
+        for element in track.elements:
+            if element.image_id in place:
+                seen[place[element.image_id], j] = True
+    poses = np.tile(np.eye(4), (len(images), 1, 1))
+    for k, image in enumerate(images):
+        poses[k, :3] = image.cam_from_world().inverse().matrix()
+    return Reconstruction(
+        times=np.array([int(Path(image.name).stem) for image in images], np.int32),
+        cam_to_world=poses,
+        focal=focal,
+        middle=(x - 0.5, y - 0.5),  # COLMAP's pixel centres lie half a pixel in
+        radial=radial,
+        width=camera.width,
+        height=camera.height,
+        points=np.array([xyz for xyz, _, _ in points]).reshape(-1, 3),
+        colours=np.array([colour for _, colour, _ in points], np.uint8).reshape(-1, 3),
+        seen=seen,
+    )
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without COLMAP's own log on the terminal, which does not ask Python."""
+    import pycolmap
+
+    before = pycolmap.logging.minloglevel
+    pycolmap.logging.minloglevel = 2
+    sys.stderr.flush()
+    kept, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(null)
+        pycolmap.logging.minloglevel = before

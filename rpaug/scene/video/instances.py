@@ -1,0 +1,279 @@
+"""Instances of a video's still world: segments of its frames, joined where they lie on each other.
+
+What a segment is in one image is told by colour alone, so that its outline is the image's own; which segments of
+several images are one thing is told by where they are.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, Float64, Int32
+
+from rpaug.scene.instances import grouping, outlines
+from rpaug.scene.video.frame import PosedFrame
+
+BACKGROUND = 1  # handle of all that is no thing
+FIRST = 2
+CELL = 0.015  # of the median depth: of the cells that tell where a thing is
+FEWEST = 12  # cells of a thing
+MOST = 150  # things
+SEEN = 2  # looks that show a thing, at least
+PARTNERS = 2  # looks that one is compared with: the next ones, and those most like it
+MUTUAL = 0.5  # of each of two segments lies on the other, if they are one thing
+SAME = 0.15  # of depth: farther apart is something else
+FEW = 10  # pixels: what is seen of a segment
+SHARE = 0.3  # of a segment's points must be the thing's
+SLIVER = 0.003  # of an image: smaller segments that are no thing's go to their neighbours
+RIM = 1  # pixels around a thing that are part support, part thing
+FLAT = 0.65  # share of a thing's pixels in the support's plane, if it is part of that: a chair before it has 0.59
+NEAR = 0.12  # of depth: so near to the plane counts as in it
+BROAD = 0.02  # of all pixels: what is smaller lies on the support and is no part of it
+OWN = 0.08  # of a thing's size: so deep its segments take the blur around it
+FUSED = 0.4  # of the cells of each of two groups are the other's too, if they are one thing
+SOME = 3  # pixels of a group in a cell that count
+LAYERS = 4  # groups in a cell that are compared
+REACH = 2**20  # cells
+
+
+@dataclass(frozen=True, eq=False)
+class InstanceMap:
+    """Handles by cell of the world, `names` of each handle's colour, and the support: its handles and its height."""
+
+    cell: float
+    handles: Mapping[tuple[int, int, int], int]
+    count: int
+    support: frozenset[int] = frozenset()
+    level: float | None = None
+
+    @property
+    def every(self) -> list[int]:
+        """All handles."""
+        return [BACKGROUND, *range(FIRST, FIRST + self.count)]
+
+    def at(self, points: Float32[np.ndarray, "n 3"]) -> Int32[np.ndarray, "n"]:
+        """Handles of points in the world."""
+        found = _looked_up(np.floor(points / self.cell).astype(np.int64), self.handles)
+        return np.where(found > 0, found, BACKGROUND).astype(np.int32)
+
+    def of(self, look: PosedFrame) -> Int32[np.ndarray, "h w"]:
+        """Handles of one frame's pixels."""
+        return self._grown(self._ended(look, self._rough(look))).astype(np.int32)
+
+    def _rough(self, look: PosedFrame) -> np.ndarray:
+        """Handles of whole segments."""
+        patch = look.segments
+        keys = np.floor(look.points / self.cell).astype(np.int64)
+        known = _looked_up(keys.reshape(-1, 3), self.handles).reshape(patch.shape)
+        number = int(patch.max()) + 1
+        votes = np.zeros((number, FIRST + self.count), np.int64)
+        np.add.at(votes, (patch.ravel(), known.ravel()), 1)
+        best = votes[:, FIRST:].argmax(1) + FIRST if self.count else np.full(number, BACKGROUND)
+        enough = votes[np.arange(number), best] >= SHARE * votes.sum(1)
+        sliver = ~enough & (votes.sum(1) < SLIVER * patch.size)
+        return _spread(np.where(enough, best, BACKGROUND)[patch], sliver[patch])
+
+    def _small(self, named: np.ndarray) -> np.ndarray:
+        """Which handles are of small things, not of what they stand on or before."""
+        out = np.bincount(named.ravel(), minlength=FIRST + self.count) < BROAD * named.size
+        out[[BACKGROUND, *self.support]] = False
+        return out
+
+    def _ended(self, look: PosedFrame, named: np.ndarray) -> np.ndarray:
+        """Small things cut anew where their own colours end: segments of blurred images take what is around."""
+        first = grouping.AROUND + 1
+        known = np.arange(FIRST + self.count, dtype=np.int32) + first
+        known[[BACKGROUND]] = grouping.AROUND
+        known[list(self.support)] = grouping.SUPPORT
+        only = frozenset(known[self._small(named)].tolist())
+        cut = outlines.cut(look.rgb, known[named], only, OWN)
+        # What was given back takes the nearest name of what things stand on or before.
+        given = (cut != known[named]) & (cut < first)
+        rest = _spread(named, known[named] >= first)
+        return np.where(given, rest, np.where(cut >= first, cut - first, named))
+
+    def _grown(self, named: np.ndarray) -> np.ndarray:
+        """Small things with the pixels around them that their blurred outlines take of the support."""
+        around = np.isin(named, [BACKGROUND, *self.support])
+        thing = self._small(named)[named]
+        near = cv2.dilate(thing.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)) > 0
+        return np.where(near & around, _spread(named, ~thing), named) if thing.any() else named
+
+
+def _spread(named: np.ndarray, open_: np.ndarray) -> np.ndarray:
+    """Names with those of open pixels taken from the nearest other one: what lies along outlines belongs to a side."""
+    if not open_.any() or open_.all():
+        return named
+    _, nearest = cv2.distanceTransformWithLabels(
+        open_.astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    owner = np.zeros(int(nearest.max()) + 1, named.dtype)
+    owner[nearest[~open_]] = named[~open_]
+    return np.where(open_, owner[nearest], named)
+
+
+def find(looks: Sequence[PosedFrame]) -> InstanceMap:
+    """The things that several looks show: segments of theirs that lie on each other, and the cells they fill."""
+    size = float(np.median([np.median(look.depth) for look in looks]))
+    cell = CELL * size
+    first = np.cumsum([0, *(int(look.segments.max()) + 1 for look in looks)])
+    group = joined(int(first[-1]), _links(looks, first))
+    shown = _shown_in(group, first)
+    keys = [np.floor(look.points / cell).astype(np.int64).reshape(-1, 3) for look in looks]
+    codes, of = np.unique(_packed(np.concatenate(keys)), return_inverse=True)
+    named = np.concatenate(
+        [group[look.segments.ravel() + start] for look, start in zip(looks, first, strict=False)]
+    )
+    hidden = np.concatenate([_hidden(look).ravel() for look in looks])
+    named = np.where(~hidden & (shown[named] >= SEEN), named, -1)
+    named = np.append(_fused(of, named, len(group)), -1)[named]
+    mine = _most(of, named, len(codes))
+    number, sizes = np.unique(mine, return_counts=True)
+    order = [h for _, h in sorted(zip(-sizes, number, strict=True)) if h >= 0]
+    kept = [h for h in order if sizes[np.searchsorted(number, h)] >= FEWEST][:MOST]
+    handle = {int(h): FIRST + k for k, h in enumerate(kept)}
+    cells = {
+        tuple(key): handle[int(h)]
+        for key, h in zip(_unpacked(codes).tolist(), mine.tolist(), strict=True)
+        if int(h) in handle
+    }
+    return InstanceMap(cell, cells, len(kept))
+
+
+def _hidden(look: PosedFrame) -> np.ndarray:
+    return np.zeros(look.depth.shape, bool) if look.hidden is None else look.hidden
+
+
+def _links(looks: Sequence[PosedFrame], first: np.ndarray) -> np.ndarray:
+    """Pairs of segments, one of each of two looks, each of which mostly lies on the other."""
+    pairs = []
+    for i, look in enumerate(looks):
+        for j in _partners(looks, i):
+            there, back = _overlap(look, looks[j]), _overlap(looks[j], look).T
+            rows, columns = np.nonzero((there > MUTUAL) & (back > MUTUAL))
+            pairs.append(np.stack([rows + first[i], columns + first[j]], 1))
+    return np.concatenate(pairs) if pairs else np.zeros((0, 2), np.int64)
+
+
+def _partners(looks: Sequence[PosedFrame], i: int) -> list[int]:
+    """The next looks, and the later ones that see most alike: those that look from nearly the same place."""
+    own = looks[i].cam_to_world
+    reach = float(np.median(looks[i].depth))
+    apart = {}
+    for j in range(i + 1, len(looks)):
+        other = looks[j].cam_to_world
+        turned = np.arccos(np.clip(own[:3, 2] @ other[:3, 2], -1, 1))
+        apart[j] = float(np.linalg.norm(own[:3, 3] - other[:3, 3])) / reach + float(turned)
+    return sorted({*list(apart)[:PARTNERS], *sorted(apart, key=apart.__getitem__)[:PARTNERS]})
+
+
+def _overlap(one: PosedFrame, other: PosedFrame) -> np.ndarray:
+    """Which share of each segment that the other look sees lies on which of its segments."""
+    row, column, z = other.sees(one.points)
+    inside = row >= 0
+    found = other.depth[np.where(inside, row, 0), np.where(inside, column, 0)]
+    inside &= np.abs(found - z) < SAME * z
+    a, b = one.segments[inside], other.segments[row[inside], column[inside]]
+    shape = int(one.segments.max()) + 1, int(other.segments.max()) + 1
+    count = np.bincount(a * shape[1] + b, minlength=shape[0] * shape[1]).reshape(shape)
+    return count / np.maximum(count.sum(1, keepdims=True), FEW)
+
+
+def _shown_in(group: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """In how many looks each group has a segment."""
+    shown = np.zeros(len(group), np.int64)
+    for start, stop in pairwise(first.tolist()):
+        shown[np.unique(group[start:stop])] += 1
+    return shown
+
+
+def _fused(cell: np.ndarray, name: np.ndarray, count: int) -> np.ndarray:
+    """A number for each of `count` groups, the same for those that fill the same cells: one thing, seen in two parts
+    of the video that no pair of looks joins."""
+    told = name >= 0
+    codes, votes = np.unique(cell[told].astype(np.int64) * count + name[told], return_counts=True)
+    where, group = np.divmod(codes[votes >= SOME], count)
+    size = np.bincount(group, minlength=count)
+    both = [np.stack([group[:-k], group[k:]], 1)[where[:-k] == where[k:]] for k in range(1, LAYERS)]
+    pairs, shared = np.unique(np.concatenate(both), axis=0, return_counts=True)
+    return joined(count, pairs[shared > FUSED * size[pairs].max(1)])
+
+
+def _most(cell: np.ndarray, name: np.ndarray, count: int) -> np.ndarray:
+    """The most frequent name of each cell."""
+    low = name - name.min()
+    pairs, votes = np.unique(cell.astype(np.int64) * (low.max() + 1) + low, return_counts=True)
+    order = np.lexsort((pairs, -votes))
+    owner = pairs[order] // (low.max() + 1)
+    where = np.unique(owner, return_index=True)[1]
+    out = np.full(count, -1)
+    out[owner[where]] = pairs[order][where] % (low.max() + 1) + name.min()
+    return out
+
+
+def joined(count: int, edges: np.ndarray) -> np.ndarray:
+    """A number for each of `count` nodes, the same for those that edges join (pointer jumping)."""
+    root = np.arange(count)
+    while len(edges):
+        a, b = root[edges[:, 0]], root[edges[:, 1]]
+        if (a == b).all():
+            break
+        np.minimum.at(root, np.maximum(a, b), np.minimum(a, b))
+        while (root[root] != root).any():
+            root = root[root]
+    return root
+
+
+def _looked_up(keys: np.ndarray, handles: Mapping[tuple[int, int, int], int]) -> np.ndarray:
+    different, of = np.unique(_packed(keys), return_inverse=True)
+    found = np.array([handles.get(tuple(key), 0) for key in _unpacked(different).tolist()])
+    return found[of]
+
+
+def _packed(cells: np.ndarray) -> np.ndarray:
+    """Three whole numbers in one, which sorts faster; what is farther than REACH cells is brought there."""
+    near = np.clip(cells, -REACH, REACH - 1) + REACH
+    return (near[:, 0] * 2 * REACH + near[:, 1]) * 2 * REACH + near[:, 2]
+
+
+def _unpacked(codes: np.ndarray) -> np.ndarray:
+    side = 2 * REACH
+    return np.stack([codes // side**2, codes // side % side, codes % side], 1) - REACH
+
+
+def with_support(things: InstanceMap, looks: Sequence[PosedFrame], level: float) -> InstanceMap:
+    """The same in a world whose z is up, with the plane at `level` as the support: the things that mostly lie there."""
+    votes = np.zeros((FIRST + things.count, 2))
+    for look in looks:
+        ids, met = (
+            things._rough(look),
+            plane_depth(look.K, look.cam_to_world, look.depth.shape, level),
+        )
+        there = (met > 0) & (np.abs(met / look.depth - 1) < NEAR)
+        votes[:, 0] += np.bincount(ids[there], minlength=len(votes))
+        votes[:, 1] += np.bincount(ids.ravel(), minlength=len(votes))
+    share = votes[:, 0] / np.maximum(votes[:, 1], 1)
+    large = votes[:, 1] > BROAD * sum(look.depth.size for look in looks)
+    support = np.flatnonzero((share > FLAT) & large)
+    if not len(support[support >= FIRST]):
+        # One thing at least: the one that has most of it.
+        support = np.array([FIRST + int(votes[FIRST:, 0].argmax())]) if things.count else support
+    named = frozenset(int(h) for h in support if h >= FIRST)
+    return replace(things, support=named, level=level)
+
+
+def plane_depth(
+    K: Float64[np.ndarray, "3 3"],
+    cam_to_world: Float64[np.ndarray, "4 4"],
+    shape: tuple[int, ...],
+    level: float,
+) -> Float64[np.ndarray, "h w"]:
+    """Depth at which each pixel's ray meets the plane z = `level`; 0 where it never does."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    x, y = (columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]
+    down = cam_to_world[2, 0] * x + cam_to_world[2, 1] * y + cam_to_world[2, 2]
+    with np.errstate(divide="ignore"):
+        met = (level - cam_to_world[2, 3]) / down
+    return np.where(np.isfinite(met) & (met > 0), met, 0.0)

@@ -1,0 +1,338 @@
+"""From a video to a film: its camera found, depth swept, what moves and what there is told, lengths made metres."""
+
+import io
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, UInt8
+
+from rpaug.core import geometry
+from rpaug.core.errors import BadInput, Unsupported
+from rpaug.core.files import write_atomic
+from rpaug.core.jit import cache_folder
+from rpaug.core.types import Camera, CameraView, Episode
+from rpaug.providers import poses
+from rpaug.scene.video import colmap, instances, moving, posed, sweep, world
+from rpaug.scene.video.colmap import ColmapSettings
+from rpaug.scene.video.frame import PosedFrame
+from rpaug.scene.video.lens import Lens
+from rpaug.scene.video.model import FEWEST_FRAMES, Reconstruction, fingerprint, load, save
+from rpaug.scene.video.settings import KnownLength, VideoSettings
+from rpaug.scene.video.video_scene import VideoScene, look_at
+
+Progress = Callable[[float, str], None]
+Bound = tuple[tuple[float, float], Float32[np.ndarray, "h w"]]
+SAMPLED, DIFFERS, RESTLESS = (
+    6,
+    4,
+    0.35,
+)  # frames, grey levels, share of pixels: what a moving camera changes
+LOOKED = 32  # frames that things are told by
+ASIDE = 3  # registered frames before and after whose points bound a frame's depth
+SPAN = (0.4, 1.5)  # around the depths of the points
+JOINED = 20  # frames that a video's fingerprint is taken of
+LOOKS_KEPT = 12  # frames: those that are compared with one another
+RELATIVE = (
+    f"relative: the median depth is taken to be {world.TYPICAL} m, nothing tells the true one"
+)
+BOXES_APART = 45  # frames between two annotated ones, at most, for boxes to be drawn between them
+
+
+def unplaced(episode: Episode) -> bool:
+    """Whether this is a video of one moving camera of which nothing but images is known."""
+    views = list(episode.views.values())
+    if len(views) != 1 or not views[0].camera.assumed or views[0].depth or views[0].ids:
+        return False
+    return episode.length >= FEWEST_FRAMES and _moves(views[0], episode.length)
+
+
+def _moves(view: CameraView, length: int) -> bool:
+    """Whether most of the image changes between frames that are far apart: a robot before a still camera does not."""
+    times = np.linspace(0, length - 1, SAMPLED).round().astype(int)
+    grey = [cv2.blur(cv2.cvtColor(view.rgb(int(t)), cv2.COLOR_RGB2GRAY), (5, 5)) for t in times]
+    pairs = pairwise(grey)
+    return float(np.median([(cv2.absdiff(a, b) > DIFFERS).mean() for a, b in pairs])) > RESTLESS
+
+
+def develop(
+    episode: Episode,
+    asked: VideoSettings | None = None,
+    *,
+    threads: int = 2,
+    cache: Path | None = None,
+    model_of: poses.Poses | None = None,
+    progress: Progress | None = None,
+) -> VideoScene:
+    """Work out a video's camera, depth and things. Raises Unsupported where its model is degenerate.
+
+    What was worked out before is taken from `cache`, by default in the user's own. `model_of` is asked for poses where
+    structure from motion fails, before the model that `asked` names. Raises BadInput for a known length that the video
+    does not have.
+    """
+    asked, tell = asked or VideoSettings(), progress or (lambda share, what: None)
+    settings = ColmapSettings(
+        width=asked.width, features=asked.features, overlap=asked.overlap, threads=threads
+    )
+    (view,) = episode.views.values()
+    where = (cache or cache_folder() / "sfm") / _name(episode, settings)
+    model = _modelled(episode, settings, where.with_suffix(".npz"), tell, asked, model_of)
+    lens = Lens(model)
+
+    def image(k: int) -> UInt8[np.ndarray, "h w 3"]:
+        return lens.flat(view.rgb(int(model.times[k])))
+
+    shots = [sweep.shot(image(k), lens.K, pose) for k, pose in enumerate(model.cam_to_world)]
+    mapped = f"{fingerprint(model.cam_to_world.tobytes())[:12]}"
+    bounds = [_bounds(model, shot, k) for k, shot in enumerate(shots)]
+    depths = _swept(shots, bounds, where.with_suffix(f".{mapped}.depth.npz"), tell)
+
+    @lru_cache(LOOKS_KEPT)
+    def look(k: int) -> PosedFrame:
+        return look_at(image(k), lens.K, model.cam_to_world[k], depths[k])
+
+    told = fingerprint(mapped.encode(), moving.RULE.encode())[:12]
+    moved = _moved(
+        look, [span for span, _ in bounds], where.with_suffix(f".{told}.moving.npz"), tell
+    )
+    held = [k for k in range(len(shots)) if k not in moved.contradicted]
+    contradicted = tuple(int(model.times[k]) for k in moved.contradicted)
+    if contradicted:
+        model = model.some(held)
+        if faults := model.faults(episode.length):
+            raise Unsupported(
+                f"structure from motion is degenerate ({len(contradicted)} frames do not move as it says; "
+                f"{', '.join(faults)})"
+            )
+        depths, masks = [depths[k] for k in held], [moved.masks[k] for k in held]
+        look.cache_clear()
+    else:
+        masks = list(moved.masks)
+    for k, mask in enumerate(masks) if view.hands else ():
+        masks[k] = _with_boxes(view, int(model.times[k]), look(k), mask)
+
+    factor = world.unit(depths)
+    model = model.moved(np.eye(4), factor)
+    depths = [np.asarray(factor * depth, np.float32) for depth in depths]
+    up, level = world.upright(model)
+    model = model.moved(up, 1.0)
+    some = [int(k) for k in np.linspace(0, len(depths) - 1, min(LOOKED, len(depths))).round()]
+    looks = [
+        replace(look_at(image(k), lens.K, model.cam_to_world[k], depths[k]), hidden=masks[k])
+        for k in some
+    ]
+    found = instances.find(looks)
+    if level is not None:
+        found = instances.with_support(found, looks, level)
+    film = VideoScene(
+        episode, model, tuple(depths), found, RELATIVE, tuple(masks), contradicted, asked.fit_width
+    )
+    return scaled(film, asked)
+
+
+def scaled(film: VideoScene, asked: VideoSettings) -> VideoScene:
+    """The film in metres, where something tells them. Raises BadInput for what the video does not have."""
+    if asked.camera_height is not None:
+        if film.instances.level is None:
+            found = "no level plane of points"
+            raise BadInput(
+                film.recorded.key, "video.camera_height", found=found, expected="a support"
+            )
+        height = float(np.median(film.model.cam_to_world[:, 2, 3])) - film.instances.level
+        return _grown(film, asked.camera_height / height, "metres, by the camera's height")
+    if asked.known_length is not None:
+        length = _measured(film, asked.known_length)
+        return _grown(film, asked.known_length.metres / length, "metres, by a known length")
+    return film
+
+
+def _grown(film: VideoScene, factor: float, unit: str) -> VideoScene:
+    told = film.instances
+    level = None if told.level is None else factor * told.level
+    return replace(
+        film,
+        model=film.model.moved(np.eye(4), factor),
+        depths=tuple(np.asarray(factor * depth, np.float32) for depth in film.depths),
+        instances=replace(told, cell=factor * told.cell, level=level),
+        unit=unit,
+    )
+
+
+def _measured(film: VideoScene, known: KnownLength) -> float:
+    """How long a known length is in the film's unit."""
+    key, times = film.recorded.key, film.model.times.tolist()
+    if known.frame not in times:
+        found = f"{known.frame}, which is not registered"
+        raise BadInput(key, "video.known_length.frame", found=found, expected=f"one of {times}")
+    k = times.index(known.frame)
+    depth, ends = film.episode.views[film.name].depth, []
+    assert depth is not None
+    for x, y in known.places:
+        if not (0 <= x <= film.model.width - 1 and 0 <= y <= film.model.height - 1):
+            size = f"a pixel of {film.model.width}x{film.model.height}"
+            raise BadInput(key, "video.known_length.places", found=[x, y], expected=size)
+        column, row = film.lens.straight(x, y)
+        z = float(depth(k)[round(row), round(column)])
+        ray = np.linalg.inv(film.lens.K) @ [column, row, 1.0]
+        ends.append(geometry.transform(film.model.cam_to_world[k], z * ray))
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    if length < 1e-6:
+        raise BadInput(
+            key, "video.known_length.places", found="one place twice", expected="two places"
+        )
+    return length
+
+
+def _with_boxes(
+    view: CameraView, t: int, look: PosedFrame, mask: Bool[np.ndarray, "h w"]
+) -> Bool[np.ndarray, "h w"]:
+    """What moves, with what is in an annotator's boxes of hands."""
+    factor = mask.shape[1] / view.camera.width
+    boxes = moving.between(view.hands, t, BOXES_APART)
+    return mask | moving.boxed(look, [tuple(factor * v for v in box) for box in boxes])
+
+
+def _moved(
+    look: Callable[[int], PosedFrame],
+    spans: Sequence[tuple[float, float]],
+    kept: Path,
+    tell: Progress,
+) -> moving.Moving:
+    shape = look(0).depth.shape
+    try:
+        with np.load(kept, allow_pickle=False) as held:
+            if held["shape"].tolist() == [len(spans), *shape]:
+                bits = np.unpackbits(held["masks"], count=len(spans) * shape[0] * shape[1])
+                masks = bits.astype(bool).reshape(len(spans), *shape)
+                return moving.Moving(tuple(masks), tuple(held["contradicted"].tolist()))
+    except (OSError, ValueError, KeyError, EOFError):
+        pass
+    found = moving.find(look, len(spans), spans, lambda share: tell(0.85 + 0.15 * share, "hands"))
+    _keep(
+        kept, masks=np.packbits(np.stack(found.masks)), shape=np.array([len(spans), *shape]),
+        contradicted=np.array(found.contradicted, np.int32),
+    )  # fmt: skip
+    return found
+
+
+def _keep(path: Path, **arrays: np.ndarray) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    write_atomic(path, buffer.getvalue())
+
+
+def _name(episode: Episode, settings: ColmapSettings) -> str:
+    """What a video and the settings come to: other frames, another name."""
+    import pycolmap
+
+    (view,) = episode.views.values()
+    some = sorted({int(t) for t in np.linspace(0, episode.length - 1, JOINED)})
+    told = asdict(settings) | {"threads": 0, "frames": episode.length, "focal": _focal(view.camera)}
+    said = json.dumps([told, pycolmap.__version__], sort_keys=True).encode()
+    return fingerprint(said, *(view.rgb(t).tobytes() for t in some))
+
+
+def _focal(camera: Camera) -> float:
+    return float(camera.K[0, 0])
+
+
+def _modelled(
+    episode: Episode,
+    settings: ColmapSettings,
+    kept: Path,
+    tell: Progress,
+    asked: VideoSettings,
+    model_of: poses.Poses | None,
+) -> Reconstruction:
+    """By structure from motion, else by a learned model if there is one."""
+    (view,) = episode.views.values()
+    try:
+        return _reconstructed(episode, settings, kept, tell)
+    except Unsupported as error:
+        if model_of is None and asked.pose_model is None:
+            raise
+        try:
+            model_of = model_of or poses.poses(asked.pose_model or "")
+            tell(0.6, "poses by a model")
+            return posed.reconstruct(view.rgb, range(episode.length), model_of)
+        except Unsupported as other:
+            raise Unsupported(f"{error}; by the model of poses: {other}") from None
+
+
+def _reconstructed(
+    episode: Episode, settings: ColmapSettings, kept: Path, tell: Progress
+) -> Reconstruction:
+    found = load(kept)
+    if found is not None:
+        if "refused" in found.facts:
+            raise Unsupported(found.facts["refused"])
+        return found
+    (view,) = episode.views.values()
+    try:
+        model = colmap.reconstruct(
+            view.rgb, range(episode.length), settings=settings,
+            progress=lambda share, what: tell(0.5 * share, what),
+        )  # fmt: skip
+    except Unsupported as error:
+        save(kept, _refused(str(error)))
+        raise
+    save(kept, model)
+    return model
+
+
+def _refused(words: str) -> Reconstruction:
+    """What stands in the cache for a video that has no model, so that it is not looked for again."""
+    none = np.zeros((0, 3))
+    return Reconstruction(
+        np.zeros(0, np.int32), np.zeros((0, 4, 4)), 1.0, (0.0, 0.0), 0.0, 1, 1, none,
+        none.astype(np.uint8), np.zeros((0, 0), bool), {"refused": words},
+    )  # fmt: skip
+
+
+def _swept(
+    shots: Sequence[sweep.SweepImage], bounds: Sequence[Bound], kept: Path, tell: Progress
+) -> list[Float32[np.ndarray, "h w"]]:
+    try:
+        with np.load(kept, allow_pickle=False) as held:
+            stored = list(held["depths"])
+            if len(stored) == len(shots) and stored[0].shape == shots[0].grey.shape:
+                return stored
+    except (OSError, ValueError, KeyError, EOFError):
+        pass
+    spans, sparse = zip(*bounds, strict=True)
+    depths = sweep.depths(shots, spans, sparse, lambda share: tell(0.6 + 0.25 * share, "depth"))
+    _keep(kept, depths=np.stack(depths))
+    return depths
+
+
+def _bounds(
+    model: Reconstruction, shot: sweep.SweepImage, k: int
+) -> tuple[tuple[float, float], Float32[np.ndarray, "h w"]]:
+    """How near and far a frame's depth may be, and the depth of the points that it saw itself, 0 elsewhere."""
+    about = model.seen[max(0, k - ASIDE) : k + ASIDE + 1].any(0)
+    local = geometry.transform(geometry.inverse(model.cam_to_world[k]), model.points[about])
+    z = np.maximum(local[:, 2], 1e-9)
+    column = np.rint(shot.K[0, 0] * local[:, 0] / z + shot.K[0, 2])
+    row = np.rint(shot.K[1, 1] * local[:, 1] / z + shot.K[1, 2])
+    height, width = shot.grey.shape
+    inside = (local[:, 2] > 0) & (row >= 0) & (column >= 0) & (row < height) & (column < width)
+    if not inside.any():
+        inside = local[:, 2] > 0
+    near, far = np.quantile(z[inside], [0.02, 0.98])
+    sparse = np.zeros(shot.grey.shape, np.float32)
+    own = (
+        inside
+        & model.seen[k, about]
+        & (row < height)
+        & (column < width)
+        & (row >= 0)
+        & (column >= 0)
+    )
+    sparse[row[own].astype(int), column[own].astype(int)] = z[own]
+    return (SPAN[0] * float(near), SPAN[1] * float(far)), sparse

@@ -1,0 +1,209 @@
+"""A video as a scene: where its camera was, how far what it saw is, and which things there are.
+
+The scene holds the registered frames alone, as pinhole images; `Film` brings an edited one back into the recording:
+through the lens, and with the frames that were not registered as they were.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, Float64, Int32, UInt8, UInt16
+
+from rpaug.core.types import Body, Camera, CameraView, Episode, Scene
+from rpaug.scene.video import instances, sweep
+from rpaug.scene.video.frame import PosedFrame
+from rpaug.scene.video.instances import InstanceMap
+from rpaug.scene.video.lens import Lens
+from rpaug.scene.video.model import Reconstruction
+
+KEPT = 8  # images of one kind
+SNAP = 0.35  # of depth: what of the support is farther from its plane is something else
+LOOK_WIDTH = 480  # pixels, at most, in which handles are told
+AROUND = 9  # pixels around what moves by itself that tell how far what it hides is
+BEFORE = 0.9  # of that: nothing tells how far it is, but it hides the rest
+
+
+@dataclass(frozen=True, eq=False)
+class VideoScene:
+    """A video with its model, in a world whose z is up. `unit` says what its lengths are, in words."""
+
+    recorded: Episode
+    model: Reconstruction
+    depths: tuple[Float32[np.ndarray, "h w"], ...]
+    instances: InstanceMap
+    unit: str
+    moving: tuple[Bool[np.ndarray, "h w"], ...] = ()  # what moves by itself, frame by frame
+    contradicted: tuple[int, ...] = ()  # recorded frames whose poses were not believed
+    fit_width: int = 320  # pixels: of the images that Gaussians are fitted to
+
+    @cached_property
+    def name(self) -> str:
+        """Of the only view."""
+        return next(iter(self.recorded.views))
+
+    @cached_property
+    def lens(self) -> Lens:
+        """What the recording was seen through."""
+        return Lens(self.model)
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The pinhole camera of the registered frames."""
+        return Camera(self.lens.K, self.model.cam_to_world, *self.lens.size)
+
+    @cached_property
+    def episode(self) -> Episode:
+        """The registered frames as pinhole images, with depth and handles that were worked out."""
+        view = CameraView(
+            self.camera,
+            lru_cache(KEPT)(self._rgb),
+            lru_cache(KEPT)(self._depth),
+            lru_cache(KEPT)(self._ids),
+            inferred=True,
+        )
+        count = len(self.model.times)
+        robot = self.recorded.robot
+        some = replace(
+            robot,
+            joint_positions=robot.joint_positions[self.model.times],
+            joint_velocities=robot.joint_velocities[self.model.times],
+            extra={k: v[self.model.times] for k, v in robot.extra.items()},
+        )
+        return replace(self.recorded, views={self.name: view}, robot=some, length=count)
+
+    @cached_property
+    def hand(self) -> int | None:
+        """The handle of what moves by itself: hands, and what they carry. None if nothing does."""
+        return max(self.instances.every) + 1 if any(mask.any() for mask in self.moving) else None
+
+    def scene(self) -> Scene:
+        """What edits are made in: everything stands still but hands and what they carry."""
+        still = np.tile(np.eye(4), (self.episode.length, 1, 1))
+        bodies = tuple(Body(frozenset([h]), still, "static") for h in self.instances.every)
+        roles = {"background": frozenset([instances.BACKGROUND])}
+        if self.hand is not None:
+            bodies = (*bodies, Body(frozenset([self.hand]), still, "unknown", ambiguous=True))
+            roles["robot"] = frozenset([self.hand])
+        if self.instances.support:
+            roles["table"] = self.instances.support
+        return Scene(
+            episode=self.episode,
+            cameras={self.name: self.camera},
+            bodies=bodies,
+            roles=roles,
+            antialiased=True,  # lenses mix the colours on both sides of an outline
+            descriptions=self.recorded.descriptions,
+            back=self,
+        )
+
+    def __call__(self, edited: Episode) -> Episode:
+        """The recording with the frames of an edited scene in it."""
+        before, after = self.episode.views[self.name], edited.views[self.name]
+        recorded = self.recorded.views[self.name]
+        view = recorded
+        if after.rgb is not before.rgb:
+            place = {int(t): k for k, t in enumerate(self.model.times)}
+
+            def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
+                if t not in place:
+                    return recorded.rgb(t)
+                k = place[t]
+                return self.lens.bent(recorded.rgb(t), before.rgb(k), after.rgb(k))
+
+            view = replace(recorded, rgb=rgb)
+        return replace(self.recorded, views={self.name: view}, descriptions=edited.descriptions)
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values for the report."""
+        missing = sorted(set(range(self.recorded.length)) - set(self.model.times.tolist()))
+        return {
+            "frames": self.recorded.length,
+            "registered": len(self.model.times),
+            "passed_through": missing,
+            "contradicted": list(self.contradicted),
+            "moving_share": round(float(np.mean([m.mean() for m in self.moving])), 4)
+            if self.moving
+            else 0.0,
+            "focal_px": round(self.model.focal, 2),
+            "radial": round(self.model.radial, 5),
+            "points": len(self.model.points),
+            "ray_angle_degrees": round(self.model.angle(), 2),
+            "unit": self.unit,
+            **self.model.facts,
+        }
+
+    def _rgb(self, k: int) -> UInt8[np.ndarray, "h w 3"]:
+        return self.lens.flat(self.recorded.views[self.name].rgb(int(self.model.times[k])))
+
+    def _depth(self, k: int) -> Float32[np.ndarray, "h w"]:
+        """At full size, along the image's own edges; the support lies in its plane."""
+        image = self.episode.views[self.name].rgb(k)
+        size = (image.shape[1], image.shape[0])
+        inverse = cv2.resize(1 / self.depths[k], size, interpolation=cv2.INTER_LINEAR)
+        inverse = cv2.ximgproc.fastGlobalSmootherFilter(image, inverse, 30.0, 8.0)
+        depth = (1 / np.maximum(inverse, 1e-6)).astype(np.float32)
+        return self._with_hands(k, self._on_support(k, depth))
+
+    def _with_hands(self, k: int, depth: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
+        """What moves by itself before what is around it, each part upright and at one depth."""
+        if self.hand is None or not self.moving[k].any():
+            return depth
+        view = self.episode.views[self.name]
+        assert view.ids is not None
+        mine = (view.ids(k) == self.hand).astype(np.uint8)
+        depth = depth.copy()
+        count, parts = cv2.connectedComponents(mine)
+        for number in range(1, count):
+            part = parts == number
+            around = cv2.dilate(part.astype(np.uint8), np.ones((2 * AROUND + 1,) * 2, np.uint8)) > 0
+            beside = depth[around & (mine == 0)]
+            depth[part] = BEFORE * (np.quantile(beside, 0.1) if beside.size else depth[part].min())
+        return depth
+
+    def _on_support(self, k: int, depth: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
+        if self.instances.level is None:
+            return depth
+        view = self.episode.views[self.name]
+        assert view.ids is not None
+        mine = np.isin(view.ids(k), list(self.instances.support))
+        pose = self.model.cam_to_world[k]
+        met = instances.plane_depth(self.lens.K, pose, depth.shape, self.instances.level)
+        near = mine & (met > 0) & (np.abs(met / depth - 1) < SNAP)
+        return np.where(near, met, depth).astype(np.float32)
+
+    def _ids(self, k: int) -> Int32[np.ndarray, "h w"]:
+        size = self.lens.size
+        small = self._told(k)
+        return cv2.resize(small, size, interpolation=cv2.INTER_NEAREST).astype(np.int32)
+
+    @cached_property
+    def _told(self) -> Callable[[int], UInt16[np.ndarray, "h w"]]:
+        """Handles of each frame at the size that they are told in, kept once told."""
+
+        @lru_cache(None)
+        def told(k: int) -> UInt16[np.ndarray, "h w"]:
+            image = self.episode.views[self.name].rgb(k)
+            look = look_at(image, self.lens.K, self.model.cam_to_world[k], self.depths[k])
+            ids = self.instances.of(look)
+            if self.hand is not None:
+                ids = np.where(self.moving[k], self.hand, ids)
+            return ids.astype(np.uint16)
+
+        return told
+
+
+def look_at(
+    image: UInt8[np.ndarray, "h w 3"],
+    K: Float64[np.ndarray, "3 3"],
+    pose: Float64[np.ndarray, "4 4"],
+    depth: Float32[np.ndarray, "a b"],
+) -> PosedFrame:
+    """A frame at the size that things are told in."""
+    small = sweep.shot(image, K, pose, LOOK_WIDTH)
+    size = (small.rgb.shape[1], small.rgb.shape[0])
+    fitting = 1 / cv2.resize(1 / depth, size, interpolation=cv2.INTER_LINEAR)
+    return PosedFrame(small.rgb, fitting.astype(np.float32), small.K, pose)
