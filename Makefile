@@ -34,7 +34,7 @@ test-gpu: $(VENV)/.installed
 	$(BIN)/python -m pytest -m gpu
 
 test-llm: $(VENV)/.installed
-	RPAUG_LLM=$$($(BIN)/python tools/fetch_llm.py) $(BIN)/python -m pytest -s tests/agents/test_llm.py
+	RPAUG_LLM=$$($(BIN)/python tools/fetch_llm.py) $(BIN)/python -m pytest -s tests/language/test_llm.py
 
 test-tfds: $(VENV)/.installed
 	$(BIN)/python -m pytest tests/readers/test_tfds_reader.py

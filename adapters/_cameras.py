@@ -127,9 +127,9 @@ def parse(path: Path) -> Beside:
     """One file. Raises BadInput, naming the key."""
     if path.stat().st_size > LARGEST:
         raise BadInput(path, "size", found="more than 4 MiB", expected="a list of cameras")
-    told = read_yaml(path, Beside, MOST)
-    told._where = path
-    return told
+    given = read_yaml(path, Beside, MOST)
+    given._where = path
+    return given
 
 
 def known(beside: Beside, field: str, name: str, among: Iterable[str]) -> None:
@@ -164,17 +164,17 @@ def camera(
 ) -> Camera:
     """A view's camera as told, its poses from the file or one of the `tracks`; else a stand-in. Raises BadInput."""
     width, height = size
-    told = beside.cameras.get(name)
-    if told is None:
+    given = beside.cameras.get(name)
+    if given is None:
         focal = FOCAL * max(size)
         K = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
         return Camera(K, np.tile(np.eye(4), (length, 1, 1)), width, height, assumed=True)
-    values: Any = told.cam_to_world
-    if told.pose_key is not None:
-        known(beside, f"cameras.{name}.pose_key", told.pose_key, tracks)
-        values = tracks[told.pose_key]
+    values: Any = given.cam_to_world
+    if given.pose_key is not None:
+        known(beside, f"cameras.{name}.pose_key", given.pose_key, tracks)
+        values = tracks[given.pose_key]
     track = _poses(beside.where, f"cameras.{name}", values, length)
-    return Camera(told.intrinsics(width, height), track, width, height, unplaced=values is None)
+    return Camera(given.intrinsics(width, height), track, width, height, unplaced=values is None)
 
 
 def _poses(where: Path, field: str, values: Any, length: int) -> Float64[np.ndarray, "t 4 4"]:
@@ -215,16 +215,20 @@ def robot(beside: Beside, tracks: Mapping[str, Float64[np.ndarray, "t k"]], leng
 
 
 def _gripper(
-    beside: Beside, told: Gripper, state: Float64[np.ndarray, "t k"]
+    beside: Beside, given: Gripper, state: Float64[np.ndarray, "t k"]
 ) -> tuple[Float64[np.ndarray, "t 4 4"], Float64[np.ndarray, "t"] | None]:
-    columns = [*told.position, *told.rotation, *([] if told.opening is None else [told.opening])]
-    wanted = 3 if told.convention == "euler_xyz" else 4
-    if not all(0 <= c < state.shape[1] for c in columns) or len(told.rotation) != wanted:
-        found = f"columns {columns} of {state.shape[1]}, {len(told.rotation)} for the rotation"
+    columns = [
+        *given.position,
+        *given.rotation,
+        *([] if given.opening is None else [given.opening]),
+    ]
+    wanted = 3 if given.convention == "euler_xyz" else 4
+    if not all(0 <= c < state.shape[1] for c in columns) or len(given.rotation) != wanted:
+        found = f"columns {columns} of {state.shape[1]}, {len(given.rotation)} for the rotation"
         expected = f"columns that are there, {wanted} for the rotation"
         raise BadInput(beside.where, "gripper", found=found, expected=expected)
-    position, turn = state[:, told.position], state[:, told.rotation]
-    if told.convention == "euler_xyz":
+    position, turn = state[:, given.position], state[:, given.rotation]
+    if given.convention == "euler_xyz":
         x, y, z = (
             np.stack([rotation(angle * axis) for angle in angles])
             for angles, axis in zip(turn.T, np.eye(3), strict=True)
@@ -232,14 +236,14 @@ def _gripper(
         pose = np.tile(np.eye(4), (len(state), 1, 1))
         pose[:, :3, :3], pose[:, :3, 3] = z @ y @ x, position
     else:
-        order = [0, 1, 2, 3] if told.convention == "quaternion_xyzw" else [1, 2, 3, 0]
+        order = [0, 1, 2, 3] if given.convention == "quaternion_xyzw" else [1, 2, 3, 0]
         turn = turn[:, order]
         none = np.flatnonzero(~(np.linalg.norm(turn, axis=1) > 0))
         if len(none):
             found, expected = f"no rotation in step {none[0]}", "quaternions"
-            raise BadInput(beside.where, f"gripper.key {told.key}", found=found, expected=expected)
+            raise BadInput(beside.where, f"gripper.key {given.key}", found=found, expected=expected)
         pose = pose_of(position, turn)
-    return pose, None if told.opening is None else state[:, told.opening]
+    return pose, None if given.opening is None else state[:, given.opening]
 
 
 def told_of(camera: Camera) -> dict[str, Any]:
@@ -260,11 +264,11 @@ def moved(
     if not changed:
         kept = None if own is None else own / NAME
         return {NAME: read_bytes(kept)} if kept is not None and kept.is_file() else {}
-    told = beside.model_dump(mode="json", exclude_none=True)
+    given = beside.model_dump(mode="json", exclude_none=True)
     if beside.gripper is not None and beside.gripper.opening is None:
-        told["gripper"]["opening"] = None  # left out, it would be taken to be the usual number
+        given["gripper"]["opening"] = None  # left out, it would be taken to be the usual number
     for name, camera in changed.items():
-        old = told["cameras"].get(name, {})
+        old = given["cameras"].get(name, {})
         old = {key: old[key] for key in ("depth", "metres", "ids") if key in old}
-        told["cameras"][name] = old | told_of(camera)
-    return {NAME: yaml.safe_dump(told, sort_keys=False).encode()}
+        given["cameras"][name] = old | told_of(camera)
+    return {NAME: yaml.safe_dump(given, sort_keys=False).encode()}

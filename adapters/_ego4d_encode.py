@@ -38,26 +38,26 @@ def write(target: Path, video: Video, shown: Seen) -> None:
 
     Raises Unsupported where nothing here encodes the codec.
     """
-    told = video.facts
-    codec = told.codec.removeprefix("lib").replace("dav1d", "av1").replace("vpx-", "")
+    given = video.facts
+    codec = given.codec.removeprefix("lib").replace("dav1d", "av1").replace("vpx-", "")
     if codec not in ENCODERS or ENCODERS[codec][0] not in av.codecs_available:
         known = ", ".join(ENCODERS)
-        raise Unsupported(f"{video.path}: {told.codec} cannot be written; these can: {known}")
-    if codec == "hevc" and min(told.width, told.height) < HEVC_LEAST:
-        size = f"{told.width}x{told.height}"
+        raise Unsupported(f"{video.path}: {given.codec} cannot be written; these can: {known}")
+    if codec == "hevc" and min(given.width, given.height) < HEVC_LEAST:
+        size = f"{given.width}x{given.height}"
         raise Unsupported(
             f"{video.path}: {size} in HEVC; its encoder takes {HEVC_LEAST} pixels a side or more"
         )
     name, options = ENCODERS[codec]
-    timescale = {"video_track_timescale": str(told.time_base.denominator)}
+    timescale = {"video_track_timescale": str(given.time_base.denominator)}
     mp4 = target.suffix in (".mp4", ".mov", ".m4v")
     try:
         with (
             av.open(str(video.path)) as source,
             av.open(str(target), "w", options=timescale if mp4 else {}) as made,
         ):
-            stream: Any = made.add_stream(name, rate=told.rate, options=options)
-            _like(stream, source.streams.video[0], told)
+            stream: Any = made.add_stream(name, rate=given.rate, options=options)
+            _like(stream, source.streams.video[0], given)
             sound = [
                 (one, made.add_stream_from_template(one))
                 for one in source.streams.audio
@@ -73,16 +73,16 @@ def write(target: Path, video: Video, shown: Seen) -> None:
     except FFmpegError as error:
         if getattr(error, "errno", None) == 28:  # a full disk is told as one
             raise OSError(28, "No space left on device") from None
-        raise Unsupported(f"{video.path}: {told.codec} cannot be written: {error}") from None
+        raise Unsupported(f"{video.path}: {given.codec} cannot be written: {error}") from None
     if mp4:
         _ego4d_boxes.copy_matrix(video.path, target)
 
 
-def _like(stream: Any, recorded: Any, told: Facts) -> None:
+def _like(stream: Any, recorded: Any, given: Facts) -> None:
     context, before = stream.codec_context, recorded.codec_context
-    context.width, context.height, context.pix_fmt = told.width, told.height, told.pixels
-    context.time_base = told.time_base
-    stream.time_base = told.time_base
+    context.width, context.height, context.pix_fmt = given.width, given.height, given.pixels
+    context.time_base = given.time_base
+    stream.time_base = given.time_base
     context.thread_count = 1  # the same pixels give the same bytes, whatever the machine
     for name in ("color_range", "color_primaries", "color_trc", "colorspace"):
         setattr(context, name, getattr(before, name))
@@ -105,15 +105,15 @@ def _pictures(made: Any, stream: Any, video: Video, shown: Seen) -> None:
 
 def changed(video: Video, t: int, image: UInt8[np.ndarray, "h w 3"]) -> VideoFrame:
     """Frame t of the video, showing the image."""
-    told, recorded = video.facts, video.frame(t)
-    differs = np.rot90((image != video.rgb(t)).any(-1), -told.quarter_turns)
-    lay = np.ascontiguousarray(np.rot90(image, -told.quarter_turns))
+    given, recorded = video.facts, video.frame(t)
+    differs = np.rot90((image != video.rgb(t)).any(-1), -given.quarter_turns)
+    lay = np.ascontiguousarray(np.rot90(image, -given.quarter_turns))
     wanted = recorded.format.name
     new = VideoFrame.from_ndarray(lay, format="rgb24").reformat(
-        format=wanted, dst_colorspace=matrix(told, recorded)
+        format=wanted, dst_colorspace=matrix(given, recorded)
     )
     new.color_range = recorded.color_range
-    if wanted in PLANAR and told.width % 2 == 0 and told.height % 2 == 0:
+    if wanted in PLANAR and given.width % 2 == 0 and given.height % 2 == 0:
         before, after = recorded.to_ndarray(), new.to_ndarray()
         new = VideoFrame.from_ndarray(np.where(_planes(differs), after, before), format=wanted)
     elif not differs.any():

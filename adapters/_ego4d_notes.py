@@ -43,12 +43,12 @@ class Notes:
     @property
     def descriptions(self) -> tuple[str, ...]:
         """The narrations in words that tell someone what to do, in order."""
-        told = [
+        given = [
             (float(one.get("timestamp_sec") or 0), instruction(str(one.get("narration_text", ""))))
             for name in PASSES
             for one in self.passes.get(name, {}).get("narrations", ())
         ]
-        return tuple(dict.fromkeys(text for _, text in sorted(told, key=lambda p: p[0]) if text))
+        return tuple(dict.fromkeys(text for _, text in sorted(given, key=lambda p: p[0]) if text))
 
     @property
     def boxes(self) -> dict[int, tuple[tuple[float, float, float, float], ...]]:
@@ -113,8 +113,8 @@ def told_anew(notes: Notes, descriptions: Iterable[str]) -> dict[str, Any]:
         name: {
             **of,
             "narrations": [
-                {**n, "narration_text": "#C C " + named[said]}
-                if (said := instruction(str(n.get("narration_text", "")))) in named
+                {**n, "narration_text": "#C C " + named[stated]}
+                if (stated := instruction(str(n.get("narration_text", "")))) in named
                 else n
                 for n in of.get("narrations", ())
             ],
@@ -192,13 +192,13 @@ class Library:
         return Notes(self.videos.get(uid, {}), self._passes(uid), hands)
 
     def _passes(self, uid: str) -> dict[str, Any]:
-        told = self.narrations.get(uid, {})
-        return {name: told[name] for name in PASSES if isinstance(told.get(name), Mapping)}
+        given = self.narrations.get(uid, {})
+        return {name: given[name] for name in PASSES if isinstance(given.get(name), Mapping)}
 
 
-def _check(path: Path | None, uid: str, told: Any) -> None:
+def _check(path: Path | None, uid: str, given: Any) -> None:
     """See that lists are lists of objects and times are numbers, wherever they are. Raises BadInput."""
-    waiting = [] if path is None else [(uid, told)]
+    waiting = [] if path is None else [(uid, given)]
     while waiting:
         at, node = waiting.pop()
         for key, value in node.items() if isinstance(node, Mapping) else ():
@@ -237,11 +237,11 @@ def library(home: Path) -> Library:
     narrations: dict[str, Any] = {}
     files: dict[str, Path] = {}
     for name in NARRATIONS:
-        told = _json(held / name)
-        told = told.get("videos", told)
-        if not isinstance(told, dict):
+        given = _json(held / name)
+        given = given.get("videos", given)
+        if not isinstance(given, dict):
             raise BadInput(held / name, "videos", found="something else", expected="an object")
-        here = {k: v for k, v in told.items() if isinstance(v, Mapping)}
+        here = {k: v for k, v in given.items() if isinstance(v, Mapping)}
         narrations |= here
         files |= dict.fromkeys(here, held / name)
     hands = {}
@@ -261,8 +261,8 @@ def library(home: Path) -> Library:
 
 def own(path: Path) -> Notes:
     """What a file that rpaug wrote beside an episode says. Raises BadInput."""
-    told = _json(path)
-    return Notes(told.get("video") or {}, told.get("narrations") or {}, told.get("fho"))
+    given = _json(path)
+    return Notes(given.get("video") or {}, given.get("narrations") or {}, given.get("fho"))
 
 
 def _json(path: Path) -> dict[str, Any]:
@@ -271,14 +271,14 @@ def _json(path: Path) -> dict[str, Any]:
         return {}
     if path.stat().st_size > LARGEST:
         raise BadInput(path, "size", found="more than 2 GiB", expected="annotations")
-    told = read_json(path, "JSON")
-    if not isinstance(told, dict):
-        raise BadInput(path, "JSON", found=type(told).__name__, expected="an object")
-    return told
+    given = read_json(path, "JSON")
+    if not isinstance(given, dict):
+        raise BadInput(path, "JSON", found=type(given).__name__, expected="an object")
+    return given
 
 
-def _listed(path: Path, told: Mapping[str, Any], name: str) -> Iterator[Mapping[str, Any]]:
-    held = told.get(name, [])
+def _listed(path: Path, given: Mapping[str, Any], name: str) -> Iterator[Mapping[str, Any]]:
+    held = given.get(name, [])
     if not isinstance(held, list) or not all(isinstance(one, Mapping) for one in held):
         raise BadInput(path, name, found="something else", expected="a list of objects")
     yield from held

@@ -131,8 +131,10 @@ class Video:
     @property
     def size(self) -> tuple[int, int]:
         """Width and height of a frame as shown."""
-        told = self.facts
-        return (told.height, told.width) if told.quarter_turns % 2 else (told.width, told.height)
+        given = self.facts
+        return (
+            (given.height, given.width) if given.quarter_turns % 2 else (given.width, given.height)
+        )
 
     def times(self) -> Int64[np.ndarray, "t"]:
         """When each frame is shown, in the file's time base, the first one at 0 if it is a cut."""
@@ -194,13 +196,13 @@ class Video:
         return self._open["frames"]
 
 
-def matrix(told: Facts, frame: VideoFrame) -> Colorspace:
+def matrix(given: Facts, frame: VideoFrame) -> Colorspace:
     """The colour matrix of a frame."""
-    assumed = Colorspace.ITU709 if told.height >= HIGH_DEFINITION else Colorspace.ITU601
+    assumed = Colorspace.ITU709 if given.height >= HIGH_DEFINITION else Colorspace.ITU601
     return NAMED.get(int(frame.colorspace), assumed)
 
 
-def pixels(frame: VideoFrame, told: Facts) -> UInt8[np.ndarray, "h w 3"]:
+def pixels(frame: VideoFrame, given: Facts) -> UInt8[np.ndarray, "h w 3"]:
     """A decoded frame as an upright RGB image."""
-    image = frame.reformat(format="rgb24", src_colorspace=matrix(told, frame)).to_ndarray()
-    return np.ascontiguousarray(np.rot90(image, told.quarter_turns))
+    image = frame.reformat(format="rgb24", src_colorspace=matrix(given, frame)).to_ndarray()
+    return np.ascontiguousarray(np.rot90(image, given.quarter_turns))

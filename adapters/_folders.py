@@ -40,10 +40,10 @@ class GatheredAdapter(Adapter):
     def episodes(self, root: Path) -> Sequence[str]:
         keys = []
         for folder in datasets(root, self.mark):
-            told = self.gathered(folder)
-            if told is None:
+            given = self.gathered(folder)
+            if given is None:
                 continue
-            held = {split: set(range(count)) for split, count in told.items()}
+            held = {split: set(range(count)) for split, count in given.items()}
             for split, numbers in staged(folder, self.staged).items():
                 held.setdefault(split, set()).update(numbers)
             at = PurePosixPath(folder.relative_to(root).as_posix())
@@ -77,8 +77,8 @@ class GatheredAdapter(Adapter):
     def free(self, root: Path, key: str) -> tuple[Path, str, int]:
         """Dataset, split and number of an episode to be written. Raises BadInput for one that is there already."""
         folder, split, number = place(root, key)
-        told = (self.gathered(folder) if (folder / self.mark).is_file() else None) or {}
-        if number < told.get(split, 0):
+        given = (self.gathered(folder) if (folder / self.mark).is_file() else None) or {}
+        if number < given.get(split, 0):
             raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
         return folder, split, number
 

@@ -43,7 +43,7 @@ def tracks(episode: Episode) -> dict[str, np.ndarray]:
 def beside(episode: Episode, named: Callable[[str], str], images: Callable[[str], str]) -> bytes:
     """What `cameras.yaml` says of the episode: `named` turns a name of `tracks`, `images` one of a camera and `depth`
     or `mask`, into the layout's own."""
-    told: dict[str, Any] = {"version": 1, "cameras": {}}
+    given: dict[str, Any] = {"version": 1, "cameras": {}}
     for name, view in episode.views.items():
         camera = view.camera
         if camera.assumed:
@@ -53,15 +53,15 @@ def beside(episode: Episode, named: Callable[[str], str], images: Callable[[str]
             entry["depth"] = images(f"{name}_depth")
         if view.ids is not None:
             entry["ids"] = images(f"{name}_mask")
-        told["cameras"][name] = entry
+        given["cameras"][name] = entry
     robot = episode.robot
     if robot.gripper_to_world is not None:
-        told["gripper"] = {
+        given["gripper"] = {
             "key": named(STATE), "rotation": [3, 4, 5, 6], "convention": "quaternion_xyzw",
             "opening": None if robot.gripper_open is None else 7,
         }  # fmt: skip
     if robot.joint_positions.shape[1]:
-        told["joints"] = named("observation/joint_positions")
-        told["joint_velocities"] = named("observation/joint_velocities")
-    _cameras.Beside.model_validate(told)
-    return yaml.safe_dump(told, sort_keys=False).encode()
+        given["joints"] = named("observation/joint_positions")
+        given["joint_velocities"] = named("observation/joint_velocities")
+    _cameras.Beside.model_validate(given)
+    return yaml.safe_dump(given, sort_keys=False).encode()

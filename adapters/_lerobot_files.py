@@ -48,7 +48,7 @@ class Info:
     """What `meta/info.json` says: `told` is all of it."""
 
     folder: Path
-    told: dict[str, Any]
+    given: dict[str, Any]
     rate: float
     features: dict[str, dict[str, Any]]
     splits: dict[str, range]
@@ -65,20 +65,20 @@ class Info:
 def info(folder: Path) -> Info:
     """The description of the dataset in a folder. Raises BadInput."""
     path = folder / INFO
-    told = read_json(path, "a description")
-    if not isinstance(told, dict) or not isinstance(told.get("codebase_version"), str):
+    given = read_json(path, "a description")
+    if not isinstance(given, dict) or not isinstance(given.get("codebase_version"), str):
         raise BadInput(path, "codebase_version", found="none", expected="a LeRobot dataset")
-    if not told["codebase_version"].startswith(VERSION):
+    if not given["codebase_version"].startswith(VERSION):
         expected = "v3.0 (lerobot's convert_dataset_v21_to_v30 makes it)"
-        raise BadInput(path, "codebase_version", found=told["codebase_version"], expected=expected)
-    rate = told.get("fps")
+        raise BadInput(path, "codebase_version", found=given["codebase_version"], expected=expected)
+    rate = given.get("fps")
     if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not 0 < rate < 100_000:
         raise BadInput(path, "fps", found=repr(rate)[:40], expected="frames a second")
-    return Info(folder, told, float(rate), _features(path, told), _splits(path, told))
+    return Info(folder, given, float(rate), _features(path, given), _splits(path, given))
 
 
-def _features(path: Path, told: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    features = told.get("features")
+def _features(path: Path, given: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    features = given.get("features")
     if not isinstance(features, dict) or not features:
         raise BadInput(path, "features", found="none", expected="a feature by each key")
     for key, one in features.items():
@@ -103,19 +103,21 @@ def _features(path: Path, told: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return features
 
 
-def _splits(path: Path, told: dict[str, Any]) -> dict[str, range]:
+def _splits(path: Path, given: dict[str, Any]) -> dict[str, range]:
     """Episode numbers of each split; all are for training where nothing is said."""
-    total = told.get("total_episodes")
+    total = given.get("total_episodes")
     if isinstance(total, bool) or not isinstance(total, int) or not 0 <= total <= MOST:
         raise BadInput(path, "total_episodes", found=repr(total)[:40], expected="a number")
-    said = told.get("splits") or ({"train": f"0:{total}"} if total else {})
+    stated = given.get("splits") or ({"train": f"0:{total}"} if total else {})
     try:
         found = {
             name: range(*(int(part) for part in str(span).split(":", 1)))
-            for name, span in said.items()
+            for name, span in stated.items()
         }
     except (AttributeError, TypeError, ValueError):
-        raise BadInput(path, "splits", found=repr(said)[:80], expected="name: first:end") from None
+        raise BadInput(
+            path, "splits", found=repr(stated)[:80], expected="name: first:end"
+        ) from None
     for name, span in found.items():
         if (
             not name
@@ -126,7 +128,7 @@ def _splits(path: Path, told: dict[str, Any]) -> dict[str, range]:
             raise BadInput(path, "splits", found=repr(name)[:40], expected="a name")
         if span.start < 0 or span.stop > total:
             raise BadInput(
-                path, f"splits.{name}", found=f"{said[name]}", expected=f"within 0:{total}"
+                path, f"splits.{name}", found=f"{stated[name]}", expected=f"within 0:{total}"
             )
     ends = sorted((span.start, span.stop) for span in found.values() if len(span))
     if any(one[1] > other[0] for one, other in pairwise(ends)):

@@ -44,7 +44,7 @@ def pack(folder: Path) -> None:
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir()
     try:
-        told = _gather(about, work)
+        given = _gather(about, work)
         for name in SHARED:
             shutil.rmtree(folder / name, ignore_errors=True)
             if (work / name).is_dir():
@@ -54,7 +54,7 @@ def pack(folder: Path) -> None:
             os.replace(work / name, folder / name)
     finally:
         shutil.rmtree(work, ignore_errors=True)
-    write_atomic(folder / INFO, json.dumps(told, indent=4, ensure_ascii=False).encode())
+    write_atomic(folder / INFO, json.dumps(given, indent=4, ensure_ascii=False).encode())
     _drop(folder)
 
 
@@ -117,7 +117,7 @@ def _gather(about: Info, work: Path) -> dict[str, Any]:
         count = sum(one == split for one, _ in own)
         spans[split] = f"{at}:{at + count}"
         at += count
-    return about.told | {
+    return about.given | {
         "total_episodes": len(own),
         "total_frames": tables,
         "total_tasks": len(tasks),
@@ -144,7 +144,7 @@ def _tables(
 ) -> int:
     """Write the tables of frames, a row group an episode; fills `tasks` and `rows`, returns the number of frames."""
     pa, pq = _lerobot_files.arrow()
-    files = _Files(about.told.get("data_files_size_in_mb"), about.told.get("chunks_size"))
+    files = _Files(about.given.get("data_files_size_in_mb"), about.given.get("chunks_size"))
     writer, at = None, 0
     for number, (_, path) in enumerate(own):
         held = _lerobot_files.table(path / STAGED)
@@ -188,7 +188,7 @@ def _videos(
     about: Info, work: Path, own: list[tuple[str, Path]], key: str, rows: list[dict[str, Any]]
 ) -> None:
     """Join one camera's videos, without decoding; adds their places to `rows`."""
-    files = _Files(about.told.get("video_files_size_in_mb"), about.told.get("chunks_size"))
+    files = _Files(about.given.get("video_files_size_in_mb"), about.given.get("chunks_size"))
     groups: list[tuple[dict[str, int], list[int]]] = []
     for number, (_, path) in enumerate(own):
         if files.add((path / f"{key}.mp4").stat().st_size) or not groups:
@@ -233,11 +233,11 @@ def _meta(work: Path, rows: list[dict[str, Any]], tasks: dict[str, int]) -> None
 def faults(folder: Path) -> Iterator[str]:
     """Where a gathered dataset's description or statistics are not those of its rows."""
     about = _lerobot_files.info(folder)
-    if not about.told.get("total_episodes"):
+    if not about.given.get("total_episodes"):
         return
     rows = _lerobot_files.episodes(folder)
     at = 0
-    for number in range(about.told["total_episodes"]):
+    for number in range(about.given["total_episodes"]):
         row = rows.get(number, {})
         if (row.get("dataset_from_index"), row.get("dataset_to_index")) != (
             at,
@@ -248,18 +248,20 @@ def faults(folder: Path) -> Iterator[str]:
             yield f"{place}: found {found}; expected {at}, and as many rows as its length"
             return
         at = row["dataset_to_index"]
-    if about.told.get("total_frames") != at:
-        found = about.told.get("total_frames")
+    if about.given.get("total_frames") != at:
+        found = about.given.get("total_frames")
         yield f"{folder / INFO}: total_frames: found {found}; expected {at}, as the episodes have"
-    told = json.loads(read_bytes(folder / STATS)) if (folder / STATS).is_file() else {}
+    given = json.loads(read_bytes(folder / STATS)) if (folder / STATS).is_file() else {}
     for key, feature in about.features.items():
-        if feature["dtype"].startswith("float") and len(feature["shape"]) == 1 and key in told:
+        if feature["dtype"].startswith("float") and len(feature["shape"]) == 1 and key in given:
             values = _column(folder, key)
             found = _lerobot_stats.plain({key: _lerobot_stats.of_numbers(values)})[key]
             for name in ("min", "max", "mean", "std", "count"):
-                if not np.allclose(told[key].get(name, np.nan), found[name], atol=1e-4, rtol=1e-3):
-                    said = f"found {told[key].get(name)}; expected {found[name]}, as the rows have"
-                    yield f"{folder / STATS}: {key}: {name}: {said}"
+                if not np.allclose(given[key].get(name, np.nan), found[name], atol=1e-4, rtol=1e-3):
+                    stated = (
+                        f"found {given[key].get(name)}; expected {found[name]}, as the rows have"
+                    )
+                    yield f"{folder / STATS}: {key}: {name}: {stated}"
                     break
 
 

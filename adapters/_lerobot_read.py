@@ -65,10 +65,10 @@ def read(folder: Path, split: str, number: int, key: str) -> Episode:
     tracks = _tracks(where, about, rows)
     depths = _depths(about, beside, images)
     ids = {name: MASK + name for name in images if MASK + name in about.features}
-    for name, told in beside.cameras.items():
-        if told.ids is not None and name in images:
-            _cameras.known(beside, f"cameras.{name}.ids", told.ids, about.features)
-            ids[name] = told.ids
+    for name, given in beside.cameras.items():
+        if given.ids is not None and name in images:
+            _cameras.known(beside, f"cameras.{name}.ids", given.ids, about.features)
+            ids[name] = given.ids
     descriptions = tuple(dict.fromkeys(text for text in tasks if text))
 
     def view(name: str, camera: Camera) -> CameraView:
@@ -90,10 +90,10 @@ def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...
     if number >= len(span):
         found = f"{len(span)} episodes"
         raise BadInput(folder / INFO, f"splits.{split}", found=found, expected=f"number {number}")
-    told = _lerobot_files.episode(folder, span[number])
-    path = _lerobot_files.place(told, "data", folder, about.told.get("data_path"))
+    given = _lerobot_files.episode(folder, span[number])
+    path = _lerobot_files.place(given, "data", folder, about.given.get("data_path"))
     rows = _lerobot_files.table(path, filters=[("episode_index", "=", span[number])])
-    length = _length(f"{path}: episode {span[number]}", rows, told.get("length"))
+    length = _length(f"{path}: episode {span[number]}", rows, given.get("length"))
     words = _lerobot_files.tasks(folder)
     column = rows["task_index"].to_pylist() if "task_index" in rows.column_names else []
     known = (words.get(index, "") if isinstance(index, int) else "" for index in column)
@@ -102,9 +102,9 @@ def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...
     for key in about.of_kind("video"):
         prefix = f"videos/{key}"
         video = _lerobot_files.place(
-            told, prefix, folder, about.told.get("video_path"), video_key=key
+            given, prefix, folder, about.given.get("video_path"), video_key=key
         )
-        start = told.get(f"{prefix}/from_timestamp")
+        start = given.get(f"{prefix}/from_timestamp")
         if not isinstance(start, (int, float)) or not 0 <= start < 1e7:
             where = f"episode {span[number]}, {prefix}/from_timestamp"
             found, expected = repr(start)[:40], "seconds"
@@ -122,9 +122,9 @@ def _staged(about: Info, own: Path) -> tuple[Any, tuple[str, ...], dict[str, Spa
     return rows, tasks, {key: Span(own / f"{key}.mp4", 0.0, length, about.rate) for key in videos}
 
 
-def _length(where: str, rows: Any, told: Any) -> int:
-    if not rows.num_rows or rows.num_rows != told:
-        found, expected = f"{rows.num_rows} rows", f"{told}, as the table of episodes says"
+def _length(where: str, rows: Any, given: Any) -> int:
+    if not rows.num_rows or rows.num_rows != given:
+        found, expected = f"{rows.num_rows} rows", f"{given}, as the table of episodes says"
         raise BadInput(where, "rows", found=found, expected=expected)
     if "frame_index" in rows.column_names:
         counted = rows["frame_index"].to_pylist()
@@ -161,8 +161,8 @@ def _depths(about: Info, beside: Beside, images: dict[str, str]) -> dict[str, De
     """Each camera's feature of depth: named by the side file, or called after the camera."""
     found = {}
     for name, image in images.items():
-        told = beside.cameras.get(name)
-        key = told.depth if told is not None else None
+        given = beside.cameras.get(name)
+        key = given.depth if given is not None else None
         if key is not None:
             _cameras.known(beside, f"cameras.{name}.depth", key, about.features)
         elif image + DEPTH in about.features and _is_depth(about.features[image + DEPTH]):
@@ -171,7 +171,7 @@ def _depths(about: Info, beside: Beside, images: dict[str, str]) -> dict[str, De
             continue
         feature = about.features[key]
         unit = UNITS.get(str((feature.get("info") or {}).get("depth_unit")), 0.0)
-        metres = unit or (told.metres if told is not None else UNITS["mm"])
+        metres = unit or (given.metres if given is not None else UNITS["mm"])
         found[name] = DepthFeature(key, None if feature["dtype"] == "video" else metres)
     return found
 
@@ -255,8 +255,8 @@ def _metric(
         if _video.check(spans[depth.key]) != shape[::-1]:
             found, expected = "another size", f"{shape[1]}x{shape[0]}, as the colour"
             raise BadInput(spans[depth.key].path, "size", found=found, expected=expected)
-        told = RANGE | (about.features[depth.key].get("info") or {})
-        return lambda t: _unpacked(frames(t), told)
+        given = RANGE | (about.features[depth.key].get("info") or {})
+        return lambda t: _unpacked(frames(t), given)
     images = blobs(where, rows, depth.key)
     return _images.metric(
         lambda t: one_channel(f"{where}, {depth.key}, frame {t}", images[t], shape), depth.metres
@@ -275,11 +275,11 @@ def one_channel(where: str, data: bytes, shape: tuple[int, int]) -> np.ndarray:
     return image
 
 
-def _unpacked(codes: np.ndarray, told: dict[str, Any]) -> np.ndarray:
+def _unpacked(codes: np.ndarray, given: dict[str, Any]) -> np.ndarray:
     """Metres of the codes of a depth video: even steps, of the logarithm where it says so."""
-    low, high, shift = (float(told[name]) for name in ("depth_min", "depth_max", "shift"))
+    low, high, shift = (float(given[name]) for name in ("depth_min", "depth_max", "shift"))
     share = codes.astype(np.float64) / CODES
-    if told["use_log"]:
+    if given["use_log"]:
         return (
             np.exp(np.log(low + shift) + share * np.log((high + shift) / (low + shift))) - shift
         ).astype(np.float32)

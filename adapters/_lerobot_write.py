@@ -86,18 +86,18 @@ def _words(episode: Episode, recorded: LeRobotSource) -> list[str]:
 
 def _depth(episode: Episode, recorded: LeRobotSource, name: str) -> Any:
     """A column of depth in its own unit and number type. Raises Unsupported for a video of depth."""
-    told, view, before = recorded.depths[name], episode.views[name], recorded.views[name]
-    if told.metres is None:
+    given, view, before = recorded.depths[name], episode.views[name], recorded.views[name]
+    if given.metres is None:
         reason = "its depth is a video of 12 bits, which would change where no edit does"
         raise Unsupported(f"{episode.key}: {name}: {reason}")
     assert view.depth is not None
     assert before.depth is not None
     images = []
-    for t, data in enumerate(blobs("", recorded.rows, told.key)[: episode.length]):
+    for t, data in enumerate(blobs("", recorded.rows, given.key)[: episode.length]):
         depth = view.depth(t)
         if not np.array_equal(depth, before.depth(t)):
             stored = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-            values = depth / np.float32(told.metres)
+            values = depth / np.float32(given.metres)
             if stored.dtype.kind in "iu":
                 values = np.clip(np.rint(values), 0, np.iinfo(stored.dtype).max)
             # What no edit touched keeps its number: a division may miss it.
@@ -112,7 +112,7 @@ def _videos(episode: Episode, recorded: LeRobotSource, work: Path) -> dict[str, 
     """Write every video of the episode; returns what each shows. Frames no edit changed are copied as they are."""
     shown: dict[str, Image] = {}
     names = {key: name for name, key in recorded.images.items()}
-    depths = {told.key: name for name, told in recorded.depths.items()}
+    depths = {given.key: name for name, given in recorded.depths.items()}
     for key, span in recorded.spans.items():
         name, target = names.get(key), work / f"{key}.mp4"
         if key in depths:

@@ -66,7 +66,7 @@ def read(path: Path, key: str) -> Episode:
         sizes = {name: _size(path, file, at, encoded[name]) for name, at in images.items()}
         depths = _depths(path, file, beside, sizes, length)
     words = _words(folder / WORDS)
-    told = beside if beside.joints else beside.model_copy(update={"joints": QPOS})
+    given = beside if beside.joints else beside.model_copy(update={"joints": QPOS})
     descriptions = _descriptions(words)
 
     def view(name: str, camera: Camera) -> CameraView:
@@ -76,7 +76,7 @@ def read(path: Path, key: str) -> Episode:
     def recorded(views: dict[str, CameraView]) -> RDTSource:
         return RDTSource(path, views, images, encoded, depths, words, beside, descriptions)
 
-    return _episodes.episode(key, told, sizes, tracks, length, descriptions, view, recorded)
+    return _episodes.episode(key, given, sizes, tracks, length, descriptions, view, recorded)
 
 
 def _tracks(
@@ -148,13 +148,13 @@ def _depths(
     path: Path, file: h5py.File, beside: Beside, sizes: dict[str, tuple[int, int]], length: int
 ) -> dict[str, tuple[str, float]]:
     found = {}
-    for name, told in beside.cameras.items():
-        if told.depth is not None and name in sizes:
-            held = dataset(path, file, told.depth)
+    for name, given in beside.cameras.items():
+        if given.depth is not None and name in sizes:
+            held = dataset(path, file, given.depth)
             wanted = (length, *sizes[name][::-1])
             if held.shape != wanted or held.dtype.kind not in "fiu":
-                raise BadInput(path, told.depth, found=str(held.shape), expected=str(wanted))
-            found[name] = told.depth, told.metres
+                raise BadInput(path, given.depth, found=str(held.shape), expected=str(wanted))
+            found[name] = given.depth, given.metres
     return found
 
 
@@ -184,14 +184,14 @@ def _words(path: Path) -> dict[str, Any] | None:
     """The instruction's file, or None where there is none. Raises BadInput."""
     if not path.is_file():
         return None
-    told = read_json(path, "instructions")
-    if not isinstance(told, dict) or "instruction" not in told:
+    given = read_json(path, "instructions")
+    if not isinstance(given, dict) or "instruction" not in given:
         raise BadInput(path, "instruction", found="none", expected="a text or a list of texts")
     for name in TEXTS:
-        if not isinstance(told.get(name, []), (str, list)):
-            found = type(told[name]).__name__
+        if not isinstance(given.get(name, []), (str, list)):
+            found = type(given[name]).__name__
             raise BadInput(path, name, found=found, expected="a text or a list of texts")
-    return told
+    return given
 
 
 def _descriptions(words: dict[str, Any] | None) -> tuple[str, ...]:

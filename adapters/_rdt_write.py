@@ -30,11 +30,11 @@ def write(episode: Episode, recorded: RDTSource | None, path: Path) -> dict[str,
     """Write the HDF5 file; returns the files to lay beside it."""
     if recorded is None:
         _fresh(episode, path)
-        return {WORDS: _json(_told(episode)), _cameras.NAME: _calibration(episode)}
+        return {WORDS: _json(_given(episode)), _cameras.NAME: _calibration(episode)}
     _edited(episode, recorded, path)
     words = recorded.words
     if episode.descriptions != recorded.descriptions:
-        words = _told(episode)
+        words = _given(episode)
     files = {} if words is None else {WORDS: _json(words)}
     beside = recorded.path.parent / _cameras.NAME
     if beside.is_file():
@@ -212,17 +212,17 @@ def _calibration(episode: Episode) -> bytes:
         cameras[own] = _cameras.told_of(view.camera)
         if view.depth is not None:
             cameras[own]["depth"] = f"observations/depth/{name}"
-    told: dict[str, Any] = {"version": 1, "cameras": cameras, "images": images, "views": [*images]}
+    given: dict[str, Any] = {"version": 1, "cameras": cameras, "images": images, "views": [*images]}
     robot = episode.robot
     if robot.gripper_to_world is not None:
         opening = None if robot.gripper_open is None else 7
-        told["gripper"] = {
+        given["gripper"] = {
             "key": EFFECTOR, "rotation": [3, 4, 5, 6], "convention": "quaternion_xyzw", "opening": opening,
         }  # fmt: skip
-    return yaml.safe_dump(told, sort_keys=False).encode()
+    return yaml.safe_dump(given, sort_keys=False).encode()
 
 
-def _told(episode: Episode) -> dict[str, Any]:
+def _given(episode: Episode) -> dict[str, Any]:
     """The instruction in RDT's three forms; no form is empty, for its reader draws from each."""
     every = list(episode.descriptions) or [episode.instruction]
     return {"instruction": episode.instruction, TEXTS[1]: every, TEXTS[2]: every}

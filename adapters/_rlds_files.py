@@ -118,7 +118,7 @@ def faults(folder: Path) -> Iterator[str]:
     """Where the shards of a packed dataset hold other records, or bytes of records, than its description says."""
     if not (folder / INFO).is_file():
         return
-    told = {entry["name"]: entry.get("numBytes") for entry in info(folder)["splits"]}
+    given = {entry["name"]: entry.get("numBytes") for entry in info(folder)["splits"]}
     for name, split in splits(folder).items():
         held = [[length for _, length in _tfrecord.places(path)] for path in split.files]
         if tuple(map(len, held)) != split.lengths:
@@ -127,8 +127,8 @@ def faults(folder: Path) -> Iterator[str]:
             )
             yield f"{folder / INFO}: {name}: shardLengths: {lengths}"
         total = sum(map(sum, held))
-        if told[name] is not None and str(told[name]) != str(total):
-            counts = f"found {told[name]}; expected {total}, as the records have"
+        if given[name] is not None and str(given[name]) != str(total):
+            counts = f"found {given[name]}; expected {total}, as the records have"
             yield f"{folder / INFO}: {name}: numBytes: {counts}"
 
 

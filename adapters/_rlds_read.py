@@ -108,10 +108,10 @@ def _beside(
     """The feature of depth, or of handles, that each calibrated camera names."""
     found = {}
     for name, calibration in beside.cameras.items():
-        told = getattr(calibration, which)
-        if told is not None:
-            _cameras.known(beside, f"cameras.{name}.{which}", told, _stepwise(known))
-            found[name] = known[STEPS + told]
+        given = getattr(calibration, which)
+        if given is not None:
+            _cameras.known(beside, f"cameras.{name}.{which}", given, _stepwise(known))
+            found[name] = known[STEPS + given]
     return found
 
 

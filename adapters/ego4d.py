@@ -114,9 +114,9 @@ class Ego4D(Adapter):
         still = np.zeros((video.length, 0))
         at = video.facts.seconds[video.first : video.first + video.length]
         robot = Robot(still, still, None, None, {"seconds": (at - at[0])[:, None]})
-        said = notes.descriptions
-        source = VideoSource(video, view, notes, beside, said)
-        return Episode(key, {VIEW: view}, robot, said, video.length, source)
+        stated = notes.descriptions
+        source = VideoSource(video, view, notes, beside, stated)
+        return Episode(key, {VIEW: view}, robot, stated, video.length, source)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source
@@ -132,10 +132,10 @@ class Ego4D(Adapter):
                 shutil.copyfile(video.path, path)
             else:
                 _ego4d_encode.write(path, video, view.rgb)
-            said = recorded.notes.described()
+            stated = recorded.notes.described()
             if episode.descriptions != recorded.descriptions:
-                said["narrations"] = _ego4d_notes.told_anew(recorded.notes, episode.descriptions)
-            files = {SAID: _json(said)}
+                stated["narrations"] = _ego4d_notes.told_anew(recorded.notes, episode.descriptions)
+            files = {SAID: _json(stated)}
             if _measured(view, recorded):
                 files |= _cameras.moved(episode, {VIEW: recorded.view}, recorded.beside)
             for name, data in {**files, **side()}.items():
@@ -157,12 +157,12 @@ class Ego4D(Adapter):
                 os.replace(path, folder.with_suffix(path.suffix))
             homes.setdefault(_home(target, folder), []).append(key)
         for home, keys in homes.items():
-            told = [
+            given = [
                 (Path(key).name, _ego4d_notes.own(target / key / SAID), _facts(target, key))
                 for key in keys
                 if (target / key / SAID).is_file()
             ]
-            for name, held in _ego4d_notes.merged(told).items():
+            for name, held in _ego4d_notes.merged(given).items():
                 write_atomic(home / name, _json(held))
 
 
@@ -216,9 +216,9 @@ def _part(whole: Video, notes: Notes, folder: Path, number: int) -> Video:
 
 def _notes(root: Path, path: Path) -> Notes:
     """What is said of a video: in its own file, as rpaug writes it, or in Ego4D's."""
-    for said in (path.parent / SAID, path.with_suffix("") / SAID):
-        if said.is_file():
-            return _ego4d_notes.own(said)
+    for stated in (path.parent / SAID, path.with_suffix("") / SAID):
+        if stated.is_file():
+            return _ego4d_notes.own(stated)
     top = root.parent if root.is_file() else root
     return _ego4d_notes.library(_home(top, path)).of(path.stem)
 
@@ -240,17 +240,17 @@ def _measured(view: CameraView, recorded: VideoSource) -> bool:
 def _facts(root: Path, key: str) -> dict[str, Any]:
     """What `ego4d.json` says of a video file."""
     path, _ = _place(root, key)
-    told = Video(path).facts
-    seconds = told.seconds
-    rate = float(told.rate) if told.rate else 0.0
+    given = Video(path).facts
+    seconds = given.seconds
+    rate = float(given.rate) if given.rate else 0.0
     return {
         "duration_sec": float(seconds[-1]) + (1 / rate if rate else 0.0),
         "video_metadata": {
             "fps": rate,
             "num_frames": len(seconds),
-            "video_codec": told.codec,
-            "display_resolution_width": told.width,
-            "display_resolution_height": told.height,
+            "video_codec": given.codec,
+            "display_resolution_width": given.width,
+            "display_resolution_height": given.height,
         },
         "synthetic": True,
     }

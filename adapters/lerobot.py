@@ -60,10 +60,10 @@ class LeRobot(GatheredAdapter):
             for name, data in {**files, **side()}.items():
                 (work / name).write_bytes(data)
             if not (folder / INFO).exists():  # last: a write that failed leaves nothing
-                write_atomic(folder / INFO, json.dumps(about.told, indent=4).encode())
-            told = recorded and recorded.info.folder / _cameras.NAME
-            if told and told.is_file() and not (folder / _cameras.NAME).exists():
-                write_atomic(folder / _cameras.NAME, read_bytes(told))
+                write_atomic(folder / INFO, json.dumps(about.given, indent=4).encode())
+            given = recorded and recorded.info.folder / _cameras.NAME
+            if given and given.is_file() and not (folder / _cameras.NAME).exists():
+                write_atomic(folder / _cameras.NAME, read_bytes(given))
 
     def faults(self, root: Path) -> Sequence[str]:
         """Counts, places and statistics that are not those of the episodes."""
@@ -77,17 +77,17 @@ class LeRobot(GatheredAdapter):
 
 def _described(episode: Episode, recorded: LeRobotSource | None, folder: Path, key: str) -> Info:
     """What describes the dataset that an episode is written to. Raises Unsupported for one of another kind."""
-    told: dict[str, Any] = (
-        _lerobot_fresh.described(episode) if recorded is None else recorded.info.told | EMPTY
+    given: dict[str, Any] = (
+        _lerobot_fresh.described(episode) if recorded is None else recorded.info.given | EMPTY
     )
     if not (folder / INFO).is_file():
-        rate, features = float(told["fps"]), told["features"]
-        return Info(folder, told, rate, features, {})
+        rate, features = float(given["fps"]), given["features"]
+        return Info(folder, given, rate, features, {})
     about = _lerobot_files.info(folder)
-    if about.rate != told["fps"]:
-        reason = f"{told['fps']} frames a second, and the episodes before it have {about.rate:g}"
+    if about.rate != given["fps"]:
+        reason = f"{given['fps']} frames a second, and the episodes before it have {about.rate:g}"
         raise Unsupported(f"{key}: {reason}: a LeRobot dataset has one rate")
-    if about.features != told["features"]:
-        reason = unlike(about.features, told["features"])
+    if about.features != given["features"]:
+        reason = unlike(about.features, given["features"])
         raise Unsupported(f"{key}: {reason}: a LeRobot dataset has one kind of episode")
     return about

@@ -1,12 +1,17 @@
-"""Shared fixtures: a small exact dataset in RLBench's format, and the real samples where they are at hand."""
+"""Shared fixtures: a small exact dataset in RLBench's format, real samples where they are at hand, analysed scenes."""
 
 import os
 from pathlib import Path
 
+import boxes
 import pytest
+from analysed import analysed
 from rolling import demonstration
 
 from rpaug.core.registry import adapter
+from rpaug.core.types import Scene
+
+EPISODES = "rlbench_open_drawer/all_variations/episodes"
 
 
 @pytest.fixture(scope="session")
@@ -34,3 +39,22 @@ def samples() -> Path:
     if not folder:
         pytest.skip("RPAUG_TEST_DATA names no folder of real recordings")
     return Path(folder)
+
+
+@pytest.fixture(scope="session", params=["episode0", "episode5"])
+def real(request: pytest.FixtureRequest, samples: Path) -> Scene:
+    """A real RLBench open_drawer recording, with its bodies and roles."""
+    folder = samples / EPISODES / request.param
+    return analysed(adapter("rlbench").read(folder.parent, request.param))
+
+
+@pytest.fixture(scope="session")
+def placed() -> tuple[boxes.World, Scene]:
+    world = boxes.pick_and_place()
+    return world, analysed(world.episode())
+
+
+@pytest.fixture(scope="session")
+def pushed() -> tuple[boxes.World, Scene]:
+    world = boxes.push()
+    return world, analysed(world.episode())

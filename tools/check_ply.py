@@ -60,10 +60,10 @@ def check(tool: Path, bands: int, folder: Path) -> tuple[float, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("tool", type=Path, help="the splat-transform command")
-    told = parser.parse_args()
+    given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         for degree in range(4):
-            off, matter = check(told.tool, (degree + 1) ** 2, Path(folder))
+            off, matter = check(given.tool, (degree + 1) ** 2, Path(folder))
             print(
                 f"SH degree {degree}: colours differ by {off:.1e}; without higher bands by {matter:.2f}"
             )

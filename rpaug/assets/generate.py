@@ -101,8 +101,8 @@ def by_endpoint(address: str, wish: GenerationRequest, limits: Limits | None = N
     except Unsupported:
         raise
     except urllib.error.HTTPError as error:
-        said = error.read(TOLD).decode("utf-8", "replace").strip()
-        raise Unsupported(f"{address}: answered {error.code} {error.reason}: {said}") from None
+        stated = error.read(TOLD).decode("utf-8", "replace").strip()
+        raise Unsupported(f"{address}: answered {error.code} {error.reason}: {stated}") from None
     except TimeoutError:
         raise Unsupported(_too_long(address, limits.seconds)) from None
     except (urllib.error.URLError, OSError) as error:
@@ -157,10 +157,14 @@ def _put(word: str, filled: Mapping[str, str]) -> str:
 
 def _run(words: list[str], seconds: float, log: Path) -> None:
     """Run a program to its end, its words kept in a file. Raises Unsupported."""
-    with log.open("wb") as said:
+    with log.open("wb") as stated:
         try:
             program = subprocess.Popen(
-                words, stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=stated,
+                stderr=stated,
+                start_new_session=True,
             )
         except OSError as error:
             raise Unsupported(f"{words[0]}: cannot be started: {error.strerror}") from None
@@ -172,7 +176,7 @@ def _run(words: list[str], seconds: float, log: Path) -> None:
             _stop(program)
     if code:
         tail = log.read_bytes()[-TOLD:].decode("utf-8", "replace").strip()
-        raise Unsupported(f"{words[0]}: ended with code {code}: {tail or 'it said nothing'}")
+        raise Unsupported(f"{words[0]}: ended with code {code}: {tail or 'it stated nothing'}")
 
 
 def _stop(program: subprocess.Popen) -> None:

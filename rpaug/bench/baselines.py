@@ -27,10 +27,10 @@ def lab(episode: Episode, old_to_new: Mapping[int | None, tuple[Any, Any]]) -> E
 
     def edit(view: CameraView, t: int) -> UInt8[np.ndarray, "h w 3"]:
         image = view.rgb(t).astype(np.float32) / 255
-        for handle, (old, new) in old_to_new.items():
-            if handle is None:
+        for instance_id, (old, new) in old_to_new.items():
+            if instance_id is None:
                 image = _shifted(image, old, new, chroma=1.0)
-            elif view.ids is not None and (mask := view.ids(t) == handle).any():
+            elif view.ids is not None and (mask := view.ids(t) == instance_id).any():
                 image[mask] = _shifted(image[mask], old, new, chroma=0.0)
         return _quantised(image)
 
@@ -60,13 +60,13 @@ def painted(episode: Episode, gone: frozenset[int]) -> Episode:
     return _each(episode, lambda view, t: _painted(_planes(view, t), gone))
 
 
-def scaled(episode: Episode, handle: int, scale: float) -> Episode:
+def scaled(episode: Episode, instance_id: int, scale: float) -> Episode:
     """The handle's pixels scaled in each picture about the middle of their lower edge, over the picture inpainted."""
 
     def edit(view: CameraView, t: int) -> Planes:
         rgb, depth, ids = _planes(view, t)
-        behind = _painted((rgb, depth, ids), frozenset({handle}))
-        rows, columns = np.nonzero(ids == handle)
+        behind = _painted((rgb, depth, ids), frozenset({instance_id}))
+        rows, columns = np.nonzero(ids == instance_id)
         if not len(rows):
             return rgb, depth, ids
         foot, middle = float(rows.max()) + 0.5, (float(columns.min()) + float(columns.max())) / 2
@@ -74,7 +74,7 @@ def scaled(episode: Episode, handle: int, scale: float) -> Episode:
         y, x = np.mgrid[:height, :width].astype(float)
         i = np.rint(foot + (y - foot) / scale).astype(int).clip(0, height - 1)
         j = np.rint(middle + (x - middle) / scale).astype(int).clip(0, width - 1)
-        here = ids[i, j] == handle
+        here = ids[i, j] == instance_id
         return (
             np.where(here[..., None], rgb[i, j], behind[0]),
             np.where(here, depth[i, j], behind[1]),

@@ -57,18 +57,18 @@ class FactorCase:
 
 
 def _recolor(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
-    (handle,) = true.truth.changed
-    fields = {"target": {"handle": handle}, "color": {"rgb": true.truth.albedos[handle]}}
-    told = fields | {"albedo": recorded.truth.albedos[handle]}
-    return Ask(TOLD, (told,)), Ask(ESTIMATED, (fields,))
+    (instance_id,) = true.truth.changed
+    fields = {"target": {"handle": instance_id}, "color": {"rgb": true.truth.albedos[instance_id]}}
+    given = fields | {"albedo": recorded.truth.albedos[instance_id]}
+    return Ask(TOLD, (given,)), Ask(ESTIMATED, (fields,))
 
 
 def _table_color(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
-    (handle,) = true.truth.changed
-    new = true.truth.albedos[handle]
-    fields = {"target": {"handle": handle}, "range": (new, new)}
-    told = fields | {"albedo": recorded.truth.albedos[handle]}
-    return Ask(TOLD, (told,)), Ask(ESTIMATED, (fields,))
+    (instance_id,) = true.truth.changed
+    new = true.truth.albedos[instance_id]
+    fields = {"target": {"handle": instance_id}, "range": (new, new)}
+    given = fields | {"albedo": recorded.truth.albedos[instance_id]}
+    return Ask(TOLD, (given,)), Ask(ESTIMATED, (fields,))
 
 
 def _texture(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
@@ -84,25 +84,25 @@ def _texture(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
         "repeat": "wrap",
         **_frame(laid),
     }
-    told = [
-        fields | {"target": {"handle": handle}, "albedo": recorded.truth.albedos[handle]}
-        for handle in shown
+    given = [
+        fields | {"target": {"handle": instance_id}, "albedo": recorded.truth.albedos[instance_id]}
+        for instance_id in shown
     ]
-    return Ask(TOLD, tuple(told)), Ask(ESTIMATED, (fields | {"target": {"handle": shown}},))
+    return Ask(TOLD, tuple(given)), Ask(ESTIMATED, (fields | {"target": {"handle": shown}},))
 
 
 def _light_color(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     old, new = true.truth.light
-    told, estimated = {"range": (new, new), "recorded": old}, {"range": (new, new)}
-    return Ask(TOLD, (told,)), Ask(ESTIMATED, (estimated,))
+    given, estimated = {"range": (new, new), "recorded": old}, {"range": (new, new)}
+    return Ask(TOLD, (given,)), Ask(ESTIMATED, (estimated,))
 
 
 def _light_direction(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     (old,), (new,) = true.truth.old.lamps, true.truth.new.lamps
     fields = {"to": _towards(new)}
     share = AMBIENT / (AMBIENT + LAMPS[0])
-    told = fields | {"recorded": _towards(old), "ambient": share}
-    return Ask(TOLD, (told,)), Ask(ESTIMATED, (fields,))
+    given = fields | {"recorded": _towards(old), "ambient": share}
+    return Ask(TOLD, (given,)), Ask(ESTIMATED, (fields,))
 
 
 def _camera_pose(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
@@ -118,9 +118,9 @@ def _remove(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
 
 
 def _object_size(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
-    (handle,) = true.truth.changed
+    (instance_id,) = true.truth.changed
     scale = _scale(true)
-    return (Ask(TOLD, ({"target": {"handle": handle}, "range": (scale, scale)},)),)
+    return (Ask(TOLD, ({"target": {"handle": instance_id}, "range": (scale, scale)},)),)
 
 
 def _scale(true: Take) -> float:
@@ -160,15 +160,20 @@ def _distractors(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
 
 def _albedos(recorded: Take, true: Take, known: bool) -> Colours:
     old, new = recorded.truth.albedos, true.truth.albedos
-    shown = [handle for handle in true.truth.changed if known or handle in _seen(recorded)]
+    shown = [
+        instance_id for instance_id in true.truth.changed if known or instance_id in _seen(recorded)
+    ]
     return {
-        handle: (old[handle] if known else _guess(recorded, handle), new[handle])
-        for handle in shown
+        instance_id: (
+            old[instance_id] if known else _guess(recorded, instance_id),
+            new[instance_id],
+        )
+        for instance_id in shown
     }
 
 
-def _guess(recorded: Take, handle: int) -> tuple[float, float, float]:
-    return albedo.estimate(albedo.pixels(recorded.episode, handle)).rgb
+def _guess(recorded: Take, instance_id: int) -> tuple[float, float, float]:
+    return albedo.estimate(albedo.pixels(recorded.episode, instance_id)).rgb
 
 
 def _lights(recorded: Take, true: Take, known: bool) -> Colours:
@@ -229,10 +234,10 @@ def _seen(take: Take) -> set[int]:
     """Handles that some camera shows; a room has walls behind its cameras."""
     views = [view for view in take.episode.views.values() if view.ids is not None]
     return {
-        int(handle)
+        int(instance_id)
         for view in views
         for t in range(take.episode.length)
-        for handle in np.unique(view.ids(t))  # type: ignore[misc]
+        for instance_id in np.unique(view.ids(t))  # type: ignore[misc]
     }
 
 

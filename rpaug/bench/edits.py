@@ -187,7 +187,7 @@ def _one(
             seconds = time.process_time() - start
             scores = measure(recorded, made[method], true, holes, setting.antialias, seconds)
             perceived = judge.measure(recorded, made[method], true, setting.antialias)
-            names = {handle: name for name, handle in true.truth.handles.items()}
+            names = {instance_id: name for name, instance_id in true.truth.handles.items()}
             everything = len(true.truth.changed) == len(names)
             changed = (
                 "all"
@@ -255,8 +255,8 @@ def _methods(
         yield ask.method, partial(_edited, episode, case, ask, 0)
     yield NONE, lambda: (episode, {})
     if case.colours is not None:
-        told, guessed = (case.colours(recorded, true, known) for known in (True, False))
-        yield LAB, lambda: (_held(baselines.lab(episode, told)), {})
+        given, guessed = (case.colours(recorded, true, known) for known in (True, False))
+        yield LAB, lambda: (_held(baselines.lab(episode, given)), {})
         yield LAB_ESTIMATED, lambda: (_held(baselines.lab(episode, guessed)), {})
     if case.baseline is not None:
         name, make = case.baseline

@@ -57,7 +57,9 @@ def left_out(episode: Episode, name: str, every: int) -> tuple[Scene, list[Sight
 
 
 def _sights(scene: Scene, truths: dict[str, CameraView], times: Sequence[int]) -> Iterator[Sight]:
-    static = frozenset().union(*(body.handles for body in scene.tracked if body.motion == "static"))
+    static = frozenset().union(
+        *(body.instance_ids for body in scene.tracked if body.motion == "static")
+    )
     for name, true in truths.items():
         for t in times:
             yield Sight(scene, name, t, true, covisible(scene, static, true, t))

@@ -79,8 +79,7 @@ def ask(
     """
     from rpaug.cli.console import read_episode
     from rpaug.core.errors import TargetError, Unsupported
-    from rpaug.language import asking
-    from rpaug.language import rounds
+    from rpaug.language import asking, rounds
     from rpaug.language.messages import NotUnderstood
     from rpaug.scene.build import build
 

@@ -78,10 +78,10 @@ def augment(
         raise RpaugError("--tier 2: assets enter at any tier; the least tier is 0, 1, 3 or 4")
     if share and scenes is None:
         raise RpaugError("--share: scenes are shared through a store; name its folder by --scenes")
-    told = list(set_ or [])
-    told += [f"seed={seed}"] if seed is not None else []
-    told += [f"arms={json.dumps(list(map(str, arm)))}"] if arm else []
-    loaded = load_recipe(recipe, told)
+    given = list(set_ or [])
+    given += [f"seed={seed}"] if seed is not None else []
+    given += [f"arms={json.dumps(list(map(str, arm)))}"] if arm else []
+    loaded = load_recipe(recipe, given)
     run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid, _ratio(ratio), licence)
     if dry_run:
         return _dry_run(run, resume, as_json)
@@ -100,13 +100,13 @@ def augment(
     return code
 
 
-def _ratio(told: str | None) -> tuple[int, int] | None:
+def _ratio(given: str | None) -> tuple[int, int] | None:
     """`1:3` in numbers. Raises RpaugError."""
-    if told is None:
+    if given is None:
         return None
-    parts = told.split(":")
+    parts = given.split(":")
     if len(parts) != 2 or not all(part.isdecimal() and 0 < int(part) <= 10_000 for part in parts):
-        raise RpaugError(f"--ratio {told}: expected recorded:synthetic in whole numbers, as 1:3")
+        raise RpaugError(f"--ratio {given}: expected recorded:synthetic in whole numbers, as 1:3")
     return int(parts[0]), int(parts[1])
 
 
@@ -148,10 +148,12 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
         print_json(described)
         return 2 if not plans else 1 if failed else 0
     for one in plans:
-        carriers = ", ".join(sorted(set(one["carriers"].values())))
+        representations = ", ".join(sorted(set(one["carriers"].values())))
         bodies = "bodies tracked" if one["bodies"] else "bodies not needed"
         about = f"about {one['estimate']['seconds']} s, {one['estimate']['megabytes']} MB"
-        say(f"{one['episode']}: {one['frames']} frames; at most {carriers}; {bodies}; {about}")
+        say(
+            f"{one['episode']}: {one['frames']} frames; at most {representations}; {bodies}; {about}"
+        )
         for line in [*lines[one["episode"]], *one.get("assumed", [])]:
             say(f"  {line}")
     for key, reason in failed.items():

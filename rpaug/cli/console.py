@@ -107,7 +107,7 @@ def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[int, int], None]
     )
     with Progress(*columns, console=console, disable=quiet, transient=True) as bar:
         task = bar.add_task(title, total=None)
-        with _told(lambda words: bar.update(task, description=f"{title} {plain(words)}")):
+        with _given(lambda words: bar.update(task, description=f"{title} {plain(words)}")):
             yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
@@ -123,7 +123,7 @@ class _Words(logging.Handler):
 
 
 @contextmanager
-def _told(show: Callable[[str], None]) -> Iterator[None]:
+def _given(show: Callable[[str], None]) -> Iterator[None]:
     """What takes minutes says how far it is; only in this process: of workers the bar tells whole copies."""
     log, handler = logging.getLogger("rpaug.pipeline.prepare"), _Words(show)
     level = log.level

@@ -36,8 +36,8 @@ def doctor(
                     say(f"ready: {made.name}{channels}: {spent}")
     findings = asked.examine()
     if as_json:
-        told = [asdict(finding) for finding in findings]
-        print_json({"warmed": warmed, "findings": told} if warm else told)
+        given = [asdict(finding) for finding in findings]
+        print_json({"warmed": warmed, "findings": given} if warm else given)
     else:
         colour = {"ok": "green", "note": "yellow", "bad": "bold red"}
         for finding in findings:

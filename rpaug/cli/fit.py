@@ -67,11 +67,11 @@ def fit(
         raise RpaugError("--target: only --stop fidelity has one")
     settings = settings_for(stop.value, target=target, steps=steps)
     found = read_episode(dataset, episode)
-    founder = _founder(dataset, found.key) if share else None
+    donor = _donor(dataset, found.key) if share else None
     with progress_bar("fitting", as_json) as progress:
         described = fit_episode(
             found, out, export=ply, seed=seed, settings=settings, progress=progress,
-            founder=founder, files=arm or (),
+            donor=donor, files=arm or (),
         )  # fmt: skip
     if as_json:
         print_json(described)
@@ -81,11 +81,11 @@ def fit(
     return 0
 
 
-def _founder(dataset: Path, key: str) -> Any:
+def _donor(dataset: Path, key: str) -> Any:
     """The episode that lends Gaussians to this one; None if it is the first of its place."""
     from rpaug.core import registry
     from rpaug.pipeline import prepare
 
     adapter = registry.adapter_for(dataset)
-    first = prepare.founders(adapter, dataset, [key]).get(key)
+    first = prepare.donors(adapter, dataset, [key]).get(key)
     return None if first is None else adapter.read(dataset, first)

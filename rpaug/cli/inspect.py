@@ -50,15 +50,15 @@ def inspect(
         say(
             f"  {name}: {camera['width']}x{camera['height']}, {kind}, {', '.join(camera['images'])}"
         )
-    if film := described.get("film"):
+    if video := described.get("film"):
         say(
-            f"  structure from motion: {film['registered']} of {film['frames']} frames, focal length"
-            f" {film['focal_px']:.0f} px; lengths are {film['unit']}"
+            f"  structure from motion: {video['registered']} of {video['frames']} frames, focal length"
+            f" {video['focal_px']:.0f} px; lengths are {video['unit']}"
         )
     for warning in (*described["misplaced"].values(), *described["arms"]):
         say(f"  warning: {warning}")
-    for told in described["assumed"]:
-        say(f"  {told}")
+    for given in described["assumed"]:
+        say(f"  {given}")
     if not rows:
         say("no instances: that takes masks, or several frames")
         return 0
@@ -69,6 +69,6 @@ def inspect(
         motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion
         size = " x ".join(f"{side:.1f}" for side in row.size_cm) if any(row.size_cm) else "unknown"
         body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
-        line = f"{row.handle:>8}  {row.role:12}{row.colour_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
+        line = f"{row.instance_id:>8}  {row.role:12}{row.colour_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
         say(f"{line}{row.frames:8d}  {body}")
     return 0

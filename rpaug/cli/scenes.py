@@ -101,8 +101,9 @@ def export(
     frame: Annotated[
         int, typer.Option(min=0, help="Moving bodies stand where they are at this frame.")
     ] = 0,
-    handle: Annotated[
-        list[int] | None, typer.Option(help="Only this instance; may be given several times.")
+    instance_id: Annotated[
+        list[int] | None,
+        typer.Option("--handle", help="Only this instance; may be given several times."),
     ] = None,
     as_json: AsJson = False,
 ) -> int:
@@ -121,12 +122,12 @@ def export(
     if frame >= length:
         raise RpaugError(f"--frame {frame}: this scene has frames 0 to {length - 1}")
     placed = gaussians.standing_at(found.gaussians, found.bodies, frame, found.irradiance)
-    if handle:
-        missing = set(handle) - set(np.unique(placed.ids).tolist())
+    if instance_id:
+        missing = set(instance_id) - set(np.unique(placed.ids).tolist())
         if missing:
             known = ", ".join(map(str, np.unique(placed.ids).tolist()))
             raise RpaugError(f"no Gaussian has handle {sorted(missing)}; there are: {known}")
-        placed = gaussians.chosen(placed, np.isin(placed.ids, handle))
+        placed = gaussians.chosen(placed, np.isin(placed.ids, instance_id))
     ply.write(out, placed)
     described = {"ply": str(out), "gaussians": len(placed), "frame": frame}
     if as_json:

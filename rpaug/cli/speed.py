@@ -178,7 +178,7 @@ def tiers(
     with progress_bar("measuring", as_json) as progress:
         done = count(1)
 
-        def told(views_of: str, found: Iterable[Any], total: int) -> list[Any]:
+        def given(views_of: str, found: Iterable[Any], total: int) -> list[Any]:
             def step() -> None:
                 progress(next(done), total)
 
@@ -188,7 +188,7 @@ def tiers(
             span = range(seed, seed + seeds)
             found = (moved.on_the_twin(twin, one, frames, every) for one in span)
             name = f"{twin} {seed}" if seeds == 1 else f"{twin} {seed} to {span[-1]}"
-            rows += told(f"{name}, moved", found, seeds * len(methods))
+            rows += given(f"{name}, moved", found, seeds * len(methods))
         else:
             recorded = origin.read()
             fixed = [name for name, view in recorded.views.items() if view.camera.fixed]
@@ -198,7 +198,7 @@ def tiers(
                     known = ", ".join(recorded.views)
                     raise RpaugError(f"--leave-out {name}: the cameras are {known}")
                 pairs = [moved.left_out(recorded, name, every)]
-                rows += told(f"{name} left out", pairs, len(names) * len(methods))
+                rows += given(f"{name} left out", pairs, len(names) * len(methods))
     plain_rows = [vars(row) for row in rows]
     asked = origin.describe() | {"seeds": seeds, "every": every, "steps": steps, "threads": threads}
     drawn = {"group": "method", "label": "tier", "within": "views_of"}

@@ -16,7 +16,7 @@ class Elsewhere:
     """An appearance edit on fewer of its instances than it was made for."""
 
     edit: Appearance
-    handles: frozenset[int] | None
+    instance_ids: frozenset[int] | None
 
     def __call__(
         self, colour: Float32[np.ndarray, "n 3"], surface: Surface
@@ -30,7 +30,7 @@ def painted(scene: Scene) -> frozenset[int]:
     Left out is what bends and what there are copies of, whose Gaussians stand for several things, and all paint that
     came after an edit of everything, such as light: the order of edits counts.
     """
-    found = frozenset[int]().union(*(edit.handles or () for edit in _first(scene.appearance)))
+    found = frozenset[int]().union(*(edit.instance_ids or () for edit in _first(scene.appearance)))
     copied = frozenset(old for body in scene.bodies for old in body.copy_of)
     bent = frozenset[int]() if scene.flowing is None else frozenset(scene.flowing.ids.tolist())
     return found - copied - bent
@@ -42,7 +42,7 @@ def baked(scene: Scene) -> Scene:
     A Gaussian takes the colour of the edit at its middle; harmonics beyond the constant one and residuals of single
     times are scaled alike.
     """
-    handles, gaussians = painted(scene), scene.gaussians
+    instance_ids, gaussians = painted(scene), scene.gaussians
     assert gaussians is not None
     old = np.clip(0.5 + SH0 * gaussians.sh[:, 0], 0, 1)
     new = old.copy()
@@ -50,10 +50,10 @@ def baked(scene: Scene) -> Scene:
     where = surface.of_gaussians(gaussians, camera, 0, scene.tracked)
     first = _first(scene.appearance)
     for edit in first:
-        rows = _rows(gaussians, (edit.handles or frozenset()) & handles)
+        rows = _rows(gaussians, (edit.instance_ids or frozenset()) & instance_ids)
         if len(rows):
             new[rows] = edit(new[rows], where(rows))
-    appearance = [_without(edit, handles) for edit in first]
+    appearance = [_without(edit, instance_ids) for edit in first]
     later = scene.appearance[len(first) :]
     kept = tuple(edit for edit in appearance if edit is not None)
     return replace(scene, gaussians=_coloured(gaussians, old, new), appearance=(*kept, *later))
@@ -61,17 +61,19 @@ def baked(scene: Scene) -> Scene:
 
 def _first(appearance: Sequence[Appearance]) -> tuple[Appearance, ...]:
     """The edits before the first one of everything."""
-    stop = next((k for k, edit in enumerate(appearance) if edit.handles is None), len(appearance))
+    stop = next(
+        (k for k, edit in enumerate(appearance) if edit.instance_ids is None), len(appearance)
+    )
     return tuple(appearance[:stop])
 
 
-def _rows(gaussians: Gaussians, handles: frozenset[int]) -> Int[np.ndarray, "m"]:
-    return np.flatnonzero(np.isin(gaussians.ids, list(handles)))
+def _rows(gaussians: Gaussians, instance_ids: frozenset[int]) -> Int[np.ndarray, "m"]:
+    return np.flatnonzero(np.isin(gaussians.ids, list(instance_ids)))
 
 
-def _without(edit: Appearance, handles: frozenset[int]) -> Appearance | None:
-    assert edit.handles is not None
-    left = edit.handles - handles
+def _without(edit: Appearance, instance_ids: frozenset[int]) -> Appearance | None:
+    assert edit.instance_ids is not None
+    left = edit.instance_ids - instance_ids
     return Elsewhere(edit, left) if left else None
 
 

@@ -29,14 +29,14 @@ class Goal:
     judged: Bool[np.ndarray, "h w"]
 
 
-def goals(scene: Scene, times: Sequence[int], handles: frozenset[int]) -> list[Goal]:
+def goals(scene: Scene, times: Sequence[int], instance_ids: frozenset[int]) -> list[Goal]:
     """Every camera's view at these times: the recorded pixels painted, or surfels where bodies were moved.
 
     What was put in is left out, and so is light: both are laid over the Gaussians' picture.
     """
     cameras = {name: view.camera for name, view in scene.episode.views.items()}
     bodies = tuple(body for body in scene.bodies if body.mesh is None and body.soft is None)
-    painted = tuple(edit for edit in scene.appearance if edit.handles is not None)
+    painted = tuple(edit for edit in scene.appearance if edit.instance_ids is not None)
     plain = replace(scene, cameras=cameras, bodies=bodies, appearance=painted, sensor=())
     invented: dict[tuple[str, int], Bool[np.ndarray, "h w"]] = {}
 
@@ -46,14 +46,14 @@ def goals(scene: Scene, times: Sequence[int], handles: frozenset[int]) -> list[G
 
     tier = 0 if scene.recorded_bodies is None else 1
     shown = views.edited(plain, dict.fromkeys(cameras, tier), watch)
-    return [goal for t in times for goal in _at(shown.views, cameras, t, handles, invented)]
+    return [goal for t in times for goal in _at(shown.views, cameras, t, instance_ids, invented)]
 
 
 def _at(
     shown: Mapping[str, CameraView],
     cameras: Mapping[str, Camera],
     t: int,
-    handles: frozenset[int],
+    instance_ids: frozenset[int],
     invented: Mapping[tuple[str, int], Bool[np.ndarray, "h w"]],
 ) -> Iterator[Goal]:
     for name, view in shown.items():
@@ -62,7 +62,7 @@ def _at(
         rgb, depth, ids = view.rgb(t), view.depth(t), view.ids(t)
         hole = invented.get((name, t))
         weight = np.ones(depth.shape, np.float32) if hole is None else 1 - hole.astype(np.float32)
-        edited = np.isin(ids, list(handles)).astype(np.uint8)
+        edited = np.isin(ids, list(instance_ids)).astype(np.uint8)
         around = np.ones((2 * OUTLINE + 1,) * 2, np.uint8)
         judged = (cv2.dilate(edited, around) > 0) & (weight > 0)
         colour = rgb.astype(np.float32) / 255

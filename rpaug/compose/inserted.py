@@ -52,8 +52,8 @@ def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
             rgb[at] = _blended(rgb[at], depth[at], _drawn(body, piece, t, SAMPLES), ambience)
         else:
             rgb[at][front] = _lit(seen.albedo[front], seen.normals[front], ambience)
-        (handle,) = body.handles
-        depth[at][front], ids[at][front] = seen.depth[front], handle
+        (instance_id,) = body.instance_ids
+        depth[at][front], ids[at][front] = seen.depth[front], instance_id
     return rgb, depth, ids
 
 
@@ -86,8 +86,8 @@ def _splatted(scene: Scene, body: Body, camera: Camera, t: int, before: Image) -
         seen = surface
         colour = picture.colour / np.maximum(picture.alpha, splatted.FAINT)[..., None]
     rgb[at][seen] = np.rint(np.clip(colour[seen], 0, 1) * 255).astype(np.uint8)
-    (handle,) = body.handles
-    depth[at][surface], ids[at][surface] = picture.depth[surface], handle
+    (instance_id,) = body.instance_ids
+    depth[at][surface], ids[at][surface] = picture.depth[surface], instance_id
     return rgb, depth, ids
 
 

@@ -58,11 +58,11 @@ def refined(
     if any(view.depth is None or view.ids is None for view in scene.episode.views.values()):
         return scene, facts | {"skipped": "the recording lacks depth or masks"}
     shown, unseen = _times(scene.episode.length, settings)
-    handles = baking.painted(scene).union(*(one.shows.values() for one in carried(scene, 0)))
-    judges = goals(scene, unseen, handles)
+    instance_ids = baking.painted(scene).union(*(one.shows.values() for one in carried(scene, 0)))
+    judges = goals(scene, unseen, instance_ids)
     start = baking.baked(scene)
     descent = _Descent(start, rows, settings)
-    descent.run(goals(scene, shown, handles), np.random.default_rng(seed))
+    descent.run(goals(scene, shown, instance_ids), np.random.default_rng(seed))
     tuned = descent.scene()
     before, after = quality(scene, judges), quality(tuned, judges)
     facts |= {"before_db": round(before, 2), "after_db": round(after, 2), "kept": after > before}
@@ -73,13 +73,13 @@ def edited(scene: Scene) -> Int[np.ndarray, "m"]:
     """The Gaussians of all that was painted, moved, resized or copied."""
     assert scene.gaussians is not None
     moved = [one.shows.keys() for t in range(scene.episode.length) for one in carried(scene, t)]
-    handles = baking.painted(scene).union(*moved)
-    return np.flatnonzero(np.isin(scene.gaussians.ids, list(handles)))
+    instance_ids = baking.painted(scene).union(*moved)
+    return np.flatnonzero(np.isin(scene.gaussians.ids, list(instance_ids)))
 
 
 def quality(scene: Scene, views: Sequence[Goal]) -> float:
     """PSNR in decibels over the judged pixels of these views."""
-    painted = tuple(edit for edit in scene.appearance if edit.handles is not None)
+    painted = tuple(edit for edit in scene.appearance if edit.instance_ids is not None)
     cameras = {goal.name: goal.camera for goal in views}
     plain = replace(scene, cameras=cameras, appearance=painted)
     errors = [np.zeros(0)]
@@ -158,7 +158,7 @@ class _Descent:
         assert placed.quats is not None  # only Gaussians with axes are fitted
         there = replace(then, means=placed.means, quats=placed.quats, sh=placed.sh)
         moved = flowing.edited(there, scene, t, np.zeros(3))
-        gone = [handle for edit in edits for handle in edit.handles]
+        gone = [instance_id for edit in edits for instance_id in edit.instance_ids]
         parts = [np.flatnonzero(~np.isin(then.ids, gone))]
         parts += [np.flatnonzero(np.isin(then.ids, list(e.shows))) for e in edits if e.shows]
         sizes = [1.0, *(edit.scale for edit in edits if edit.shows)]

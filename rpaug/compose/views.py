@@ -54,7 +54,7 @@ Watch = Callable[[RenderedFrame], None]
 
 def edited(
     scene: Scene,
-    carriers: Mapping[str, int],
+    representations: Mapping[str, int],
     watch: Watch,
     blended: Mapping[str, frozenset[int]] | None = None,
     kept: Callable[[], surfels.Surfels] | None = None,
@@ -65,23 +65,23 @@ def edited(
     surfels of the recorded scene, where they were built before.
     """
     near, shared = scene, None
-    if 1 in carriers.values():  # each camera's view is drawn from all cameras' images
+    if 1 in representations.values():  # each camera's view is drawn from all cameras' images
         near = replace(scene, episode=shelved(scene.episode))
         shared = surfels.build(near, kept() if kept else None)
     whole = None
-    if any(tier >= 3 for tier in carriers.values()):
+    if any(tier >= 3 for tier in representations.values()):
         from rpaug.gaussians import fill_gaussians  # only here: it brings torch and the rasteriser
 
         whole = fill_gaussians.patched(scene, kept)
     views = {}
     for name in scene.episode.views:
-        stand_in = scene.episode.views[name].stand_in
-        blank = stand_in is not None and stand_in.blank
-        if carriers[name] == 0 and inserted.bodies(scene) and not blank:
+        proxy = scene.episode.views[name].proxy
+        blank = proxy is not None and proxy.blank
+        if representations[name] == 0 and inserted.bodies(scene) and not blank:
             views[name] = _rendered(scene, name, partial(_recorded, scene, name), watch)
-        elif carriers[name] == 0 or blank:
+        elif representations[name] == 0 or blank:
             views[name] = _composited(scene, name, watch)
-        elif shared is not None and carriers[name] == 1:
+        elif shared is not None and representations[name] == 1:
             render = partial(_surfels, near, shared, name)
             if blended and blended.get(name):
                 render = partial(_blended, near, shared, name, blended[name])
@@ -95,12 +95,12 @@ def edited(
 
 def _as_recorded(view: CameraView, recorded: CameraView) -> CameraView:
     """The view without what was only inferred: what a source lacks is not written into its copies."""
-    stand_in = recorded.stand_in
-    if stand_in is not None and view.camera is recorded.camera:
-        view = replace(view, camera=stand_in.camera)
-    if stand_in is not None and stand_in.modelled:
+    proxy = recorded.proxy
+    if proxy is not None and view.camera is recorded.camera:
+        view = replace(view, camera=proxy.camera)
+    if proxy is not None and proxy.modelled:
         view = replace(view, depth=None)
-    return replace(view, ids=None, inferred=False, stand_in=None) if recorded.inferred else view
+    return replace(view, ids=None, inferred=False, proxy=None) if recorded.inferred else view
 
 
 def sense(
@@ -181,11 +181,11 @@ def _finished(
 
 
 def _blended(
-    scene: Scene, shared: surfels.Surfels, name: str, handles: frozenset[int], t: int
+    scene: Scene, shared: surfels.Surfels, name: str, instance_ids: frozenset[int], t: int
 ) -> Frame:
     """Surfels, but where both carriers show one of the handles everything is the Gaussians'."""
     base, over = _surfels(scene, shared, name, t), _gaussians(scene, name, t)
-    ours = np.isin(base.ids, list(handles)) & (over.ids == base.ids) & ~over.hole
+    ours = np.isin(base.ids, list(instance_ids)) & (over.ids == base.ids) & ~over.hole
     return Frame(
         np.where(ours[..., None], over.rgb, base.rgb),
         np.where(ours, over.depth, base.depth),

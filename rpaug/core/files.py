@@ -257,9 +257,9 @@ def atomic_folder(target: Path) -> Iterator[Path]:
 def write_atomic(target: Path, data: bytes) -> None:
     """Write a file so that it is either the old one or the whole new one."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    handle, work = tempfile.mkstemp(prefix=f".{target.name}-", suffix=PART, dir=target.parent)
+    descriptor, work = tempfile.mkstemp(prefix=f".{target.name}-", suffix=PART, dir=target.parent)
     try:
-        with os.fdopen(handle, "wb") as stream:
+        with os.fdopen(descriptor, "wb") as stream:
             stream.write(data)
         os.chmod(work, 0o644)
         os.replace(work, target)

@@ -20,14 +20,14 @@ def shelved(episode: Episode, most: int = MOST_BYTES) -> Episode:
     For drawing views from each other's recordings; its accessors are its own, so a writer must not be given them as
     the recorded ones.
     """
-    shelf = _Shelf(most)
+    image_cache = _Shelf(most)
     views = {}
     for name, view in episode.views.items():
         views[name] = replace(
             view,
-            rgb=partial(shelf.take, (name, "rgb"), view.rgb),
-            depth=view.depth and partial(shelf.take, (name, "depth"), view.depth),
-            ids=view.ids and partial(shelf.take, (name, "ids"), view.ids),
+            rgb=partial(image_cache.take, (name, "rgb"), view.rgb),
+            depth=view.depth and partial(image_cache.take, (name, "depth"), view.depth),
+            ids=view.ids and partial(image_cache.take, (name, "ids"), view.ids),
         )
     return replace(episode, views=views)
 

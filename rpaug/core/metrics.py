@@ -43,11 +43,11 @@ def mean_iou(pairs: Iterable[tuple[Int32[np.ndarray, "h w"], Int32[np.ndarray, "
     shared: dict[int, int] = {}
     either: dict[int, int] = {}
     for first, second in pairs:
-        for handle in np.union1d(first, second).tolist():
-            a, b = first == handle, second == handle
-            shared[handle] = shared.get(handle, 0) + int((a & b).sum())
-            either[handle] = either.get(handle, 0) + int((a | b).sum())
-    return float(np.mean([shared[handle] / either[handle] for handle in either]))
+        for instance_id in np.union1d(first, second).tolist():
+            a, b = first == instance_id, second == instance_id
+            shared[instance_id] = shared.get(instance_id, 0) + int((a & b).sum())
+            either[instance_id] = either.get(instance_id, 0) + int((a | b).sum())
+    return float(np.mean([shared[instance_id] / either[instance_id] for instance_id in either]))
 
 
 def grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:

@@ -70,7 +70,7 @@ class ProxyGeometry:
     assumed: tuple[str, ...] = ()
     blank: bool = False
     modelled: bool = False
-    untold: str = ""
+    unknown: str = ""
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class CameraView:
     depth: Callable[[int], Float32[np.ndarray, "h w"]] | None = None
     ids: Callable[[int], Int32[np.ndarray, "h w"]] | None = None
     inferred: bool = False
-    stand_in: ProxyGeometry | None = None
+    proxy: ProxyGeometry | None = None
     hands: Mapping[int, tuple[tuple[float, float, float, float], ...]] = field(default_factory=dict)
 
 
@@ -159,7 +159,7 @@ class Body:
     Gaussians in the world with a moment for every time.
     """
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     to_world: Float64[np.ndarray, "t 4 4"]
     motion: str  # "static" | "gripper" | "link" | "aligned" | "unknown" | "simulated"
     reference: int = 0
@@ -203,7 +203,7 @@ class Appearance(Protocol):
     """
 
     @property
-    def handles(self) -> frozenset[int] | None: ...
+    def instance_ids(self) -> frozenset[int] | None: ...
 
     def __call__(
         self, colour: Float32[np.ndarray, "n 3"], surface: Surface
@@ -328,7 +328,7 @@ class Scene:
     sensor: tuple[Sensor, ...] = ()
     gaussians: Gaussians | None = None
     flowing: Gaussians4 | None = None
-    drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(default_factory=dict)
+    pose_correction: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(default_factory=dict)
     irradiance: Float64[np.ndarray, "9"] | None = None
     recorded_bodies: tuple[Body, ...] | None = None
     inpaint: str = "fsr"
@@ -347,6 +347,6 @@ class Scene:
         return self.bodies if self.recorded_bodies is None else self.recorded_bodies
 
     @property
-    def handles(self) -> frozenset[int]:
+    def instance_ids(self) -> frozenset[int]:
         """All instance handles the scene knows."""
-        return frozenset().union(*(body.handles for body in self.bodies))
+        return frozenset().union(*(body.instance_ids for body in self.bodies))

@@ -53,9 +53,9 @@ def diagnose(
         recipe=recipe,
         key_frames=moments,
         usage={
-            one.label: said.usage
-            for one, said in ((analyst, judged), (second, other))
-            if one is not None and said is not None and said.usage is not None
+            one.label: stated.usage
+            for one, stated in ((analyst, judged), (second, other))
+            if one is not None and stated is not None and stated.usage is not None
         },
         trace=judged.trace + (other.trace if other else ()),
         **facts,

@@ -37,10 +37,10 @@ def select(rollout: Rollout, most: int = MOST) -> tuple[int, ...]:
     return tuple(seen[i] for i in sorted(picked[:most]))
 
 
-def _failure(seen: Sequence[int], small: Float32[np.ndarray, "t n"], told: int | None) -> int:
+def _failure(seen: Sequence[int], small: Float32[np.ndarray, "t n"], given: int | None) -> int:
     """Where it went wrong, as a row of `small`."""
-    if told is not None:
-        return int(np.abs(np.array(seen) - told).argmin())
+    if given is not None:
+        return int(np.abs(np.array(seen) - given).argmin())
     change = np.abs(np.diff(small, axis=0)).mean(1)
     return int(np.flatnonzero(change >= STIR * change.max())[-1]) + 1
 

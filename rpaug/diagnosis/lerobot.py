@@ -71,8 +71,8 @@ def read(folder: Path, camera: str | None = None) -> Evaluation:
         unseen += max(0, len(successes) - len(paths))
         for number, (success, file) in enumerate(zip(successes, paths, strict=False)):
             label = f"{name}/{number}" if name else str(number)
-            film = _inside(folder, file, f"video_paths[{number}]")
-            shots = {camera or UNNAMED: filmed(film)}
+            video = _inside(folder, file, f"video_paths[{number}]")
+            shots = {camera or UNNAMED: filmed(video)}
             rollouts.append(Rollout(label, bool(success), "", shots))
     notes = (f"{unseen} rollouts have no video and were not looked at",) if unseen else ()
     return checked(folder / INFO, Evaluation(tuple(rollouts), notes))

@@ -131,14 +131,14 @@ def _round(loop: Loop, number: int, data: Sequence[Path], tell: Tell) -> LoopRou
     tell(f"round {number}: {this.success:.0%} of {rollouts} rollouts succeeded")
     if number == loop.rounds:
         return this
-    told = clock("diagnose", lambda: _diagnosed(loop, home, found))
-    causes = tuple(cause.factor for cause in told.causes)
-    tell(f"round {number}: {told.verdict}{': ' * bool(causes)}{', '.join(causes)}")
+    given = clock("diagnose", lambda: _diagnosed(loop, home, found))
+    causes = tuple(cause.factor for cause in given.causes)
+    tell(f"round {number}: {given.verdict}{': ' * bool(causes)}{', '.join(causes)}")
     copies = 0
-    if told.recipe is not None:
+    if given.recipe is not None:
         tell(f"round {number}: augmenting")
-        copies = clock("augment", lambda: _augmented(loop, home / "data", told))
-    return replace(this, verdict=told.verdict, causes=causes, copies=copies)
+        copies = clock("augment", lambda: _augmented(loop, home / "data", given))
+    return replace(this, verdict=given.verdict, causes=causes, copies=copies)
 
 
 def _home(loop: Loop, number: int) -> Path:
@@ -218,8 +218,8 @@ def _made(result: Path, command: Callable[[Path], list[str]], log: Path) -> Path
         except OSError as error:
             raise RpaugError(f"{parts[0]}: {error.strerror}; expected a program") from None
     if code:
-        said = log.read_text(errors="replace")[-LAST_WORDS:].strip()
-        raise RpaugError(f"{shlex.join(parts)} ended with exit code {code} ({log}): {said}")
+        stated = log.read_text(errors="replace")[-LAST_WORDS:].strip()
+        raise RpaugError(f"{shlex.join(parts)} ended with exit code {code} ({log}): {stated}")
     if not work.exists():
         raise RpaugError(f"{shlex.join(parts)} ended well but left nothing at {work} ({log})")
     os.rename(work, result)
@@ -230,15 +230,15 @@ def _diagnosed(loop: Loop, home: Path, found: evaluation.Evaluation) -> Diagnosi
     path = home / "diagnosis.json"
     if path.exists():
         return Diagnosis.model_validate_json(path.read_bytes())
-    told = diagnose(found, loop.dataset, seed=loop.seed, copies=loop.copies)
-    if told.recipe is not None:
-        write_atomic(home / "recipe.yaml", yaml.safe_dump(told.recipe, sort_keys=False).encode())
-    write_atomic(path, told.model_dump_json(indent=1).encode())
-    return told
+    given = diagnose(found, loop.dataset, seed=loop.seed, copies=loop.copies)
+    if given.recipe is not None:
+        write_atomic(home / "recipe.yaml", yaml.safe_dump(given.recipe, sort_keys=False).encode())
+    write_atomic(path, given.model_dump_json(indent=1).encode())
+    return given
 
 
-def _augmented(loop: Loop, made: Path, told: Diagnosis) -> int:
-    written = recipe.build(told.recipe, name="the diagnosed recipe")
+def _augmented(loop: Loop, made: Path, given: Diagnosis) -> int:
+    written = recipe.build(given.recipe, name="the diagnosed recipe")
     asked = augment.Run(loop.dataset, written, made)
     summary = augment.execute(asked, workers=loop.workers, resume=made.exists())
     if not summary.copies:
@@ -267,5 +267,5 @@ def _described(loop: Loop) -> dict[str, Any]:
 
 
 def _write(loop: Loop, done: Sequence[LoopRound]) -> None:
-    told = {"version": 1, "loop": _described(loop), "rounds": [asdict(one) for one in done]}
-    write_atomic(loop.out / STATE, (json.dumps(told, indent=1) + "\n").encode())
+    given = {"version": 1, "loop": _described(loop), "rounds": [asdict(one) for one in done]}
+    write_atomic(loop.out / STATE, (json.dumps(given, indent=1) + "\n").encode())

@@ -100,8 +100,11 @@ def _scored(
     if masked and any(one.roles for one in rollouts):
         own = [
             measured(
-                CameraShot(lambda i=one.image: i, lambda i=one.ids: i), one.roles, made, without=k
-            )  # type: ignore[misc]
+                CameraShot(lambda i=one.image: i, lambda i=one.ids: i),  # type: ignore[misc]
+                one.roles,
+                made,
+                without=k,
+            )
             for k, one in enumerate(made.plate.firsts)
         ]
     scored: Scores = {}

@@ -31,21 +31,21 @@ pre{background:#f5f7f9;padding:.7rem;white-space:pre-wrap}.by{color:#5a6673}
 
 def page(diagnosis: Diagnosis, evaluation: Evaluation, reference: Reference | None = None) -> bytes:
     """The page. Everything that came out of a file is escaped."""
-    told = html.escape
+    given = html.escape
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>"
         "<title>rpaug diagnosis</title>",
-        f"<style>{STYLE}</style><h1>{told(diagnosis.verdict.capitalize())}: "
+        f"<style>{STYLE}</style><h1>{given(diagnosis.verdict.capitalize())}: "
         f"{diagnosis.failures} of {diagnosis.rollouts} rollouts failed</h1>",
-        f"<p class=by>Judged by: {told(diagnosis.analyst)}</p>",
-        *(f"<p>{told(note)}</p>" for note in diagnosis.notes),
+        f"<p class=by>Judged by: {given(diagnosis.analyst)}</p>",
+        *(f"<p>{given(note)}</p>" for note in diagnosis.notes),
     ]
     if diagnosis.causes:
         parts += ["<h2>Causes</h2>", _causes(diagnosis.causes)]
     if diagnosis.measured:
         parts += ["<h2>Measured</h2>", _measured(diagnosis)]
     if diagnosis.recipe is not None:
-        parts += ["<h2>Recipe</h2>", f"<pre>{told(recipe_file(diagnosis))}</pre>"]
+        parts += ["<h2>Recipe</h2>", f"<pre>{given(recipe_file(diagnosis))}</pre>"]
     failures = [one for one in evaluation.rollouts if not one.success]
     if failures and reference is not None:
         parts += _recorded(failures, reference)
@@ -54,7 +54,9 @@ def page(diagnosis: Diagnosis, evaluation: Evaluation, reference: Reference | No
     if failures:
         parts += _frames("Succeeded", others[:MOST_SUCCESSES], len(others), diagnosis, reference)
     if diagnosis.usage:
-        used = "; ".join(f"{told(who)}: {told(str(cost))}" for who, cost in diagnosis.usage.items())
+        used = "; ".join(
+            f"{given(who)}: {given(str(cost))}" for who, cost in diagnosis.usage.items()
+        )
         parts.append(f"<h2>Cost</h2><p>{used}</p>")
     return ("\n".join(parts) + "</html>\n").encode()
 
@@ -69,12 +71,12 @@ def recipe_file(diagnosis: Diagnosis) -> str:
 
 
 def _causes(causes: Sequence[Cause]) -> str:
-    told = html.escape
+    given = html.escape
     named = any(one.named for one in causes)  # only models say in how many failures they saw it
     rows = "".join(
-        f"<tr><td>{told(one.factor)}<td class=n>{one.confidence:.2f}<td class=n>{100 * one.rate:.0f} %"
-        f"<td class=side>{told(one.detail)}<td class=side>{told(one.remedy or one.note)}"
-        + (f"<td>{told(one.named)}" if named else "")
+        f"<tr><td>{given(one.factor)}<td class=n>{one.confidence:.2f}<td class=n>{100 * one.rate:.0f} %"
+        f"<td class=side>{given(one.detail)}<td class=side>{given(one.remedy or one.note)}"
+        + (f"<td>{given(one.named)}" if named else "")
         for one in causes
     )
     head = "<tr><th>factor<th class=n>confidence<th class=n>fails<th>what<th>remedy"
@@ -121,21 +123,21 @@ def _recorded(rollouts: Sequence[Rollout], reference: Reference) -> list[str]:
     if camera not in reference.plates:
         return []
     firsts = [one.image for one in reference.plates[camera].firsts[:MOST_RECORDINGS]]
-    said = f"{camera}, first frames of {len(firsts)} recordings"
-    return ["<h2>Recorded</h2><div class=frames>", _strip("recordings", said, firsts), "</div>"]
+    stated = f"{camera}, first frames of {len(firsts)} recordings"
+    return ["<h2>Recorded</h2><div class=frames>", _strip("recordings", stated, firsts), "</div>"]
 
 
 def _figure(rollout: Rollout, frames: Sequence[int], reference: Reference | None) -> str:
     camera = pictures.camera_of(rollout, reference)
     shots = rollout.shots[camera]
     times = [t for t in frames if t in shots] or [min(shots)]
-    said = f"{rollout.name}, {camera}, frames {', '.join(map(str, times))}"
-    said += f": “{rollout.instruction}”" if rollout.instruction else ""
-    said += f" (perturbed: {rollout.factor})" if rollout.factor else ""
-    return _strip(rollout.name, said, [shots[t].image() for t in times])
+    stated = f"{rollout.name}, {camera}, frames {', '.join(map(str, times))}"
+    stated += f": “{rollout.instruction}”" if rollout.instruction else ""
+    stated += f" (perturbed: {rollout.factor})" if rollout.factor else ""
+    return _strip(rollout.name, stated, [shots[t].image() for t in times])
 
 
-def _strip(name: str, said: str, images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> str:
+def _strip(name: str, stated: str, images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> str:
     """Images side by side, and what they are."""
     row = np.concatenate(
         [np.pad(_tile(one), ((0, 0), (0, 4), (0, 0)), constant_values=255) for one in images], 1
@@ -143,7 +145,7 @@ def _strip(name: str, said: str, images: Sequence[UInt8[np.ndarray, "h w 3"]]) -
     source = pictures.embedded(row, side=max(row.shape))
     return (
         f"<figure><img alt='{html.escape(name, quote=True)}' src='{source}'>"
-        f"<figcaption>{html.escape(said)}</figcaption></figure>"
+        f"<figcaption>{html.escape(stated)}</figcaption></figure>"
     )
 
 

@@ -84,9 +84,9 @@ class Reference:
 
     def of(self, instruction: str) -> Plates:
         """The plates of the task whose instruction is most like that one; of all, where none is like it."""
-        said = _words(instruction)
-        best = max(self.tasks, key=lambda task: _shared(said, task), default=frozenset())
-        return self.tasks[best] if _shared(said, best) else self.plates
+        stated = _words(instruction)
+        best = max(self.tasks, key=lambda task: _shared(stated, task), default=frozenset())
+        return self.tasks[best] if _shared(stated, best) else self.plates
 
 
 def learn(dataset: Path, most: int = MOST) -> Reference:
@@ -117,9 +117,9 @@ def _tasks(adapter: Adapter, dataset: Path, keys: Sequence[str]) -> dict[Words, 
         folders.setdefault(group_of(adapter, key), []).append(key)
     tasks: dict[Words, list[str]] = {}
     for some in folders.values():
-        said = _words(*adapter.read(dataset, some[0]).descriptions[:1])
-        known = max(tasks, key=lambda task: _shared(said, task), default=said)
-        tasks.setdefault(known if _shared(said, known) >= ALIKE else said, []).extend(some)
+        stated = _words(*adapter.read(dataset, some[0]).descriptions[:1])
+        known = max(tasks, key=lambda task: _shared(stated, task), default=stated)
+        tasks.setdefault(known if _shared(stated, known) >= ALIKE else stated, []).extend(some)
         if len(tasks) > MOST_TASKS:
             return {frozenset(): list(keys)}
     return tasks

@@ -32,7 +32,7 @@ class RuleAnalyst:
                 factor=one.factor,
                 confidence=one.confidence,
                 rate=one.exposed,
-                detail=weigh.told(one, table),
+                detail=weigh.given(one, table),
                 remedy=WORDS.get(one.factor, ""),
             )
             for one in found

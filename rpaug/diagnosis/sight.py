@@ -40,7 +40,7 @@ class SightCamera:
     background: Bool[np.ndarray, "h w"]
     palette: Float32[np.ndarray, "n 3"]  # colours of all but the thing to act on
     rosters: tuple[things.Roster, ...] = ()
-    told: tuple[
+    given: tuple[
         things.Roster, ...
     ] = ()  # the same by the recordings' masks, without the one to act on
 
@@ -58,7 +58,7 @@ def stage(plate: ReferenceCamera) -> SightCamera:
     return replace(
         made,
         rosters=tuple(roster(one, made) for one in plate.firsts),
-        told=tuple(_told(one, made) for one in plate.firsts),
+        given=tuple(_given(one, made) for one in plate.firsts),
     )
 
 
@@ -74,7 +74,7 @@ def _others(first: First, within: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray
     return _lab(first.image.astype(np.float32))[inner]
 
 
-def _told(first: First, made: SightCamera) -> things.Roster:
+def _given(first: First, made: SightCamera) -> things.Roster:
     """What else stood in a recording's first frame, by its mask."""
     lab = _lab(first.image.astype(np.float32))
     known = _known(first)
@@ -150,12 +150,12 @@ def _things(
         rosters = [one for k, one in enumerate(made.rosters) if k != without]
         target, strange = things.recognised(*things.by_colour(lab, within, made.palette), rosters)
         return target, list(strange)
-    told = things.by_ids(aligned.warp(ids), within, lab)
+    given = things.by_ids(aligned.warp(ids), within, lab)
     mine = roles.get(MINE, frozenset())
     static = frozenset().union(*(roles.get(role, frozenset()) for role in STATIC))
-    target = max((one for i, one in told.items() if i in mine), key=lambda t: t.size, default=None)
-    rest = [one for i, one in told.items() if i not in mine | static]
-    usual = [one for k, one in enumerate(made.told) if k != without]
+    target = max((one for i, one in given.items() if i in mine), key=lambda t: t.size, default=None)
+    rest = [one for i, one in given.items() if i not in mine | static]
+    usual = [one for k, one in enumerate(made.given) if k != without]
     return target, list(things.unknown(rest, usual))
 
 

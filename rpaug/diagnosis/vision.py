@@ -81,8 +81,8 @@ class Vision:
             if named:
                 best = next(one for one in looked if one.name == max(named, key=lambda n: named[n]))
                 rate = len(named) / len(looked) * len(failures) / len(evaluation.rollouts)
-                told = (factor, len(named), len(looked), max(named.values()), rate)
-                causes.append(self._cause(told, best, reference, moments, trace))
+                given = (factor, len(named), len(looked), max(named.values()), rate)
+                causes.append(self._cause(given, best, reference, moments, trace))
         causes.sort(key=lambda cause: -cause.rate)
         notes = () if step == 1 else (f"{len(looked)} of {len(failures)} failures were shown",)
         usage = self._endpoint.usage.describe(self._endpoint.price)
@@ -104,14 +104,14 @@ class Vision:
 
     def _cause(
         self,
-        told: tuple[Factor, int, int, float, float],
+        given: tuple[Factor, int, int, float, float],
         rollout: Rollout,
         reference: Reference | None,
         moments: Moments,
         trace: list,
     ) -> Cause:
         """One cause with its detail and remedy, from the failure that shows it best."""
-        factor, named, looked, sure, rate = told
+        factor, named, looked, sure, rate = given
         shown = pictures.gallery(rollout, moments[rollout.name], reference)
         question = {"cause": factor} | _question(rollout, shown)
         detail: Detail = self._asked("detail", question, shown, Detail, trace)
@@ -146,10 +146,10 @@ class Vision:
         answer = self._endpoint.ask(
             messages, stage, schemas.plain(kind.model_json_schema()), check, temperature
         )
-        said = json.loads(self._endpoint.hidden(json.dumps(answer.model_dump())))
+        stated = json.loads(self._endpoint.hidden(json.dumps(answer.model_dump())))
         trace.append(
             {"stage": stage, "by": self.label, "prompt": f"{stage}.v{words.version}",
-             "input": json.loads(self._endpoint.hidden(text)), "output": said}
+             "input": json.loads(self._endpoint.hidden(text)), "output": stated}
         )  # fmt: skip
         return answer
 

@@ -48,7 +48,7 @@ def ranked(table: Table, seed: int = 0) -> list[Measured]:
     return out
 
 
-def told(one: Measured, table: Table) -> str:
+def given(one: Measured, table: Table) -> str:
     """What a measured cause is, in a sentence."""
     numbers = table.numbers[one.factor][table.failed & (table.away[one.factor] > one.threshold)]
     middle = np.nanmedian(numbers, 0) if len(numbers) else np.zeros(len(NUMBERS[one.factor]))

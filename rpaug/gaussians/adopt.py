@@ -22,7 +22,7 @@ def adopted(scene: Scene, gaussians: Gaussians, t: int = 0) -> Scene:
     carried into their bodies' frames. Drift and light of an earlier fit are dropped. Raises Unsupported if handles
     are missing and the episode has no masks.
     """
-    bare = replace(scene, gaussians=gaussians, bodies=(), drift={}, irradiance=None)
+    bare = replace(scene, gaussians=gaussians, bodies=(), pose_correction={}, irradiance=None)
     if not gaussians.ids.any():
         pictures = [
             Labelled(name, t, view.ids(t))
@@ -34,19 +34,19 @@ def adopted(scene: Scene, gaussians: Gaussians, t: int = 0) -> Scene:
         gaussians = replace(gaussians, ids=vote(bare, pictures))
     parts, rest = [], np.ones(len(gaussians), bool)
     for body in scene.bodies:
-        rows = np.isin(gaussians.ids, list(body.handles))
+        rows = np.isin(gaussians.ids, list(body.instance_ids))
         if rows.any() and (body.to_world != np.eye(4)).any():
             parts.append(moved(chosen(gaussians, rows), geometry.inverse(body.to_world[t])))
             rest &= ~rows
     whole = joined([chosen(gaussians, rest), *parts])
-    return replace(scene, gaussians=whole, drift={}, irradiance=None)
+    return replace(scene, gaussians=whole, pose_correction={}, irradiance=None)
 
 
 def added(
     scene: Scene,
     asset: Gaussians,
     pose: Float64[np.ndarray, "4 4"],
-    handle: int | None = None,
+    instance_id: int | None = None,
 ) -> Scene:
     """The scene with one more thing: an asset's Gaussians, still, at `pose` in the world, under a handle of its own.
 
@@ -55,8 +55,8 @@ def added(
     """
     if scene.gaussians is None:
         raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")
-    taken = scene.handles | set(np.unique(scene.gaussians.ids).tolist())
-    number = max(taken, default=0) + 1 if handle is None else handle
+    taken = scene.instance_ids | set(np.unique(scene.gaussians.ids).tolist())
+    number = max(taken, default=0) + 1 if instance_id is None else instance_id
     if number in taken:
         raise TargetError(f"handle {number} is taken; {max(taken) + 1} is free")
     placed = moved(asset, pose)

@@ -25,7 +25,7 @@ def fitted(
     settings: FitSettings | None = None,
     seed: int = 0,
     progress: Progress | None = None,
-    founder: Scene | None = None,
+    donor: Scene | None = None,
 ) -> tuple[Scene, Facts]:
     """The scene with its Gaussians and the poses they belong to, and the fit's report as plain values.
 
@@ -34,7 +34,7 @@ def fitted(
     taken from the folder. Raises BadInput for a damaged stored scene, Unsupported if nothing can be fitted.
     """
     settings = settings or FitSettings()
-    return _fitted(scene, folder, settings, seed, progress, founder)[:2]
+    return _fitted(scene, folder, settings, seed, progress, donor)[:2]
 
 
 @dataclass(frozen=True)
@@ -51,21 +51,21 @@ def fitted_in_time(
     *,
     settings: Both | None = None,
     seed: int = 0,
-    founder: Scene | None = None,
+    donor: Scene | None = None,
 ) -> tuple[Scene, Facts]:
     """As `fitted`, then what rigid motion leaves unexplained fitted in space and time; its report under `four`."""
     settings = settings or Both()
-    name = name_of(scene, settings, seed, founder) if folder else ""
+    name = name_of(scene, settings, seed, donor) if folder else ""
     found = store.load(folder, name) if folder else None
     if found:
         return known(scene, found), found.report
-    rigid, facts, lent = _fitted(scene, folder, settings.rigid, seed, None, founder)
+    rigid, facts, lent = _fitted(scene, folder, settings.rigid, seed, None, donor)
     made, four = fit4.fitted(rigid, settings=settings.four, seed=seed)
-    told = {**facts, "four": four.describe()}
+    given = {**facts, "four": four.describe()}
     if folder:
-        still = lent.without(four.handles) if lent else None
-        keep(folder, name, made, settings, told, still)
-    return made, told
+        still = lent.without(four.instance_ids) if lent else None
+        keep(folder, name, made, settings, given, still)
+    return made, given
 
 
 def _fitted(
@@ -74,18 +74,18 @@ def _fitted(
     settings: FitSettings,
     seed: int,
     progress: Progress | None,
-    founder: Scene | None,
+    donor: Scene | None,
 ) -> tuple[Scene, Facts, store.Borrowed | None]:
     """The fitted scene, its report, and which of its Gaussians are borrowed."""
-    name = name_of(scene, settings, seed, founder) if folder else ""
+    name = name_of(scene, settings, seed, donor) if folder else ""
     found = store.load(folder, name) if folder else None
     if found:
         return known(scene, found), found.report, found.borrowed
     lent, begun, shorter = None, None, settings
-    if founder is not None:
-        lender = store.key(founder, settings, seed)
+    if donor is not None:
+        donor_adapter = store.key(donor, settings, seed)
         lent = sharing.borrowed(
-            scene, lender, fitted(founder, folder, settings=settings, seed=seed)[0]
+            scene, donor_adapter, fitted(donor, folder, settings=settings, seed=seed)[0]
         )
         begun = fit.Begun(sharing.begun(scene, lent), len(lent))
         spared = SPARED * len(lent) / max(len(begun.gaussians), 1)
@@ -96,13 +96,13 @@ def _fitted(
         for name, value in vars(full).items()
         if name not in ("bodies", "drift", "irradiance")
     }
-    if lent is not None and founder is not None:
+    if lent is not None and donor is not None:
         assert made.gaussians is not None
         own = gaussians.chosen(made.gaussians, np.arange(len(lent), len(made.gaussians)))
         # What was held still came back through logits and unit quaternions: the last bit may differ.
         joint = gaussians.joined([lent.gaussians, own])
         made = replace(made, gaussians=replace(joint, moments=made.gaussians.moments))
-        facts["founder"], facts["borrowed"] = founder.episode.key, len(lent)
+        facts["founder"], facts["borrowed"] = donor.episode.key, len(lent)
     if folder:
         keep(folder, name, made, settings, facts, lent)
     return made, facts, lent
@@ -112,12 +112,12 @@ def name_of(
     scene: Scene,
     settings: FitSettings | Both,
     seed: int,
-    founder: Scene | None = None,
+    donor: Scene | None = None,
 ) -> str:
     """The key under which a scene fitted so is stored."""
     rigid = settings.rigid if isinstance(settings, Both) else settings
-    lender = "" if founder is None else store.key(founder, rigid, seed)
-    return store.key(scene, settings, seed, lender)
+    donor_adapter = "" if donor is None else store.key(donor, rigid, seed)
+    return store.key(scene, settings, seed, donor_adapter)
 
 
 def keep(
@@ -142,7 +142,7 @@ def known(scene: Scene, found: store.Stored) -> Scene:
         scene,
         gaussians=found.gaussians,
         bodies=found.bodies,
-        drift=found.drift,
+        pose_correction=found.pose_correction,
         irradiance=found.irradiance,
         flowing=found.flowing,
     )

@@ -52,10 +52,10 @@ class Cells:
         width = float(np.median([window.footprint for window in looked]))
         given = [(gaussians.ids[rows], gaussians.means[rows])]
         given += [(window.ids, window.points) for window in looked]
-        handles = np.unique(np.concatenate([ids for ids, _ in given]))
-        found = [corners(handles, ids, points, width) for ids, points in given]
+        instance_ids = np.unique(np.concatenate([ids for ids, _ in given]))
+        found = [corners(instance_ids, ids, points, width) for ids, points in given]
         unique = np.unique(np.concatenate([keys.ravel() for keys, _ in found]))
-        ids, points = places(handles, unique, width)
+        ids, points = places(instance_ids, unique, width)
         gathers = [
             Gather(
                 torch.from_numpy(np.searchsorted(unique, keys.T)),
@@ -69,8 +69,8 @@ class Cells:
         self, rng: np.random.Generator, colours: Float32[np.ndarray, "p 3"]
     ) -> Float32[np.ndarray, "m 3"]:
         """Colours drawn at random a few cells apart and blended in between: what a pattern grows from."""
-        handles = np.unique(self.ids)
-        keys, shares = corners(handles, self.ids, self.points, BLOTCH * self.width)
+        instance_ids = np.unique(self.ids)
+        keys, shares = corners(instance_ids, self.ids, self.points, BLOTCH * self.width)
         unique, where = np.unique(keys, return_inverse=True)
         drawn = colours[rng.integers(len(colours), size=len(unique))]
         blended = (drawn[where.reshape(keys.shape)] * shares[..., None]).sum(0)

@@ -107,7 +107,7 @@ class Descent:
             (body, rows)
             for body in scene.bodies
             if (body.to_world != np.eye(4)).any()
-            and len(rows := np.flatnonzero(np.isin(begun.ids, list(body.handles))))
+            and len(rows := np.flatnonzero(np.isin(begun.ids, list(body.instance_ids))))
         ]
         self._middles = [np.median(begun.means[rows], 0).astype(float) for _, rows in self._moving]
         self._twists = [
@@ -129,7 +129,7 @@ class Descent:
         cameras = {name: view.camera for name, view in scene.episode.views.items()}
         self._poses = {name: camera.cam_to_world.copy() for name, camera in cameras.items()}
         reach = 0.5  # metres: about what a hand camera looks at
-        still = {h for body in scene.bodies if body.motion == "static" for h in body.handles}
+        still = {h for body in scene.bodies if body.motion == "static" for h in body.instance_ids}
         self._drifts = {
             name: Twists.of(
                 trained,
@@ -189,10 +189,10 @@ class Descent:
             placement.motions[k][t] = about(self._twists[k].at(t), middle) @ body.to_world[t]
             placement.turns[k][t] = quaternions(placement.motions[k][t : t + 1, :3, :3])[0]
         if shot.camera in self._drifts:
-            drift = self._drifts[shot.camera]
-            drift.step(t, pull.camera, factor)
+            pose_correction = self._drifts[shot.camera]
+            pose_correction.step(t, pull.camera, factor)
             recorded = self._camera(shot.camera).cam_to_world[t]
-            self._poses[shot.camera][t] = about(drift.at(t), recorded[:3, 3]) @ recorded
+            self._poses[shot.camera][t] = about(pose_correction.at(t), recorded[:3, 3]) @ recorded
 
     def _camera(self, name: str) -> Camera:
         return self._scene.episode.views[name].camera
@@ -204,9 +204,13 @@ class Descent:
 
     def scene(self) -> Scene:
         """The scene as the fit has it by now."""
-        gaussians, bodies, drift = self.result()
+        gaussians, bodies, pose_correction = self.result()
         return replace(
-            self._scene, gaussians=gaussians, bodies=bodies, drift=drift, irradiance=self.light
+            self._scene,
+            gaussians=gaussians,
+            bodies=bodies,
+            pose_correction=pose_correction,
+            irradiance=self.light,
         )
 
     def result(self) -> tuple[Gaussians, tuple[Body, ...], dict[str, Float64[np.ndarray, "t 4 4"]]]:
@@ -230,14 +234,14 @@ class Descent:
             # A body's frame is the world at its reference: what that frame was off goes into the Gaussians.
             first = track[body.reference]
             gaussians = _with(gaussians, rows, first)
-            settled[body.handles] = replace(body, to_world=track @ geometry.inverse(first))
-        bodies = tuple(settled.get(body.handles, body) for body in self._scene.bodies)
-        drift = {}
+            settled[body.instance_ids] = replace(body, to_world=track @ geometry.inverse(first))
+        bodies = tuple(settled.get(body.instance_ids, body) for body in self._scene.bodies)
+        pose_correction = {}
         for name, twists in self._drifts.items():
             poses = self._camera(name).cam_to_world
             truly = corrected(poses, poses[:, :3, 3], twists)
-            drift[name] = truly @ geometry.inverse(poses)
-        return gaussians, bodies, drift
+            pose_correction[name] = truly @ geometry.inverse(poses)
+        return gaussians, bodies, pose_correction
 
 
 def _with(gaussians: Gaussians, rows: np.ndarray, motion: Float64[np.ndarray, "4 4"]) -> Gaussians:

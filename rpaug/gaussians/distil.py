@@ -50,7 +50,7 @@ class Told:
     """
 
     scene: Scene
-    handle: int
+    instance_id: int
     finer: bool
     rows: Int[np.ndarray, "m"]
     pictures: tuple[Labelled, ...] = ()
@@ -63,7 +63,7 @@ def tell_apart(
     prompt: PartPrompt,
     segmenter: Segmenter | None = None,
     *,
-    handle: int | None = None,
+    instance_id: int | None = None,
     by: Literal["vote", "encodings"] = "vote",
     identities: Identities | None = None,
     seed: int = 0,
@@ -84,9 +84,9 @@ def tell_apart(
     if overlap(_bounds(shown), prompt.box) >= AGREES:
         return Told(scene, number, False, np.flatnonzero(retrieved))
     segmenter = segmenter or GrabCut()
-    fresh = max(scene.handles) + 1 if handle is None else handle
-    if fresh in scene.handles:
-        raise TargetError(f"handle {fresh} is taken; {max(scene.handles) + 1} is free")
+    fresh = max(scene.instance_ids) + 1 if instance_id is None else instance_id
+    if fresh in scene.instance_ids:
+        raise TargetError(f"handle {fresh} is taken; {max(scene.instance_ids) + 1} is free")
     masks = _masks(scene, stage, retrieved, body, prompt, segmenter)
     pictures = tuple(
         Labelled(name, t, np.where(part, fresh, np.where(seen, number, UNKNOWN)).astype(np.int32))
@@ -122,31 +122,35 @@ def finer(
     All other encodings and rows of the head come back bit for bit.
     """
     assert scene.gaussians is not None
-    like = int(np.flatnonzero(identities.handles == whole)[0])
+    like = int(np.flatnonzero(identities.instance_ids == whole)[0])
     rng = np.random.default_rng(seed)
-    order = np.argsort(np.append(identities.handles, part), kind="stable")
+    order = np.argsort(np.append(identities.instance_ids, part), kind="stable")
     spread = float(identities.weight.std())  # the part must be tellable, as other handles are
     nudge = rng.normal(0, spread, size=identities.weight.shape[1:]).astype(np.float32)
     begun = Identities(
         identities.encodings,
         np.concatenate([identities.weight, (identities.weight[like] + nudge)[None]])[order],
         np.append(identities.offset, identities.offset[like])[order],
-        np.append(identities.handles, part).astype(np.int32)[order],
+        np.append(identities.instance_ids, part).astype(np.int32)[order],
     )
-    head = begun.handles == part
+    head = begun.instance_ids == part
     near = neighbours(scene.gaussians.means, settings.neighbours)
     return descend(begun, pictures, stage, near, settings=settings, rng=rng, rows=rows, head=head)
 
 
-def renamed(scene: Scene, rows: Int[np.ndarray, "m"], whole: frozenset[int], handle: int) -> Scene:
+def renamed(
+    scene: Scene, rows: Int[np.ndarray, "m"], whole: frozenset[int], instance_id: int
+) -> Scene:
     """The scene whose Gaussians `rows` have the handle `handle`, which moves with `whole` and shares its role."""
     assert scene.gaussians is not None
     ids = scene.gaussians.ids.copy()
-    ids[rows] = handle
+    ids[rows] = instance_id
 
     def joined(bodies: tuple[Body, ...]) -> tuple[Body, ...]:
         return tuple(
-            replace(body, handles=body.handles | {handle}) if whole <= body.handles else body
+            replace(body, instance_ids=body.instance_ids | {instance_id})
+            if whole <= body.instance_ids
+            else body
             for body in bodies
         )
 
@@ -157,7 +161,7 @@ def renamed(scene: Scene, rows: Int[np.ndarray, "m"], whole: frozenset[int], han
         bodies=joined(scene.bodies),
         recorded_bodies=None if recorded is None else joined(recorded),
         roles={
-            name: found | {handle} if whole <= found else found
+            name: found | {instance_id} if whole <= found else found
             for name, found in scene.roles.items()
         },
     )
@@ -192,7 +196,7 @@ def detected(
 
 def _body(scene: Scene, whole: frozenset[int]) -> Body:
     for body in scene.bodies:
-        if whole and whole <= body.handles:
+        if whole and whole <= body.instance_ids:
             return body
     raise TargetError(f"handles {sorted(whole)} are not one rigid body: a part belongs to one")
 

@@ -36,11 +36,11 @@ class Identities:
     encodings: Float32[np.ndarray, "n 16"]
     weight: Float32[np.ndarray, "c 16"]
     offset: Float32[np.ndarray, "c"]
-    handles: Int32[np.ndarray, "c"]
+    instance_ids: Int32[np.ndarray, "c"]
 
     def read(self, encodings: Float32[np.ndarray, "*n 16"]) -> Int32[np.ndarray, "*n"]:
         """The likeliest handle of each encoding, drawn or a Gaussian's own."""
-        return self.handles[(encodings @ self.weight.T + self.offset).argmax(-1)]
+        return self.instance_ids[(encodings @ self.weight.T + self.offset).argmax(-1)]
 
     @property
     def ids(self) -> Int32[np.ndarray, "n"]:
@@ -64,11 +64,11 @@ def learn(
     pictures = recorded(scene) if pictures is None else pictures
     assert scene.gaussians is not None
     found = np.unique(np.concatenate([np.unique(p.ids) for p in pictures]))
-    handles = found[found != UNKNOWN].astype(np.int32)
+    instance_ids = found[found != UNKNOWN].astype(np.int32)
     rng = np.random.default_rng(seed)
     start = rng.normal(0, 0.1, (len(scene.gaussians), WIDTH)).astype(np.float32)
-    head = rng.normal(0, WIDTH**-0.5, (len(handles), WIDTH)).astype(np.float32)
-    begun = Identities(start, head, np.zeros(len(handles), np.float32), handles)
+    head = rng.normal(0, WIDTH**-0.5, (len(instance_ids), WIDTH)).astype(np.float32)
+    begun = Identities(start, head, np.zeros(len(instance_ids), np.float32), instance_ids)
     near = neighbours(scene.gaussians.means, settings.neighbours)
     return descend(begun, pictures, stage, near, settings=settings, rng=rng)
 
@@ -93,7 +93,7 @@ def descend(
     free = np.ones(len(weight), np.float32) if head is None else head.astype(np.float32)
     own = encodings[rows]
     adam = _Adam([own, weight, offset])
-    targets = [_classes(picture, begun.handles) for picture in pictures]
+    targets = [_classes(picture, begun.instance_ids) for picture in pictures]
     order: list[int] = []
     for step in range(settings.steps):
         order = order or rng.permutation(len(pictures)).tolist()
@@ -113,7 +113,7 @@ def descend(
         fall = 0.5 + 0.5 * np.cos(np.pi * step / settings.steps)
         adam.step([by_own, by_weight, by_offset], settings.rate * fall)
         encodings[rows] = own
-    return Identities(encodings, weight, offset, begun.handles)
+    return Identities(encodings, weight, offset, begun.instance_ids)
 
 
 class _Adam:
@@ -181,10 +181,10 @@ def neighbours(means: Float32[np.ndarray, "n 3"], count: int) -> Int[np.ndarray,
     return found[:, 1:] if most > 1 else found
 
 
-def _classes(picture: Labelled, handles: Int32[np.ndarray, "c"]) -> Int[np.ndarray, "h w"]:
+def _classes(picture: Labelled, instance_ids: Int32[np.ndarray, "c"]) -> Int[np.ndarray, "h w"]:
     """The row of each pixel's handle, -1 for one that is not there."""
-    at = np.clip(np.searchsorted(handles, picture.ids), 0, len(handles) - 1)
-    return np.where(handles[at] == picture.ids, at, -1).astype(np.int64)
+    at = np.clip(np.searchsorted(instance_ids, picture.ids), 0, len(instance_ids) - 1)
+    return np.where(instance_ids[at] == picture.ids, at, -1).astype(np.int64)
 
 
 def identity_mask(

@@ -46,7 +46,7 @@ class Patched:
         gaussians = self.scene.gaussians
         if not self.painted or gaussians is None:
             return np.zeros(index.shape, bool)
-        gone = [handle for edit in carried(self.scene, t) for handle in edit.handles]
+        gone = [instance_id for edit in carried(self.scene, t) for instance_id in edit.instance_ids]
         rest = np.flatnonzero(~np.isin(gaussians.ids, gone))
         inside = (index >= 0) & (index < len(rest))
         own = rest[np.clip(index, 0, len(rest) - 1)]

@@ -55,7 +55,7 @@ class FitReport:
     depth_error_mm: float  # median over pixels, of the surface's depth
     seed: int
     bodies: tuple[Body, ...] = field(repr=False)  # with tracks as they settled
-    drift: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(repr=False)
+    pose_correction: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(repr=False)
     irradiance: Float64[np.ndarray, "9"] = field(repr=False)
 
 
@@ -108,7 +108,7 @@ def fit(
         depth_error_mm=1e3 * float(np.median(found[..., 2])),
         seed=seed,
         bodies=shown.bodies,
-        drift=shown.drift,
+        pose_correction=shown.pose_correction,
         irradiance=even() if shown.irradiance is None else shown.irradiance,
     )
     return shown.gaussians, report
@@ -129,7 +129,7 @@ def fitted(
             scene,
             gaussians=gaussians,
             bodies=report.bodies,
-            drift=report.drift,
+            pose_correction=report.pose_correction,
             irradiance=report.irradiance,
         ),
         report,

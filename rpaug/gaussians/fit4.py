@@ -53,7 +53,7 @@ class FourReport:
     `rigid_db` and `db` are over times that were not fitted, where there are such; `gaussians` counts those in 4D.
     """
 
-    handles: tuple[int, ...]
+    instance_ids: tuple[int, ...]
     rigid_db: Mapping[int, float]
     db: Mapping[int, float]
     gaussians: int
@@ -63,18 +63,20 @@ class FourReport:
 
     def describe(self) -> dict[str, Any]:
         """Plain values; handles as text where they are keys."""
-        by_handle = {
-            name: {str(handle): round(db, 2) for handle, db in getattr(self, name).items()}
+        by_instance_id = {
+            name: {
+                str(instance_id): round(db, 2) for instance_id, db in getattr(self, name).items()
+            }
             for name in ("rigid_db", "db")
         }
-        return {**vars(self), "handles": list(self.handles), **by_handle}
+        return {**vars(self), "handles": list(self.instance_ids), **by_instance_id}
 
 
 def fitted(
     scene: Scene,
     *,
     settings: FourSettings | None = None,
-    handles: frozenset[int] | None = None,
+    instance_ids: frozenset[int] | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[Scene, FourReport]:
@@ -95,17 +97,17 @@ def fitted(
         return scene, FourReport((), {}, {}, 0, length, 0.0, reason)
     checked = _checked(length, trained, settings.checked_frames)
     rigid = residuals(scene, checked, settings.least_pixels)
-    if handles is None:
-        handles = unexplained(scene, rigid, settings)
-    if not handles:
+    if instance_ids is None:
+        instance_ids = unexplained(scene, rigid, settings)
+    if not instance_ids:
         reason = f"every moving instance is rigid, or shown with {settings.target_db:.0f} dB"
         seconds = time.perf_counter() - start
         return scene, FourReport((), _db(rigid), {}, 0, length, seconds, reason)
-    rest = without(scene, handles)
+    rest = without(scene, instance_ids)
     crops = {
-        t: found for t in trained if (found := list(_crops(rest, handles, t, settings.margin)))
+        t: found for t in trained if (found := list(_crops(rest, instance_ids, t, settings.margin)))
     }
-    begun = seeds4.seeds(scene, handles, sorted(crops))
+    begun = seeds4.seeds(scene, instance_ids, sorted(crops))
     descent = Descent4(begun, float(np.median(begun.scales)))
     rng = np.random.default_rng(seed)
     times = sorted(crops)
@@ -122,21 +124,21 @@ def fitted(
                 progress(done)
     made = replace(rest, flowing=descent.gaussians)
     after = residuals(made, checked, settings.least_pixels)
-    better = frozenset(h for h in handles if gain(rigid, after, h) > GAIN)
-    if better != handles:
+    better = frozenset(h for h in instance_ids if gain(rigid, after, h) > GAIN)
+    if better != instance_ids:
         # Going back costs nothing: what time does not explain either stays rigid.
         keep = np.isin(descent.gaussians.ids, list(better))
         made = replace(without(scene, better), flowing=some(descent.gaussians, keep))
-        after |= {h: rigid[h] for h in handles - better}
-        handles = better
+        after |= {h: rigid[h] for h in instance_ids - better}
+        instance_ids = better
     return made, FourReport(
-        handles=tuple(sorted(handles)),
+        instance_ids=tuple(sorted(instance_ids)),
         rigid_db=_db(rigid),
         db=_db(after),
         gaussians=len(made.flowing or ()),
         frames=len(times),
         seconds=time.perf_counter() - start,
-        reason="" if handles else "nothing is shown better in space and time",
+        reason="" if instance_ids else "nothing is shown better in space and time",
     )
 
 
@@ -169,17 +171,17 @@ def residuals(
             error = ((image.astype(float) - view.rgb(t)) ** 2).mean(-1)
             recorded, ids = view.depth(t), view.ids(t)
             off = np.abs(depth - recorded) > FAR_OFF * recorded / view.camera.K[0, 0]
-            for handle in np.unique(ids).tolist():
-                mine = ids == handle
+            for instance_id in np.unique(ids).tolist():
+                mine = ids == instance_id
                 found = np.array([error[mine].sum(), off[mine].sum(), mine.sum()])
-                sums[handle] = sums.get(handle, np.zeros(3)) + found
+                sums[instance_id] = sums.get(instance_id, np.zeros(3)) + found
                 if mine.sum() >= least:
-                    shown.add(handle)
+                    shown.add(instance_id)
     out = {}
-    for handle in sorted(shown - {0}):
-        error, off, count = sums[handle]
+    for instance_id in sorted(shown - {0}):
+        error, off, count = sums[instance_id]
         db = 10 * np.log10(255.0**2 / max(error / count, 1e-6))
-        out[handle] = InstanceError(float(db), float(off / count))
+        out[instance_id] = InstanceError(float(db), float(off / count))
     return out
 
 
@@ -191,49 +193,51 @@ def unexplained(
     What hangs on the gripper or is a link of the arm is rigid whatever its residual. What bends about a fixed foot is
     taken for static as a whole: then more of it must be off, since thin things at rest are off at their outlines.
     """
-    motion = {handle: body.motion for body in scene.bodies for handle in body.handles}
+    motion = {
+        instance_id: body.motion for body in scene.bodies for instance_id in body.instance_ids
+    }
     least = {"aligned": 1.0, "unknown": 1.0, "static": 2.0}
     return frozenset(
-        handle
-        for handle, found in residual.items()
+        instance_id
+        for instance_id, found in residual.items()
         if found.db < settings.target_db
-        and motion.get(handle) in least
-        and found.off > least[motion[handle]] * settings.off_share
+        and motion.get(instance_id) in least
+        and found.off > least[motion[instance_id]] * settings.off_share
     )
 
 
 def gain(
-    before: Mapping[int, InstanceError], after: Mapping[int, InstanceError], handle: int
+    before: Mapping[int, InstanceError], after: Mapping[int, InstanceError], instance_id: int
 ) -> float:
     """Decibels won by an instance; endless for one that was not or is not measured."""
-    if handle not in before or handle not in after:
+    if instance_id not in before or instance_id not in after:
         return float("inf")
-    return after[handle].db - before[handle].db
+    return after[instance_id].db - before[instance_id].db
 
 
 def _db(residual: Mapping[int, InstanceError]) -> dict[int, float]:
-    return {handle: found.db for handle, found in residual.items()}
+    return {instance_id: found.db for instance_id, found in residual.items()}
 
 
-def without(scene: Scene, handles: frozenset[int]) -> Scene:
+def without(scene: Scene, instance_ids: frozenset[int]) -> Scene:
     """The scene less the rigid Gaussians of some instances, whose bodies stand still from now on."""
     assert scene.gaussians is not None
     still = np.tile(np.eye(4), (scene.episode.length, 1, 1))
     bodies: list[Body] = []
     for body in scene.bodies:
-        stay, go = body.handles - handles, body.handles & handles
+        stay, go = body.instance_ids - instance_ids, body.instance_ids & instance_ids
         if stay:
-            bodies.append(replace(body, handles=stay))
+            bodies.append(replace(body, instance_ids=stay))
         if go:
             # Their frame is the world: what bends has none of its own.
             bodies.append(Body(go, still, "unknown", residual=body.residual, ambiguous=True))
-    kept = chosen(scene.gaussians, ~np.isin(scene.gaussians.ids, list(handles)))
+    kept = chosen(scene.gaussians, ~np.isin(scene.gaussians.ids, list(instance_ids)))
     rest = replace(scene, gaussians=kept, bodies=tuple(bodies))
-    resting = {h for body in scene.bodies if body.motion == "static" for h in body.handles}
-    if not handles & resting:
+    resting = {h for body in scene.bodies if body.motion == "static" for h in body.instance_ids}
+    if not instance_ids & resting:
         return rest
     # What was taken for static hid what is behind it, which nothing was seeded on.
-    behind = list(_behind(rest, frozenset(resting - handles)))
+    behind = list(_behind(rest, frozenset(resting - instance_ids)))
     return replace(rest, gaussians=joined([kept, *behind])) if behind else rest
 
 
@@ -257,14 +261,14 @@ def _behind(scene: Scene, static: frozenset[int]) -> Iterator[Gaussians]:
             yield more
 
 
-def _crops(scene: Scene, handles: frozenset[int], t: int, margin: int) -> Iterator[Crop]:
+def _crops(scene: Scene, instance_ids: frozenset[int], t: int, margin: int) -> Iterator[Crop]:
     """The region in every view that shows it at t."""
     rest = placed(scene, t)
     engine = Rasteriser(gaussian_view.sharp(Splats.of(rest)))
     for name, view in scene.episode.views.items():
         if view.ids is None or view.depth is None:
             continue
-        inside = np.isin(view.ids(t), list(handles))
+        inside = np.isin(view.ids(t), list(instance_ids))
         if not inside.any():
             continue
         rows, columns = np.nonzero(inside)

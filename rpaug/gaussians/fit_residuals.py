@@ -79,12 +79,12 @@ def _windows(
 ) -> Iterator[_Window]:
     """One for each view that shows something moving: all of it if the camera moves."""
     assert scene.gaussians is not None
-    handles = np.unique(scene.gaussians.ids[moving])
+    instance_ids = np.unique(scene.gaussians.ids[moving])
     # Grey, for colours below black pass no gradient: it tells how much of each splat is seen.
     grey, eye = replace(then, sh=np.zeros_like(then.sh)), Rasteriser(sharp(then))
     for name, recorded in scene.episode.views.items():
         assert recorded.ids is not None
-        shown = np.isin(recorded.ids(t), handles) | (not recorded.camera.fixed)
+        shown = np.isin(recorded.ids(t), instance_ids) | (not recorded.camera.fixed)
         if not shown.any():
             continue
         shot, view = shot_of(scene.episode, name, t), view_of(standing(scene, name), t)

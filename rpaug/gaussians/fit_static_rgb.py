@@ -26,7 +26,7 @@ def fitted(scene: Scene, fit: Fit) -> tuple[Scene, Mapping[str, Any]]:
 
     Raises Unsupported for a camera that moves, which has no stage, and for several whose places are unknown.
     """
-    if not any(view.stand_in for view in scene.episode.views.values()):
+    if not any(view.proxy for view in scene.episode.views.values()):
         return fit(scene)
     from rpaug.gaussians import untracked_gaussians  # only here: it brings torch and the rasteriser
 
@@ -35,7 +35,7 @@ def fitted(scene: Scene, fit: Fit) -> tuple[Scene, Mapping[str, Any]]:
         name: _at_rest(view, scene.episode.length, moving)
         for name, view in together(scene, "Gaussians").items()
     }
-    rests = tuple(body for body in scene.bodies if not body.handles <= moving)
+    rests = tuple(body for body in scene.bodies if not body.instance_ids <= moving)
     if not rests:
         raise Unsupported("nothing was seen to rest, so there is nothing to fit Gaussians to")
     plain = replace(
@@ -47,14 +47,14 @@ def fitted(scene: Scene, fit: Fit) -> tuple[Scene, Mapping[str, Any]]:
     made, facts = fit(plain)
     made = replace(made, episode=scene.episode, cameras=scene.cameras, bodies=scene.bodies)
     seen = {name: _decibels(made, name) for name in views}
-    told = {"per_camera_db": seen, "train_db": float(np.mean(list(seen.values())))}
-    return made, {**facts, **told, "held_out_db": None}
+    given = {"per_camera_db": seen, "train_db": float(np.mean(list(seen.values())))}
+    return made, {**facts, **given, "held_out_db": None}
 
 
 def _at_rest(view: CameraView, length: int, moving: frozenset[int]) -> CameraView:
     """The view as if nothing ever moved in it: middle colours of what rests, painted where that was never seen."""
     assert view.ids is not None
-    depth = view.stand_in.depth if view.stand_in else None
+    depth = view.proxy.depth if view.proxy else None
     if depth is None:
         raise Unsupported("Gaussians need depth, and a camera that moves has no stage")
     times = sampling.frames(length, FRAMES)
@@ -66,13 +66,13 @@ def _at_rest(view: CameraView, length: int, moving: frozenset[int]) -> CameraVie
     # The handle seen most often; where none was, that of the nearest pixel is as good as any.
     names = np.unique(ids[~hidden])
     votes = np.stack([((ids == name) & ~hidden).sum(0) for name in names])
-    handles = names[votes.argmax(0)].astype(np.int32)
+    instance_ids = names[votes.argmax(0)].astype(np.int32)
     never = np.all(hidden, axis=0)
     if never.any():
         image = inpaint.paint("telea", image, never)
-        handles[never] = names[np.bincount(votes.argmax(0)[~never].reshape(-1)).argmax()]
+        instance_ids[never] = names[np.bincount(votes.argmax(0)[~never].reshape(-1)).argmax()]
     return replace(
-        view, rgb=lambda t: image, depth=lambda t: depth, ids=lambda t: handles, stand_in=None
+        view, rgb=lambda t: image, depth=lambda t: depth, ids=lambda t: instance_ids, proxy=None
     )
 
 

@@ -51,39 +51,39 @@ class SplatSettings:
 
 
 def kept(
-    scene: Scene, film: VideoScene, folder: Path | None, settings: SplatSettings | None = None
+    scene: Scene, video: VideoScene, folder: Path | None, settings: SplatSettings | None = None
 ) -> tuple[Scene, Mapping[str, Any]]:
     """As `fitted`; with a `folder`, the store of fitted scenes, from there if the same video was fitted before."""
-    settings = settings or SplatSettings(width=film.fit_width)
+    settings = settings or SplatSettings(width=video.fit_width)
     if folder is None:
-        return fitted(scene, film, settings)
-    name = name_of(film, settings)
+        return fitted(scene, video, settings)
+    name = name_of(video, settings)
     found = store.load(folder, name)
     if found is not None:
         return cached.known(scene, found), found.report
-    made, facts = fitted(scene, film, settings)
+    made, facts = fitted(scene, video, settings)
     cached.keep(folder, name, made, settings, facts, None)
     return made, facts
 
 
-def name_of(film: VideoScene, settings: SplatSettings) -> str:
+def name_of(video: VideoScene, settings: SplatSettings) -> str:
     """The key of a film's Gaussians: of all frames as they are fitted, where they are, and the settings."""
-    told = {**asdict(settings), "threads": 0}
+    given = {**asdict(settings), "threads": 0}
     return fingerprint(
-        f"{store.FORMAT} {store.VERSION} {LOOKS} votes".encode(), json.dumps(told, sort_keys=True).encode(),
-        film.model.cam_to_world.tobytes(), film.lens.K.tobytes(), film.model.points.tobytes(),
-        *(depth.tobytes() for depth in film.depths), *(mask.tobytes() for mask in film.moving),
-        *(_small(film, k, settings).rgb.tobytes() for k in range(film.episode.length)),
+        f"{store.FORMAT} {store.VERSION} {LOOKS} votes".encode(), json.dumps(given, sort_keys=True).encode(),
+        video.model.cam_to_world.tobytes(), video.lens.K.tobytes(), video.model.points.tobytes(),
+        *(depth.tobytes() for depth in video.depths), *(mask.tobytes() for mask in video.moving),
+        *(_small(video, k, settings).rgb.tobytes() for k in range(video.episode.length)),
     )  # fmt: skip
 
 
 def fitted(
-    scene: Scene, film: VideoScene, settings: SplatSettings | None = None
+    scene: Scene, video: VideoScene, settings: SplatSettings | None = None
 ) -> tuple[Scene, Mapping[str, Any]]:
     """The scene with Gaussians, and how well they show the frames: PSNR in dB of fitted and of kept-back ones."""
-    settings = settings or SplatSettings(width=film.fit_width)
-    shots = [_shot(film, k, settings) for k in range(film.episode.length)]
-    begun = seeds(film, shots, settings)
+    settings = settings or SplatSettings(width=video.fit_width)
+    shots = [_shot(video, k, settings) for k in range(video.episode.length)]
+    begun = seeds(video, shots, settings)
     trained = [shot for shot in shots if not shot.judged.any()]
     judged = [shot for shot in shots if shot.judged.any()]
     steps = max(2, round(settings.rounds * len(trained) / 2))
@@ -93,7 +93,7 @@ def fitted(
         check_every=max(1, steps // 3),
     )  # fmt: skip
     found = fit_views(Splats.of(begun), [*trained, *judged], rule)
-    made = _gaussians(found.splats, film)
+    made = _gaussians(found.splats, video)
     last = found.trace[-1]
     facts = {
         "steps": steps,
@@ -102,51 +102,51 @@ def fitted(
         "held_out_frames": len(judged),
         "seconds": round(last.processor_seconds, 1),
         "gaussians": len(made),
-        "per_camera_db": {film.name: last.held_out_db or last.recorded_db},
+        "per_camera_db": {video.name: last.held_out_db or last.recorded_db},
         "depth_error_mm": None,
     }
     scene = replace(scene, gaussians=made)
-    scene = replace(scene, gaussians=replace(made, ids=_named(scene, film, settings)))
-    if film.hand is None:
+    scene = replace(scene, gaussians=replace(made, ids=_named(scene, video, settings)))
+    if video.hand is None:
         return scene, facts
-    scene, four = with_hands(scene, film, settings)
+    scene, four = with_hands(scene, video, settings)
     return scene, {**facts, "four": four.describe()}
 
 
 def with_hands(
-    scene: Scene, film: VideoScene, settings: SplatSettings
+    scene: Scene, video: VideoScene, settings: SplatSettings
 ) -> tuple[Scene, fit4.FourReport]:
     """The scene with what moves by itself as Gaussians in space and time, fitted to images made small."""
-    assert film.hand is not None
-    length = film.episode.length
-    small = _made_small(scene, film, settings)
+    assert video.hand is not None
+    length = video.episode.length
+    small = _made_small(scene, video, settings)
     rule = replace(settings.hands, train_frames=min(settings.frames, (length + 1) // 2))
-    made, told = fit4.fitted(small, settings=rule, handles=frozenset([film.hand]))
-    return replace(scene, gaussians=made.gaussians, flowing=made.flowing, bodies=made.bodies), told
+    made, given = fit4.fitted(small, settings=rule, instance_ids=frozenset([video.hand]))
+    return replace(scene, gaussians=made.gaussians, flowing=made.flowing, bodies=made.bodies), given
 
 
-def _named(scene: Scene, film: VideoScene, settings: SplatSettings) -> Int32[np.ndarray, "n"]:
+def _named(scene: Scene, video: VideoScene, settings: SplatSettings) -> Int32[np.ndarray, "n"]:
     """Handles that most of each Gaussian's weight falls on; where none does, that of the cell it lies in."""
-    small = _made_small(scene, film, settings)
-    ids = small.episode.views[film.name].ids
+    small = _made_small(scene, video, settings)
+    ids = small.episode.views[video.name].ids
     assert ids is not None
     pictures = [
-        Labelled(film.name, k, np.where(ids(k) == film.hand, UNKNOWN, ids(k)).astype(np.int32))
-        for k in sampling.frames(film.episode.length, LOOKS)
+        Labelled(video.name, k, np.where(ids(k) == video.hand, UNKNOWN, ids(k)).astype(np.int32))
+        for k in sampling.frames(video.episode.length, LOOKS)
     ]
     return vote(small, pictures)
 
 
-def _made_small(scene: Scene, film: VideoScene, settings: SplatSettings) -> Scene:
+def _made_small(scene: Scene, video: VideoScene, settings: SplatSettings) -> Scene:
     """The scene with its frames at the size that is fitted."""
-    episode = _episode(film, settings)
-    return replace(scene, episode=episode, cameras={film.name: episode.views[film.name].camera})
+    episode = _episode(video, settings)
+    return replace(scene, episode=episode, cameras={video.name: episode.views[video.name].camera})
 
 
-def _episode(film: VideoScene, settings: SplatSettings) -> Episode:
+def _episode(video: VideoScene, settings: SplatSettings) -> Episode:
     """The film's frames at the size that is fitted."""
-    view = film.episode.views[film.name]
-    first = _small(film, 0, settings)
+    view = video.episode.views[video.name]
+    first = _small(video, 0, settings)
     size = (first.rgb.shape[1], first.rgb.shape[0])
     assert view.depth is not None
     assert view.ids is not None
@@ -160,22 +160,22 @@ def _episode(film: VideoScene, settings: SplatSettings) -> Episode:
     def named(k: int) -> Int32[np.ndarray, "h w"]:
         return cv2.resize(ids(k), size, interpolation=cv2.INTER_NEAREST)
 
-    camera = Camera(first.K, film.model.cam_to_world, *size)
+    camera = Camera(first.K, video.model.cam_to_world, *size)
     shown = CameraView(
-        camera, lru_cache(None)(lambda k: _small(film, k, settings).rgb), deep, named
+        camera, lru_cache(None)(lambda k: _small(video, k, settings).rgb), deep, named
     )
-    return replace(film.episode, views={film.name: shown})
+    return replace(video.episode, views={video.name: shown})
 
 
-def _small(film: VideoScene, k: int, settings: SplatSettings) -> sweep.SweepImage:
-    image = film.episode.views[film.name].rgb(k)
-    return sweep.shot(image, film.lens.K, film.model.cam_to_world[k], settings.width)
+def _small(video: VideoScene, k: int, settings: SplatSettings) -> sweep.SweepImage:
+    image = video.episode.views[video.name].rgb(k)
+    return sweep.shot(image, video.lens.K, video.model.cam_to_world[k], settings.width)
 
 
-def seeds(film: VideoScene, shots: list[TargetImage], settings: SplatSettings) -> Gaussians:
+def seeds(video: VideoScene, shots: list[TargetImage], settings: SplatSettings) -> Gaussians:
     """The model's points, and swept depth of fitted frames where no earlier frame showed the place."""
-    model = film.model
-    parts = [_points(film)]
+    model = video.model
+    parts = [_points(video)]
     cell = 1.5 * settings.stride * float(np.median([_footprint(shot) for shot in shots]))
     taken = _cells(parts[0].means, cell)
     for k in spread(len(shots)):  # so that any part of the video has its share
@@ -199,9 +199,9 @@ def seeds(film: VideoScene, shots: list[TargetImage], settings: SplatSettings) -
     return joined(parts)
 
 
-def _points(film: VideoScene) -> Gaussians:
+def _points(video: VideoScene) -> Gaussians:
     """The points themselves: round, as wide as the distance to the cameras makes a few pixels."""
-    model = film.model
+    model = video.model
     count = len(model.points)
     near = np.linalg.norm(model.points - model.cam_to_world[:, :3, 3].mean(0), axis=1)
     size = (2.0 / model.focal * near)[:, None].repeat(3, 1)
@@ -225,13 +225,13 @@ def _footprint(shot: TargetImage) -> float:
     return float(np.median(shot.depth)) / float(shot.view.K[0, 0])
 
 
-def _shot(film: VideoScene, k: int, settings: SplatSettings) -> TargetImage:
-    small = _small(film, k, settings)
+def _shot(video: VideoScene, k: int, settings: SplatSettings) -> TargetImage:
+    small = _small(video, k, settings)
     size = (small.rgb.shape[1], small.rgb.shape[0])
-    depth = 1 / cv2.resize(1 / film.depths[k], size, interpolation=cv2.INTER_LINEAR)
-    shown = cv2.resize(film.lens.shown.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-    if film.hand is not None:
-        mine = cv2.resize(film.moving[k].astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    depth = 1 / cv2.resize(1 / video.depths[k], size, interpolation=cv2.INTER_LINEAR)
+    shown = cv2.resize(video.lens.shown.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    if video.hand is not None:
+        mine = cv2.resize(video.moving[k].astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
         shown &= cv2.dilate(mine, np.ones((RIM, RIM), np.uint8)) == 0
     judged = k % settings.kept_back == settings.kept_back - 1
     view = View(small.K, geometry.inverse(small.cam_to_world), *size)
@@ -241,12 +241,12 @@ def _shot(film: VideoScene, k: int, settings: SplatSettings) -> TargetImage:
     )  # fmt: skip
 
 
-def _gaussians(splats: Splats, film: VideoScene) -> Gaussians:
+def _gaussians(splats: Splats, video: VideoScene) -> Gaussians:
     """Splats with the handles of the cells that they lie in."""
     assert splats.quats is not None
     assert splats.scales is not None
     length: Float64[np.ndarray, "n 1"] = np.linalg.norm(splats.quats, axis=-1, keepdims=True)
-    ids = film.instances.at(splats.means)
+    ids = video.instances.at(splats.means)
     return Gaussians(
         splats.means.astype(np.float32), (splats.quats / np.maximum(length, 1e-12)).astype(np.float32),
         splats.scales, splats.opacities, splats.sh, ids,

@@ -43,7 +43,7 @@ def edited(now: Gaussians, scene: Scene, t: int, origin: Float64[np.ndarray, "3"
     edits = carried(scene, t)
     if not edits:
         return now
-    gone = [handle for edit in edits for handle in edit.handles]
+    gone = [instance_id for edit in edits for instance_id in edit.instance_ids]
     rest = chosen(now, ~np.isin(now.ids, gone))
     return joined([rest, *(_carried(now, edit, origin) for edit in edits if edit.shows)])
 

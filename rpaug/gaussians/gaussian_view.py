@@ -130,9 +130,9 @@ def surfaces(
 def standing(scene: Scene, name: str) -> Camera:
     """The camera where it truly stood, as far as is known."""
     camera = scene.cameras[name]
-    if name not in scene.drift:
+    if name not in scene.pose_correction:
         return camera
-    return replace(camera, cam_to_world=scene.drift[name] @ camera.cam_to_world)
+    return replace(camera, cam_to_world=scene.pose_correction[name] @ camera.cam_to_world)
 
 
 def view_of(camera: Camera, t: int) -> View:

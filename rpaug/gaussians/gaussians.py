@@ -172,7 +172,7 @@ class Placement:
     ) -> "Placement":
         """Bodies that stand still need no placing: their frame is the world."""
         moving = [body for body in bodies if (body.to_world != np.eye(4)).any()]
-        rows = [np.flatnonzero(np.isin(ids, list(body.handles))) for body in moving]
+        rows = [np.flatnonzero(np.isin(ids, list(body.instance_ids))) for body in moving]
         kept = [(r, body.to_world) for r, body in zip(rows, moving, strict=True) if len(r)]
         return Placement(
             tuple(r for r, _ in kept),

@@ -19,25 +19,25 @@ def asked(scene: Scene) -> list[int]:
     """Handles that are edited, at most `CHANNELS`; none where masks were recorded, or where more are edited."""
     if scene.back is None:
         return []
-    edited = frozenset().union(*(edit.handles or frozenset() for edit in scene.appearance))
+    edited = frozenset().union(*(edit.instance_ids or frozenset() for edit in scene.appearance))
     return sorted(edited) if len(edited) <= CHANNELS else []
 
 
 def marks(
-    names: Int32[np.ndarray, "*n"], handles: Sequence[int] | Int32[np.ndarray, "c"]
+    names: Int32[np.ndarray, "*n"], instance_ids: Sequence[int] | Int32[np.ndarray, "c"]
 ) -> Float32[np.ndarray, "*n f"]:
     """One of `CHANNELS` channels for each handle: 1 where that is the name."""
     out = np.zeros((*names.shape, CHANNELS), np.float32)
-    out[..., : len(handles)] = names[..., None] == np.asarray(handles)
+    out[..., : len(instance_ids)] = names[..., None] == np.asarray(instance_ids)
     return out
 
 
 def named(
-    drawn: Rendering, ids: Int32[np.ndarray, "h w"], handles: list[int]
+    drawn: Rendering, ids: Int32[np.ndarray, "h w"], instance_ids: list[int]
 ) -> Int32[np.ndarray, "h w"]:
     """The handles with those of `handles` where, and only where, they make up most of the light; else 0."""
     assert drawn.features is not None
-    share = drawn.features[..., : len(handles)]
+    share = drawn.features[..., : len(instance_ids)]
     most = share.max(-1) > drawn.alpha / 2
-    rest = np.where(np.isin(ids, handles), 0, ids)
-    return np.where(most, np.array(handles)[share.argmax(-1)], rest).astype(np.int32)
+    rest = np.where(np.isin(ids, instance_ids), 0, ids)
+    return np.where(most, np.array(instance_ids)[share.argmax(-1)], rest).astype(np.int32)

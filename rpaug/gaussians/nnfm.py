@@ -85,7 +85,7 @@ class Style:
 
 def stylise(
     scene: Scene,
-    handles: frozenset[int],
+    instance_ids: frozenset[int],
     picture: UInt8[np.ndarray, "h w 3"],
     network: VGG16,
     seed: int,
@@ -98,8 +98,8 @@ def stylise(
     settings = settings or StyleSettings()
     if scene.gaussians is None:
         raise Unsupported("stylising needs Gaussians, and this scene has none")
-    rows = np.flatnonzero(np.isin(scene.gaussians.ids, list(handles)))
-    looked = windows(scene, handles, rows, settings.frames)
+    rows = np.flatnonzero(np.isin(scene.gaussians.ids, list(instance_ids)))
+    looked = windows(scene, instance_ids, rows, settings.frames)
     if not len(rows) or not looked:
         raise TargetError("stylising: no camera shows enough of the target")
     cells = Cells.of(scene.gaussians, rows, looked)

@@ -31,7 +31,7 @@ class Painting:
 
     levels: tuple[Level, ...]
     cell: float
-    handles: Int32[np.ndarray, "k"]
+    instance_ids: Int32[np.ndarray, "k"]
 
     @classmethod
     def of(
@@ -47,13 +47,13 @@ class Painting:
         """
         if not len(points):
             raise ValueError("a painting needs samples")
-        handles = np.unique(ids)
+        instance_ids = np.unique(ids)
         levels = []
         for number in range(LEVELS):
-            levels.append(_level(handles, ids, points, values, cell * 2.0**number))
-            if len(levels[-1].keys) <= 8 * len(handles):
+            levels.append(_level(instance_ids, ids, points, values, cell * 2.0**number))
+            if len(levels[-1].keys) <= 8 * len(instance_ids):
                 break
-        return cls(tuple(levels), cell, handles)
+        return cls(tuple(levels), cell, instance_ids)
 
     def at(
         self,
@@ -70,7 +70,9 @@ class Painting:
             rows = np.flatnonzero((start <= number) & (found < ENOUGH))
             if not len(rows):
                 continue
-            keys, shares = corners(self.handles, ids[rows], points[rows], self.cell * 2.0**number)
+            keys, shares = corners(
+                self.instance_ids, ids[rows], points[rows], self.cell * 2.0**number
+            )
             at = np.minimum(np.searchsorted(level.keys, keys), len(level.keys) - 1)
             shares = np.where(level.keys[at] == keys, shares, 0.0)
             weight = (shares * level.weights[at]).sum(0)
@@ -82,13 +84,13 @@ class Painting:
 
 
 def _level(
-    handles: Int32[np.ndarray, "k"],
+    instance_ids: Int32[np.ndarray, "k"],
     ids: Int32[np.ndarray, "n"],
     points: Float32[np.ndarray, "n 3"],
     values: Float32[np.ndarray, "n c"],
     cell: float,
 ) -> Level:
-    keys, shares = corners(handles, ids, points, cell)
+    keys, shares = corners(instance_ids, ids, points, cell)
     unique, where = np.unique(keys.ravel(), return_inverse=True)
     where = where.reshape(keys.shape)
     weights = np.bincount(where.ravel(), shares.ravel(), len(unique))
@@ -99,7 +101,7 @@ def _level(
 
 
 def corners(
-    handles: Int32[np.ndarray, "k"],
+    instance_ids: Int32[np.ndarray, "k"],
     ids: Int32[np.ndarray, "n"],
     points: Float32[np.ndarray, "n 3"],
     cell: float,
@@ -109,8 +111,8 @@ def corners(
     low = np.floor(scaled).astype(np.int64)
     part = scaled - low
     half = 1 << (BITS - 1)
-    known = np.minimum(np.searchsorted(handles, ids), len(handles) - 1)
-    base = np.where(handles[known] == ids, known, -1).astype(np.int64)
+    known = np.minimum(np.searchsorted(instance_ids, ids), len(instance_ids) - 1)
+    base = np.where(instance_ids[known] == ids, known, -1).astype(np.int64)
     keys, shares = [], []
     for corner in np.ndindex(2, 2, 2):
         at = np.clip(low + corner + half, 0, 2 * half - 1)
@@ -123,9 +125,9 @@ def corners(
 
 
 def places(
-    handles: Int32[np.ndarray, "k"], keys: Int64[np.ndarray, "m"], cell: float
+    instance_ids: Int32[np.ndarray, "k"], keys: Int64[np.ndarray, "m"], cell: float
 ) -> tuple[Int32[np.ndarray, "m"], Float32[np.ndarray, "m 3"]]:
     """Handle and point of each corner, from its key."""
     half, mask = 1 << (BITS - 1), (1 << BITS) - 1
     whole = np.stack([(keys >> (BITS * (2 - axis))) & mask for axis in range(3)], -1) - half
-    return handles[keys >> (3 * BITS)], (whole * cell).astype(np.float32)
+    return instance_ids[keys >> (3 * BITS)], (whole * cell).astype(np.float32)

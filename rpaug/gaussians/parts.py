@@ -20,7 +20,7 @@ from rpaug.scene.targets.targets import Target
 Ids = Callable[[int], Int32[np.ndarray, "h w"]]
 
 
-def told(scene: Scene, wanted: Sequence[Target]) -> Scene:
+def given(scene: Scene, wanted: Sequence[Target]) -> Scene:
     """The scene in which each wanted target's part has the handle `target.part.handle`, in masks as in Gaussians.
 
     A recorded pixel of the whole is the part's where most of its light comes from the part's Gaussians. A scene
@@ -29,7 +29,7 @@ def told(scene: Scene, wanted: Sequence[Target]) -> Scene:
     """
     for target in wanted:
         assert target.part is not None
-        if target.part.handle not in scene.handles:
+        if target.part.instance_id not in scene.instance_ids:
             scene = _with_part(scene, target)
     return scene
 
@@ -53,11 +53,13 @@ def _with_part(scene: Scene, target: Target) -> Scene:
         assert part.detector is not None
         finder = detector(part.detector)
         prompt = detected(based, whole, part.words, finder, part.camera, part.frame)
-    found = tell_apart(based, whole, prompt, segmenter(part.segmenter), handle=part.handle)
+    found = tell_apart(
+        based, whole, prompt, segmenter(part.segmenter), instance_id=part.instance_id
+    )
     if not found.finer:
         raise TargetError(f"{target}: the box is that of the whole target; leave `part` out")
     views = {
-        name: _finer(found.scene, name, view, whole, part.handle)
+        name: _finer(found.scene, name, view, whole, part.instance_id)
         for name, view in scene.episode.views.items()
     }
     made = found.scene if scene.gaussians is not None else replace(found.scene, gaussians=None)
@@ -65,16 +67,16 @@ def _with_part(scene: Scene, target: Target) -> Scene:
 
 
 def _finer(
-    scene: Scene, name: str, view: CameraView, whole: frozenset[int], handle: int
+    scene: Scene, name: str, view: CameraView, whole: frozenset[int], instance_id: int
 ) -> CameraView:
     """The recorded view whose masks know the part."""
     assert view.ids is not None
     assert scene.gaussians is not None
     read: Ids = view.ids
     stage, lock = LabelRenderer(replace(scene, cameras={name: view.camera})), Lock()
-    both = np.isin(scene.gaussians.ids, [handle, *whole])
+    both = np.isin(scene.gaussians.ids, [instance_id, *whole])
     features = np.zeros((len(both), 16), np.float32)
-    features[:, 0], features[:, 1] = scene.gaussians.ids == handle, both
+    features[:, 0], features[:, 1] = scene.gaussians.ids == instance_id, both
 
     def ids(t: int) -> Int32[np.ndarray, "h w"]:
         recorded = read(t)
@@ -84,8 +86,8 @@ def _finer(
         with lock:  # a stage serves one thread at a time
             drawn = stage.draw(name, t, features).features
         assert drawn is not None
-        return np.where(inside & (drawn[..., 0] > 0.5 * drawn[..., 1]), handle, recorded).astype(
-            np.int32
-        )
+        return np.where(
+            inside & (drawn[..., 0] > 0.5 * drawn[..., 1]), instance_id, recorded
+        ).astype(np.int32)
 
     return replace(view, ids=ids)

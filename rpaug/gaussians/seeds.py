@@ -25,7 +25,7 @@ def seeds(scene: Scene) -> Gaussians:
     moving body gathered over time in its own frame."""
     kept = surfels.build(scene)
     static = joined(_static(scene, kept))
-    moving = [body for body in scene.bodies if not body.handles <= kept.static]
+    moving = [body for body in scene.bodies if not body.instance_ids <= kept.static]
     return joined([static, *_bodies(scene, moving)])
 
 
@@ -84,15 +84,15 @@ def _footprints(part: Gaussians, by: Sequence[LiftedImage]) -> Float32[np.ndarra
 def _bodies(scene: Scene, bodies: Sequence[Body]) -> Iterator[Gaussians]:
     """Gaussians of moving bodies, each in its own frame."""
     found: list[list[Gaussians]] = [[] for _ in bodies]
-    handles = frozenset().union(*(body.handles for body in bodies))
+    instance_ids = frozenset().union(*(body.instance_ids for body in bodies))
     for t in frames(scene.episode.length, BODY_FRAMES):
         for view in scene.episode.views.values():
-            picture = picture_of(view, t, handles)
+            picture = picture_of(view, t, instance_ids)
             if picture is None:
                 continue
             part = lifted(picture)
             for body, own in zip(bodies, found, strict=True):
-                mine = chosen(part, np.isin(part.ids, list(body.handles)))
+                mine = chosen(part, np.isin(part.ids, list(body.instance_ids)))
                 if len(mine):
                     own.append(moved(mine, geometry.inverse(body.to_world[t])))
     return (thinned(joined(own)) for own in found if own)
@@ -117,12 +117,12 @@ def _first_of_each_cell(gaussians: Gaussians, cell: float) -> Int[np.ndarray, "m
     return np.sort(np.unique(cells, axis=0, return_index=True)[1])
 
 
-def picture_of(view: CameraView, t: int, handles: frozenset[int]) -> LiftedImage | None:
+def picture_of(view: CameraView, t: int, instance_ids: frozenset[int]) -> LiftedImage | None:
     """What a camera shows of some handles at t."""
     if view.depth is None or view.ids is None:
         return None
     ids = view.ids(t)
-    use = np.isin(ids, list(handles))
+    use = np.isin(ids, list(instance_ids))
     if not use.any():
         return None
     camera = view.camera

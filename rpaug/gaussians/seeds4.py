@@ -34,10 +34,10 @@ class _Surface:
         return 0.5 + SH0 * self.seen.sh[:, 0].astype(np.float64)
 
 
-def seeds(scene: Scene, handles: frozenset[int], times: Sequence[int]) -> Gaussians4:
+def seeds(scene: Scene, instance_ids: frozenset[int], times: Sequence[int]) -> Gaussians4:
     """Flat Gaussians on the depth of `times`, each on its way to where the next frames show it."""
-    origin = _origin(scene, handles, times)
-    surfaces = [s for t in times if (s := _surface(scene, handles, t, origin)) is not None]
+    origin = _origin(scene, instance_ids, times)
+    surfaces = [s for t in times if (s := _surface(scene, instance_ids, t, origin)) is not None]
     spacing = float(np.median(np.concatenate([s.seen.scales[:, 1] for s in surfaces]))) / SPREAD
     velocities = _velocities(surfaces, spacing)
     fastest = np.concatenate([np.linalg.norm(v, axis=1) for v in velocities])
@@ -65,38 +65,40 @@ def seeds(scene: Scene, handles: frozenset[int], times: Sequence[int]) -> Gaussi
     )
 
 
-def _pictures(scene: Scene, handles: frozenset[int], t: int) -> list[LiftedImage]:
+def _pictures(scene: Scene, instance_ids: frozenset[int], t: int) -> list[LiftedImage]:
     """What each camera shows of the region, from where it truly stood."""
     found = []
     for name, view in scene.episode.views.items():
         if view.depth is None or view.ids is None:
             continue
         ids = view.ids(t)
-        use = np.isin(ids, list(handles))
+        use = np.isin(ids, list(instance_ids))
         if use.any():
-            drift = scene.drift[name][t] if name in scene.drift else np.eye(4)
-            pose = drift @ view.camera.cam_to_world[t]
+            pose_correction = (
+                scene.pose_correction[name][t] if name in scene.pose_correction else np.eye(4)
+            )
+            pose = pose_correction @ view.camera.cam_to_world[t]
             found.append(LiftedImage(view.rgb(t), view.depth(t), ids, view.camera.K, pose, use))
     return found
 
 
 def _origin(
-    scene: Scene, handles: frozenset[int], times: Sequence[int]
+    scene: Scene, instance_ids: frozenset[int], times: Sequence[int]
 ) -> Float64[np.ndarray, "3"]:
     """Somewhere near the region: the position of a camera that sees it, rounded off."""
     for t in times:
-        for picture in _pictures(scene, handles, t):
+        for picture in _pictures(scene, instance_ids, t):
             depth = float(np.median(picture.depth[picture.use]))
             return picture.cam_to_world[:3, 3] + depth * picture.cam_to_world[:3, 2]
     return np.zeros(3)
 
 
 def _surface(
-    scene: Scene, handles: frozenset[int], t: int, origin: Float64[np.ndarray, "3"]
+    scene: Scene, instance_ids: frozenset[int], t: int, origin: Float64[np.ndarray, "3"]
 ) -> _Surface | None:
     """All that cameras show of the region at t, relative to the origin, one Gaussian a cell."""
     parts = []
-    for picture in _pictures(scene, handles, t):
+    for picture in _pictures(scene, instance_ids, t):
         pose = picture.cam_to_world.copy()
         pose[:3, 3] -= origin
         parts.append(

@@ -47,17 +47,17 @@ def place(episode: Episode) -> str | None:
     return digest.hexdigest()[:32] if found else None
 
 
-def borrowed(scene: Scene, key: str, founder: Scene) -> Borrowed:
+def borrowed(scene: Scene, key: str, donor: Scene) -> Borrowed:
     """The founder's static Gaussians that what the fixed cameras recorded here confirms and nothing contradicts.
 
     `founder` is the other scene as fitted, stored under `key`. A camera confirms a Gaussian where its plate shows
     that surface in the colour that the founder's render has; it contradicts one whose surface has another
     colour here, or that it looks through. Handles are those of the plates, since they differ between episodes.
     """
-    assert founder.gaussians is not None
-    static = frozenset().union(*(b.handles for b in founder.bodies if b.motion == "static"))
-    rows = np.flatnonzero(np.isin(founder.gaussians.ids, list(static))).astype(np.int32)
-    lent = chosen(founder.gaussians, rows)
+    assert donor.gaussians is not None
+    static = frozenset().union(*(b.instance_ids for b in donor.bodies if b.motion == "static"))
+    rows = np.flatnonzero(np.isin(donor.gaussians.ids, list(static))).astype(np.int32)
+    lent = chosen(donor.gaussians, rows)
     ids, refuted = np.zeros(len(rows), np.int32), np.zeros(len(rows), bool)
     for plate, camera in _plates(scene):
         good, _ = _agrees(lent, plate, camera, ALIKE)
@@ -82,7 +82,7 @@ def begun(scene: Scene, lent: Borrowed) -> Gaussians:
         mine = seen.shown & (plate.ids[seen.r, seen.c] == own.ids)
         seen_at_all |= mine
         gap |= mine & ~covered[seen.r, seen.c]
-    still = frozenset().union(*(b.handles for b in scene.bodies if b.motion == "static"))
+    still = frozenset().union(*(b.instance_ids for b in scene.bodies if b.motion == "static"))
     static = np.isin(own.ids, list(still))
     return joined([lent.gaussians, chosen(own, ~(static & seen_at_all & ~gap))])
 

@@ -37,18 +37,18 @@ FLOWING = ("means", "left", "right", "scales", "opacities", "sh", "ids", "origin
 class Borrowed:
     """Static Gaussians of the scene stored under `lender`: its `rows`, which are `gaussians` with handles of here."""
 
-    lender: str
+    donor_adapter: str
     rows: Int32[np.ndarray, "m"]
     gaussians: Gaussians
 
     def __len__(self) -> int:
         return len(self.rows)
 
-    def without(self, handles: Collection[int]) -> "Borrowed":
+    def without(self, instance_ids: Collection[int]) -> "Borrowed":
         """The same but for some instances."""
-        keep = ~np.isin(self.gaussians.ids, list(handles))
+        keep = ~np.isin(self.gaussians.ids, list(instance_ids))
         arrays = {name: getattr(self.gaussians, name)[keep] for name in ARRAYS}
-        return Borrowed(self.lender, self.rows[keep], Gaussians(**arrays))
+        return Borrowed(self.donor_adapter, self.rows[keep], Gaussians(**arrays))
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Stored:
 
     gaussians: Gaussians
     bodies: tuple[Body, ...]
-    drift: Mapping[str, np.ndarray]
+    pose_correction: Mapping[str, np.ndarray]
     irradiance: np.ndarray | None
     settings: Mapping[str, Any]
     report: Mapping[str, Any]
@@ -65,13 +65,13 @@ class Stored:
     borrowed: Borrowed | None = None
 
 
-def key(scene: Scene, settings: Any, seed: int, lender: str = "") -> str:
+def key(scene: Scene, settings: Any, seed: int, donor_adapter: str = "") -> str:
     """Hash of all that a fit depends on: every recorded image, cameras, gripper, bodies, settings, seed, and the key
     of the scene that lends it Gaussians."""
-    digest = hashlib.sha256(f"{FORMAT} {VERSION} {seed} {lender}".encode())
+    digest = hashlib.sha256(f"{FORMAT} {VERSION} {seed} {donor_adapter}".encode())
     digest.update(json.dumps(_plain(settings), sort_keys=True).encode())
     for body in scene.bodies:
-        digest.update(f"{sorted(body.handles)} {body.motion} {body.reference}".encode())
+        digest.update(f"{sorted(body.instance_ids)} {body.motion} {body.reference}".encode())
         _add(digest, body.to_world)
     episode: Episode = scene.episode
     robot = episode.robot
@@ -120,7 +120,7 @@ def save(
                 getattr(scene.gaussians, n)[:count], getattr(borrowed.gaussians, n)
             )
             assert same, f"borrowed {n} were changed"
-        facts["borrowed"] = {"lender": borrowed.lender, "gaussians": count}
+        facts["borrowed"] = {"lender": borrowed.donor_adapter, "gaussians": count}
         arrays |= {"borrowed/rows": borrowed.rows, "borrowed/ids": borrowed.gaussians.ids}
     residuals = frame_residuals.packed(scene.gaussians.moments)
     arrays |= {f"moments/{n}": array for n, array in residuals.items()}
@@ -129,7 +129,7 @@ def save(
         arrays[f"bodies/{number}"] = np.asarray(body.to_world)
         bodies.append(
             {
-                "handles": sorted(map(int, body.handles)),
+                "handles": sorted(map(int, body.instance_ids)),
                 "motion": body.motion,
                 "reference": body.reference,
                 "residual": body.residual,
@@ -141,15 +141,15 @@ def save(
         facts["pace"] = scene.flowing.pace
     if scene.irradiance is not None:
         arrays["irradiance"] = np.asarray(scene.irradiance)
-    for camera, drift in scene.drift.items():
-        arrays[f"drift/{camera}"] = np.asarray(drift)
+    for camera, pose_correction in scene.pose_correction.items():
+        arrays[f"drift/{camera}"] = np.asarray(pose_correction)
     target = path_of(folder, name)
     with atomic_folder(target) as work:
         group = zarr.open_group(work, mode="w", zarr_format=3)
         for where, array in arrays.items():
             group.create_array(where, data=np.ascontiguousarray(array), compressors=ZstdCodec())
         facts |= {"settings": _plain(settings), "report": _plain(report), "bodies": bodies}
-        facts |= {"cameras": sorted(scene.drift)}
+        facts |= {"cameras": sorted(scene.pose_correction)}
         facts |= {"sha256": {where: _checksum(array) for where, array in arrays.items()}}
         group.attrs.update(facts | {"sha256_of_facts": _fingerprint(facts)})
     return target
@@ -168,8 +168,8 @@ def named(folder: Path, start: str) -> str:
     if start in found or len(found) == 1:
         return start if start in found else found[0]
     few = ", ".join((found or names(folder))[:8]) or "none: the store is empty"
-    told = f"{len(found)} scenes that begin with it" if found else "no such scene"
-    raise BadInput(folder, f"scene {start!r}", found=told, expected=f"one of: {few}")
+    given = f"{len(found)} scenes that begin with it" if found else "no such scene"
+    raise BadInput(folder, f"scene {start!r}", found=given, expected=f"one of: {few}")
 
 
 def remove(folder: Path, name: str) -> None:
@@ -228,7 +228,7 @@ def load(folder: Path, name: str) -> Stored | None:
         for number, facts_of in enumerate(described)
     )
     cameras: Any = facts["cameras"]
-    drift = {camera: _read(where, group, f"drift/{camera}", sums) for camera in cameras}
+    pose_correction = {camera: _read(where, group, f"drift/{camera}", sums) for camera in cameras}
     plain: Any = facts
     light = _read(where, group, "irradiance", sums) if "irradiance" in sums else None
     held = [name[len("moments/") :] for name in sums if name.startswith("moments/")]
@@ -241,20 +241,22 @@ def load(folder: Path, name: str) -> Stored | None:
         more = {n: _read(where, group, f"flowing/{n}", sums) for n in FLOWING}
         flowing = Gaussians4(**more, pace=plain["pace"])
     return Stored(
-        gaussians, bodies, drift, light, plain["settings"], plain["report"], flowing, lent
+        gaussians, bodies, pose_correction, light, plain["settings"], plain["report"], flowing, lent
     )
 
 
 def _borrowed(folder: Path, where: Path, group: zarr.Group, facts: Mapping[str, Any]) -> Borrowed:
     """What another scene of the store lends this one. Raises BadInput if that is gone, or damaged."""
-    lender = facts["borrowed"]["lender"]
-    found = load(folder, lender)
+    donor_adapter = facts["borrowed"]["lender"]
+    found = load(folder, donor_adapter)
     if found is None:
-        raise BadInput(where, "borrowed", found=f"no scene {lender} in the store", expected="it")
+        raise BadInput(
+            where, "borrowed", found=f"no scene {donor_adapter} in the store", expected="it"
+        )
     rows = _read(where, group, "borrowed/rows", facts["sha256"])
     lent = {n: getattr(found.gaussians, n)[rows] for n in ARRAYS}
     lent["ids"] = _read(where, group, "borrowed/ids", facts["sha256"])
-    return Borrowed(lender, rows, Gaussians(**lent))
+    return Borrowed(donor_adapter, rows, Gaussians(**lent))
 
 
 def _open(where: Path) -> tuple[zarr.Group, dict[str, Any]]:

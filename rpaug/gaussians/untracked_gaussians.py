@@ -15,7 +15,7 @@ OPAQUE = 0.99
 def of(scene: Scene, camera: str, t: int) -> Gaussians | None:
     """What moves in this camera's image at t; None in scenes whose depth was recorded, where tracks say how."""
     view = scene.episode.views.get(camera)  # an eye may have recorded nothing
-    if view is None or view.stand_in is None or view.ids is None:
+    if view is None or view.proxy is None or view.ids is None:
         return None
     depth, ids = depth_of(view, t), view.ids(t)
     use = np.isin(ids, sorted(unsteady(scene)))
@@ -29,5 +29,5 @@ def of(scene: Scene, camera: str, t: int) -> Gaussians | None:
 
 def unsteady(scene: Scene) -> frozenset[int]:
     """Handles of what moves in an unknown way."""
-    found = (body.handles for body in scene.tracked if body.motion == "unknown")
+    found = (body.instance_ids for body in scene.tracked if body.motion == "unknown")
     return frozenset().union(*found)

@@ -80,9 +80,9 @@ def _along(
         tracks.append(body.to_world)
         return len(tracks)
 
-    number = {handle: track(body) for body in moving for handle in body.handles}
+    number = {instance_id: track(body) for body in moving for instance_id in body.instance_ids}
     ways, inverse = np.unique(ids, return_inverse=True)
-    own = np.array([number.get(int(handle), 0) for handle in ways])[inverse]
+    own = np.array([number.get(int(instance_id), 0) for instance_id in ways])[inverse]
     theirs = np.array([number.get(int(label), 0) for label in labels])
     return own[:, None] == theirs
 

@@ -42,7 +42,7 @@ class TargetWindow:
 
 
 def windows(
-    scene: Scene, handles: frozenset[int], rows: Int[np.ndarray, "m"], times: int
+    scene: Scene, instance_ids: frozenset[int], rows: Int[np.ndarray, "m"], times: int
 ) -> list[TargetWindow]:
     """For each camera and each of `times` parts of the episode the frame that shows most of the target."""
     assert scene.gaussians is not None
@@ -50,11 +50,11 @@ def windows(
     for name, view in scene.episode.views.items():
         assert view.ids is not None
         looked = frames(scene.episode.length, LOOKED)
-        seen = {t: int(np.isin(view.ids(t), list(handles)).sum()) for t in looked}
+        seen = {t: int(np.isin(view.ids(t), list(instance_ids)).sum()) for t in looked}
         for part in np.array_split(np.array(looked), times):
             t = max(part.tolist(), key=seen.__getitem__, default=None)
             if t is not None and seen[t] >= LEAST:
-                found.append(_cut(scene, scene.gaussians, name, t, handles, rows))
+                found.append(_cut(scene, scene.gaussians, name, t, instance_ids, rows))
     return found
 
 
@@ -63,12 +63,12 @@ def _cut(
     gaussians: Gaussians,
     name: str,
     t: int,
-    handles: frozenset[int],
+    instance_ids: frozenset[int],
     rows: Int[np.ndarray, "m"],
 ) -> TargetWindow:
     view = scene.episode.views[name]
     assert view.ids is not None
-    mask = np.isin(view.ids(t), list(handles))
+    mask = np.isin(view.ids(t), list(instance_ids))
     height, width = _span(np.any(mask, axis=1)), _span(np.any(mask, axis=0))
     whole = view_of(standing(scene, name), t)
     K = whole.K.copy()

@@ -43,9 +43,11 @@ class Changes:
 
 def of(scene: Scene, draws: Sequence[Mapping[str, Any]]) -> Changes:
     """What an edited scene changed; `draws` are the edits as a report describes them."""
-    recorded = {handle: body for body in _seen(scene) for handle in body.handles}
-    left = [body for body in scene.bodies if not body.copy_of and body.handles <= recorded.keys()]
-    now = {handle: body for body in left for handle in body.handles}
+    recorded = {instance_id: body for body in _seen(scene) for instance_id in body.instance_ids}
+    left = [
+        body for body in scene.bodies if not body.copy_of and body.instance_ids <= recorded.keys()
+    ]
+    now = {instance_id: body for body in left for instance_id in body.instance_ids}
     scales = {h: now[h].scale / recorded[h].scale for h in now if now[h].scale != recorded[h].scale}
     added = tuple(
         Added(asset.category, asset.name, asset.colour)
@@ -75,10 +77,14 @@ def _seen(scene: Scene) -> tuple[Body, ...]:
 
 def rearranged(scene: Scene) -> Scene:
     """What is left of the recorded things, as large as they are now and where they stand now, in their old colours."""
-    known = frozenset().union(*(body.handles for body in _seen(scene)))
-    left = tuple(body for body in scene.bodies if not body.copy_of and body.handles <= known)
-    there = frozenset().union(*(body.handles for body in left))
-    roles = {name: handles & there for name, handles in scene.roles.items() if handles & there}
+    known = frozenset().union(*(body.instance_ids for body in _seen(scene)))
+    left = tuple(body for body in scene.bodies if not body.copy_of and body.instance_ids <= known)
+    there = frozenset().union(*(body.instance_ids for body in left))
+    roles = {
+        name: instance_ids & there
+        for name, instance_ids in scene.roles.items()
+        if instance_ids & there
+    }
     return replace(recorded(scene), bodies=left, roles=roles)
 
 
@@ -97,14 +103,16 @@ def _looks(
 ) -> dict[int, str | None]:
     looks: dict[int, str | None] = {}
     for appearance in scene.appearance:
-        if appearance.handles is None:  # light falls on all alike, and names no thing anew
+        if appearance.instance_ids is None:  # light falls on all alike, and names no thing anew
             continue
         asked, texture = (getattr(appearance, name, None) for name in ("asked", "texture"))
         colour = None if asked is None else colours.nearest(np.array(asked))
         if texture is not None:
             colour = _prevailing(texture)
-        for handle in appearance.handles & known:
-            looks[handle] = patterns.get(handle) if texture is not None and not colour else colour
+        for instance_id in appearance.instance_ids & known:
+            looks[instance_id] = (
+                patterns.get(instance_id) if texture is not None and not colour else colour
+            )
     return looks
 
 

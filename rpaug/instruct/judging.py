@@ -62,30 +62,30 @@ class Judge:
 
     def _there(self, phrase: InstructionPhrase) -> None:
         """See that what is named is still there, and only once. Raises Untrue."""
-        for handles, what in (
+        for instance_ids, what in (
             (self._changes.removed, "was taken out"),
             (self._changes.copied, "is there more than once now"),
         ):
-            if not handles:
+            if not instance_ids:
                 continue
             named = self._named(phrase)
             if named is None:
-                self._doubt(phrase, handles, what, alone=True)
-            elif named & handles:
+                self._doubt(phrase, instance_ids, what, alone=True)
+            elif named & instance_ids:
                 raise Untrue(f"{phrase.text!r} {what}")
 
     def _stands(self, phrase: InstructionPhrase, beside: bool) -> None:
         """See that what is told by its place stands as told. Raises Untrue."""
         moved = self._changes.moved
-        told = phrase.rank is not None and phrase.rank.text in PLACES
-        if not moved or not (told or beside):
+        given = phrase.rank is not None and phrase.rank.text in PLACES
+        if not moved or not (given or beside):
             return
         named = self._named(phrase)
         if named is None:
-            self._doubt(phrase, moved, "was moved", alone=not told)
+            self._doubt(phrase, moved, "was moved", alone=not given)
         elif beside and named & moved:
             raise Untrue(f"{phrase.text!r} was moved, and the words say where it stands")
-        elif told and self._named(phrase, after=True) != named:
+        elif given and self._named(phrase, after=True) != named:
             raise Untrue(f"{phrase.text!r} is another thing now that things were moved")
 
     def _sized(self, phrase: InstructionPhrase, rank: Word) -> str:
@@ -99,7 +99,11 @@ class Judge:
             self._doubt(phrase, frozenset(scales), "was resized")
             return rank.text
         for kind in (replace(phrase, colour=None, tint=None), phrase):
-            if phrase.ranked is None or not kind.nouns or self._found(kind.said(), False) == named:
+            if (
+                phrase.ranked is None
+                or not kind.nouns
+                or self._found(kind.stated(), False) == named
+            ):
                 continue
             if self._named(kind) != named:
                 continue  # smaller than others of its colour alone
@@ -126,7 +130,7 @@ class Judge:
                     f"it cannot be told whether {phrase.text!r} is handle {doubtful[0]}, which was painted"
                 )
             return phrase.colour
-        new = {looks.get(handle, phrase.colour) for handle in named}
+        new = {looks.get(instance_id, phrase.colour) for instance_id in named}
         if None in new and self._alone(phrase, named):
             return None
         if None in new:
@@ -145,41 +149,45 @@ class Judge:
 
     def _clear(self, phrase: InstructionPhrase, name: str | None) -> None:
         """See that what the words say now fits nothing that they did not mean. Raises Untrue."""
-        said = " ".join([*filter(None, [name]), *phrase.nouns])
+        stated = " ".join([*filter(None, [name]), *phrase.nouns])
         painted = self._loose() if name is not None else []
         own = (self._named(phrase) or frozenset()) if painted else frozenset()
-        for handle in painted:
-            new = self._changes.looks[handle]
+        for instance_id in painted:
+            new = self._changes.looks[instance_id]
             if (
-                handle not in own
+                instance_id not in own
                 and new
                 and colors.means(str(name), new)
-                and self._fits(phrase, handle)
+                and self._fits(phrase, instance_id)
             ):
-                raise Untrue(f"handle {handle} was painted {new}: {said} could be it too")
+                raise Untrue(f"handle {instance_id} was painted {new}: {stated} could be it too")
         if name is not None and colors.canonical(name) is None:  # a pattern, not a colour
-            for handle in self._others(phrase):
-                if not albedo.plain(self._recorded.episode, handle):
+            for instance_id in self._others(phrase):
+                if not albedo.plain(self._recorded.episode, instance_id):
                     raise Untrue(
-                        f"handle {handle} has a pattern of its own: {said} could be it too"
+                        f"handle {instance_id} has a pattern of its own: {stated} could be it too"
                     )
         for one in self._changes.added:
             if (name is None or colors.means(name, one.colour)) and _goes_by(one, phrase.nouns):
-                raise Untrue(f"a {one.colour} {one.kind} was put in: {said} could be it too")
+                raise Untrue(f"a {one.colour} {one.kind} was put in: {stated} could be it too")
 
     def _others(self, phrase: InstructionPhrase) -> list[int]:
         """Recorded things that go by the phrase's noun, but for those it means, and that keep their looks."""
         own = self._named(phrase) or frozenset()
         return [
-            handle
-            for handle, row in sorted(self._rows.items())
+            instance_id
+            for instance_id, row in sorted(self._rows.items())
             if row.role not in targets.APART
-            and handle not in own | self._changes.removed | self._changes.looks.keys()
-            and self._fits(phrase, handle)
+            and instance_id not in own | self._changes.removed | self._changes.looks.keys()
+            and self._fits(phrase, instance_id)
         ]
 
     def _doubt(
-        self, phrase: InstructionPhrase, handles: frozenset[int], what: str, alone: bool = False
+        self,
+        phrase: InstructionPhrase,
+        instance_ids: frozenset[int],
+        what: str,
+        alone: bool = False,
     ) -> None:
         """See that none of these could be meant by a phrase that nothing was found for. Raises Untrue.
 
@@ -188,15 +196,15 @@ class Judge:
         """
         if alone and phrase.handled and phrase.colour is None:
             return
-        for handle in sorted(handles):
-            alike = phrase.colour is None or colors.means(phrase.colour, self._was(handle))
+        for instance_id in sorted(instance_ids):
+            alike = phrase.colour is None or colors.means(phrase.colour, self._was(instance_id))
             if (
                 alike
-                and self._rows[handle].role not in targets.APART
-                and self._fits(phrase, handle)
+                and self._rows[instance_id].role not in targets.APART
+                and self._fits(phrase, instance_id)
             ):
                 raise Untrue(
-                    f"it cannot be told whether {phrase.text!r} is handle {handle}, which {what}"
+                    f"it cannot be told whether {phrase.text!r} is handle {instance_id}, which {what}"
                 )
 
     def _named(
@@ -206,19 +214,19 @@ class Judge:
         noun = phrase.nouns[-1] if phrase.nouns else None
         if phrase.colour is None and noun and noun not in ANYTHING and not self._meanings(noun):
             return None  # known without a look at any image
-        return self._found(phrase.said(rank or phrase.ranked), after)
+        return self._found(phrase.stated(rank or phrase.ranked), after)
 
-    def _found(self, said: str, after: bool) -> frozenset[int] | None:
-        if (after, said) not in self._known:
+    def _found(self, stated: str, after: bool) -> frozenset[int] | None:
+        if (after, stated) not in self._known:
             try:
                 scene = self._after if after else self._recorded
-                found = targets.find(scene, targets.Target(text=said, all=True))
+                found = targets.find(scene, targets.Target(text=stated, all=True))
             except (TargetError, ValueError):
                 found = None
-            self._known[after, said] = found
-        return self._known[after, said]
+            self._known[after, stated] = found
+        return self._known[after, stated]
 
-    def _fits(self, phrase: InstructionPhrase, handle: int) -> bool:
+    def _fits(self, phrase: InstructionPhrase, instance_id: int) -> bool:
         """Could a thing be called by the phrase's noun? Where the noun says nothing, any may be."""
         if not phrase.nouns:
             return True
@@ -227,8 +235,8 @@ class Judge:
             *(scene.roles.get(one.role or "", frozenset()) for one in meanings)
         )
         if any(one.shapes for one in meanings):
-            return handle in (self._found(phrase.nouns[-1], False) or frozenset())
-        return handle in named or not meanings
+            return instance_id in (self._found(phrase.nouns[-1], False) or frozenset())
+        return instance_id in named or not meanings
 
     def _meanings(self, noun: str) -> list[Meaning]:
         return understood(noun, self._recorded.descriptions, self._recorded.roles)
@@ -236,15 +244,15 @@ class Judge:
     @cached_property
     def _rows(self) -> dict[int, InstanceSummary]:
         scene = self._recorded
-        return {row.handle: row for row in survey(scene.episode, scene.bodies, scene.roles)}
+        return {row.instance_id: row for row in survey(scene.episode, scene.bodies, scene.roles)}
 
     def _loose(self) -> list[int]:
         """Painted handles but those of robot, table and background, which are meant only by name."""
         looks = self._changes.looks
         return [h for h in sorted(looks) if self._rows[h].role not in targets.APART]
 
-    def _was(self, handle: int) -> str:
-        return self._rows[handle].colour_name
+    def _was(self, instance_id: int) -> str:
+        return self._rows[instance_id].colour_name
 
 
 def _goes_by(thing: Added, nouns: tuple[str, ...]) -> bool:
@@ -252,10 +260,10 @@ def _goes_by(thing: Added, nouns: tuple[str, ...]) -> bool:
     if not nouns:
         return True
     noun = nouns[-1]
-    for said in (noun, noun.removesuffix("s"), noun.removesuffix("es")):
-        if said == thing.kind or said in thing.name.split("_"):
+    for stated in (noun, noun.removesuffix("s"), noun.removesuffix("es")):
+        if stated == thing.kind or stated in thing.name.split("_"):
             return True
-        alike = shapes.WORDS.get(said, frozenset()) & shapes.WORDS.get(thing.kind, frozenset())
-        if alike and {said, thing.kind} & BROAD:
+        alike = shapes.WORDS.get(stated, frozenset()) & shapes.WORDS.get(thing.kind, frozenset())
+        if alike and {stated, thing.kind} & BROAD:
             return True
     return False

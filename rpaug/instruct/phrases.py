@@ -90,7 +90,7 @@ class InstructionPhrase:
     rank: Word | None = None
     handled: bool = False
 
-    def said(self, rank: str | None = None) -> str:
+    def stated(self, rank: str | None = None) -> str:
         """The phrase as a target's words: colour, `rank`, and what else tells it."""
         nouns = self.nouns if self.colour else self.nouns[-1:]
         return " ".join([*filter(None, (rank, self.colour)), *(nouns or ("thing",))])
@@ -98,7 +98,7 @@ class InstructionPhrase:
     @property
     def text(self) -> str:
         """The phrase as it is told to people."""
-        return self.said(self.rank.text if self.rank else None)
+        return self.stated(self.rank.text if self.rank else None)
 
     @property
     def ranked(self) -> str | None:
@@ -153,8 +153,8 @@ def _named(word: Word, between: str) -> bool:
 def _handled(before: str) -> bool:
     """Does a verb that takes hold of things stand right before, articles and particles ("up") apart?"""
     words = re.findall(r"[a-z]+|[^a-z\s]", before.lower())
-    said = [word for word in words if word not in relations.FILLERS | PARTICLES]
-    return bool(said) and said[-1] in HANDLING
+    stated = [word for word in words if word not in relations.FILLERS | PARTICLES]
+    return bool(stated) and stated[-1] in HANDLING
 
 
 def _by_colour(group: Sequence[Word]) -> Iterator[list[Word]]:

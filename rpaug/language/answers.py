@@ -22,7 +22,7 @@ SHORT = 200  # characters of a name or an instruction that is shown to a model
 class WishStep(Message):
     """One change that a wish asks for, in the wish's own words."""
 
-    said: str = Field(min_length=1, max_length=500)
+    stated: str = Field(min_length=1, max_length=500)
     op: str
 
 
@@ -71,13 +71,13 @@ class Viewpoint(Message):
         return out | ({"turned": turned} if any(turned) else {})
 
 
-def plan(value: Any, said: str, earlier: int) -> WishPlan:
+def plan(value: Any, stated: str, earlier: int) -> WishPlan:
     """The manager's answer, if all of it rests on the wish. Raises ValueError."""
     found = valid(WishPlan, value)
-    wish = manager.normal(said)
+    wish = manager.normal(stated)
     for step in found.steps:
-        if manager.normal(step.said) not in wish or not manager.normal(step.said):
-            raise ValueError(f"said {step.said!r}: these are not words of the wish")
+        if manager.normal(step.stated) not in wish or not manager.normal(step.stated):
+            raise ValueError(f"said {step.stated!r}: these are not words of the wish")
         if step.op not in registry.operator_names():
             raise ValueError(f"op {step.op!r}: there are: {', '.join(registry.operator_names())}")
     if any(not 0 <= number < earlier for number in found.drop):
@@ -134,9 +134,9 @@ def valid(kind: Any, value: Any) -> Any:
         raise ValueError("; ".join(faults[:5])) from None
 
 
-def known_words(said: str, earlier: tuple[Entry, ...]) -> frozenset[str]:
+def known_words(stated: str, earlier: tuple[Entry, ...]) -> frozenset[str]:
     """All words that were said, now or in earlier targets."""
-    text = f"{said} {json.dumps(earlier)}".lower()
+    text = f"{stated} {json.dumps(earlier)}".lower()
     return frozenset(_stem(word) for word in re.findall(r"[a-z0-9_]+", text))
 
 

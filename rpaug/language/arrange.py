@@ -41,18 +41,18 @@ ANY_WAY = (
       rf"(?:take|throw|toss|cut|edit|clear|strip|get|paint|chuck) {{thing}} (?:away|out){FROM_HERE}",
       rf"(?:take|clear|wipe|get|pull|edit|cut) {{thing}}{FROM_HERE.removesuffix('?')}",
       r"(?:make|let) {thing} (?:disappear|vanish|go away|invisible)")  # fmt: skip
-def remove(said: Said) -> Meant:
-    return done(*({"op": "remove", "target": one} for one in things(said)))
+def remove(stated: Said) -> Meant:
+    return done(*({"op": "remove", "target": one} for one in things(stated)))
 
 
 @rule(r"(?:duplicate|copy|clone|replicate|double|multiply) {thing}(?:,? (?P<times>once|twice|thrice|{number} times|{number}x))?",
       rf"(?:(?:<ADD>|make|give me|have|produce) )?{{number}} more of {{thing}}{HERE}", rf"(?:(?:<ADD>|make|give me|have|produce) )?{{number}} (?:more |extra |additional |further |exact |identical )?(?:copies|copy|duplicates|duplicate|clones|clone|replicas|replica|twins|twin) of {{thing}}{HERE}",
       rf"(?:<ADD>|make|have) another (?:one |copy )?of {{thing}}{HERE}")  # fmt: skip
-def duplicate(said: Said) -> Meant:
-    where = thing(said)
-    times = {"once": 1, "twice": 2, "thrice": 3}.get(said.get("times") or "")
+def duplicate(stated: Said) -> Meant:
+    where = thing(stated)
+    times = {"once": 1, "twice": 2, "thrice": 3}.get(stated.get("times") or "")
     if times is None:
-        times = slots.count(said["number"]) if said.get("number") else 1
+        times = slots.count(stated["number"]) if stated.get("number") else 1
     if times > 20:
         raise refuse(f"{times} copies are too many: at most 20")
     count: Entry = {"count": times} if times > 1 else {}
@@ -65,26 +65,26 @@ def duplicate(said: Said) -> Meant:
       rf"<PUT> {{thing}} (?:further |farther |over )?(?P<way>{WAY})(?: by|,)? {{length}}",
       rf"{{thing}} (?:goes |by )?{{length}} (?:further |farther )?(?P<way>{WAY})",
       rf"<PUT> {{thing}} (?:by )?{{length}} (?:further |farther )?(?P<way>{WAY}),? and (?:by )?{{least}} (?:further |farther )?(?P<then>{WAY})")  # fmt: skip
-def moved(said: Said) -> Meant:
+def moved(stated: Said) -> Meant:
     by = [0.0, 0.0]
     for way, far in (("way", "length"), ("then", "least")):
-        if said.get(way):
-            metres = slots.length(said[far])
-            by = [was + metres * part for was, part in zip(by, WAYS[said[way]], strict=True)]
-    return _move(said, {"by": [slots.rounded(value) or 0 for value in by]})
+        if stated.get(way):
+            metres = slots.length(stated[far])
+            by = [was + metres * part for was, part in zip(by, WAYS[stated[way]], strict=True)]
+    return _move(stated, {"by": [slots.rounded(value) or 0 for value in by]})
 
 
 @rule(r"<PUT> {thing} (?:over )?(?:to|at|onto) (?:position |the position |point |the point |coordinates |the coordinates |location |the location |place )?{point}",
       r"<PUT> {thing} (?:within|to within|at most|no more than|no farther than|no further than) {length} (?:of|from|away from) {other}",
       rf"<PUT> {{thing}} {BESIDE} {{other}},? (?:within|at most|no more than|no farther than|no further than|up to) {{length}}(?: away| from it| of it)?",
       rf"<PUT> {{thing}} {BESIDE} {{other}}")  # fmt: skip
-def placed(said: Said) -> Meant:
-    if said.get("point"):
-        return _move(said, {"to": slots.numbers(said["point"])})
-    fields: Entry = {"near": thing(said, "other")}
-    if said.get("length"):
-        fields["within"] = slots.length(said["length"])
-    return _move(said, fields)
+def placed(stated: Said) -> Meant:
+    if stated.get("point"):
+        return _move(stated, {"to": slots.numbers(stated["point"])})
+    fields: Entry = {"near": thing(stated, "other")}
+    if stated.get("length"):
+        fields["within"] = slots.length(stated["length"])
+    return _move(stated, fields)
 
 
 @rule(rf"(?:<PUT>|<SHAKE>) {{thing}}(?:'s (?:position|place|location))?(?: around| about| anywhere| somewhere| in any direction)?,? (?:by )?<UP_TO> {{length}}{ANY_WAY}",
@@ -95,30 +95,30 @@ def placed(said: Said) -> Meant:
       rf"<VARY> {{thing}}'s (?:position|place|location|placement)(?:,? (?:by )?<UP_TO> {{length}}{ANY_WAY})?",
       r"(?:a |use a )?(?:random|different|new|another) (?:place|position|location|spot) for {thing}",
       r"give {thing} (?:a )?(?:random|different|new|another) (?:place|position|location|spot)")  # fmt: skip
-def anywhere(said: Said) -> Meant:
-    far = said.get("length")
-    return _move(said, {"shift": slots.length(far)} if far else {})
+def anywhere(stated: Said) -> Meant:
+    far = stated.get("length")
+    return _move(stated, {"shift": slots.length(far)} if far else {})
 
 
 @rule(
     rf"<PUT> {{thing}} (?:(?:by )?{{length}} )?(?:forward|forwards|back|backwards|up|down)(?: (?:by )?{slots.LENGTH})?"
 )
-def which_way(said: Said) -> Meant:
-    thing(said)
+def which_way(stated: Said) -> Meant:
+    thing(stated)
     raise refuse(
         "say `away from the robot`, `towards the robot`, `to the left` or `to the right`; things stay on the table"
     )
 
 
 @rule(rf"<PUT> {{thing}} (?P<way>{WAY})")
-def how_far(said: Said) -> Meant:
-    thing(said)
+def how_far(stated: Said) -> Meant:
+    thing(stated)
     raise refuse("how far? say a length, such as 5 cm")
 
 
 @rule(r"(?:rotate|turn|spin) {thing}(?: (?:by )?(?:<UP_TO> )?{angle})?")
-def rotated(said: Said) -> Meant:
-    thing(said)
+def rotated(stated: Said) -> Meant:
+    thing(stated)
     raise refuse("things turn only as they are moved: `move` it, which turns it by up to 0.5 rad")
 
 
@@ -137,12 +137,12 @@ AROUND = r"(?: (?:around|about|up|out|anew|apart|again|over the table|across the
     r"<VARY> the (?:layout|arrangement)(?: of (?:the )?(?:table|scene|objects|things|everything))?",
     rf"{SPREAD} {{thing}}{AROUND}(?:,? (?:by )?<UP_TO> {{length}}{ANY_WAY})?",
 )
-def spread(said: Said) -> Meant:
+def spread(stated: Said) -> Meant:
     edit: Entry = {"op": "spread"}
-    if said.get("thing"):
-        edit["targets"] = things(said)
-    if said.get("length"):
-        edit["shift"] = slots.length(said["length"])
+    if stated.get("thing"):
+        edit["targets"] = things(stated)
+    if stated.get("length"):
+        edit["shift"] = slots.length(stated["length"])
     return done(edit)
 
 
@@ -151,10 +151,10 @@ def spread(said: Said) -> Meant:
       rf"(?:scale|size|blow) {{thing}} (?:up|(?P<less>down)){ABOUT}",
       rf"(?:increase|(?P<less>reduce|decrease)) (?:the )?(?:size|scale|dimensions) of {{thing}}{ABOUT}",
       rf"(?:increase|(?P<less>reduce|decrease)) {{thing}}'s (?:size|scale|dimensions){ABOUT}")  # fmt: skip
-def resized(said: Said) -> Meant:
-    low, high = SMALLER if said.get("less") else BIGGER
+def resized(stated: Said) -> Meant:
+    low, high = SMALLER if stated.get("less") else BIGGER
     return _scale(
-        said,
+        stated,
         low,
         high,
         (f"between {low:g} and {high:g} times its size, since no factor was named",),
@@ -165,10 +165,10 @@ def resized(said: Said) -> Meant:
       rf"(?:make|render|scale|turn|get) {{thing}} (?:{LARGER}|up|(?P<less>{SMALL}|down)) (?:by )?{{share}}{ABOUT}",
       rf"(?:{GROW}|(?P<less>{SHRINK})) {SIZED}(?: in size)? by {{share}}{ABOUT}",
       rf"(?:{GROW}|(?P<less>{SHRINK})) {{thing}} {{share}}{ABOUT}")  # fmt: skip
-def resized_by(said: Said) -> Meant:
-    part = slots.share(said["share"])
-    factor = slots.rounded(1 - part if said.get("less") else 1 + part)
-    return _scale(said, factor, factor)
+def resized_by(stated: Said) -> Meant:
+    part = slots.share(stated["share"])
+    factor = slots.rounded(1 - part if stated.get("less") else 1 + part)
+    return _scale(stated, factor, factor)
 
 
 @rule(rf"(?:(?:make|scale|render|resize) )?{{thing}} (?:to )?(?P<times>twice|half|{{number}} times) (?:as (?:large|big)|(?:of )?(?:its|their) (?:own |current |original |recorded )?(?:size|scale)|the (?:original |recorded |current )?(?:size|scale)|larger|bigger){ABOUT}",
@@ -178,28 +178,28 @@ def resized_by(said: Said) -> Meant:
       rf"(?P<times>double|halve|triple) {SIZED} in size{ABOUT}", rf"(?P<times>double|halve|triple) (?:the )?(?:size|scale|dimensions) of {{thing}}{ABOUT}", rf"(?P<times>double|halve|triple) {{thing}}'s (?:size|scale|dimensions){ABOUT}",
       rf"(?:scale|resize|rescale|<VARY>) {SIZED} (?:by |by a factor |by a factor of |to )?(?:anywhere |anything |somewhere )?(?:between|from) {{low}}(?: times)? (?:and|to) {{high}}(?: times| x)?(?: (?:of )?(?:its|the) (?:own |original |recorded )?size)?{ABOUT}",
       rf"(?:make|scale|render) {{thing}} (?:between|from) {{low}} (?:and|to) {{high}} times (?:as (?:large|big)|its (?:own |original |recorded )?size|the size){ABOUT}")  # fmt: skip
-def scaled(said: Said) -> Meant:
-    if said.get("low"):
-        low, high = slots.number(said["low"]), slots.number(said.get("high") or said["low"])
-        return _scale(said, low, high)
-    if said.get("share"):
-        return _scale(said, slots.share(said["share"]), slots.share(said["share"]))
+def scaled(stated: Said) -> Meant:
+    if stated.get("low"):
+        low, high = slots.number(stated["low"]), slots.number(stated.get("high") or stated["low"])
+        return _scale(stated, low, high)
+    if stated.get("share"):
+        return _scale(stated, slots.share(stated["share"]), slots.share(stated["share"]))
     fixed = {"twice": 2, "half": 0.5, "double": 2, "halve": 0.5, "triple": 3}
-    factor = fixed.get(said["times"]) or slots.number(said["number"])
-    return _scale(said, factor, factor)
+    factor = fixed.get(stated["times"]) or slots.number(stated["number"])
+    return _scale(stated, factor, factor)
 
 
 @rule(rf"(?:<VARY>|resize|rescale) (?:the )?(?:size|scale|dimensions) of {{thing}}(?: (?:a bit|a little|slightly))?{ABOUT}",
       rf"<VARY> {{thing}}'s (?:size|scale|dimensions)(?: (?:a bit|a little|slightly))?{ABOUT}", rf"(?:vary|randomi[sz]e|change|alter) how (?:big|large) {{thing}} (?:is|are){ABOUT}",
       rf"(?:resize|rescale) {{thing}}(?: (?:a bit|a little|slightly))?{ABOUT}", rf"(?:a |use a )?(?:random|different|new|another) size for {{thing}}{ABOUT}",
       rf"give {{thing}} (?:a )?(?:random|different|new|another) size{ABOUT}")  # fmt: skip
-def any_size(said: Said) -> Meant:
-    return _scale(said, None, None)
+def any_size(stated: Said) -> Meant:
+    return _scale(stated, None, None)
 
 
 @rule(rf"make {{thing}} {slots.LENGTH} (?:tall|high|wide|long|large|big|deep)")
-def absolute(said: Said) -> Meant:
-    thing(said)
+def absolute(stated: Said) -> Meant:
+    thing(stated)
     raise refuse("sizes are factors of the recorded one: say `20% larger`, or `half its size`")
 
 
@@ -211,17 +211,17 @@ def absolute(said: Said) -> Meant:
       rf"(?:drop|let) {{thing}} (?:fall |drop )?{LIKE} {MATERIAL},? (?:down )?(?:from )?(?:a height of |anywhere |a height )?between {{length}} and {{least}}(?: up| high| above the table)?",
       rf"(?:drop|let) {{thing}} (?:fall |drop )?(?:down )?(?:from )?(?:a height of )?{{length}}(?: up| high| above the table)?,? {LIKE} {MATERIAL}",
       rf"(?:drop|let) {{thing}} (?:fall )?{LIKE} {MATERIAL},? (?:down )?from (?:a height of )?{{length}}(?: up| high| above the table)?")  # fmt: skip
-def physics(said: Said) -> Meant:
+def physics(stated: Said) -> Meant:
     if "physics" not in registry.operator_names():
         raise refuse("this installation has no operator `physics`")
-    where = things(said)
+    where = things(stated)
     for one in where:
         if isinstance(one, dict) and one.get("role") in ("table", "background", "robot"):
             raise refuse(f"the {one['role']} is not simulated, only things that stand on the table")
-    fields: Entry = {"material": said["material"]}
-    if said.get("length"):
-        low = slots.length(said["length"])
-        fields["height"] = [low, slots.length(said["least"]) if said.get("least") else low]
+    fields: Entry = {"material": stated["material"]}
+    if stated.get("length"):
+        low = slots.length(stated["length"])
+        fields["height"] = [low, slots.length(stated["least"]) if stated.get("least") else low]
     return done(*({"op": "physics", "target": one, **fields} for one in where))
 
 
@@ -230,29 +230,31 @@ def physics(said: Said) -> Meant:
     r"(?:drop|let) {thing} fall",
     r"simulate {thing}",
 )
-def of_what(said: Said) -> Meant:
-    thing(said)
+def of_what(stated: Said) -> Meant:
+    thing(stated)
     raise refuse(f"what is it made of? add `like` one of {', '.join(MATERIALS)}")
 
 
-def _scale(said: Said, low: float | None, high: float | None, notes: tuple[str, ...] = ()) -> Meant:
+def _scale(
+    stated: Said, low: float | None, high: float | None, notes: tuple[str, ...] = ()
+) -> Meant:
     edit: Entry = {"op": "object_size"}
     if low is not None and high is not None:
         if not 0.1 <= low <= high <= 10:
             raise refuse(f"{low:g} to {high:g} times its size: factors are within 0.1..10")
         edit["range"] = [low, high]
-    if said.get("about"):
-        edit["about"] = re.sub("foot", "support", said["about"])
-    where = things(said)
+    if stated.get("about"):
+        edit["about"] = re.sub("foot", "support", stated["about"])
+    where = things(stated)
     head, tail = {"op": edit.pop("op")}, edit
     mention = Mention(kind="target", target=where[0]) if len(where) == 1 else None
     return done(*({**head, "target": one, **tail} for one in where), mention=mention, notes=notes)
 
 
-def _move(said: Said, fields: Entry) -> Meant:
-    if re.match(r"(?:an?|another|some) ", said["thing"]):
+def _move(stated: Said, fields: Entry) -> Meant:
+    if re.match(r"(?:an?|another|some) ", stated["thing"]):
         raise NotThis  # "put a mug next to the plate" is about a new one
-    where = things(said)
+    where = things(stated)
     if len(where) > 1 and fields.keys() & {"to"}:
         raise refuse("two things cannot stand at one place")
     mention = Mention(kind="target", target=where[0]) if len(where) == 1 else None

@@ -21,7 +21,7 @@ from rpaug.scene.targets import targets
 class Understanding(Protocol):
     """What turns a wish after some rounds into edits: the grammar, or a language model. Raises NotUnderstood."""
 
-    def __call__(self, history: History, said: str, setting: WishContext) -> Answer: ...
+    def __call__(self, history: History, stated: str, setting: WishContext) -> Answer: ...
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class AskResult:
     @property
     def yaml(self) -> str:
         """The recipe as a file, with the wishes and the notes on top."""
-        lines = [f"# asked: {_line(one.said)}" for one in self.history.rounds]
+        lines = [f"# asked: {_line(one.stated)}" for one in self.history.rounds]
         lines += [f"# note: {_line(note)}" for note in self.notes]
         return (
             "\n".join(lines)
@@ -69,7 +69,7 @@ def setting_of(episode: Episode) -> WishContext:
 
 
 def ask(
-    said: str,
+    stated: str,
     setting: WishContext,
     scene: Callable[[], Scene] | None = None,
     *,
@@ -86,7 +86,7 @@ def ask(
     """
     history = history or History()
     setting = setting.model_copy(update={"generates": maker is not None})
-    answer = understanding(history, said, setting)
+    answer = understanding(history, stated, setting)
     _built(answer)
     trace = list(answer.trace)
     there = scene() if scene is not None and answer.edits else None
@@ -100,7 +100,7 @@ def ask(
     answer = answer.model_copy(update={"edits": edits, "settings": settings})
     if there is not None:
         _tried(there, _built(answer))
-    return AskResult(answer.recipe(), answer.notes, tuple(trace), history.after(said, answer))
+    return AskResult(answer.recipe(), answer.notes, tuple(trace), history.after(stated, answer))
 
 
 def _built(answer: Answer) -> recipes.Recipe:

@@ -25,15 +25,15 @@ MOST = 30
 @rule(rf"(?:(?:<ADD>|scatter|sprinkle|distribute|spread|use) )?(?:(?P<many>{MANY}) )?(?:more )?(?:(?P<tint>{slots.ONE_COLOUR}) )?{CLUTTER}{HERE}{SIZES}",
       rf"(?:clutter|fill|litter|populate|mess up|distract) (?:up )?(?:the )?(?:table|scene|desk|workspace)(?: up)?(?: with (?:(?P<many>{MANY}) )?(?:(?P<tint>{slots.ONE_COLOUR}) )?{CLUTTER})?{SIZES}",
       rf"(?:<ADD> )(?:some |more )?clutter{HERE}")  # fmt: skip
-def distractors(said: Said) -> Meant:
+def distractors(stated: Said) -> Meant:
     edit: Entry = {"op": "distractors"}
-    many = said.get("many")
+    many = stated.get("many")
     if many not in (None, "some", "more", "a few", "few"):
         edit["count"] = 2 if "couple" in (many or "") else _count(many or "")
-    if said.get("tint"):
-        edit["color"] = slots.colour(said["tint"])
-    if said.get("length"):
-        edit["size"] = [slots.length(said["length"]), slots.length(said["least"])]
+    if stated.get("tint"):
+        edit["color"] = slots.colour(stated["tint"])
+    if stated.get("length"):
+        edit["size"] = [slots.length(stated["length"]), slots.length(stated["least"])]
     return done(edit, mention=NEW)
 
 
@@ -43,21 +43,21 @@ def distractors(said: Said) -> Meant:
       rf"<ADD> {{asset}}{HERE},? (?:at|to) (?:position |the position |point |the point |coordinates |the coordinates |location |place )?{{point}}",
       rf"<ADD> {{asset}}{HERE}{SIZES}",
       r"there should be {asset}" + HERE)  # fmt: skip
-def insert(said: Said) -> Meant:
+def insert(stated: Said) -> Meant:
     fields: Entry = {}
-    if said.get("other"):
-        fields["near"] = thing(said, "other")
-    if said.get("point"):
-        fields["at"] = slots.numbers(said["point"])
+    if stated.get("other"):
+        fields["near"] = thing(stated, "other")
+    if stated.get("point"):
+        fields["at"] = slots.numbers(stated["point"])
     edits: list[Entry] = []
     notes: list[str] = []
-    for part in re.split(r",? and |, ", said["asset"]):
-        count, found, note = asset(part, said.wish.setting.generates)
+    for part in re.split(r",? and |, ", stated["asset"]):
+        count, found, note = asset(part, stated.wish.setting.generates)
         notes += note
-        if said.get("length"):
-            place = {"within": slots.length(said["length"])} if "near" in fields else {}
+        if stated.get("length"):
+            place = {"within": slots.length(stated["length"])} if "near" in fields else {}
             if not place:
-                found["size"] = [slots.length(said["length"]), slots.length(said["least"])]
+                found["size"] = [slots.length(stated["length"]), slots.length(stated["least"])]
             found = {**found, **fields, **place}
         else:
             found = {**found, **fields}
@@ -69,8 +69,8 @@ def insert(said: Said) -> Meant:
 
 @rule(r"<ADD> {asset} (?:in|into|inside|on|onto|on top of|under|behind|in front of|above|below"
       r"|(?:to |on )?the (?:left|right) of|left of|right of|between) .+")  # fmt: skip
-def elsewhere(said: Said) -> Meant:
-    asset(said["asset"], said.wish.setting.generates)
+def elsewhere(stated: Said) -> Meant:
+    asset(stated["asset"], stated.wish.setting.generates)
     raise refuse(
         "new things stand on the table: `near` something, `within` a length of it, or `at` (x, y)"
     )
@@ -88,10 +88,10 @@ def asset(words: str, generates: bool = False) -> tuple[int, dict[str, Any], lis
     many = re.match(rf"(?:{slots.NUMBER}|another|some|a few|several)(?: more| other)? ", words)
     number = 1
     if many:
-        said = re.sub(r" (?:more|other) $", "", many.group()).strip()
-        if said in ("some", "a few", "several"):
+        stated = re.sub(r" (?:more|other) $", "", many.group()).strip()
+        if stated in ("some", "a few", "several"):
             raise refuse(f"{words!r}: how many?")
-        number = 1 if said == "another" else _count(said)
+        number = 1 if stated == "another" else _count(stated)
         words = words[many.end() :]
     words = re.sub(r"^(?:new|extra|additional|further) ", "", words)
     named = _named(words)

@@ -82,12 +82,12 @@ class Rule:
             found = pattern.fullmatch(text)
             if found:
                 try:
-                    said = {
+                    stated = {
                         name.split("__")[0]: value
                         for name, value in found.groupdict().items()
                         if value is not None
                     }
-                    return self.make(Said(said, wish))
+                    return self.make(Said(stated, wish))
                 except NotThis:
                     continue
         return None

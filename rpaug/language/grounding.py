@@ -74,21 +74,21 @@ NO_THING = (
 MOST_NOUNS = 3
 
 
-def thing(said: Said, slot: str = "thing") -> Target:
+def thing(stated: Said, slot: str = "thing") -> Target:
     """The target that the words of a slot stand for. Raises NotThis if they name no thing."""
-    return target(said[slot], said.wish.mention)
+    return target(stated[slot], stated.wish.mention)
 
 
-def things(said: Said, slot: str = "thing") -> list[Target]:
+def things(stated: Said, slot: str = "thing") -> list[Target]:
     """One target or several: "the bowl and the cup". Raises NotThis."""
-    words = said[slot]
+    words = stated[slot]
     try:
-        return [target(words, said.wish.mention)]
+        return [target(words, stated.wish.mention)]
     except NotThis:
         parts = re.split(r",? and |, ", re.sub(r"^both (?=.* and )", "", words))
         if len(parts) < 2:
             raise
-        return [target(part, said.wish.mention) for part in parts]
+        return [target(part, stated.wish.mention) for part in parts]
 
 
 def target(words: str, mention: Mention | None = None) -> Target:

@@ -21,7 +21,7 @@ ABOVE = r"(?:straight |right |directly )?(?P<above>above|overhead|the top|up abo
 
 
 @rule(r"(?:switch|turn) <LIGHT> off", r"(?:switch|turn) off <LIGHT>", r"(?:put|turn) out <LIGHT>")
-def off(said: Said) -> Meant:
+def off(stated: Said) -> Meant:
     raise refuse("without light there is no picture; dim the lights by a share instead")
 
 
@@ -30,7 +30,7 @@ def off(said: Said) -> Meant:
       r"(?:a |use |use a |some )?(?:random|different|new|other|another) <LIGHT>(?:'s|')?(?: colou?rs?)?",
       r"(?:a |use a )?(?:random|different|new|other|another) colou?r (?:for|on) <LIGHT>",
       r"(?:give|make|turn|paint|colou?r|tint) <LIGHT> (?:a |any |some |in a )?(?:random|different|new|other|another)? ?colou?r")  # fmt: skip
-def any_light(said: Said) -> Meant:
+def any_light(stated: Said) -> Meant:
     return done({"op": "light_color"}, mention=LIGHT)
 
 
@@ -42,8 +42,8 @@ def any_light(said: Said) -> Meant:
     r"(?:swap|exchange|replace|change|switch) <LIGHT> (?:for|with|by|to|into) (?:an? |some )?{tint}(?: ones?| lights?| lamps?| lighting)?",
     r"(?:use |shine |add |have )?(?:a )?{tint} <LIGHT>(?: (?:on|over|in) (?:it|the scene|everything|the table))?",
 )
-def tinted(said: Said) -> Meant:
-    tint = slots.rgb(slots.colour(said["tint"]))
+def tinted(stated: Said) -> Meant:
+    tint = slots.rgb(slots.colour(stated["tint"]))
     return _lit(tuple(slots.rounded(RECORDED * (0.5 + 0.5 * v)) for v in tint))
 
 
@@ -51,8 +51,8 @@ def tinted(said: Said) -> Meant:
       r"(?P<way>warm|cool) <LIGHT>(?: (?:up|down|off))?(?: a bit| a little| slightly)?", r"(?P<way>warm|cool) (?:up|down|off) <LIGHT>",
       r"(?:light|illuminate) (?:it|the scene|everything|the table) (?:more )?(?P<way>warmer|warm|cooler|cool|colder|cold)(?:ly)?",
       r"(?:use |with |add )?(?:a )?(?P<way>warmer|warm|cooler|cool|colder|cold)(?:-colou?red| colou?red)? <LIGHT>")  # fmt: skip
-def warm(said: Said) -> Meant:
-    return _lit(WARM if said["way"].startswith("warm") else COOL)
+def warm(stated: Said) -> Meant:
+    return _lit(WARM if stated["way"].startswith("warm") else COOL)
 
 
 @rule(rf"(?:{DIM_VERB}|turn down|tone down|dial down|bring down) {LEVEL}(?: down)?(?: by {{share}})?",
@@ -62,8 +62,10 @@ def warm(said: Said) -> Meant:
       r"(?:make|turn|get) <LIGHT> (?:dimmer|darker|weaker|less bright) by {share}",
       r"<LIGHT> (?:by )?{share} (?:dimmer|darker|weaker|down)", r"<LIGHT> (?:dimmer|darker|down)(?: by {share})?",
       r"(?:use |with |add )?(?:a )?(?:dimmer|darker|dim|less|weaker) <LIGHT>", r"{share} less light", r"<LIGHT> (?:dimmed|darkened|reduced)(?: by {share})?")  # fmt: skip
-def dim(said: Said) -> Meant:
-    return _level(RECORDED * (1 - slots.share(said["share"])) if said.get("share") else DIM, said)
+def dim(stated: Said) -> Meant:
+    return _level(
+        RECORDED * (1 - slots.share(stated["share"])) if stated.get("share") else DIM, stated
+    )
 
 
 @rule(rf"(?:{BRIGHT_VERB}|turn up|dial up|bring up|crank up|bump up) {LEVEL}(?: up)?(?: by {{share}})?",
@@ -73,9 +75,9 @@ def dim(said: Said) -> Meant:
       r"(?:make|turn|get) <LIGHT> (?:brighter|stronger) by {share}",
       r"<LIGHT> (?:by )?{share} (?:brighter|stronger|up)", r"<LIGHT> (?:brighter|up)(?: by {share})?",
       r"(?:use |with |add )?(?:a )?(?:brighter|bright|more|stronger) <LIGHT>", r"{share} more light")  # fmt: skip
-def brighten(said: Said) -> Meant:
+def brighten(stated: Said) -> Meant:
     return _level(
-        RECORDED * (1 + slots.share(said["share"])) if said.get("share") else BRIGHT, said
+        RECORDED * (1 + slots.share(stated["share"])) if stated.get("share") else BRIGHT, stated
     )
 
 
@@ -84,12 +86,12 @@ def brighten(said: Said) -> Meant:
       rf"(?:dim|set|reduce|lower|bring|turn|raise|increase|change|brighten) {LEVEL}(?: down| up)? to {{share}}(?: of (?:the|its|their|what it|what they) .+)?",
       r"(?P<times>twice|half|{number} times) as much light",
       rf"(?P<times>double|halve) {LEVEL}")  # fmt: skip
-def times(said: Said) -> Meant:
+def times(stated: Said) -> Meant:
     fixed = {"twice": 2.0, "half": 0.5, "double": 2.0, "halve": 0.5}
-    if said.get("share"):
-        return _level(RECORDED * slots.share(said["share"]), said)
-    factor = fixed.get(said["times"]) or slots.number(said["number"])
-    return _level(RECORDED * factor, said)
+    if stated.get("share"):
+        return _level(RECORDED * slots.share(stated["share"]), stated)
+    factor = fixed.get(stated["times"]) or slots.number(stated["number"])
+    return _level(RECORDED * factor, stated)
 
 
 @rule(r"<PUT> <LIGHT>(?: (?:elsewhere|somewhere else|around|about|randomly))?", r"turn <LIGHT>(?: around)?",
@@ -100,13 +102,13 @@ def times(said: Said) -> Meant:
       r"(?:a |use a )?(?:random|different|new|another) (?:light|lamp|lighting) (?:direction|position|angle)",
       r"(?:move|turn|rotate|shift|swing|tilt|jitter|swivel|wobble)(?: the direction of)? <LIGHT>(?: a?round| about)?,? (?:by )?<UP_TO> {angle}",
       r"(?:let|have|make) <LIGHT> (?:come|shine) from (?:another|a different|a new|a random|some other) (?:direction|side|angle|place)")  # fmt: skip
-def elsewhere(said: Said) -> Meant:
-    limit = {"turn": slots.angle(said["angle"])} if said.get("angle") else {}
+def elsewhere(stated: Said) -> Meant:
+    limit = {"turn": slots.angle(stated["angle"])} if stated.get("angle") else {}
     return done({"op": "light_direction", **limit}, mention=LIGHT)
 
 
 @rule(r"(?:move|turn|rotate|shift|swing|tilt|swivel) <LIGHT> (?:by )?{angle}")
-def exactly(said: Said) -> Meant:
+def exactly(stated: Said) -> Meant:
     raise refuse(
         "a lamp turns by at most an angle, about any axis: say `up to`, or give the direction (x, y, z) to it"
     )
@@ -118,14 +120,14 @@ def exactly(said: Said) -> Meant:
       r"(?:<PUT>|turn|point|aim) <LIGHT> (?:in|to|into|at|towards?) (?:the )?(?:direction )?{triple}",
       r"(?:let|have|make|shine) <LIGHT> (?:come |shine )?from (?:the )?(?:direction )?{triple}",
       rf"(?:light|illuminate) {SCENE} from (?:the )?(?:direction )?{{triple}}")  # fmt: skip
-def towards(said: Said) -> Meant:
-    to = slots.numbers(said["triple"]) if said.get("triple") else [0, 0, 1]
+def towards(stated: Said) -> Meant:
+    to = slots.numbers(stated["triple"]) if stated.get("triple") else [0, 0, 1]
     return done({"op": "light_direction", "to": to}, mention=LIGHT)
 
 
 @rule(rf"(?:light|illuminate) {SCENE} from .+",
       r"(?:<PUT>|turn) <LIGHT> (?:to|on|from) the .+")  # fmt: skip
-def which_side(said: Said) -> Meant:
+def which_side(stated: Said) -> Meant:
     raise refuse(
         "the lamp's directions are the world's: say `from above`, or give the direction (x, y, z) to it"
     )
@@ -145,13 +147,13 @@ ON = rf"(?: (?:to|on|in|into|for) {SENSORS})?"
       rf"(?:{ADD} )?{NOISE}{ON},? (?:with )?<UP_TO> {{share}}",
       rf"(?:{ADD} )?<UP_TO> {{share}} (?:of )?{NOISE}{ON}", rf"(?:{ADD} )?{{share}} (?:of )?{NOISE}{ON}",
       rf"(?:{ADD} )?{NOISE} <UP_TO> {{share}}{ON}", rf"(?:{ADD} )?{NOISE} (?:of|at|with) {{share}}{ON}")  # fmt: skip
-def noise(said: Said) -> Meant:
-    if said.get("low"):
-        drawn = [slots.share(said["low"]), slots.share(said["high"])]
+def noise(stated: Said) -> Meant:
+    if stated.get("low"):
+        drawn = [slots.share(stated["low"]), slots.share(stated["high"])]
         return done({"op": "sensor_noise", "read": drawn})
-    if not said.get("share"):
+    if not stated.get("share"):
         return done({"op": "sensor_noise"})
-    most = slots.share(said["share"])
+    most = slots.share(stated["share"])
     return done(
         {"op": "sensor_noise", "read": [0, most]}, notes=(f"noise is drawn up to {most:g}",)
     )
@@ -167,10 +169,10 @@ BLUR = rf"(?:(?:blur|soften|defocus|smooth|smear) {SENSORS}|(?:put|make|have|get
       rf"{BLUR}{ON},? (?:with )?<UP_TO> (?P<most>{slots.NUMBER}) ?(?:pixels?|px)",
       rf"(?:{ADD} )?<UP_TO> (?P<most>{slots.NUMBER}) ?(?:pixels?|px) of blur{ON}",
       rf"{BLUR}{ON},? (?:by |of )?between (?P<low>{slots.NUMBER})(?: (?:pixels?|px))? and (?P<high>{slots.NUMBER}) ?(?:pixels?|px){ON}")  # fmt: skip
-def blur(said: Said) -> Meant:
-    if said.get("most"):
-        return done({"op": "sensor_blur", "sigma": [0.3, _tidy(slots.number(said["most"]))]})
-    return done({"op": "sensor_blur", **_interval("sigma", said)})
+def blur(stated: Said) -> Meant:
+    if stated.get("most"):
+        return done({"op": "sensor_blur", "sigma": [0.3, _tidy(slots.number(stated["most"]))]})
+    return done({"op": "sensor_blur", **_interval("sigma", stated)})
 
 
 JPEG = rf"jpe?gs?(?:[ -](?:compression|artefacts|artifacts|encoding|quality))?{ON}"
@@ -184,8 +186,8 @@ SAVE = r"(?:compress|encode|save|store|re-?encode|re-?compress|write|degrade)"
       rf"(?:(?:{ADD}|set|vary|randomi[sz]e|change|make) )?(?:some |the )?{JPEG}{QUALITY}?",
       rf"(?:make |turn )<IMAGES> (?:into )?jpe?gs?{QUALITY}?",
       rf"(?:{ADD} )?(?:a )?quality (?P<low>{slots.DIGITS}) jpe?g(?: compression)?{ON}")  # fmt: skip
-def jpeg(said: Said) -> Meant:
-    return done({"op": "sensor_jpeg", **_interval("quality", said)})
+def jpeg(stated: Said) -> Meant:
+    return done({"op": "sensor_jpeg", **_interval("quality", stated)})
 
 
 STOPS = rf"(?P<stops>{slots.NUMBER}) ?(?:of an? )?(?:f-?)?(?:stops?|ev)"
@@ -212,10 +214,10 @@ EXPOSURE = rf"(?:the )?(?:image |camera )?exposure(?: of {SENSORS})?"
       rf"{SENSORS} {STOPS} (?P<way>brighter|darker|lighter)", rf"{STOPS} (?P<way>brighter|darker|lighter)(?: <IMAGES>)?",
       rf"{STOPS} (?:of )?(?P<way>over|under)-?exposure", rf"(?:move |turn |set )?{EXPOSURE} (?P<way>up|down)(?: (?:by )?{STOPS})?", rf"(?:turn|bring|take) (?P<way>up|down) {EXPOSURE}(?: (?:by )?{STOPS})?",
       rf"(?P<way>increase|reduce|decrease|raise|lower|boost|drop|cut|bump up|push up|pull down) {EXPOSURE}(?: (?:by )?{STOPS})?")  # fmt: skip
-def exposure(said: Said) -> Meant:
-    less = said["way"] in LESS
-    amount = _tidy(slots.number(said["stops"])) if said.get("stops") else 1
-    notes = () if said.get("stops") else ("one stop, since no amount was named",)
+def exposure(stated: Said) -> Meant:
+    less = stated["way"] in LESS
+    amount = _tidy(slots.number(stated["stops"])) if stated.get("stops") else 1
+    notes = () if stated.get("stops") else ("one stop, since no amount was named",)
     value = -amount if less else amount
     return done({"op": "sensor_exposure", "stops": [value, value]}, notes=notes)
 
@@ -223,19 +225,19 @@ def exposure(said: Said) -> Meant:
 @rule(rf"<VARY> {EXPOSURE}(?:,? (?:by )?<UP_TO> (?P<most>{slots.NUMBER}) ?(?:stops?|ev)(?: either way| in either direction| up or down)?)?",
       rf"<VARY> {EXPOSURE} (?:by |within )?(?P<most>{slots.NUMBER}) ?(?:stops?|ev) (?:either way|in either direction|up or down)",
       r"(?:a |use |use a )?(?:random|varying|different|varied) exposures?(?: (?:for|on) <IMAGES>)?")  # fmt: skip
-def any_exposure(said: Said) -> Meant:
-    if not said.get("most"):
+def any_exposure(stated: Said) -> Meant:
+    if not stated.get("most"):
         return done({"op": "sensor_exposure"})
-    most = _tidy(slots.number(said["most"]))
+    most = _tidy(slots.number(stated["most"]))
     return done({"op": "sensor_exposure", "stops": [-most, most]})
 
 
-def _interval(name: str, said: Said) -> dict[str, Any]:
+def _interval(name: str, stated: Said) -> dict[str, Any]:
     """A field's low and high, the same if one number was said."""
-    low = said.get("low")
+    low = stated.get("low")
     if low is None:
         return {}
-    return {name: [_tidy(slots.number(low)), _tidy(slots.number(said.get("high") or low))]}
+    return {name: [_tidy(slots.number(low)), _tidy(slots.number(stated.get("high") or low))]}
 
 
 def _tidy(value: float) -> float:
@@ -243,7 +245,7 @@ def _tidy(value: float) -> float:
     return int(value) if value == int(value) else value
 
 
-def _level(value: float, said: Said) -> Meant:
+def _level(value: float, stated: Said) -> Meant:
     if not 0 < value <= 1:
         raise refuse(
             f"lamps can be from 0 to 2 times as bright as recorded, not {value / RECORDED:g}"

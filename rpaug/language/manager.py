@@ -24,7 +24,7 @@ BREAK = re.compile(
 
 def answer(wish: Wish) -> Answer:
     """What a wish comes to, by the grammar. Raises NotUnderstood, and then nothing of the wish holds."""
-    text = normal(wish.said)
+    text = normal(wish.stated)
     if not text:
         raise NotUnderstood("nothing was said")
     text, found = settings(text)
@@ -34,10 +34,10 @@ def answer(wish: Wish) -> Answer:
         _run(text, gathered)
     respect(gathered)
     if not gathered.did or not (gathered.edits or gathered.wish.edits):
-        raise NotUnderstood(f"{wish.said!r}: that asks for no change, so there is nothing to do")
+        raise NotUnderstood(f"{wish.stated!r}: that asks for no change, so there is nothing to do")
     steps = [one.input for one in gathered.trace if one.stage != "phrasing"]
     whole = Trace(
-        stage="manager", by="grammar", input=wish.said, output={"steps": steps, "settings": found}
+        stage="manager", by="grammar", input=wish.stated, output={"steps": steps, "settings": found}
     )
     return Answer(
         edits=tuple(gathered.edits),
@@ -48,9 +48,9 @@ def answer(wish: Wish) -> Answer:
     )
 
 
-def normal(said: str) -> str:
+def normal(stated: str) -> str:
     """Lower case, single spaces, no politeness, no mark at the end."""
-    text = re.sub(r"[’`]", "'", said.lower())
+    text = re.sub(r"[’`]", "'", stated.lower())
     text = re.sub(r"\s+", " ", text).strip().rstrip("?!. ")
     return phrasing.plain(AFTER.sub("", FIRST.sub("", text))).strip()
 

@@ -42,7 +42,7 @@ class Mention(Message):
 class Wish(Message):
     """What was said, what was asked for before, and where."""
 
-    said: str = Field(max_length=4000)
+    stated: str = Field(max_length=4000)
     setting: WishContext = WishContext()
     edits: tuple[Entry, ...] = ()
     settings: dict[str, Any] = {}

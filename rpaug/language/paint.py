@@ -35,9 +35,9 @@ HUES = r"(?: (?:paint|colou?r|colou?ring|coat|coat of paint|tint|shade|hue|finis
       rf"(?:use |have |choose |draw |pick )?(?:an? )?{{colour}}{HUES} (?:for|on) {{thing}}", r"{thing} in {colour}",
       r"{colour} is (?:the colou?r )?(?:that )?(?:i want |i'd like |we want )?for {thing}", rf"(?:put|add|use|apply) (?:some |a )?(?:(?:coat|shade|layer) of )?{{colour}}{HUES} (?:on|onto|to|for) {{thing}}",
       rf"(?:change|turn|switch) {{thing}} from {slots.ONE_COLOUR} (?:to|into) {{colour}}", rf"(?:change|turn|switch) (?:the )?colou?r of {{thing}} from {slots.ONE_COLOUR} (?:to|into) {{colour}}")  # fmt: skip
-def recolour(said: Said) -> Meant:
-    tint = slots.colour(said["colour"])
-    where = things(said)
+def recolour(stated: Said) -> Meant:
+    tint = slots.colour(stated["colour"])
+    where = things(stated)
     if tint == {"sample": "colosseum"} and where == [TABLE]:
         return done({"op": "table_color"}, mention=Mention(kind="target", target=TABLE))
     return _each(where, {"op": "recolor", "color": tint}, "target", ("color",))
@@ -48,16 +48,16 @@ def recolour(said: Said) -> Meant:
       r"(?:<VARY>|choose|pick|draw) (?:what |which |the )?colou?r (?:the )?{thing} (?:is|are|has|have)",
       r"(?:re-?colou?r|re-?paint) {thing}",
       r"(?:a |use a |some )?(?:random|new|different|another|other) colou?rs? (?:for|on) {thing}")  # fmt: skip
-def any_colour(said: Said) -> Meant:
-    return recolour(Said({**said.slots, "colour": "a random color"}, said.wish))
+def any_colour(stated: Said) -> Meant:
+    return recolour(Said({**stated.slots, "colour": "a random color"}, stated.wish))
 
 
 @rule(rf"<PAINT> {{thing}} (?:to |into |in |with |an? )?(?:either |one of )?{ONE_OF}(?: colou?r)?",
       rf"(?:<VARY>|set|make) (?:the )?colou?r of {{thing}} (?:to |into )?(?:either |one of )?{ONE_OF}", rf"(?:<VARY>|set|make) {{thing}}(?:'s|')? colou?r (?:to |into )?(?:either |one of )?{ONE_OF}",
       rf"(?:use |choose )?(?:either )?{ONE_OF} (?:for|on) {{thing}}")  # fmt: skip
-def one_of_colours(said: Said) -> Meant:
-    where = thing(said)
-    tints = [said["one"], *re.split(r",? or (?:an? )?|, ?", said["more"])[1:]]
+def one_of_colours(stated: Said) -> Meant:
+    where = thing(stated)
+    tints = [stated["one"], *re.split(r",? or (?:an? )?|, ?", stated["more"])[1:]]
     options = [{"op": "recolor", "target": where, "color": slots.colour(tint)} for tint in tints]
     return done({"one_of": options}, mention=Mention(kind="target", target=where))
 
@@ -65,11 +65,11 @@ def one_of_colours(said: Said) -> Meant:
 @rule(
     r"(?:make|paint|turn) {thing} (?:(?:a bit|a little|slightly|much|even) )?(?P<way>darker|lighter|brighter)(?: still)?"
 )
-def shade(said: Said) -> Meant:
-    where, notes = _shaded(said)
-    for number, edit in reversed(list(enumerate(said.wish.edits))):
+def shade(stated: Said) -> Meant:
+    where, notes = _shaded(stated)
+    for number, edit in reversed(list(enumerate(stated.wish.edits))):
         if edit.get("op") == "recolor" and edit["target"] == where:
-            dark = said["way"] == "darker"
+            dark = stated["way"] == "darker"
             tint = edit["color"]
             values = slots.darker(tint, DARKER) if dark else slots.lighter(tint, LIGHTER)
             return done(
@@ -79,20 +79,20 @@ def shade(said: Said) -> Meant:
                 replaces=(number,),
             )
     raise refuse(
-        f"{said['way']} than what? Only a colour that was asked for before has a {said['way']} one: name a colour"
+        f"{stated['way']} than what? Only a colour that was asked for before has a {stated['way']} one: name a colour"
     )
 
 
-def _shaded(said: Said) -> tuple[Target, tuple[str, ...]]:
+def _shaded(stated: Said) -> tuple[Target, tuple[str, ...]]:
     """What is to be darker or lighter. "it" may be the one thing that was painted, if it was not named last."""
     mention, painted = (
-        said.wish.mention,
-        [e["target"] for e in said.wish.edits if e.get("op") == "recolor"],
+        stated.wish.mention,
+        [e["target"] for e in stated.wish.edits if e.get("op") == "recolor"],
     )
-    unclear = said["thing"] == "it" and (mention is None or mention.kind in ("camera", "new"))
+    unclear = stated["thing"] == "it" and (mention is None or mention.kind in ("camera", "new"))
     if unclear and len(painted) == 1:
         return painted[0], (f"'it' is taken to mean what was painted: {painted[0]}",)
-    return thing(said), ()
+    return thing(stated), ()
 
 
 @rule(rf"(?:give|gave) {{thing}} (?:a |an |some )(?:random |new )?{{texture}}{LAID}{WIDE}", rf"(?:give|gave) {{thing}} (?:the )?{{texture}}{LAID}{WIDE}",
@@ -110,14 +110,14 @@ def _shaded(said: Said) -> tuple[Target, tuple[str, ...]]:
       r"(?:<VARY>|replace|exchange) (?:the )?{thing}(?:'s|')? (?:textures?|patterns?|surfaces?)",
       r"(?:a |use a )?(?:random|different|new|another) texture (?:for|on) {thing}",
       r"(?:re-?texture|texture) {thing}")  # fmt: skip
-def texture(said: Said) -> Meant:
-    where = things(said)
-    words = said.get("texture") or said.get("kind")
+def texture(stated: Said) -> Meant:
+    where = things(stated)
+    words = stated.get("texture") or stated.get("kind")
     fields: Entry = (
-        {} if words is None else _picture("texture", words, sure="perhaps" not in said.slots)
+        {} if words is None else _picture("texture", words, sure="perhaps" not in stated.slots)
     )
-    if said.get("length"):
-        fields["scale"] = slots.length(said["length"])
+    if stated.get("length"):
+        fields["scale"] = slots.length(stated["length"])
     named = {"table": "table_texture", "background": "background_texture"}
     if len(where) == 1 and isinstance(where[0], dict) and where[0].get("role") in named:
         op = named[where[0]["role"]]
@@ -131,10 +131,10 @@ def texture(said: Said) -> Meant:
       r"(?:apply|use|transfer|put) (?:a |an |the )?(?:{texture} style|style of (?:a |an |the )?(?P<kind>[a-z_ ]+?)) (?:to|on|onto|for) {thing}",
       r"(?:redo|render|make|paint) {thing} in (?:the style of (?:a |an |the )?{texture}|(?:a |an |the )?(?P<kind>[a-z_ ]+?) style)",
       rf"{STYLE} {{thing}}(?: randomly)?", r"(?:<VARY>) (?:the )?style of {thing}", r"(?:<VARY>) {thing}'s style", r"(?:a |use a )?(?:random|different|new|another) style for {thing}", r"give {thing} (?:a )?(?:random|different|new|another) style")  # fmt: skip
-def style(said: Said) -> Meant:
-    words = said.get("texture") or said.get("kind")
+def style(stated: Said) -> Meant:
+    words = stated.get("texture") or stated.get("kind")
     fields = {} if words is None else _picture("style", words)
-    return _each(things(said), {"op": "stylize", **fields}, "target", tuple(fields))
+    return _each(things(stated), {"op": "stylize", **fields}, "target", tuple(fields))
 
 
 def _each(where: list[Target], edit: Entry, name: str, last: tuple[str, ...]) -> Meant:

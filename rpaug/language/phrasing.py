@@ -54,8 +54,8 @@ def _verbs(participle: str) -> list[str]:
 
 def _template(text: str) -> Callable[[re.Match[str]], Iterator[str]]:
     def fill(match: re.Match[str]) -> Iterator[str]:
-        said = {name: (value or "").strip() for name, value in match.groupdict().items()}
-        yield re.sub(r" +", " ", text.format(**said)).strip()
+        stated = {name: (value or "").strip() for name, value in match.groupdict().items()}
+        yield re.sub(r" +", " ", text.format(**stated)).strip()
 
     return fill
 
@@ -114,9 +114,9 @@ def orders(step: str) -> tuple[str, ...]:
     seen, level, out = {step}, [step], [step]
     for _ in range(DEEPEST):
         found: list[str] = []
-        for said in level:
+        for stated in level:
             for pattern, make in COMPILED:
-                match = pattern.fullmatch(said)
+                match = pattern.fullmatch(stated)
                 found += [other for other in (make(match) if match else ()) if other not in seen]
                 seen.update(found)
         level = list(dict.fromkeys(found))

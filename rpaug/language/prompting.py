@@ -44,11 +44,11 @@ def prompt(stage: str, version: int | None = None) -> Prompt:
     facts = dict(line.split(": ", 1) for line in head.strip().splitlines())
     if facts != {"stage": stage, "version": str(number)}:
         raise BadInput(name, "head", found=facts, expected=f"stage: {stage}, version: {number}")
-    told = [(kind, body.strip()) for kind, _, body in (block.partition("\n") for block in blocks)]
-    kinds = [kind for kind, _ in told]
+    given = [(kind, body.strip()) for kind, _, body in (block.partition("\n") for block in blocks)]
+    kinds = [kind for kind, _ in given]
     if kinds != ["system", *["user", "assistant"] * (len(kinds) // 2)]:
         raise BadInput(
             name, "blocks", found=kinds, expected="system, then user and assistant in turn"
         )
-    turns = [body for _, body in told[1:]]
-    return Prompt(stage, number, told[0][1], tuple(zip(turns[::2], turns[1::2], strict=True)))
+    turns = [body for _, body in given[1:]]
+    return Prompt(stage, number, given[0][1], tuple(zip(turns[::2], turns[1::2], strict=True)))

@@ -50,22 +50,22 @@ AT_MOST = r"(?:,? (?:by )?<UP_TO> {length}(?:(?: and|,) (?:<UP_TO> )?{angle})?)?
 @rule(
     rf"(?P<way>raise|lift|elevate|hoist|heighten|lower|drop|sink) {{camera}}(?: up| down)?(?: (?:by )?{{length}})?(?: (?P<amount>{AMOUNT}))?"
 )
-def height(said: Said) -> Meant:
-    sign = -1 if said["way"] not in ("lower", "drop", "sink") else 1
-    return _shifted(said, [((0, sign, 0), said.get("length"), said.get("amount"))])
+def height(stated: Said) -> Meant:
+    sign = -1 if stated["way"] not in ("lower", "drop", "sink") else 1
+    return _shifted(stated, [((0, sign, 0), stated.get("length"), stated.get("amount"))])
 
 
 @rule(rf"(?:(?:{MOVE}|make|get) )?{{camera}} {TERMS}{TOWARDS}")
-def shifted(said: Said) -> Meant:
-    return _shifted(said, _terms(said["terms"]))
+def shifted(stated: Said) -> Meant:
+    return _shifted(stated, _terms(stated["terms"]))
 
 
 @rule(rf"(?:look|view|see|film|watch)(?: at)?(?: (?:it|the scene|the table|everything|this))? from {TERMS}",
       rf"(?:look|view|see|film|watch)(?: at)?(?: (?:it|the scene|the table|everything|this))? from {TERMS} (?:in|with|through) {{camera}}",
       rf"(?:with|in|for|through) {{camera}},? (?:look|view|see|film|watch)(?: at)?(?: (?:it|the scene|the table|everything|this))? from {TERMS}",
       rf"(?:view|show) (?:it|the scene) {TERMS}")  # fmt: skip
-def looked(said: Said) -> Meant:
-    return _shifted(said, _terms(said["terms"]))
+def looked(stated: Said) -> Meant:
+    return _shifted(stated, _terms(stated["terms"]))
 
 
 @rule(rf"{TURN_VERB} {{camera}} {SIDE}(?: (?:by )?{{angle}})?",
@@ -73,11 +73,11 @@ def looked(said: Said) -> Meant:
       rf"{TURN_VERB} {{camera}} (?:to |towards? )?(?:the )?{SIDE}(?: (?:by )?{{angle}})?",
       rf"(?:roll|rotate|turn|twist|spin) {{camera}} {ROLLED}(?: (?:by )?{{angle}})?",
       rf"(?:roll|rotate|turn|twist|spin) {{camera}} (?:by )?{{angle}} {ROLLED}")  # fmt: skip
-def turned(said: Said) -> Meant:
-    names, mention = cameras(said)
-    amount = slots.angle(said["angle"]) if said.get("angle") else slots.rounded(TURN)
-    turn = [slots.rounded(amount * part) for part in TURNS[said["way"].replace("-", "")]]
-    notes = () if said.get("angle") else ("10 degrees, since no angle was named",)
+def turned(stated: Said) -> Meant:
+    names, mention = cameras(stated)
+    amount = slots.angle(stated["angle"]) if stated.get("angle") else slots.rounded(TURN)
+    turn = [slots.rounded(amount * part) for part in TURNS[stated["way"].replace("-", "")]]
+    notes = () if stated.get("angle") else ("10 degrees, since no angle was named",)
     edit = {"op": "camera_pose", "camera": names, "by": [0, 0, 0], "turned": turn}
     return done(edit, mention=mention, notes=notes)
 
@@ -91,32 +91,32 @@ def turned(said: Said) -> Meant:
       rf"{MOVE} {{camera}} (?:randomly|around|about|a bit|slightly|somewhere else|elsewhere){AT_MOST}",
       rf"{MOVE} {{camera}},? (?:by )?<UP_TO> {{length}}(?:(?: and|,) (?:<UP_TO> )?{{angle}})?(?: in any direction| either way)?",
       r"move {camera}")  # fmt: skip
-def jittered(said: Said) -> Meant:
-    names, mention = cameras(said)
+def jittered(stated: Said) -> Meant:
+    names, mention = cameras(stated)
     edit: dict[str, Any] = {"op": "camera_pose", "camera": names}
-    if said.get("length"):
-        edit["shift"] = slots.length(said["length"])
-    if said.get("angle"):
-        edit["turn"] = slots.angle(said["angle"])
-        if not said.get("length"):
+    if stated.get("length"):
+        edit["shift"] = slots.length(stated["length"])
+    if stated.get("angle"):
+        edit["turn"] = slots.angle(stated["angle"])
+        if not stated.get("length"):
             edit["shift"] = 0
     return done(edit, mention=mention)
 
 
 @rule(r"zoom .+", r".+ zoom")
-def zoomed(said: Said) -> Meant:
+def zoomed(stated: Said) -> Meant:
     raise refuse("a lens cannot be changed: move the camera closer or back instead")
 
 
-def cameras(said: Said) -> tuple[str | list[str], Mention]:
+def cameras(stated: Said) -> tuple[str | list[str], Mention]:
     """The cameras that a slot names. Raises NotUnderstood for one that the recording does not have."""
-    words = said.get("camera")
-    known = said.wish.setting.cameras
+    words = stated.get("camera")
+    known = stated.wish.setting.cameras
     if words is None or words in ("the cameras", "cameras", "all cameras", "all the cameras", "every camera",
                                   "all static cameras", "the static cameras", "static cameras"):  # fmt: skip
         return "static", Mention(kind="camera", cameras="static")
     if words in ("it", "them"):
-        mention = said.wish.mention
+        mention = stated.wish.mention
         if mention is None or mention.kind != "camera":
             raise NotThis
         return mention.cameras, mention
@@ -170,8 +170,8 @@ def _terms(text: str) -> list[Term]:
     return out
 
 
-def _shifted(said: Said, terms: list[Term]) -> Meant:
-    names, mention = cameras(said)
+def _shifted(stated: Said, terms: list[Term]) -> Meant:
+    names, mention = cameras(stated)
     by, notes = [0.0, 0.0, 0.0], []
     for direction, far, amount in terms:
         metres = slots.length(far) if far else _usual(names) * AMOUNTS.get(amount or "", 1.0)

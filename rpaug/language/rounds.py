@@ -27,7 +27,7 @@ LONGEST = 1000  # characters of a wish: what is longer is no wish, and takes lon
 class TalkRound(Message):
     """One wish and what holds after it."""
 
-    said: str
+    stated: str
     edits: tuple[Entry, ...]
     settings: dict[str, Any] = {}
     mention: Mention | None = None
@@ -39,23 +39,23 @@ class History(Message):
     version: int = 1
     rounds: tuple[TalkRound, ...] = ()
 
-    def wish(self, said: str, setting: WishContext) -> Wish:
+    def wish(self, stated: str, setting: WishContext) -> Wish:
         """The next wish, said after these rounds."""
         if not self.rounds:
-            return Wish(said=said, setting=setting)
+            return Wish(stated=stated, setting=setting)
         last = self.rounds[-1]
         return Wish(
-            said=said,
+            stated=stated,
             setting=setting,
             edits=last.edits,
             settings=last.settings,
             mention=last.mention,
         )
 
-    def after(self, said: str, answer: Answer) -> "History":
+    def after(self, stated: str, answer: Answer) -> "History":
         """The history with one more round."""
         made = TalkRound(
-            said=said, edits=answer.edits, settings=answer.settings, mention=answer.mention
+            stated=stated, edits=answer.edits, settings=answer.settings, mention=answer.mention
         )
         return History(rounds=(*self.rounds, made)[-MOST:])
 
@@ -80,25 +80,25 @@ def load(path: Path) -> History:
         ) from None
 
 
-def undone(said: str) -> bool:
+def undone(stated: str) -> bool:
     """Does the wish ask for nothing but the round before to be undone?"""
-    return manager.normal(said) in undoing.UNDO_LAST
+    return manager.normal(stated) in undoing.UNDO_LAST
 
 
-def said_after(said: str, before: Sequence[str], setting: WishContext) -> Answer:
+def said_after(stated: str, before: Sequence[str], setting: WishContext) -> Answer:
     """What a wish comes to after others, by the grammar. Raises NotUnderstood."""
     history = History()
     for one in before:
         history = history.after(one, next_round(history, one, setting))
-    return next_round(history, said, setting)
+    return next_round(history, stated, setting)
 
 
-def next_round(history: History, said: str, setting: WishContext) -> Answer:
+def next_round(history: History, stated: str, setting: WishContext) -> Answer:
     """What a wish comes to after these rounds, by the grammar. Raises NotUnderstood."""
-    if len(said) > LONGEST:
+    if len(stated) > LONGEST:
         raise NotUnderstood(
-            f"a wish of {len(said)} characters; at most {LONGEST}: say it in several"
+            f"a wish of {len(stated)} characters; at most {LONGEST}: say it in several"
         )
-    if undone(said) and history.rounds:
+    if undone(stated) and history.rounds:
         return history.before()
-    return manager.answer(history.wish(said, setting))
+    return manager.answer(history.wish(stated, setting))

@@ -19,8 +19,8 @@ SHORTEST = 3  # letters of a word that can be judged
 def hint(step: str) -> str:
     """What the unknown words of a step may be, in brackets; empty if they are like nothing."""
     pairs = [(word, _like(word)) for word in dict.fromkeys(re.findall(r"[a-z]+", step))]
-    told = ", ".join(f"{word!r} may be {known!r}" for word, known in pairs if known)
-    return f" ({told})" if told else ""
+    given = ", ".join(f"{word!r} may be {known!r}" for word, known in pairs if known)
+    return f" ({given})" if given else ""
 
 
 def _like(word: str) -> str | None:

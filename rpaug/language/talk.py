@@ -41,21 +41,21 @@ class WishModel:
         """Requests, retries, tokens, seconds, and the cost if prices are known."""
         return self._endpoint.usage.describe(self._endpoint.price)
 
-    def __call__(self, history: History, said: str, setting: WishContext) -> Answer:
+    def __call__(self, history: History, stated: str, setting: WishContext) -> Answer:
         """What a wish comes to. Raises NotUnderstood, or LanguageError where the endpoint is of no use."""
-        if not 0 < len(said.strip()) <= rounds.LONGEST:
+        if not 0 < len(stated.strip()) <= rounds.LONGEST:
             raise NotUnderstood(
-                f"a wish has 1 to {rounds.LONGEST} characters, not {len(said.strip())}"
+                f"a wish has 1 to {rounds.LONGEST} characters, not {len(stated.strip())}"
             )
-        wish = history.wish(said, setting)
+        wish = history.wish(stated, setting)
         question = {
-            "wish": said,
+            "wish": stated,
             "cameras": [answers.short(name) for name in setting.cameras],
             "instructions": [answers.short(text) for text in setting.instructions[:5]],
             "earlier": list(wish.edits),
         }
         trace: list[Trace] = []
-        check = partial(answers.plan, said=said, earlier=len(wish.edits))
+        check = partial(answers.plan, stated=stated, earlier=len(wish.edits))
         plan: answers.WishPlan = self._asked(
             "manager", question, schemas.of_plan(), check, trace, operators=_operators()
         )
@@ -65,23 +65,23 @@ class WishModel:
         mention = wish.mention
         for step in plan.steps:
             made = self._made(
-                step, mention, wish.setting, answers.known_words(said, wish.edits), trace
+                step, mention, wish.setting, answers.known_words(stated, wish.edits), trace
             )
             edits += made
             named = [edit["target"] for edit in made if "target" in edit]
             mention = Mention(kind="target", target=named[-1]) if named else mention
         settings = dict(wish.settings) | _settings(plan)
         if not (plan.steps or plan.drop or _settings(plan)):
-            raise NotUnderstood(f"{self._endpoint.model} finds no change in {said!r}")
+            raise NotUnderstood(f"{self._endpoint.model} finds no change in {stated!r}")
         answer = Answer(
             edits=tuple(edits),
             settings=settings,
             mention=mention,
-            notes=_unused(said, plan),
+            notes=_unused(stated, plan),
             trace=tuple(trace),
         )
         return answer.model_copy(
-            update={"notes": (*answer.notes, *_compared(history, said, setting, answer))}
+            update={"notes": (*answer.notes, *_compared(history, stated, setting, answer))}
         )
 
     def _made(
@@ -94,14 +94,14 @@ class WishModel:
     ) -> list[Entry]:
         if step.op == "camera_pose":
             question: dict[str, Any] = {
-                "step": step.said,
+                "step": step.stated,
                 "cameras": list(map(answers.short, setting.cameras)),
             }
             seen = partial(answers.viewpoint, cameras=setting.cameras)
             schema = schemas.of_viewpoint(setting.cameras)
             return [self._asked("renderer", question, schema, seen, trace).edit()]
         it = mention.target if mention and mention.kind == "target" else None
-        question = {"step": step.said, "op": step.op, "it": it}
+        question = {"step": step.stated, "op": step.op, "it": it}
         check = partial(answers.edits, op=step.op, known=known, generates=setting.generates)
         return self._asked(
             "operation", question, schemas.of_edits(step.op), check, trace,
@@ -137,11 +137,11 @@ def _settings(plan: answers.WishPlan) -> dict[str, Any]:
     return out | ({"select": {"limit": plan.limit}} if plan.limit is not None else {})
 
 
-def _unused(said: str, plan: answers.WishPlan) -> tuple[str, ...]:
+def _unused(stated: str, plan: answers.WishPlan) -> tuple[str, ...]:
     """What of the wish no step rests on, to be told."""
-    left = manager.normal(said)
+    left = manager.normal(stated)
     for step in plan.steps:
-        left = left.replace(manager.normal(step.said), " ")
+        left = left.replace(manager.normal(step.stated), " ")
     words = [
         word
         for word in re.findall(r"[a-z0-9]+", left)
@@ -150,10 +150,12 @@ def _unused(said: str, plan: answers.WishPlan) -> tuple[str, ...]:
     return (f"no step rests on: {' '.join(words)}",) if words else ()
 
 
-def _compared(history: History, said: str, setting: WishContext, answer: Answer) -> tuple[str, ...]:
+def _compared(
+    history: History, stated: str, setting: WishContext, answer: Answer
+) -> tuple[str, ...]:
     """What the offline grammar makes of the same wish, where it makes something else of it."""
     try:
-        other = rounds.next_round(history, said, setting)
+        other = rounds.next_round(history, stated, setting)
     except RpaugError:
         return ("the offline grammar does not understand this wish",)
     if other.edits == answer.edits:

@@ -30,11 +30,11 @@ class Duplicate(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        handles = untouched.find_untouched(scene, self.target, "duplicating")
+        instance_ids = untouched.find_untouched(scene, self.target, "duplicating")
         around = room(scene)
-        one = standing.thing(scene, handles, around, "duplicating")
+        one = standing.thing(scene, instance_ids, around, "duplicating")
         copies: list[Edit] = []
-        free = max(scene.handles) + 1
+        free = max(scene.instance_ids) + 1
         for _ in range(self.count):
             found = standing.settle(one, around, self.turn, rng)
             if found is None:
@@ -43,7 +43,7 @@ class Duplicate(Operator):
                 )
             spot, turn = found
             around = around.with_thing(standing.turned(one.outline, turn) + spot)
-            names = {str(old): free + k for k, old in enumerate(sorted(handles))}
+            names = {str(old): free + k for k, old in enumerate(sorted(instance_ids))}
             free += len(names)
             copies.append({"handles": names, "motion": one.placing(spot, turn).tolist()})
         return {"copies": copies, "lamps": shadows.lamps(scene)}
@@ -55,11 +55,11 @@ class Duplicate(Operator):
             bodies += [
                 _copy(
                     body,
-                    {old: new for old, new in names.items() if old in body.handles},
+                    {old: new for old, new in names.items() if old in body.instance_ids},
                     copy["motion"],
                 )
                 for body in scene.bodies
-                if not body.copy_of and body.handles & names.keys()
+                if not body.copy_of and body.instance_ids & names.keys()
             ]
         after = replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
         return shadows.follow(scene, after, edit["lamps"])
@@ -68,7 +68,7 @@ class Duplicate(Operator):
 def _copy(body: Body, names: dict[int, int], motion: list[list[float]]) -> Body:
     return replace(
         body,
-        handles=frozenset(names.values()),
+        instance_ids=frozenset(names.values()),
         to_world=np.array(motion) @ body.to_world,
         copy_of=names,
     )

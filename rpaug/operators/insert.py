@@ -99,7 +99,7 @@ def draw(
 ) -> tuple[list[Edit], Room]:
     """So many things at rest in the room, and the room that they leave. Raises Unsupported if one finds no place."""
     things: list[Edit] = []
-    free = max(scene.handles, default=0) + 1
+    free = max(scene.instance_ids, default=0) + 1
     for number in range(count):
         for _ in range(TRIES):
             asset = choices[int(rng.integers(len(choices)))]
@@ -148,14 +148,14 @@ def suited(scene: Scene, edit: Edit, harmoniser: str) -> Edit:
     if harmoniser == harmonise.SCENE:
         return edit
     after = inserted(scene, edit)
-    handles = [thing["handle"] for thing in edit["things"]]
+    instance_ids = [thing["handle"] for thing in edit["things"]]
     ratios = []
     for view in scene.episode.views.values():
         if view.depth is None:
             continue
         ids = view.ids(0) if view.ids else np.zeros(view.depth(0).shape, np.int32)
         rgb, _, seen = draw_all(after, view.camera, 0, (view.rgb(0), view.depth(0), ids))
-        mask = np.isin(seen, handles)
+        mask = np.isin(seen, instance_ids)
         if mask.any():
             made = harmonise.harmonised(harmoniser, rgb, mask)
             ratios.append((made[mask] + 1.0) / (rgb[mask] + 1.0))
@@ -193,7 +193,7 @@ def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
         splats = replace(splats, means=size * splats.means, scales=size * splats.scales)
         splats = splats if light is None else _in_light(splats, pose, light)
     return Body(
-        handles=frozenset([thing["handle"]]),
+        instance_ids=frozenset([thing["handle"]]),
         to_world=np.tile(pose, (length, 1, 1)),
         motion="static",
         mesh=mesh,

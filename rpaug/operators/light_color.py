@@ -20,7 +20,7 @@ class Gain:
     """Every surface's colour times one gain per channel: light is a factor of what a matte surface shows."""
 
     gain: tuple[float, float, float]
-    handles: frozenset[int] | None = None
+    instance_ids: frozenset[int] | None = None
 
     def __call__(
         self, colour: Float32[np.ndarray, "n 3"], surface: Surface

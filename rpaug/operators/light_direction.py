@@ -34,7 +34,7 @@ class Relight:
     old: Lamp
     new: Lamp
     brightest: tuple[tuple[int, float], ...]
-    handles: frozenset[int] | None = None
+    instance_ids: frozenset[int] | None = None
 
     def __call__(
         self, colour: Float32[np.ndarray, "n 3"], surface: Surface
@@ -52,8 +52,8 @@ class Relight:
 
     @cached_property
     def _table(self) -> tuple[Int32[np.ndarray, "k"], Float32[np.ndarray, "k"]]:
-        handles, most = zip(*self.brightest, strict=True)
-        return np.array(handles, np.int32), np.array(most, np.float32)
+        instance_ids, most = zip(*self.brightest, strict=True)
+        return np.array(instance_ids, np.int32), np.array(most, np.float32)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +89,9 @@ class LightDirection(Operator):
         new = _unit(self.to) if self.to is not None else _near(old, self.turn, rng)
         brightest = light.brightest(scene.episode, Lamp(tuple(old), ambient, 1.0))
         return {
-            "brightest": [[handle, round(value, 4)] for handle, value in sorted(brightest.items())],
+            "brightest": [
+                [instance_id, round(value, 4)] for instance_id, value in sorted(brightest.items())
+            ],
             "recorded": old.tolist(),
             "direction": new.tolist(),
             "ambient": ambient,
@@ -99,7 +101,7 @@ class LightDirection(Operator):
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         old = Lamp(tuple(edit["recorded"]), edit["ambient"], 1.0)
         new = Lamp(tuple(edit["direction"]), edit["ambient"], 1.0)
-        brightest = tuple((handle, value) for handle, value in edit["brightest"])
+        brightest = tuple((instance_id, value) for instance_id, value in edit["brightest"])
         return replace(scene, appearance=(*scene.appearance, Relight(old, new, brightest)))
 
 

@@ -42,9 +42,9 @@ class Move(Operator):
             raise ValueError("give one of `to`, `by` and `near`")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        handles = untouched.find_untouched(scene, self.target, "moving")
-        around = room(scene, leaving=handles)
-        one = standing.thing(scene, handles, around, "moving")
+        instance_ids = untouched.find_untouched(scene, self.target, "moving")
+        around = room(scene, leaving=instance_ids)
+        one = standing.thing(scene, instance_ids, around, "moving")
         asked = self._asked(scene, one)
         if asked is not None:
             spot, turn = asked, float(rng.uniform(-self.turn, self.turn))
@@ -57,7 +57,7 @@ class Move(Operator):
                 raise Unsupported(f"moving {self.target}: no free place {self._where()}")
             spot, turn = found
         return {
-            "handles": sorted(handles),
+            "handles": sorted(instance_ids),
             "motion": one.placing(spot, turn).tolist(),
             "lamps": shadows.lamps(scene),
         }

@@ -44,22 +44,22 @@ class ObjectSize(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        handles = targets.find(scene, self.target)
+        instance_ids = targets.find(scene, self.target)
         untouched.check_seen(scene, self.target, "resizing")
         looks = look(scene.episode)
-        pivot = self._pivot(scene, handles)
+        pivot = self._pivot(scene, instance_ids)
         low, high = self.range
         worst = None
-        for touched in grip.contacts(scene, looks, handles, pivot):
+        for touched in grip.contacts(scene, looks, instance_ids, pivot):
             bears = self.contact / max(abs(touched.growth), 1e-9)
             if 1 - bears > high or 1 + bears < low:
                 worst = touched
             low, high = max(low, 1 - bears), min(high, 1 + bears)
         if worst is not None or low > high:
-            raise Unsupported(self._reason(worst, handles))
-        high = self._with_room(scene, handles, pivot, low, high)
+            raise Unsupported(self._reason(worst, instance_ids))
+        high = self._with_room(scene, instance_ids, pivot, low, high)
         return {
-            "handles": sorted(handles),
+            "handles": sorted(instance_ids),
             "scale": float(rng.uniform(low, high)),
             "pivot": pivot.tolist(),
             "allowed": [low, high],
@@ -67,49 +67,49 @@ class ObjectSize(Operator):
         }
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
-        handles, scale = frozenset(edit["handles"]), edit["scale"]
+        instance_ids, scale = frozenset(edit["handles"]), edit["scale"]
         # Scaling is about the frame's origin; this puts the pivot back.
         shift = geometry.rigid(np.zeros(3), (1 - scale) * np.array(edit["pivot"]))
         bodies: list[Body] = []
         for body in scene.bodies:
-            held = body.handles & handles
+            held = body.instance_ids & instance_ids
             if not held or body.copy_of:
                 bodies.append(body)
                 continue
             grown = replace(
-                body, handles=held, scale=body.scale * scale, to_world=body.to_world @ shift
+                body, instance_ids=held, scale=body.scale * scale, to_world=body.to_world @ shift
             )
             bodies.append(grown)
-            if rest := body.handles - held:
-                bodies.append(replace(body, handles=rest))
+            if rest := body.instance_ids - held:
+                bodies.append(replace(body, instance_ids=rest))
         after = replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
         return shadows.follow(scene, after, edit["lamps"])
 
     def _with_room(
         self,
         scene: Scene,
-        handles: frozenset[int],
+        instance_ids: frozenset[int],
         pivot: Float64[np.ndarray, "3"],
         low: float,
         high: float,
     ) -> float:
         """The largest factor at which it meets nothing. Raises Unsupported, with the number, if that is too small."""
-        body = next(body for body in scene.bodies if body.handles & handles)
+        body = next(body for body in scene.bodies if body.instance_ids & instance_ids)
         where = geometry.transform(body.to_world[0], pivot)
-        fits, what = growing.largest(scene, handles, where, high)
+        fits, what = growing.largest(scene, instance_ids, where, high)
         if fits < low:
-            names = ", ".join(map(str, sorted(handles)))
+            names = ", ".join(map(str, sorted(instance_ids)))
             raise Unsupported(
                 f"resizing {names}: at {low:g} times its size it meets {what}; {fits:.3g} is the most it has room for"
             )
         return fits
 
-    def _pivot(self, scene: Scene, handles: frozenset[int]) -> Float64[np.ndarray, "3"]:
+    def _pivot(self, scene: Scene, instance_ids: frozenset[int]) -> Float64[np.ndarray, "3"]:
         """What stays in place, in the bodies' own frames."""
-        points = placing.points_of(scene, handles)
+        points = placing.points_of(scene, instance_ids)
         if len(points) < grip.FEW:
             raise Unsupported(f"resizing {self.target}: too little of it was seen")
-        body = next(body for body in scene.bodies if body.handles & handles)
+        body = next(body for body in scene.bodies if body.instance_ids & instance_ids)
         if self.about == "support":
             outline = placing.hull(points)
             x, y = (outline.min(0) + outline.max(0)) / 2
@@ -124,8 +124,8 @@ class ObjectSize(Operator):
         assert poses is not None
         return geometry.transform(geometry.inverse(body.to_world[taken[0]]), poses[taken[0], :3, 3])
 
-    def _reason(self, worst: grip.Contact | None, handles: frozenset[int]) -> str:
-        names = ", ".join(map(str, sorted(handles)))
+    def _reason(self, worst: grip.Contact | None, instance_ids: frozenset[int]) -> str:
+        names = ", ".join(map(str, sorted(instance_ids)))
         if worst is None:
             return f"resizing {names}: no factor in {list(self.range)} suits all its contacts"
         nearest = min(self.range, key=lambda scale: abs(scale - 1))

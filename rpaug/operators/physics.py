@@ -51,10 +51,10 @@ def _low(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
-def _whole(scene: Scene, handles: frozenset[int]) -> frozenset[int]:
+def _whole(scene: Scene, instance_ids: frozenset[int]) -> frozenset[int]:
     """The handles with those that were seen to move with them: a drawer has its grip with it."""
-    moving = [body.handles for body in scene.tracked if body.motion != "static"]
-    return handles.union(*(one for one in moving if one & handles))
+    moving = [body.instance_ids for body in scene.tracked if body.motion != "static"]
+    return instance_ids.union(*(one for one in moving if one & instance_ids))
 
 
 Component = Annotated[float, Field(ge=-SPEED, le=SPEED)]
@@ -103,19 +103,19 @@ class Physics(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         self.ready()
-        handles = _whole(scene, targets.find(scene, self.target))
+        instance_ids = _whole(scene, targets.find(scene, self.target))
         untouched.check_seen(scene, self.target, "simulating")
         for role in ("robot", "table", "background"):
-            if handles & scene.roles.get(role, frozenset()):
+            if instance_ids & scene.roles.get(role, frozenset()):
                 raise Unsupported(f"simulating {self.target}: it is the {role}")
-        name = self.material or self._recognised(scene, handles)
+        name = self.material or self._recognised(scene, instance_ids)
         made_of = asdict(self._made_of(name))
         return {
-            "handles": sorted(handles),
+            "handles": sorted(instance_ids),
             "name": name,
             "material": {**made_of, "law": Law(made_of["law"]).name.lower()},
             "height": float(rng.uniform(*self.height)),
-            "acted": self._acted(scene, handles),
+            "acted": self._acted(scene, instance_ids),
             "lamps": shadows.lamps(scene),
         }
 
@@ -149,7 +149,7 @@ class Physics(Operator):
         }
         return Material(**base | {k: value for k, value in given.items() if value is not None})
 
-    def _recognised(self, scene: Scene, handles: frozenset[int]) -> str | None:
+    def _recognised(self, scene: Scene, instance_ids: frozenset[int]) -> str | None:
         """What the vision model takes the thing to be made of, None if it is not asked."""
         if self.vision is None:
             return None
@@ -157,13 +157,13 @@ class Physics(Operator):
 
         names = tuple(materials.shipped())
         asked = [f"a photo of a thing made of {name}" for name in names]
-        picture = simulate.portrait(scene, handles)
+        picture = simulate.portrait(scene, instance_ids)
         return names[Clip.load(Path(self.vision)).closest(picture, asked)]
 
-    def _acted(self, scene: Scene, handles: frozenset[int]) -> str | None:
+    def _acted(self, scene: Scene, instance_ids: frozenset[int]) -> str | None:
         """Why the recorded actions depend on where the thing is, None if they do not."""
         try:
-            untouched.check(scene, handles, self.target, "simulating")
+            untouched.check(scene, instance_ids, self.target, "simulating")
         except Unsupported as error:
             return str(error)
         return None

@@ -27,7 +27,7 @@ class AlbedoRatio:
     of a pixel that is white rather than old albedo is its highlight (dichromatic model, Shafer 1985) and stays.
     """
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     old: tuple[float, float, float]
     new: tuple[float, float, float]
     plain: bool
@@ -56,7 +56,7 @@ class AlbedoRatio:
 class LabShift:
     """RoboPearls' way: chroma becomes the new colour's, lightness is scaled by new over old (CIELAB)."""
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     old: tuple[float, float, float]
     new: tuple[float, float, float]
 
@@ -91,17 +91,17 @@ class Recolor(Operator):
     effect: ClassVar[Effect] = Effect.RGB
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        handles = sorted(targets.find(scene, self.target))
-        surfaces = shading.describe(scene, handles, self.albedo)
+        instance_ids = sorted(targets.find(scene, self.target))
+        surfaces = shading.describe(scene, instance_ids, self.albedo)
         return {"color": self.color.draw(rng), "surfaces": surfaces}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["color"]
         painted: list[Appearance] = []
         for surface in edit["surfaces"]:
-            handles, old = frozenset([surface["handle"]]), tuple(surface["albedo"])
+            instance_ids, old = frozenset([surface["handle"]]), tuple(surface["albedo"])
             if self.mode == "lab":
-                painted.append(LabShift(handles, old, (red, green, blue)))
+                painted.append(LabShift(instance_ids, old, (red, green, blue)))
             else:
-                painted.append(AlbedoRatio(handles, old, (red, green, blue), surface["plain"]))
+                painted.append(AlbedoRatio(instance_ids, old, (red, green, blue), surface["plain"]))
         return replace(scene, appearance=(*scene.appearance, *painted))

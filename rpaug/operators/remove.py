@@ -40,8 +40,8 @@ class Remove(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        handles = untouched.find_untouched(scene, self.target, "removing")
-        return {"handles": sorted(handles), "lamps": shadows.lamps(scene)}
+        instance_ids = untouched.find_untouched(scene, self.target, "removing")
+        return {"handles": sorted(instance_ids), "lamps": shadows.lamps(scene)}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         after = replace(untouched.without(scene, edit["handles"]), inpaint=self.inpaint)

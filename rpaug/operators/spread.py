@@ -36,7 +36,7 @@ class Spread(Operator):
         things = self._named(scene, around) if self.targets else _loose(scene, around)
         if not things:
             raise Unsupported("spreading: nothing stands on the table that the robot leaves alone")
-        around = room(scene, leaving=frozenset().union(*(one.handles for one in things)))
+        around = room(scene, leaving=frozenset().union(*(one.instance_ids for one in things)))
         moves = []
         for one in sorted(things, key=lambda one: -float(np.ptp(one.outline, axis=0).max())):
             found = standing.settle(one, around, self.turn, rng, (one.middle, self.shift))
@@ -44,7 +44,10 @@ class Spread(Operator):
             around = around.with_thing(standing.turned(one.outline, turn) + spot)
             if found:
                 moves.append(
-                    {"handles": sorted(one.handles), "motion": one.placing(spot, turn).tolist()}
+                    {
+                        "handles": sorted(one.instance_ids),
+                        "motion": one.placing(spot, turn).tolist(),
+                    }
                 )
         if not moves:
             raise Unsupported(
@@ -60,7 +63,7 @@ class Spread(Operator):
 
     def _named(self, scene: Scene, around: Room) -> list[standing.StandingInstance]:
         named = [untouched.find_untouched(scene, each, "spreading") for each in self.targets or ()]
-        return [standing.thing(scene, handles, around, "spreading") for handles in named]
+        return [standing.thing(scene, instance_ids, around, "spreading") for instance_ids in named]
 
 
 def _loose(scene: Scene, around: Room) -> list[standing.StandingInstance]:
@@ -68,11 +71,11 @@ def _loose(scene: Scene, around: Room) -> list[standing.StandingInstance]:
     taken = frozenset().union(*scene.roles.values()) if scene.roles else frozenset()
     found = []
     for body in scene.bodies:
-        if body.motion != "static" or body.copy_of or body.handles & taken:
+        if body.motion != "static" or body.copy_of or body.instance_ids & taken:
             continue
         try:
-            untouched.check(scene, body.handles, "", "spreading")
-            one = standing.thing(scene, body.handles, around, "spreading")
+            untouched.check(scene, body.instance_ids, "", "spreading")
+            one = standing.thing(scene, body.instance_ids, around, "spreading")
         except RpaugError:
             continue
         if np.ptp(one.outline, axis=0).max() < LARGEST:

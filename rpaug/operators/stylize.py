@@ -29,7 +29,7 @@ class Stylised:
     Old and new colours are those of the fitted Gaussians, in even light, at the pixel's place on its body.
     """
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     old: Painting
     new: Painting
 
@@ -72,17 +72,17 @@ class Stylize(Operator):
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         from rpaug.providers import features  # only here: it brings torch
 
-        handles = sorted(targets.find(scene, self.target))
+        instance_ids = sorted(targets.find(scene, self.target))
         if scene.gaussians is None:
             raise Unsupported("stylize works on Gaussians, and this scene has none")
-        if not np.isin(scene.gaussians.ids, handles).any():
+        if not np.isin(scene.gaussians.ids, instance_ids).any():
             raise TargetError(f"{self.target}: no Gaussian stands for it")
         network = features.load(self.weights)
         name = texturing.draw(self.style, self.textures, rng)
         return {
             "style": name,
             "digest": folder.digest(self.textures, name) if self.textures else None,
-            "handles": handles,
+            "handles": instance_ids,
             "seed": fields.seed(rng),
             "weights": {"origin": network.origin, "digest": network.digest},
         }
@@ -106,8 +106,8 @@ class Stylize(Operator):
         else:
             texturing.same(self.textures, edit["style"], edit["digest"])
             picture = folder.image(self.textures, edit["style"])
-        handles = frozenset(edit["handles"])
+        instance_ids = frozenset(edit["handles"])
         settings = nnfm.StyleSettings(steps=self.steps)
-        styled = nnfm.stylise(scene, handles, picture, network, edit["seed"], settings)
-        laid = Stylised(handles, styled.old, styled.new)
+        styled = nnfm.stylise(scene, instance_ids, picture, network, edit["seed"], settings)
+        laid = Stylised(instance_ids, styled.old, styled.new)
         return replace(scene, appearance=(*scene.appearance, laid))

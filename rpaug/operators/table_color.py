@@ -31,8 +31,8 @@ class TableColor(Operator):
             raise ValueError(f"range: low {self.range[0]} exceeds high {self.range[1]}")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        handles = sorted(targets.find(scene, self.target))
-        surfaces = shading.describe(scene, handles, self.albedo)
+        instance_ids = sorted(targets.find(scene, self.target))
+        surfaces = shading.describe(scene, instance_ids, self.albedo)
         return {"color": rng.uniform(*np.array(self.range)).tolist(), "surfaces": surfaces}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:

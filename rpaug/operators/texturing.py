@@ -76,7 +76,7 @@ class Textured:
     from the light. `to_texture` carries points from the body's frame into the texture's.
     """
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     texture: Texture
     to_texture: Float64[np.ndarray, "4 4"]
     scale: float
@@ -131,8 +131,8 @@ class Texturing(Operator):
         check(self.texture, self.textures)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        handles = sorted(targets.find(scene, self.target))
-        seen = shading.sample(scene.episode, scene.bodies, tuple(handles))
+        instance_ids = sorted(targets.find(scene, self.target))
+        seen = shading.sample(scene.episode, scene.bodies, tuple(instance_ids))
         if not seen:
             raise TargetError(f"{self.target}: no camera shows it at a known depth")
         name = draw(self.texture, self.textures, rng)
@@ -140,7 +140,9 @@ class Texturing(Operator):
             "texture": name,
             "digest": folder.digest(self.textures, name) if self.textures else None,
             "to_texture": self._frame(seen).tolist(),
-            "surfaces": [self._surface(scene, handle, seen[handle]) for handle in seen],
+            "surfaces": [
+                self._surface(scene, instance_id, seen[instance_id]) for instance_id in seen
+            ],
         }
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
@@ -150,7 +152,7 @@ class Texturing(Operator):
             smooth = shading.Smooth(**one["smooth"]) if one["smooth"] else None
             laid.append(
                 Textured(
-                    handles=frozenset([one["handle"]]),
+                    instance_ids=frozenset([one["handle"]]),
                     texture=texture,
                     to_texture=np.array(edit["to_texture"]),
                     scale=self.scale,
@@ -173,8 +175,10 @@ class Texturing(Operator):
             pose[:3, 3] = self.origin
         return geometry.inverse(pose)
 
-    def _surface(self, scene: Scene, handle: int, seen: shading.ShadedPixels) -> dict[str, Any]:
-        described = albedo.describe(scene.episode, handle, self.albedo)
+    def _surface(
+        self, scene: Scene, instance_id: int, seen: shading.ShadedPixels
+    ) -> dict[str, Any]:
+        described = albedo.describe(scene.episode, instance_id, self.albedo)
         smooth = shading.fit(seen, tuple(described["albedo"]), known=self.albedo is not None)
         return described | {"smooth": smooth.describe() if smooth else None}
 

@@ -22,7 +22,7 @@ MOST = 3000  # points of each that are compared
 
 def held(
     scene: Scene,
-    handles: frozenset[int],
+    instance_ids: frozenset[int],
     points: Float64[np.ndarray, "n 3"],
     standing: Float64[np.ndarray, "m 3"],
     level: float | None,
@@ -38,7 +38,7 @@ def held(
     foot = float(np.quantile(points[:, 2], 0.01))
     if level is not None and foot - level < lifted:
         return None
-    recorded = [body.to_world for body in scene.tracked if body.handles & handles]
+    recorded = [body.to_world for body in scene.tracked if body.instance_ids & instance_ids]
     tracks = [track @ geometry.inverse(track[0]) for track in recorded]
     if all((track == track[:1]).all() for track in recorded):
         return Rail((0.0, 0.0, 1.0), 0.0, 0.0) if enclosed(points, standing) else None

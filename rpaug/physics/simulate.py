@@ -63,18 +63,22 @@ class SimulationSetting:
 
 
 def simulated(
-    scene: Scene, handles: frozenset[int], how: SimulationSetting, acted: str | None
+    scene: Scene, instance_ids: frozenset[int], how: SimulationSetting, acted: str | None
 ) -> Scene:
     """The scene with some instances, as one thing, simulated from its first frame on.
 
     `acted` says why the recorded actions depend on the thing, None if they do not. Raises Unsupported where too little
     of it was seen.
     """
-    around = surroundings(scene, handles, 1 / how.fps)
-    shape = surface(scene, handles)
+    around = surroundings(scene, instance_ids, 1 / how.fps)
+    shape = surface(scene, instance_ids)
     points = shape.means.astype(float)
     footprint = float(np.median(shape.scales[:, :2].max(1))) / SPREAD
-    rail = None if how.loose else held(scene, handles, points, around.points, around.level, LIFTED)
+    rail = (
+        None
+        if how.loose
+        else held(scene, instance_ids, points, around.points, around.level, LIFTED)
+    )
     found = columns(points, footprint, around.level, LIFTED)
     spacing = max((found.volume / how.particles) ** (1 / 3), LEAST_CELL / 2)
     cell = 2 * spacing
@@ -83,15 +87,15 @@ def simulated(
     if stiff is not None:
         shaped = None if rail else solid(points, footprint, found.bottom)
         hull = points if rail else _footed(points, found.bottom)
-        after, account = _rigidly(scene, handles, how, around, hull, rail, shaped)
+        after, account = _rigidly(scene, instance_ids, how, around, hull, rail, shaped)
     else:
         inside = rest, volume, spacing
-        after, account = _softly(scene, handles, how, around, shape, inside, rail is not None)
+        after, account = _softly(scene, instance_ids, how, around, shape, inside, rail is not None)
     touched = account.pop("touched")
     reasons = [acted] if acted else []
     reasons += ["the robot touches it in the simulation"] if touched else []
-    told: dict[str, Any] = {
-        "handles": sorted(handles),
+    given: dict[str, Any] = {
+        "handles": sorted(instance_ids),
         "solver": "rigid" if stiff else "material points",
         **({"because": stiff} if stiff else {}),
         **({"held": rail.describe() if stiff else {"joint": "fixed"}} if rail else {}),
@@ -99,12 +103,12 @@ def simulated(
         "actions_valid": not reasons,
         **({"reasons": reasons} if reasons else {}),
     }
-    return replace(after, recorded_bodies=scene.tracked, simulated=(*scene.simulated, told))
+    return replace(after, recorded_bodies=scene.tracked, simulated=(*scene.simulated, given))
 
 
 def _softly(
     scene: Scene,
-    handles: frozenset[int],
+    instance_ids: frozenset[int],
     how: SimulationSetting,
     around: Surroundings,
     shape: Gaussians,
@@ -132,7 +136,7 @@ def _softly(
     neighbours = 1 if how.material.law is Law.SAND else NEIGHBOURS
     tied = bound.bind(shape, rest, spacing, neighbours, inside=flows)
     looks = bound.shown(tied, states)
-    told = {
+    given = {
         "particles": len(rest),
         "cell_mm": round(2000 * spacing, 3),
         "steps": one.account.steps,
@@ -140,12 +144,12 @@ def _softly(
         "crushed": one.account.crushed,
         "touched": bool(one.account.boxes[: around.robot].sum() > GENTLE),
     }
-    return replace(scene, bodies=_split(scene, handles, _deforming(looks))), told
+    return replace(scene, bodies=_split(scene, instance_ids, _deforming(looks))), given
 
 
 def _rigidly(
     scene: Scene,
-    handles: frozenset[int],
+    instance_ids: frozenset[int],
     how: SimulationSetting,
     around: Surroundings,
     points: Float64[np.ndarray, "n 3"],
@@ -175,14 +179,14 @@ def _rigidly(
         track = motions @ body.to_world[0]
         as_recorded = (abs(track - body.to_world) < STILL).all((1, 2))
         track[as_recorded] = body.to_world[as_recorded]
-        return replace(body, handles=mine, to_world=track, motion="simulated")
+        return replace(body, instance_ids=mine, to_world=track, motion="simulated")
 
-    told = {
+    given = {
         "shape": "convex hull" if shaped is None else shaped.kind,
         "steps": fall.steps,
         "touched": bool(fall.boxes[: around.robot].sum() > GENTLE),
     }
-    return replace(scene, bodies=_split(scene, handles, move)), told
+    return replace(scene, bodies=_split(scene, instance_ids, move)), given
 
 
 def _footed(points: Float64[np.ndarray, "n 3"], bottom: float) -> Float64[np.ndarray, "m 3"]:
@@ -232,37 +236,39 @@ def _columns(
 def _deforming(looks: Gaussians) -> Any:
     def bend(body: Body, held: frozenset[int]) -> Body:
         mine = gaussians.chosen(looks, np.isin(looks.ids, list(held)))
-        return replace(body, handles=held, soft=mine, motion="simulated")
+        return replace(body, instance_ids=held, soft=mine, motion="simulated")
 
     return bend
 
 
-def _split(scene: Scene, handles: frozenset[int], change: Any) -> tuple[Body, ...]:
+def _split(scene: Scene, instance_ids: frozenset[int], change: Any) -> tuple[Body, ...]:
     """The scene's bodies, those of some instances apart and changed; what else is rigid to them stays."""
     out: list[Body] = []
     for body in scene.bodies:
-        held = body.handles & handles
+        held = body.instance_ids & instance_ids
         if not held or body.copy_of:
             out.append(body)
             continue
         out.append(change(body, held))
-        if rest := body.handles - held:
-            out.append(replace(body, handles=rest))
+        if rest := body.instance_ids - held:
+            out.append(replace(body, instance_ids=rest))
     return tuple(out)
 
 
-def portrait(scene: Scene, handles: frozenset[int]) -> UInt8[np.ndarray, "h w 3"]:
+def portrait(scene: Scene, instance_ids: frozenset[int]) -> UInt8[np.ndarray, "h w 3"]:
     """The thing cut out of the first frame of the camera that shows most of it. Raises Unsupported if none does."""
     best, most = None, 0
     for view in scene.episode.views.values():
         if view.ids is None:
             continue
-        rows, columns_ = np.nonzero(np.isin(view.ids(0), list(handles)))
+        rows, columns_ = np.nonzero(np.isin(view.ids(0), list(instance_ids)))
         if len(rows) > most:
             window = np.s_[rows.min() : rows.max() + 1, columns_.min() : columns_.max() + 1]
             best, most = view.rgb(0)[window], len(rows)
     if best is None:
-        raise Unsupported(f"simulating {sorted(handles)}: no camera shows it in the first frame")
+        raise Unsupported(
+            f"simulating {sorted(instance_ids)}: no camera shows it in the first frame"
+        )
     return best
 
 

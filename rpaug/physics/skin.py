@@ -21,18 +21,18 @@ PATCH = 4  # pixels' width: what two cameras show of as large a patch is compare
 FEW = 5  # patches
 
 
-def surface(scene: Scene, handles: frozenset[int]) -> Gaussians:
+def surface(scene: Scene, instance_ids: frozenset[int]) -> Gaussians:
     """The thing's Gaussians in the world of the first frame: fitted ones, or its recorded pixels.
 
     Raises Unsupported for what was never seen with depth.
     """
     if scene.gaussians is not None:
         placed = gaussians.placed(scene, 0)
-        mine = gaussians.chosen(placed, np.isin(placed.ids, list(handles)))
+        mine = gaussians.chosen(placed, np.isin(placed.ids, list(instance_ids)))
         if len(mine):
             return replace(mine, moments={})
-    found, views = _gathered(scene, handles)
-    shows = ~_inside(found, scene, handles)
+    found, views = _gathered(scene, instance_ids)
+    shows = ~_inside(found, scene, instance_ids)
     if shows.any():
         found, views = gaussians.chosen(found, shows), views[shows]
     width = float(np.median(found.scales[:, 1])) / SPREAD
@@ -42,25 +42,25 @@ def surface(scene: Scene, handles: frozenset[int]) -> Gaussians:
     return replace(thin, scales=scales)
 
 
-def _gathered(scene: Scene, handles: frozenset[int]) -> tuple[Gaussians, Int[np.ndarray, "n"]]:
+def _gathered(scene: Scene, instance_ids: frozenset[int]) -> tuple[Gaussians, Int[np.ndarray, "n"]]:
     """Pixels of all cameras over some frames, in the world of the first frame, and of which image each is."""
     found: list[Gaussians] = []
     views: list[int] = []
-    motions = {h: body for body in scene.tracked for h in body.handles & handles}
+    motions = {h: body for body in scene.tracked for h in body.instance_ids & instance_ids}
     for t in frames(scene.episode.length, VIEWS):
         for number, view in enumerate(scene.episode.views.values()):
-            picture = seeds.picture_of(view, t, handles)
+            picture = seeds.picture_of(view, t, instance_ids)
             if picture is None:
                 continue
             part = lifted(replace(picture, rgb=_unmixed(picture.rgb, picture.use)))
-            for handle, body in motions.items():
-                mine = gaussians.chosen(part, part.ids == handle)
+            for instance_id, body in motions.items():
+                mine = gaussians.chosen(part, part.ids == instance_id)
                 if len(mine):
                     back = body.to_world[0] @ np.linalg.inv(body.to_world[t])
                     found.append(gaussians.moved(mine, back))
                     views += [t * len(scene.episode.views) + number] * len(mine)
     if not found:
-        raise Unsupported(f"simulating {sorted(handles)}: it was never seen with depth")
+        raise Unsupported(f"simulating {sorted(instance_ids)}: it was never seen with depth")
     return gaussians.joined(found), np.array(views)
 
 
@@ -75,14 +75,16 @@ def _unmixed(
     return np.where(edge, np.rint(total / np.maximum(weight, 1)), rgb).astype(np.uint8)
 
 
-def _inside(found: Gaussians, scene: Scene, handles: frozenset[int]) -> Bool[np.ndarray, "n"]:
+def _inside(found: Gaussians, scene: Scene, instance_ids: frozenset[int]) -> Bool[np.ndarray, "n"]:
     """Which points no camera can see for the thing itself while it is as at first: the inside of a drawer opened later.
 
     Beside a surface they would stick out of it.
     """
     hidden, seen = np.zeros(len(found), bool), np.zeros(len(found), bool)
     for t in frames(scene.episode.length, VIEWS):
-        moved = [b.handles for b in scene.tracked if not np.allclose(b.to_world[t], b.to_world[0])]
+        moved = [
+            b.instance_ids for b in scene.tracked if not np.allclose(b.to_world[t], b.to_world[0])
+        ]
         rows = np.flatnonzero(~np.isin(found.ids, list(frozenset().union(*moved))))
         points = found.means[rows].astype(float)
         for view in scene.episode.views.values():
@@ -97,7 +99,7 @@ def _inside(found: Gaussians, scene: Scene, handles: frozenset[int]) -> Bool[np.
             u, v = u[within], v[within]
             behind = view.depth(t)[v, u] + UNDER < z[within]
             seen[rows[within]] |= ~behind
-            hidden[rows[within]] |= behind & np.isin(view.ids(t)[v, u], list(handles))
+            hidden[rows[within]] |= behind & np.isin(view.ids(t)[v, u], list(instance_ids))
     return hidden & ~seen
 
 

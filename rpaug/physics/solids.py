@@ -46,8 +46,8 @@ class Solid:
         """Itself as a geom of MuJoCo's XML, with attributes of `how`."""
         quaternion = geometry.quaternion_of(self.pose[None])[0][[3, 0, 1, 2]]
         rows = {"size": self.size, "pos": self.pose[:3, 3], "quat": quaternion}
-        said = " ".join(f'{k}="{" ".join(f"{v:.7g}" for v in row)}"' for k, row in rows.items())
-        return f'<geom type="{self.kind}" {said} {how}/>'
+        stated = " ".join(f'{k}="{" ".join(f"{v:.7g}" for v in row)}"' for k, row in rows.items())
+        return f'<geom type="{self.kind}" {stated} {how}/>'
 
 
 def _outside(over: Float64[np.ndarray, "n k"]) -> Float64[np.ndarray, "n"]:

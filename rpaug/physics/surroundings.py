@@ -37,29 +37,29 @@ class Surroundings:
     robot: int
 
 
-def surroundings(scene: Scene, handles: frozenset[int], pace: float) -> Surroundings:
+def surroundings(scene: Scene, instance_ids: frozenset[int], pace: float) -> Surroundings:
     """What is around some instances; recorded frames are `pace` seconds apart."""
     looks = look(scene.episode)
     support = scene.roles.get("table", frozenset())
     tops: list[np.ndarray] = []
     points: list[np.ndarray] = []
-    for body, handle in _solid(scene, handles):
+    for body, instance_id in _solid(scene, instance_ids):
         if body.motion != "static":
             continue
-        found = geometry.transform(body.to_world[0], surface(looks, handle, body)[0])
-        (tops if handle in support else points).append(found)
+        found = geometry.transform(body.to_world[0], surface(looks, instance_id, body)[0])
+        (tops if instance_id in support else points).append(found)
     level = float(np.median(np.concatenate(tops)[:, 2])) if tops else None
     mine, others = [], []
     robot = scene.roles.get("robot", frozenset())
-    for body, handle in _solid(scene, handles):
+    for body, instance_id in _solid(scene, instance_ids):
         if body.motion in ("static", "unknown"):
             continue
-        seen = surface(looks, handle, body)[0]
-        if handle in robot and len(seen) >= FEW:
+        seen = surface(looks, instance_id, body)[0]
+        if instance_id in robot and len(seen) >= FEW:
             grip = scene.episode.robot.gripper_to_world
             upright = [] if grip is None else [grip[body.reference, :3, :3]]
             mine.append((body.to_world, *_boxed(seen, upright), ROUNDED))
-        elif handle not in robot:
+        elif instance_id not in robot:
             others += [(body.to_world, *ball) for ball in _balls(seen)]
     if not mine and (gripper := scene.episode.robot.gripper_to_world) is not None:
         mine.append((gripper, np.eye(4), np.array(FINGERS), ROUNDED))
@@ -93,12 +93,12 @@ def within(
     return np.asarray(((points >= low) & (points <= high)).all(1))
 
 
-def _solid(scene: Scene, handles: frozenset[int]) -> Iterator[tuple[Body, int]]:
+def _solid(scene: Scene, instance_ids: frozenset[int]) -> Iterator[tuple[Body, int]]:
     """Recorded bodies, as they are now, with each of their handles but the simulated ones'."""
     for body in scene.bodies:
         if body.mesh is None and body.soft is None and not body.copy_of:
-            for handle in sorted(body.handles - handles):
-                yield body, handle
+            for instance_id in sorted(body.instance_ids - instance_ids):
+                yield body, instance_id
 
 
 def _boxed(

@@ -72,7 +72,7 @@ def called(source: Path) -> str:
 
 def _augmented(layout: str, recipe: Mapping[str, Any], rejected: int) -> tuple[str, Lines, Lines]:
     """Title, and what is said before and after the counts."""
-    told = yaml.safe_dump(dict(recipe), sort_keys=False, allow_unicode=True).rstrip()
+    given = yaml.safe_dump(dict(recipe), sort_keys=False, allow_unicode=True).rstrip()
     return (
         "augmented",
         (
@@ -83,7 +83,7 @@ def _augmented(layout: str, recipe: Mapping[str, Any], rejected: int) -> tuple[s
         (
             f"Copies that failed their gates, kept aside in `rejected/`: {rejected}.",
             "Copies are in the split of the episode that they were made from. Evaluate on recorded episodes.",
-            f"## Recipe\n\n```yaml\n{told}\n```",
+            f"## Recipe\n\n```yaml\n{given}\n```",
         ),
     )
 
@@ -114,14 +114,14 @@ def licence_of(source: Path, keys: Iterable[str]) -> str:
             )
             if found:
                 return found[1].strip().strip("\"'")[:LONGEST]
-        said = []
+        stated = []
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
             if LICENCE.fullmatch(path.name) and path.is_file():
                 lines = (line.strip() for line in _start(path).splitlines())
                 first = next(filter(None, lines), None)
-                said += [f"{first[:LONGEST]} ({path.name} of the source)"] if first else []
-        if said:
-            return "; ".join(said)
+                stated += [f"{first[:LONGEST]} ({path.name} of the source)"] if first else []
+        if stated:
+            return "; ".join(stated)
     return UNSTATED
 
 

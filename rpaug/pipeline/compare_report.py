@@ -13,10 +13,10 @@ STRAY = 0.01  # of the pixels compared: where a codec is off by more than that a
 
 
 def compare(
-    key: str, recorded: Episode, made: Episode, told: Mapping[str, Any], times: Sequence[int]
+    key: str, recorded: Episode, made: Episode, given: Mapping[str, Any], times: Sequence[int]
 ) -> Iterator[Found]:
     """A finding for each camera in which more pixels differ clearly in a few frames than the report counts in all."""
-    counted = told.get("changed_pixels")
+    counted = given.get("changed_pixels")
     for name, view in made.views.items():
         most = counted.get(name) if isinstance(counted, dict) else None
         old, new = recorded.views[name].camera, view.camera

@@ -23,7 +23,7 @@ IMAGES = {Effect.RGB: "rgb", Effect.DEPTH: "depth", Effect.MASK: "ids"}
 def shown(scene: Scene, tier: int = 0) -> Episode:
     """The episode an edited scene shows, rendered as the pipeline would."""
     made = plan.settle(plan.Plan(tier, dict.fromkeys(scene.episode.views, 0), True), scene)
-    return views.edited(scene, made.carriers, lambda *ignored: None)
+    return views.edited(scene, made.representations, lambda *ignored: None)
 
 
 def same(first: CameraView, second: CameraView, kind: str, t: int) -> bool:

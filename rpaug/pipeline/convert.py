@@ -33,11 +33,11 @@ class Conversion:
         return 0 if not self.failures else 1 if self.episodes else 2
 
 
-def _told(source: Path, key: str, layout: str) -> dict[str, Any]:
+def _given(source: Path, key: str, layout: str) -> dict[str, Any]:
     """The report of an episode in another layout: what it was made from, and whether that was synthetic."""
     synthetic = report.synthetic(source, key)
-    told = {"rpaug": rpaug.__version__, "synthetic": synthetic, "source": key}
-    return told | {"converted": layout, "draws": []}
+    given = {"rpaug": rpaug.__version__, "synthetic": synthetic, "source": key}
+    return given | {"converted": layout, "draws": []}
 
 
 def convert(
@@ -72,13 +72,13 @@ def convert(
             # Another layout takes the values alone: what was recorded beside them stays behind.
             episode = replace(reader.read(source, key), source=None)
             made = writer.key_for(like, free.get(group, 0))
-            told = _told(source, key, reader.name)
-            side = {report.NAME: report.encode(told)}
+            given = _given(source, key, reader.name)
+            side = {report.NAME: report.encode(given)}
             writer.write(episode, target, made, partial(dict, side))
         except RpaugError as error:
             done.failures[key] = str(error).removeprefix(f"{key}: ")
             continue
-        reports[made] = told
+        reports[made] = given
         free[group] = free.get(group, 0) + 1
         done.episodes += 1
         for words in (*writer.traps(episode), *([] if episode.instruction else [SILENT])):

@@ -18,7 +18,7 @@ from rpaug.physics import simulate
 from rpaug.pipeline import gates as gating
 from rpaug.pipeline import plan as planning
 from rpaug.pipeline import report
-from rpaug.pipeline.prepare import ground, made_ready
+from rpaug.pipeline.prepare import ground, prepare_scene
 from rpaug.pipeline.recipe import Option, Recipe, option
 from rpaug.pipeline.recipe import build as build_recipe
 from rpaug.scene.recorded import surfels
@@ -131,7 +131,7 @@ def render(
                 scene, frame.before, frame.image, ids(t) if ids else None
             )
 
-    episode = views.edited(shown, settled.carriers, watch, settled.blended, kept)
+    episode = views.edited(shown, settled.representations, watch, settled.blended, kept)
     return Made(episode, scene, draws, settled, tally, untrue)
 
 
@@ -139,7 +139,7 @@ def _refined(scene: Scene, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
     """The scene with its edited Gaussians tuned together, if that is wanted and Gaussians show every camera."""
     if not plan.refine:
         return scene, plan
-    if scene.gaussians is None or min(plan.carriers.values()) < 3:
+    if scene.gaussians is None or min(plan.representations.values()) < 3:
         why = "Gaussians do not show every camera: --tier 3 makes them"
         return scene, replace(plan, refined={"kept": False, "skipped": why})
     from rpaug.compose import joint  # only here: it brings torch and the rasteriser
@@ -164,7 +164,7 @@ class Job:
     recipe: dict[str, Any]
     tier: int
     scenes: Path | None = None  # a store of fitted scenes
-    founder: str | None = None  # key of the episode whose static Gaussians are borrowed
+    donor: str | None = None  # key of the episode whose static Gaussians are borrowed
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
 
 
@@ -178,7 +178,7 @@ def augment(job: Job) -> Iterator[dict[str, Any]]:
     watch = report.Stopwatch()
     with watch("read"):
         episode = adapter.read(job.source, job.key)
-    scene, plan = made_ready(episode, recipe, job.tier, job.scenes, watch, _founder(adapter, job))
+    scene, plan = prepare_scene(episode, recipe, job.tier, job.scenes, watch, _donor(adapter, job))
     if not job.copies:
         return
     with watch("ground"):
@@ -194,8 +194,8 @@ def augment(job: Job) -> Iterator[dict[str, Any]]:
         yield json.loads((place.root / key / report.NAME).read_bytes())
 
 
-def _founder(adapter: Adapter, job: Job) -> Callable[[], Episode] | None:
-    return partial(adapter.read, job.source, job.founder) if job.founder else None
+def _donor(adapter: Adapter, job: Job) -> Callable[[], Episode] | None:
+    return partial(adapter.read, job.source, job.donor) if job.donor else None
 
 
 def _augmented(
@@ -266,7 +266,7 @@ class Trial:
             return gating.described(gating.Figures(), known, self.attempt)
         outside = sum(made.tally.outside.values())
         figures = gating.measure(
-            made.scene, made.episode, made.plan.carriers, outside, made.tally.holes
+            made.scene, made.episode, made.plan.representations, outside, made.tally.holes
         )
         faults = [*self.gates.faults(figures), *known]
         if faults and self.strict:
@@ -321,7 +321,7 @@ def drawn(made: Made) -> int:
     return sum(
         view.camera.width * view.camera.height * made.episode.length
         for name, view in made.episode.views.items()
-        if made.plan.carriers[name] < 3
+        if made.plan.representations[name] < 3
     )
 
 
@@ -338,10 +338,10 @@ def replay(
         ((described["copy"], key),),
         described["recipe"],
         described["plan"]["tier"],
-        founder=described["plan"].get("fit", {}).get("founder"),
+        donor=described["plan"].get("fit", {}).get("founder"),
     )
     episode = adapter.read(source, job.key)
-    scene, plan = made_ready(episode, recipe, job.tier, founder=_founder(adapter, job))
+    scene, plan = prepare_scene(episode, recipe, job.tier, donor=_donor(adapter, job))
     scene, draws = redraw(scene, described["draws"])
     trial = None
     if judged := described.get("gates"):

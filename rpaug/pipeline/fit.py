@@ -23,7 +23,7 @@ def fit_episode(
     seed: int = 0,
     settings: FitSettings | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
-    founder: Episode | None = None,
+    donor: Episode | None = None,
     files: Sequence[Path] = (),
 ) -> dict[str, Any]:
     """Fit, store under `folder`, export to `.ply` if asked, and return plain values.
@@ -41,11 +41,11 @@ def fit_episode(
     def built(one: Episode) -> Scene:
         return build(one, with_bodies=True, arms=arms.for_robot(files, one.robot))
 
-    scene, lender = built(episode), None if founder is None else built(founder)
+    scene, donor_adapter = built(episode), None if donor is None else built(donor)
     stored: list[tuple[Path, bool]] = []
 
     def fit(one: Scene) -> tuple[Scene, cached.Facts]:
-        path = store.path_of(folder, cached.name_of(one, settings, seed, lender))
+        path = store.path_of(folder, cached.name_of(one, settings, seed, donor_adapter))
         stored.append((path, path.is_dir()))
         return cached.fitted(
             one,
@@ -53,7 +53,7 @@ def fit_episode(
             settings=settings,
             seed=seed,
             progress=lambda share: progress(round(100 * share), 100),
-            founder=lender,
+            donor=donor_adapter,
         )
 
     made, facts = fit_static_rgb.fitted(scene, fit)
@@ -64,8 +64,8 @@ def fit_episode(
         "found_in_store": again,
         **facts,
     }
-    if told := arms.misfits(files, episode.robot):
-        described["warnings"] = list(told)
+    if given := arms.misfits(files, episode.robot):
+        described["warnings"] = list(given)
     if export is not None:
         ply.write(export, placed(made, t=0))
         described["ply"] = str(export)

@@ -77,7 +77,7 @@ class Paint(Protocol):
     """An appearance that gives its handles one colour, display sRGB 0..1."""
 
     @property
-    def handles(self) -> frozenset[int]: ...
+    def instance_ids(self) -> frozenset[int]: ...
     @property
     def asked(self) -> tuple[float, float, float]: ...
 
@@ -85,7 +85,7 @@ class Paint(Protocol):
 def measure(
     scene: Scene,
     made: Episode,
-    carriers: Mapping[str, int],
+    representations: Mapping[str, int],
     outside: int,
     holes: Mapping[str, Bool[np.ndarray, "h w"]],
 ) -> Figures:
@@ -94,7 +94,7 @@ def measure(
     `outside` was counted frame by frame (`beyond`); `holes` are masks by camera/frame. Sensor effects change every
     pixel anew in every frame: with them neither `outside` nor `flicker` can be told.
     """
-    anew = any(tier > 0 for tier in carriers.values())
+    anew = any(tier > 0 for tier in representations.values())
     return Figures(
         outside=None if scene.sensor else outside,
         reprojection=agreement.median_mm(made.views.values(), _moments(made.length))
@@ -116,12 +116,12 @@ def beyond(
 
     On the outlines of anti-aliased things an edit reaches one pixel further.
     """
-    handles: set[int] = set()
+    instance_ids: set[int] = set()
     for edit in scene.appearance:
-        if edit.handles is None:
+        if edit.instance_ids is None:
             return 0
-        handles |= edit.handles
-    reach = np.zeros(before.shape[:2], bool) if ids is None else np.isin(ids, list(handles))
+        instance_ids |= edit.instance_ids
+    reach = np.zeros(before.shape[:2], bool) if ids is None else np.isin(ids, list(instance_ids))
     if scene.antialiased:
         reach = cv2.dilate(reach.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
     return int(((before != after).any(-1) & ~reach).sum())
@@ -177,7 +177,10 @@ def _color(scene: Scene) -> float | None:
     for number, edit in enumerate(scene.appearance):
         if isinstance(edit, Paint):
             shown = _painted(scene, number + 1)
-            found += [_difference(shown, handle, edit.asked) for handle in sorted(edit.handles)]
+            found += [
+                _difference(shown, instance_id, edit.asked)
+                for instance_id in sorted(edit.instance_ids)
+            ]
     return max((value for value in found if value is not None), default=None)
 
 
@@ -196,8 +199,10 @@ def _painted(scene: Scene, count: int) -> Episode:
     return replace(shown, views=kept)
 
 
-def _difference(shown: Episode, handle: int, asked: tuple[float, float, float]) -> float | None:
-    seen = albedo.pixels(shown, handle)
+def _difference(
+    shown: Episode, instance_id: int, asked: tuple[float, float, float]
+) -> float | None:
+    seen = albedo.pixels(shown, instance_id)
     if not len(seen):
         return None
     got, wanted = np.array(albedo.estimate(seen).rgb), np.array(asked)

@@ -42,28 +42,35 @@ def inspect(
     described["misplaced"] = {m.camera: str(m) for m in calibration.check(episode)}
     described["arms"] = list(arms.misfits(files, episode.robot))
     described["assumed"] = []
-    film, why = prepare.filmed(episode) if reconstruct.unplaced(episode) else (None, "")
-    if film is None:
+    video, why = prepare.filmed(episode) if reconstruct.unplaced(episode) else (None, "")
+    if video is None:
         scene = build(episode, with_bodies=True, arms=arms.for_robot(files, episode.robot))
     else:
-        scene = film.scene()
-        described["film"] = film.describe()
+        scene = video.scene()
+        described["film"] = video.describe()
     if not scene.bodies:
         return described | {"instances": []}, (), episode
     described["assumed"] = [*filter(None, [why]), *rgb_episode.assumptions(scene.episode)]
     rows = survey(scene.episode, scene.bodies, scene.roles)
     described["antialiased"] = scene.antialiased
-    described["instances"] = [
-        asdict(row) | {"body": sorted(row.body), "pixels": dict(row.pixels), "moving": row.moving}
-        for row in rows
-    ]
+    described["instances"] = [_described(row) for row in rows]
     return described, rows, scene.episode
+
+
+def _described(row: InstanceSummary) -> dict[str, Any]:
+    """Plain values; the instance id goes by the key that recipes use."""
+    facts = asdict(row) | {
+        "body": sorted(row.body),
+        "pixels": dict(row.pixels),
+        "moving": row.moving,
+    }
+    return {"handle": facts.pop("instance_id"), **facts}
 
 
 def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummary, ...]) -> bytes:
     """The same as an HTML page with a thumbnail of every instance."""
     lines = "".join(
-        f"<tr><td>{_thumbnail(episode, row)}<td>{row.handle}<td>{row.role or '–'}"
+        f"<tr><td>{_thumbnail(episode, row)}<td>{row.instance_id}<td>{row.role or '–'}"
         f"<td><span style='background:rgb({','.join(str(round(255 * c)) for c in row.colour)})'></span> "
         f"{row.colour_name}<td>{' × '.join(f'{side:.1f}' for side in row.size_cm) if any(row.size_cm) else 'unknown'}"
         f"<td>{row.motion}{' (ambiguous)' if row.ambiguous else ''}<td>{row.residual_mm:.2f}"
@@ -77,7 +84,7 @@ def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummar
         + (f"<br><strong>{html.escape(off[name])}</strong>" if name in off else "")
         for name, c in described["cameras"].items()
     )
-    assumed = "".join(f"<li>{html.escape(told)}" for told in described["assumed"])
+    assumed = "".join(f"<li>{html.escape(given)}" for given in described["assumed"])
     return (
         "<!doctype html><html lang=en><meta charset=utf-8><title>rpaug inspect</title><style>"
         "body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1100px;padding:0 1rem;color:#1d232b}"
@@ -114,7 +121,7 @@ def _thumbnail(episode: Episode, row: InstanceSummary) -> str:
     view = episode.views[name]
     assert view.ids is not None
     for t in sorted({row.first_frame, (row.first_frame + row.last_frame) // 2, row.last_frame}):
-        mask = view.ids(t) == row.handle
+        mask = view.ids(t) == row.instance_id
         if mask.sum() > best[0]:
             down, right = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
             top, left = max(0, down[0] - MARGIN), max(0, right[0] - MARGIN)
@@ -122,4 +129,7 @@ def _thumbnail(episode: Episode, row: InstanceSummary) -> str:
     if best[1] is None:
         return ""
     data = base64.b64encode(encode_png(best[1])).decode()
-    return f"<img alt='instance {row.handle}' src='data:image/png;base64,{data}' height={min(96, 3 * len(best[1]))}>"
+    height = min(96, 3 * len(best[1]))
+    return (
+        f"<img alt='instance {row.instance_id}' src='data:image/png;base64,{data}' height={height}>"
+    )

@@ -24,11 +24,11 @@ def reports(run: Run, folder: str = "") -> dict[str, dict[str, Any]]:
     found = {}
     for key in keys(run, folder):
         own = run.target / folder / key
-        told = report.of(own)
-        if told is None:
+        given = report.of(own)
+        if given is None:
             found_, expected = "none that can be read", "an episode of this run"
             raise BadInput(own / report.NAME, "report", found=found_, expected=expected)
-        found[key] = told
+        found[key] = given
     return found
 
 
@@ -82,7 +82,7 @@ def total(summary: Summary, run: Run) -> None:
 
 def write_card(run: Run) -> None:
     """The dataset card; it counts the episodes that are there."""
-    told = card.text(
+    given = card.text(
         run.source,
         run.adapter.name,
         reports(run),
@@ -91,7 +91,7 @@ def write_card(run: Run) -> None:
         licence=run.licence,
         ratio=run.ratio and f"{run.ratio[0]}:{run.ratio[1]}",
     )
-    write_atomic(run.target / card.NAME, told.encode())
+    write_atomic(run.target / card.NAME, given.encode())
 
 
 def _sources_warned(run: Run, summary: Summary) -> None:

@@ -78,7 +78,7 @@ class Region:
     name: str
     tier: int
     error: Error
-    handles: frozenset[int] = frozenset()  # of no use for `everything`
+    instance_ids: frozenset[int] = frozenset()  # of no use for `everything`
     lower: Error | None = None
     met: bool | None = None
 
@@ -91,10 +91,10 @@ class Region:
         return facts if self.met is None else facts | {"met": self.met}
 
     def __str__(self) -> str:
-        told = f"{self.camera}, {self.name}: tier {self.tier}, {TIERS[self.tier]}: {self.error}"
+        given = f"{self.camera}, {self.name}: tier {self.tier}, {TIERS[self.tier]}: {self.error}"
         if self.lower is not None:
-            told += f", since the tier below gives {self.lower}"
-        return told if self.met is not False else f"{told}; misses the accuracy asked for"
+            given += f", since the tier below gives {self.lower}"
+        return given if self.met is not False else f"{given}; misses the accuracy asked for"
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Plan:
     of a video. `refine` is how many steps the edited Gaussians are tuned together, `refined` what came of it."""
 
     tier: int
-    carriers: dict[str, int]
+    representations: dict[str, int]
     bodies: bool
     regions: tuple[Region, ...] = ()
     fit: Mapping[str, Any] = field(default_factory=dict)
@@ -115,14 +115,14 @@ class Plan:
     parts: tuple[Target, ...] = ()
     modelled: bool = False
     assumed: tuple[str, ...] = ()
-    film: Mapping[str, Any] = field(default_factory=dict)
+    video: Mapping[str, Any] = field(default_factory=dict)
     refine: int = 0
     refined: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def gaussians(self) -> bool:
         """Whether anything is shown by Gaussians, or made with them."""
-        tiers = [*self.carriers.values(), *(region.tier for region in self.regions)]
+        tiers = [*self.representations.values(), *(region.tier for region in self.regions)]
         return self.modelled or any(tier >= 3 for tier in tiers)
 
     @property
@@ -130,34 +130,36 @@ class Plan:
         """Handles that Gaussians show, by camera that surfels draw."""
         shown: dict[str, frozenset[int]] = {}
         for region in self.regions:
-            if region.tier == 3 and self.carriers[region.camera] == 1:
-                shown[region.camera] = shown.get(region.camera, frozenset()) | region.handles
+            if region.tier == 3 and self.representations[region.camera] == 1:
+                shown[region.camera] = shown.get(region.camera, frozenset()) | region.instance_ids
         return shown
 
     def describe(self) -> dict[str, Any]:
         """Plain values for the report and for people."""
-        carriers = {name: f"tier {tier}, {TIERS[tier]}" for name, tier in self.carriers.items()}
+        representations = {
+            name: f"tier {tier}, {TIERS[tier]}" for name, tier in self.representations.items()
+        }
         regions = [region.describe() for region in self.regions]
         facts: dict[str, Any] = {
             "tier": self.tier,
-            "carriers": carriers,
+            "carriers": representations,
             "bodies": self.bodies,
             "regions": regions,
         }
         facts |= {"fit": dict(self.fit)} if self.fit else {}
         facts |= {"assumed": list(self.assumed)} if self.assumed else {}
-        facts |= {"film": dict(self.film)} if self.film else {}
+        facts |= {"film": dict(self.video)} if self.video else {}
         facts |= {"refined": dict(self.refined)} if self.refined else {}
         return facts | ({"warnings": list(self.warnings)} if self.warnings else {})
 
     def cost(self, episode: Episode, copies: int) -> dict[str, float]:
         """Estimated seconds and megabytes of `copies` edited episodes."""
         seconds = SECONDS_BODIES * self.bodies + SECONDS_FIT * self.gaussians
-        seconds += SECONDS_FOUR * (4 in self.carriers.values())
+        seconds += SECONDS_FOUR * (4 in self.representations.values())
         size = 0.0
         for name, view in episode.views.items():
             megapixels = view.camera.width * view.camera.height * episode.length / 1e6
-            rate = SECONDS[self.carriers[name]] + SECONDS[3] * (name in self.blended)
+            rate = SECONDS[self.representations[name]] + SECONDS[3] * (name in self.blended)
             seconds += megapixels * (SECONDS_READ + copies * rate)
             size += copies * megapixels * BYTES_A_PIXEL
         return {"seconds": round(seconds, 1), "megabytes": round(size, 1)}
@@ -173,12 +175,14 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
     targets = [getattr(operator, "target", None) for operator in operators]
     parts = tuple(t for t in targets if isinstance(t, Target) and t.part is not None)
     targeted = any(target is not None for target in targets)
-    carrier = _carrier(geometry, tier)
-    carriers = dict.fromkeys(episode.views, carrier)
+    representation = _representation(geometry, tier)
+    representations = dict.fromkeys(episode.views, representation)
     modelled = any(operator.gaussians for operator in operators)
-    bodies = targeted or modelled or carrier > 0
+    bodies = targeted or modelled or representation > 0
     parts = tuple(dict.fromkeys(parts))
-    return Plan(tier, carriers, bodies, _whole(carriers), parts=parts, modelled=modelled)
+    return Plan(
+        tier, representations, bodies, _whole(representations), parts=parts, modelled=modelled
+    )
 
 
 def weigh(
@@ -193,14 +197,18 @@ def weigh(
     keep their tier.
     """
     found = []
-    for name, carrier in plan.carriers.items():
+    for name, representation in plan.representations.items():
         here = [one for one in measured if one.camera == name]
-        if carrier != 1 or not here:
-            error = TABLE[carrier]
+        if representation != 1 or not here:
+            error = TABLE[representation]
             met = error.meets(accuracy)
-            found.append(Region(name, EVERYTHING, carrier, error, met=met))
-        found += [_weighed(one, regions[one.region], accuracy) for one in here if carrier == 1]
-    return replace(plan, carriers=_carriers(plan.carriers, found), regions=tuple(found))
+            found.append(Region(name, EVERYTHING, representation, error, met=met))
+        found += [
+            _weighed(one, regions[one.region], accuracy) for one in here if representation == 1
+        ]
+    return replace(
+        plan, representations=_representations(plan.representations, found), regions=tuple(found)
+    )
 
 
 def fitted(plan: Plan, facts: Mapping[str, Any], measured: Sequence[Residual]) -> Plan:
@@ -223,50 +231,63 @@ def fitted(plan: Plan, facts: Mapping[str, Any], measured: Sequence[Residual]) -
         return replace(region, tier=1, error=region.lower, lower=None, met=False)
 
     regions = tuple(known(region) for region in plan.regions)
-    told = {name: facts[name] for name in FIT if name in facts}
-    return replace(plan, carriers=_carriers(plan.carriers, regions), regions=regions, fit=told)
+    given = {name: facts[name] for name in FIT if name in facts}
+    return replace(
+        plan,
+        representations=_representations(plan.representations, regions),
+        regions=regions,
+        fit=given,
+    )
 
 
 def settle(plan: Plan, scene: Scene) -> Plan:
     """The plan of one edited scene: rendered anew is only what shows a move, of its camera or of bodies."""
     edited = scene.recorded_bodies is not None
-    carriers = {}
+    representations = {}
     for name, view in scene.episode.views.items():
         moved = edited or scene.cameras[name] is not view.camera
-        carriers[name] = max(_carrier(moved, plan.tier), plan.carriers[name] if moved else 0)
+        representations[name] = max(
+            _representation(moved, plan.tier), plan.representations[name] if moved else 0
+        )
     kept = [
-        region for region in plan.regions if carriers[region.camera] == plan.carriers[region.camera]
+        region
+        for region in plan.regions
+        if representations[region.camera] == plan.representations[region.camera]
     ]
-    others = {name: tier for name, tier in carriers.items() if tier != plan.carriers[name]}
-    return replace(plan, carriers=carriers, regions=(*kept, *_whole(others)))
+    others = {
+        name: tier for name, tier in representations.items() if tier != plan.representations[name]
+    }
+    return replace(plan, representations=representations, regions=(*kept, *_whole(others)))
 
 
-def _whole(carriers: Mapping[str, int]) -> tuple[Region, ...]:
-    return tuple(Region(name, EVERYTHING, tier, TABLE[tier]) for name, tier in carriers.items())
+def _whole(representations: Mapping[str, int]) -> tuple[Region, ...]:
+    return tuple(
+        Region(name, EVERYTHING, tier, TABLE[tier]) for name, tier in representations.items()
+    )
 
 
-def _carriers(before: Mapping[str, int], regions: Sequence[Region]) -> dict[str, int]:
+def _representations(before: Mapping[str, int], regions: Sequence[Region]) -> dict[str, int]:
     """What draws each camera: Gaussians where they show all of it, surfels where they show some."""
-    carriers = {}
+    representations = {}
     for name in before:
         tiers = {region.tier for region in regions if region.camera == name}
-        carriers[name] = tiers.pop() if len(tiers) == 1 else 1
-    return carriers
+        representations[name] = tiers.pop() if len(tiers) == 1 else 1
+    return representations
 
 
 def _error(one: Residual) -> Error:
     return Error(round(one.psnr, 2), round(one.depth_mm, 3), "measured")
 
 
-def _weighed(one: Residual, handles: frozenset[int], accuracy: Accuracy) -> Region:
+def _weighed(one: Residual, instance_ids: frozenset[int], accuracy: Accuracy) -> Region:
     error = TABLE[1] if one.pixels < FEWEST else _error(one)
     met = error.meets(accuracy)
     if met or error.known != "measured" or not TABLE[3].meets(accuracy):
-        return Region(one.camera, one.region, 1, error, handles, met=met)
-    return Region(one.camera, one.region, 3, TABLE[3], handles, lower=error, met=True)
+        return Region(one.camera, one.region, 1, error, instance_ids, met=met)
+    return Region(one.camera, one.region, 3, TABLE[3], instance_ids, lower=error, met=True)
 
 
-def _carrier(moved: bool, tier: int) -> int:
+def _representation(moved: bool, tier: int) -> int:
     if tier >= 3:
         return tier
     return 1 if moved or tier >= 1 else 0

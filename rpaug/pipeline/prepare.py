@@ -52,9 +52,11 @@ def _showable(scene: Scene, operator: Operator, edit: Edit) -> None:
     if not flat or not operator.effect & planning.GEOMETRY:
         return
     edited = operator.apply(scene, json.loads(json.dumps(edit)))
-    carriers = planning.settle(planning.make([operator], scene.episode), edited).carriers
+    representations = planning.settle(
+        planning.make([operator], scene.episode), edited
+    ).representations
     for name in flat:
-        if carriers[name] > 0:
+        if representations[name] > 0:
             raise Unsupported(
                 f"{name} would show what its images hide, and that takes depth, which this source lacks"
             )
@@ -70,13 +72,13 @@ def _how(scene: Scene, reason: str) -> str:
     )
 
 
-def made_ready(
+def prepare_scene(
     episode: Episode,
     recipe: Recipe,
     tier: int,
     scenes: Path | None = None,
     watch: report.Stopwatch | None = None,
-    founder: Callable[[], Episode] | None = None,
+    donor: Callable[[], Episode] | None = None,
 ) -> tuple[Scene, planning.Plan]:
     """Plan and build: errors are measured if the recipe states an accuracy, Gaussians fitted if the plan has any.
 
@@ -84,18 +86,18 @@ def made_ready(
     """
     watch = watch or report.Stopwatch()
     with watch("build"):
-        scene, plan = surveyed(episode, recipe, tier)
+        scene, plan = build_and_plan(episode, recipe, tier)
     if not plan.gaussians:
         return _with_parts(scene, plan), plan
     with watch("fit"):
-        lender = _lender(founder, recipe)
-        scene, facts = _with_gaussians(scene, plan, scenes, lender)
+        donor_adapter = _lender(donor, recipe)
+        scene, facts = _with_gaussians(scene, plan, scenes, donor_adapter)
         risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
         measured = residuals.of_gaussians(scene, risen)
     return _with_parts(scene, plan), planning.fitted(plan, facts, measured)
 
 
-def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planning.Plan]:
+def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planning.Plan]:
     """The recorded scene without Gaussians, and the plan with errors measured where the recipe asks for an accuracy."""
     for operator in operators(recipe):
         operator.ready()
@@ -109,7 +111,9 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
         plan = replace(plan, warnings=found)
     if recipe.accuracy is None:
         return scene, plan
-    moved = {name: camera for name, camera in _moved(scene, recipe) if plan.carriers[name] == 1}
+    moved = {
+        name: camera for name, camera in _moved(scene, recipe) if plan.representations[name] == 1
+    }
     measured = residuals.measure(scene, moved) if moved else []
     return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
 
@@ -117,9 +121,9 @@ def surveyed(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planni
 def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
     """The recorded scene; where instances are asked for, that of a video by structure from motion if that succeeds."""
     if plan.bodies and recipe.depth_model is None and reconstruct.unplaced(episode):
-        film, why = filmed(episode, recipe.video)
-        if film is not None:
-            return film.scene(), replace(plan, film=film.describe())
+        video, why = filmed(episode, recipe.video)
+        if video is not None:
+            return video.scene(), replace(plan, video=video.describe())
         plan = replace(plan, warnings=(*plan.warnings, why))
     known = arms.for_robot(recipe.arms, episode.robot) if plan.bodies else ()
     made = build(episode, with_bodies=plan.bodies, arms=known, depth=recipe.depth_model)
@@ -146,7 +150,7 @@ def planned(episode: Episode, recipe: Recipe, tier: int) -> planning.Plan:
     alone = made.bodies and rgb_episode.lacking(episode)
     if recipe.accuracy is None and not alone:
         return made
-    scene, made = surveyed(episode, recipe, tier)
+    scene, made = build_and_plan(episode, recipe, tier)
     if alone:
         ground(scene, recipe)
     return made
@@ -171,15 +175,15 @@ def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -
     return _with_parts(scene, plan)
 
 
-def _lender(founder: Callable[[], Episode] | None, recipe: Recipe) -> Scene | None:
-    if founder is None:
+def _lender(donor: Callable[[], Episode] | None, recipe: Recipe) -> Scene | None:
+    if donor is None:
         return None
-    episode = founder()
+    episode = donor()
     return build(episode, with_bodies=True, arms=arms.for_robot(recipe.arms, episode.robot))
 
 
 def _with_gaussians(
-    scene: Scene, plan: planning.Plan, scenes: Path | None, lender: Scene | None = None
+    scene: Scene, plan: planning.Plan, scenes: Path | None, donor_adapter: Scene | None = None
 ) -> tuple[Scene, Mapping[str, Any]]:
     if isinstance(scene.back, VideoScene):
         from rpaug.gaussians import fit_video  # only here: it brings torch and the rasteriser
@@ -188,10 +192,10 @@ def _with_gaussians(
     from rpaug.gaussians import cached  # only here: it brings torch and the rasteriser
 
     fitted = cached.fitted_in_time if plan.tier >= 4 else cached.fitted
-    return fit_static_rgb.fitted(scene, lambda one: fitted(one, scenes, founder=lender))
+    return fit_static_rgb.fitted(scene, lambda one: fitted(one, scenes, donor=donor_adapter))
 
 
-def founders(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str]:
+def donors(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str]:
     """For each of these episodes that may borrow static Gaussians the one that lends them.
 
     That is the first episode of its place in its split of the whole dataset, in natural order: whatever was selected
@@ -209,9 +213,9 @@ def founders(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str
         if where is None:
             continue
         # Pixels of one split never come into another.
-        lender = first.setdefault((splits.kind(key), where), key)
-        if lender != key and key in wanted:
-            found[key] = lender
+        donor_adapter = first.setdefault((splits.kind(key), where), key)
+        if donor_adapter != key and key in wanted:
+            found[key] = donor_adapter
     return found
 
 
@@ -221,4 +225,4 @@ def _with_parts(scene: Scene, plan: planning.Plan) -> Scene:
         return scene
     from rpaug.gaussians import parts  # only here: it brings torch and the rasteriser
 
-    return parts.told(scene, plan.parts)
+    return parts.given(scene, plan.parts)

@@ -141,8 +141,8 @@ def load(path: Path, overrides: Sequence[str] = ()) -> Recipe:
     if len(data) > MAX_BYTES:
         raise BadRecipe(f"{path}: found {len(data)} bytes; expected at most {MAX_BYTES}")
     tree, lines = parse(data, str(path))
-    for told in overrides:
-        override(tree, told)
+    for given in overrides:
+        override(tree, given)
     return build(tree, name=str(path), lines=lines)
 
 

@@ -33,11 +33,11 @@ def _lines(root: yaml.Node) -> Iterator[tuple[Path_, int]]:
             waiting += [(value, (*path, i)) for i, value in enumerate(node.value)]
 
 
-def override(tree: Any, told: str) -> None:
+def override(tree: Any, given: str) -> None:
     """Apply `edits.0.color=red` to plain data. Raises BadRecipe."""
-    dotted_path, equals, text = told.partition("=")
+    dotted_path, equals, text = given.partition("=")
     if not equals or not dotted_path:
-        raise BadRecipe(f"--set {told}: expected key.path=value")
+        raise BadRecipe(f"--set {given}: expected key.path=value")
     *parents, last = dotted_path.split(".")
     here = tree
     try:
@@ -50,10 +50,10 @@ def override(tree: Any, told: str) -> None:
             here[last] = value
         else:
             raise BadRecipe(
-                f"--set {told}: {'.'.join(parents)} holds {kind_of(here)}, not a mapping or list"
+                f"--set {given}: {'.'.join(parents)} holds {kind_of(here)}, not a mapping or list"
             )
     except (ValueError, IndexError, AttributeError):
-        raise BadRecipe(f"--set {told}: no such place in the recipe, or not a value") from None
+        raise BadRecipe(f"--set {given}: no such place in the recipe, or not a value") from None
 
 
 def kind_of(value: Any) -> str:

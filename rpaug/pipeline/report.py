@@ -155,10 +155,10 @@ def encode(described: dict[str, Any]) -> bytes:
 def of(folder: Path) -> dict[str, Any] | None:
     """The report in an episode's folder; None where there is none that can be read."""
     try:
-        told = json.loads((folder / NAME).read_bytes())
+        given = json.loads((folder / NAME).read_bytes())
     except (OSError, ValueError, RecursionError):
         return None
-    return told if isinstance(told, dict) else None
+    return given if isinstance(given, dict) else None
 
 
 def synthetic(root: Path, key: str) -> bool:

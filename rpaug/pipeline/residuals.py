@@ -34,9 +34,13 @@ class Residual:
 
 def regions(scene: Scene) -> dict[str, frozenset[int]]:
     """Handles by region: each body that moves, by its handles, and everything else as the background."""
-    moving = [body.handles for body in scene.tracked if body.motion != "static"]
-    named = {f"body {', '.join(map(str, sorted(handles)))}": handles for handles in moving}
-    rest = frozenset().union(*(body.handles for body in scene.tracked)) - frozenset().union(*moving)
+    moving = [body.instance_ids for body in scene.tracked if body.motion != "static"]
+    named = {
+        f"body {', '.join(map(str, sorted(instance_ids)))}": instance_ids for instance_ids in moving
+    }
+    rest = frozenset().union(*(body.instance_ids for body in scene.tracked)) - frozenset().union(
+        *moving
+    )
     return {BACKGROUND: rest | {0}, **named}
 
 
@@ -69,8 +73,8 @@ def _by_region(
     errors = [_errors(scene.episode.views[name], t, *draw(t)) for t in _times(scene)]
     squared, off, ids = (np.concatenate(part) for part in zip(*errors, strict=True))
     found = []
-    for region, handles in regions(scene).items():
-        here = np.isin(ids, list(handles))
+    for region, instance_ids in regions(scene).items():
+        here = np.isin(ids, list(instance_ids))
         if here.any():
             depth = off[here][np.isfinite(off[here])]
             middle = 1e3 * float(np.median(depth)) if len(depth) else 0.0
@@ -110,5 +114,5 @@ def _errors(
     true = view.depth(t)
     squared = ((image / 255.0 - view.rgb(t) / 255.0) ** 2).mean(-1)
     off = np.where(true > 0, np.abs(depth.astype(np.float64) - true), np.nan)
-    handles = np.zeros(true.shape, np.int32) if view.ids is None else view.ids(t)
-    return squared.ravel(), off.ravel(), handles.ravel()
+    instance_ids = np.zeros(true.shape, np.int32) if view.ids is None else view.ids(t)
+    return squared.ravel(), off.ravel(), instance_ids.ravel()

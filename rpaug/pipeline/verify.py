@@ -87,30 +87,30 @@ def verify(
         progress(number, len(keys))
         try:
             made = adapter.read(target, key)
-            told = reports[key]
-            if told is None or not {"source", "draws"} <= told.keys():
+            given = reports[key]
+            if given is None or not {"source", "draws"} <= given.keys():
                 spoilt = (target / key / report.NAME).exists()
                 words = f"no {report.NAME} of a copy or a conversion: rpaug did not make it"
                 if spoilt:
                     words = f"{report.NAME} is spoilt: expected JSON with source and draws in it"
                 findings.append(Finding("bad", key, "report", words))
                 continue
-            if told["source"] not in known:
-                words = f"made from {told['source']}, which is not in {source}"
+            if given["source"] not in known:
+                words = f"made from {given['source']}, which is not in {source}"
                 findings.append(Finding("bad", key, "source", words))
                 continue
-            recorded = theirs.read(source, told["source"])
+            recorded = theirs.read(source, given["source"])
         except RpaugError as error:
             findings.append(Finding("bad", key, "reading", str(error)))
             continue
-        findings += _leak(key, told)
-        if told.get("converted"):
+        findings += _leak(key, given)
+        if given.get("converted"):
             times = _times(made.length, frames)
             findings += [
                 Finding(*one) for one in compare_layouts.compare(key, recorded, made, times)
             ]
         else:
-            findings += compare(key, recorded, made, told, frames)
+            findings += compare(key, recorded, made, given, frames)
         for name, episode in zip(tallies, (recorded, made), strict=True):
             tallies[name].add(episode, frames)
         findings += [Finding("note", key, "reader", words) for words in adapter.traps(made)]
@@ -123,24 +123,28 @@ def _related(
     target: Path, source: Path, reports: Iterable[dict[str, Any] | None], known: Set[str]
 ) -> None:
     """See that some episode was made from one of the source. Raises BadInput."""
-    named = [told["source"] for told in reports if told and isinstance(told.get("source"), str)]
+    named = [given["source"] for given in reports if given and isinstance(given.get("source"), str)]
     if named and not known & set(named):
         found = f"no episode that {target} was made from ({named[0]}, ...)"
         raise BadInput(source, "--against", found=found, expected="the dataset that was the source")
 
 
 def compare(
-    key: str, recorded: Episode, made: Episode, told: dict[str, Any], frames: int | None = LOOKED_AT
+    key: str,
+    recorded: Episode,
+    made: Episode,
+    given: dict[str, Any],
+    frames: int | None = LOOKED_AT,
 ) -> Iterator[Finding]:
     """What differs between an episode and its source that the edits in its report do not account for."""
-    allowed = _allowed(told)
+    allowed = _allowed(given)
     if made.length != recorded.length:
         yield Finding(
             "bad", key, "length", f"{made.length} frames, recorded were {recorded.length}"
         )
         return
     yield from _robot(key, recorded, made)
-    told_words = tuple((told.get("words") or {}).get("written", recorded.descriptions))
+    told_words = tuple((given.get("words") or {}).get("written", recorded.descriptions))
     if not allowed & Effect.WORDS and made.descriptions != told_words:
         yield Finding(
             "bad",
@@ -160,10 +164,10 @@ def compare(
     if allowed & Effect.RGB:
         times = _times(made.length, frames)
         yield from (
-            Finding(*one) for one in compare_report.compare(key, recorded, made, told, times)
+            Finding(*one) for one in compare_report.compare(key, recorded, made, given, times)
         )
     yield from _agreement(key, recorded, made, _times(made.length, frames))
-    if told.get("synthetic") and allowed & Effect.RGB and not _shown(recorded, made, frames):
+    if given.get("synthetic") and allowed & Effect.RGB and not _shown(recorded, made, frames):
         words = "no pixel differs in the frames compared, though the episode is called synthetic"
         yield Finding("note", key, "statistics", words)
 
@@ -178,10 +182,10 @@ def _shown(recorded: Episode, made: Episode, frames: int | None) -> bool:
     )
 
 
-def _allowed(told: dict[str, Any]) -> Effect:
+def _allowed(given: dict[str, Any]) -> Effect:
     """All that the edits of a report may change."""
     allowed = Effect.NONE
-    for draw in told["draws"]:
+    for draw in given["draws"]:
         if not draw.get("skipped"):
             allowed |= registry.operator(draw["op"]).effect
     return allowed
@@ -280,25 +284,25 @@ def _numbering(adapter: Adapter, keys: Sequence[str]) -> Iterator[Finding]:
 def _counts(target: Path, keys: Sequence[str]) -> Iterator[Finding]:
     """As many episodes as the run that made them counted."""
     try:
-        told = json.loads((target / report.SUMMARY).read_bytes()).get("copies")
+        given = json.loads((target / report.SUMMARY).read_bytes()).get("copies")
     except (OSError, ValueError, AttributeError):
         return
     held = sum(PurePosixPath(key).parts[0] != REJECTED for key in keys)
-    if isinstance(told, int) and told != held:
-        yield Finding("bad", ".", "counts", f"{held} episodes; {report.SUMMARY} counted {told}")
+    if isinstance(given, int) and given != held:
+        yield Finding("bad", ".", "counts", f"{held} episodes; {report.SUMMARY} counted {given}")
 
 
 def _stem(key: str) -> str:
     return key.rstrip("0123456789")
 
 
-def _leak(key: str, told: dict[str, Any]) -> Iterator[Finding]:
+def _leak(key: str, given: dict[str, Any]) -> Iterator[Finding]:
     """A copy stays in its source's split, or what is trained on has seen what is tested on."""
-    mine, theirs = splits.kind(key), splits.kind(told["source"])
-    if told.get("converted") and theirs is None:  # layouts that have splits call all of it train
+    mine, theirs = splits.kind(key), splits.kind(given["source"])
+    if given.get("converted") and theirs is None:  # layouts that have splits call all of it train
         theirs = "train" if mine else None
     if mine != theirs:
-        yield Finding("bad", key, "splits", f"made from {told['source']}, of another split")
+        yield Finding("bad", key, "splits", f"made from {given['source']}, of another split")
 
 
 def _times(length: int, frames: int | None) -> list[int]:

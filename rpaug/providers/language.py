@@ -104,19 +104,19 @@ class Endpoint:
         With a `temperature` the same question may be answered in several ways. `check` raises ValueError or RpaugError.
         Raises LanguageError when the tries are spent.
         """
-        told = [dict(message) for message in messages]
+        given = [dict(message) for message in messages]
         complaint = ""
         for attempt in range(FEW):
             self.usage.retries += attempt > 0
-            said, cut = self._patiently(self._body(told, name, schema, temperature))
+            stated, cut = self._patiently(self._body(given, name, schema, temperature))
             try:
                 if cut:
                     raise ValueError(f"it was cut off after {MOST_TOKENS} tokens; be brief")
-                return check(_json(said))
+                return check(_json(stated))
             except (ValueError, RpaugError) as error:
                 complaint = self.hidden(" ".join(str(error).split()))[: 5 * SHOWN]
-            told += [
-                {"role": "assistant", "content": said[: 20 * SHOWN]},
+            given += [
+                {"role": "assistant", "content": stated[: 20 * SHOWN]},
                 {
                     "role": "user",
                     "content": f"That cannot be used: {complaint}\nAnswer with JSON.",
@@ -149,7 +149,7 @@ class Endpoint:
             self.usage.requests += 1
             start = time.monotonic()
             try:
-                return self._said(self._posted(body))
+                return self._stated(self._posted(body))
             except _Busy as busy:
                 wait = busy.wait if busy.wait is not None else 0.5 * 2**attempt
                 if attempt == FEW - 1 or wait > LONGEST_WAIT:
@@ -208,21 +208,21 @@ class Endpoint:
         }
         raise LanguageError(f"{self.url}: status {status}: {why.get(status, 'refused')} ({shown})")
 
-    def _said(self, data: bytes) -> tuple[str, bool]:
+    def _stated(self, data: bytes) -> tuple[str, bool]:
         """The text of the first choice, and whether it was cut off. Raises LanguageError."""
         try:
             reply = json.loads(data)
             choice = reply["choices"][0]
-            said, cut = choice["message"]["content"], choice.get("finish_reason") == "length"
+            stated, cut = choice["message"]["content"], choice.get("finish_reason") == "length"
             used = reply.get("usage") or {}
             self.usage.tokens_in += int(used.get("prompt_tokens") or 0)
             self.usage.tokens_out += int(used.get("completion_tokens") or 0)
         except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
             shown = self.hidden(data[:SHOWN].decode("utf-8", "replace"))
             raise LanguageError(f"{self.url}: that is no chat completion: {shown!r}") from None
-        if not isinstance(said, str):
+        if not isinstance(stated, str):
             raise LanguageError(f"{self.url}: the model said nothing")
-        return said, cut
+        return stated, cut
 
 
 @contextlib.contextmanager
@@ -255,10 +255,10 @@ def _connection(
         connection.close()
 
 
-def _json(said: str) -> Any:
+def _json(stated: str) -> Any:
     """The JSON value of a reply. Raises ValueError."""
     try:
-        return json.loads(said)
+        return json.loads(stated)
     except RecursionError:
         raise ValueError("nested too deeply") from None
     except ValueError as error:

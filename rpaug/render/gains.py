@@ -28,21 +28,21 @@ def matched(source: Source, like: Source, tolerance: float) -> Source:
     assert like.lifted is not None
     near = source.lifted.near
     use = np.ones(near.shape, bool) if source.use is None else source.use
-    handles, ratios = _ratios(
+    instance_ids, ratios = _ratios(
         near, use, source.ids, source.rgb, intrinsics(source.K),
         relative(source.cam_to_world, like.cam_to_world),
         like.lifted.near, like.ids, like.rgb, intrinsics(like.K), tolerance,
     )  # fmt: skip
-    known = np.unique(handles)
-    return replace(source, gains=Gains(known, _medians(handles, ratios, known)))
+    known = np.unique(instance_ids)
+    return replace(source, gains=Gains(known, _medians(instance_ids, ratios, known)))
 
 
 @kernel
-def _medians(handles, ratios, known):
+def _medians(instance_ids, ratios, known):
     """Per known handle and channel, the median ratio; 0 among the ratios says nothing."""
     gains = np.ones((len(known), 3), np.float32)
     for k in range(len(known)):
-        rows = np.flatnonzero(handles == known[k])
+        rows = np.flatnonzero(instance_ids == known[k])
         for channel in range(3):
             found = ratios[rows, channel]
             found = found[found > 0]
@@ -55,7 +55,7 @@ def _medians(handles, ratios, known):
 def _ratios(near, use, ids, rgb, lens, pose, like_near, like_ids, like_rgb, like_lens, tolerance):
     """Handle, and colour there / colour here of each point that both images show."""
     most = ((near.shape[0] + STRIDE - 1) // STRIDE) * ((near.shape[1] + STRIDE - 1) // STRIDE)
-    handles, ratios = np.zeros(most, np.int32), np.zeros((most, 3), np.float32)
+    instance_ids, ratios = np.zeros(most, np.int32), np.zeros((most, 3), np.float32)
     count = 0
     for row in range(0, near.shape[0], STRIDE):
         for column in range(0, near.shape[1], STRIDE):
@@ -72,10 +72,10 @@ def _ratios(near, use, ids, rgb, lens, pose, like_near, like_ids, like_rgb, like
                 continue
             if abs(like_near[i, j] * ahead - here) > tolerance * here:
                 continue
-            handles[count] = ids[row, column]
+            instance_ids[count] = ids[row, column]
             for channel in range(3):
                 one, other = like_rgb[i, j, channel], rgb[row, column, channel]
                 if one >= DARKEST and other >= DARKEST:
                     ratios[count, channel] = one / other
             count += 1
-    return handles[:count], ratios[:count]
+    return instance_ids[:count], ratios[:count]

@@ -106,10 +106,12 @@ def _vote(ids, hole, rows, columns, ends, away, plane):
             best, most = -1, 0
             for axis in range(4):
                 if away[n, axis] < np.inf:
-                    handle = ids[ends[n, axis, 0], ends[n, axis, 1]]
-                    votes = _count(before, rows[n], columns[n], handle)
-                    if votes > most or (votes == most and handle == before[rows[n], columns[n]]):
-                        best, most = handle, votes
+                    instance_id = ids[ends[n, axis, 0], ends[n, axis, 1]]
+                    votes = _count(before, rows[n], columns[n], instance_id)
+                    if votes > most or (
+                        votes == most and instance_id == before[rows[n], columns[n]]
+                    ):
+                        best, most = instance_id, votes
             if most:
                 chosen[n] = _cheapest(ids, ends[n], away[n], plane[n], best)
                 thing[rows[n], columns[n]] = best
@@ -117,23 +119,23 @@ def _vote(ids, hole, rows, columns, ends, away, plane):
 
 
 @kernel
-def _count(thing, row, column, handle):
+def _count(thing, row, column, instance_id):
     votes = 0
     for i in range(max(0, row - REACH), min(thing.shape[0], row + REACH + 1)):
         for j in range(max(0, column - REACH), min(thing.shape[1], column + REACH + 1)):
-            votes += thing[i, j] == handle
+            votes += thing[i, j] == instance_id
     return votes
 
 
 @kernel
-def _cheapest(ids, ends, away, plane, handle):
+def _cheapest(ids, ends, away, plane, instance_id):
     """The walk of least length * (1/z) ** FARNESS, among those that end on `handle` (-1: any); -1 if none."""
     best, chosen = np.inf, -1
     farthest = plane.min()
     for axis in range(4):
         if not away[axis] < np.inf:
             continue
-        if handle >= 0 and ids[ends[axis, 0], ends[axis, 1]] != handle:
+        if instance_id >= 0 and ids[ends[axis, 0], ends[axis, 1]] != instance_id:
             continue
         nearness = (
             1.0 if plane[axis] == farthest else plane[axis] / max(farthest, 1e-3 * plane[axis])
@@ -150,11 +152,11 @@ def _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen):
         if chosen[n] < 0:
             continue
         row, column, layer = rows[n], columns[n], plane[n, chosen[n]]
-        handle = ids[ends[n, chosen[n], 0], ends[n, chosen[n], 1]]
+        instance_id = ids[ends[n, chosen[n], 0], ends[n, chosen[n], 1]]
         total = red = green = blue = 0.0
         for axis in range(4):
             i, j = ends[n, axis]
-            same = away[n, axis] < np.inf and ids[i, j] == handle
+            same = away[n, axis] < np.inf and ids[i, j] == instance_id
             if same and abs(plane[n, axis] - layer) <= SAME_LAYER * layer:
                 weight = 1.0 / away[n, axis] ** 2
                 total += weight
@@ -164,5 +166,5 @@ def _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen):
         rgb[row, column, 0], rgb[row, column, 1] = red / total, green / total
         rgb[row, column, 2] = blue / total
         near[row, column] = layer
-        ids[row, column] = handle
+        ids[row, column] = instance_id
         hole[row, column] = False

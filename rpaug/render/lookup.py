@@ -12,7 +12,7 @@ ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel
 
 @kernel
 def add_colour(
-    rgb, ids, near, use, handles, factors, lens, back, target, index, tolerance, nearest, source, pixel, won, out,
+    rgb, ids, near, use, instance_ids, factors, lens, back, target, index, tolerance, nearest, source, pixel, won, out,
     total,
 ):  # fmt: skip
     """Add this source's colour to each pixel that it won, or that another but the first won and it shows too."""
@@ -23,7 +23,7 @@ def add_colour(
             winner = source[v, u]
             if winner != index and (winner <= 0 or index == 0 or total[v, u] >= BLENDED):
                 continue
-            handle = won[v, u]
+            instance_id = won[v, u]
             x, y, ahead = map_pixel(u, v, nearest[v, u], target, back, lens)
             if winner == index:
                 row, column = pixel[v, u] // width, pixel[v, u] % width
@@ -34,7 +34,7 @@ def add_colour(
                 off = abs(near[row, column] * ahead - nearest[v, u])
                 if (
                     not use[row, column]
-                    or ids[row, column] != handle
+                    or ids[row, column] != instance_id
                     or off > tolerance * nearest[v, u]
                 ):
                     continue
@@ -44,8 +44,8 @@ def add_colour(
             else:
                 _between(rgb, ids, x, y, row, column, across, along, found)
             gain = -1
-            for k in range(len(handles)):
-                if handles[k] == handle:
+            for k in range(len(instance_ids)):
+                if instance_ids[k] == instance_id:
                     gain = k
             for channel in range(3):
                 scale = factors[gain, channel] if gain >= 0 else 1.0

@@ -31,7 +31,7 @@ BEYOND = 1 << 16  # added to the rank of what reaches past its own pixel: later 
 class Gains:
     """Factors on the colours of some handles."""
 
-    handles: Int32[np.ndarray, "n"]
+    instance_ids: Int32[np.ndarray, "n"]
     factors: Float32[np.ndarray, "n 3"]
 
 
@@ -137,7 +137,7 @@ def render(
         assert each.lifted is not None
         use = np.ones(each.ids.shape, bool) if each.use is None else each.use
         add_colour(
-            each.rgb, each.ids, each.lifted.near, use, each.gains.handles, each.gains.factors, intrinsics(each.K),
+            each.rgb, each.ids, each.lifted.near, use, each.gains.instance_ids, each.gains.factors, intrinsics(each.K),
             relative(cam_to_world, each.cam_to_world), target, index, tolerance, nearest, source, pixel, ids, rgb,
             weight,
         )  # fmt: skip

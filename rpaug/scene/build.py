@@ -61,6 +61,6 @@ def _untracked(episode: Episode) -> tuple[Body, ...]:
     for _, _, _, ids in sampling.images(episode, SAMPLED):
         found |= set() if ids is None else set(np.unique(ids).tolist())
     return tuple(
-        Body(frozenset([handle]), still, "unknown", ambiguous=True)
-        for handle in sorted(found - {0})
+        Body(frozenset([instance_id]), still, "unknown", ambiguous=True)
+        for instance_id in sorted(found - {0})
     )

@@ -36,7 +36,7 @@ class SampledFrames:
     normals: Float32[np.ndarray, "s c h w 3"]
 
     @property
-    def handles(self) -> Int32[np.ndarray, "n"]:
+    def instance_ids(self) -> Int32[np.ndarray, "n"]:
         """Every handle seen, ascending; 0 is not one."""
         found = np.unique(self.ids)
         return found[found > 0]

@@ -36,7 +36,7 @@ def save(path: Path, scene: Scene, surfels: Surfels | None) -> None:
     facts: dict[str, Any] = {
         "version": VERSION,
         "bodies": [_body(body, arrays) for body in scene.bodies],
-        "roles": {name: sorted(handles) for name, handles in scene.roles.items()},
+        "roles": {name: sorted(instance_ids) for name, instance_ids in scene.roles.items()},
         "surfels": _surfels(surfels, arrays) if surfels else None,
     }
     stream = io.BytesIO()
@@ -67,7 +67,7 @@ def load(path: Path, bare: Scene) -> tuple[Scene, Surfels | None] | None:
         raise BadInput(
             path, "scene", found=f"{error}"[:120], expected="a file of prepared scenes; delete it"
         ) from None
-    roles = {name: frozenset(handles) for name, handles in facts["roles"].items()}
+    roles = {name: frozenset(instance_ids) for name, instance_ids in facts["roles"].items()}
     return replace(bare, bodies=bodies, roles=roles), kept
 
 
@@ -85,7 +85,7 @@ def size(surfels: Surfels | None) -> int:
 
 def _body(body: Body, arrays: Arrays) -> dict[str, Any]:
     return {
-        "handles": sorted(map(int, body.handles)),
+        "handles": sorted(map(int, body.instance_ids)),
         "to_world": _put(arrays, body.to_world),
         "motion": body.motion,
         "reference": int(body.reference),
@@ -103,7 +103,7 @@ def _surfels(surfels: Surfels, arrays: Arrays) -> dict[str, Any]:
         "history": {name: [*map(put, past)] for name, past in surfels.history.items()},
         "parts": [
             {
-                "handles": sorted(map(int, part.handles)),
+                "handles": sorted(map(int, part.instance_ids)),
                 "to_world": _put(arrays, part.to_world),
                 "source": put(part.source),
             }
@@ -159,7 +159,7 @@ def _sources(surfels: Surfels) -> list[Source]:
 def _put(arrays: Arrays, array: np.ndarray) -> str:
     """Keep an array once, whoever refers to it; its name is its content's."""
     held = np.ascontiguousarray(array)
-    said = f"{held.dtype.str}{held.shape}".encode()
-    name = hashlib.sha256(said + held.tobytes()).hexdigest()[:24]
+    stated = f"{held.dtype.str}{held.shape}".encode()
+    name = hashlib.sha256(stated + held.tobytes()).hexdigest()[:24]
     arrays[name] = held
     return name

@@ -87,14 +87,14 @@ class Scenes:
         masked = all(view.ids and view.depth for view in episode.views.values())
         plain = masked and plan.bodies and not plan.parts and not plan.gaussians
         if self.folder is None or not plain or self.recipe.accuracy:
-            return *prepare.made_ready(episode, self.recipe, self.tier, self.folder), None
+            return *prepare.prepare_scene(episode, self.recipe, self.tier, self.folder), None
         arms = [path.read_bytes().hex() for path in self.recipe.arms]
         name = store.key(bare, {"prepared": prepared.VERSION, "arms": arms}, 0)
         path = self.folder / f"{name}{prepared.ENDING}"
-        moved = 1 in plan.carriers.values()
+        moved = 1 in plan.representations.values()
         found = prepared.load(path, bare)
         if found is None or (moved and found[1] is None):
-            scene, plan = prepare.made_ready(episode, self.recipe, self.tier)
+            scene, plan = prepare.prepare_scene(episode, self.recipe, self.tier)
             found = scene, surfels.recorded(scene) if moved else None
             prepared.save(path, *found)
         return found[0], plan, found[1]

@@ -23,7 +23,7 @@ from rpaug.twin.roaming import roamed
 from rpaug.twin.soft_tasks import SOFT_TASKS
 from rpaug.twin.staging import StagedTask
 from rpaug.twin.tasks import TASKS
-from rpaug.twin.truth import Truth, changed_tints, laid, mean_albedos
+from rpaug.twin.truth import Truth, changed_clusters, laid, mean_albedos
 from rpaug.twin.world import Part, World
 
 LARGEST = 2048  # pixels a side
@@ -93,7 +93,7 @@ def perform(
         bodies={b.name: tuple(world.handles[p.name] for p in b.parts) for b in world.bodies},
         key_frames=motion.keys,
         factor=factor,
-        tints=changed_tints(world, old, new),
+        tints=changed_clusters(world, old, new),
         albedos=mean_albedos(world, new),
         old=old,
         new=new,
@@ -104,7 +104,7 @@ def perform(
     )
     made = Episode(
         key=f"{task}/all_variations/episodes/episode{episode}",
-        views=_film(world, new, motion, shapes, size),
+        views=_video(world, new, motion, shapes, size),
         robot=_robot(motion),
         descriptions=job.descriptions,
         length=motion.length,
@@ -173,7 +173,7 @@ def record(
     return takes
 
 
-def _film(
+def _video(
     world: World,
     look: Look,
     motion: Motion,

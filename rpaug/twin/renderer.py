@@ -42,7 +42,7 @@ class Renderer:
         self.size = size
         self.model = mjcf.compile_model(world, look, size)
         self.data = mujoco.MjData(self.model)
-        self._handles = mjcf.part_of_geoms(self.model, world, look)
+        self._instance_ids = mjcf.part_of_geoms(self.model, world, look)
         self._soft = mjcf.part_of_flexes(self.model, world)
         self._scene = mujoco.MjvScene(self.model, maxgeom=self.model.ngeom + self.model.nflex + 8)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = look.shadows
@@ -136,14 +136,14 @@ class Renderer:
         for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
             self._scene.flags[flag] = False
         number = self._rgb[::-1].astype(np.int32) @ (1, 1 << 8, 1 << 16)
-        ids = np.array([0, *map(self._handle, range(self._scene.ngeom))], np.int32)[number]
+        ids = np.array([0, *map(self._instance_id, range(self._scene.ngeom))], np.int32)[number]
         # Reversed depth is 1 at near and 0 at far: solved for z in double, as 32-bit floats are
         # densest at far.
         z = near * far / (near + self._depth[::-1].astype(np.float64) * (far - near))
         return np.where(ids > 0, z, 0).astype(np.float32), ids
 
-    def _handle(self, drawn: int) -> int:
+    def _instance_id(self, drawn: int) -> int:
         """The handle of one thing in OpenGL's list."""
         thing = self._scene.geoms[drawn]
         bends = thing.objtype == mujoco.mjtObj.mjOBJ_FLEX
-        return int((self._soft if bends else self._handles)[thing.objid])
+        return int((self._soft if bends else self._instance_ids)[thing.objid])

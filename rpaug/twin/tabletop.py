@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from rpaug.core import geometry
 from rpaug.twin import panda, textures
-from rpaug.twin.world import WHITE, Geom, Part, TwinBody, World, draw_handles
+from rpaug.twin.world import WHITE, Geom, Part, TwinBody, World, draw_instance_ids
 
 TABLE = 0.752  # metres, the height of RLBench's table
 ARM = panda.Panda(geometry.rigid(np.zeros(3), np.array([-0.29, 0.0, TABLE])))
@@ -54,7 +54,7 @@ def build(
         ),
         *(TwinBody(part.name, (part,)) for part in soft),
     )
-    return World(bodies, _pictures(texture_seed), draw_handles(bodies, rng))
+    return World(bodies, _pictures(texture_seed), draw_instance_ids(bodies, rng))
 
 
 def upright(x: float, y: float, height: float = 0.0, yaw: float = 0.0) -> Float[np.ndarray, "4 4"]:
@@ -113,7 +113,7 @@ def _room() -> TwinBody:
 def _cabinet(pose: Float[np.ndarray, "4 4"]) -> tuple[TwinBody, TwinBody]:
     """A box that is open in the upper front, and the drawer in it; x is the way the drawer opens, z = 0 its foot."""
     d, w, h, t = DEPTH / 2, WIDTH / 2, HEIGHT, WALL / 2
-    shelf = 0.10
+    image_cache = 0.10
 
     def board(half: tuple[float, float, float], middle: tuple[float, float, float]) -> Geom:
         return Geom("box", half, middle, texture="oak")
@@ -124,10 +124,10 @@ def _cabinet(pose: Float[np.ndarray, "4 4"]) -> tuple[TwinBody, TwinBody]:
         board((d, t, h / 2 - WALL), (0, w - t, h / 2)),
         board((d, t, h / 2 - WALL), (0, t - w, h / 2)),
         board((t, w - WALL, h / 2 - WALL), (t - d, 0, h / 2)),
-        board((d - WALL, w - WALL, t), (t, 0, shelf - t)),
-        board((t, w - WALL, shelf / 2 - WALL), (d - t, 0, shelf / 2)),
+        board((d - WALL, w - WALL, t), (t, 0, image_cache - t)),
+        board((t, w - WALL, image_cache / 2 - WALL), (d - t, 0, image_cache / 2)),
     )
-    gap, low, high = 0.004, shelf + 0.004, h - WALL - 0.016
+    gap, low, high = 0.004, image_cache + 0.004, h - WALL - 0.016
     side = w - WALL - gap - t
     tray = (
         board((t, w - 0.002, 0.052), (d + t + 0.001, 0, 0.152)),

@@ -108,7 +108,7 @@ class World:
         return next(part for body in self.bodies for part in body.parts if part.name == name)
 
 
-def draw_handles(bodies: tuple[TwinBody, ...], rng: np.random.Generator) -> dict[str, int]:
+def draw_instance_ids(bodies: tuple[TwinBody, ...], rng: np.random.Generator) -> dict[str, int]:
     """A positive integer for each part, unlike for every seed, as a simulator numbers its objects."""
     names = [part.name for body in bodies for part in body.parts]
     numbers = rng.choice(np.arange(8, 250), len(names), replace=False)

@@ -32,11 +32,11 @@ def dataset(folder: Path) -> Path:
         "video_start_frame": 6, "video_end_frame": 12,
     }  # fmt: skip
     (home / "ego4d.json").write_text(json.dumps({"videos": [video], "clips": [clip]}))
-    told = [
+    given = [
         {"timestamp_sec": 0.1, "timestamp_frame": 3, "narration_text": "#C C picks the pan", "annotation_uid": "a"},
         {"timestamp_sec": 0.3, "timestamp_frame": 9, "narration_text": "#C C stirs #unsure", "annotation_uid": "b"},
     ]  # fmt: skip
-    narrations = {UID: {"narration_pass_1": {"narrations": told, "summaries": []}}}
+    narrations = {UID: {"narration_pass_1": {"narrations": given, "summaries": []}}}
     (home / "annotations" / "narration.json").write_text(json.dumps(narrations))
     boxes = [{"left_hand": [1, 2, 3, 4]}]
     moments = {"pre_frame": {"frame": 7, "clip_frame": 1, "boxes": boxes}}
@@ -230,11 +230,11 @@ def test_annotations_get_the_new_names(tmp_path: Path) -> None:
 
 def test_clips_are_cut_by_time_and_by_annotation(tmp_path: Path) -> None:
     root = dataset(tmp_path / "in")
-    told = [
+    given = [
         f"  - {{video: {UID}, start: 0.1, end: 0.2}}",
         f"  - {{video: {UID}, annotation: b, margin: 0.05}}",
     ]
-    (root / "v2/full_scale/clips.yaml").write_text("clips:\n" + "\n".join(told))
+    (root / "v2/full_scale/clips.yaml").write_text("clips:\n" + "\n".join(given))
     adapter = Ego4D()
     first, second = [key for key in adapter.episodes(root) if "cut" in key]
     whole = Video(root / f"v2/full_scale/{UID}.mp4")

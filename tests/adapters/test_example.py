@@ -64,7 +64,7 @@ def test_damage_is_an_error_in_words_or_harmless(features: dict, data: st.DataOb
         if whole:
             whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
     cut = data.draw(st.integers(0, len(whole)))
-    told = None
+    given = None
     try:
         parsed = Example("here", bytes(whole[:cut]))
         for name, feature in parsed.features.items():
@@ -73,8 +73,8 @@ def test_damage_is_an_error_in_words_or_harmless(features: dict, data: st.DataOb
             elif feature.kind:
                 parsed.numbers(name)
     except BadInput as error:
-        told = str(error)
-    assert told is None or told.startswith("here: ")
+        given = str(error)
+    assert given is None or given.startswith("here: ")
 
 
 def test_a_length_beyond_the_record_is_not_allocated() -> None:

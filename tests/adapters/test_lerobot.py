@@ -90,10 +90,10 @@ def test_an_edit_changes_its_camera_alone(recorded: Path, tmp_path: Path) -> Non
         assert np.abs(dark - before.views["front"].rgb(t) // 2).mean() < 3
         for name in ("wrist", "image"):
             assert np.array_equal(after.views[name].rgb(t), before.views[name].rgb(t))
-    told = json.loads((tmp_path / "toy/meta/stats.json").read_text())
+    given = json.loads((tmp_path / "toy/meta/stats.json").read_text())
     values = [adapter.read(tmp_path, f"toy/train/{i}").robot.extra["action"] for i in range(3)]
-    assert np.allclose(told["action"]["mean"], np.concatenate(values).mean(0))
-    assert np.allclose(told["action"]["std"], np.concatenate(values).std(0))
+    assert np.allclose(given["action"]["mean"], np.concatenate(values).mean(0))
+    assert np.allclose(given["action"]["std"], np.concatenate(values).std(0))
     tables = sorted((tmp_path / "toy/data").rglob("*.parquet"))
     held = [row for path in tables for row in pq.read_table(path).to_pylist()]
     assert [row["index"] for row in held] == list(range(11))

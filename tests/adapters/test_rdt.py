@@ -36,12 +36,12 @@ def jpeg(rgb: np.ndarray) -> bytes:
 def dataset(folder: Path) -> Path:
     """Two episodes among others in one folder, as RDT has them; every way to store images is there."""
     (folder / "pour").mkdir(parents=True)
-    told = {
+    given = {
         "instruction": "pour the water",
         "simplified_instruction": ["pour"],
         "expanded_instruction": ["pour it"],
     }
-    (folder / "pour" / WORDS).write_text(json.dumps(told))
+    (folder / "pour" / WORDS).write_text(json.dumps(given))
     for i in range(2):
         with h5py.File(folder / "pour" / f"episode_{i}.hdf5", "w") as file:
             file.attrs["sim"] = False
@@ -121,8 +121,8 @@ def test_an_edit_keeps_how_images_are_stored(tmp_path: Path) -> None:
 def test_depth_and_cameras_by_the_side_file(tmp_path: Path) -> None:
     root = dataset(tmp_path / "in")
     camera = {"field_of_view": 60, "depth": "observations/images_depth/cam_high", "metres": 0.001}
-    told = {"cameras": {"cam_high": camera}, "views": ["cam_high", "cam_right_wrist"]}
-    (root / "pour/cameras.yaml").write_text(yaml.safe_dump(told))
+    given = {"cameras": {"cam_high": camera}, "views": ["cam_high", "cam_right_wrist"]}
+    (root / "pour/cameras.yaml").write_text(yaml.safe_dump(given))
     episode = RDT().read(root, KEY)
     view = episode.views["cam_high"]
     assert list(episode.views) == ["cam_high", "cam_right_wrist"]
@@ -230,11 +230,11 @@ def test_colours_that_lie_elsewhere_are_named_by_the_side_file(tmp_path: Path) -
     path = root / "pour/episode_0.hdf5"
     with h5py.File(path, "r+") as file:
         file.move("observations/images/cam_high", "observations/rgb/outside")
-    told = {
+    given = {
         "images": {"third_person": "observations/rgb/outside"},
         "views": ["third_person", "raw"],
     }
-    (root / "pour/cameras.yaml").write_text(yaml.safe_dump(told))
+    (root / "pour/cameras.yaml").write_text(yaml.safe_dump(given))
     episode = RDT().read(root, KEY)
     assert list(episode.views) == ["raw", "third_person"]
     dark = replace(episode.views["third_person"], rgb=lambda t: picture(t) // 2)
@@ -242,8 +242,8 @@ def test_colours_that_lie_elsewhere_are_named_by_the_side_file(tmp_path: Path) -
     RDT().write(edited, tmp_path / "out", KEY, dict)
     again = RDT().read(tmp_path / "out", KEY)
     assert np.abs(again.views["third_person"].rgb(1).astype(int) - picture(1) // 2).mean() < 4
-    told["images"] = {"third_person": "observations/rgb/nowhere"}
-    (root / "pour/cameras.yaml").write_text(yaml.safe_dump(told))
+    given["images"] = {"third_person": "observations/rgb/nowhere"}
+    (root / "pour/cameras.yaml").write_text(yaml.safe_dump(given))
     with pytest.raises(BadInput, match=r"images\.third_person: found observations/rgb/nowhere"):
         RDT().read(root, KEY)
 
@@ -297,7 +297,7 @@ def test_a_single_arm_with_two_rgbd_cameras(tmp_path: Path) -> None:
     def camera(name: str, **where: object) -> dict:
         return {"K": K, "depth": f"observations/images_depth/{name}", "metres": 0.001, **where}
 
-    told = {
+    given = {
         "version": 1,
         "views": ["cam_high", "cam_right_wrist"],
         "cameras": {
@@ -310,7 +310,7 @@ def test_a_single_arm_with_two_rgbd_cameras(tmp_path: Path) -> None:
         },
         "joints": "observations/joints",
     }  # fmt: skip
-    (tmp_path / "arm/cameras.yaml").write_text(yaml.safe_dump(told))
+    (tmp_path / "arm/cameras.yaml").write_text(yaml.safe_dump(given))
     episode = RDT().read(tmp_path, "arm/episode_0")
     wrist = episode.views["cam_right_wrist"]
     assert np.array_equal(wrist.camera.cam_to_world, poses)

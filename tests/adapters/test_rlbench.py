@@ -294,8 +294,8 @@ def test_colosseums_own_layout(dataset: Path, tmp_path: Path) -> None:
     (episode / "variation_number.pkl").unlink()
     (place / "save_state.pkl").write_bytes(b"cos\nsystem\n(S'true'\ntR.")  # never opened
     for path in episode.glob("*_mask/*.png"):
-        handles = RLBench().read(dataset, KEY).views[path.parent.name[:-5]].ids(int(path.stem))
-        path.write_bytes(encode_png((handles * 255 % 256).astype(np.uint8)))
+        instance_ids = RLBench().read(dataset, KEY).views[path.parent.name[:-5]].ids(int(path.stem))
+        path.write_bytes(encode_png((instance_ids * 255 % 256).astype(np.uint8)))
     for kind in ("rgb", "depth", "mask"):
         shutil.rmtree(episode / f"overhead_{kind}", ignore_errors=True)
     adapter, key = RLBench(), "slide_block_to_target_3/variation0/episodes/episode0"

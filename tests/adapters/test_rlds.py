@@ -42,12 +42,12 @@ def copied(source: Path, target: Path, keys: list[str]) -> None:
 def calibrated(root: Path, depth: str, metres: float = 1.0) -> Path:
     pose = [[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]]
     camera = {"field_of_view": 60, "cam_to_world": pose, "depth": depth, "metres": metres}
-    told = {
+    given = {
         "version": 1,
         "cameras": {"image": camera},
         "gripper": {"key": "observation/state"},
     }
-    (root / "toy/1.0.0/cameras.yaml").write_text(yaml.safe_dump(told))
+    (root / "toy/1.0.0/cameras.yaml").write_text(yaml.safe_dump(given))
     return root
 
 
@@ -266,8 +266,8 @@ def test_images_may_be_named_by_the_side_file(tmp_path: Path) -> None:
     root = dataset(tmp_path)
     before = RLDS().read(root, RLDS().episodes(root)[0])
     name, leaf = next(iter(before.source.images.items()))
-    told = {"images": {"hand": leaf.key.removeprefix("steps/")}, "views": ["hand"]}
-    (root / "toy/1.0.0/cameras.yaml").write_text(yaml.safe_dump(told))
+    given = {"images": {"hand": leaf.key.removeprefix("steps/")}, "views": ["hand"]}
+    (root / "toy/1.0.0/cameras.yaml").write_text(yaml.safe_dump(given))
     after = RLDS().read(root, RLDS().episodes(root)[0])
     assert list(after.views) == ["hand"]
     assert np.array_equal(after.views["hand"].rgb(0), before.views[name].rgb(0))

@@ -110,10 +110,10 @@ def test_the_command_writes_what_it_measured(tmp_path):
     assert done.exit_code == 0, done.output
     assert "CIELAB in the mask" in done.stdout
     described = json.loads((out / "edits.json").read_text())
-    told = described["summary"][0]
-    assert (told["method"], told["seeds"], told["outside_worst"]) == (TOLD, 2, 0)
-    assert told["psnr_worst"] <= told["psnr"]
-    assert told["lead"] > 3
+    given = described["summary"][0]
+    assert (given["method"], given["seeds"], given["outside_worst"]) == (TOLD, 2, 0)
+    assert given["psnr_worst"] <= given["psnr"]
+    assert given["lead"] > 3
     names = {path.name for path in out.iterdir()}
     assert names == {"edits.csv", "edits.json", "edits.html", "edits.png", "edits-object_color.png"}
     rows = list(csv.DictReader((out / "edits.csv").read_text().splitlines()))

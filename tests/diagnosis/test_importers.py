@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from rollouts import film
+from rollouts import video
 
 from rpaug.core.errors import BadInput
 from rpaug.diagnosis import read
@@ -14,7 +14,7 @@ HEAD = "task,success rate,length,total_transitions\n"
 
 def rvt(folder: Path, rate: str = "50.0") -> Path:
     for how in ("success", "fail"):
-        film(folder / "videos" / f"push_buttons_{how}_0.mp4", [10, 20, 30, 40])
+        video(folder / "videos" / f"push_buttons_{how}_0.mp4", [10, 20, 30, 40])
     (folder / "eval_results.csv").write_text(f"{HEAD}push_buttons,{rate},4.5,9\n")
     return folder
 
@@ -56,7 +56,7 @@ def test_a_wrong_table_is_told(tmp_path: Path, table: str, words: str) -> None:
 
 def lerobot(folder: Path, info: object) -> Path:
     for name in ("eval_episode_0.mp4", "pusht_0/eval_episode_0.mp4", "pusht_0/eval_episode_1.mp4"):
-        film(folder / "videos" / name, [10, 30])
+        video(folder / "videos" / name, [10, 30])
     (folder / "eval_info.json").write_text(json.dumps(info))
     return folder
 

@@ -22,7 +22,7 @@ GOOD = {
 }
 
 
-def said(tmp_path: Path, *rows: object) -> Path:
+def stated(tmp_path: Path, *rows: object) -> Path:
     (tmp_path / "a.png").write_bytes(encode_png(np.zeros((8, 8, 3), np.uint8)))
     path = tmp_path / "eval.jsonl"
     path.write_text("".join((r if isinstance(r, str) else json.dumps(r)) + "\n" for r in rows))
@@ -49,7 +49,7 @@ def test_masks_poses_and_roles_are_read(tmp_path: Path) -> None:
         "masks": {"front": "m.png"},
         "poses": {"front": np.eye(4).tolist()},
     }
-    found = read(said(tmp_path, GOOD | {"frames": [moment], "roles": {"manipulated": [513]}}))
+    found = read(stated(tmp_path, GOOD | {"frames": [moment], "roles": {"manipulated": [513]}}))
     shot = found.rollouts[0].shots["front"][3]
     assert shot.ids is not None
     assert shot.ids()[2, 3] == 513
@@ -82,7 +82,7 @@ def test_masks_poses_and_roles_are_read(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told(tmp_path: Path, row: object, field: str) -> None:
-    path = said(tmp_path, GOOD | {"episode": "before"}, row)
+    path = stated(tmp_path, GOOD | {"episode": "before"}, row)
     with pytest.raises(BadInput) as caught:
         read(path)
     assert caught.value.where == f"{path}:2"
@@ -92,13 +92,13 @@ def test_what_is_wrong_is_told(tmp_path: Path, row: object, field: str) -> None:
 
 def test_a_name_is_given_once(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="line 1"):
-        read(said(tmp_path, GOOD, GOOD))
+        read(stated(tmp_path, GOOD, GOOD))
 
 
 def test_a_link_that_leads_out_is_refused(tmp_path: Path) -> None:
     inner = tmp_path / "inner"
     inner.mkdir()
-    path = said(inner, GOOD | {"frames": [{"t": 0, "images": {"front": "link.png"}}]})
+    path = stated(inner, GOOD | {"frames": [{"t": 0, "images": {"front": "link.png"}}]})
     (tmp_path / "out.png").write_bytes(b"")
     (inner / "link.png").symlink_to(tmp_path / "out.png")
     with pytest.raises(BadInput, match="inside the folder"):
@@ -107,15 +107,15 @@ def test_a_link_that_leads_out_is_refused(tmp_path: Path) -> None:
 
 def test_nothing_and_too_much_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="rollouts: found none"):
-        read(said(tmp_path, ""))
+        read(stated(tmp_path, ""))
     with pytest.raises(BadInput, match="at most"):
-        read(said(tmp_path, GOOD | {"metadata": {"x": "y" * jsonl.MOST_LINE}}))
+        read(stated(tmp_path, GOOD | {"metadata": {"x": "y" * jsonl.MOST_LINE}}))
     with pytest.raises(BadInput, match="found nothing"):
         read(tmp_path / "none.jsonl")
 
 
 def test_a_damaged_picture_is_told_when_it_is_looked_at(tmp_path: Path) -> None:
-    path = said(tmp_path, GOOD)
+    path = stated(tmp_path, GOOD)
     (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\nrubbish")
     with pytest.raises(BadInput, match=r"a\.png"):
         read(path).rollouts[0].shots["front"][0].image()

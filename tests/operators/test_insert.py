@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tabletop import handle, scene, take
+from tabletop import instance_id, scene, take
 
 from rpaug.assets import library
 from rpaug.compose import inserted
@@ -40,7 +40,7 @@ def edited():
 
 
 def test_everything_else_stays_bit_for_bit(edited):
-    new = [handle for body in inserted.bodies(edited) for handle in body.handles]
+    new = [instance_id for body in inserted.bodies(edited) for instance_id in body.instance_ids]
     after = shown(edited)
     for name, view in after.views.items():
         before = scene().episode.views[name]
@@ -90,13 +90,13 @@ def test_a_query_draws_only_what_fits():
 
 def test_a_thing_can_be_painted_after_it_was_inserted(edited):
     assert library.get("mug_red").colour in ("red", "maroon", "crimson")
-    new = [handle for body in inserted.bodies(edited) for handle in body.handles]
-    assert edited.handles >= set(new)
+    new = [instance_id for body in inserted.bodies(edited) for instance_id in body.instance_ids]
+    assert edited.instance_ids >= set(new)
 
 
 def test_a_thing_stands_near_another():
     pad = take().poses["pad"][0, :2, 3]
-    wish = Insert(asset="die", near=Target(handle=handle("pad")), within=0.1)
+    wish = Insert(asset="die", near=Target(handle=instance_id("pad")), within=0.1)
     spots = [
         np.array(wish.sample(scene(), np.random.default_rng(k))["things"][0]["pose"])[:2, 3]
         for k in range(4)

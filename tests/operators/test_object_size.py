@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
-from tabletop import handle, scene
+from tabletop import instance_id, scene
 
 from rpaug import twin
 from rpaug.core.errors import Unsupported
@@ -18,24 +18,24 @@ pytestmark = pytest.mark.gl
 
 class TestObjectSize(OperatorContract):
     def operator(self):
-        return ObjectSize(target=Target(handle=handle("cylinder")), range=(1.2, 1.3))
+        return ObjectSize(target=Target(handle=instance_id("cylinder")), range=(1.2, 1.3))
 
     def scene(self):
         return scene()
 
 
 def test_the_foot_stays_and_the_top_rises():
-    operator = ObjectSize(target=Target(handle=handle("cylinder")), range=(1.25, 1.25))
+    operator = ObjectSize(target=Target(handle=instance_id("cylinder")), range=(1.25, 1.25))
     edit = operator.sample(scene(), np.random.default_rng(0))
     after = operator.apply(scene(), edit)
-    body = next(b for b in after.bodies if handle("cylinder") in b.handles)
-    points = placing.points_of(scene(), [handle("cylinder")])
+    body = next(b for b in after.bodies if instance_id("cylinder") in b.instance_ids)
+    points = placing.points_of(scene(), [instance_id("cylinder")])
     grown = (body.scale * points) @ body.to_world[0, :3, :3].T + body.to_world[0, :3, 3]
     assert grown[:, 2].min() == pytest.approx(points[:, 2].min(), abs=2e-3)
     assert np.ptp(grown[:, 2]) == pytest.approx(1.25 * np.ptp(points[:, 2]), rel=1e-6)
     before, view = scene().episode.views["front"], shown(after).views["front"]
-    assert (view.ids(0) == handle("cylinder")).sum() > 1.2 * (
-        before.ids(0) == handle("cylinder")
+    assert (view.ids(0) == instance_id("cylinder")).sum() > 1.2 * (
+        before.ids(0) == instance_id("cylinder")
     ).sum()
 
 
@@ -60,7 +60,7 @@ def test_about_the_grasp_the_tip_stays():
     operator = ObjectSize(target=Target(role="manipulated"), range=(0.95, 0.95), about="grasp")
     after = operator.apply(scene(), operator.sample(scene(), np.random.default_rng(0)))
     body = next(b for b in after.bodies if b.scale != 1)
-    was = next(b for b in scene().bodies if b.handles == body.handles)
+    was = next(b for b in scene().bodies if b.instance_ids == body.instance_ids)
     moves = np.abs(np.diff(was.to_world, axis=0)).max((1, 2)) > 1e-5
     t = int(np.argmax(moves))
     tip = scene().episode.robot.gripper_to_world[t, :3, 3]
@@ -71,7 +71,7 @@ def test_about_the_grasp_the_tip_stays():
 
 def test_what_is_not_moved_has_no_grasp():
     with pytest.raises(Unsupported, match="the robot does not move it"):
-        ObjectSize(target=Target(handle=handle("cylinder")), about="grasp").sample(
+        ObjectSize(target=Target(handle=instance_id("cylinder")), about="grasp").sample(
             scene(), np.random.default_rng(0)
         )
 
@@ -83,13 +83,13 @@ def test_ranges_out_of_bounds_are_refused(wrong):
 
 
 def test_it_grows_no_farther_than_there_is_room():
-    alone = {handle("cylinder")}
+    alone = {instance_id("cylinder")}
     points = placing.points_of(scene(), alone)
     foot = np.array([*points[:, :2].mean(0), points[:, 2].min()])
     fits, what = growing.largest(scene(), frozenset(alone), foot, 9.0)
     assert 1.3 < fits < 9.0
     assert what in ("what stands beside it", "what moves past it")
-    wanted = ObjectSize(target=Target(handle=handle("cylinder")), range=(8.0, 9.0))
+    wanted = ObjectSize(target=Target(handle=instance_id("cylinder")), range=(8.0, 9.0))
     with pytest.raises(Unsupported, match=r"at 8 times its size it meets what .* is the most"):
         wanted.sample(scene(), np.random.default_rng(0))
     assert growing.largest(scene(), frozenset(alone), foot, 0.8) == (0.8, None)

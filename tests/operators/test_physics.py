@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rpaug_adapters.rlbench import RLBench
+from runs import augment
 from small_clip import saved, taught
-from tabletop import handle, scene, take
-from test_augment import augment
+from tabletop import instance_id, scene, take
 
 from rpaug import Unsupported
 from rpaug.core.errors import BadRecipe
@@ -29,7 +29,7 @@ QUICK = {"particles": 400, "fps": 40.0}
 
 
 def jelly(**more) -> Physics:
-    target = Target(handle=handle("cylinder"))
+    target = Target(handle=instance_id("cylinder"))
     return Physics(target=target, **{"material": "jelly", "height": (0.03, 0.03), **QUICK, **more})
 
 
@@ -52,10 +52,10 @@ class TestPhysics(OperatorContract):
 @pytest.mark.parametrize(("material", "solver"), [("jelly", "material points"), ("wood", "rigid")])
 def test_it_falls_and_everything_else_stays_bit_for_bit(material: str, solver: str) -> None:
     after = fallen(material)
-    (told,) = after.simulated
-    assert (told["solver"], told["actions_valid"]) == (solver, True)
-    assert ("because" in told) == (solver == "rigid")
-    made, mine = shown(after), handle("cylinder")
+    (given,) = after.simulated
+    assert (given["solver"], given["actions_valid"]) == (solver, True)
+    assert ("because" in given) == (solver == "rigid")
+    made, mine = shown(after), instance_id("cylinder")
     seen = 0
     for name, view in made.views.items():
         for t in (0, 16):
@@ -73,7 +73,7 @@ def test_cameras_agree_on_where_a_soft_thing_is() -> None:
     """Points that two cameras show of it lie on one surface, within its pixels' footprint."""
     from rpaug.core import geometry
 
-    made, mine, clouds = shown(fallen("jelly")), handle("cylinder"), []
+    made, mine, clouds = shown(fallen("jelly")), instance_id("cylinder"), []
     for name in ("overhead", "left_shoulder", "right_shoulder"):
         view = made.views[name]
         points = geometry.world_points(view.depth(16).astype(float), view.camera, 16)
@@ -151,7 +151,7 @@ def test_invalid_actions_are_kept_out_unless_asked_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "said"),
+    ("field", "value", "stated"),
     [
         ("young", 1.0, "allowed are 100 to 5e"),
         ("poisson", 0.5, "allowed are 0 to 0.49"),
@@ -162,9 +162,9 @@ def test_invalid_actions_are_kept_out_unless_asked_for(tmp_path: Path) -> None:
         ("velocity", [0, 0, 99], "less than or equal to 10"),
     ],
 )
-def test_values_out_of_range_are_refused_with_the_range(field, value, said) -> None:
+def test_values_out_of_range_are_refused_with_the_range(field, value, stated) -> None:
     edit = {"op": "physics", "target": "cup", "material": "jelly", field: value}
-    with pytest.raises(BadRecipe, match=said):
+    with pytest.raises(BadRecipe, match=stated):
         recipe.build({"version": 1, "edits": [edit]})
 
 
@@ -181,10 +181,10 @@ def test_a_vision_model_tells_what_a_thing_is_made_of(tmp_path: Path) -> None:
     words = sorted({word for text in texts for word in text.split()})
     made_of = {"cylinder": "jelly", "block_textured": "ceramic"}
     order = [*made_of.values(), *(name for name in names if name not in made_of.values())]
-    pictures = [simulate.portrait(scene(), frozenset({handle(thing)})) for thing in made_of]
+    pictures = [simulate.portrait(scene(), frozenset({instance_id(thing)})) for thing in made_of]
     taught(saved(tmp_path, words), pictures, [texts[names.index(name)] for name in order])
     for thing, name in made_of.items():
-        operator = Physics(target=Target(handle=handle(thing)), vision=str(tmp_path))
+        operator = Physics(target=Target(handle=instance_id(thing)), vision=str(tmp_path))
         edit = operator.sample(scene(), np.random.default_rng(0))
         assert edit["name"] == name
         assert edit["material"]["young"] == materials.named(name).young

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tabletop import handle, scene, take
+from tabletop import instance_id, scene, take
 
 from rpaug.core.errors import Unsupported
 from rpaug.operators.duplicate import Duplicate
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.gl
 
 class TestMove(OperatorContract):
     def operator(self):
-        return Move(target=Target(handle=handle("cylinder")))
+        return Move(target=Target(handle=instance_id("cylinder")))
 
     def scene(self):
         return scene()
@@ -25,7 +25,7 @@ class TestMove(OperatorContract):
 
 class TestDuplicate(OperatorContract):
     def operator(self):
-        return Duplicate(target=Target(handle=handle("block_textured")))
+        return Duplicate(target=Target(handle=instance_id("block_textured")))
 
     def scene(self):
         return scene()
@@ -48,14 +48,14 @@ def test_a_moved_thing_stands_where_it_was_put():
     spot = placing.room(scene()).draw(
         corners, 0.15, np.random.default_rng(0), near=(np.array([0.3, 0.0]), 0.5)
     )
-    operator = Move(target=Target(handle=handle("cylinder")), to=tuple(spot), turn=0)
+    operator = Move(target=Target(handle=instance_id("cylinder")), to=tuple(spot), turn=0)
     after = operator.apply(scene(), operator.sample(scene(), np.random.default_rng(0)))
     view = shown(after).views["overhead"]
-    held = view.ids(0) == handle("cylinder")
+    held = view.ids(0) == instance_id("cylinder")
     assert held.any()
     room = placing.room(after)
-    at = placing.points_of(scene(), [handle("cylinder")])
-    body = next(b for b in after.bodies if handle("cylinder") in b.handles)
+    at = placing.points_of(scene(), [instance_id("cylinder")])
+    body = next(b for b in after.bodies if instance_id("cylinder") in b.instance_ids)
     np.testing.assert_allclose(
         middle(at @ body.to_world[0, :3, :3].T + body.to_world[0, :3, 3])[:2], spot, atol=0.01
     )
@@ -65,7 +65,7 @@ def test_a_moved_thing_stands_where_it_was_put():
 
 def test_a_place_that_is_taken_is_refused():
     with pytest.raises(Unsupported, match="there is no room at"):
-        Move(target=Target(handle=handle("cylinder")), to=(0.34, 0.26)).sample(
+        Move(target=Target(handle=instance_id("cylinder")), to=(0.34, 0.26)).sample(
             scene(), np.random.default_rng(0)
         )
 
@@ -100,20 +100,20 @@ def test_a_thing_that_stands_there_takes_the_room():
 
 
 def test_copies_have_handles_of_their_own_and_stay():
-    operator = Duplicate(target=Target(handle=handle("block_textured")), count=2)
+    operator = Duplicate(target=Target(handle=instance_id("block_textured")), count=2)
     edit = operator.sample(scene(), np.random.default_rng(1))
-    new = {handle for copy in edit["copies"] for handle in copy["handles"].values()}
+    new = {instance_id for copy in edit["copies"] for instance_id in copy["handles"].values()}
     assert len(new) == 2
-    assert not new & scene().handles
+    assert not new & scene().instance_ids
     after = shown(operator.apply(scene(), edit))
     seen = {h for view in after.views.values() for h in np.unique(view.ids(0)).tolist()}
     assert seen >= new
-    assert handle("block_textured") in seen
+    assert instance_id("block_textured") in seen
 
 
 def test_spread_leaves_alone_what_has_a_role():
     edit = Spread().sample(scene(), np.random.default_rng(0))
-    moved = {handle for move in edit["moves"] for handle in move["handles"]}
+    moved = {instance_id for move in edit["moves"] for instance_id in move["handles"]}
     assert moved
     assert not moved & frozenset().union(*scene().roles.values())
 
@@ -133,7 +133,7 @@ def test_what_the_robot_acts_on_is_not_spread(role):
 
 def test_no_room_is_said():
     with pytest.raises(Unsupported, match="no free place within 1 cm"):
-        Move(target=Target(handle=handle("cabinet")), shift=0.01, turn=0).sample(
+        Move(target=Target(handle=instance_id("cabinet")), shift=0.01, turn=0).sample(
             scene(), np.random.default_rng(0)
         )
 
@@ -141,24 +141,27 @@ def test_no_room_is_said():
 def test_what_does_not_stand_on_the_table_is_refused():
     room = placing.room(scene())
     with pytest.raises(Unsupported, match="does not stand on the table"):
-        standing.thing(scene(), frozenset({handle("floor")}), room, "moving")
+        standing.thing(scene(), frozenset({instance_id("floor")}), room, "moving")
 
 
 def test_a_thing_moves_as_the_robot_sees_it():
-    around = placing.room(scene(), leaving=frozenset([handle("cylinder")]))
-    one = standing.thing(scene(), frozenset([handle("cylinder")]), around, "")
+    around = placing.room(scene(), leaving=frozenset([instance_id("cylinder")]))
+    one = standing.thing(scene(), frozenset([instance_id("cylinder")]), around, "")
     spot = around.draw(one.outline, one.top, np.random.default_rng(0))
     # The twin's robot works along x, so its left is y.
-    wish = Move(target=Target(handle=handle("cylinder")), by=tuple(spot - one.middle), turn=0)
+    wish = Move(target=Target(handle=instance_id("cylinder")), by=tuple(spot - one.middle), turn=0)
     motion = np.array(wish.sample(scene(), np.random.default_rng(0))["motion"])
     np.testing.assert_allclose(motion[:2, 3], spot - one.middle, atol=1e-9)
 
 
 def test_a_thing_moves_next_to_another():
     pad = take().poses["pad"][0, :2, 3]
-    wish = Move(target=Target(handle=handle("cylinder")), near=Target(handle=handle("pad")))
+    wish = Move(
+        target=Target(handle=instance_id("cylinder")),
+        near=Target(handle=instance_id("pad")),
+    )
     edit = wish.sample(scene(), np.random.default_rng(0))
-    one = standing.thing(scene(), frozenset([handle("cylinder")]), placing.room(scene()), "")
+    one = standing.thing(scene(), frozenset([instance_id("cylinder")]), placing.room(scene()), "")
     spot = np.array(edit["motion"])[:2, :2] @ one.middle + np.array(edit["motion"])[:2, 3]
     assert np.linalg.norm(spot - pad) < 0.35
     with pytest.raises(ValueError, match="give one of"):

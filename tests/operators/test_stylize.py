@@ -105,8 +105,8 @@ def test_it_plans_for_gaussians_and_shows_recorded_pixels(folder):
     made = plan.make([stylize(folder)], recorded().episode)
     assert made.gaussians
     assert made.bodies
-    assert set(made.carriers.values()) == {0}
-    assert set(plan.settle(made, recorded()).carriers.values()) == {0}
+    assert set(made.representations.values()) == {0}
+    assert set(plan.settle(made, recorded()).representations.values()) == {0}
     assert made.cost(recorded().episode, 1)["seconds"] > plan.SECONDS_FIT
 
 
@@ -122,7 +122,7 @@ def test_what_is_missing_is_said_before_anything_is_made(folder, tmp_path, monke
     made = {"target": {"handle": BOX}, "style": "paint"}
     steps = recipe.build({"version": 1, "edits": [{"op": "stylize", **made}]})
     with pytest.raises(BadInput, match="rpaug weights vgg16"):
-        prepare.made_ready(recorded().episode, steps, 0)  # before anything is fitted
+        prepare.prepare_scene(recorded().episode, steps, 0)  # before anything is fitted
     with pytest.raises(ValidationError, match="no texture is called"):
         stylize(folder, textures=None, style="nothing")
 

@@ -67,16 +67,18 @@ def edited(recorded: Scene, operator: Retexture):  # type: ignore[no-untyped-def
     return shown(operator.apply(recorded, edit))
 
 
-@pytest.mark.parametrize("handle", [BALL, TABLE])
-def test_one_point_has_one_colour_in_all_cameras_and_frames(handle: int) -> None:
+@pytest.mark.parametrize("instance_id", [BALL, TABLE])
+def test_one_point_has_one_colour_in_all_cameras_and_frames(instance_id: int) -> None:
     recorded = small(grey=True)
-    smooth = Retexture(target=Target(handle=handle), texture="clouds", scale=0.8, albedo=(0.5,) * 3)
+    smooth = Retexture(
+        target=Target(handle=instance_id), texture="clouds", scale=0.8, albedo=(0.5,) * 3
+    )
     after = edited(recorded, smooth)
-    body = next(body for body in recorded.bodies if handle in body.handles)
+    body = next(body for body in recorded.bodies if instance_id in body.instance_ids)
     points, colours = [], []
     for view in after.views.values():
         for t in (0, LENGTH - 1):
-            rows = view.ids(t) == handle  # type: ignore[misc]
+            rows = view.ids(t) == instance_id  # type: ignore[misc]
             world = geometry.world_points(view.depth(t), view.camera, t)[rows]  # type: ignore[misc]
             points.append(geometry.transform(geometry.inverse(body.to_world[t]), world))
             colours.append(view.rgb(t)[rows].astype(float))

@@ -36,13 +36,13 @@ def test_waves_in_steel_go_at_about_six_kilometres_a_second() -> None:
 def test_each_number_that_ships_has_a_source_to_point_at_or_the_range_it_is_assumed_from() -> None:
     text = (Path(rpaug_recipes.__file__).parent / materials.FILE).read_text()
     sources = dict(re.findall(r"^# \[([\w-]+)\] (.*(?:\n#   .*)*)", text, re.M))
-    assert all("https://" in said or "http://" in said for said in sources.values()), sources
+    assert all("https://" in stated or "http://" in stated for stated in sources.values()), sources
     numbers = re.findall(r"^  (\w+): (\d[\d.e+]*)(.*)$", text, re.M)
     assert len(numbers) >= 3 * len(materials.shipped())
-    for name, value, said in numbers:
-        cited = re.findall(r"\[([\w-]+)\]", said)
-        assumed = re.search(r"# assumed, ([\d.e+]+) to ([\d.e+]+): \w", said)
-        assert bool(cited) != bool(assumed), (name, value, said)
+    for name, value, stated in numbers:
+        cited = re.findall(r"\[([\w-]+)\]", stated)
+        assumed = re.search(r"# assumed, ([\d.e+]+) to ([\d.e+]+): \w", stated)
+        assert bool(cited) != bool(assumed), (name, value, stated)
         assert set(cited) <= set(sources), cited
         if assumed:
             assert float(assumed[1]) <= float(value) <= float(assumed[2])

@@ -47,10 +47,10 @@ def test_a_recorded_box_pushes_it_as_far_as_it_goes() -> None:
 
 def test_columns_hold_it_up() -> None:
     x, y = np.meshgrid(np.arange(-0.1, 0.1, 0.004), np.arange(-0.1, 0.1, 0.004))
-    shelf = columns(np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.1)], -1), 0.0, 0.02)
+    image_cache = columns(np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.1)], -1), 0.0, 0.02)
     points = box(geometry.rigid(np.zeros(3), np.array([0, 0, 0.18])))
     ends = geometry.transform(
-        Rigid(points, 500.0, 0.0, columns=shelf).run(21, 0.05).motions[-1], points
+        Rigid(points, 500.0, 0.0, columns=image_cache).run(21, 0.05).motions[-1], points
     )
     assert ends[:, 2].min() == pytest.approx(0.1, abs=2e-3)
 

@@ -44,10 +44,10 @@ def test_a_wrong_answer_is_complained_of_and_asked_again() -> None:
     answers = ["no json at all", '{"n": "three"}', '{"n": 4}']
     with served(lambda h, n: h.answer(completion(answers[n - 1]))) as (endpoint, seen):
         assert ask(endpoint) == 4
-    told = seen[2][1]["messages"]
-    assert [one["role"] for one in told] == ["user", "assistant", "user", "assistant", "user"]
-    assert "not JSON" in told[2]["content"]
-    assert "expected a whole number n" in told[4]["content"]
+    given = seen[2][1]["messages"]
+    assert [one["role"] for one in given] == ["user", "assistant", "user", "assistant", "user"]
+    assert "not JSON" in given[2]["content"]
+    assert "expected a whole number n" in given[4]["content"]
     assert endpoint.usage.retries == 2
 
 

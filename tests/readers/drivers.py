@@ -32,6 +32,6 @@ def run(
         capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
-    said = json.loads(done.stdout.splitlines()[-1])
-    assert not said["rpaug"]
-    return said
+    stated = json.loads(done.stdout.splitlines()[-1])
+    assert not stated["rpaug"]
+    return stated

@@ -94,7 +94,7 @@ def one(replay, index):
 def main():
     """Fill two buffers and compare."""
     replays, episodes, count, other, other_count = sys.argv[1:]
-    sys.stdout, said = sys.stderr, sys.stdout  # RVT prints
+    sys.stdout, stated = sys.stderr, sys.stdout  # RVT prints
     first = rows(buffer(Path(replays) / "first", episodes, int(count)))
     second = rows(buffer(Path(replays) / "second", other, int(other_count)))
     differs = {}
@@ -117,8 +117,8 @@ def main():
         "points": points,
         "differs": differs,
     }
-    said.write(json.dumps(report))
-    said.flush()
+    stated.write(json.dumps(report))
+    stated.flush()
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ def main():
             tasks[index] = item.pop("task")
             frames |= {f"{index}/{key}": np.asarray(value) for key, value in item.items()}
     np.savez(out, **frames)
-    said = {
+    stated = {
         "rpaug": "rpaug" in sys.modules,
         "episodes": dataset.num_episodes,
         "frames": dataset.num_frames,
@@ -39,7 +39,7 @@ def main():
         "cameras": dataset.meta.camera_keys,
         "depth": dataset.meta.depth_keys,
     }
-    print(json.dumps(said))
+    print(json.dumps(stated))
 
 
 if __name__ == "__main__":

@@ -33,14 +33,14 @@ def main():
     repository, folder, out = (Path(argument).resolve() for argument in sys.argv[1:])
     np.random.seed(0)  # noqa: NPY002  # RDT draws from it
     with opened(repository, folder) as dataset:
-        said, frames = {"rpaug": "rpaug" in sys.modules, "samples": []}, {}
+        stated, frames = {"rpaug": "rpaug" in sys.modules, "samples": []}, {}
         for i in range(len(dataset)):
             for draw in range(6):
                 sample = dataset.get_item(i)
                 meta = sample["meta"]
                 frames[f"{i}_{draw}"] = sample["cam_high"][-1]
                 frames[f"{i}_{draw}_wrist"] = sample["cam_right_wrist"][-1]
-                said["samples"].append({
+                stated["samples"].append({
                     "file": dataset.file_paths[i],
                     "frame": f"{i}_{draw}",
                     "step": int(meta["step_id"]),
@@ -50,7 +50,7 @@ def main():
                     "next": sample["actions"][0].tolist(),
                 })  # fmt: skip
         np.savez(out, **frames)
-    print(json.dumps(said))
+    print(json.dumps(stated))
 
 
 if __name__ == "__main__":

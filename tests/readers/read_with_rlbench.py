@@ -67,11 +67,11 @@ def main():
     for name in ("episodes", "index", "other_episodes", "other_index"):
         parser.add_argument(name, type=int if name.endswith("index") else str)
     parser.add_argument("--clouds", help="save the second episode's point clouds of frame 0 here")
-    told = parser.parse_args()
-    demo, instruction = load(told.episodes, told.index)
-    other, other_instruction = load(told.other_episodes, told.other_index)
-    if told.clouds:
-        np.savez(told.clouds, **{c: getattr(other[0], c + "_point_cloud") for c in CAMERAS})
+    given = parser.parse_args()
+    demo, instruction = load(given.episodes, given.index)
+    other, other_instruction = load(given.other_episodes, given.other_index)
+    if given.clouds:
+        np.savez(given.clouds, **{c: getattr(other[0], c + "_point_cloud") for c in CAMERAS})
     differs = {}
     frames = {key: value for key, value in vars(demo).items() if key != "_observations"}
     other_frames = {key: value for key, value in vars(other).items() if key != "_observations"}
@@ -84,7 +84,7 @@ def main():
         compare({"low_dim_data": low}, {"low_dim_data": other_low}, "", differs, t)
         taken = [extract_obs(copy.copy(o[t]), CAMERAS, t) for o in (demo, other)]
         compare(taken[0], taken[1], "extract_obs.", differs, t)
-    said = {
+    stated = {
         "numpy": np.__version__,
         "rpaug": any(name.split(".")[0] == "rpaug" for name in sys.modules),
         "frames": [len(demo), len(other)],
@@ -93,7 +93,7 @@ def main():
         "values_compared": len(before) + len(before["misc"]) + len(taken[0]) + 1,
         "differs": differs,
     }
-    json.dump(said, sys.stdout)
+    json.dump(stated, sys.stdout)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ def main():
     splits = {
         folder: dict(tfds.builder_from_directory(folder).info.splits) for folder in (one, other)
     }
-    said = {
+    stated = {
         "rpaug": "rpaug" in sys.modules,
         "counts": [
             {name: split.num_examples for name, split in splits[f].items()} for f in (one, other)
@@ -48,16 +48,16 @@ def main():
     for split in splits[one]:
         for before, after in zip(episodes(one, split), episodes(other, split), strict=True):
             for old, new in zip(before, after, strict=True):
-                said["steps"] += 1
-                said["names"] = sorted(old)
+                stated["steps"] += 1
+                stated["names"] = sorted(old)
                 for name, value in old.items():
-                    said["values"] += 1
+                    stated["values"] += 1
                     if not np.array_equal(value, new[name]):
-                        said["differs"][name] = said["differs"].get(name, 0) + 1
+                        stated["differs"][name] = stated["differs"].get(name, 0) + 1
                         if value.dtype == np.uint8:
                             off = np.abs(value.astype(int) - new[name]).mean()
-                            said["mean_difference"][name] = float(off)
-    print(json.dumps(said))
+                            stated["mean_difference"][name] = float(off)
+    print(json.dumps(stated))
 
 
 if __name__ == "__main__":

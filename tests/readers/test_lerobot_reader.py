@@ -22,8 +22,8 @@ def read():
     def run(folder: Path) -> tuple[dict, dict[str, np.ndarray]]:
         out = folder.parent / "frames.npz"
         home = str(folder.parent)
-        said = drivers.run(python, "read_with_lerobot.py", folder, out, HOME=home)
-        return said, dict(np.load(out))
+        stated = drivers.run(python, "read_with_lerobot.py", folder, out, HOME=home)
+        return stated, dict(np.load(out))
 
     return run
 
@@ -32,14 +32,15 @@ def test_a_converted_recording_is_read(read, samples: Path, tmp_path: Path) -> N
     source = samples / "rlbench_open_drawer"
     convert(source, tmp_path / "out", "lerobot")
     (place,) = (path.parent.parent for path in (tmp_path / "out").rglob("info.json"))
-    said, frames = read(place)
-    assert (said["episodes"], said["frames"], said["lengths"]) == (2, 221, [125, 96])
-    assert said["tasks"] == {
-        str(i): f"open the {'top' if i < 125 else 'bottom'} drawer" for i in map(int, said["tasks"])
+    stated, frames = read(place)
+    assert (stated["episodes"], stated["frames"], stated["lengths"]) == (2, 221, [125, 96])
+    assert stated["tasks"] == {
+        str(i): f"open the {'top' if i < 125 else 'bottom'} drawer"
+        for i in map(int, stated["tasks"])
     }
     adapter = registry.adapter("rlbench")
     recorded = [adapter.read(source, key) for key in adapter.episodes(source)]
-    for index in map(int, said["tasks"]):
+    for index in map(int, stated["tasks"]):
         one, t = (recorded[0], index) if index < 125 else (recorded[1], index - 125)
         for name, view in one.views.items():
             image = np.moveaxis(frames[f"{index}/observation.images.{name}"], 0, -1) * 255
@@ -49,7 +50,7 @@ def test_a_converted_recording_is_read(read, samples: Path, tmp_path: Path) -> N
             assert np.array_equal(frames[f"{index}/masks.{name}"], view.ids(t))
         joints = frames[f"{index}/observation.joint_positions"]
         assert np.array_equal(joints, one.robot.joint_positions[t].astype(np.float32))
-    assert said["statistics"]["action"]["count"] == [221]
+    assert stated["statistics"]["action"]["count"] == [221]
 
 
 def test_an_edited_dataset_is_read(read, tmp_path: Path) -> None:
@@ -58,12 +59,12 @@ def test_an_edited_dataset_is_read(read, tmp_path: Path) -> None:
 
     source = dataset(tmp_path / "in")
     edits = [{"op": "light_color", "range": [[0.4, 0.4, 0.4], [0.4, 0.4, 0.4]]}]
-    told = {"version": 1, "edits": edits, "copies": 1, "keep_originals": True, "seed": 3}
-    execute(Run(source, recipe.build(told), tmp_path / "out"))
+    given = {"version": 1, "edits": edits, "copies": 1, "keep_originals": True, "seed": 3}
+    execute(Run(source, recipe.build(given), tmp_path / "out"))
     old_said, old = read(source / PLACE)
-    said, new = read(tmp_path / "out" / PLACE)
-    assert said["lengths"] == [5, 3, 5, 3, 4, 4]
-    assert (said["episodes"], said["frames"]) == (6, 24)
+    stated, new = read(tmp_path / "out" / PLACE)
+    assert stated["lengths"] == [5, 3, 5, 3, 4, 4]
+    assert (stated["episodes"], stated["frames"]) == (6, 24)
     assert set(old_said["tasks"].values()) == {"pick it up", "put it down"}
     for key, value in old.items():
         index, _, name = key.partition("/")

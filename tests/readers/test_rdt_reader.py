@@ -24,8 +24,8 @@ def read():
 
     def run(folder: Path) -> tuple[dict, dict[str, np.ndarray]]:
         out = folder.parent / "frames.npz"
-        said = drivers.run(python, "read_with_rdt.py", repository, folder, out)
-        return said, dict(np.load(out))
+        stated = drivers.run(python, "read_with_rdt.py", repository, folder, out)
+        return stated, dict(np.load(out))
 
     return run
 
@@ -57,9 +57,9 @@ def test_rdts_own_dataset_reads_an_exported_episode(read, samples: Path, tmp_pat
     episode = lengthened(registry.adapter("rlbench").read(source, KEY), 140)
     root = tmp_path / "out"
     registry.adapter("rdt").write(episode, root, "open_drawer/episode_0", dict)
-    said, frames = read(root)
-    assert len(said["samples"]) == 6
-    for sample in said["samples"]:
+    stated, frames = read(root)
+    assert len(stated["samples"]) == 6
+    for sample in stated["samples"]:
         t = sample["step"]
         assert sample["steps"] == 140
         assert sample["instruction"] in episode.descriptions

@@ -39,30 +39,32 @@ def read():
     return run
 
 
-def assert_same_demo(said: dict) -> None:
+def assert_same_demo(stated: dict) -> None:
     """Another process read both, and a trainer would take the same frames and words from them."""
-    assert said["numpy"].startswith("1.")
-    assert said["values_compared"] > 70
-    assert said["frames"][0] == said["frames"][1] > 90
-    assert said["instructions"][0] == said["instructions"][1] != ""
-    assert said["key_frames"][0] == said["key_frames"][1]
-    assert len(said["key_frames"][0]) >= 3
+    assert stated["numpy"].startswith("1.")
+    assert stated["values_compared"] > 70
+    assert stated["frames"][0] == stated["frames"][1] > 90
+    assert stated["instructions"][0] == stated["instructions"][1] != ""
+    assert stated["key_frames"][0] == stated["key_frames"][1]
+    assert len(stated["key_frames"][0]) >= 3
 
 
 @pytest.mark.parametrize("key", KEYS)
 def test_a_recording_equals_itself(read, source, key):
-    said = read(source, key, source, key)
-    assert_same_demo(said)
-    assert said["differs"] == {}
+    stated = read(source, key, source, key)
+    assert_same_demo(stated)
+    assert stated["differs"] == {}
 
 
 def test_the_driver_notices_differences(read, source):
     """Two different recordings differ in nearly everything: an empty answer is not for want of looking."""
-    said = read(source, KEYS[0], source, KEYS[1])
-    assert said["frames"] == [125, 96]
-    assert said["key_frames"][0] != said["key_frames"][1]
-    assert {"front_rgb", "wrist_depth", "joint_positions", "low_dim_data"} <= set(said["differs"])
-    assert {"misc.wrist_camera_extrinsics", "extract_obs.front_point_cloud"} <= set(said["differs"])
+    stated = read(source, KEYS[0], source, KEYS[1])
+    assert stated["frames"] == [125, 96]
+    assert stated["key_frames"][0] != stated["key_frames"][1]
+    assert {"front_rgb", "wrist_depth", "joint_positions", "low_dim_data"} <= set(stated["differs"])
+    assert {"misc.wrist_camera_extrinsics", "extract_obs.front_point_cloud"} <= set(
+        stated["differs"]
+    )
 
 
 def test_an_unedited_copy_is_equal_in_every_bit(read, source, tmp_path):
@@ -73,9 +75,9 @@ def test_an_unedited_copy_is_equal_in_every_bit(read, source, tmp_path):
         "new/episodes/episode0",
         lambda: {"rpaug.json": b"{}"},
     )
-    said = read(source, KEYS[0], tmp_path, "new/episodes/episode0")
-    assert_same_demo(said)
-    assert said["differs"] == {}
+    stated = read(source, KEYS[0], tmp_path, "new/episodes/episode0")
+    assert_same_demo(stated)
+    assert stated["differs"] == {}
 
 
 def test_edited_colours_change_nothing_else(read, source, tmp_path):
@@ -86,10 +88,10 @@ def test_edited_colours_change_nothing_else(read, source, tmp_path):
     adapter.write(
         replace(episode, views={**episode.views, "front": inverted}), tmp_path, KEYS[0], dict
     )
-    said = read(source, KEYS[0], tmp_path, KEYS[0])
-    assert_same_demo(said)
+    stated = read(source, KEYS[0], tmp_path, KEYS[0])
+    assert_same_demo(stated)
     everywhere = list(range(episode.length))
-    assert said["differs"] == {"front_rgb": everywhere, "extract_obs.front_rgb": everywhere}
+    assert stated["differs"] == {"front_rgb": everywhere, "extract_obs.front_rgb": everywhere}
 
 
 def test_a_moved_camera_reads_as_points_in_the_same_world(read, source, tmp_path):
@@ -109,11 +111,13 @@ def test_a_moved_camera_reads_as_points_in_the_same_world(read, source, tmp_path
     )  # fmt: skip
     adapter.write(replace(episode, views={**episode.views, "front": view}), tmp_path, KEYS[0], dict)
     clouds = tmp_path / "clouds.npz"
-    said = read(source, KEYS[0], tmp_path, KEYS[0], "--clouds", str(clouds))
-    assert_same_demo(said)
+    stated = read(source, KEYS[0], tmp_path, KEYS[0], "--clouds", str(clouds))
+    assert_same_demo(stated)
     planes = ("front_rgb", "front_depth", "front_point_cloud")
     matrix = {"misc.front_camera_extrinsics", "extract_obs.front_camera_extrinsics"}
-    assert set(said["differs"]) == {*planes, *(f"extract_obs.{plane}" for plane in planes)} | matrix
+    assert (
+        set(stated["differs"]) == {*planes, *(f"extract_obs.{plane}" for plane in planes)} | matrix
+    )
     points = geometry.world_points(drawn.depth.astype(np.float64), moved.cameras["front"], 0)
     near = drawn.depth < 4  # metres: the far plane cuts the rest off
     # A depth step is 0.2 um; the reader inverts recorded matrices, orthonormal to 1e-6, which we transpose.
@@ -136,13 +140,13 @@ edits:
 def test_the_main_job(read, source, tmp_path):
     """Both recordings, recoloured and relit by the command: only colours differ, for each episode as recorded."""
     (tmp_path / "recipe.yaml").write_text(RECIPE)
-    told = ["augment", str(source), "--recipe", "recipe.yaml", "--out", "out"]
+    given = ["augment", str(source), "--recipe", "recipe.yaml", "--out", "out"]
     subprocess.run(
-        [sys.executable, "-m", "rpaug.cli", *told], cwd=tmp_path, check=True, timeout=300
+        [sys.executable, "-m", "rpaug.cli", *given], cwd=tmp_path, check=True, timeout=300
     )
     for recorded, key in zip(KEYS, ("episode0", "episode1"), strict=True):
-        said = read(source, recorded, tmp_path / "out", f"all_variations/episodes/{key}")
-        assert_same_demo(said)
+        stated = read(source, recorded, tmp_path / "out", f"all_variations/episodes/{key}")
+        assert_same_demo(stated)
         cameras = ("front", "left_shoulder", "right_shoulder", "wrist")
         colours = {f"{prefix}{camera}_rgb" for camera in cameras for prefix in ("", "extract_obs.")}
-        assert set(said["differs"]) == colours
+        assert set(stated["differs"]) == colours

@@ -25,11 +25,11 @@ def test_rvt_trains_on_what_we_write(samples: Path, tmp_path: Path) -> None:
     execute(Run(source, recipe.build(RECIPE), tmp_path / "out"))
     episodes = [root / "all_variations/episodes" for root in (source, tmp_path / "out")]
     paths = os.pathsep.join(map(str, [*(rvt / one for one in LIBRARIES), library]))
-    said = drivers.run(
+    stated = drivers.run(
         python, "fill_rvt_replay.py", tmp_path, episodes[0], "1", episodes[1], "1", PYTHONPATH=paths
     )
-    assert said["transitions"][0] == said["transitions"][1] > 20
-    assert len({end for *_, end in said["points"]}) >= 3
+    assert stated["transitions"][0] == stated["transitions"][1] > 20
+    assert len({end for *_, end in stated["points"]}) >= 3
     moved = ("rgb", "depth", "point_cloud", "camera_extrinsics")
     allowed = {f"front_{kind}{late}" for kind in moved for late in ("", "_tp1")}
     allowed |= {
@@ -37,6 +37,8 @@ def test_rvt_trains_on_what_we_write(samples: Path, tmp_path: Path) -> None:
         for name in ("left_shoulder", "right_shoulder", "wrist")
         for late in ("", "_tp1")
     }
-    assert {"front_rgb", "front_point_cloud", "front_camera_extrinsics"} <= set(said["differs"])
-    assert set(said["differs"]) <= allowed
-    assert {"trans_action_indicies", "keypoint_frame", "action", "lang_goal"} <= set(said["names"])
+    assert {"front_rgb", "front_point_cloud", "front_camera_extrinsics"} <= set(stated["differs"])
+    assert set(stated["differs"]) <= allowed
+    assert {"trans_action_indicies", "keypoint_frame", "action", "lang_goal"} <= set(
+        stated["names"]
+    )

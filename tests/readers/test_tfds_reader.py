@@ -14,8 +14,8 @@ PLACE = "bridge_dataset/1.0.0"
 
 
 def run_of(source: Path, target: Path, *edits: dict) -> Run:
-    told = {"version": 1, "edits": list(edits), "seed": 3}
-    return Run(source, recipe.build(told), target)
+    given = {"version": 1, "edits": list(edits), "seed": 3}
+    return Run(source, recipe.build(given), target)
 
 
 @pytest.fixture(scope="module")
@@ -33,13 +33,13 @@ def test_an_edited_dataset_differs_in_its_images_alone(read, samples: Path, tmp_
     source = samples / "rlds_bridge"
     edits = {"op": "light_color"}, {"op": "sensor_exposure"}
     execute(run_of(source, tmp_path / "out", *edits))
-    said = read(source / PLACE, tmp_path / "out" / PLACE)
-    assert said["counts"] == [{"train": 12, "val": 3}] * 2
-    assert said["steps"] == 150
-    assert said["values"] > 1500
+    stated = read(source / PLACE, tmp_path / "out" / PLACE)
+    assert stated["counts"] == [{"train": 12, "val": 3}] * 2
+    assert stated["steps"] == 150
+    assert stated["values"] > 1500
     images = {f"observation/image_{i}" for i in range(3)}  # the fourth is a black dummy
-    assert images <= set(said["differs"]) <= images | {"observation/image_3"}
-    assert all(said["mean_difference"][name] > 3 for name in images)
+    assert images <= set(stated["differs"]) <= images | {"observation/image_3"}
+    assert all(stated["mean_difference"][name] > 3 for name in images)
 
 
 def test_edits_that_colour_images_alone_allow_leave_all_else(
@@ -60,29 +60,29 @@ def test_edits_that_colour_images_alone_allow_leave_all_else(
     edits = edits[:3] if left else edits
     summary = execute(run_of(tmp_path / "in", tmp_path / "out", *edits))
     assert not summary.failures
-    said = read(tmp_path / "in" / PLACE, tmp_path / "out" / PLACE)
-    assert said["steps"] == 150
-    assert set(said["differs"]) == {"observation/image_0"}
+    stated = read(tmp_path / "in" / PLACE, tmp_path / "out" / PLACE)
+    assert stated["steps"] == 150
+    assert set(stated["differs"]) == {"observation/image_0"}
 
 
 def test_an_unedited_copy_is_the_same(read, samples: Path, tmp_path: Path) -> None:
     source = samples / "rlds_bridge"
     execute(run_of(source, tmp_path / "out"))
-    said = read(source / PLACE, tmp_path / "out" / PLACE)
-    assert said["differs"] == {}
-    assert said["bytes"][0] == said["bytes"][1]
+    stated = read(source / PLACE, tmp_path / "out" / PLACE)
+    assert stated["differs"] == {}
+    assert stated["bytes"][0] == stated["bytes"][1]
 
 
 def test_an_episode_of_another_layout_can_be_read(read, samples: Path, tmp_path: Path) -> None:
     convert(samples / "rlbench_open_drawer", tmp_path / "out", "rlds")
     (place,) = (path.parent for path in (tmp_path / "out").rglob("features.json"))
-    said = read(place, place)
-    assert said["counts"] == [{"train": 2}] * 2
-    assert said["steps"] == 125 + 96
-    assert said["differs"] == {}
+    stated = read(place, place)
+    assert stated["counts"] == [{"train": 2}] * 2
+    assert stated["steps"] == 125 + 96
+    assert stated["differs"] == {}
     assert {
         "action",
         "observation/front",
         "observation/front_depth",
         "observation/front_mask",
-    } <= set(said["names"])
+    } <= set(stated["names"])

@@ -16,7 +16,9 @@ from rpaug.core import registry
 from rpaug.pipeline.convert import convert
 
 
-def said(python: Path | str, script: str, *arguments: object, **environment: str) -> dict[str, Any]:
+def stated(
+    python: Path | str, script: str, *arguments: object, **environment: str
+) -> dict[str, Any]:
     """What a script prints as JSON in its last line, in a process that has rpaug too."""
     done = subprocess.run(
         [python, drivers.HERE / script, *map(str, arguments)],
@@ -42,7 +44,7 @@ def test_rdts_own_dataset_is_wrapped(samples: Path, tmp_path: Path) -> None:
     )
     root, recipe, out = tmp_path / "out", darker(tmp_path), tmp_path / "frames.npz"
     registry.adapter("rdt").write(episode, root, "open_drawer/episode_0", dict)
-    found = said(sys.executable, "wrap_rdt.py", repository, root, recipe, out)
+    found = stated(sys.executable, "wrap_rdt.py", repository, root, recipe, out)
     frames = dict(np.load(out))
     changed = set(found["names"]) - set(found["same"])
     assert changed == {"cam_high", "cam_right_wrist"}
@@ -57,7 +59,7 @@ def test_lerobots_own_dataset_is_wrapped(samples: Path, tmp_path: Path) -> None:
     convert(samples / "rlbench_open_drawer", tmp_path / "out", "lerobot")
     (place,) = (path.parent.parent for path in (tmp_path / "out").rglob("info.json"))
     recipe, out = darker(tmp_path), tmp_path / "frames.npz"
-    found = said(python, "wrap_lerobot.py", place, recipe, out, HOME=str(tmp_path))
+    found = stated(python, "wrap_lerobot.py", place, recipe, out, HOME=str(tmp_path))
     frames = dict(np.load(out))
     changed = set(found["names"]) - set(found["same"])
     assert found["length"] == 221
@@ -74,7 +76,7 @@ def test_rvts_own_replay_buffer_is_wrapped(samples: Path, tmp_path: Path) -> Non
     paths.append(drivers.reader("rvt_deps"))
     recipe = tmp_path / "recipe.yaml"
     recipe.write_text(json.dumps(RECIPE))
-    found = said(
+    found = stated(
         sys.executable, "wrap_rvt.py", tmp_path / "replay", samples / "rlbench_open_drawer", recipe,
         PYTHONPATH=os.pathsep.join(map(str, paths)),
     )  # fmt: skip

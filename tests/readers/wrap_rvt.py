@@ -27,7 +27,7 @@ TRANSITION = ("sample_frame", "keypoint_frame", "next_keypoint_frame", "keypoint
 
 def main():
     replay, recordings, recipe = sys.argv[1:]
-    sys.stdout, said = sys.stderr, sys.stdout  # RVT prints
+    sys.stdout, stated = sys.stderr, sys.stdout  # RVT prints
     episodes = Path(recordings) / "all_variations/episodes"
     buffer = fill_rvt_replay.buffer(Path(replay), episodes, 1)
     augmented = wrap(
@@ -60,8 +60,8 @@ def main():
     there = np.einsum("ij,jhw->ihw", moved[:3, :3], ray * depth.reshape(rows.shape))
     off = np.abs(there + moved[:3, 3, None, None] - points.reshape(3, *rows.shape))
     report = {"batch": len(sample["action"]), "changed": sorted(changed), "off_m": float(off.max())}
-    said.write(json.dumps(report))
-    said.flush()
+    stated.write(json.dumps(report))
+    stated.flush()
 
 
 main()

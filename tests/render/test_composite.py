@@ -26,7 +26,7 @@ LABELS = arrays(np.int32, (9, 11), elements=st.integers(0, 3))
 class Paint:
     """A flat colour."""
 
-    handles: frozenset[int] | None
+    instance_ids: frozenset[int] | None
     colour: tuple[float, float, float] = (0.0, 0.5, 1.0)
 
     def __call__(self, colour: np.ndarray, surface: object) -> np.ndarray:
@@ -37,7 +37,7 @@ class Paint:
 class Same:
     """No change."""
 
-    handles: frozenset[int] | None
+    instance_ids: frozenset[int] | None
 
     def __call__(self, colour: np.ndarray, surface: object) -> np.ndarray:
         return colour
@@ -78,7 +78,7 @@ def test_edits_apply_in_order_and_are_rounded_once() -> None:
 
     @dataclass(frozen=True)
     class Scale:
-        handles: frozenset[int] | None
+        instance_ids: frozenset[int] | None
         factor: float
 
         def __call__(self, colour: np.ndarray, surface: object) -> np.ndarray:
@@ -142,20 +142,20 @@ def test_each_row_is_told_its_own_pixel_and_mixed_ones_outside_the_nearest_insid
 ) -> None:
     _, mask = disc()
     coverage = disc()[0]
-    told: list[tuple[int, int]] = []
+    given: list[tuple[int, int]] = []
 
     @dataclass(frozen=True)
     class Ask:
-        handles: frozenset[int] | None = frozenset({5})
+        instance_ids: frozenset[int] | None = frozenset({5})
 
         def __call__(self, colour: np.ndarray, surface: np.ndarray) -> np.ndarray:
             assert len(colour) == len(surface)
-            told.extend((int(row) // 32, int(row) % 32) for row in surface)
+            given.extend((int(row) // 32, int(row) % 32) for row in surface)
             return 1 - colour
 
     rgb = np.rint(255 * (0.2 + 0.6 * coverage[..., None].repeat(3, 2))).astype(np.uint8)
     out = composite(rgb, np.where(mask, 5, 1).astype(np.int32), [Ask()], antialiased)
-    assert all(mask[pixel] for pixel in told)
+    assert all(mask[pixel] for pixel in given)
     outside = (out != rgb).any(-1) & ~mask
     assert outside.any() == antialiased
-    assert len(told) >= mask.sum() + outside.sum()
+    assert len(given) >= mask.sum() + outside.sum()

@@ -19,7 +19,7 @@ def seen(eye, factors=(1.0, 1.0)) -> Source:
 
 
 def gains(source):
-    return dict(zip(source.gains.handles.tolist(), source.gains.factors, strict=True))
+    return dict(zip(source.gains.instance_ids.tolist(), source.gains.factors, strict=True))
 
 
 def test_each_thing_has_its_own_factor():

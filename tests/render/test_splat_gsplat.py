@@ -25,7 +25,7 @@ def test_a_missing_package_names_the_extra(monkeypatch):
         draw(splats(3), view(), "gsplat")
 
 
-def stand_in(monkeypatch, gpu: bool, built: bool) -> None:
+def proxy(monkeypatch, gpu: bool, built: bool) -> None:
     """A gsplat that is installed, on a machine with or without a GPU, with or without built kernels."""
     package, cuda = types.ModuleType("gsplat"), types.ModuleType("gsplat.cuda")
     backend = types.ModuleType("gsplat.cuda._backend")
@@ -37,13 +37,13 @@ def stand_in(monkeypatch, gpu: bool, built: bool) -> None:
 
 
 def test_a_missing_gpu_is_said_in_words(monkeypatch):
-    stand_in(monkeypatch, gpu=False, built=True)
+    proxy(monkeypatch, gpu=False, built=True)
     with pytest.raises(Unsupported, match="no CUDA GPU"):
         draw(splats(3), view(), "gsplat")
 
 
 def test_missing_kernels_name_nvcc(monkeypatch):
-    stand_in(monkeypatch, gpu=True, built=False)
+    proxy(monkeypatch, gpu=True, built=False)
     with pytest.raises(Unsupported, match="nvcc"):
         draw(splats(3), view(), "gsplat")
 

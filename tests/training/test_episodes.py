@@ -122,14 +122,14 @@ def test_wrong_arguments_are_refused_at_once(template: Path, tmp_path: Path) -> 
         AugmentedEpisodes(template, path, cameras="front")
 
 
-def without(handle: int, length: int = 6) -> Episode:
+def without(instance_id: int, length: int = 6) -> Episode:
     """The demonstration, in which that handle is another one."""
     episode = demonstration(length)
 
     def other(view: CameraView) -> CameraView:
         ids = view.ids
         assert ids is not None
-        return replace(view, ids=lambda t: np.where(ids(t) == handle, 399, ids(t)))
+        return replace(view, ids=lambda t: np.where(ids(t) == instance_id, 399, ids(t)))
 
     return replace(episode, views={name: other(view) for name, view in episode.views.items()})
 

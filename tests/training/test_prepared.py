@@ -34,8 +34,8 @@ def test_what_is_read_back_is_what_was_kept(template: Path, tmp_path: Path) -> N
     again, surfels_again = found
     assert again.roles == scene.roles
     for one, other in zip(again.bodies, scene.bodies, strict=True):
-        assert (one.handles, one.motion, one.ambiguous) == (
-            other.handles,
+        assert (one.instance_ids, one.motion, one.ambiguous) == (
+            other.instance_ids,
             other.motion,
             other.ambiguous,
         )

@@ -137,7 +137,7 @@ def _table(pool: list[Seen], usual: reference.Reference, masks: bool) -> measure
         Rollout(
             str(n), True, "",
             {CAMERA: {0: CameraShot(lambda s=s: s.rgb, (lambda s=s: s.ids) if masks else None)}},
-            {r: frozenset(s.handles[p] for p in ps if p in s.handles) for r, ps in ROLES.items()} if masks else {},
+            {r: frozenset(s.instance_ids[p] for p in ps if p in s.instance_ids) for r, ps in ROLES.items()} if masks else {},
         )
         for n, s in enumerate(pool)
     )  # fmt: skip
@@ -167,9 +167,9 @@ def _print(figures: dict[str, Any]) -> None:
     out(f"{'weak at':18}{'first of ' + str(figures['cases']):>14}{'fails':>8}   named instead\n")
     for name in names:
         wrong = {k: v for k, v in figures["confusion"][name].most_common(4) if k != name}
-        told = ", ".join(f"{k} {v}" for k, v in wrong.items())
+        given = ", ".join(f"{k} {v}" for k, v in wrong.items())
         out(
-            f"{name:18}{figures['first'][name]:>14}{figures['failure rate'][name]:>8.2f}   {told}\n"
+            f"{name:18}{figures['first'][name]:>14}{figures['failure rate'][name]:>8.2f}   {given}\n"
         )
     for name in (
         "first, all",

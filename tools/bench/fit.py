@@ -79,7 +79,7 @@ def _camera(scene: Scene, name: str) -> dict[str, float]:
     found: dict[str, list[float]] = {
         k: [] for k in ("db", "ssim", "recorded_pose_db", "wrong_ids", "depth_mm")
     }
-    plain = replace(scene, drift={})
+    plain = replace(scene, pose_correction={})
     for t in frames(scene.episode.length, TIMES):
         rgb, depth, ids = gaussian_view.render_view(scene, name, t)
         truth = view.rgb(t)

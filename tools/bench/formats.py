@@ -117,13 +117,13 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=64)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--copy", nargs=2, type=Path, help=argparse.SUPPRESS)
-    told = parser.parse_args()
-    if told.copy:
-        sys.stdout.write(json.dumps(copy(*told.copy)))
+    given = parser.parse_args()
+    if given.copy:
+        sys.stdout.write(json.dumps(copy(*given.copy)))
         return
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "in", Path(folder) / "out"
-        total, one = make(source, told.megabytes, told.steps)
+        total, one = make(source, given.megabytes, given.steps)
         command = [sys.executable, __file__, "--copy", source, target]
         measured = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
         (shard,) = (source / "bench/1.0.0").glob("*.tfrecord*")
@@ -138,8 +138,8 @@ def main() -> None:
     }
     for name, value in figures.items():
         sys.stdout.write(f"{name:32} {value:10.1f}\n")
-    if told.json:
-        told.json.write_text(json.dumps(figures, indent=1))
+    if given.json:
+        given.json.write_text(json.dumps(figures, indent=1))
 
 
 if __name__ == "__main__":

@@ -42,14 +42,14 @@ def whole_db(scene: Scene, times: list[int], cameras: list[str]) -> float:
     return float(np.mean(found))
 
 
-def split(scene: Scene, handle: int, times: list[int]) -> dict[str, list[float]]:
+def split(scene: Scene, instance_id: int, times: list[int]) -> dict[str, list[float]]:
     """Share of the wrist camera's pixels of the thing, share of their squared error, and decibels, by kind."""
     view = scene.episode.views["wrist"]
     assert view.ids is not None
     assert view.depth is not None
     sums: dict[str, np.ndarray] = {}
     for t in times:
-        mine = view.ids(t) == handle
+        mine = view.ids(t) == instance_id
         if not mine.any():
             continue
         image, _, drawn = gaussian_view.render_view(scene, "wrist", t)
@@ -58,9 +58,9 @@ def split(scene: Scene, handle: int, times: list[int]) -> dict[str, list[float]]
         near = bool(np.median(view.depth(t)[mine]) < AT_THE_LENS)
         kinds = {
             "frames at the lens": mine & near,
-            "something else or nothing drawn": mine & (drawn != handle) & (not near),
-            "outline": mine & (drawn == handle) & ~inner & (not near),
-            "inside": mine & (drawn == handle) & inner & (not near),
+            "something else or nothing drawn": mine & (drawn != instance_id) & (not near),
+            "outline": mine & (drawn == instance_id) & ~inner & (not near),
+            "inside": mine & (drawn == instance_id) & inner & (not near),
             "all but frames at the lens": mine & (not near),
         }
         for name, where in kinds.items():
@@ -85,7 +85,7 @@ def measure(
 ) -> tuple[dict[str, Any], list[np.ndarray]]:
     """Figures of one recording, and pictures of it."""
     take = twin.perform(task, seed, frames=frames)
-    handle = take.truth.handles[take.truth.manipulated]
+    instance_id = take.truth.handles[take.truth.manipulated]
     start = time.process_time()
     scene = build(take.episode, with_bodies=True)
     settings = FitSettings(steps=steps, train_frames=frames // 2, checked_frames=2)
@@ -97,10 +97,10 @@ def measure(
     fixed = [name for name, view in take.episode.views.items() if view.camera.fixed]
     seen = set(np.linspace(0, frames - 1, frames // 2).round().astype(int).tolist())
     unseen = [t for t in range(frames) if t not in seen][1::2]
-    row: dict[str, Any] = {"task": task, "seed": seed, "handle": handle}
+    row: dict[str, Any] = {"task": task, "seed": seed, "handle": instance_id}
     for name, made in (("rigid", rigid), ("four", four)):
-        still = fit4.residuals(made, unseen, cameras=fixed)[handle]
-        wrist = fit4.residuals(made, unseen, cameras=["wrist"]).get(handle)
+        still = fit4.residuals(made, unseen, cameras=fixed)[instance_id]
+        wrist = fit4.residuals(made, unseen, cameras=["wrist"]).get(instance_id)
         row[name] = {
             "db": round(still.db, 2),
             "wrist_db": round(wrist.db, 2) if wrist else None,
@@ -109,13 +109,13 @@ def measure(
         }
     names = {number: name for name, number in take.truth.handles.items()}
     row |= {
-        "taken": [names[h] for h in report.handles],
+        "taken": [names[h] for h in report.instance_ids],
         "gaussians": report.gaussians,
         "rigid_seconds": round(middle - start, 1),
         "four_seconds": round(end - middle, 1),
-        "split": split(four, handle, unseen),
+        "split": split(four, instance_id, unseen),
     }
-    columns = [pictures(rigid, four, handle, camera, t) for camera, t in shown(unseen)]
+    columns = [pictures(rigid, four, instance_id, camera, t) for camera, t in shown(unseen)]
     return row, columns
 
 
@@ -125,11 +125,11 @@ def shown(unseen: list[int]) -> list[tuple[str, int]]:
     return [(camera, t) for camera in ("front", "left_shoulder") for t in few]
 
 
-def pictures(rigid: Scene, four: Scene, handle: int, camera: str, t: int) -> np.ndarray:
+def pictures(rigid: Scene, four: Scene, instance_id: int, camera: str, t: int) -> np.ndarray:
     """Truth, rigid, 4D and 4D's error, one below the other, around the thing."""
     view = four.episode.views[camera]
     assert view.ids is not None
-    rows, columns = np.nonzero(view.ids(t) == handle)
+    rows, columns = np.nonzero(view.ids(t) == instance_id)
     height, width = view.camera.height, view.camera.width
     top = (
         int(np.clip((rows.min() + rows.max()) // 2 - SIDE // 2, 0, height - SIDE))

@@ -67,8 +67,8 @@ def main() -> None:
     )
     parser.add_argument("--images", type=int, default=36)
     parser.add_argument("--json", type=Path)
-    told = parser.parse_args()
-    images = recorded(Path(os.environ["RPAUG_TEST_DATA"]) / "rlds_bridge", told.images)
+    given = parser.parse_args()
+    images = recorded(Path(os.environ["RPAUG_TEST_DATA"]) / "rlds_bridge", given.images)
     rows = []
     for name, sampling in SAMPLINGS.items():
         for quality in (90, 95, 98, 99, 100):
@@ -78,8 +78,8 @@ def main() -> None:
                     **rows[-1]
                 )
             )
-    if told.json:
-        told.json.write_text(json.dumps(rows, indent=1))
+    if given.json:
+        given.json.write_text(json.dumps(rows, indent=1))
 
 
 if __name__ == "__main__":

@@ -48,13 +48,13 @@ def recording(frames: int, width: int, height: int) -> Episode:
         z, ids, facing = np.full(across.shape, HEIGHT), np.ones(across.shape, np.int32), 1.0
         along = 1 + across**2 + down**2
         rolls = -0.3 + 0.6 * t / max(frames - 1, 1), 0.1, RADIUS
-        for handle, (x, y, radius) in ((2, rolls), (3, (-0.45, -0.22, LYING))):
+        for instance_id, (x, y, radius) in ((2, rolls), (3, (-0.45, -0.22, LYING))):
             middle = np.array([x, y, HEIGHT - radius])
             reach = across * middle[0] + down * middle[1] + middle[2]
             inside = reach**2 - along * (middle @ middle - radius**2)
             ball = inside > 0
             z = np.where(ball, (reach - np.sqrt(np.maximum(inside, 0))) / along, z)
-            ids = np.where(ball, handle, ids).astype(np.int32)
+            ids = np.where(ball, instance_id, ids).astype(np.int32)
             facing = np.where(ball, (middle[2] - z) / radius, facing)
         grain = 0.85 + 0.1 * np.sin(40 * across * z) * np.sin(31 * down * z)
         albedo = np.choose(

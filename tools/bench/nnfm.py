@@ -115,7 +115,7 @@ def transferred(old: np.ndarray, palette: np.ndarray) -> np.ndarray:
 
 
 def errors(
-    scene: Scene, views: list[tuple[str, int]], handles: frozenset[int]
+    scene: Scene, views: list[tuple[str, int]], instance_ids: frozenset[int]
 ) -> tuple[float, float]:
     """PSNR of Gaussian renders against the recording, outside and inside the target."""
     apart: dict[bool, list[np.ndarray]] = {True: [], False: []}
@@ -123,7 +123,7 @@ def errors(
         view = scene.episode.views[name]
         assert view.ids is not None
         off = (render_view(scene, name, t)[0].astype(float) - view.rgb(t)) ** 2
-        inside = np.isin(view.ids(t), list(handles))
+        inside = np.isin(view.ids(t), list(instance_ids))
         apart[True].append(off[inside].ravel())
         apart[False].append(off[~inside].ravel())
     outside, inside = (np.concatenate(apart[which]).mean() for which in (False, True))
@@ -131,7 +131,7 @@ def errors(
 
 
 def agreement(
-    before: Episode, after: Episode, views: list[tuple[str, int]], handles: frozenset[int]
+    before: Episode, after: Episode, views: list[tuple[str, int]], instance_ids: frozenset[int]
 ) -> tuple[float, float]:
     """Median difference of one place's colour in two cameras, in grey levels: recorded, and edited."""
     recorded, edited = [], []
@@ -139,7 +139,7 @@ def agreement(
         for other in before.views:
             if other == name:
                 continue
-            for first, second in pairs(before, name, other, t, handles):
+            for first, second in pairs(before, name, other, t, instance_ids):
                 for episode, kept in ((before, recorded), (after, edited)):
                     one = episode.views[name].rgb(t).reshape(-1, 3)[first].astype(float)
                     two = episode.views[other].rgb(t).reshape(-1, 3)[second].astype(float)
@@ -148,7 +148,7 @@ def agreement(
 
 
 def pairs(
-    episode: Episode, name: str, other: str, t: int, handles: frozenset[int]
+    episode: Episode, name: str, other: str, t: int, instance_ids: frozenset[int]
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Flat indices of pixels that show the same place of the target in two cameras."""
     one, two = episode.views[name], episode.views[other]
@@ -156,7 +156,7 @@ def pairs(
     assert two.depth is not None
     assert one.ids is not None
     points = geometry.world_points(one.depth(t), one.camera, t).reshape(-1, 3)
-    own = np.isin(one.ids(t).ravel(), list(handles))
+    own = np.isin(one.ids(t).ravel(), list(instance_ids))
     at, _ = geometry.project(points, two.camera, t)
     place = np.rint(np.nan_to_num(at, nan=-1, posinf=-1, neginf=-1)).astype(int)
     size = two.camera.width, two.camera.height
@@ -179,7 +179,7 @@ def measure(
     start = time.process_time()
     scene, _ = fit.fitted(scene, settings=FitSettings(steps=steps))
     rows: list[Row] = []
-    handles = scene.roles["manipulated"]
+    instance_ids = scene.roles["manipulated"]
     picture = shipped.image(style)
     made: dict[str, Scene] = {}
     fitted = time.process_time() - start
@@ -188,17 +188,17 @@ def measure(
         ("no outer term", nnfm.StyleSettings(outside=0.0)),
     ):
         start = time.process_time()
-        styled = nnfm.stylise(scene, handles, picture, network, seed, settings)
+        styled = nnfm.stylise(scene, instance_ids, picture, network, seed, settings)
         seconds = time.process_time() - start
         views = [(window.camera, window.t) for window in styled.windows]
-        laid = Stylised(handles, styled.old, styled.new)
+        laid = Stylised(instance_ids, styled.old, styled.new)
         assert scene.gaussians is not None
         sh = scene.gaussians.sh.copy()
         sh[styled.rows, 0] = (styled.colours - 0.5) / SH0
         made[method] = replace(scene, gaussians=replace(scene.gaussians, sh=sh))
         after = shown(replace(scene, appearance=(laid,)))
         changed = sum(
-            int(((after.views[n].rgb(t) != v.rgb(t)).any(-1) & ~np.isin(v.ids(t), list(handles))).sum())
+            int(((after.views[n].rgb(t) != v.rgb(t)).any(-1) & ~np.isin(v.ids(t), list(instance_ids))).sum())
             for n, v in episode.views.items() for t in range(episode.length) if v.ids
         )  # fmt: skip
         losses = [loss.match for loss in styled.losses]
@@ -209,9 +209,9 @@ def measure(
                 method,
                 losses,
                 len(views),
-                errors(made[method], views, handles),
+                errors(made[method], views, instance_ids),
                 changed,
-                agreement(episode, after, views, handles),
+                agreement(episode, after, views, instance_ids),
                 seconds,
             )
         )
@@ -229,14 +229,24 @@ def measure(
             "vanilla NNFM",
             losses,
             len(views),
-            errors(made["vanilla"], views, handles),
+            errors(made["vanilla"], views, instance_ids),
             None,
             None,
             seconds,
         )
     )
     rows.append(
-        row(seed, task, "the fit alone", None, 0, errors(scene, views, handles), None, None, fitted)
+        row(
+            seed,
+            task,
+            "the fit alone",
+            None,
+            0,
+            errors(scene, views, instance_ids),
+            None,
+            None,
+            fitted,
+        )
     )
     return rows
 

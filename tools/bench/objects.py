@@ -110,11 +110,11 @@ def remove(asked: Asked) -> Iterator[dict]:
             for n in LOOSE[seed % len(LOOSE) :] + LOOSE
             if n in recorded.truth.handles and n != recorded.truth.manipulated
         )
-        handle = recorded.truth.handles[name]
+        instance_id = recorded.truth.handles[name]
         true = asked.perform(task, seed, factor="removal", target=name).episode
         start = time.process_time()
         scene = build.build(recorded.episode, with_bodies=True)
-        operator = Remove(target=Target(handle=handle), inpaint=asked.method)
+        operator = Remove(target=Target(handle=instance_id), inpaint=asked.method)
         edit = operator.sample(scene, np.random.default_rng(0))
         held: dict[str, np.ndarray] = {}
         made = _rendered(operator.apply(scene, edit), held)
@@ -127,12 +127,12 @@ def remove(asked: Asked) -> Iterator[dict]:
         for camera, view in true.views.items():
             before = recorded.episode.views[camera]
             for t in range(0, asked.frames, EVERY):
-                was = before.ids(t) == handle
+                was = before.ids(t) == instance_id
                 changed = (made.views[camera].rgb(t) != before.rgb(t)).any(-1)
                 rest += int((changed & ~was & ~(before.rgb(t) != view.rgb(t)).any(-1)).sum())
                 if not was.any():
                     continue
-                known = seen_before(recorded.episode, view, t, {handle})
+                known = seen_before(recorded.episode, view, t, {instance_id})
                 ways = {
                     way: (one.views[camera].rgb(t), one.views[camera].depth(t))
                     for way, one in shown.items()
@@ -205,7 +205,7 @@ def _rendered(scene: Scene, holes: dict[str, np.ndarray]) -> Episode:
         if shown.hole is not None:
             holes[f"{shown.camera}/{shown.t}"] = shown.hole
 
-    return views.edited(scene, settled.carriers, watch)
+    return views.edited(scene, settled.representations, watch)
 
 
 def _deleted(view: CameraView, t: int, hole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -234,18 +234,23 @@ def size(asked: Asked) -> Iterator[dict]:
         drawn = np.random.default_rng(seed)
         wanted = {loose: drawn.uniform(0.75, 1.25), truth.manipulated: drawn.uniform(0.93, 1.07)}
         for name, scale in wanted.items():
-            scale, handle = float(scale), truth.handles[name]
+            scale, instance_id = float(scale), truth.handles[name]
             true = asked.perform(task, seed, factor="object_size", target=name, value=scale)
             start = time.process_time()
             scene = build.build(recorded.episode, with_bodies=True)
-            operator = ObjectSize(target=Target(handle=handle), range=(scale, scale), contact=0.02)
+            operator = ObjectSize(
+                target=Target(handle=instance_id), range=(scale, scale), contact=0.02
+            )
             made = _rendered(
                 operator.apply(scene, operator.sample(scene, np.random.default_rng(0))), {}
             )
             pool, fixed, every = Pool(), [], []
             for camera, view in true.episode.views.items():
                 for t in range(0, asked.frames, EVERY):
-                    mine, goal = made.views[camera].ids(t) == handle, view.ids(t) == handle
+                    mine, goal = (
+                        made.views[camera].ids(t) == instance_id,
+                        view.ids(t) == instance_id,
+                    )
                     pool.add(
                         made.views[camera].rgb(t), made.views[camera].depth(t), view, t, mine & goal
                     )

@@ -107,8 +107,8 @@ class Stage:
         mujoco.mju_mat2Quat(turn, pose[:3, :3].ravel())
         kind = mujoco.mjtGeom(self.model.geom_type[shape]).name[7:].lower()
         rows = {"size": self.model.geom_size[shape], "pos": pose[:3, 3] + up, "quat": turn}
-        said = " ".join(f'{k}="{" ".join(f"{v:.9g}" for v in row)}"' for k, row in rows.items())
-        return f'<geom type="{kind}" {said} {how}/>'
+        stated = " ".join(f'{k}="{" ".join(f"{v:.9g}" for v in row)}"' for k, row in rows.items())
+        return f'<geom type="{kind}" {stated} {how}/>'
 
 
 def true_motions(stage: Stage, what: Try) -> Float64[np.ndarray, "t 4 4"]:
@@ -137,15 +137,15 @@ def true_motions(stage: Stage, what: Try) -> Float64[np.ndarray, "t 4 4"]:
 
 def ours(stage: Stage, what: Try) -> tuple[Float64[np.ndarray, "t 4 4"], dict[str, Any]]:
     """The same as the operator has it, from the images alone, and what it tells."""
-    handle = stage.take.truth.handles[what.name]
+    instance_id = stage.take.truth.handles[what.name]
     operator = Physics(
-        target=Target(handle=handle), material=MATERIAL, height=(what.height, what.height),
+        target=Target(handle=instance_id), material=MATERIAL, height=(what.height, what.height),
         velocity=what.velocity, friction=what.friction, fps=FPS,
     )  # fmt: skip
     scene = build(stage.take.episode, with_bodies=True)
     after = operator.apply(scene, operator.sample(scene, np.random.default_rng(0)))
-    before = next(body for body in scene.tracked if handle in body.handles).to_world[0]
-    body = next(body for body in after.bodies if handle in body.handles)
+    before = next(body for body in scene.tracked if instance_id in body.instance_ids).to_world[0]
+    body = next(body for body in after.bodies if instance_id in body.instance_ids)
     return body.to_world @ geometry.inverse(before), dict(after.simulated[0])
 
 
@@ -153,8 +153,8 @@ def compare(name: str, seed: int) -> dict[str, float]:
     """How far the thing's middle and its turning are off: in the last frame, and at worst."""
     what = TRIES[name]
     stage = Stage(what.task, seed)
-    found, told = ours(stage, what)
-    assert told["solver"] == "rigid"
+    found, given = ours(stage, what)
+    assert given["solver"] == "rigid"
     start = stage.take.poses[what.name][0]
     middle = stage.tracks[0, stage.shapes((what.name,)), :3, 3].mean(0)
     recorded = stage.take.poses[what.name] @ geometry.inverse(start)
@@ -184,8 +184,8 @@ def main() -> None:
         for seed in asked.seeds:
             found[f"{name} {seed}"] = compare(name, seed)
             if not asked.json:
-                said = "  ".join(f"{k} {v:.2f}" for k, v in found[f"{name} {seed}"].items())
-                print(f"{name:8s} {seed}  {said}", flush=True)
+                stated = "  ".join(f"{k} {v:.2f}" for k, v in found[f"{name} {seed}"].items())
+                print(f"{name:8s} {seed}  {stated}", flush=True)
     if asked.json:
         print(json.dumps(found, indent=1))
 

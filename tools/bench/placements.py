@@ -60,9 +60,9 @@ def _world(
     task: str, seed: int, take: twin.Take, choices: tuple
 ) -> tuple[mujoco.MjModel, mujoco.MjData, list[int]]:
     """The twin's world with one of each asset, and the robot's shapes."""
-    layout, handles, _, _ = (np.random.default_rng([seed, 0, k]) for k in range(4))
+    layout, instance_ids, _, _ = (np.random.default_rng([seed, 0, k]) for k in range(4))
     job = tasks.TASKS[task](layout)
-    world = tabletop.build(job.placing, handles, 0)
+    world = tabletop.build(job.placing, instance_ids, 0)
     extras = tuple(extra({"asset": a.name, "handle": 1, "pose": np.eye(4)}) for a in choices)
     extras = tuple(replace(extra, name=a.name) for extra, a in zip(extras, choices, strict=True))
     model = mjcf.compile_model(world, twin.Look(extras=extras), 16)

@@ -117,11 +117,11 @@ def rows(seeds: int, frames: int, size: int, specular: bool) -> Iterator[dict[st
                 truth = perform(factor="object_color", target=case.target, value=case.new)
                 scene = build(recorded.episode, with_bodies=True)
                 assert scene.antialiased == antialias, "anti-aliasing was not told apart"
-                (handle,) = truth.truth.tints
-                old, new = (take.truth.albedos[handle] for take in (recorded, truth))
+                (instance_id,) = truth.truth.tints
+                old, new = (take.truth.albedos[instance_id] for take in (recorded, truth))
                 for source, error in errors.items():
-                    edited = recolour(scene, handle, old if source == "given" else None, new)
-                    errors[source] = error + measure(scene, edited, truth.episode, handle)
+                    edited = recolour(scene, instance_id, old if source == "given" else None, new)
+                    errors[source] = error + measure(scene, edited, truth.episode, instance_id)
             for source, error in errors.items():
                 yield {
                     "object": case.name,
@@ -134,25 +134,25 @@ def rows(seeds: int, frames: int, size: int, specular: bool) -> Iterator[dict[st
 
 def recolour(
     scene: Scene,
-    handle: int,
+    instance_id: int,
     old: tuple[float, float, float] | None,
     new: tuple[float, float, float],
 ) -> Episode:
     """The episode after the operator, told the old albedo or left to find it."""
-    fields = {"target": {"handle": handle}, "color": {"rgb": new}, "albedo": old}
+    fields = {"target": {"handle": instance_id}, "color": {"rgb": new}, "albedo": old}
     operator = TypeAdapter(Recolor).validate_python(fields)
     edit = operator.sample(scene, np.random.default_rng(0))
-    carriers = dict.fromkeys(scene.episode.views, 0)
-    return views.edited(operator.apply(scene, edit), carriers, lambda *frame: None)
+    representations = dict.fromkeys(scene.episode.views, 0)
+    return views.edited(operator.apply(scene, edit), representations, lambda *frame: None)
 
 
-def measure(scene: Scene, edited: Episode, truth: Episode, handle: int) -> Error:
+def measure(scene: Scene, edited: Episode, truth: Episode, instance_id: int) -> Error:
     """The errors of all cameras and frames of one episode."""
     inside, border, outline, elsewhere = [], [], [], 0
     for name, view in truth.views.items():
         for t in range(truth.length):
             assert view.ids is not None
-            mine = view.ids(t) == handle
+            mine = view.ids(t) == instance_id
             if not mine.any():
                 continue
             core, near = grown(mine, -2), grown(mine, 2)

@@ -2,8 +2,8 @@
 
     python tools/bench/residuals.py --seeds 6 [--json FILE]
 
-The twin records an episode, and the same motion from truly moved cameras. Foretold is what `rpaug.pipeline.residuals` measures
-on the recording alone; true is the error of the surfels' view against the truth over all frames looked at. Bodies as
+The twin records an episode, and the same motion from truly moved cameras. Foretold is what
+`rpaug.pipeline.residuals` measures on the recording alone; true is the error of the surfels' view against the truth over all frames looked at. Bodies as
 rpaug tracks them. Prints, for backgrounds and for bodies of at least 200 pixels, how far the foretold PSNR is above
 the true one: mean, and root mean square around it.
 """
@@ -30,7 +30,7 @@ def rows(task: str, seed: int, frames: int) -> list[dict[str, object]]:
     true = twin.perform(task, seed, frames=frames, factor="camera_pose")
     scene = build(recorded.episode, with_bodies=True)
     moved = {name: true.episode.views[name].camera for name in true.truth.bumps}
-    kept, handles = surfels.build(scene), residuals.regions(scene)
+    kept, instance_ids = surfels.build(scene), residuals.regions(scene)
     found = []
     for one in residuals.measure(scene, moved):
         there = replace(scene, cameras={**scene.cameras, one.camera: moved[one.camera]})
@@ -38,7 +38,7 @@ def rows(task: str, seed: int, frames: int) -> list[dict[str, object]]:
         for t in range(0, frames, LOOKED):
             seen = true.episode.views[one.camera]
             error = (surfels.view(kept, there, one.camera, t).image / 255 - seen.rgb(t) / 255) ** 2
-            squared.append(error.mean(-1)[np.isin(seen.ids(t), list(handles[one.region]))])
+            squared.append(error.mean(-1)[np.isin(seen.ids(t), list(instance_ids[one.region]))])
         all_of_it = np.concatenate(squared)
         if len(all_of_it):
             off = -10 * float(np.log10(all_of_it.mean()))
@@ -51,9 +51,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=6)
     parser.add_argument("--frames", type=int, default=17)
     parser.add_argument("--json", type=Path)
-    told = parser.parse_args()
+    given = parser.parse_args()
     tasks = list(twin.TASKS)
-    found = [r for s in range(told.seeds) for r in rows(tasks[s % len(tasks)], s, told.frames)]
+    found = [r for s in range(given.seeds) for r in rows(tasks[s % len(tasks)], s, given.frames)]
     for kind in ("background", "body"):
         some = [r for r in found if r["region"].startswith(kind) and r["pixels"] >= LARGE]
         above = np.array([r["psnr"] - r["true_psnr"] for r in some])
@@ -62,8 +62,8 @@ def main() -> None:
             end="",
         )
         print(f"foretold {above.mean():+.1f} dB from that, rms {above.std():.1f} dB")
-    if told.json:
-        told.json.write_text(json.dumps(found, indent=1))
+    if given.json:
+        given.json.write_text(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":

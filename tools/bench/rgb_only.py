@@ -84,7 +84,7 @@ def overlap(scene: Scene, true: twin.Take, ours: frozenset[int], theirs: set[int
 def best(scene: Scene, true: twin.Take, theirs: set[int]) -> frozenset[int]:
     """The found thing that fits the true ones best; none where nothing of them was told from robot, table or room."""
     room = frozenset().union(*(scene.roles.get(r, ()) for r in ("robot", "table", "background")))
-    each = {h: overlap(scene, true, frozenset([h]), theirs) for h in set(scene.handles) - room}
+    each = {h: overlap(scene, true, frozenset([h]), theirs) for h in set(scene.instance_ids) - room}
     fits = {h: iou for h, iou in each.items() if iou > TOLD}
     return frozenset([max(fits, key=lambda h: fits[h])]) if fits else frozenset()
 
@@ -139,11 +139,11 @@ def asked(
         yield "background", scene.roles.get("background"), "background_texture", fields
     else:
         fields = {"color": {"rgb": true.truth.albedos[changed[0]]}}
-        handles = best(scene, recorded, set(changed))
-        target: dict[str, Any] = {"handle": sorted(handles)}
+        instance_ids = best(scene, recorded, set(changed))
+        target: dict[str, Any] = {"handle": sorted(instance_ids)}
         yield (
-            "object by handle" if handles else "object not told apart",
-            handles,
+            "object by handle" if instance_ids else "object not told apart",
+            instance_ids,
             "recolor",
             fields | {"target": target},
         )
@@ -153,10 +153,10 @@ def asked(
         word = colors.nearest(np.array(recorded.truth.albedos[changed[0]]))
         target = {"text": f"the {word} thing", "all": True}
         try:
-            handles = targets.find(scene, targets.Target(**target))
+            instance_ids = targets.find(scene, targets.Target(**target))
         except RpaugError:
             return
-        yield "object by words", handles, "recolor", fields | {"target": target}
+        yield "object by words", instance_ids, "recolor", fields | {"target": target}
 
 
 def things(scene: Scene, true: twin.Take) -> tuple[float, float]:
@@ -174,11 +174,11 @@ def things(scene: Scene, true: twin.Take) -> tuple[float, float]:
                 continue
             found = {h: (ours == h) for h in np.unique(ours[mask]).tolist()}
             counts = np.zeros((HANDLES, 3))
-            for row, handle in enumerate(sorted(scene.handles)):
-                held = found.get(handle)
+            for row, instance_id in enumerate(sorted(scene.instance_ids)):
+                held = found.get(instance_id)
                 counts[row] = (
                     mask.sum(),
-                    (ours == handle).sum(),
+                    (ours == instance_id).sum(),
                     (held & mask).sum() if held is not None else 0,
                 )
             both.setdefault(part, []).append(counts)
@@ -210,8 +210,8 @@ def rows(
                 ("things", "thing in a camera"), things(scene, recorded), strict=True
             ):
                 yield Row(name, seed, task, iou, np.nan, np.nan, np.nan, built)
-        for name, handles, op, fields in asked(scene, factor, recorded, true, folder):
-            if handles is not None and not handles:
+        for name, instance_ids, op, fields in asked(scene, factor, recorded, true, folder):
+            if instance_ids is not None and not instance_ids:
                 yield Row(name, seed, task, 0.0, np.nan, np.nan, np.nan, built)
                 continue
             start = time.process_time()
@@ -219,7 +219,11 @@ def rows(
             edit = operator.sample(scene, np.random.default_rng(seed))
             edited = shown(operator.apply(scene, edit))
             inside, unedited, outside = errors(scene, edited, recorded, true, name == "background")
-            iou = overlap(scene, recorded, handles, set(true.truth.changed)) if handles else np.nan
+            iou = (
+                overlap(scene, recorded, instance_ids, set(true.truth.changed))
+                if instance_ids
+                else np.nan
+            )
             spent = built + time.process_time() - start
             yield Row(name, seed, task, iou, inside, unedited, outside, spent)
 
@@ -232,16 +236,16 @@ def main() -> None:
     parser.add_argument("--factor", choices=FACTORS, action="append", help="only these edits")
     parser.add_argument("--uncut", action="store_true")
     parser.add_argument("--json", action="store_true")
-    told = parser.parse_args()
-    if told.uncut:
+    given = parser.parse_args()
+    if given.uncut:
         outlines.cut = lambda image, ids, only=None: ids
     with tempfile.TemporaryDirectory() as folder:
         found = [
             row
-            for seed in range(told.seeds)
-            for row in rows(seed, told.size, told.frames, Path(folder), told.factor or FACTORS)
+            for seed in range(given.seeds)
+            for row in rows(seed, given.size, given.frames, Path(folder), given.factor or FACTORS)
         ]
-    if told.json:
+    if given.json:
         json.dump([vars(row) for row in found], sys.stdout, indent=1)
         return
     head = f"{'edit':18}{'seeds':>6}{'IoU':>7}{'inside, dB':>12}{'unedited':>10}{'outside, dB':>13}{'CPU s':>7}"

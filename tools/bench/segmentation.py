@@ -43,7 +43,11 @@ def takes(
             episode = adapter.read(arguments.dataset, key)
             bodies = build(episode, with_bodies=True).bodies
             moving = [body for body in bodies if body.motion != "static"]
-            yield key, episode, {f"{b.motion} {min(b.handles)}": b.handles for b in moving}
+            yield (
+                key,
+                episode,
+                {f"{b.motion} {min(b.instance_ids)}": b.instance_ids for b in moving},
+            )
         return
     for task in arguments.tasks:
         take = twin.perform(task, arguments.seed, frames=arguments.frames)
@@ -86,10 +90,10 @@ def overlaps(
     sizes: Counter = Counter()
     for (_, got), n in pairs.items():
         sizes[got] += n
-    for body, handles in bodies.items():
+    for body, instance_ids in bodies.items():
         hits: Counter = Counter()
         for (true, got), n in pairs.items():
-            if true in handles:
+            if true in instance_ids:
                 hits[got] += n
         total = sum(hits.values())
         if total:
@@ -144,7 +148,7 @@ def main() -> None:
         rows.append(row)
         sheet.append(picture(episode, found))
         if not arguments.json:
-            sys.stdout.write(told(row))
+            sys.stdout.write(given(row))
             sys.stdout.flush()
     if arguments.sheet:
         cv2.imwrite(str(arguments.sheet), np.vstack(sheet)[..., ::-1])
@@ -152,7 +156,7 @@ def main() -> None:
         sys.stdout.write(json.dumps(rows, indent=1) + "\n")
 
 
-def told(row: dict[str, Any]) -> str:
+def given(row: dict[str, Any]) -> str:
     """One episode for people."""
     lines = [f"{row['episode']}: {row['seconds']} s + {row['seconds_an_image']} s an image"]
     for kind in ("fixed", "wrist"):

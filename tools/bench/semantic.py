@@ -43,9 +43,9 @@ class Overlap:
         self.sums: dict[int, list[int]] = {}
 
     def add(self, made: np.ndarray, true: np.ndarray, where: np.ndarray | bool = True) -> None:
-        for handle in np.unique(true):
-            a, b = (made == handle) & where, (true == handle) & where
-            entry = self.sums.setdefault(int(handle), [0, 0])
+        for instance_id in np.unique(true):
+            a, b = (made == instance_id) & where, (true == instance_id) & where
+            entry = self.sums.setdefault(int(instance_id), [0, 0])
             entry[0] += int((a & b).sum())
             entry[1] += int((a | b).sum())
 
@@ -80,7 +80,7 @@ def spoiled(
 
 
 def judged(scene: Scene, moved: Episode, masks: Callable[[Scene], Callable]) -> dict[str, float]:
-    static = frozenset(h for b in scene.bodies if b.motion == "static" for h in b.handles)
+    static = frozenset(h for b in scene.bodies if b.motion == "static" for h in b.instance_ids)
     looked = {p.t for p in semantic.recorded(scene)}
     seen, unseen = sorted(looked)[::3], sorted(set(range(scene.episode.length)) - looked)[::4]
     rows = {
@@ -180,30 +180,34 @@ def compare_parts(steps: int, size: int, seed: int) -> list[dict]:
         prompt = semantic.PartPrompt("front", 0, (left, top, right, bottom))
         for method in ("vote", "encodings"):
             start = time.process_time()
-            told = semantic.tell_apart(scene, whole, prompt, by=method, identities=known)
+            given = semantic.tell_apart(scene, whole, prompt, by=method, identities=known)
             row = {
                 "knob": number,
                 "method": f"ISD, {method}",
                 "seconds": time.process_time() - start,
             }
-            changed = (told.scene.gaussians.ids != scene.gaussians.ids)[others].sum()
-            if told.identities is not None:
-                changed += (told.identities.encodings != known.encodings)[others].any(-1).sum()
+            changed = (given.scene.gaussians.ids != scene.gaussians.ids)[others].sum()
+            if given.identities is not None:
+                changed += (given.identities.encodings != known.encodings)[others].any(-1).sum()
             rows.append(
                 row
                 | {
                     "iou": _knob(
-                        take.episode, told.scene, told.scene.gaussians.ids, told.handle, knob
+                        take.episode,
+                        given.scene,
+                        given.scene.gaussians.ids,
+                        given.instance_id,
+                        knob,
                     ),
                     "changed": int(changed),
                 }
             )
         start = time.process_time()
-        made = _direct(scene, stage, known, told, seed)
+        made = _direct(scene, stage, known, given, seed)
         seconds = time.process_time() - start
         changed = (made.encodings != known.encodings)[others].any(-1).sum()
         rows.append({"knob": number, "method": "direct, all encodings", "seconds": seconds,
-                     "iou": _knob(take.episode, scene, made.ids, told.handle, knob), "changed": int(changed),
+                     "iou": _knob(take.episode, scene, made.ids, given.instance_id, knob), "changed": int(changed),
                      "other_ids_changed": int((made.ids != known.ids)[others].sum())})  # fmt: skip
         for row in rows[-3:]:
             print(json.dumps(row), flush=True)
@@ -214,23 +218,27 @@ def _direct(
     scene: Scene,
     stage: semantic.LabelRenderer,
     known: semantic.Identities,
-    told: semantic.Told,
+    given: semantic.Told,
     seed: int,
 ) -> semantic.Identities:
     """The ablation: the same prompts' masks laid over the recorded ones, everything fine-tuned for as many steps."""
     laid = []
-    for picture in told.pictures:
+    for picture in given.pictures:
         recorded = scene.episode.views[picture.camera].ids(picture.t)
         laid.append(
             replace(
                 picture,
-                ids=np.where(picture.ids == told.handle, told.handle, recorded).astype(np.int32),
+                ids=np.where(picture.ids == given.instance_id, given.instance_id, recorded).astype(
+                    np.int32
+                ),
             )
         )
-    assert told.identities is not None
-    row = int(np.flatnonzero(told.identities.handles == told.handle)[0])
+    assert given.identities is not None
+    row = int(np.flatnonzero(given.identities.instance_ids == given.instance_id)[0])
     like = known.weight[
-        np.flatnonzero(known.handles == min(told.pictures[0].ids[told.pictures[0].ids > 0]))[0]
+        np.flatnonzero(known.instance_ids == min(given.pictures[0].ids[given.pictures[0].ids > 0]))[
+            0
+        ]
     ]
     rng = np.random.default_rng(seed)
     nudge = rng.normal(0, float(known.weight.std()), like.shape).astype(np.float32)
@@ -238,17 +246,17 @@ def _direct(
         known.encodings,
         np.insert(known.weight, row, like + nudge, 0),
         np.insert(known.offset, row, 0).astype(np.float32),
-        told.identities.handles,
+        given.identities.instance_ids,
     )
     near = neighbours(scene.gaussians.means, LEARNING.neighbours)
     return descend(begun, laid, stage, near, settings=FINE_TUNING, rng=rng)
 
 
-def _knob(episode: Episode, scene: Scene, ids: np.ndarray, handle: int, knob: int) -> float:
+def _knob(episode: Episode, scene: Scene, ids: np.ndarray, instance_id: int, knob: int) -> float:
     stage, both, either = semantic.LabelRenderer(scene), 0, 0
     for name, view in episode.views.items():
         for t in KNOB_TIMES:
-            made, true = semantic.mask(ids, stage, name, t) == handle, view.ids(t) == knob
+            made, true = semantic.mask(ids, stage, name, t) == instance_id, view.ids(t) == knob
             both, either = both + (made & true).sum(), either + (made | true).sum()
     return float(both / either)
 
@@ -270,14 +278,14 @@ def main() -> None:
     parser.add_argument("--parts-size", type=int, default=192)
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--json", type=Path, help="write the tables here too")
-    told = parser.parse_args()
+    given = parser.parse_args()
     tables = {}
-    if "masks" in told.what:
-        tables["masks"] = compare_masks(told.task, told.steps, told.size, told.seed)
-    if "parts" in told.what:
-        tables["parts"] = compare_parts(told.steps, told.parts_size, told.seed)
-    if told.json:
-        told.json.write_text(json.dumps(tables, indent=1))
+    if "masks" in given.what:
+        tables["masks"] = compare_masks(given.task, given.steps, given.size, given.seed)
+    if "parts" in given.what:
+        tables["parts"] = compare_parts(given.steps, given.parts_size, given.seed)
+    if given.json:
+        given.json.write_text(json.dumps(tables, indent=1))
 
 
 if __name__ == "__main__":

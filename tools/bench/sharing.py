@@ -26,25 +26,25 @@ from rpaug.pipeline import prepare
 from rpaug.scene.build import build
 
 
-def pair(told: argparse.Namespace) -> tuple[Episode, Episode]:
+def pair(given: argparse.Namespace) -> tuple[Episode, Episode]:
     """Who lends, and who borrows."""
-    if told.twin:
-        first = twin.perform(told.twin, told.seed, frames=told.frames).episode
-        take = twin.perform(told.twin, told.seed, frames=told.frames, factor="object_color")
+    if given.twin:
+        first = twin.perform(given.twin, given.seed, frames=given.frames).episode
+        take = twin.perform(given.twin, given.seed, frames=given.frames, factor="object_color")
         return first, replace(take.episode, key="second")
-    adapter = registry.adapter_for(told.dataset)
-    lent = prepare.founders(adapter, told.dataset, adapter.episodes(told.dataset))
-    borrower, lender = next(iter(lent.items()))
-    return adapter.read(told.dataset, lender), adapter.read(told.dataset, borrower)
+    adapter = registry.adapter_for(given.dataset)
+    lent = prepare.donors(adapter, given.dataset, adapter.episodes(given.dataset))
+    borrower, donor_adapter = next(iter(lent.items()))
+    return adapter.read(given.dataset, donor_adapter), adapter.read(given.dataset, borrower)
 
 
-def row(name: str, scene: Scene, folder: Path, settings: FitSettings, founder: Any) -> dict:
-    if founder is not None:
-        cached.fitted(founder, folder, settings=settings)
+def row(name: str, scene: Scene, folder: Path, settings: FitSettings, donor: Any) -> dict:
+    if donor is not None:
+        cached.fitted(donor, folder, settings=settings)
     start = time.process_time()
-    made, facts = cached.fitted(scene, folder, settings=settings, founder=founder)
+    made, facts = cached.fitted(scene, folder, settings=settings, donor=donor)
     seconds = time.process_time() - start
-    kept = store.described(folder, cached.name_of(scene, settings, 0, founder))
+    kept = store.described(folder, cached.name_of(scene, settings, 0, donor))
     return {
         "name": name,
         "steps": facts["steps"],
@@ -65,17 +65,17 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=17, help="that the twin records")
     parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--json", type=Path, help="write the rows here too")
-    told = parser.parse_args()
-    first, second = (build(episode, with_bodies=True) for episode in pair(told))
-    usual = replace(settings_for(steps=told.steps), threads=1)
+    given = parser.parse_args()
+    first, second = (build(episode, with_bodies=True) for episode in pair(given))
+    usual = replace(settings_for(steps=given.steps), threads=1)
     rows: list[dict] = []
     with tempfile.TemporaryDirectory() as work:
-        for name, founder in (("by itself", None), ("borrowing", first), ("as many steps", None)):
-            steps = rows[-1]["steps"] if name == "as many steps" else told.steps
-            rows.append(row(name, second, Path(work), replace(usual, steps=steps), founder))
+        for name, donor in (("by itself", None), ("borrowing", first), ("as many steps", None)):
+            steps = rows[-1]["steps"] if name == "as many steps" else given.steps
+            rows.append(row(name, second, Path(work), replace(usual, steps=steps), donor))
             print(json.dumps(rows[-1]), flush=True)
-    if told.json:
-        told.json.write_text(json.dumps(rows, indent=1))
+    if given.json:
+        given.json.write_text(json.dumps(rows, indent=1))
 
 
 if __name__ == "__main__":

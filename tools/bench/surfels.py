@@ -51,8 +51,8 @@ def known_scene(take: Take) -> Scene:
     moving = {name for name, track in take.poses.items() if (track != track[:1]).any()}
     moving |= {name for name in take.truth.bodies if name.startswith(("link", "hand", "finger"))}
     bodies = tuple(
-        Body(frozenset(handles), still, "unknown" if name in moving else "static")
-        for name, handles in take.truth.bodies.items()
+        Body(frozenset(instance_ids), still, "unknown" if name in moving else "static")
+        for name, instance_ids in take.truth.bodies.items()
     )
     cameras = {name: view.camera for name, view in take.episode.views.items()}
     return Scene(take.episode, cameras, bodies, {}, False, take.episode.descriptions)
@@ -121,11 +121,11 @@ def fitted_frame(scene: Scene, t: int, steps: int) -> Scene:
         return CameraView(camera, lambda _: rgb, lambda _: depth, lambda _: ids)
 
     views = {name: at(view) for name, view in scene.episode.views.items()}
-    handles = frozenset().union(*(np.unique(view.ids(0)).tolist() for view in views.values()))
+    instance_ids = frozenset().union(*(np.unique(view.ids(0)).tolist() for view in views.values()))
     still = Scene(
         replace(scene.episode, views=views, length=1),
         {name: view.camera for name, view in views.items()},
-        (Body(handles, np.eye(4)[None], "static"),),
+        (Body(instance_ids, np.eye(4)[None], "static"),),
         {},
         False,
         (),
@@ -244,26 +244,28 @@ def main() -> None:
         help="also fit the whole episode, once a seed",
     )
     parser.add_argument("--json", type=Path, help="write the table here too")
-    told = parser.parse_args()
+    given = parser.parse_args()
     numba.set_num_threads(1)
     look = Look(
-        antialias=told.antialiased,
-        specular=told.specular,
-        headlight=HEADLIGHT if told.specular else 0.0,
+        antialias=given.antialiased,
+        specular=given.specular,
+        headlight=HEADLIGHT if given.specular else 0.0,
     )
     methods = dict(METHODS)
-    if told.gaussians:
-        methods[f"Gaussians, {told.gaussians} steps a frame"] = PerFrame(told.gaussians)
-    if told.fit:
-        methods[f"Gaussians, {told.fit} steps an episode"] = WholeEpisode(told.fit)
+    if given.gaussians:
+        methods[f"Gaussians, {given.gaussians} steps a frame"] = PerFrame(given.gaussians)
+    if given.fit:
+        methods[f"Gaussians, {given.fit} steps an episode"] = WholeEpisode(given.fit)
     rows: dict[str, list[dict[str, float]]] = {name: [] for name in methods}
-    for seed in range(told.seeds):
-        for case in cases(told.task, seed, look, told.frames, told.every, told.noise, told.tracked):
+    for seed in range(given.seeds):
+        for case in cases(
+            given.task, seed, look, given.frames, given.every, given.noise, given.tracked
+        ):
             for name, method in methods.items():
                 rows[name].append(measure(method, case))
     table = {name: summary(found) for name, found in rows.items()}
-    if told.json:
-        told.json.write_text(
+    if given.json:
+        given.json.write_text(
             json.dumps({"views": len(rows["own camera"]), "table": table}, indent=1)
         )
     print(f"{len(rows['own camera'])} views")

@@ -51,21 +51,21 @@ def near_lamp(episode: Episode) -> Episode:
 
 def score(recorded: twin.Take, true: twin.Take) -> float:
     """dB over the table, all cameras, three frames."""
-    (handle,) = true.truth.changed
+    (instance_id,) = true.truth.changed
     with tempfile.TemporaryDirectory() as folder:
         ask = CASES["table_texture"].ask(recorded, true, Path(folder))[0]
-        fields = {**ask.steps[0], "target": {"handle": handle}}
+        fields = {**ask.steps[0], "target": {"handle": instance_id}}
         operator = TypeAdapter(TableTexture).validate_python(fields)
         episode = recorded.episode
         cameras = {name: view.camera for name, view in episode.views.items()}
-        still = Body(frozenset({handle}), np.tile(np.eye(4), (episode.length, 1, 1)), "static")
+        still = Body(frozenset({instance_id}), np.tile(np.eye(4), (episode.length, 1, 1)), "static")
         scene = Scene(episode, cameras, (still,), {}, False, episode.descriptions)
         after = shown(operator.apply(scene, operator.sample(scene, np.random.default_rng(0))))
         squares = []
         for name, view in true.episode.views.items():
             assert view.ids is not None
             for t in (0, episode.length // 2, episode.length - 1):
-                inside = view.ids(t) == handle
+                inside = view.ids(t) == instance_id
                 off = after.views[name].rgb(t)[inside].astype(float) - view.rgb(t)[inside]
                 squares.append((off**2).mean(-1))
     return psnr(float(np.concatenate(squares).mean()))

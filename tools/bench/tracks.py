@@ -53,11 +53,13 @@ def _twin(take: Take, task: str, seed: int) -> Iterator[dict[str, Any]]:
     links = np.stack([ARM.links(q) for q in take.episode.robot.joint_positions], 1)
     poses = {f"link{number}": track for number, track in enumerate(links, start=1)}
     poses |= {"hand": links[-1], **take.poses}
-    for name, handles in take.truth.bodies.items():
+    for name, instance_ids in take.truth.bodies.items():
         truth = poses.get(name)
-        points = {h: _points(take.episode, h, truth) for h in handles} if truth is not None else {}
-        for handle, (own, _) in points.items():
-            body = next((b for b in bodies if handle in b.handles), None)
+        points = (
+            {h: _points(take.episode, h, truth) for h in instance_ids} if truth is not None else {}
+        )
+        for instance_id, (own, _) in points.items():
+            body = next((b for b in bodies if instance_id in b.instance_ids), None)
             if body is None or not len(own):
                 continue
             off = _errors(body, truth, own)
@@ -73,12 +75,12 @@ def _twin(take: Take, task: str, seed: int) -> Iterator[dict[str, Any]]:
             }
 
 
-def _points(episode: Episode, handle: int, truth: np.ndarray | None) -> tuple[np.ndarray, int]:
+def _points(episode: Episode, instance_id: int, truth: np.ndarray | None) -> tuple[np.ndarray, int]:
     """Surface points of a handle in its true body's frame, from the moment that shows it best."""
     best, most, when = np.zeros((0, 3)), 0, 0
     for t in np.linspace(0, episode.length - 1, LOOKED_AT).round().astype(int):
         for view in episode.views.values():
-            shown = view.ids(int(t)) == handle
+            shown = view.ids(int(t)) == instance_id
             if shown.sum() > most:
                 points = geometry.world_points(view.depth(int(t)).astype(float), view.camera, t)
                 best, most, when = points[shown], int(shown.sum()), int(t)
@@ -102,7 +104,7 @@ def _recorded(episode: Episode) -> Iterator[dict[str, Any]]:
         path = np.linalg.norm(np.ptp(body.to_world[:, :3, 3], 0))
         yield {
             "episode": episode.key,
-            "handles": sorted(map(int, body.handles)),
+            "handles": sorted(map(int, body.instance_ids)),
             "motion": body.motion,
             "moves_m": float(path),
             "ambiguous": body.ambiguous,

@@ -76,11 +76,11 @@ def measured(given: argparse.Namespace, path: Path, cache: Path) -> dict[str, ob
     if given.gaussians:
         start = time.process_time()
         rule = fit_video.SplatSettings(threads=given.threads, width=given.width)
-        _, told = fit_video.fitted(found.scene(), found, rule)
+        _, given = fit_video.fitted(found.scene(), found, rule)
         facts |= {
-            f"gaussians_{name}": told[name] for name in ("gaussians", "train_db", "held_out_db")
+            f"gaussians_{name}": given[name] for name in ("gaussians", "train_db", "held_out_db")
         }
-        facts["hands"] = told.get("four")
+        facts["hands"] = given.get("four")
         facts["gaussians_processor_s"] = round(time.process_time() - start, 1)
     return facts
 
@@ -93,14 +93,18 @@ def edited(given: argparse.Namespace, path: Path, out: Path) -> dict[str, object
     spent = time.process_time() - start
     facts: dict[str, object] = {"failures": summary.failures, "warnings": summary.warnings}
     for made in sorted(out.glob("*.mp4")):
-        told = [_told(one) for one in (path, made)]
-        facts[made.name] = {"recorded": told[0], "written": told[1], "alike": told[0] == told[1]}
+        given = [_given(one) for one in (path, made)]
+        facts[made.name] = {
+            "recorded": given[0],
+            "written": given[1],
+            "alike": given[0] == given[1],
+        }
         report = json.loads((made.with_suffix("") / "rpaug.json").read_bytes())
         facts[made.name] |= {"fit": report["plan"].get("fit"), "film": report["plan"].get("film")}
     return facts | {"processor_min": round(spent / 60, 1)}
 
 
-def _told(path: Path) -> list[object]:
+def _given(path: Path) -> list[object]:
     """Codec, size, rate, frames that decode, and duration in seconds."""
     with av.open(str(path)) as file:
         stream = file.streams.video[0]

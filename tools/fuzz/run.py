@@ -229,14 +229,14 @@ def main() -> None:
     parser.add_argument("--state", type=Path)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--worker", nargs=3)
-    told = parser.parse_args()
-    if told.worker:
-        work(int(told.worker[0]), int(told.worker[1]), Path(told.worker[2]))
+    given = parser.parse_args()
+    if given.worker:
+        work(int(given.worker[0]), int(given.worker[1]), Path(given.worker[2]))
         return
-    state = {"next": told.first, "wrong": [], "counts": {}, "peak": 0, "grown": 0, "seconds": 0.0}
-    if told.state and told.state.exists():
-        state = json.loads(told.state.read_text())
-    end = told.first + told.cases
+    state = {"next": given.first, "wrong": [], "counts": {}, "peak": 0, "grown": 0, "seconds": 0.0}
+    if given.state and given.state.exists():
+        state = json.loads(given.state.read_text())
+    end = given.first + given.cases
     while state["next"] < end:
         done = batch(state["next"], min(state["next"] + BATCH, end))
         state["next"] = min(state["next"] + BATCH, end)
@@ -245,8 +245,8 @@ def main() -> None:
         for name in ("peak", "grown"):
             state[name] = max(state[name], done[name])
         state["seconds"] += done["seconds"]
-        if told.state:
-            told.state.write_text(json.dumps(state))
+        if given.state:
+            given.state.write_text(json.dumps(state))
         sys.stderr.write(f"{state['next']} cases, {len(state['wrong'])} wrong\n")
     for name, count in sorted(state["counts"].items()):
         sys.stdout.write(f"{count:8d}  {name}\n")
@@ -258,8 +258,8 @@ def main() -> None:
     )
     words += f"{state['peak'] / 1024:.0f} MiB at most, {state['grown'] / 1024:.0f} of them cases'"
     sys.stdout.write(words + "\n")
-    if told.json:
-        told.json.write_text(json.dumps(state, indent=1))
+    if given.json:
+        given.json.write_text(json.dumps(state, indent=1))
     raise SystemExit(1 if state["wrong"] else 0)
 
 

@@ -130,14 +130,14 @@ def rdt(root: Path, version: str | None = None) -> None:
         "expanded_instruction": ["pour it"],
     }
     (root / "toy/expanded_instruction_gpt-4-turbo.json").write_text(json.dumps(words))
-    told = {
+    given = {
         "version": 1,
         "cameras": {"cam_high": {"K": [[9.0, 0, 4], [0, 9, 4], [0, 0, 1]], "metres": 0.001,
                                  "depth": "observations/depth/cam_high",
                                  "cam_to_world": np.eye(4).tolist()}},
         "gripper": {"key": "observations/eef", "opening": 6},
     }  # fmt: skip
-    (root / "toy/cameras.yaml").write_text(yaml.safe_dump(told))
+    (root / "toy/cameras.yaml").write_text(yaml.safe_dump(given))
 
 
 def latest_rdt(root: Path) -> None:
@@ -147,7 +147,7 @@ def latest_rdt(root: Path) -> None:
 
 def recipe(root: Path) -> None:
     """A recipe with fields of many kinds."""
-    told = {
+    given = {
         "version": 1, "seed": 7, "copies": 2, "keep_originals": True,
         "select": {"episodes": ["*/train/*"], "limit": 3}, "accuracy": {"psnr": 30.0}, "arms": ["arm.xml"],
         "edits": [
@@ -163,7 +163,7 @@ def recipe(root: Path) -> None:
         "gates": {"tries": 2},
     }  # fmt: skip
     root.mkdir(parents=True)
-    (root / "recipe.yaml").write_text(yaml.safe_dump(told, sort_keys=False))
+    (root / "recipe.yaml").write_text(yaml.safe_dump(given, sort_keys=False))
 
 
 def ego4d(root: Path) -> None:
@@ -186,24 +186,24 @@ def ego4d(root: Path) -> None:
     clip = {"clip_uid": "c", "video_uid": "toy", "video_start_sec": 0.0, "video_end_sec": 0.1,
             "video_start_frame": 0, "video_end_frame": 3}  # fmt: skip
     videos = [{"video_uid": "toy", "duration_sec": 0.2, "video_metadata": measured}]
-    said = {
+    stated = {
         "timestamp_sec": 0.05,
         "timestamp_frame": 1,
         "narration_text": "#C C lifts the lid",
         "annotation_uid": "a",
     }
-    one = {"narration_pass_1": {"narrations": [said], "summaries": []}}
+    one = {"narration_pass_1": {"narrations": [stated], "summaries": []}}
     box = {"object_type": "left_hand", "bbox": {"x": 1, "y": 1, "width": 3, "height": 3}}
     frame = {"frame": 1, "clip_frame": 1, "boxes": [box]}
     hands = {
         **clip,
         "frames": [{"action_start_frame": 0, "action_end_frame": 2, "pnr_frame": frame}],
     }
-    for name, told in {
+    for name, given in {
         "ego4d.json": {"videos": videos, "clips": [clip]},
         "annotations/narration.json": {"toy": one},
         "annotations/fho_hands_train.json": {"clips": [hands]},
     }.items():
-        (root / "v2" / name).write_text(json.dumps(told))
+        (root / "v2" / name).write_text(json.dumps(given))
     cuts = {"clips": [{"video": "toy", "start": 0.0, "end": 0.1}]}
     (root / "v2/full_scale/clips.yaml").write_text(yaml.safe_dump(cuts))

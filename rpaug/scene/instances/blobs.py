@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Int, Int32, UInt8
 
-from rpaug.scene.instances.color_clusters import Tints, weighted
+from rpaug.scene.instances.color_clusters import ColorClusters, weighted
 
 LEAST = 0.0035  # share of the image: smaller patches belong to what is around them
 SMALL = (
@@ -19,7 +19,7 @@ LOUD = 30.0  # of the weighted Lab distance from which it is
 class Blob:
     """One patch: its tint, mean weighted Lab colour, pixels, and share of its outline that lies on the image's edge."""
 
-    tint: int
+    cluster: int
     colour: Float32[np.ndarray, "3"]
     mask: Bool[np.ndarray, "h w"]
     edge: float
@@ -31,21 +31,21 @@ class Blob:
 
 
 def find(
-    image: UInt8[np.ndarray, "h w 3"], label: Int[np.ndarray, "h w"], tints: Tints
+    image: UInt8[np.ndarray, "h w 3"], label: Int[np.ndarray, "h w"], clusters: ColorClusters
 ) -> list[Blob]:
     """The patches of a labelled image, largest first; together they cover it.
 
     Those that are small or no more than a thin line (outlines mix two colours into a third) go to the neighbour that
     they share most of their outline with.
     """
-    pieces = _absorbed(_pieces(label), label, tints)
+    pieces = _absorbed(_pieces(label), label, clusters)
     shown = weighted(image)
     found = []
     for number in np.unique(pieces):
         mask = pieces == number
-        tint = int(np.bincount(label[mask], minlength=len(tints)).argmax())
-        colour = np.median(shown[mask & (label == tint)], 0).astype(np.float32)
-        found.append(Blob(tint, colour, mask, _edge(mask)))
+        cluster = int(np.bincount(label[mask], minlength=len(clusters)).argmax())
+        colour = np.median(shown[mask & (label == cluster)], 0).astype(np.float32)
+        found.append(Blob(cluster, colour, mask, _edge(mask)))
     return sorted(found, key=lambda blob: -blob.area)
 
 
@@ -57,15 +57,15 @@ def ring(mask: Bool[np.ndarray, "h w"], width: int = 1) -> Bool[np.ndarray, "h w
 
 def _pieces(label: Int[np.ndarray, "h w"]) -> Int32[np.ndarray, "h w"]:
     out, count = np.zeros(label.shape, np.int32), 0
-    for tint in np.unique(label):
-        number, parts = cv2.connectedComponents((label == tint).astype(np.uint8), connectivity=4)
+    for cluster in np.unique(label):
+        number, parts = cv2.connectedComponents((label == cluster).astype(np.uint8), connectivity=4)
         out[parts > 0] = parts[parts > 0] + count
         count += number - 1
     return out
 
 
 def _absorbed(
-    pieces: Int32[np.ndarray, "h w"], label: Int[np.ndarray, "h w"], tints: Tints
+    pieces: Int32[np.ndarray, "h w"], label: Int[np.ndarray, "h w"], clusters: ColorClusters
 ) -> Int32[np.ndarray, "h w"]:
     """The same without pieces that are too small or too thin, smallest first."""
     pieces = pieces.copy()
@@ -82,8 +82,8 @@ def _absorbed(
         if not around.any():
             continue
         if mask.sum() >= small and thick:
-            beside = tints[np.bincount(label[around]).argmax()]
-            if np.linalg.norm(tints[label[mask][0]] - beside) > LOUD:
+            beside = clusters[np.bincount(label[around]).argmax()]
+            if np.linalg.norm(clusters[label[mask][0]] - beside) > LOUD:
                 continue
         pieces[mask] = np.bincount(pieces[around]).argmax()
     return pieces

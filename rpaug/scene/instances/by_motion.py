@@ -57,15 +57,15 @@ class Segmentation:
         view = self.episode.views[camera]
         depth, colour = images(view, t)
         labels = labelled(self.sights, self.motions, view, t, depth, colour)
-        handles = np.where(depth > 0, labels + 1, 0).astype(np.int32)
+        instance_ids = np.where(depth > 0, labels + 1, 0).astype(np.int32)
         odd = labels == UNEXPLAINED
         if odd.any():
             points = geometry.world_points(depth, thin(view), t)[odd]
             number = self.leftovers.of(points)
-            handles[odd] = np.where(number >= 0, len(self.motions) + 1 + number, STATIC + 1)
-        handles = regions.tidied(handles, depth)
+            instance_ids[odd] = np.where(number >= 0, len(self.motions) + 1 + number, STATIC + 1)
+        instance_ids = regions.tidied(instance_ids, depth)
         step, full = step_of(view), (view.camera.height, view.camera.width)
-        return np.repeat(np.repeat(handles, step, 0), step, 1)[: full[0], : full[1]]
+        return np.repeat(np.repeat(instance_ids, step, 0), step, 1)[: full[0], : full[1]]
 
 
 def segment(episode: Episode) -> Segmentation:

@@ -24,7 +24,7 @@ SHADES = 1.4  # times darker that a shade is, at most
 ROUNDS = 3  # in which neighbours vote
 WIDE = 480  # pixels: larger images are labelled at about this size
 
-Tints = Float32[np.ndarray, "k 3"]
+ColorClusters = Float32[np.ndarray, "k 3"]
 
 
 def weighted(image: UInt8[np.ndarray, "*n 3"]) -> Float32[np.ndarray, "*n 3"]:
@@ -34,7 +34,7 @@ def weighted(image: UInt8[np.ndarray, "*n 3"]) -> Float32[np.ndarray, "*n 3"]:
     return lab * np.array([LIGHTNESS, 1, 1], np.float32)
 
 
-def find(images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> Tints:
+def find(images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> ColorClusters:
     """Middles of the tints of some images: k-means (Lloyd 1982), then the nearest pairs merged until all are apart.
 
     Means settle where pixels are many; what is far from all of them, a small thing of a loud colour, gets its own.
@@ -42,7 +42,7 @@ def find(images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> Tints:
     pixels = np.concatenate([weighted(cv2.medianBlur(one, 3)).reshape(-1, 3) for one in images])
     pixels = np.ascontiguousarray(pixels[:: max(1, len(pixels) // SAMPLES)])
     found = _merged(*_means(pixels, MOST))
-    off = np.min([np.linalg.norm(pixels - tint, axis=1) for tint in found], axis=0)
+    off = np.min([np.linalg.norm(pixels - cluster, axis=1) for cluster in found], axis=0)
     rare = pixels[off > LOUD]
     if len(rare) < RARE * len(pixels):
         return found
@@ -61,7 +61,7 @@ def _means(
     return found, np.bincount(owner[:, 0], minlength=most).astype(np.float32)
 
 
-def _merged(found: Float32[np.ndarray, "k 3"], weights: Float32[np.ndarray, "k"]) -> Tints:
+def _merged(found: Float32[np.ndarray, "k 3"], weights: Float32[np.ndarray, "k"]) -> ColorClusters:
     """The same with the nearest merged until all are apart."""
     middles, counts = list(found), list(weights)
     while len(middles) > 1:
@@ -92,7 +92,7 @@ def shaded(
     return np.asarray(along & near & (np.minimum(*chroma) > CHROMATIC))
 
 
-def labelled(image: UInt8[np.ndarray, "h w 3"], tints: Tints) -> Int[np.ndarray, "h w"]:
+def labelled(image: UInt8[np.ndarray, "h w 3"], clusters: ColorClusters) -> Int[np.ndarray, "h w"]:
     """Which tint each pixel shows: the nearest, unless its neighbours have another that is about as near (Potts)."""
     height, width = image.shape[:2]
     small = image
@@ -100,15 +100,15 @@ def labelled(image: UInt8[np.ndarray, "h w 3"], tints: Tints) -> Int[np.ndarray,
         size = (WIDE, max(1, round(height * WIDE / width)))
         small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     shown = weighted(small)
-    off = np.stack([((shown - tint) ** 2).sum(-1) for tint in tints], -1)
+    off = np.stack([((shown - cluster) ** 2).sum(-1) for cluster in clusters], -1)
     label = off.argmin(-1)
     for _ in range(ROUNDS):
-        votes = (label[..., None] == np.arange(len(tints))).astype(np.float32)
+        votes = (label[..., None] == np.arange(len(clusters))).astype(np.float32)
         # One channel at a time: OpenCV's filters take no more than a few.
         votes = np.stack(
             [
                 cv2.blur(votes[..., k], (3, 3), borderType=cv2.BORDER_REPLICATE)
-                for k in range(len(tints))
+                for k in range(len(clusters))
             ],
             -1,
         )

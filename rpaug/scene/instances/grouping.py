@@ -23,16 +23,20 @@ COLOURFUL = 22.0  # chroma from which a patch beside the support is a thing, and
 def grouped(
     cameras: Mapping[str, Resting],
     support: Mapping[str, frozenset[int]],
-    known: color_clusters.Tints,
+    known: color_clusters.ColorClusters,
 ) -> dict[str, dict[int, int]]:
     """The handle of every camera's patches."""
     out: dict[str, dict[int, int]] = {name: {} for name in cameras}
     things: list[tuple[bool, dict[str, int]]] = []
     carried: dict[int, int] = {}
     order = sorted(
-        ((blob.area / part.tint.size, name, k) for name, part in cameras.items() for k, blob in enumerate(part.blobs)),
+        (
+            (blob.area / part.cluster.size, name, k)
+            for name, part in cameras.items()
+            for k, blob in enumerate(part.blobs)
+        ),
         key=lambda one: (-one[0], one[1], one[2]),
-    )  # fmt: skip
+    )
     for _, name, k in order:
         part = cameras[name]
         if k in part.robot:
@@ -41,12 +45,12 @@ def grouped(
             out[name][k] = SUPPORT
         elif k in part.left:
             # It may be anywhere and of any size in another camera: its tint alone tells it.
-            tint = part.blobs[k].tint
-            like = [one for one in carried if one == tint or _sides(known[one], known[tint])]
-            carried[tint] = carried[like[0]] if like else len(things)
+            cluster = part.blobs[k].cluster
+            like = [one for one in carried if one == cluster or _sides(known[one], known[cluster])]
+            carried[cluster] = carried[like[0]] if like else len(things)
             if not like:
                 things.append((False, {}))
-            out[name][k] = AROUND + 1 + carried[tint]
+            out[name][k] = AROUND + 1 + carried[cluster]
         else:
             on = standing.stands_on(part, k, support.get(name, frozenset()))
             if not on and _dull(part.blobs[k]):
@@ -71,42 +75,47 @@ def grouped(
 def carried(
     cameras: Mapping[str, Resting],
     groups: Mapping[str, Mapping[int, int]],
-    known: color_clusters.Tints,
+    known: color_clusters.ColorClusters,
 ) -> dict[int, int]:
     """The handle of each tint that some camera saw leave its place, and of the tints of its other sides.
 
     A tint that the support has too tells of nothing that it was carried.
     """
     lying = {
-        part.blobs[k].tint
+        part.blobs[k].cluster
         for name, part in cameras.items()
-        for k, handle in groups[name].items()
-        if handle == SUPPORT
+        for k, instance_id in groups[name].items()
+        if instance_id == SUPPORT
     }
     found = {}
     for name, part in cameras.items():
         for k in sorted(part.left):
-            if groups[name][k] > AROUND and part.blobs[k].tint not in lying:
-                found[part.blobs[k].tint] = groups[name][k]
+            if groups[name][k] > AROUND and part.blobs[k].cluster not in lying:
+                found[part.blobs[k].cluster] = groups[name][k]
     mobile = frozenset().union(*(part.mobile for part in cameras.values()))
     sides = {
-        tint: handle
-        for tint in range(len(known))
-        for own, handle in found.items()
-        if tint not in mobile | lying and _sides(known[tint], known[own])
+        cluster: instance_id
+        for cluster in range(len(known))
+        for own, instance_id in found.items()
+        if cluster not in mobile | lying and _sides(known[cluster], known[own])
     }
     return sides | found
 
 
-def _joined(part: Resting, handles: dict[int, int], known: color_clusters.Tints) -> dict[int, int]:
+def _joined(
+    part: Resting, instance_ids: dict[int, int], known: color_clusters.ColorClusters
+) -> dict[int, int]:
     """The same with a thing's lit and shaded sides under the handle of the larger."""
-    out = dict(handles)
+    out = dict(instance_ids)
     for k, blob in enumerate(part.blobs):  # largest first
         around = ring(blob.mask)
         for j, other in enumerate(part.blobs[k + 1 :], k + 1):
             if min(out[k], out[j]) <= AROUND or out[k] == out[j]:
                 continue
-            if _sides(known[blob.tint], known[other.tint]) and (around & other.mask).sum() > 2:
+            if (
+                _sides(known[blob.cluster], known[other.cluster])
+                and (around & other.mask).sum() > 2
+            ):
                 out[j] = out[k]
     return out
 
@@ -115,19 +124,22 @@ def _sides(one: np.ndarray, other: np.ndarray) -> bool:
     return bool(color_clusters.shaded(one, other, SIDES))
 
 
-def by_tint(
+def by_cluster(
     cameras: Mapping[str, Resting], groups: Mapping[str, Mapping[int, int]], count: int
 ) -> dict[int, int]:
     """The handle of each tint: that of the largest thing which has it, or one of its own."""
     best: dict[int, tuple[float, int]] = {}
     last = AROUND
     for name, part in cameras.items():
-        for k, handle in groups[name].items():
-            share = part.blobs[k].area / part.tint.size
-            last = max(last, handle)
-            if handle != MOVING and share > best.get(part.blobs[k].tint, (0.0, 0))[0]:
-                best[part.blobs[k].tint] = (share, handle)
-    return {tint: best[tint][1] if tint in best else last + 1 + tint for tint in range(count)}
+        for k, instance_id in groups[name].items():
+            share = part.blobs[k].area / part.cluster.size
+            last = max(last, instance_id)
+            if instance_id != MOVING and share > best.get(part.blobs[k].cluster, (0.0, 0))[0]:
+                best[part.blobs[k].cluster] = (share, instance_id)
+    return {
+        cluster: best[cluster][1] if cluster in best else last + 1 + cluster
+        for cluster in range(count)
+    }
 
 
 def _dull(blob: Blob) -> bool:
@@ -141,7 +153,7 @@ def _gap(
     members: Mapping[str, int],
     part: Resting,
     k: int,
-    known: color_clusters.Tints,
+    known: color_clusters.ColorClusters,
 ) -> float | None:
     """How unlike a patch is to a thing's patches in other cameras; None if it is none of it."""
     blob, worst = part.blobs[k], 0.0
@@ -149,10 +161,10 @@ def _gap(
         mate = cameras[name].blobs[other]
         ratio = (blob.area / blob.mask.size) / (mate.area / mate.mask.size)
         off = float(np.linalg.norm(blob.colour - mate.colour))
-        same = mate.tint == blob.tint and off < ALIKE
+        same = mate.cluster == blob.cluster and off < ALIKE
         # A camera that looks from elsewhere sees more of a thing's sides in the shade.
         lit = same or (
-            (_sides(known[mate.tint], known[blob.tint]) or mate.tint == blob.tint)
+            (_sides(known[mate.cluster], known[blob.cluster]) or mate.cluster == blob.cluster)
             and _sides(mate.colour, blob.colour)
         )
         if not lit or not 1 / SIZES < ratio < SIZES:

@@ -75,10 +75,10 @@ def _lasts(
     first: ends.End, last: ends.End, limit: float, watched: Watched, seen: Resting
 ) -> Bool[np.ndarray, "h w"]:
     """Where the two ends differ in colours that other resting patches have too, in pieces that are no outlines."""
-    rest = {blob.tint for k, blob in enumerate(seen.blobs) if k not in seen.robot}
+    rest = {blob.cluster for k, blob in enumerate(seen.blobs) if k not in seen.robot}
     mask = first.known & last.known & _differs(first.image, last.image, limit)
     for end in (first, last):
-        mask &= np.isin(color_clusters.labelled(end.image, watched.tints), list(rest))
+        mask &= np.isin(color_clusters.labelled(end.image, watched.clusters), list(rest))
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
     _, pieces, stats, _ = cv2.connectedComponentsWithStats(opened)
     areas = stats[:, cv2.CC_STAT_AREA].copy()

@@ -20,14 +20,14 @@ class Small:
     """One camera's part: the place of the thing, and the tints it has there."""
 
     where: Bool[np.ndarray, "h w"]
-    color_clusters: frozenset[int]
+    clusters: frozenset[int]
 
     def shown(self, label: Int[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
         """Where an image, by the tints of its pixels, shows it."""
-        return self.where & np.isin(label, list(self.tints))
+        return self.where & np.isin(label, list(self.clusters))
 
 
-def asked(words: Iterable[str], known: color_clusters.Tints) -> frozenset[int]:
+def asked(words: Iterable[str], known: color_clusters.ColorClusters) -> frozenset[int]:
     """The tints that go by a colour's name which is among the words."""
     names = {
         name
@@ -35,7 +35,7 @@ def asked(words: Iterable[str], known: color_clusters.Tints) -> frozenset[int]:
         for word in text.lower().split()
         if (name := colors.canonical(word.strip(".,;:!"))) is not None
     }
-    near = [colors.nearest(_rgb(tint)) for tint in known]
+    near = [colors.nearest(_rgb(cluster)) for cluster in known]
     return frozenset(
         k for k, one in enumerate(near) if any(one == n or colors.means(n, one) for n in names)
     )
@@ -52,10 +52,10 @@ def find(
     found = {}
     for name, watched in cameras.items():
         first, _ = ends.of(watched, mobile)
-        label = color_clusters.labelled(first.image, watched.tints)
+        label = color_clusters.labelled(first.image, watched.clusters)
         mask = first.known & np.isin(label, list(wanted - mobile))
         for k, blob in enumerate(seen[name].blobs):
-            if blob.tint in wanted and k not in seen[name].robot:
+            if blob.cluster in wanted and k not in seen[name].robot:
                 mask &= ~(blob.mask | blobs.ring(blob.mask))
         _, pieces, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
         areas = stats[:, cv2.CC_STAT_AREA].copy()
@@ -68,6 +68,6 @@ def find(
     return found
 
 
-def _rgb(tint: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    lab = (tint / np.array([color_clusters.LIGHTNESS, 1, 1])).astype(np.float32)
+def _rgb(cluster: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    lab = (cluster / np.array([color_clusters.LIGHTNESS, 1, 1])).astype(np.float32)
     return cv2.cvtColor(lab.reshape(1, 1, 3), cv2.COLOR_Lab2RGB).reshape(3).astype(np.float64)

@@ -27,14 +27,14 @@ def cut(
     thing its colours may not be its own, as a share of its size; a pixel at least.
     """
     out = ids.copy()
-    for handle in np.unique(ids):
-        if handle <= AROUND or (only is not None and handle not in only):
+    for instance_id in np.unique(ids):
+        if instance_id <= AROUND or (only is not None and instance_id not in only):
             continue
-        count, pieces = cv2.connectedComponents((ids == handle).astype(np.uint8))
+        count, pieces = cv2.connectedComponents((ids == instance_id).astype(np.uint8))
         for number in range(1, count):
             piece = pieces == number
             if piece.sum() >= FEWEST:
-                _cut_one(image, out, piece, int(handle), rim)
+                _cut_one(image, out, piece, int(instance_id), rim)
     return out
 
 
@@ -42,7 +42,7 @@ def _cut_one(
     image: UInt8[np.ndarray, "h w 3"],
     out: Int32[np.ndarray, "h w"],
     piece: Bool[np.ndarray, "h w"],
-    handle: int,
+    instance_id: int,
     rim: float,
 ) -> None:
     size = float(np.sqrt(piece.sum()))
@@ -61,12 +61,12 @@ def _cut_one(
     found = grabcut.cut(image[rows, columns], known, grown, ROUNDS)
     if not LESS * mine.sum() < found.sum() < MORE * mine.sum():
         return
-    here[found & (free | mine)] = handle
+    here[found & (free | mine)] = instance_id
     lost = mine & ~found
     if lost.any():
         # What is given back goes to what most of the surroundings are.
         beside = here[_grown(mine, 1) & ~mine]
-        beside = beside[beside != handle]
+        beside = beside[beside != instance_id]
         here[lost] = np.bincount(beside).argmax() if len(beside) else MOVING
 
 

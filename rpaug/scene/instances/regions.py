@@ -66,25 +66,25 @@ def connected(points: Float64[np.ndarray, "n 3"], cell: float, fewest: int) -> R
 
 
 def tidied(
-    handles: Int32[np.ndarray, "h w"], depth: Float32[np.ndarray, "h w"]
+    instance_ids: Int32[np.ndarray, "h w"], depth: Float32[np.ndarray, "h w"]
 ) -> Int32[np.ndarray, "h w"]:
     """Handles with single pixels and pairs taken over by what most of their neighbours show."""
-    found = np.unique(handles[handles > 0])
+    found = np.unique(instance_ids[instance_ids > 0])
     if len(found) < 2:
-        return handles
+        return instance_ids
     counts = np.stack(
         [
             cv2.filter2D(
-                (handles == one).astype(np.float32), -1, WINDOW, borderType=cv2.BORDER_CONSTANT
+                (instance_ids == one).astype(np.float32), -1, WINDOW, borderType=cv2.BORDER_CONSTANT
             )
             for one in found
         ]
     )
     own = np.take_along_axis(
-        counts, np.searchsorted(found, np.maximum(handles, found[0]))[None], 0
+        counts, np.searchsorted(found, np.maximum(instance_ids, found[0]))[None], 0
     )[0]
-    speck = (own < SPECK) & (depth > 0) & (handles > 0)
-    return np.where(speck, found[counts.argmax(0)], handles).astype(np.int32)
+    speck = (own < SPECK) & (depth > 0) & (instance_ids > 0)
+    return np.where(speck, found[counts.argmax(0)], instance_ids).astype(np.int32)
 
 
 def _packed(cells: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:

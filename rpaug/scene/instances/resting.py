@@ -32,7 +32,7 @@ class Resting:
     """One still camera before its patches have handles."""
 
     backdrop: Backdrop
-    tint: Int[np.ndarray, "h w"]
+    cluster: Int[np.ndarray, "h w"]
     blobs: list[Blob]
     mobile: frozenset[int]
     active: Bool[np.ndarray, "h w"]  # where anything ever changed
@@ -43,19 +43,21 @@ class Resting:
     @classmethod
     def of(cls, watched: Watched, mobile: frozenset[int]) -> "Resting":
         """The patches of a camera's backdrop, and how often each is there and undisturbed."""
-        found = blobs.find(watched.backdrop.image, watched.tint, watched.tints)
-        elsewhere = ~np.isin(watched.labels, list(mobile)) & (watched.labels != watched.tint)
+        found = blobs.find(watched.backdrop.image, watched.cluster, watched.clusters)
+        elsewhere = ~np.isin(watched.labels, list(mobile)) & (watched.labels != watched.cluster)
         other = watched.changed & elsewhere
         away, alone = {}, {}
         for k, blob in enumerate(found):
             around = blob.mask | ring(blob.mask, 2)
             hidden = other[:, blob.mask].mean(1) > AWAY
-            changed = watched.changed[hidden] & (watched.labels[hidden] == blob.tint) & ~blob.mask
+            changed = (
+                watched.changed[hidden] & (watched.labels[hidden] == blob.cluster) & ~blob.mask
+            )
             gone = hidden.any() and np.median(changed.sum((1, 2))) >= GONE * blob.area
             away[k] = float(hidden.mean()) if gone else 0.0
             alone[k] = float((watched.changed[:, around].mean(1) < 1 - WHOLE).mean())
         return cls(
-            watched.backdrop, watched.tint, found, mobile, watched.active, away, alone, watched.shades(mobile)
+            watched.backdrop, watched.cluster, found, mobile, watched.active, away, alone, watched.shades(mobile)
         )  # fmt: skip
 
     @cached_property
@@ -63,12 +65,12 @@ class Resting:
         """Patches of a mobile tint beside which things change: the robot, where it stands for long."""
         found = set()
         for k, blob in enumerate(self.blobs):
-            if blob.tint not in self.mobile or self._stands_alone(k):
+            if blob.cluster not in self.mobile or self._stands_alone(k):
                 continue
             near = self.active[ring(blob.mask) | blob.mask].mean()
             # A wall of the robot's tint is cut off by the image on most sides, an arm on one; and where both have the
             # very same colour nothing tells them apart, so that both are left alone.
-            shade = self.shades.get(blob.tint)
+            shade = self.shades.get(blob.cluster)
             same = shade is not None and float(np.linalg.norm(blob.colour - shade)) < SAME
             arm = (near > TOUCHES and blob.edge < CUT) or (near > BARELY and same)
             if arm or self.active[blob.mask].mean() > RESTLESS:
@@ -78,7 +80,7 @@ class Resting:
     @property
     def robot_mask(self) -> Bool[np.ndarray, "h w"]:
         """The pixels of those."""
-        out = np.zeros(self.tint.shape, bool)
+        out = np.zeros(self.cluster.shape, bool)
         for k in self.robot:
             out |= self.blobs[k].mask
         return out
@@ -89,7 +91,7 @@ class Resting:
         return frozenset(
             k
             for k, blob in enumerate(self.blobs)
-            if self.away[k] >= LEFT and blob.edge == 0 and blob.tint not in self.mobile
+            if self.away[k] >= LEFT and blob.edge == 0 and blob.cluster not in self.mobile
         )
 
     def _stands_alone(self, k: int) -> bool:
@@ -98,5 +100,7 @@ class Resting:
         if blob.edge > 0 or self.alone[k] < ALONE:
             return False
         around = ring(blob.mask)
-        touching = [other.mask[around].sum() for other in self.blobs if other.tint in self.mobile]
+        touching = [
+            other.mask[around].sum() for other in self.blobs if other.cluster in self.mobile
+        ]
         return bool(sum(touching) <= (1 - ISLAND) * around.sum())

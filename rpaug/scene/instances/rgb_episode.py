@@ -55,25 +55,25 @@ def find(episode: Episode, depth: str | None = None) -> Found:
     unsteady = seen.moving | seen.manipulated
     bodies = tuple(
         Body(
-            frozenset([handle]),
+            frozenset([instance_id]),
             still,
-            "unknown" if handle in unsteady else "static",
-            ambiguous=handle in unsteady,
+            "unknown" if instance_id in unsteady else "static",
+            ambiguous=instance_id in unsteady,
         )
-        for handle in sorted(seen.handles)
+        for instance_id in sorted(seen.instance_ids)
     )
     return Found(replace(episode, views=views), bodies, seen.roles)
 
 
 def assumptions(episode: Episode) -> tuple[str, ...]:
     """What was assumed about the cameras of an episode that `find` looked at; empty for any other."""
-    told = [
+    given = [
         f"{name}: {sentence}"
         for name, view in episode.views.items()
-        if view.stand_in is not None
-        for sentence in view.stand_in.assumed
+        if view.proxy is not None
+        for sentence in view.proxy.assumed
     ]
-    return tuple(told)
+    return tuple(given)
 
 
 def _view(episode: Episode, seen: CameraInstanceMap, name: str) -> CameraView:
@@ -85,10 +85,10 @@ def _view(episode: Episode, seen: CameraInstanceMap, name: str) -> CameraView:
 
     drop = part.backdrop
     if drop.dead:
-        told = ("shows nothing, and nothing is put into it",)
-        stand_in = ProxyGeometry(view.camera, None, told, blank=True)
+        given = ("shows nothing, and nothing is put into it",)
+        proxy = ProxyGeometry(view.camera, None, given, blank=True)
     elif not drop.still:
-        stand_in = ProxyGeometry(
+        proxy = ProxyGeometry(
             view.camera, None, ("moves, so that things in it are told by their colour alone",)
         )
     else:
@@ -96,12 +96,12 @@ def _view(episode: Episode, seen: CameraInstanceMap, name: str) -> CameraView:
         around = np.isin(part.resting, list(seen.background))
         made = ground_plane.of(view.camera, support, around)
         assumed = _assumed(view.camera, episode.length)
-        untold = (UNTOLD,) if part.came is not None else ()
-        stand_in = ProxyGeometry(
-            view.camera, made.depth, (*assumed, *untold), untold="".join(untold)
+        unknown = (UNTOLD,) if part.came is not None else ()
+        proxy = ProxyGeometry(
+            view.camera, made.depth, (*assumed, *unknown), unknown="".join(unknown)
         )
         view = replace(view, camera=made.camera)
-    return replace(view, ids=ids, inferred=True, stand_in=stand_in)
+    return replace(view, ids=ids, inferred=True, proxy=proxy)
 
 
 def _deep(
@@ -112,9 +112,7 @@ def _deep(
 
     model = providers.depth(named)
     still = {
-        name: view
-        for name, view in views.items()
-        if view.stand_in and view.stand_in.depth is not None
+        name: view for name, view in views.items() if view.proxy and view.proxy.depth is not None
     }
     lost = [name for name in still if not episode.views[name].camera.placed]
     if len(still) > 1 and lost:
@@ -148,28 +146,28 @@ def _modelled(
         factor = np.median(made.depth[~changed] / np.maximum(now[~changed], 1e-6))
         return np.where(changed, now * factor, made.depth).astype(np.float32)
 
-    assert view.stand_in is not None
-    focal = [s for s in view.stand_in.assumed if "level support" not in s]
-    told = (
+    assert view.proxy is not None
+    focal = [s for s in view.proxy.assumed if "level support" not in s]
+    given = (
         *focal,
         "depth guessed by a model"
         + (f", its scale by a support {ground_plane.DISTANCE:g} m away" if model.relative else ""),
     )
-    stand_in = ProxyGeometry(recorded, made.depth, told, modelled=True)
-    return replace(view, camera=made.camera, depth=depth, stand_in=stand_in)
+    proxy = ProxyGeometry(recorded, made.depth, given, modelled=True)
+    return replace(view, camera=made.camera, depth=depth, proxy=proxy)
 
 
 def _assumed(camera: Camera, length: int) -> tuple[str, ...]:
-    told = [f"instances told by colour, and by motion against the median of {length} frames"]
+    given = [f"instances told by colour, and by motion against the median of {length} frames"]
     if camera.assumed:
-        told.append(
+        given.append(
             f"focal length of {camera.K[0, 0]:.0f} px assumed; cameras.yaml takes K or field_of_view"
         )
     if camera.placed:
-        told.append("the support is taken to be level and at z = 0 of the world its pose is in")
+        given.append("the support is taken to be level and at z = 0 of the world its pose is in")
     else:
-        told.append(
+        given.append(
             f"taken to look down on a level support by {np.degrees(ground_plane.TILT):.0f} degrees, from "
             f"{ground_plane.DISTANCE:g} m; cameras.yaml takes cam_to_world, z up, the support at z = 0"
         )
-    return tuple(told)
+    return tuple(given)

@@ -29,7 +29,7 @@ class CameraInstances:
 
     backdrop: Backdrop
     resting: Int32[np.ndarray, "h w"]
-    tint: Int[np.ndarray, "h w"]
+    cluster: Int[np.ndarray, "h w"]
     mobile: frozenset[int]
     moved: Mapping[int, int]
     mine: Mapping[int, int]
@@ -37,7 +37,7 @@ class CameraInstances:
     small: Small | None = None
 
 
-def handles(
+def instance_ids(
     part: CameraInstances, label: Int[np.ndarray, "h w"], image: UInt8[np.ndarray, "h w 3"]
 ) -> Int32[np.ndarray, "h w"]:
     """Where the backdrop changed: a thing that was moved, what was uncovered, or the robot."""
@@ -60,17 +60,17 @@ def _settled(
     shown = color_clusters.weighted(image)
     behind = color_clusters.weighted(part.backdrop.image)
     # What is there still is so in a shadow or another exposure; only of the robot's tints nothing follows.
-    there = (label == part.tint) | color_clusters.shaded(shown, behind, SHADOW)
+    there = (label == part.cluster) | color_clusters.shaded(shown, behind, SHADOW)
     there &= ~np.isin(label, [*part.mobile, *part.moved]) & (part.resting != MOVING)
     changed = changed & ~there
     out = np.where(changed, MOVING, part.resting).astype(np.int32)
     open_ = changed & ~np.isin(label, list(part.mobile))
-    for tint, handle in part.moved.items():
-        out[open_ & (label == tint)] = handle
+    for cluster, instance_id in part.moved.items():
+        out[open_ & (label == cluster)] = instance_id
     still_open = open_ & ~np.isin(label, list(part.moved))
     reach = max(2.0, REACH * label.shape[1])
-    for tint in np.unique(label[still_open]):
-        source = ~changed & (part.tint == tint) & (part.resting != MOVING)
+    for cluster in np.unique(label[still_open]):
+        source = ~changed & (part.cluster == cluster) & (part.resting != MOVING)
         if not source.any():
             continue
         off, nearest = cv2.distanceTransformWithLabels(
@@ -78,7 +78,7 @@ def _settled(
         )
         table = np.zeros(nearest.max() + 1, np.int64)
         table[nearest[source]] = np.flatnonzero(source)
-        here = still_open & (label == tint) & (off <= reach)
+        here = still_open & (label == cluster) & (off <= reach)
         place = table[nearest[here]]
         alike = np.linalg.norm(shown[here] - behind.reshape(-1, 3)[place], axis=-1) < LOCAL
         rows = np.flatnonzero(here)[alike]

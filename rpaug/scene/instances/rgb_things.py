@@ -37,13 +37,13 @@ LOOSE = 100_000  # handles from here on are of what never rests, by tint
 class CameraInstanceMap:
     """All cameras' parts, and what each handle does."""
 
-    color_clusters: color_clusters.Tints
+    clusters: color_clusters.ColorClusters
     cameras: Mapping[str, CameraInstances]
     support: frozenset[int]
     background: frozenset[int]
     moving: frozenset[int]
     manipulated: frozenset[int]
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
 
     @property
     def roles(self) -> dict[str, frozenset[int]]:
@@ -54,17 +54,17 @@ class CameraInstanceMap:
             "table": self.support,
             "background": self.background,
         }
-        return {name: handles for name, handles in found.items() if handles}
+        return {name: instance_ids for name, instance_ids in found.items() if instance_ids}
 
     def ids(self, name: str, image: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
         """Handles of one image of a camera."""
         part = self.cameras[name]
         if part.backdrop.dead:
             return np.zeros(image.shape[:2], np.int32)
-        label = color_clusters.labelled(image, self.tints)
+        label = color_clusters.labelled(image, self.clusters)
         if part.backdrop.still:
-            return rgb_settling.handles(part, label, image)
-        table = np.zeros(len(self.tints), np.int32)
+            return rgb_settling.instance_ids(part, label, image)
+        table = np.zeros(len(self.clusters), np.int32)
         table[list(part.mine)] = list(part.mine.values())
         return table[label]
 
@@ -72,7 +72,7 @@ class CameraInstanceMap:
 def find(episode: Episode) -> CameraInstanceMap:
     """Look at all cameras and tell what there is."""
     drops = {name: backdrop.find(view, episode.length) for name, view in episode.views.items()}
-    known = _tints(episode, drops)
+    known = _clusters(episode, drops)
     still = {
         name: watched.watch(episode.views[name], episode.length, drop, known)
         for name, drop in drops.items()
@@ -87,14 +87,14 @@ def find(episode: Episode) -> CameraInstanceMap:
         if name in seen:
             parts[name] = _part(seen[name], groups[name], carried, loose)
         else:
-            mine = {} if drop.dead else grouping.by_tint(seen, groups, len(known))
+            mine = {} if drop.dead else grouping.by_cluster(seen, groups, len(known))
             empty = np.zeros(drop.image.shape[:2], np.int32)
             parts[name] = CameraInstances(
                 drop, empty, empty.astype(np.int64), frozenset(), {}, mine
             )
     if not carried and not loose:
         parts = _untinted(episode, still, seen, parts, known)
-    return _told(known, parts, any(part.active.any() for part in seen.values()))
+    return _given(known, parts, any(part.active.any() for part in seen.values()))
 
 
 def _untinted(
@@ -102,7 +102,7 @@ def _untinted(
     still: Mapping[str, Watched],
     seen: Mapping[str, Resting],
     parts: Mapping[str, CameraInstances],
-    known: color_clusters.Tints,
+    known: color_clusters.ColorClusters,
 ) -> dict[str, CameraInstances]:
     """The parts with what the robot acted on, where no tint of its own was seen to leave its place."""
     mobile = frozenset().union(*(part.mobile for part in seen.values()))
@@ -115,7 +115,7 @@ def _untinted(
     }
 
 
-def _tints(episode: Episode, drops: Mapping[str, Backdrop]) -> color_clusters.Tints:
+def _clusters(episode: Episode, drops: Mapping[str, Backdrop]) -> color_clusters.ColorClusters:
     """The tints of all images that show anything."""
     looks = []
     for name, drop in drops.items():
@@ -139,21 +139,21 @@ def _resting(still: Mapping[str, Watched], count: int) -> tuple[dict[str, Restin
 
 
 def _part(
-    seen: Resting, handles: Mapping[int, int], carried: Mapping[int, int], loose: Iterable[int]
+    seen: Resting, instance_ids: Mapping[int, int], carried: Mapping[int, int], loose: Iterable[int]
 ) -> CameraInstances:
     """A camera's part once its patches have handles; `loose` tints get handles of their own."""
-    resting = np.zeros(seen.tint.shape, np.int32)
+    resting = np.zeros(seen.cluster.shape, np.int32)
     for k, blob in enumerate(seen.blobs):
-        resting[blob.mask] = handles[k]
-    never = {tint: LOOSE + tint for tint in loose}
+        resting[blob.mask] = instance_ids[k]
+    never = {cluster: LOOSE + cluster for cluster in loose}
     resting = outlines.cut(seen.backdrop.image, resting)
     return CameraInstances(
-        seen.backdrop, resting, seen.tint, seen.mobile, never | dict(carried), {}
+        seen.backdrop, resting, seen.cluster, seen.mobile, never | dict(carried), {}
     )
 
 
-def _told(
-    known: color_clusters.Tints, parts: Mapping[str, CameraInstances], active: bool
+def _given(
+    known: color_clusters.ColorClusters, parts: Mapping[str, CameraInstances], active: bool
 ) -> CameraInstanceMap:
     used = {
         h

@@ -21,28 +21,32 @@ SEEN_ON = 0.8  # share of what is seen of such a thing's outline that lies on th
 ON = 0.5  # share of a thing's outline that lies on the support, if it stands there
 
 
-def find(cameras: Mapping[str, Resting], known: color_clusters.Tints) -> dict[str, frozenset[int]]:
+def find(
+    cameras: Mapping[str, Resting], known: color_clusters.ColorClusters
+) -> dict[str, frozenset[int]]:
     """The patches of each camera that things stand on: of the tint that covers most around the images' middles, and
     of its shades beside it, as wood has them."""
     score: dict[int, float] = {}
     for part in cameras.values():
-        h, w = part.tint.shape
+        h, w = part.cluster.shape
         down, right = np.mgrid[0:h, 0:w]
         off = ((down / h - 0.55) ** 2 + (right / w - 0.5) ** 2) / (2 * SPREAD**2)
         weight = np.exp(-off) / (h * w)
         for k, blob in enumerate(part.blobs):
             if k not in part.robot:
-                score[blob.tint] = score.get(blob.tint, 0.0) + float(weight[blob.mask].sum())
+                score[blob.cluster] = score.get(blob.cluster, 0.0) + float(weight[blob.mask].sum())
     if not score:
         return {}
-    best = max(score, key=lambda tint: score[tint])
-    shades = {tint for tint in score if color_clusters.shaded(known[tint], known[best])} - {best}
+    best = max(score, key=lambda cluster: score[cluster])
+    shades = {
+        cluster for cluster in score if color_clusters.shaded(known[cluster], known[best])
+    } - {best}
     found = {name: _of(part, best, shades) for name, part in cameras.items()}
     return {name: patches for name, patches in found.items() if patches}
 
 
 def _of(part: Resting, best: int, shades: set[int]) -> frozenset[int]:
-    same = [k for k, blob in enumerate(part.blobs) if blob.tint == best and k not in part.robot]
+    same = [k for k, blob in enumerate(part.blobs) if blob.cluster == best and k not in part.robot]
     if not same:
         return frozenset()
     # What the robot's arm cuts off from the largest patch belongs to it.
@@ -56,7 +60,7 @@ def _of(part: Resting, best: int, shades: set[int]) -> frozenset[int]:
     left = {
         k
         for k, blob in enumerate(part.blobs)
-        if blob.tint in shades | {best} and k not in part.robot | found
+        if blob.cluster in shades | {best} and k not in part.robot | found
     }
     while grain := {k for k in left if _share_on(part, k, found) >= GRAIN}:
         found |= grain
@@ -69,23 +73,23 @@ def stands_on(part: Resting, k: int, support: frozenset[int]) -> bool:
 
     Patches on patches count through those below.
     """
-    carrier = _mask(part, support)
+    representation = _mask(part, support)
     if part.blobs[k].edge > CUT:
         # All that is seen of a wall's or a floor's outline may lie there too; but those are large.
-        small = part.blobs[k].area < LARGE * part.tint.size
-        return small and bool(carrier[ring(part.blobs[k].mask)].mean() >= SEEN_ON)
+        small = part.blobs[k].area < LARGE * part.cluster.size
+        return small and bool(representation[ring(part.blobs[k].mask)].mean() >= SEEN_ON)
     if (
         part.blobs[k].edge == 0
-        and (_hull(carrier) & part.blobs[k].mask).sum() > WITHIN * part.blobs[k].area
+        and (_hull(representation) & part.blobs[k].mask).sum() > WITHIN * part.blobs[k].area
     ):
         return True
     for _ in range(2):
         around = ring(part.blobs[k].mask)
-        if carrier[around].mean() >= ON:
+        if representation[around].mean() >= ON:
             return True
         for j, blob in enumerate(part.blobs):
-            if j != k and blob.edge == 0 and carrier[ring(blob.mask)].mean() >= ON:
-                carrier = carrier | blob.mask
+            if j != k and blob.edge == 0 and representation[ring(blob.mask)].mean() >= ON:
+                representation = representation | blob.mask
     return False
 
 
@@ -94,7 +98,7 @@ def _share_on(part: Resting, k: int, patches: set[int]) -> float:
 
 
 def _mask(part: Resting, patches: frozenset[int] | set[int]) -> Bool[np.ndarray, "h w"]:
-    out = np.zeros(part.tint.shape, bool)
+    out = np.zeros(part.cluster.shape, bool)
     for k in patches:
         out |= part.blobs[k].mask
     return out

@@ -30,11 +30,11 @@ class Watched:
     """
 
     backdrop: Backdrop
-    tint: Int[np.ndarray, "h w"]
+    cluster: Int[np.ndarray, "h w"]
     shown: np.ndarray  # (t, h, w, 3) uint8
     changed: Bool[np.ndarray, "t h w"]
     labels: Int[np.ndarray, "t h w"]
-    color_clusters: color_clusters.Tints
+    clusters: color_clusters.ColorClusters
 
     @property
     def active(self) -> Bool[np.ndarray, "h w"]:
@@ -44,10 +44,10 @@ class Watched:
     def shades(self, mobile: Iterable[int]) -> Mapping[int, Float[np.ndarray, "3"]]:
         """The middle colour, in weighted Lab, of what changed in each of these tints."""
         found = {}
-        for tint in mobile:
-            some = self.shown[self.changed & (self.labels == tint)]
+        for cluster in mobile:
+            some = self.shown[self.changed & (self.labels == cluster)]
             if len(some):
-                found[tint] = np.median(
+                found[cluster] = np.median(
                     color_clusters.weighted(some[:: max(1, len(some) // 4000)]), 0
                 )
         return found
@@ -70,11 +70,16 @@ class Watched:
         drop = replace(self.backdrop, image=image)
         changed = np.stack([drop.changed(one) for one in self.shown])
         return replace(
-            self, backdrop=drop, tint=color_clusters.labelled(image, self.tints), changed=changed
+            self,
+            backdrop=drop,
+            cluster=color_clusters.labelled(image, self.clusters),
+            changed=changed,
         )
 
 
-def watch(view: CameraView, length: int, drop: Backdrop, known: color_clusters.Tints) -> Watched:
+def watch(
+    view: CameraView, length: int, drop: Backdrop, known: color_clusters.ColorClusters
+) -> Watched:
     """Look at frames of a camera before its backdrop."""
     shown = np.stack([view.rgb(t) for t in sampling.frames(length, FRAMES)])
     changed = np.stack([drop.changed(image) for image in shown])
@@ -92,7 +97,7 @@ def mobile(cameras: Iterable[Watched], count: int) -> tuple[frozenset[int], froz
         for changed, label in zip(watched.changed, watched.labels, strict=True):
             shown += np.bincount(label.reshape(-1), minlength=count)
             moving += np.bincount(label[changed], minlength=count)
-            np.add.at(pairs, (label[changed], watched.tint[changed]), 1)
+            np.add.at(pairs, (label[changed], watched.cluster[changed]), 1)
             found = np.flatnonzero(np.bincount(label[changed], minlength=count) >= FEW)
             changes[found] += 1
             enters[[k for k in found if _enters(label == k, changed)]] += 1
@@ -122,11 +127,11 @@ def _movers(
     if not often.any():
         return found
     enough = often & (mobility > MOBILE * mobility[often].max())
-    for tint in np.argsort(-mobility, kind="stable"):
-        explained = left[tint].sum() + left[:, tint].sum() - left[tint, tint]
-        if enough[tint] and explained >= OFTEN * total:
-            found[tint] = True
-            left[tint] = left[:, tint] = 0
+    for cluster in np.argsort(-mobility, kind="stable"):
+        explained = left[cluster].sum() + left[:, cluster].sum() - left[cluster, cluster]
+        if enough[cluster] and explained >= OFTEN * total:
+            found[cluster] = True
+            left[cluster] = left[:, cluster] = 0
     return found
 
 

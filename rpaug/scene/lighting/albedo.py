@@ -30,13 +30,13 @@ class Albedo:
     plain: bool
 
 
-def pixels(episode: Episode, handle: int, count: int = 6) -> Float64[np.ndarray, "n 3"]:
+def pixels(episode: Episode, instance_id: int, count: int = 6) -> Float64[np.ndarray, "n 3"]:
     """Recorded colours of an instance, 0..1, away from its outline where it is large enough for that."""
     inner: list[np.ndarray] = []
     outer: list[np.ndarray] = []
     for looked in (count, episode.length):  # a camera that moves may show it in others alone
         for _, _, rgb, ids in sampling.images(episode, looked):
-            if ids is None or not (mask := ids == handle).any():
+            if ids is None or not (mask := ids == instance_id).any():
                 continue
             outer.append(rgb[mask])
             inner.append(rgb[_eroded(mask)])
@@ -73,30 +73,33 @@ def estimate(colour: Float64[np.ndarray, "n 3"]) -> Albedo:
 
 
 def describe(
-    episode: Episode, handle: int, known: tuple[float, float, float] | None = None
+    episode: Episode, instance_id: int, known: tuple[float, float, float] | None = None
 ) -> dict[str, Any]:
     """What an edit stores of an instance's surface: handle, albedo (`known` if it is), and whether it is plain.
 
     Raises Unsupported for a black one, and for one that no recorded pixel shows.
     """
-    found = _estimated(episode, handle)
+    found = _estimated(episode, instance_id)
     rgb = found.rgb if known is None else known
     if max(rgb) < BLACK:
-        raise Unsupported(f"handle {handle} is black: no shading can be read off it to paint with")
-    return {"handle": handle, "albedo": list(rgb), "plain": found.plain}
+        raise Unsupported(
+            f"handle {instance_id} is black: no shading can be read off it to paint with"
+        )
+    return {"handle": instance_id, "albedo": list(rgb), "plain": found.plain}
 
 
-def plain(episode: Episode, handle: int) -> bool:
+def plain(episode: Episode, instance_id: int) -> bool:
     """Whether one colour, under any light, explains what is seen of an instance."""
-    return _estimated(episode, handle).plain
+    return _estimated(episode, instance_id).plain
 
 
 @memo.of_episode
-def _estimated(episode: Episode, handle: int) -> Albedo:
-    seen = pixels(episode, handle)
+def _estimated(episode: Episode, instance_id: int) -> Albedo:
+    seen = pixels(episode, instance_id)
     if not len(seen):
         raise Unsupported(
-            f"handle {handle} cannot be painted: no recorded image shows it (what an edit put in has its colour there)"
+            f"handle {instance_id} cannot be painted: no recorded image shows it "
+            "(what an edit put in has its colour there)"
         )
     return estimate(seen)
 

@@ -34,7 +34,7 @@ def estimate(episode: Episode) -> Ambience:
     Every hue of a thing has one albedo, fitted along; pixels that the fit leaves far off count less, and so do things
     that face one way alone. Raises Unsupported without depth.
     """
-    if all(view.depth is None and view.stand_in for view in episode.views.values()):
+    if all(view.depth is None and view.proxy for view in episode.views.values()):
         return _unseen(episode)
     facing, level, things = _seen(episode)
     _, owner = np.unique(things, return_inverse=True)
@@ -65,7 +65,7 @@ def _unseen(episode: Episode) -> Ambience:
     whites = [
         np.quantile(rgb.reshape(-1, 3)[::STEP].min(1), ENDS[1]) / 255.0
         for name, _, rgb, _ in sampling.images(episode, FRAMES)
-        if (stand_in := episode.views[name].stand_in) and not stand_in.blank
+        if (proxy := episode.views[name].proxy) and not proxy.blank
     ]
     level = min(max(float(np.median(whites)) / WHITE, 0.3), 1.0) if whites else 1.0
     terms = tuple(round(level * float(term), 5) for term in irradiance.even())

@@ -58,22 +58,24 @@ def sample(
     """Pixels of each of the `wanted` handles that is seen at all. Raises Unsupported if no camera has depth."""
     if all(surface.depth_of(view, 0) is None for view in episode.views.values()):
         raise Unsupported("a texture needs recorded depth to lie on, and this source has none")
-    parts: dict[int, list[tuple[np.ndarray, ...]]] = {handle: [] for handle in sorted(wanted)}
+    parts: dict[int, list[tuple[np.ndarray, ...]]] = {
+        instance_id: [] for instance_id in sorted(wanted)
+    }
     for name, t, rgb, ids in sampling.images(episode, FRAMES):
         view = episode.views[name]
         if ids is None or (view.depth is None and surface.depth_of(view, t) is None):
             continue
         at = surface.of_view(view, t, bodies, ids)
-        for handle in wanted:
-            rows = np.flatnonzero(ids == handle)
+        for instance_id in wanted:
+            rows = np.flatnonzero(ids == instance_id)
             rows = rows[:: max(1, len(rows) // MOST_PIXELS)]
             if len(rows):
                 here = at(rows)
                 colour = rgb.reshape(-1, 3)[rows].astype(np.float32) / 255
-                parts[handle].append((colour, here.points, here.normals, here.facing))
+                parts[instance_id].append((colour, here.points, here.normals, here.facing))
     return {
-        handle: ShadedPixels(*(np.concatenate(part) for part in zip(*found, strict=True)))
-        for handle, found in parts.items()
+        instance_id: ShadedPixels(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        for instance_id, found in parts.items()
         if found
     }
 
@@ -117,23 +119,25 @@ class Smooth:
 
 
 def describe(
-    scene: Scene, handles: Iterable[int], known: RGB | None = None
+    scene: Scene, instance_ids: Iterable[int], known: RGB | None = None
 ) -> list[dict[str, Any]]:
     """What an edit stores of each thing's surface, as `albedo.describe` does.
 
     An albedo's brightness is that of the best-lit pixels; where depth tells light from pattern, that of the best-lit
     part of the fit, since the brightest pixels of a patterned thing are its palest spots.
     """
-    return [dict(one) for one in _described(scene.episode, scene.bodies, tuple(handles), known)]
+    return [
+        dict(one) for one in _described(scene.episode, scene.bodies, tuple(instance_ids), known)
+    ]
 
 
 @memo.of_episode
 def _described(
-    episode: Episode, bodies: tuple[Body, ...], handles: tuple[int, ...], known: RGB | None
+    episode: Episode, bodies: tuple[Body, ...], instance_ids: tuple[int, ...], known: RGB | None
 ) -> list[dict[str, Any]]:
-    found = [albedo.describe(episode, handle, known) for handle in handles]
+    found = [albedo.describe(episode, instance_id, known) for instance_id in instance_ids]
     if known is None and any(view.depth is not None for view in episode.views.values()):
-        seen = sample(episode, bodies, handles)
+        seen = sample(episode, bodies, instance_ids)
         for one in found:
             here = seen.get(one["handle"])
             smooth = fit(here, tuple(one["albedo"]), known=False) if here else None

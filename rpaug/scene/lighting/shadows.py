@@ -47,7 +47,7 @@ SKY = 0.8  # of the light that a thing keeps away is lost: the rest comes off it
 class Shade:
     """A factor on the colours of the support by place: cell (row, column) is about `origin + CELL * (column, row)`."""
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     origin: tuple[float, float]
     gain: Float32[np.ndarray, "r c"]
 
@@ -66,7 +66,7 @@ class Shade:
 class _Table:
     """The support from above: its origin, level and shape in cells, and what stands on it."""
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     origin: Float64[np.ndarray, "2"]
     level: float
     cell: float
@@ -100,8 +100,8 @@ def _lamps(scene: Scene) -> list[list[float]]:
             break
         best = grid[int(np.argmax([score[1] for score in scores]))]
         alone = [_contrast(light, covered, [one], best, table) for one in casters]
-        told = [one_share > LEAST / 2 for one_share, one_sure in alone if one_sure != 0]
-        if np.mean(told) < AGREE if told else True:
+        given = [one_share > LEAST / 2 for one_share, one_sure in alone if one_sure != 0]
+        if np.mean(given) < AGREE if given else True:
             break
         found.append([round(float(value), 5) for value in (*best, share)])
         shadow = _cast(casters, best, table)
@@ -123,7 +123,7 @@ def follow(before: Scene, after: Scene, cast: Sequence[Sequence[float]]) -> Scen
     if np.abs(gain - 1).max() < 1e-3:
         return after
     x, y = table.origin.tolist()
-    return replace(after, appearance=(*after.appearance, Shade(table.handles, (x, y), gain)))
+    return replace(after, appearance=(*after.appearance, Shade(table.instance_ids, (x, y), gain)))
 
 
 def grounded(before: Scene, after: Scene) -> Scene:
@@ -133,11 +133,11 @@ def grounded(before: Scene, after: Scene) -> Scene:
     occlusion; Zhukov, Iones and Kronin 1998).
     """
     table = _photographed(before)
-    known = {body.handles for body in before.bodies}
+    known = {body.instance_ids for body in before.bodies}
     new = [
         geometry.transform(body.to_world[0], body.mesh.points) - [0, 0, table.level]
         for body in after.bodies
-        if table is not None and body.mesh is not None and body.handles not in known
+        if table is not None and body.mesh is not None and body.instance_ids not in known
     ]
     if table is None or not new:
         return after
@@ -146,38 +146,40 @@ def grounded(before: Scene, after: Scene) -> Scene:
     for direction in sky:
         gain -= np.float32(SKY / len(sky)) * _soft(_cast(new, direction, table))
     x, y = table.origin.tolist()
-    shade = Shade(table.handles, (x, y), gain)
+    shade = Shade(table.instance_ids, (x, y), gain)
     return replace(after, appearance=(*after.appearance, shade))
 
 
 def _photographed(scene: Scene) -> _Table | None:
     """The support in finer cells, if no view came with masks."""
-    handles = scene.roles.get("table")
-    if not handles or not all(view.inferred for view in scene.episode.views.values()):
+    instance_ids = scene.roles.get("table")
+    if not instance_ids or not all(view.inferred for view in scene.episode.views.values()):
         return None
     around = placing.room(scene)
     rows, columns = (round(n * placing.CELL / CELL) for n in around.seen.shape)
-    return _Table(handles, around.origin, around.level, CELL, (rows, columns))
+    return _Table(instance_ids, around.origin, around.level, CELL, (rows, columns))
 
 
 def _table(scene: Scene, cell: float) -> _Table | None:
-    handles = scene.roles.get("table")
-    if not handles or any(v.depth is None or v.ids is None for v in scene.episode.views.values()):
+    instance_ids = scene.roles.get("table")
+    if not instance_ids or any(
+        v.depth is None or v.ids is None for v in scene.episode.views.values()
+    ):
         return None
-    points = points_of(scene, handles, 1)
+    points = points_of(scene, instance_ids, 1)
     if not len(points):
         return None
     level = float(np.median(points[:, 2]))
     points = points[np.abs(points[:, 2] - level) < placing.LEVEL, :2]
     low, high = points.min(0) - REACH, points.max(0) + REACH
     columns, rows = np.ceil((high - low) / cell).astype(int) + 1
-    return _Table(handles, low, level, cell, (int(rows), int(columns)))
+    return _Table(instance_ids, low, level, cell, (int(rows), int(columns)))
 
 
 def _outlines(scene: Scene, table: _Table) -> Iterator[Float64[np.ndarray, "n 3"]]:
     """Points of each standing thing, where it is now, heights above the table."""
     for body in scene.bodies:
-        if body.motion != "static" or body.soft or body.handles & table.handles:
+        if body.motion != "static" or body.soft or body.instance_ids & table.instance_ids:
             continue
         for points in _points(scene, body):
             points = points - [0, 0, table.level]
@@ -190,9 +192,9 @@ def _points(scene: Scene, body: Body) -> Iterator[Float64[np.ndarray, "n 3"]]:
     if body.mesh is not None:
         yield geometry.transform(body.to_world[0], body.mesh.points)
         return
-    names = body.copy_of or {handle: handle for handle in body.handles}
+    names = body.copy_of or {instance_id: instance_id for instance_id in body.instance_ids}
     for source in names:
-        recorded = next(one for one in scene.tracked if source in one.handles)
+        recorded = next(one for one in scene.tracked if source in one.instance_ids)
         own = geometry.transform(
             geometry.inverse(recorded.to_world[0]), points_of(scene, [source], 2)
         )
@@ -206,7 +208,7 @@ def _brightness(scene: Scene, table: _Table) -> Float64[np.ndarray, "r c"]:
     for view in scene.episode.views.values():
         if not view.camera.fixed or view.depth is None or view.ids is None:
             continue
-        use = np.isin(view.ids(0), list(table.handles)) & (view.depth(0) > 0)
+        use = np.isin(view.ids(0), list(table.instance_ids)) & (view.depth(0) > 0)
         points = geometry.world_points(view.depth(0).astype(float), view.camera, 0)[use]
         columns, rows = np.rint((points[:, :2] - table.origin) / table.cell).astype(int).T
         good = (np.abs(points[:, 2] - table.level) < placing.LEVEL) & (rows >= 0) & (columns >= 0)

@@ -53,15 +53,15 @@ def together(scene: Scene, what: str) -> dict[str, CameraView]:
     """The cameras that can show a thing in one world. Raises Unsupported, saying `what` they cannot share."""
     able = {}
     for name, view in scene.episode.views.items():
-        stand_in = view.stand_in
-        if stand_in is None or stand_in.depth is not None:
+        proxy = view.proxy
+        if proxy is None or proxy.depth is not None:
             able[name] = view
-        elif not stand_in.blank:
+        elif not proxy.blank:
             raise Unsupported(
                 f"{name} moves, and nothing says where it is: give its depth and poses in cameras.yaml, "
                 f"or leave it out there (views: [...])"
             )
-    lost = [n for n, v in able.items() if v.stand_in is not None and not v.stand_in.camera.placed]
+    lost = [n for n, v in able.items() if v.proxy is not None and not v.proxy.camera.placed]
     if len(able) > 1 and lost:
         raise Unsupported(
             f"nothing says where {', '.join(lost)} stand to one another, so {what} could not be shown in all "
@@ -76,7 +76,7 @@ def _ever(
 ) -> tuple[Bool[np.ndarray, "h w"], Bool[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
     """Pixels that show the support in most frames, those that show a thing, and those that ever show what moves."""
     assert view.ids is not None
-    unsteady = [h for body in scene.tracked if body.motion != "static" for h in body.handles]
+    unsteady = [h for body in scene.tracked if body.motion != "static" for h in body.instance_ids]
     around = scene.roles.get("background", frozenset())
     times = sampling.frames(scene.episode.length, SWEEPS)
     free = np.zeros((view.camera.height, view.camera.width))

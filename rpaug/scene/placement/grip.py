@@ -31,13 +31,16 @@ class Contact:
 
 
 def contacts(
-    scene: Scene, looks: SampledFrames, handles: frozenset[int], pivot: Float64[np.ndarray, "3"]
+    scene: Scene,
+    looks: SampledFrames,
+    instance_ids: frozenset[int],
+    pivot: Float64[np.ndarray, "3"],
 ) -> tuple[Contact, ...]:
     """Where the robot, or what it moves, touches those instances. `pivot` is what they grow about, in their frame."""
     found = []
     for body in scene.bodies:
-        for handle in sorted(body.handles & handles):
-            points, normals = surface(looks, handle, body)
+        for instance_id in sorted(body.instance_ids & instance_ids):
+            points, normals = surface(looks, instance_id, body)
             good = np.linalg.norm(normals, axis=1) > 0
             points, normals = points[good], normals[good]
             growth = ((points - pivot) * normals).sum(1)
@@ -46,9 +49,9 @@ def contacts(
                 if near.sum() >= FEW:
                     found.append(Contact("the gripper", t, _middle(growth[near])))
             for other in scene.bodies:
-                moved = other.handles & scene.roles.get("manipulated", frozenset())
-                if moved and not moved & handles:
-                    found += _rests(scene, looks, body.to_world, points, growth, other.handles)
+                moved = other.instance_ids & scene.roles.get("manipulated", frozenset())
+                if moved and not moved & instance_ids:
+                    found += _rests(scene, looks, body.to_world, points, growth, other.instance_ids)
     return tuple(found)
 
 
@@ -90,13 +93,15 @@ def _rests(
     world = geometry.transform(track[t], points)
     out = []
     for body in scene.bodies:
-        for handle in sorted(body.handles & others):
-            theirs = geometry.transform(body.to_world[t], surface(looks, handle, body, most=400)[0])
+        for instance_id in sorted(body.instance_ids & others):
+            theirs = geometry.transform(
+                body.to_world[t], surface(looks, instance_id, body, most=400)[0]
+            )
             if len(theirs) and len(world):
                 apart = np.linalg.norm(world[:, None] - theirs[None], axis=-1).min(1)
                 near = apart < TOUCH
                 if near.sum() >= FEW:
-                    out.append(Contact(f"what is moved ({handle})", t, _middle(growth[near])))
+                    out.append(Contact(f"what is moved ({instance_id})", t, _middle(growth[near])))
     return out
 
 

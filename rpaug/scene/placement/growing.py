@@ -17,7 +17,7 @@ LIFTED = 0.02  # metres over the support: what begins higher does not stand on i
 
 
 def largest(
-    scene: Scene, handles: frozenset[int], pivot: Float64[np.ndarray, "3"], wanted: float
+    scene: Scene, instance_ids: frozenset[int], pivot: Float64[np.ndarray, "3"], wanted: float
 ) -> tuple[float, str | None]:
     """The largest factor up to `wanted` by which the things can grow about `pivot` (world), and what stops them there.
 
@@ -26,14 +26,14 @@ def largest(
     that the robot moves, are judged by their contacts alone.
     """
     moved = scene.roles.get("manipulated", frozenset()) | scene.roles.get("robot", frozenset())
-    points = points_of(scene, handles)
+    points = points_of(scene, instance_ids)
     if wanted <= 1 or len(points) < 4:
         return wanted, None
-    inner, what = _within(scene, handles, points, pivot, wanted)
-    if what is not None or handles & moved:
+    inner, what = _within(scene, instance_ids, points, pivot, wanted)
+    if what is not None or instance_ids & moved:
         return inner, what
     try:
-        around = room(scene, handles)
+        around = room(scene, instance_ids)
     except TargetError:  # no support, so nothing to stand beside
         return wanted, None
     if abs(float(np.quantile(points[:, 2], 0.01)) - around.level) > LIFTED:
@@ -49,7 +49,7 @@ def largest(
 
 def _within(
     scene: Scene,
-    handles: frozenset[int],
+    instance_ids: frozenset[int],
     points: Float64[np.ndarray, "n 3"],
     pivot: Float64[np.ndarray, "3"],
     wanted: float,
@@ -59,12 +59,12 @@ def _within(
     Sides are those of the upright prism around what was seen of the other thing. Out of the top, and the way that the
     thing itself moves, it may come: there it is open.
     """
-    way = _way(scene, handles)
-    apart = handles.union(*(scene.roles.get(role, frozenset()) for role in APART))
+    way = _way(scene, instance_ids)
+    apart = instance_ids.union(*(scene.roles.get(role, frozenset()) for role in APART))
     for body in scene.tracked:
-        if body.handles & apart:
+        if body.instance_ids & apart:
             continue
-        other = points_of(scene, body.handles)
+        other = points_of(scene, body.instance_ids)
         if len(other) < 4:
             continue
         normals, offsets = _sides(hull(other))
@@ -79,15 +79,15 @@ def _within(
             grown = pivot[:2] + factor * (held - pivot[:2])
             out = (grown @ normals[closed].T - offsets[closed]).max(1, initial=-np.inf)
             if (out > INSIDE).sum() >= FEW:
-                names = ", ".join(map(str, sorted(body.handles)))
+                names = ", ".join(map(str, sorted(body.instance_ids)))
                 return fits, f"the sides of {names}, in which it lies"
             fits = factor
     return wanted, None
 
 
-def _way(scene: Scene, handles: frozenset[int]) -> Float64[np.ndarray, "2"]:
+def _way(scene: Scene, instance_ids: frozenset[int]) -> Float64[np.ndarray, "2"]:
     """The direction over the ground in which the things move farthest, of length 1; 0 if they do not."""
-    body = next(body for body in scene.tracked if body.handles & handles)
+    body = next(body for body in scene.tracked if body.instance_ids & instance_ids)
     steps = body.to_world[:, :2, 3] - body.to_world[0, :2, 3]
     step = steps[int(np.argmax((steps**2).sum(1)))]
     far = float(np.linalg.norm(step))

@@ -115,7 +115,7 @@ def _room(scene: Scene, leaving: frozenset[int]) -> Room:
     support = scene.roles.get("table")
     if not support:
         raise TargetError("nothing was seen to be the table, so there is nowhere to put things")
-    if any(view.stand_in for view in scene.episode.views.values()):
+    if any(view.proxy for view in scene.episode.views.values()):
         from rpaug.scene.placement import free_space_rgb as by_sight  # only here: it makes a Room
 
         return by_sight.room(scene, leaving)
@@ -144,19 +144,27 @@ def hull(points: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, "k 2"]:
 
 
 def points_of(
-    scene: Scene, handles: Iterable[int], count: int = STILLS
+    scene: Scene, instance_ids: Iterable[int], count: int = STILLS
 ) -> Float64[np.ndarray, "n 3"]:
     """What cameras saw of some recorded instances, in the world of frame 0."""
-    found = [points for points in points_by_handle(scene, handles, count).values() if len(points)]
+    found = [
+        points
+        for points in points_by_instance_id(scene, instance_ids, count).values()
+        if len(points)
+    ]
     return np.concatenate(found) if found else np.zeros((0, 3))
 
 
-def points_by_handle(
-    scene: Scene, handles: Iterable[int], count: int = STILLS
+def points_by_instance_id(
+    scene: Scene, instance_ids: Iterable[int], count: int = STILLS
 ) -> dict[int, Float64[np.ndarray, "n 3"]]:
     """The same for each instance. Images are looked at once, at `count` times, or `ROUNDS` where all cameras move."""
-    poses = {handle: body.to_world for body in scene.tracked for handle in body.handles}
-    found: dict[int, list[Float64[np.ndarray, "n 3"]]] = {handle: [] for handle in handles}
+    poses = {
+        instance_id: body.to_world for body in scene.tracked for instance_id in body.instance_ids
+    }
+    found: dict[int, list[Float64[np.ndarray, "n 3"]]] = {
+        instance_id: [] for instance_id in instance_ids
+    }
     looks = max(count, ROUNDS) if roving(scene) else count
     for view in scene.episode.views.values():
         if view.depth is None or view.ids is None:
@@ -164,10 +172,10 @@ def points_by_handle(
         for t in sampling.frames(scene.episode.length, looks):
             ids, depth = view.ids(t), view.depth(t)
             usable = (depth > 0) & np.isfinite(depth)
-            for handle in found.keys() & set(np.unique(ids).tolist()):
-                use = (ids == handle) & usable
-                moved = poses[handle][0] @ geometry.inverse(poses[handle][t])
-                found[handle].append(geometry.transform(moved, _lifted(view, t, depth, use)))
+            for instance_id in found.keys() & set(np.unique(ids).tolist()):
+                use = (ids == instance_id) & usable
+                moved = poses[instance_id][0] @ geometry.inverse(poses[instance_id][t])
+                found[instance_id].append(geometry.transform(moved, _lifted(view, t, depth, use)))
     return {h: np.concatenate(some) if some else np.zeros((0, 3)) for h, some in found.items()}
 
 
@@ -221,19 +229,19 @@ def _standing(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
     """Each standing thing takes its cells from its lowest point up."""
     still = room.still.copy()
     for body in scene.bodies:
-        if body.mesh is not None and not body.handles & gone:
+        if body.mesh is not None and not body.instance_ids & gone:
             placed = replace(room, still=still).with_thing(
                 hull(geometry.transform(body.to_world[0], body.mesh.points))
             )
             still = placed.still.copy()
     standing = [
         (body, source)
-        for body, handle, source in _things(scene)
-        if source not in gone and handle not in gone and body.motion == "static"
+        for body, instance_id, source in _things(scene)
+        if source not in gone and instance_id not in gone and body.motion == "static"
     ]
-    clouds = points_by_handle(scene, {source for _, source in standing}, 2)
+    clouds = points_by_instance_id(scene, {source for _, source in standing}, 2)
     for body, source in standing:
-        recorded = next(b for b in scene.tracked if source in b.handles)
+        recorded = next(b for b in scene.tracked if source in b.instance_ids)
         own = geometry.transform(geometry.inverse(recorded.to_world[0]), clouds[source])
         points = geometry.transform(body.to_world[0], body.scale * own)
         height = points[:, 2] - room.level
@@ -252,7 +260,7 @@ def _things(scene: Scene) -> list[tuple[Body, int, int]]:
     for body in scene.bodies:
         if body.mesh is not None:
             continue
-        names = body.copy_of or {handle: handle for handle in body.handles}
+        names = body.copy_of or {instance_id: instance_id for instance_id in body.instance_ids}
         found += [(body, new, old) for old, new in names.items()]
     return found
 
@@ -267,7 +275,7 @@ def _closed(height: Float32[np.ndarray, "r c"]) -> Float32[np.ndarray, "r c"]:
 
 def _swept(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
     """What moves takes the cells it is ever above, from its lowest point there, and a little less."""
-    moving = [h for body in scene.tracked if body.motion != "static" for h in body.handles]
+    moving = [h for body in scene.tracked if body.motion != "static" for h in body.instance_ids]
     moving += list(scene.roles.get("robot", ()))
     whole = scene.roles.get("manipulated", frozenset())
     swept = np.full(room.swept.shape, 1e3, np.float32)
@@ -276,13 +284,13 @@ def _swept(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
             assert view.depth is not None
             assert view.ids is not None
             ids, depth = view.ids(t), view.depth(t)
-            for handle in np.intersect1d(ids, moving).tolist():
-                if handle in gone:
+            for instance_id in np.intersect1d(ids, moving).tolist():
+                if instance_id in gone:
                     continue
-                use = (ids == handle) & (depth > 0) & np.isfinite(depth)
+                use = (ids == instance_id) & (depth > 0) & np.isfinite(depth)
                 points = _lifted(view, t, depth, use)
                 height = points[:, 2] - room.level
-                if handle in whole and len(height):
+                if instance_id in whole and len(height):
                     height = np.full_like(height, height.min())
                 rows, columns, inside = _cells(points, room.origin, swept.shape)
                 np.minimum.at(

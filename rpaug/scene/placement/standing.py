@@ -23,7 +23,7 @@ Around = tuple[Float[np.ndarray, "2"] | Float[np.ndarray, "c 2"], float]
 class StandingInstance:
     """Some instances that stand together; `outline` is around `middle`, in metres, `top` above the support."""
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     middle: Float64[np.ndarray, "2"]
     outline: Float64[np.ndarray, "k 2"]
     top: float
@@ -34,32 +34,32 @@ class StandingInstance:
         return geometry.rigid(np.array([0.0, 0.0, turn]), np.array([*to, 0.0])) @ about
 
 
-def thing(scene: Scene, handles: frozenset[int], room: Room, doing: str) -> StandingInstance:
+def thing(scene: Scene, instance_ids: frozenset[int], room: Room, doing: str) -> StandingInstance:
     """What the instances look like from above. Raises Unsupported if they do not stand on the support."""
-    points = points_of(scene, handles)
+    points = points_of(scene, instance_ids)
     if len(points) < 4:
-        raise Unsupported(f"{doing} {_names(handles)}: too little of it was seen")
+        raise Unsupported(f"{doing} {_names(instance_ids)}: too little of it was seen")
     height = points[:, 2] - room.level
     foot = float(np.quantile(height, 0.01))
     if not -LIFTED < foot < LIFTED:
         raise Unsupported(
-            f"{doing} {_names(handles)}: it does not stand on the table but {100 * foot:.0f} cm above it"
+            f"{doing} {_names(instance_ids)}: it does not stand on the table but {100 * foot:.0f} cm above it"
         )
     outline = hull(points)
     middle = (outline.min(0) + outline.max(0)) / 2
-    return StandingInstance(handles, middle, outline - middle, float(height.max()))
+    return StandingInstance(instance_ids, middle, outline - middle, float(height.max()))
 
 
 def beside(
-    scene: Scene, handles: frozenset[int], outline: Float[np.ndarray, "k 2"], within: float
+    scene: Scene, instance_ids: frozenset[int], outline: Float[np.ndarray, "k 2"], within: float
 ) -> tuple[Float64[np.ndarray, "c 2"], float]:
     """Where a thing of that outline is near others: around whose outline, and how far its middle may be from it.
 
     The gap between the two is then at most about `within` metres. Raises Unsupported if too little was seen.
     """
-    points = points_of(scene, handles)
+    points = points_of(scene, instance_ids)
     if len(points) < 4:
-        raise Unsupported(f"placing near {_names(handles)}: too little of it was seen")
+        raise Unsupported(f"placing near {_names(instance_ids)}: too little of it was seen")
     return hull(points), within + float(np.linalg.norm(outline, axis=1).mean())
 
 
@@ -84,19 +84,19 @@ def settle(
     return None
 
 
-def moved(scene: Scene, handles: frozenset[int], motion: Float[np.ndarray, "4 4"]) -> Scene:
+def moved(scene: Scene, instance_ids: frozenset[int], motion: Float[np.ndarray, "4 4"]) -> Scene:
     """The scene with those instances moved in the world, over the whole episode."""
     bodies: list[Body] = []
     for body in scene.bodies:
-        held = body.handles & handles
+        held = body.instance_ids & instance_ids
         if not held or body.copy_of:
             bodies.append(body)
             continue
-        bodies.append(replace(body, handles=held, to_world=motion @ body.to_world))
-        if rest := body.handles - held:
-            bodies.append(replace(body, handles=rest))
+        bodies.append(replace(body, instance_ids=held, to_world=motion @ body.to_world))
+        if rest := body.instance_ids - held:
+            bodies.append(replace(body, instance_ids=rest))
     return replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
 
 
-def _names(handles: frozenset[int]) -> str:
-    return ", ".join(map(str, sorted(handles)))
+def _names(instance_ids: frozenset[int]) -> str:
+    return ", ".join(map(str, sorted(instance_ids)))

@@ -17,27 +17,27 @@ CARRYING = ("table", "background")
 
 def find_untouched(scene: Scene, target: Target, doing: str) -> frozenset[int]:
     """Handles of the target, all of which the robot leaves alone. Raises TargetError, Unsupported with the reason."""
-    handles = find(scene, target)
-    check(scene, handles, target, doing)
-    return handles
+    instance_ids = find(scene, target)
+    check(scene, instance_ids, target, doing)
+    return instance_ids
 
 
-def check(scene: Scene, handles: frozenset[int], target: object, doing: str) -> None:
+def check(scene: Scene, instance_ids: frozenset[int], target: object, doing: str) -> None:
     """Raises Unsupported, with the reason, if the robot acts on one of the handles or others stand on it."""
     check_seen(scene, target, doing)
     for role in ACTED_ON:
-        if held := handles & scene.roles.get(role, frozenset()):
+        if held := instance_ids & scene.roles.get(role, frozenset()):
             what = "is part of the robot" if role == "robot" else "is moved by the robot"
             raise Unsupported(
                 f"{doing} {target}: {_names(held)} {what}; the recorded actions would be untrue"
             )
     for role in CARRYING:
-        if held := handles & scene.roles.get(role, frozenset()):
+        if held := instance_ids & scene.roles.get(role, frozenset()):
             raise Unsupported(
                 f"{doing} {target}: {_names(held)} is the {role}, which carries the rest"
             )
     acted = frozenset().union(*(scene.roles.get(role, frozenset()) for role in ACTED_ON))
-    if held := _touched(scene, handles, acted):
+    if held := _touched(scene, instance_ids, acted):
         raise Unsupported(
             f"{doing} {target}: {_names(held)} is touched by the robot or by what it moves; the recorded actions "
             "would be untrue"
@@ -51,13 +51,13 @@ def check_seen(scene: Scene, target: object, doing: str) -> None:
         raise Unsupported(f"{doing} {target}: needs recorded depth, masks and more than one frame")
 
 
-def _touched(scene: Scene, handles: frozenset[int], acted: frozenset[int]) -> frozenset[int]:
+def _touched(scene: Scene, instance_ids: frozenset[int], acted: frozenset[int]) -> frozenset[int]:
     """Those of the handles that were seen to touch what acts."""
     seen = _contacts(scene.episode)
     return frozenset(
-        handle
-        for handle in handles
-        if sum(seen.get(frozenset({handle, other}), 0) for other in acted) > FEW
+        instance_id
+        for instance_id in instance_ids
+        if sum(seen.get(frozenset({instance_id, other}), 0) for other in acted) > FEW
     )
 
 
@@ -67,16 +67,16 @@ def _contacts(episode: Episode) -> Mapping[frozenset[int], int]:
     return touching(look(episode))
 
 
-def _names(handles: Iterable[int]) -> str:
-    return ", ".join(map(str, sorted(handles)))
+def _names(instance_ids: Iterable[int]) -> str:
+    return ", ".join(map(str, sorted(instance_ids)))
 
 
-def without(scene: Scene, handles: Iterable[int]) -> Scene:
+def without(scene: Scene, instance_ids: Iterable[int]) -> Scene:
     """The scene with those instances gone; what else is rigid to them stays."""
-    gone = frozenset(handles)
+    gone = frozenset(instance_ids)
     left = tuple(
-        replace(body, handles=body.handles - gone) if body.handles & gone else body
+        replace(body, instance_ids=body.instance_ids - gone) if body.instance_ids & gone else body
         for body in scene.bodies
-        if not body.handles <= gone
+        if not body.instance_ids <= gone
     )
     return replace(scene, bodies=left, recorded_bodies=scene.tracked)

@@ -22,7 +22,7 @@ class Carried:
     to where they are drawn.
     """
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     shows: Mapping[int, int]
     motion: Float64[np.ndarray, "4 4"]
     scale: float = 1.0
@@ -56,20 +56,20 @@ def carried(scene: Scene, t: int) -> tuple[Carried, ...]:
     """The bodies of the scene that are not, at time t, as they were recorded: moved, copied or removed."""
     if scene.recorded_bodies is None:
         return ()
-    recorded = {handle: body for body in scene.tracked for handle in body.handles}
+    recorded = {instance_id: body for body in scene.tracked for instance_id in body.instance_ids}
     solid = [body for body in scene.bodies if body.soft is None]
-    present = {h for body in solid if not body.copy_of for h in body.handles}
+    present = {h for body in solid if not body.copy_of for h in body.instance_ids}
     gone = frozenset(recorded) - present
     edits = [Carried(gone, {}, np.eye(4))] if gone else []
     for body in solid:
         if body.mesh is not None:
             continue  # never recorded, so not carried from anywhere
-        names = body.copy_of or {handle: handle for handle in body.handles}
+        names = body.copy_of or {instance_id: instance_id for instance_id in body.instance_ids}
         step = motion(body, recorded[next(iter(names))], t)
         if body.copy_of:
             edits.append(Carried(frozenset(), names, step, body.scale))
         elif body.scale != 1.0 or not np.array_equal(step, np.eye(4)):
-            edits.append(Carried(body.handles, names, step, body.scale))
+            edits.append(Carried(body.instance_ids, names, step, body.scale))
     return tuple(edits)
 
 

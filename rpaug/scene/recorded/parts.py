@@ -26,7 +26,7 @@ TRUSTED = 0.003  # metres: residual of a track up to which its poses carry surfe
 class PartRecording:
     """A recording of a body at another time: its surfels, and the pose that the body had then."""
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     source: Source
     to_world: Float64[np.ndarray, "4 4"]
 
@@ -51,27 +51,27 @@ def recorded(scene: Scene, noise: float, tolerance: float) -> tuple[PartRecordin
     Reads `CANDIDATES` frames of each camera, and none if no body can be trusted.
     """
     bodies = [body for body in scene.tracked if trusted(body)]
-    seen: dict[frozenset[int], list[_Seen]] = {body.handles: [] for body in bodies}
+    seen: dict[frozenset[int], list[_Seen]] = {body.instance_ids: [] for body in bodies}
     for t in spread(scene.episode.length)[:CANDIDATES] if bodies else ():
         for view in scene.episode.views.values():
             source = source_at(view, t, noise, carved=True)
             for body in bodies:
                 if (found := _seen(source, body, t)) is not None:
-                    seen[body.handles].append(found)
+                    seen[body.instance_ids].append(found)
     kept = [part for found in seen.values() for part in _most_telling(found)]
     return tuple(replace(part, source=lift(part.source, tolerance)) for part in kept)
 
 
 def _seen(source: Source, body: Body, t: int) -> _Seen | None:
     """What a recording shows of the body, and which cells of the body's own frame that fills."""
-    use = among(source.ids, body.handles) & np.isfinite(source.depth) & (source.depth > 0)
+    use = among(source.ids, body.instance_ids) & np.isfinite(source.depth) & (source.depth > 0)
     if not use.any():
         return None
     points = geometry.unproject(np.where(use, source.depth, 0).astype(np.float64), source.K)[use]
     own = geometry.inverse(body.to_world[t]) @ source.cam_to_world
     cells = np.floor(geometry.transform(own, points) / CELL).astype(np.int64) & 0x1FFFFF
     packed = cells[:, 0] << 42 | cells[:, 1] << 21 | cells[:, 2]
-    part = PartRecording(body.handles, replace(source, use=use), body.to_world[t])
+    part = PartRecording(body.instance_ids, replace(source, use=use), body.to_world[t])
     return part, set(packed.tolist())
 
 

@@ -44,9 +44,9 @@ def source_at(
     )
 
 
-def among(ids: Int32[np.ndarray, "h w"], handles: frozenset[int]) -> Bool[np.ndarray, "h w"]:
+def among(ids: Int32[np.ndarray, "h w"], instance_ids: frozenset[int]) -> Bool[np.ndarray, "h w"]:
     """Which pixels show one of the handles."""
-    return np.isin(ids, np.fromiter(handles, np.int32, len(handles)))
+    return np.isin(ids, np.fromiter(instance_ids, np.int32, len(instance_ids)))
 
 
 def spread(length: int) -> list[int]:

@@ -26,14 +26,14 @@ class PixelSurface:
 
     rows: Int[np.ndarray, "n"]
     depth: Depth
-    handles: Int32[np.ndarray, "h w"]
+    instance_ids: Int32[np.ndarray, "h w"]
     camera: Camera
     t: int
     bodies: Sequence[Body]
 
     @property
     def ids(self) -> Int32[np.ndarray, "n"]:
-        return self.handles.reshape(-1)[self.rows]
+        return self.instance_ids.reshape(-1)[self.rows]
 
     @property
     def points(self) -> Float32[np.ndarray, "n 3"]:
@@ -54,14 +54,16 @@ class PixelSurface:
     @cached_property
     def _in_world(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         depth = np.nan_to_num(self.depth(), posinf=0.0, neginf=0.0)
-        return lift(depth, self.handles, self.camera.K, self.camera.cam_to_world[self.t], self.rows)
+        return lift(
+            depth, self.instance_ids, self.camera.K, self.camera.cam_to_world[self.t], self.rows
+        )
 
     @cached_property
     def _in_bodies(self) -> tuple[np.ndarray, np.ndarray]:
         points, facing, _ = self._in_world
         points, normals, ids = points.copy(), facing.copy(), self.ids
-        for handle, pose in _moved(self.bodies, self.t):
-            held = ids == handle
+        for instance_id, pose in _moved(self.bodies, self.t):
+            held = ids == instance_id
             if held.any():
                 back = geometry.inverse(pose)
                 points[held] = geometry.transform(back, points[held])
@@ -91,7 +93,7 @@ def depth_of(view: CameraView, t: int) -> Float32[np.ndarray, "h w"] | None:
     """What the view's pixels lie on: at their recorded depth, else on its stage; None where it has neither."""
     if view.depth is not None:
         return view.depth(t)
-    return None if view.stand_in is None else view.stand_in.depth
+    return None if view.proxy is None else view.proxy.depth
 
 
 def of_image(
@@ -102,8 +104,8 @@ def of_image(
     bodies: Sequence[Body],
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
     """The surfaces behind pixels of an image that `camera` took at t, by their flat index."""
-    handles = np.zeros((camera.height, camera.width), np.int32) if ids is None else ids
-    return lambda rows: PixelSurface(rows, depth, handles, camera, t, bodies)
+    instance_ids = np.zeros((camera.height, camera.width), np.int32) if ids is None else ids
+    return lambda rows: PixelSurface(rows, depth, instance_ids, camera, t, bodies)
 
 
 @dataclass(frozen=True)
@@ -143,8 +145,8 @@ class GaussianSurface:
         shortest = self.gaussians.scales[self.rows].argmin(1)
         normals = turned[np.arange(len(self.rows)), :, shortest].astype(np.float32)
         points, facing, ids = self.points.copy(), normals.copy(), self.ids
-        for handle, pose in _moved(self.bodies, self.t):
-            held = ids == handle
+        for instance_id, pose in _moved(self.bodies, self.t):
+            held = ids == instance_id
             points[held] = geometry.transform(pose, points[held])
             facing[held] = facing[held] @ pose[:3, :3].T
         away = ((points - self.camera.cam_to_world[self.t, :3, 3]) * facing).sum(1) > 0
@@ -163,10 +165,10 @@ def _moved(bodies: Sequence[Body], t: int) -> list[tuple[int, Float64[np.ndarray
     """Handles, and poses of their bodies, of what is not where its body's own frame is."""
     still = np.eye(4)
     return [
-        (handle, body.to_world[t])
+        (instance_id, body.to_world[t])
         for body in bodies
         if (body.to_world[t] != still).any()
-        for handle in body.handles
+        for instance_id in body.instance_ids
     ]
 
 

@@ -80,7 +80,9 @@ def recorded(scene: Scene) -> Surfels:
     Edits do not change it: all copies of an episode share it. Keeps a few images in memory. Raises Unsupported if a
     source has no depth.
     """
-    static = frozenset().union(*(body.handles for body in scene.tracked if body.motion == "static"))
+    static = frozenset().union(
+        *(body.instance_ids for body in scene.tracked if body.motion == "static")
+    )
     views, length = scene.episode.views, scene.episode.length
     for name, view in views.items():
         if view.depth is None:
@@ -110,7 +112,10 @@ def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:
 def standing_edited(surfels: Surfels, scene: Scene) -> frozenset[int]:
     """Handles of bodies that stood still when recorded and are not there as they were, be it only later."""
     edits = (*carried(scene, 0), *carried(scene, scene.episode.length - 1))
-    return frozenset(handle for edit in edits for handle in edit.handles) & surfels.static
+    return (
+        frozenset(instance_id for edit in edits for instance_id in edit.instance_ids)
+        & surfels.static
+    )
 
 
 def backgrounds(surfels: Surfels, scene: Scene) -> dict[str, unseen.Background]:
@@ -166,8 +171,8 @@ def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
     stands = _stands(camera, recorded.camera, t) and recorded.depth is not None
     edits = carried(scene, t)
     if stands and recorded.ids and edits and not any(edit.shows for edit in edits):
-        handles = frozenset().union(*(edit.handles for edit in edits))
-        gone = _widened(among(recorded.ids(t), handles), _rim(scene))
+        instance_ids = frozenset().union(*(edit.instance_ids for edit in edits))
+        gone = _widened(among(recorded.ids(t), instance_ids), _rim(scene))
         piece = window.around(gone, camera.K, camera.cam_to_world[t])
         return (
             _as_recorded(recorded, t)
@@ -244,7 +249,7 @@ def _known(
 ) -> Iterator[Source]:
     """What was recorded, edited bodies carried to where they are now."""
     edits = carried(scene, t)
-    edited = frozenset(handle for edit in edits for handle in edit.handles)
+    edited = frozenset(instance_id for edit in edits for instance_id in edit.instance_ids)
     whole = list(_recordings(surfels, scene, own, t, edited, piece))
     rim = _rim(scene)
     yield from (_without(source, edited, rim) for source in whole) if edits else whole
@@ -296,9 +301,9 @@ def _recordings(
     for past in surfels.history.values():
         for source in past:
             yield from like(source)
-    poses = {body.handles: body.to_world[t] for body in scene.tracked}
+    poses = {body.instance_ids: body.to_world[t] for body in scene.tracked}
     for part in surfels.parts:
-        yield from like(part.at(poses[part.handles]))
+        yield from like(part.at(poses[part.instance_ids]))
 
 
 def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
@@ -321,9 +326,9 @@ def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.
     return out
 
 
-def _without(source: Source, handles: frozenset[int], rim: int) -> Source:
+def _without(source: Source, instance_ids: frozenset[int], rim: int) -> Source:
     """What a recording shows besides some things and the pixels around them that their blur reaches."""
-    rest = ~_widened(among(source.ids, handles), rim)
+    rest = ~_widened(among(source.ids, instance_ids), rim)
     return replace(source, use=rest if source.use is None else rest & source.use)
 
 

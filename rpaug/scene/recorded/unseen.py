@@ -91,16 +91,16 @@ def _painted(view: Background, method: str, tolerance: float) -> Source:
     known = ~view.drawn.hole & (view.drawn.depth > 0)
     depth = filled.depth.copy()
     rgb = filled.image
-    for handle in np.unique(filled.ids[view.hole]).tolist():
-        here = view.hole & (filled.ids == handle)
-        around = grown(here, RING) & known & (filled.ids == handle)
+    for instance_id in np.unique(filled.ids[view.hole]).tolist():
+        here = view.hole & (filled.ids == instance_id)
+        around = grown(here, RING) & known & (filled.ids == instance_id)
         plane = _plane(depth, around, tolerance)
         if plane is not None:
             continued = _on(plane, here.shape)
             good = here & (continued > 0)
             depth[good] = 1 / continued[good]
         rgb = np.where(
-            here[..., None], _texture(rgb, here, known & (filled.ids == handle), method), rgb
+            here[..., None], _texture(rgb, here, known & (filled.ids == instance_id), method), rgb
         )
     return Source(
         K=view.camera.K, cam_to_world=view.camera.cam_to_world[0], rgb=rgb, depth=depth,

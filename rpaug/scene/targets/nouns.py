@@ -37,7 +37,7 @@ VERBS = HANDLING | {"up", "down", "out", "it", "and", "then", "with", "by", "you
 class Meaning:
     """What a noun stands for: a role, or the shapes a thing may have. `said` is the word that was understood."""
 
-    said: str
+    stated: str
     role: str | None = None
     shapes: frozenset[str] = frozenset()
 

@@ -27,7 +27,7 @@ OUTER = 1.0  # percent of the points on each side that do not count for a thing'
 class LocatedInstance:
     """One thing, of some handles, and surface points of it in the robot's frame, metres."""
 
-    handles: frozenset[int]
+    instance_ids: frozenset[int]
     points: Float64[np.ndarray, "n 3"]
 
     @cached_property
@@ -54,7 +54,7 @@ def robot_frame(scene: Scene, looks: SampledFrames) -> Float64[np.ndarray, "4 4"
     Without a known robot it is the world's own frame.
     """
     parts = scene.roles.get("robot", frozenset())
-    still = {h for body in scene.bodies if body.motion == "static" for h in body.handles}
+    still = {h for body in scene.bodies if body.motion == "static" for h in body.instance_ids}
     foot = _points(scene, looks, parts & still or parts)
     works = _gripper(scene)
     if not len(foot) or works is None:
@@ -85,15 +85,15 @@ def places(
 
 
 def _points(
-    scene: Scene, looks: SampledFrames, handles: Iterable[int]
+    scene: Scene, looks: SampledFrames, instance_ids: Iterable[int]
 ) -> Float64[np.ndarray, "n 3"]:
     """Surface points in the world at the first frame."""
-    body_of: dict[int, Body] = {h: body for body in scene.bodies for h in body.handles}
+    body_of: dict[int, Body] = {h: body for body in scene.bodies for h in body.instance_ids}
     found = [np.zeros((0, 3))]
-    for handle in sorted(handles):
-        if handle in body_of:
-            points = surface(looks, handle, body_of[handle], POINTS)[0]
-            body = body_of[handle]
+    for instance_id in sorted(instance_ids):
+        if instance_id in body_of:
+            points = surface(looks, instance_id, body_of[instance_id], POINTS)[0]
+            body = body_of[instance_id]
             found.append(geometry.transform(body.to_world[0], body.scale * points))
     return np.concatenate(found)
 

@@ -30,7 +30,7 @@ NEAR = 0.03  # metres: parts of one piece of furniture are within each other's o
 class _Thing:
     """What one instance looks like at the reference frame of its body."""
 
-    handle: int
+    instance_id: int
     body: Body
     low: Float64[np.ndarray, "3"]
     high: Float64[np.ndarray, "3"]
@@ -64,7 +64,7 @@ def infer(
     table, or outside its bounds.
     """
     looks = look(episode) if looks is None else looks
-    things = {thing.handle: thing for thing in _things(bodies, looks)}
+    things = {thing.instance_id: thing for thing in _things(bodies, looks)}
     robot = _robot(things, looks)
     later = _gripper_start(episode)
     manipulated = frozenset(
@@ -83,28 +83,28 @@ def infer(
         "table": table,
         "background": background,
     }
-    return {name: handles for name, handles in found.items() if handles}
+    return {name: instance_ids for name, instance_ids in found.items() if instance_ids}
 
 
 def _things(bodies: Sequence[Body], looks: SampledFrames) -> list[_Thing]:
     out = []
     for body in bodies:
-        for handle in body.handles:
-            points, normals = surface(looks, handle, body)
+        for instance_id in body.instance_ids:
+            points, normals = surface(looks, instance_id, body)
             if len(points):
                 low, high = np.percentile(points, [1, 99], axis=0)
                 flat = np.abs(normals[:, 2]) > 0.95
                 faces = np.linalg.norm(normals, axis=-1) > 0
                 level = float(flat.sum() / max(faces.sum(), 1))
-                out.append(_Thing(handle, body, low, high, level))
+                out.append(_Thing(instance_id, body, low, high, level))
     return out
 
 
 def surface(
-    looks: SampledFrames, handle: int, body: Body, most: int = 4000
+    looks: SampledFrames, instance_id: int, body: Body, most: int = 4000
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3"]]:
     """Points and normals of an instance in its body's frame, from fixed cameras if they saw it at all."""
-    shown = (looks.ids == handle) & (looks.depth > 0)
+    shown = (looks.ids == instance_id) & (looks.depth > 0)
     if shown[:, looks.fixed].any():
         shown[:, ~looks.fixed] = False
     at = np.stack(np.nonzero(shown), -1)
@@ -175,7 +175,7 @@ def _start(body: Body) -> int:
 
 def _often(looks: SampledFrames) -> set[frozenset[int]]:
     """Pairs that touch in most of the frames in which fixed cameras show both."""
-    seen = {int(h): (looks.ids[:, looks.fixed] == h).any((1, 2, 3)) for h in looks.handles}
+    seen = {int(h): (looks.ids[:, looks.fixed] == h).any((1, 2, 3)) for h in looks.instance_ids}
     return {
         pair
         for pair, count in touching(looks).items()

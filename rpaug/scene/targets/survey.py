@@ -26,7 +26,7 @@ class InstanceSummary:
     pixels per camera over all frames, `first_frame` to `last_frame` with `frames` of them showing it.
     """
 
-    handle: int
+    instance_id: int
     role: str
     colour: tuple[float, float, float]
     colour_name: str
@@ -48,8 +48,8 @@ class InstanceSummary:
         length, width, height = self.size_cm
         role = f", {self.role}" if self.role else ""
         if not any(self.size_cm):
-            return f"{self.handle} ({self.colour_name}{role})"
-        return f"{self.handle} ({self.colour_name}{role}, {length:.0f} x {width:.0f} x {height:.0f} cm)"
+            return f"{self.instance_id} ({self.colour_name}{role})"
+        return f"{self.instance_id} ({self.colour_name}{role}, {length:.0f} x {width:.0f} x {height:.0f} cm)"
 
 
 @once
@@ -61,27 +61,31 @@ def survey(
 ) -> tuple[InstanceSummary, ...]:
     """One row for each handle of `bodies`, ascending."""
     looks = look(episode) if looks is None else looks
-    body_of = {handle: body for body in bodies for handle in body.handles}
-    role_of = {handle: role for role in reversed(NAMES) for handle in roles.get(role, ())}
+    body_of = {instance_id: body for body in bodies for instance_id in body.instance_ids}
+    role_of = {instance_id: role for role in reversed(NAMES) for instance_id in roles.get(role, ())}
     role_of |= dict.fromkeys(roles.get("table", ()), "table")
-    handles = sorted(body_of)
-    seen = _seen(episode, np.array(handles, np.int32))
-    tints = _colours(episode, looks, handles) if looks.cameras else _colours_alone(episode, handles)
+    instance_ids = sorted(body_of)
+    seen = _seen(episode, np.array(instance_ids, np.int32))
+    tints = (
+        _colours(episode, looks, instance_ids)
+        if looks.cameras
+        else _colours_alone(episode, instance_ids)
+    )
     rows = []
-    for i, handle in enumerate(handles):
-        body, tint = body_of[handle], tints[handle]
+    for i, instance_id in enumerate(instance_ids):
+        body, tint = body_of[instance_id], tints[instance_id]
         when = np.flatnonzero(seen[:, i].any(-1))
         rows.append(
             InstanceSummary(
-                handle,
-                role_of.get(handle, ""),
+                instance_id,
+                role_of.get(instance_id, ""),
                 tint,
                 colours.nearest(np.array(tint)),
-                size_cm(surface(looks, handle, body)[0]),
+                size_cm(surface(looks, instance_id, body)[0]),
                 body.motion,
                 body.ambiguous,
                 body.residual * 1e3,
-                body.handles,
+                body.instance_ids,
                 len(when),
                 int(when[0]) if len(when) else 0,
                 int(when[-1]) if len(when) else 0,
@@ -106,65 +110,65 @@ def _with_ids(episode: Episode) -> list[str]:
     return [name for name, view in episode.views.items() if view.ids is not None]
 
 
-def _seen(episode: Episode, handles: np.ndarray) -> np.ndarray:
+def _seen(episode: Episode, instance_ids: np.ndarray) -> np.ndarray:
     """Pixels of each handle per frame and camera: (t, n, c)."""
     names = _with_ids(episode)
-    out = np.zeros((episode.length, len(handles), len(names)), np.int64)
+    out = np.zeros((episode.length, len(instance_ids), len(names)), np.int64)
     for c, name in enumerate(names):
         read = episode.views[name].ids
         assert read is not None
         for t in range(episode.length):
             found, count = np.unique(read(t), return_counts=True)
-            at = np.searchsorted(handles, found)
-            known = at < len(handles)
-            known[known] = handles[at[known]] == found[known]
+            at = np.searchsorted(instance_ids, found)
+            known = at < len(instance_ids)
+            known[known] = instance_ids[at[known]] == found[known]
             out[t, at[known], c] = count[known]
     return out
 
 
 def _colours_alone(
-    episode: Episode, handles: Iterable[int]
+    episode: Episode, instance_ids: Iterable[int]
 ) -> dict[int, tuple[float, float, float]]:
     """Typical colours over a few frames of all cameras, where no depth is looked at."""
-    found: dict[int, list[np.ndarray]] = {handle: [] for handle in handles}
+    found: dict[int, list[np.ndarray]] = {instance_id: [] for instance_id in instance_ids}
     for _, _, rgb, ids in sampling.images(episode, COLOUR_FRAMES):
         if ids is None:
             continue
         flat, image = ids.reshape(-1), rgb.reshape(-1, 3)
         order = np.argsort(flat, kind="stable")
         names, starts = np.unique(flat[order], return_index=True)
-        for handle, rows in zip(names.tolist(), np.split(order, starts[1:]), strict=True):
-            if handle in found:
-                found[handle].append(image[rows])
+        for instance_id, rows in zip(names.tolist(), np.split(order, starts[1:]), strict=True):
+            if instance_id in found:
+                found[instance_id].append(image[rows])
     out = {}
-    for handle, pixels in found.items():
+    for instance_id, pixels in found.items():
         tint = colours.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
-        out[handle] = (float(tint[0]), float(tint[1]), float(tint[2]))
+        out[instance_id] = (float(tint[0]), float(tint[1]), float(tint[2]))
     return out
 
 
 def _colours(
-    episode: Episode, looks: SampledFrames, handles: Iterable[int]
+    episode: Episode, looks: SampledFrames, instance_ids: Iterable[int]
 ) -> dict[int, tuple[float, float, float]]:
     """Typical colours over a few frames and all cameras; over more where that shows nothing."""
     spread = np.unique(np.linspace(0, len(looks.frames) - 1, COLOUR_FRAMES).round().astype(int))
-    found: dict[int, list[np.ndarray]] = {handle: [] for handle in handles}
+    found: dict[int, list[np.ndarray]] = {instance_id: [] for instance_id in instance_ids}
     for chosen in (spread, np.setdiff1d(np.arange(len(looks.frames)), spread)):
-        missing = [handle for handle, pixels in found.items() if not pixels]
+        missing = [instance_id for instance_id, pixels in found.items() if not pixels]
         for s in chosen:
             for c, name in enumerate(looks.cameras):
                 ids = looks.ids[s, c]
-                shown = [handle for handle in missing if (ids == handle).any()]
+                shown = [instance_id for instance_id in missing if (ids == instance_id).any()]
                 if not shown:
                     continue
                 image = episode.views[name].rgb(int(looks.frames[s]))
                 step = max(1, round(image.shape[1] / ids.shape[1]))
                 image = image[::step, ::step]
                 inside = ids[: image.shape[0], : image.shape[1]]
-                for handle in shown:
-                    found[handle].append(image[inside == handle])
+                for instance_id in shown:
+                    found[instance_id].append(image[inside == instance_id])
     out = {}
-    for handle, pixels in found.items():
+    for instance_id, pixels in found.items():
         tint = colours.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
-        out[handle] = (float(tint[0]), float(tint[1]), float(tint[2]))
+        out[instance_id] = (float(tint[0]), float(tint[1]), float(tint[2]))
     return out

@@ -59,7 +59,7 @@ class TargetPart(BaseModel):
         return self
 
     @property
-    def handle(self) -> int:
+    def instance_id(self) -> int:
         """The handle that this part gets: always the same for the same words, above those that simulators give."""
         return (1 << 23) + zlib.crc32(self.model_dump_json().encode()) % (1 << 22)
 
@@ -121,14 +121,14 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
     Raises TargetError if there is none, or if several things fit where one was meant, and lists what there is.
     """
     if target.part is not None:
-        if target.part.handle not in scene.handles:
+        if target.part.instance_id not in scene.instance_ids:
             raise TargetError(f"{target}: its part was not told apart before: `parts.told` does it")
-        return frozenset([target.part.handle])
+        return frozenset([target.part.instance_id])
     if target.handle is not None:
         wanted = frozenset([target.handle] if isinstance(target.handle, int) else target.handle)
-        if wanted - scene.handles:
+        if wanted - scene.instance_ids:
             raise TargetError(
-                f"{target}: no such instance {_numbers(wanted - scene.handles)}; {_there_is(_rows(scene))}"
+                f"{target}: no such instance {_numbers(wanted - scene.instance_ids)}; {_there_is(_rows(scene))}"
             )
         return wanted
     if target.role is not None:
@@ -153,8 +153,8 @@ class _Finder:
     """Finds what a phrase and the phrases inside it mean. A thing is a group of handles: those of a role together,
     else those of a body. Images are looked at only if a colour, a shape or a place is asked for."""
 
-    def __init__(self, scene: Scene, said: str) -> None:
-        self._scene, self._said = scene, said
+    def __init__(self, scene: Scene, stated: str) -> None:
+        self._scene, self._stated = scene, stated
         self._looks: SampledFrames | None = None
 
     @cached_property
@@ -167,7 +167,7 @@ class _Finder:
         if phrase.spatial:
             found = self._placed(phrase, found)
         if not found:
-            raise TargetError(f"{self._said}: nothing fits; {_there_is(self._rows)}")
+            raise TargetError(f"{self._stated}: nothing fits; {_there_is(self._rows)}")
         return found
 
     def _described(self, phrase: Phrase) -> list[frozenset[int]]:
@@ -176,7 +176,7 @@ class _Finder:
         for word in phrase.nouns[:-1]:
             if phrase.colour is None:
                 raise TargetError(
-                    f"{self._said}: {word!r} is nothing that masks and depth can tell"
+                    f"{self._stated}: {word!r} is nothing that masks and depth can tell"
                 )
         if role is not None:
             return self._playing(role, phrase)
@@ -203,7 +203,7 @@ class _Finder:
         found = understood(noun, self._scene.descriptions, self._scene.roles)
         if not found and phrase.colour is None:
             raise TargetError(
-                f"{self._said}: {noun!r} is no role, no shape and not in the instruction: such nouns need a detector"
+                f"{self._stated}: {noun!r} is no role, no shape and not in the instruction: such nouns need a detector"
                 f" (the extra rpaug[words] brings synonyms). Roles: {', '.join(roles.NAMES)}; "
                 f"shapes: {', '.join(sorted(shapes.WORDS))}; {_there_is(self._rows)}"
             )
@@ -213,11 +213,11 @@ class _Finder:
         """What has that role and the phrase's colour, as one thing."""
         known = self._scene.roles.get(role)
         if not known:
-            raise TargetError(f"{self._said}: {_why(self._scene, role)}; {_there_is(self._rows)}")
+            raise TargetError(f"{self._stated}: {_why(self._scene, role)}; {_there_is(self._rows)}")
         if phrase.colour is None:
-            return [known & self._scene.handles] if known & self._scene.handles else []
-        rows = self._coloured(phrase, [row for row in self._rows if row.handle in known])
-        return [frozenset(row.handle for row in rows)] if rows else []
+            return [known & self._scene.instance_ids] if known & self._scene.instance_ids else []
+        rows = self._coloured(phrase, [row for row in self._rows if row.instance_id in known])
+        return [frozenset(row.instance_id for row in rows)] if rows else []
 
     def _movable(self) -> list[InstanceSummary]:
         """All but robot, table and background, which are meant only by name."""
@@ -231,18 +231,18 @@ class _Finder:
             return rows
         exact = [row for row in rows if row.colour_name == colour]
         exact = exact or [row for row in rows if colours.means(colour, row.colour_name)]
-        if not any(view.stand_in for view in self._scene.episode.views.values()):
+        if not any(view.proxy for view in self._scene.episode.views.values()):
             return exact
         # A camera alone shows colours washed out: their hue says more than the nearest name.
         # Beside a thing that has much of it, what has a touch of it is not meant.
         chroma = [float(np.hypot(*colours.to_lab(np.array(row.colour))[1:])) for row in rows]
-        told = [k for k, row in enumerate(rows) if colours.hued(colour, np.array(row.colour))]
-        strongest = max((chroma[k] for k in told), default=0.0)
-        return [rows[k] for k in told if chroma[k] > TOUCH * strongest] or exact
+        given = [k for k, row in enumerate(rows) if colours.hued(colour, np.array(row.colour))]
+        strongest = max((chroma[k] for k in given), default=0.0)
+        return [rows[k] for k in given if chroma[k] > TOUCH * strongest] or exact
 
     def _shape(self, row: InstanceSummary) -> str:
-        body = next(body for body in self._scene.bodies if row.handle in body.handles)
-        return shapes.shape(*roles.surface(self._look(), row.handle, body))
+        body = next(body for body in self._scene.bodies if row.instance_id in body.instance_ids)
+        return shapes.shape(*roles.surface(self._look(), row.instance_id, body))
 
     def _look(self) -> SampledFrames:
         if self._looks is None:
@@ -259,20 +259,22 @@ class _Finder:
         for group in groups:
             if group in where:
                 continue
-            raise TargetError(f"{self._said}: no camera shows handle {_numbers(group)} with depth")
+            raise TargetError(
+                f"{self._stated}: no camera shows handle {_numbers(group)} with depth"
+            )
         left = [where[group] for group in found]
         for relation, some in zip(phrase.relations, anchors, strict=True):
             left = places.related(relation.name, left, [where[group] for group in some])
         if phrase.rank is not None:
             left = places.ranked(phrase.rank, left)[phrase.ordinal : phrase.ordinal + 1]
-        return [place.handles for place in left]
+        return [place.instance_ids for place in left]
 
     def _anchor(self, phrase: Phrase) -> frozenset[int]:
         """The one thing that an inner phrase means."""
         found = self.things(phrase)
         if len(found) > 1:
             listed = _list(_firsts(self._rows, found))
-            raise TargetError(f"{self._said}: of which? {len(found)} things fit there: {listed}")
+            raise TargetError(f"{self._stated}: of which? {len(found)} things fit there: {listed}")
         return found[0]
 
 
@@ -284,7 +286,7 @@ def _firsts(
     rows: Sequence[InstanceSummary], things: Sequence[frozenset[int]]
 ) -> list[InstanceSummary]:
     """One row to show for each thing."""
-    return [next(row for row in rows if row.handle in group) for group in things]
+    return [next(row for row in rows if row.instance_id in group) for group in things]
 
 
 def _rows(scene: Scene) -> tuple[InstanceSummary, ...]:
@@ -299,15 +301,15 @@ def _why(scene: Scene, role: str) -> str:
         return f"one frame alone does not show what is the {role}"
     if role in ("manipulated", "receiver") and "manipulated" not in scene.roles:
         views = scene.episode.views.values()
-        untold = next((v.stand_in.untold for v in views if v.stand_in and v.stand_in.untold), None)
-        return untold or f"nothing was seen to be moved by the robot, so there is no {role}"
+        unknown = next((v.proxy.unknown for v in views if v.proxy and v.proxy.unknown), None)
+        return unknown or f"nothing was seen to be moved by the robot, so there is no {role}"
     if role == "receiver":
         return "what was moved touches nothing at the end, so there is no receiver"
     return f"nothing was seen to be the {role}"
 
 
-def _numbers(handles: Iterable[int]) -> str:
-    return ", ".join(map(str, sorted(handles)))
+def _numbers(instance_ids: Iterable[int]) -> str:
+    return ", ".join(map(str, sorted(instance_ids)))
 
 
 def _list(rows: Iterable[InstanceSummary]) -> str:

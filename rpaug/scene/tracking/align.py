@@ -20,7 +20,7 @@ def align(
     guess: Float64[np.ndarray, "4 4"],
     looks: SampledFrames,
     s: int,
-    handle: int,
+    instance_id: int,
     *,
     turning: bool = True,
     axis: Float64[np.ndarray, "3"] | None = None,
@@ -34,7 +34,7 @@ def align(
     """
     motion, certain = guess.copy(), False
     for _ in range(ROUNDS):
-        off, moved, normals = evidence.distances(points, motion, looks, s, handle)
+        off, moved, normals = evidence.distances(points, motion, looks, s, instance_id)
         used = np.abs(np.where(np.isnan(off), np.inf, off)) < REACH
         if used.sum() < evidence.ENOUGH:
             return motion, False

@@ -98,8 +98,8 @@ def read(path: Path, joints: int) -> Kinematics:
     try:
         root = ElementTree.fromstring(data)  # resolves no external entities
     except ElementTree.ParseError as error:
-        told = f"no XML: {error}"
-        raise BadInput(path, "arm", found=told, expected="a URDF or MJCF file") from None
+        given = f"no XML: {error}"
+        raise BadInput(path, "arm", found=given, expected="a URDF or MJCF file") from None
     if root.tag == "robot":
         return urdf.read(path, root, joints)
     if root.tag != "mujoco":
@@ -113,8 +113,10 @@ def _modelled(path: Path, joints: int) -> Modelled:
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        told = " ".join(str(error).split())
-        raise BadInput(path, "arm", found=told, expected="an MJCF file that MuJoCo opens") from None
+        given = " ".join(str(error).split())
+        raise BadInput(
+            path, "arm", found=given, expected="an MJCF file that MuJoCo opens"
+        ) from None
     simple = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
     if model.njnt < joints or not np.isin(model.jnt_type[:joints], simple).all():
         found = f"{model.njnt} joints, types {model.jnt_type.tolist()}"
@@ -146,7 +148,7 @@ def for_robot(paths: Sequence[Path], robot: Robot) -> tuple[Kinematics, ...]:
 
 def misfits(paths: Sequence[Path], robot: Robot) -> tuple[str, ...]:
     """What is to be said of the files whose arms do not explain how the gripper moved: their links are not used."""
-    told = []
+    given = []
     for path, arm in zip(paths, for_robot(paths, robot), strict=False):
         if robot.gripper_to_world is None or len(robot.joint_positions) < LEAST_FRAMES:
             why = f"there are no gripper poses, or fewer than {LEAST_FRAMES} frames, to check it by"
@@ -155,8 +157,8 @@ def misfits(paths: Sequence[Path], robot: Robot) -> tuple[str, ...]:
             if off < GOOD_FIT:
                 continue
             why = f"its gripper is {1e3 * off:.0f} mm off (at most {1e3 * GOOD_FIT:.0f})"
-        told.append(f"{path.name}: this arm is not used: {why}")
-    return tuple(told)
+        given.append(f"{path.name}: this arm is not used: {why}")
+    return tuple(given)
 
 
 def link_tracks(

@@ -45,7 +45,7 @@ CHECKED = 10  # frames over which a track's residual is taken
 class _Track:
     """One instance's motion; `labels` as in `motion`, one for each interval."""
 
-    handle: int
+    instance_id: int
     labels: Int[np.ndarray, "i"]
     to_world: Float64[np.ndarray, "t 4 4"]
     middle: Float64[np.ndarray, "3"]  # of what was seen, in the body's frame
@@ -76,30 +76,32 @@ def track(
     `ambiguous`. Without depth or handles there is no body.
     """
     looks = look(episode) if looks is None else looks
-    handles = looks.handles
-    if not len(handles):
+    instance_ids = looks.instance_ids
+    if not len(instance_ids):
         return ()
-    samples = evidence.draw(looks, handles)
-    carriers = _carriers(episode, arms)
+    samples = evidence.draw(looks, instance_ids)
+    representations = _representations(episode, arms)
     happens = events(episode.robot.gripper_open)
     cases = []
-    for number, handle in enumerate(handles.tolist()):
+    for number, instance_id in enumerate(instance_ids.tolist()):
         seen = np.flatnonzero((samples.counts[:, number] >= evidence.ENOUGH).any(1))
-        cases.append(TrackedInstance(number, handle, looks, samples, seen, carriers))
-    costed = {case.handle: costs(case) for case in cases if len(case.seen) > 1}
+        cases.append(TrackedInstance(number, instance_id, looks, samples, seen, representations))
+    costed = {case.instance_id: costs(case) for case in cases if len(case.seen) > 1}
     touch = touching(looks)
     row = _row(cases, costed, touch)
     jaws = fingers(episode.robot)
     tracks = [
-        _track(case, happens, *costed[case.handle], row.get(case.handle), jaws)
-        if case.handle in costed
+        _track(case, happens, *costed[case.instance_id], row.get(case.instance_id), jaws)
+        if case.instance_id in costed
         else _unseen(case)
         for case in cases
     ]
     return _merge(tracks, touch)
 
 
-def _carriers(episode: Episode, arms: Sequence[Kinematics]) -> Float64[np.ndarray, "m t 4 4"]:
+def _representations(
+    episode: Episode, arms: Sequence[Kinematics]
+) -> Float64[np.ndarray, "m t 4 4"]:
     """World poses of the world itself, the gripper, and the arm's links but the last, which is the gripper's.
 
     A gripper whose pose is unknown stands as still as the world, so that nothing is found to hang on it.
@@ -123,7 +125,7 @@ def _row(
     """Places of the instances that are an arm's links."""
     fits = {h: cost.sum(0) / known.sum() for h, (cost, known) in costed.items() if known.any()}
     limits = {h: AS_WELL[0] * float(fit.min()) + AS_WELL[1] for h, fit in fits.items()}
-    seen = {case.handle: set(case.seen.tolist()) for case in cases}
+    seen = {case.instance_id: set(case.seen.tolist()) for case in cases}
     often = {
         pair
         for pair, times in touch.items()
@@ -134,9 +136,9 @@ def _row(
 
 def _unseen(case: TrackedInstance) -> _Track:
     """What no two frames show: at rest, for all we know."""
-    rest = np.tile(np.eye(4), (case.carriers.shape[1], 1, 1))
+    rest = np.tile(np.eye(4), (case.representations.shape[1], 1, 1))
     weight = int(case.samples.counts[:, case.number].sum())
-    return _Track(case.handle, np.zeros(0, int), rest, np.zeros(3), weight, True, 0.0)
+    return _Track(case.instance_id, np.zeros(0, int), rest, np.zeros(3), weight, True, 0.0)
 
 
 def _track(
@@ -153,7 +155,7 @@ def _track(
     choices: dict[float, np.ndarray] = {}
     path = cheapest(cost[:, :2], at_event)
     choices[total(cost, path, at_event)] = path
-    for label in range(len(case.carriers)):
+    for label in range(len(case.representations)):
         same = np.full(len(cost), label)
         extra = LINK * known.sum() if label > GRIPPER else 0.0
         choices.setdefault(total(cost, same, at_event) + extra, same)
@@ -181,7 +183,13 @@ def _track(
         rivalled = not place.certain
     ambiguous = not known.any() or not certain or rivalled
     return _Track(
-        case.handle, labels, to_world, middle, weight, ambiguous, _residual(case, most, to_world)
+        case.instance_id,
+        labels,
+        to_world,
+        middle,
+        weight,
+        ambiguous,
+        _residual(case, most, to_world),
     )
 
 
@@ -206,7 +214,7 @@ def _residual(case: TrackedInstance, anchor: int, to_world: Float64[np.ndarray, 
         if s != anchor:
             first, last = case.looks.frames[[anchor, s]]
             motion = to_world[last] @ geometry.inverse(to_world[first])
-            off = evidence.distances(points, motion, case.looks, s, case.handle)[0]
+            off = evidence.distances(points, motion, case.looks, s, case.instance_id)[0]
             found.append(np.abs(off[~np.isnan(off)]))
     every = np.concatenate(found)
     return float(np.median(every)) if len(every) else 0.0
@@ -217,7 +225,7 @@ def _merge(tracks: Sequence[_Track], touch: Mapping[frozenset[int], int]) -> tup
     groups: list[list[_Track]] = []
     for one in sorted(tracks, key=lambda t: -t.weight):
         for group in groups:
-            near = any(touch.get(frozenset({m.handle, one.handle})) for m in group)
+            near = any(touch.get(frozenset({m.instance_id, one.instance_id})) for m in group)
             if near and _together(group[0], one):
                 group.append(one)
                 break
@@ -225,7 +233,7 @@ def _merge(tracks: Sequence[_Track], touch: Mapping[frozenset[int], int]) -> tup
             groups.append([one])
     return tuple(
         Body(
-            frozenset(m.handle for m in group),
+            frozenset(m.instance_id for m in group),
             group[0].to_world,
             group[0].motion,
             residual=group[0].residual,

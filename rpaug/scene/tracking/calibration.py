@@ -87,13 +87,13 @@ def check(
     return tuple(sorted(found, key=lambda m: -m.millimetres))
 
 
-def disagreement(episode: Episode, name: str, handles: Collection[int]) -> float:
+def disagreement(episode: Episode, name: str, instance_ids: Collection[int]) -> float:
     """Metres that one camera's points of some instances are off the planes that still cameras recorded there.
 
     The upper quartile: most points lie where an error cannot be told. Infinite if too few are shared.
     """
     others = [n for n, v in episode.views.items() if v.camera.fixed and n != name and v.depth]
-    found = [_compared(episode, name, other, handles)[2] for other in others]
+    found = [_compared(episode, name, other, instance_ids)[2] for other in others]
     off = np.abs(np.concatenate([np.zeros(0), *found]))
     return float(np.quantile(off, QUARTILE)) if len(off) >= FEWEST else np.inf
 
@@ -167,20 +167,22 @@ def _cost(
 
 
 def _compared(
-    episode: Episode, name: str, other: str, handles: Collection[int] | None = None
+    episode: Episode, name: str, other: str, instance_ids: Collection[int] | None = None
 ) -> _Pair:
     """Points of one camera (of some instances), the normals of what the other saw there, and signed distances, all
     in metres."""
-    found = [_at(episode, name, other, t, handles) for t in spread(episode.length)[:FRAMES]]
+    found = [_at(episode, name, other, t, instance_ids) for t in spread(episode.length)[:FRAMES]]
     points, normals, off = (np.concatenate(part) for part in zip(*found, strict=True))
     return points, normals, off
 
 
-def _at(episode: Episode, name: str, other: str, t: int, handles: Collection[int] | None) -> _Pair:
+def _at(
+    episode: Episode, name: str, other: str, t: int, instance_ids: Collection[int] | None
+) -> _Pair:
     mine, theirs = source_at(episode.views[name], t), source_at(episode.views[other], t)
     depth = np.where(np.isfinite(mine.depth) & (mine.depth > 0), mine.depth, 0.0)
-    if handles is not None:
-        depth = np.where(np.isin(mine.ids, list(handles)), depth, 0.0)
+    if instance_ids is not None:
+        depth = np.where(np.isin(mine.ids, list(instance_ids)), depth, 0.0)
     use = np.zeros(depth.shape, bool)
     use[::STRIDE, ::STRIDE] = depth[::STRIDE, ::STRIDE] > 0
     # Relative to the camera, so that a scene far from the origin loses no digits.
@@ -198,7 +200,7 @@ def _at(episode: Episode, name: str, other: str, t: int, handles: Collection[int
     return points[kept][good], (normal @ turn.T)[good], off[good]
 
 
-def _same(seen, ids, depth, handles, K):
+def _same(seen, ids, depth, instance_ids, K):
     """Which points lie where the other camera saw the same thing as near, and the pixels they fall in."""
     z = np.where(seen[:, 2] > 0, seen[:, 2], 1.0)
     column = np.rint(K[0, 0] * seen[:, 0] / z + K[0, 2])
@@ -208,7 +210,7 @@ def _same(seen, ids, depth, handles, K):
     inside &= (column > 0) & (column < width - 1)
     r, c = np.where(inside, row, 1).astype(int), np.where(inside, column, 1).astype(int)
     near = np.abs(depth[r, c] - z) < CLOSE * np.minimum(1.0, z)
-    kept = inside & near & (handles[r, c] == ids)
+    kept = inside & near & (instance_ids[r, c] == ids)
     return kept, r[kept], c[kept]
 
 

@@ -28,12 +28,12 @@ class ChainPosition:
 class _Row:
     """Instances in a row, the last at `end`; a longer row is better, then one that costs less."""
 
-    handles: tuple[int, ...]
+    instance_ids: tuple[int, ...]
     cost: float
 
     @property
     def rank(self) -> tuple[int, float]:
-        return -len(self.handles), self.cost
+        return -len(self.instance_ids), self.cost
 
 
 def places(
@@ -54,29 +54,33 @@ def places(
     before: dict[int, _Row] = {}
     for position, label in enumerate(order):
         now: dict[int, _Row] = {}
-        for handle, fit in fits.items():
-            if fit[label] > as_well[handle]:
+        for instance_id, fit in fits.items():
+            if fit[label] > as_well[instance_id]:
                 continue
             found = [_Row((), 0.0)] + [
                 row
                 for last, row in before.items()
-                if frozenset((last, handle)) in touch and handle not in row.handles
+                if frozenset((last, instance_id)) in touch and instance_id not in row.instance_ids
             ]
             best = min(found, key=lambda row: row.rank)
-            now[handle] = _Row((*best.handles, handle), best.cost + float(fit[label]))
-            rows.append((position, now[handle]))
+            now[instance_id] = _Row(
+                (*best.instance_ids, instance_id), best.cost + float(fit[label])
+            )
+            rows.append((position, now[instance_id]))
         before = now
     if not rows:
         return {}
     end, longest = min(rows, key=lambda row: row[1].rank)
-    labels = order[end + 1 - len(longest.handles) : end + 1]
-    held = dict(zip(longest.handles, labels, strict=True))
+    labels = order[end + 1 - len(longest.instance_ids) : end + 1]
+    held = dict(zip(longest.instance_ids, labels, strict=True))
     firm = [h for h, label in held.items() if label > GRIPPER and fits[h][STATIC] > as_well[h]]
     if len(firm) < FIRM:
         return {}
     return {
-        handle: ChainPosition(label, 0 < i < len(held) - 1 or _alone(fits, as_well, held, handle))
-        for i, (handle, label) in enumerate(held.items())
+        instance_id: ChainPosition(
+            label, 0 < i < len(held) - 1 or _alone(fits, as_well, held, instance_id)
+        )
+        for i, (instance_id, label) in enumerate(held.items())
         if label != STATIC
     }
 
@@ -85,9 +89,9 @@ def _alone(
     fits: Mapping[int, Float64[np.ndarray, "m"]],
     as_well: Mapping[int, float],
     held: Mapping[int, int],
-    handle: int,
+    instance_id: int,
 ) -> bool:
     """Is there no place that nothing else in the row holds and that would explain the instance as well?"""
     taken = {label for label in held.values() if label != STATIC}
-    fit = fits[handle]
-    return not any(fit[k] <= as_well[handle] for k in range(len(fit)) if k not in taken)
+    fit = fits[instance_id]
+    return not any(fit[k] <= as_well[instance_id] for k in range(len(fit)) if k not in taken)

@@ -42,17 +42,21 @@ class Samples:
         return self.points[s][first:last], int(middle - first)
 
 
-def draw(looks: SampledFrames, handles: Int[np.ndarray, "n"], most: int = SAMPLES) -> Samples:
+def draw(looks: SampledFrames, instance_ids: Int[np.ndarray, "n"], most: int = SAMPLES) -> Samples:
     """At most `most` points per instance, frame and kind of camera (fixed, moving)."""
     points, offsets, counts = [], [], []
     for s in range(len(looks.frames)):
-        p, o, n = _draw(looks.points[s], looks.depth[s], looks.ids[s], looks.fixed, handles, most)
+        p, o, n = _draw(
+            looks.points[s], looks.depth[s], looks.ids[s], looks.fixed, instance_ids, most
+        )
         # A point that another camera contradicts in the very same frame is a grazing or half-hidden one.
-        good = ~_contradicted(p, *_frame(looks, s), np.repeat(handles, o[:, 2] - o[:, 0]))
+        good = ~_contradicted(p, *_frame(looks, s), np.repeat(instance_ids, o[:, 2] - o[:, 0]))
         points.append(p[good])
         offsets.append(np.concatenate([[0], np.cumsum(good)])[o])
         counts.append(n)
-    return Samples(tuple(points), tuple(offsets), np.array(counts).reshape(-1, len(handles), 2))
+    return Samples(
+        tuple(points), tuple(offsets), np.array(counts).reshape(-1, len(instance_ids), 2)
+    )
 
 
 def judge(
@@ -61,14 +65,14 @@ def judge(
     motions: Float64[np.ndarray, "m 4 4"],
     looks: SampledFrames,
     s: int,
-    handle: int,
+    instance_id: int,
 ) -> Float64[np.ndarray, "m 2 2"]:
     """Summed distance in metres and number of points, per motion and kind of camera pair (fixed, other).
 
     `motions` carry `points`, the first `still` of which were seen by fixed cameras, to frame number s.
     """
     out = np.zeros((len(motions), 2, 2))
-    _judge(points, still, motions, *_frame(looks, s), handle, out)
+    _judge(points, still, motions, *_frame(looks, s), instance_id, out)
     return out
 
 
@@ -77,7 +81,7 @@ def distances(
     motion: Float64[np.ndarray, "4 4"],
     looks: SampledFrames,
     s: int,
-    handle: int,
+    instance_id: int,
 ) -> tuple[Float64[np.ndarray, "k"], Float64[np.ndarray, "k 3"], Float64[np.ndarray, "k 3"]]:
     """Signed point-to-plane distance of each moved point, the moved points, and the planes' normals.
 
@@ -85,7 +89,7 @@ def distances(
     """
     off, normals = np.full(len(points), np.nan), np.zeros((len(points), 3))
     moved = points @ motion[:3, :3].T + motion[:3, 3]
-    _associate(moved, *_frame(looks, s), handle, off, normals)
+    _associate(moved, *_frame(looks, s), instance_id, off, normals)
     return off, moved, normals
 
 
@@ -113,9 +117,9 @@ def _frame(looks: SampledFrames, s: int) -> Any:
 
 
 @kernel
-def _draw(points, depth, ids, fixed, handles, most):
+def _draw(points, depth, ids, fixed, instance_ids, most):
     cameras, height, width = ids.shape
-    counts = np.zeros((len(handles), 2), np.int64)
+    counts = np.zeros((len(instance_ids), 2), np.int64)
     where = np.full(ids.shape, -1, np.int32)
     for c in range(cameras):
         kind = 0 if fixed[c] else 1
@@ -126,20 +130,20 @@ def _draw(points, depth, ids, fixed, handles, most):
                 if k > 0 and ids[c, r, k] == ids[c, r, k - 1] and where[c, r, k - 1] >= 0:
                     i = where[c, r, k - 1]
                 else:
-                    i = np.searchsorted(handles, ids[c, r, k])
-                    if i == len(handles) or handles[i] != ids[c, r, k]:
+                    i = np.searchsorted(instance_ids, ids[c, r, k])
+                    if i == len(instance_ids) or instance_ids[i] != ids[c, r, k]:
                         continue
                 where[c, r, k] = i
                 counts[i, kind] += 1
     strides = (counts + most - 1) // most
     taken = np.where(counts > 0, (counts + strides - 1) // np.maximum(strides, 1), 0)
-    offsets = np.zeros((len(handles), 3), np.int64)
+    offsets = np.zeros((len(instance_ids), 3), np.int64)
     total = 0
-    for i in range(len(handles)):
+    for i in range(len(instance_ids)):
         offsets[i] = total, total + taken[i, 0], total + taken[i, 0] + taken[i, 1]
         total = offsets[i, 2]
     out = np.zeros((total, 3))
-    seen = np.zeros((len(handles), 2), np.int64)
+    seen = np.zeros((len(instance_ids), 2), np.int64)
     for c in range(cameras):
         kind = 0 if fixed[c] else 1
         for r in range(height):
@@ -182,7 +186,7 @@ def _plane(p, z, point, normal, depth):
 
 
 @kernel
-def _judge(points, still, motions, fixed, K, poses, depth, ids, at, normals, handle, out):
+def _judge(points, still, motions, fixed, K, poses, depth, ids, at, normals, instance_id, out):
     cameras, height, width = ids.shape
     p = np.zeros(3)
     for m in range(len(motions)):
@@ -198,14 +202,14 @@ def _judge(points, still, motions, fixed, K, poses, depth, ids, at, normals, han
                     continue
                 kind = 0 if fixed[c] and j < still else 1
                 seen = depth[c, row, column]
-                if ids[c, row, column] == handle:
+                if ids[c, row, column] == instance_id:
                     off = abs(_plane(p, z, at[c, row, column], normals[c, row, column], seen))
                     if off > CAP and z > seen + CAP:
                         continue  # hidden behind its own front
                     off = min(off, CAP)
                 else:
                     off = seen - z - FOOTPRINTS * z / K[c, 0, 0]
-                    if off < CAP / 4 or _beside(ids[c], row, column, handle):
+                    if off < CAP / 4 or _beside(ids[c], row, column, instance_id):
                         continue  # hidden, touching, or the rounding of an outline
                     off = min(off, CAP)
                 out[m, kind, 0] += off
@@ -213,31 +217,31 @@ def _judge(points, still, motions, fixed, K, poses, depth, ids, at, normals, han
 
 
 @kernel
-def _contradicted(points, fixed, K, poses, depth, ids, at, normals, handles):
+def _contradicted(points, fixed, K, poses, depth, ids, at, normals, instance_ids):
     """Does a camera look straight through the place of a point?"""
     cameras, height, width = ids.shape
     out = np.zeros(len(points), np.bool_)
     for j in range(len(points)):
         for c in range(cameras):
             row, column, z = _pixel(points[j], K[c], poses[c], height, width)
-            if row >= 0 and depth[c, row, column] > 0 and ids[c, row, column] != handles[j]:
+            if row >= 0 and depth[c, row, column] > 0 and ids[c, row, column] != instance_ids[j]:
                 off = depth[c, row, column] - z - FOOTPRINTS * z / K[c, 0, 0]
-                out[j] |= off >= CAP / 4 and not _beside(ids[c], row, column, handles[j])
+                out[j] |= off >= CAP / 4 and not _beside(ids[c], row, column, instance_ids[j])
     return out
 
 
 @kernel
-def _beside(ids, row, column, handle):
+def _beside(ids, row, column, instance_id):
     height, width = ids.shape
     for r in range(max(row - 1, 0), min(row + 2, height)):
         for c in range(max(column - 1, 0), min(column + 2, width)):
-            if ids[r, c] == handle:
+            if ids[r, c] == instance_id:
                 return True
     return False
 
 
 @kernel
-def _associate(points, fixed, K, poses, depth, ids, at, normals, handle, off, planes):
+def _associate(points, fixed, K, poses, depth, ids, at, normals, instance_id, off, planes):
     """The nearest plane of the instance over all cameras, fixed ones first."""
     cameras, height, width = ids.shape
     for j in range(len(points)):
@@ -246,7 +250,7 @@ def _associate(points, fixed, K, poses, depth, ids, at, normals, handle, off, pl
                 if fixed[c] != (kind == 0):
                     continue
                 row, column, z = _pixel(points[j], K[c], poses[c], height, width)
-                if row < 0 or depth[c, row, column] <= 0 or ids[c, row, column] != handle:
+                if row < 0 or depth[c, row, column] <= 0 or ids[c, row, column] != instance_id:
                     continue
                 n = normals[c, row, column]
                 if n[0] == 0 and n[1] == 0 and n[2] == 0:

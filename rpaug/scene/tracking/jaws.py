@@ -27,19 +27,21 @@ def fingers(robot: Robot) -> Float64[np.ndarray, "f t 4 4"]:
 
 
 def sliding(
-    case: TrackedInstance, labels: Int[np.ndarray, "i"], carriers: Float64[np.ndarray, "f t 4 4"]
+    case: TrackedInstance,
+    labels: Int[np.ndarray, "i"],
+    representations: Float64[np.ndarray, "f t 4 4"],
 ) -> Float64[np.ndarray, "t 4 4"] | None:
     """The track of the finger that explains better than the gripper what is seen of an instance that hangs on it.
 
     Only intervals in which fingers slide are asked. None if the gripper explains them as well, or shows nothing.
     """
-    if not len(carriers) or not (labels == GRIPPER).all():
+    if not len(representations) or not (labels == GRIPPER).all():
         return None
-    left = np.zeros(1 + len(carriers))
+    left = np.zeros(1 + len(representations))
     asked = 0
     for a, b in zip(case.seen[:-1].tolist(), case.seen[1:].tolist(), strict=True):
         first, last = case.looks.frames[[a, b]]
-        ways = np.stack([case.carriers[GRIPPER], *carriers])
+        ways = np.stack([case.representations[GRIPPER], *representations])
         motions = ways[:, last] @ geometry.inverse(ways[:, first])
         middle = np.median(case.points(a)[0], 0)
         apart = geometry.transform(motions[1], middle) - geometry.transform(motions[0], middle)
@@ -52,5 +54,5 @@ def sliding(
     best = 1 + int(left[1:].argmin())
     if not asked or left[best] > min(GAIN * left[0], left[0] - WIN * asked):
         return None
-    track = carriers[best - 1]
+    track = representations[best - 1]
     return track @ geometry.inverse(track[0])

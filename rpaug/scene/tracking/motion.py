@@ -32,11 +32,11 @@ class TrackedInstance:
     the world poses of all it may hang on: the world itself, the gripper, the arm's links."""
 
     number: int
-    handle: int
+    instance_id: int
     looks: SampledFrames
     samples: evidence.Samples
     seen: Int[np.ndarray, "n"]
-    carriers: Float64[np.ndarray, "m t 4 4"]
+    representations: Float64[np.ndarray, "m t 4 4"]
 
     @property
     def times(self) -> Int[np.ndarray, "n"]:
@@ -50,15 +50,15 @@ class TrackedInstance:
     def ahead(self, a: int, b: int) -> Float64[np.ndarray, "m 4 4"]:
         """How every carrier moves from frame number a to frame number b."""
         first, last = self.looks.frames[[a, b]]
-        return self.carriers[:, last] @ geometry.inverse(self.carriers[:, first])
+        return self.representations[:, last] @ geometry.inverse(self.representations[:, first])
 
     def judge(
         self, a: int, b: int, motions: Float64[np.ndarray, "m 4 4"]
     ) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m"]]:
         """Mean distance in metres and number of points: a's points moved to b, and b's moved back."""
-        ahead = evidence.judge(*self.points(a), motions, self.looks, b, self.handle)
+        ahead = evidence.judge(*self.points(a), motions, self.looks, b, self.instance_id)
         back = evidence.judge(
-            *self.points(b), geometry.inverse(motions), self.looks, a, self.handle
+            *self.points(b), geometry.inverse(motions), self.looks, a, self.instance_id
         )
         return evidence.mean(ahead + back)
 
@@ -68,7 +68,7 @@ REST = 0.02  # millimetres per interval that a motion must win by against rest
 
 def costs(case: TrackedInstance) -> tuple[Float64[np.ndarray, "i m"], Bool[np.ndarray, "i"]]:
     """Cost of every carrier's motion in every interval, and whether the interval shows anything at all."""
-    cost = np.zeros((len(case.seen) - 1, len(case.carriers)))
+    cost = np.zeros((len(case.seen) - 1, len(case.representations)))
     known = np.zeros(len(case.seen) - 1, bool)
     for i, (a, b) in enumerate(pairwise(case.seen.tolist())):
         average, count = case.judge(a, b, case.ahead(a, b))
@@ -129,7 +129,7 @@ def _tolls(labels: int, at_event: bool) -> Float64[np.ndarray, "m m"]:
 
 def spread(case: TrackedInstance, labels: Int[np.ndarray, "i"]) -> Int[np.ndarray, "steps"]:
     """Labels of every step t to t + 1 of the episode; the ends go on as they are."""
-    steps = np.arange(case.carriers.shape[1] - 1)
+    steps = np.arange(case.representations.shape[1] - 1)
     return labels[np.clip(np.searchsorted(case.times, steps, side="right") - 1, 0, len(labels) - 1)]
 
 
@@ -144,10 +144,10 @@ def sharpen(case: TrackedInstance, labels: Int[np.ndarray, "i"]) -> Int[np.ndarr
         first, last = int(times[a]), int(times[b])
         turns = np.arange(first, last + 1)
         motions = (
-            case.carriers[after, last]
-            @ geometry.inverse(case.carriers[after, turns])
-            @ case.carriers[before, turns]
-            @ geometry.inverse(case.carriers[before, first])
+            case.representations[after, last]
+            @ geometry.inverse(case.representations[after, turns])
+            @ case.representations[before, turns]
+            @ geometry.inverse(case.representations[before, first])
         )
         average, _ = case.judge(int(case.seen[a]), int(case.seen[b]), motions)
         # Among switches that explain as much: where both are at rest to one another, as at a grasp or at the
@@ -174,10 +174,10 @@ def _apart(
     case: TrackedInstance, before: int, after: int, turns: Int[np.ndarray, "n"]
 ) -> Float64[np.ndarray, "n"]:
     """How far two carriers go apart from each frame to the next, in metres where the thing is."""
-    ahead = np.minimum(turns + 1, case.carriers.shape[1] - 1)
+    ahead = np.minimum(turns + 1, case.representations.shape[1] - 1)
     gap = (
-        case.carriers[after, ahead] @ geometry.inverse(case.carriers[after, turns])
-        - case.carriers[before, ahead] @ geometry.inverse(case.carriers[before, turns])
+        case.representations[after, ahead] @ geometry.inverse(case.representations[after, turns])
+        - case.representations[before, ahead] @ geometry.inverse(case.representations[before, turns])
     )  # fmt: skip
     at = np.median(case.points(int(case.seen[0]))[0], 0)
     return np.linalg.norm(gap[:, :3, :3] @ at + gap[:, :3, 3], axis=-1)
@@ -189,13 +189,13 @@ def follow(
     free: Mapping[int, Float64[np.ndarray, "4 4"]],
 ) -> Float64[np.ndarray, "t 4 4"]:
     """Poses over all frames, the first one the identity; `free` gives the motion of aligned intervals."""
-    times, back = case.times, geometry.inverse(case.carriers)
+    times, back = case.times, geometry.inverse(case.representations)
     part: dict[int, tuple[int, Float64[np.ndarray, "4 4"]]] = {}
     for i, motion in free.items():
         start = int(times[i])
         for k, pose in enumerate(between(motion, int(times[i + 1]) - start)):
             part[start + k] = (start, pose)
-    out = np.empty(case.carriers.shape[1:])
+    out = np.empty(case.representations.shape[1:])
     out[0] = np.eye(4)
     for t, label in enumerate(steps):
         if t in part:
@@ -204,5 +204,5 @@ def follow(
         elif label in (STATIC, FREE):
             out[t + 1] = out[t]
         else:
-            out[t + 1] = case.carriers[label, t + 1] @ back[label, t] @ out[t]
+            out[t + 1] = case.representations[label, t + 1] @ back[label, t] @ out[t]
     return out

@@ -69,8 +69,8 @@ def read(path: Path, root: ElementTree.Element, joints: int) -> Tree:
     found = list(_ordered(path, root))
     moving = [e for e in found if _kind(e) != "fixed" and e.find("mimic") is None][:joints]
     if len(moving) < joints:
-        told = f"{len(moving)} that move: {', '.join(_name(e) for e in moving) or 'none'}"
-        raise BadInput(path, "joints", found=told, expected=f"{joints}, as many as are recorded")
+        given = f"{len(moving)} that move: {', '.join(_name(e) for e in moving) or 'none'}"
+        raise BadInput(path, "joints", found=given, expected=f"{joints}, as many as are recorded")
     for element in moving:
         if _kind(element) not in TURNING + SLIDING:
             raise BadInput(

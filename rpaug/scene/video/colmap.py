@@ -153,10 +153,10 @@ def _mapped(work: Path, mapper: str, settings: ColmapSettings) -> list[Reconstru
         found = run(work / "features.db", work / "images", out, options)
     except (RuntimeError, ValueError):  # too few matches for it to begin
         return []
-    return [replace(_model(one), facts={"mapper": mapper, **_told(one)}) for one in found.values()]
+    return [replace(_model(one), facts={"mapper": mapper, **_given(one)}) for one in found.values()]
 
 
-def _told(found: Any) -> dict[str, Any]:
+def _given(found: Any) -> dict[str, Any]:
     return {"reprojection_px": round(float(found.compute_mean_reprojection_error()), 3)}
 
 

@@ -43,7 +43,7 @@ class InstanceMap:
     """Handles by cell of the world, `names` of each handle's colour, and the support: its handles and its height."""
 
     cell: float
-    handles: Mapping[tuple[int, int, int], int]
+    instance_ids: Mapping[tuple[int, int, int], int]
     count: int
     support: frozenset[int] = frozenset()
     level: float | None = None
@@ -55,7 +55,7 @@ class InstanceMap:
 
     def at(self, points: Float32[np.ndarray, "n 3"]) -> Int32[np.ndarray, "n"]:
         """Handles of points in the world."""
-        found = _looked_up(np.floor(points / self.cell).astype(np.int64), self.handles)
+        found = _looked_up(np.floor(points / self.cell).astype(np.int64), self.instance_ids)
         return np.where(found > 0, found, BACKGROUND).astype(np.int32)
 
     def of(self, look: PosedFrame) -> Int32[np.ndarray, "h w"]:
@@ -66,7 +66,7 @@ class InstanceMap:
         """Handles of whole segments."""
         patch = look.segments
         keys = np.floor(look.points / self.cell).astype(np.int64)
-        known = _looked_up(keys.reshape(-1, 3), self.handles).reshape(patch.shape)
+        known = _looked_up(keys.reshape(-1, 3), self.instance_ids).reshape(patch.shape)
         number = int(patch.max()) + 1
         votes = np.zeros((number, FIRST + self.count), np.int64)
         np.add.at(votes, (patch.ravel(), known.ravel()), 1)
@@ -133,11 +133,11 @@ def find(looks: Sequence[PosedFrame]) -> InstanceMap:
     number, sizes = np.unique(mine, return_counts=True)
     order = [h for _, h in sorted(zip(-sizes, number, strict=True)) if h >= 0]
     kept = [h for h in order if sizes[np.searchsorted(number, h)] >= FEWEST][:MOST]
-    handle = {int(h): FIRST + k for k, h in enumerate(kept)}
+    instance_id = {int(h): FIRST + k for k, h in enumerate(kept)}
     cells = {
-        tuple(key): handle[int(h)]
+        tuple(key): instance_id[int(h)]
         for key, h in zip(_unpacked(codes).tolist(), mine.tolist(), strict=True)
-        if int(h) in handle
+        if int(h) in instance_id
     }
     return InstanceMap(cell, cells, len(kept))
 
@@ -192,8 +192,8 @@ def _shown_in(group: np.ndarray, first: np.ndarray) -> np.ndarray:
 def _fused(cell: np.ndarray, name: np.ndarray, count: int) -> np.ndarray:
     """A number for each of `count` groups, the same for those that fill the same cells: one thing, seen in two parts
     of the video that no pair of looks joins."""
-    told = name >= 0
-    codes, votes = np.unique(cell[told].astype(np.int64) * count + name[told], return_counts=True)
+    given = name >= 0
+    codes, votes = np.unique(cell[given].astype(np.int64) * count + name[given], return_counts=True)
     where, group = np.divmod(codes[votes >= SOME], count)
     size = np.bincount(group, minlength=count)
     both = [np.stack([group[:-k], group[k:]], 1)[where[:-k] == where[k:]] for k in range(1, LAYERS)]
@@ -226,9 +226,9 @@ def joined(count: int, edges: np.ndarray) -> np.ndarray:
     return root
 
 
-def _looked_up(keys: np.ndarray, handles: Mapping[tuple[int, int, int], int]) -> np.ndarray:
+def _looked_up(keys: np.ndarray, instance_ids: Mapping[tuple[int, int, int], int]) -> np.ndarray:
     different, of = np.unique(_packed(keys), return_inverse=True)
-    found = np.array([handles.get(tuple(key), 0) for key in _unpacked(different).tolist()])
+    found = np.array([instance_ids.get(tuple(key), 0) for key in _unpacked(different).tolist()])
     return found[of]
 
 

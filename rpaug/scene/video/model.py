@@ -110,11 +110,11 @@ def believed(models: list[Reconstruction], frames: int) -> Reconstruction:
     for model in ranked:
         if not model.faults(frames):
             return model
-    said = "; ".join(
+    stated = "; ".join(
         f"{model.facts.get('mapper', 'model')}: {', '.join(model.faults(frames))}"
         for model in ranked[:2]
     )
-    raise Unsupported(f"structure from motion is degenerate ({said})")
+    raise Unsupported(f"structure from motion is degenerate ({stated})")
 
 
 def save(path: Path, model: Reconstruction) -> None:

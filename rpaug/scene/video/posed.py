@@ -37,20 +37,20 @@ def reconstruct(
     width = min(WIDTH, full[0] // STEP * STEP)
     size = (width, max(STEP, round(width * full[1] / full[0] / STEP) * STEP))
     images = np.stack([cv2.resize(frame(t), size, interpolation=cv2.INTER_AREA) for t in times])
-    told = _joined(images, model)
-    _held_to_itself(told)
-    found = _model(told, times, images).sized(*full)
+    given = _joined(images, model)
+    _held_to_itself(given)
+    found = _model(given, times, images).sized(*full)
     return believed([found], len(times))
 
 
 def _joined(images: UInt8[np.ndarray, "n h w 3"], model: Poses) -> Posed:
     """What the model says of all frames in the first window's world."""
-    told = model(images[:WINDOW])
-    while (known := len(told.points)) < len(images):
-        part = _onto(model(images[known - SHARED : known - SHARED + WINDOW]), told)
+    given = model(images[:WINDOW])
+    while (known := len(given.points)) < len(images):
+        part = _onto(model(images[known - SHARED : known - SHARED + WINDOW]), given)
         new = _some(part, SHARED, len(part.points))
-        told = Posed(*(np.concatenate([a, vars(new)[n]]) for n, a in vars(told).items()))
-    return told
+        given = Posed(*(np.concatenate([a, vars(new)[n]]) for n, a in vars(given).items()))
+    return given
 
 
 def _some(posed: Posed, start: int, stop: int) -> Posed:

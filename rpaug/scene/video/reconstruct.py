@@ -96,9 +96,9 @@ def develop(
     def look(k: int) -> PosedFrame:
         return look_at(image(k), lens.K, model.cam_to_world[k], depths[k])
 
-    told = fingerprint(mapped.encode(), moving.RULE.encode())[:12]
+    given = fingerprint(mapped.encode(), moving.RULE.encode())[:12]
     moved = _moved(
-        look, [span for span, _ in bounds], where.with_suffix(f".{told}.moving.npz"), tell
+        look, [span for span, _ in bounds], where.with_suffix(f".{given}.moving.npz"), tell
     )
     held = [k for k in range(len(shots)) if k not in moved.contradicted]
     contradicted = tuple(int(model.times[k]) for k in moved.contradicted)
@@ -129,57 +129,57 @@ def develop(
     found = instances.find(looks)
     if level is not None:
         found = instances.with_support(found, looks, level)
-    film = VideoScene(
+    video = VideoScene(
         episode, model, tuple(depths), found, RELATIVE, tuple(masks), contradicted, asked.fit_width
     )
-    return scaled(film, asked)
+    return scaled(video, asked)
 
 
-def scaled(film: VideoScene, asked: VideoSettings) -> VideoScene:
+def scaled(video: VideoScene, asked: VideoSettings) -> VideoScene:
     """The film in metres, where something tells them. Raises BadInput for what the video does not have."""
     if asked.camera_height is not None:
-        if film.instances.level is None:
+        if video.instances.level is None:
             found = "no level plane of points"
             raise BadInput(
-                film.recorded.key, "video.camera_height", found=found, expected="a support"
+                video.recorded.key, "video.camera_height", found=found, expected="a support"
             )
-        height = float(np.median(film.model.cam_to_world[:, 2, 3])) - film.instances.level
-        return _grown(film, asked.camera_height / height, "metres, by the camera's height")
+        height = float(np.median(video.model.cam_to_world[:, 2, 3])) - video.instances.level
+        return _grown(video, asked.camera_height / height, "metres, by the camera's height")
     if asked.known_length is not None:
-        length = _measured(film, asked.known_length)
-        return _grown(film, asked.known_length.metres / length, "metres, by a known length")
-    return film
+        length = _measured(video, asked.known_length)
+        return _grown(video, asked.known_length.metres / length, "metres, by a known length")
+    return video
 
 
-def _grown(film: VideoScene, factor: float, unit: str) -> VideoScene:
-    told = film.instances
-    level = None if told.level is None else factor * told.level
+def _grown(video: VideoScene, factor: float, unit: str) -> VideoScene:
+    given = video.instances
+    level = None if given.level is None else factor * given.level
     return replace(
-        film,
-        model=film.model.moved(np.eye(4), factor),
-        depths=tuple(np.asarray(factor * depth, np.float32) for depth in film.depths),
-        instances=replace(told, cell=factor * told.cell, level=level),
+        video,
+        model=video.model.moved(np.eye(4), factor),
+        depths=tuple(np.asarray(factor * depth, np.float32) for depth in video.depths),
+        instances=replace(given, cell=factor * given.cell, level=level),
         unit=unit,
     )
 
 
-def _measured(film: VideoScene, known: KnownLength) -> float:
+def _measured(video: VideoScene, known: KnownLength) -> float:
     """How long a known length is in the film's unit."""
-    key, times = film.recorded.key, film.model.times.tolist()
+    key, times = video.recorded.key, video.model.times.tolist()
     if known.frame not in times:
         found = f"{known.frame}, which is not registered"
         raise BadInput(key, "video.known_length.frame", found=found, expected=f"one of {times}")
     k = times.index(known.frame)
-    depth, ends = film.episode.views[film.name].depth, []
+    depth, ends = video.episode.views[video.name].depth, []
     assert depth is not None
     for x, y in known.places:
-        if not (0 <= x <= film.model.width - 1 and 0 <= y <= film.model.height - 1):
-            size = f"a pixel of {film.model.width}x{film.model.height}"
+        if not (0 <= x <= video.model.width - 1 and 0 <= y <= video.model.height - 1):
+            size = f"a pixel of {video.model.width}x{video.model.height}"
             raise BadInput(key, "video.known_length.places", found=[x, y], expected=size)
-        column, row = film.lens.straight(x, y)
+        column, row = video.lens.straight(x, y)
         z = float(depth(k)[round(row), round(column)])
-        ray = np.linalg.inv(film.lens.K) @ [column, row, 1.0]
-        ends.append(geometry.transform(film.model.cam_to_world[k], z * ray))
+        ray = np.linalg.inv(video.lens.K) @ [column, row, 1.0]
+        ends.append(geometry.transform(video.model.cam_to_world[k], z * ray))
     length = float(np.linalg.norm(ends[1] - ends[0]))
     if length < 1e-6:
         raise BadInput(
@@ -233,9 +233,13 @@ def _name(episode: Episode, settings: ColmapSettings) -> str:
 
     (view,) = episode.views.values()
     some = sorted({int(t) for t in np.linspace(0, episode.length - 1, JOINED)})
-    told = asdict(settings) | {"threads": 0, "frames": episode.length, "focal": _focal(view.camera)}
-    said = json.dumps([told, pycolmap.__version__], sort_keys=True).encode()
-    return fingerprint(said, *(view.rgb(t).tobytes() for t in some))
+    given = asdict(settings) | {
+        "threads": 0,
+        "frames": episode.length,
+        "focal": _focal(view.camera),
+    }
+    stated = json.dumps([given, pycolmap.__version__], sort_keys=True).encode()
+    return fingerprint(stated, *(view.rgb(t).tobytes() for t in some))
 
 
 def _focal(camera: Camera) -> float:

@@ -177,15 +177,15 @@ class VideoScene:
 
     def _ids(self, k: int) -> Int32[np.ndarray, "h w"]:
         size = self.lens.size
-        small = self._told(k)
+        small = self._given(k)
         return cv2.resize(small, size, interpolation=cv2.INTER_NEAREST).astype(np.int32)
 
     @cached_property
-    def _told(self) -> Callable[[int], UInt16[np.ndarray, "h w"]]:
+    def _given(self) -> Callable[[int], UInt16[np.ndarray, "h w"]]:
         """Handles of each frame at the size that they are told in, kept once told."""
 
         @lru_cache(None)
-        def told(k: int) -> UInt16[np.ndarray, "h w"]:
+        def given(k: int) -> UInt16[np.ndarray, "h w"]:
             image = self.episode.views[self.name].rgb(k)
             look = look_at(image, self.lens.K, self.model.cam_to_world[k], self.depths[k])
             ids = self.instances.of(look)
@@ -193,7 +193,7 @@ class VideoScene:
                 ids = np.where(self.moving[k], self.hand, ids)
             return ids.astype(np.uint16)
 
-        return told
+        return given
 
 
 def look_at(

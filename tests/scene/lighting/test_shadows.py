@@ -43,8 +43,8 @@ def test_without_shadows_none_are_found():
 
 def test_a_shadow_goes_with_what_casts_it(shaded):
     take, scene = shaded
-    handle = take.truth.handles["block_textured"]
-    gone = without(scene, [handle])
+    instance_id = take.truth.handles["block_textured"]
+    gone = without(scene, [instance_id])
     after = shown(shadows.follow(scene, gone, shadows.lamps(scene)))
     true = twin.perform(
         "push_button",

@@ -89,7 +89,9 @@ def test_a_removed_static_body_uncovers_what_others_saw(recorded, kept):
 
 def test_a_copy_stands_beside_the_original(recorded, kept):
     table, box, ball = recorded.bodies
-    twin = replace(shifted(ball, [0.3, 0.0, 0.0]), handles=frozenset({999}), copy_of={BALL: 999})
+    twin = replace(
+        shifted(ball, [0.3, 0.0, 0.0]), instance_ids=frozenset({999}), copy_of={BALL: 999}
+    )
     drawn = surfels.view(kept, edited(recorded, table, box, ball, twin), "front", T)
     view = recorded.episode.views["front"]
     same = drawn.ids != 999
@@ -102,7 +104,7 @@ def test_what_stands_as_recorded_is_not_carried(recorded):
     assert carried(recorded, T) == ()
     assert carried(edited(recorded, table, box, ball), T) == ()
     one = carried(edited(recorded, table, shifted(box), ball), T)
-    assert [edit.handles for edit in one] == [frozenset({BOX})]
+    assert [edit.instance_ids for edit in one] == [frozenset({BOX})]
     np.testing.assert_allclose(one[0].motion[:3, 3], STEP)
 
 

@@ -26,10 +26,10 @@ def tracked() -> Scene:
     return replace(scene(EYES, length=LENGTH), bodies=bodies)
 
 
-def seen(recorded: Scene, name: str, t: int, handle: int) -> surface.PixelSurface:
+def seen(recorded: Scene, name: str, t: int, instance_id: int) -> surface.PixelSurface:
     view = recorded.episode.views[name]
     ids = view.ids(t)
-    rows = np.flatnonzero(ids == handle)
+    rows = np.flatnonzero(ids == instance_id)
     return surface.of_view(view, t, recorded.bodies, ids)(rows)
 
 
@@ -64,7 +64,7 @@ def test_facing_turns_with_the_body_and_normals_do_not() -> None:
     recorded = tracked()
     turned = rigid(np.array([0.0, 0.0, 0.7]), np.array([0.3, 0.0, 0.0]))
     poses = np.tile(turned, (LENGTH, 1, 1))
-    box = replace(recorded.bodies[0], handles=frozenset({BOX}), to_world=poses)
+    box = replace(recorded.bodies[0], instance_ids=frozenset({BOX}), to_world=poses)
     here = seen(replace(recorded, bodies=(box,)), "front", 0, BOX)
     assert np.allclose(here.normals @ turned[:3, :3].T, here.facing, atol=1e-6)
     axis = np.abs(here.facing).max(1)

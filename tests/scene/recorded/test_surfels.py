@@ -161,8 +161,8 @@ def real_scene(episode: Episode) -> Scene:
     for view in (v for v in episode.views.values() if v.camera.fixed):
         ids = view.ids(0)
         same = (ids == view.ids(last)) & (np.abs(view.depth(0) - view.depth(last)) < 1e-3)
-        for handle in np.unique(ids):
-            still.setdefault(int(handle), []).append(same[ids == handle])
+        for instance_id in np.unique(ids):
+            still.setdefault(int(instance_id), []).append(same[ids == instance_id])
     static = {h for h, same in still.items() if np.concatenate(same).mean() > 0.7}
     track = np.tile(np.eye(4), (episode.length, 1, 1))
     return Scene(

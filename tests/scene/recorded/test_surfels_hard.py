@@ -91,14 +91,14 @@ def test_a_handle_that_appears_halfway(recorded):
 
     appears = seen_by(recorded, late)
     still, ball = recorded.bodies
-    bodies = (replace(still, handles=frozenset({TABLE, BOX, 77})), ball)
+    bodies = (replace(still, instance_ids=frozenset({TABLE, BOX, 77})), ball)
     appears = replace(appears, bodies=bodies)
     kept = surfels.build(appears)
-    for t, handle in ((2, BOX), (6, 77)):
+    for t, instance_id in ((2, BOX), (6, 77)):
         drawn = surfels.view(kept, moved(appears, "front"), "front", t)
         _, depth, ids = truth(moved(appears, "front"), "front", t)
         box = (ids == BOX) & ~drawn.hole
-        assert np.mean(drawn.ids[box] == handle) > 0.9
+        assert np.mean(drawn.ids[box] == instance_id) > 0.9
         assert np.median(np.abs(drawn.depth - depth)[box]) < 1e-4
 
 

@@ -87,7 +87,7 @@ def test_origins_and_axes_are_mujocos(numbers: list[float]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "given"),
     [
         ("<robot>", "expected a URDF or MJCF file"),
         ("<sdf/>", "found <sdf>; expected a URDF or MJCF file"),
@@ -100,10 +100,10 @@ def test_origins_and_axes_are_mujocos(numbers: list[float]) -> None:
         (TWO_LINKS.replace('<child link="upper"/>', ""), "'one': found no child link"),
     ],
 )
-def test_what_is_no_arm_is_refused(tmp_path: Path, text: str, told: str) -> None:
+def test_what_is_no_arm_is_refused(tmp_path: Path, text: str, given: str) -> None:
     path = tmp_path / "two.urdf"
     path.write_text(text)
-    with pytest.raises(BadInput, match=told):
+    with pytest.raises(BadInput, match=given):
         arms.read(path, 2)
 
 

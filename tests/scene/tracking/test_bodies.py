@@ -11,18 +11,18 @@ from rpaug.scene.sampled_frames import look
 from rpaug.scene.tracking import bodies
 
 
-def body(scene: Scene, handle: int) -> Body:
-    return next(b for b in scene.bodies if handle in b.handles)
+def body(scene: Scene, instance_id: int) -> Body:
+    return next(b for b in scene.bodies if instance_id in b.instance_ids)
 
 
-def worst(world: World, found: Body, handle: int) -> float:
+def worst(world: World, found: Body, instance_id: int) -> float:
     """The most, in metres, that a corner of the box is off at any frame."""
-    box = world.boxes[handle]
+    box = world.boxes[instance_id]
     signs = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-    corners = geometry.transform(world.pose(handle, 0), signs * box.size)
+    corners = geometry.transform(world.pose(instance_id, 0), signs * box.size)
     off = []
     for t in range(len(world.gripper)):
-        truly = world.pose(handle, t) @ geometry.inverse(world.pose(handle, 0))
+        truly = world.pose(instance_id, t) @ geometry.inverse(world.pose(instance_id, 0))
         gap = geometry.transform(truly, corners) - geometry.transform(found.to_world[t], corners)
         off.append(np.linalg.norm(gap, axis=-1).max())
     return max(off)
@@ -39,10 +39,10 @@ def test_a_carried_block_rests_is_held_and_rests_again(placed: tuple[World, Scen
     np.testing.assert_array_equal(found.to_world[-5:], np.tile(found.to_world[-1], (5, 1, 1)))
 
 
-@pytest.mark.parametrize("handle", [FLOOR, TABLE, PAD])
-def test_what_stands_is_static(placed: tuple[World, Scene], handle: int) -> None:
+@pytest.mark.parametrize("instance_id", [FLOOR, TABLE, PAD])
+def test_what_stands_is_static(placed: tuple[World, Scene], instance_id: int) -> None:
     _, scene = placed
-    found = body(scene, handle)
+    found = body(scene, instance_id)
     assert (found.motion, found.ambiguous) == ("static", False)
     assert found.residual < 1e-6
 
@@ -78,8 +78,8 @@ def test_every_handle_is_in_one_body_and_starts_at_the_identity(
     placed: tuple[World, Scene],
 ) -> None:
     world, scene = placed
-    handles = [handle for b in scene.bodies for handle in b.handles]
-    assert sorted(handles) == sorted(world.boxes)
+    instance_ids = [instance_id for b in scene.bodies for instance_id in b.instance_ids]
+    assert sorted(instance_ids) == sorted(world.boxes)
     for b in scene.bodies:
         np.testing.assert_array_equal(b.to_world[b.reference], np.eye(4))
 
@@ -101,24 +101,24 @@ def test_the_real_drawer_slides_straight(real: Scene) -> None:
 
 
 def test_real_furniture_is_static_to_a_tenth_of_a_millimetre(real: Scene) -> None:
-    for handle in real.roles["table"] | {
+    for instance_id in real.roles["table"] | {
         max(real.roles["receiver"], key=lambda h: pixels(real, h))
     }:
-        found = body(real, handle)
+        found = body(real, instance_id)
         assert found.motion == "static"
         assert found.residual < 1e-4
 
 
-def pixels(scene: Scene, handle: int) -> int:
-    return int((look(scene.episode, [0]).ids == handle).sum())
+def pixels(scene: Scene, instance_id: int) -> int:
+    return int((look(scene.episode, [0]).ids == instance_id).sum())
 
 
 def test_real_fingers_close_by_the_same_way(real: Scene) -> None:
     """Both jaws slide along the hand, one against the other."""
     gripper = real.episode.robot.gripper_to_world
     shifts = []
-    for handle in (31, 34):  # the Panda's fingers in both recordings
-        track = body(real, handle).to_world
+    for instance_id in (31, 34):  # the Panda's fingers in both recordings
+        track = body(real, instance_id).to_world
         own = geometry.inverse(gripper) @ track @ gripper[0]
         shifts.append(own[-1, :3, 3] - own[0, :3, 3])
     assert np.linalg.norm(shifts[0] + shifts[1]) < 0.035 < np.linalg.norm(shifts[0] - shifts[1])

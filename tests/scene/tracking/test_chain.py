@@ -21,8 +21,8 @@ def fits(*good: tuple[float, ...]) -> dict[int, np.ndarray]:
     return out
 
 
-def row_of(handles: range) -> set[frozenset[int]]:
-    return {frozenset((a, a + 1)) for a in handles[:-1]}
+def row_of(instance_ids: range) -> set[frozenset[int]]:
+    return {frozenset((a, a + 1)) for a in instance_ids[:-1]}
 
 
 def arm() -> dict[int, np.ndarray]:
@@ -40,7 +40,7 @@ def arm() -> dict[int, np.ndarray]:
 
 
 def limits(found: dict[int, np.ndarray]) -> dict[int, float]:
-    return {handle: 1.25 * float(fit.min()) + 0.15 for handle, fit in found.items()}
+    return {instance_id: 1.25 * float(fit.min()) + 0.15 for instance_id, fit in found.items()}
 
 
 def test_each_link_has_one_place() -> None:
@@ -66,7 +66,7 @@ def test_a_thing_at_rest_beside_the_arm_is_no_link() -> None:
 
 @pytest.mark.parametrize("seen", [range(10, 12), range(10, 13)])
 def test_too_few_moving_links_tell_nothing(seen: range) -> None:
-    found = {handle: fit for handle, fit in arm().items() if handle in seen}
+    found = {instance_id: fit for instance_id, fit in arm().items() if instance_id in seen}
     assert places(found, limits(found), row_of(seen)) == {}
 
 

@@ -47,10 +47,10 @@ def off(episode: Episode) -> list[float]:
     """The most, in metres, that the tracks of both fingers and of the hand are off."""
     world, found = closing()[0], bodies.track(episode)
     out = []
-    for handle in (LEFT, RIGHT, HAND):
-        body = next(b for b in found if handle in b.handles)
-        start = geometry.inverse(world.pose(handle, 0))
-        true = np.array([world.pose(handle, t) @ start for t in range(episode.length)])
+    for instance_id in (LEFT, RIGHT, HAND):
+        body = next(b for b in found if instance_id in b.instance_ids)
+        start = geometry.inverse(world.pose(instance_id, 0))
+        true = np.array([world.pose(instance_id, t) @ start for t in range(episode.length)])
         out.append(float(np.linalg.norm((body.to_world - true)[:, :3, 3], axis=-1).max()))
     return out
 

@@ -147,7 +147,7 @@ def _line(one: trials.Trial, name: str, out: Path) -> jsonl.Line:
         instruction=one.instruction,
         frames=tuple(moments),
         factor=one.condition,
-        roles={role: list(handles) for role, handles in one.roles.items()},
+        roles={role: list(instance_ids) for role, instance_ids in one.roles.items()},
     )
 
 

@@ -65,7 +65,7 @@ class Policy(nn.Module):
         self.up = nn.ModuleList(
             [_block(a + b, a) for a, b in zip(WIDTHS[-2::-1], WIDTHS[:0:-1], strict=True)]
         )
-        self.told = nn.ModuleList([nn.Linear(goals, 2 * wide) for wide in WIDTHS[::-1]])
+        self.given = nn.ModuleList([nn.Linear(goals, 2 * wide) for wide in WIDTHS[::-1]])
         self.heat = nn.Conv2d(first, 1, 1)
         self.head = nn.Sequential(
             nn.Linear(first + 9 * CHANNELS + WIDTHS[-1] + goals, HIDDEN),
@@ -83,11 +83,11 @@ class Policy(nn.Module):
         for layer in self.down:
             x = layer(functional.max_pool2d(x, 2))
             kept.append(x)
-        x = _told(self.told[0], goals, x)
+        x = _given(self.given[0], goals, x)
         whole = x.amax((2, 3))
-        for layer, told, skip in zip(self.up, self.told[1:], kept[-2::-1], strict=True):
+        for layer, given, skip in zip(self.up, self.given[1:], kept[-2::-1], strict=True):
             x = layer(torch.cat([functional.interpolate(x, scale_factor=2.0), skip], 1))
-            x = _told(told, goals, x)
+            x = _given(given, goals, x)
         return self.heat(x).squeeze(1), x, torch.cat([whole, goals], 1)
 
     def grip(
@@ -212,7 +212,7 @@ def _cross(heat: Float[Tensor, "b n"], wanted: Float[Tensor, "b n"]) -> Float[Te
     return -(wanted * functional.log_softmax(heat, -1)).sum(-1).mean()
 
 
-def _told(layer: nn.Module, goals: Float[Tensor, "b g"], x: Float[Tensor, "b f h w"]) -> Tensor:
+def _given(layer: nn.Module, goals: Float[Tensor, "b g"], x: Float[Tensor, "b f h w"]) -> Tensor:
     """Features scaled and shifted by what is to be done (Perez et al. 2018, arXiv 1709.07871)."""
     scale, shift = layer(goals)[..., None, None].chunk(2, 1)
     out: Tensor = x * (1 + scale) + shift

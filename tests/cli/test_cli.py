@@ -1,0 +1,205 @@
+"""The commands as a person or a script calls them: output, JSON, exit codes, one line for what is wrong."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rpaug_adapters._pickles import dump, load
+from typer.testing import CliRunner
+
+from rpaug.cli import app
+
+GROUP = "roll_ball/all_variations/episodes"
+GOOD = "version: 1\nedits:\n  - {op: recolor, target: {handle: 300}, color: blue}\n"
+
+
+def run(*arguments: object) -> tuple[int, str, str]:
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+@pytest.fixture
+def recipe(tmp_path: Path) -> Path:
+    path = tmp_path / "recipe.yaml"
+    path.write_text(GOOD)
+    return path
+
+
+def test_every_command_shows_an_example() -> None:
+    for command in (
+        ["augment"],
+        ["inspect"],
+        ["fit"],
+        ["twin", "record"],
+        ["weights", "vgg16"],
+        ["validate-recipe"],
+        ["doctor"],
+    ):
+        code, out, _ = run(*command, "--help")
+        assert code == 0
+        assert "Example:" in out, command
+        assert "--json" in out, command
+
+
+def test_augment_says_where_everything_is(template: Path, tmp_path: Path, recipe: Path) -> None:
+    code, out, _ = run("augment", template, "--recipe", recipe, "--out", tmp_path / "out")
+    assert code == 0
+    assert out.rstrip().endswith("rpaug.contact.html")
+    page = (tmp_path / "out" / "rpaug.contact.html").read_text()
+    assert page.count("data:image/png") == 4  # two episodes, two cameras
+    assert "recolor" in page
+
+
+def test_augment_as_json(template: Path, tmp_path: Path, recipe: Path) -> None:
+    code, out, err = run(
+        "augment", template, "--recipe", recipe, "--out", tmp_path / "out", "--seed", 5, "--json"
+    )
+    described = json.loads(out)
+    assert (code, described["copies"], described["failures"], err) == (0, 2, {}, "")
+    assert described["changed_share"]["front"] > 0
+    report = json.loads((tmp_path / "out" / GROUP / "episode0/rpaug.json").read_bytes())
+    assert report["seed"] == 5
+
+
+def test_a_dry_run_writes_nothing(template: Path, tmp_path: Path, recipe: Path) -> None:
+    code, out, _ = run(
+        "augment", template, "--recipe", recipe, "--out", tmp_path / "out", "--dry-run", "--json"
+    )
+    described = json.loads(out)
+    assert code == 0
+    assert described["estimate"]["seconds"] > 0
+    assert described["plans"][0]["carriers"]["front"] == "tier 0, recorded pixels"
+    code, out, _ = run(
+        "augment", template, "--recipe", recipe, "--out", tmp_path / "out", "--dry-run"
+    )
+    assert "Nothing was written" in out
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_shipped_recipe_goes_by_its_name() -> None:
+    for name in ("demo", "light_color", "colosseum/all", "colosseum/tasks/open_drawer"):
+        assert run("validate-recipe", name)[0] == 0
+    code, _, err = run("validate-recipe", "no_such")
+    assert code == 2
+    assert "colosseum/light_color" in err
+
+
+def test_the_schema_is_json() -> None:
+    assert json.loads(run("validate-recipe", "--schema")[1])["title"] == "rpaug recipe"
+
+
+def test_inspect_lists_instances(template: Path, tmp_path: Path) -> None:
+    code, out, _ = run("inspect", template, "--html", tmp_path / "i.html")
+    assert code == 0
+    assert "300" in out
+    assert "roll the ball" in out
+    assert (tmp_path / "i.html").read_text().count("<img") == 3
+    described = json.loads(run("inspect", template, "--json")[1])
+    assert {row["handle"] for row in described["instances"]} == {7, 300, 0xABCDEF}
+    assert run("inspect", template, "--html", tmp_path / "i.html")[0] == 2  # nothing is overwritten
+    code, _, err = run("inspect", template, "--episode", "none")
+    assert code == 2
+    assert "episode1" in err
+
+
+def test_doctor_finds_what_is_installed() -> None:
+    code, out, _ = run("doctor", "--json")
+    findings = {one["topic"]: one for one in json.loads(out)}
+    assert code == 0
+    assert findings["operators"]["level"] == "ok"
+    assert "recolor" in findings["operators"]["message"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (GOOD.replace("recolor", "recolour"), ["recipe.yaml:3", "recolour", "recolor"]),
+        (GOOD.replace("blue", "{rgb: [0, 0, 2]}"), ["recipe.yaml:3", "edits[0].color", "0..1"]),
+        (GOOD.replace("300", "4711"), ["4711", "there is", "300"]),
+        (GOOD.replace("{handle: 300}", "{role: receiver}"), ["receiver"]),
+        (GOOD.replace("{handle: 300}", "{text: the red cup}"), ["red"]),
+        (GOOD + "gates: {holes: -1}\n", ["gates.holes"]),
+    ],
+)
+def test_a_recipe_that_cannot_be_met_is_one_line_and_code_2(
+    template: Path, tmp_path: Path, recipe: Path, text: str, words: list[str]
+) -> None:
+    recipe.write_text(text)
+    code, out, err = run("augment", template, "--recipe", recipe, "--out", tmp_path / "out")
+    assert code == 2
+    assert all(word in err for word in words), err
+    assert "Traceback" not in err + out
+    assert not (tmp_path / "out").exists()
+
+
+def foreign(folder: Path) -> None:
+    (folder / "low_dim_obs.pkl").write_bytes(b"cos\nsystem\n(S'true'\ntR.")
+
+
+def nan(folder: Path) -> None:
+    demo = load(folder / "low_dim_obs.pkl")
+    demo._observations[1].misc["front_camera_extrinsics"][0, 3] = float("nan")
+    (folder / "low_dim_obs.pkl").write_bytes(dump(demo))
+
+
+def missing(folder: Path) -> None:
+    (folder / "front_rgb/4.png").unlink()
+
+
+def cut(folder: Path) -> None:
+    path = folder / "front_depth/4.png"
+    path.write_bytes(path.read_bytes()[:200])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (foreign, ["low_dim_obs.pkl", "os.system"]),
+        (nan, ["low_dim_obs.pkl", "observation 1", "front_camera_extrinsics", "NaN"]),
+        (missing, ["front_rgb/4.png"]),
+        (cut, ["front_depth/4.png", "cut off"]),
+    ],
+)
+def test_bad_files_are_one_line_each_and_code_2(
+    dataset: Path,
+    tmp_path: Path,
+    recipe: Path,
+    spoil,
+    words: list[str],  # type: ignore[no-untyped-def]
+) -> None:
+    for number in (0, 1):
+        spoil(dataset / GROUP / f"episode{number}")
+    code, out, err = run("augment", dataset, "--recipe", recipe, "--out", tmp_path / "out")
+    assert code == 2
+    assert all(word in err for word in words), err
+    assert len(err.strip().splitlines()) == 2
+    assert "Traceback" not in err + out
+    assert not (tmp_path / "out").exists()
+    as_json = json.loads(
+        run("augment", dataset, "--recipe", recipe, "--out", tmp_path / "out", "--json")[1]
+    )
+    assert len(as_json["failures"]) == 2
+
+
+def test_what_is_no_dataset_is_said_so(tmp_path: Path, recipe: Path) -> None:
+    for folder in (tmp_path / "nowhere", tmp_path):
+        code, _, err = run("augment", folder, "--recipe", recipe, "--out", tmp_path / "out")
+        assert code == 2
+        assert str(folder) in err
+    code, out, _ = run("augment", tmp_path, "--recipe", recipe, "--out", tmp_path / "out", "--json")
+    assert "rlbench" in json.loads(out)["error"]
+
+
+def test_colons_are_no_pictures(template: Path, tmp_path: Path, recipe: Path) -> None:
+    given = ("--recipe", recipe, "--out", tmp_path / "out", "--ratio", "a:b:")
+    code, _, err = run("augment", template, *given)
+    assert code == 2
+    assert "--ratio a:b:" in err
+
+
+def test_help_starts_without_the_heavy_libraries() -> None:
+    program = "import sys, rpaug.cli; sys.exit(any(m in sys.modules for m in ('torch', 'mujoco', 'zarr', 'cv2')))"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

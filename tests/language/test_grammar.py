@@ -1,0 +1,154 @@
+"""The grammar: every command of the half that is worked with is exactly right, and nonsense changes nothing."""
+
+import contextlib
+import re
+from typing import Any
+
+import known
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpaug.core import registry
+from rpaug.core.errors import BadRecipe
+from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.language.rounds import said_after
+from rpaug.pipeline import recipe
+from rpaug.scene.targets import relations
+
+OURS = [*(one for one in known.every() if not one.aside), *known.every(known.OTHERS)]
+
+
+def rounded(value: Any, of: str = "") -> Any:
+    """Numbers to three digits, targets by what they mean: "all the mugs" is every mug, "that is on" is "on"."""
+    if isinstance(value, dict):
+        return {name: rounded(inner, name) for name, inner in value.items()}
+    if isinstance(value, str) and of in ("target", "targets", "near", "text"):
+        return re.sub(r"([a-z]{2}?)(?:(?<=x)e)?s'", r"\1'", repr(relations.parse(value)))
+    if isinstance(value, list | tuple):
+        return [rounded(inner, of) for inner in value]
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return round(float(value), 3) if plain else value
+
+
+def understood(one: known.Known) -> dict[str, Any] | None:
+    """The recipe's own part of what comes of a command; None if it is refused."""
+    setting = WishContext(cameras=one.cameras, instructions=one.instructions)
+    try:
+        answer = said_after(one.say, one.after, setting)
+        recipe.build(answer.recipe())
+    except (NotUnderstood, BadRecipe):  # `ask` refuses what comes to no valid recipe
+        return None
+    return rounded({**answer.settings, "edits": list(answer.edits)})
+
+
+@pytest.mark.parametrize(
+    "one", OURS, ids=lambda one: f"{one.kind}: {' / '.join([*one.after, one.say])[:60]}"
+)
+def test_commands_with_known_answers(one: known.Known) -> None:
+    there = not one.missed and (one.needs is None or one.needs in registry.operator_names())
+    assert understood(one) == (rounded(one.answer) if there else None)
+
+
+def test_there_are_two_hundred_and_half_are_set_aside() -> None:
+    every = known.every()
+    assert len(every) >= 200
+    assert 0.4 < sum(one.aside for one in every) / len(every) < 0.6
+    assert {one.kind for one in every} >= {"relations", "rounds", "nonsense", "several"}
+    assert len({(one.kind, one.after, one.say, one.instructions) for one in every}) == len(every)
+
+
+def test_every_operator_can_be_asked_for() -> None:
+    asked = {
+        option["op"]
+        for one in known.every()
+        for edit in (one.answer or {}).get("edits", ())
+        for option in edit.get("one_of", [edit])
+    }
+    assert asked >= set(registry.operator_names())
+
+
+@pytest.mark.parametrize(
+    ("wish", "why"),
+    [
+        ("raise the ceiling camera 5 cm", "front, left_shoulder"),
+        ("paint the cup red and reticulate the splines", "reticulate the splines"),
+        ("put a unicorn on the table", "no 'unicorn'"),
+        ("make the mug 20 cm tall", "factors"),
+        ("cover the box with marble", "marble_white, marble_green"),
+        ("move the mug to the left", "how far"),
+        ("light it from the left", "from above"),
+    ],
+)
+def test_a_refusal_says_why(wish: str, why: str) -> None:
+    with pytest.raises(NotUnderstood, match=why):
+        said_after(wish, (), WishContext(cameras=tuple(known.CAMERAS)))
+
+
+def test_what_is_taken_for_granted_is_told() -> None:
+    answer = said_after("look from further left", (), WishContext(cameras=("front",)))
+    assert answer.notes == ("10 cm, since no length was named",)
+    after = said_after("paint the cup blue", ["paint the cup red"], WishContext())
+    assert any("takes the place of" in note for note in after.notes)
+
+
+def test_a_colour_belongs_to_what_it_was_said_of() -> None:
+    wish = "make the table brown and the walls white"
+    assert said_after(wish, (), WishContext()).edits == (
+        {"op": "recolor", "target": {"role": "table"}, "color": "brown"},
+        {"op": "recolor", "target": {"role": "background"}, "color": "white"},
+    )
+
+
+WORDS = st.sampled_from(
+    re.findall(
+        r"\S+",
+        "make paint the a drawer cup red blue and not near two mug camera front raise 5 cm % it undo remove table of "
+        "light by up to left copies with seed delete dataset rm -rf / ; , ( ) . ignore all",
+    )
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(WORDS, max_size=12))
+def test_whatever_is_said_is_refused_or_valid(words: list[str]) -> None:
+    try:
+        answer = said_after(" ".join(words), (), WishContext(cameras=("front",)))
+    except NotUnderstood:
+        return
+    recipe.build(answer.recipe())
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.text(max_size=80))
+def test_no_text_breaks_it(text: str) -> None:
+    with contextlib.suppress(NotUnderstood):
+        said_after(text, (), WishContext(cameras=("front",)))
+
+
+@pytest.mark.parametrize(
+    ("wish", "order"),
+    [
+        ("the cup should be blue", "make the cup blue"),
+        ("I want the lights a third darker", "make the lights a third darker"),
+        ("I'd like the table to look like white marble", "make the table look like white marble"),
+        ("all blocks have to be green", "make all blocks green"),
+        ("plz put a couple of mugs near the bowl", "put two mugs near the bowl"),
+        ("make the bowl about 20% smaller", "make the bowl 20% smaller"),
+    ],
+)
+def test_a_wish_is_an_order(wish: str, order: str) -> None:
+    assert said_after(wish, (), WishContext()).edits == said_after(order, (), WishContext()).edits
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "the cup should not be red",
+        "the dataset should be blue",
+        "I want the cup",
+    ],
+)
+def test_what_is_no_order_stays_refused(wish: str) -> None:
+    with pytest.raises(NotUnderstood):
+        said_after(wish, (), WishContext())

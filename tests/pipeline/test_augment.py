@@ -1,0 +1,318 @@
+"""The whole job: same bytes however it is run, bad episodes skipped, killed runs resumed."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rpaug_adapters._pickles import load
+from rpaug_adapters.rlbench import RLBench
+from runs import GROUP, augment, contents
+
+from rpaug.core.errors import BadInput
+from rpaug.core.files import decode_png
+from rpaug.pipeline import copies, recipe, report
+from rpaug.pipeline.augment import Run, execute
+
+RECIPE = {
+    "version": 1,
+    "seed": 3,
+    "copies": 2,
+    "edits": [
+        {
+            "op": "recolor",
+            "target": {"handle": 300},
+            "color": {"sample": "colosseum"},
+            "probability": 0.9,
+        },
+        {"one_of": [{"op": "light_color"}, {"op": "camera_pose", "camera": "front", "weight": 2}]},
+    ],
+}
+
+
+def made(**changes: object) -> recipe.Recipe:
+    return recipe.build(RECIPE | changes)
+
+
+def same_arrays(one: object, other: object) -> bool:
+    if isinstance(one, np.ndarray):
+        return (
+            isinstance(other, np.ndarray)
+            and one.dtype == other.dtype
+            and np.array_equal(one, other)
+        )
+    if isinstance(one, dict):
+        return (
+            isinstance(other, dict)
+            and one.keys() == other.keys()
+            and all(same_arrays(one[k], other[k]) for k in one)
+        )
+    if isinstance(one, list | tuple):
+        return (
+            type(one) is type(other)
+            and len(one) == len(other)
+            and all(map(same_arrays, one, other))
+        )
+    if hasattr(one, "__dict__"):
+        return same_arrays(one.__dict__, other.__dict__)
+    return type(one) is type(other) and one == other
+
+
+def test_an_empty_recipe_copies_every_pixel_and_number(template: Path, tmp_path: Path) -> None:
+    summary = augment(template, recipe.build({"version": 1}), tmp_path / "out")
+    assert (summary.copies, summary.exit_code) == (2, 0)
+    for path in (template / GROUP / "episode0").rglob("*"):
+        copy = (
+            tmp_path / "out" / GROUP / "episode0" / path.relative_to(template / GROUP / "episode0")
+        )
+        if path.suffix == ".png":
+            assert np.array_equal(decode_png(path), decode_png(copy))
+        elif path.suffix == ".pkl":
+            assert same_arrays(load(path), load(copy))
+
+
+def test_workers_and_reruns_make_the_same_bytes(template: Path, tmp_path: Path) -> None:
+    augment(template, made(), tmp_path / "one", workers=1)
+    augment(template, made(), tmp_path / "again", workers=1)
+    augment(template, made(), tmp_path / "two", workers=2)
+    first = contents(tmp_path / "one")
+    assert len([name for name in first if name.endswith(".json")]) == 4
+    assert first == contents(tmp_path / "again")
+    assert first == contents(tmp_path / "two")
+
+
+def test_what_is_drawn_does_not_depend_on_the_other_episodes(
+    template: Path, tmp_path: Path
+) -> None:
+    augment(template, made(), tmp_path / "all")
+    augment(template, made(select={"episodes": ["*episode1"]}), tmp_path / "one")
+    every = {}
+    for path in (tmp_path / "all").rglob(report.NAME):
+        described = json.loads(path.read_bytes())
+        every[described["source"], described["copy"]] = described["draws"]
+    for path in (tmp_path / "one").rglob(report.NAME):
+        described = json.loads(path.read_bytes())
+        assert described["draws"] == every[described["source"], described["copy"]]
+
+
+def test_copies_are_numbered_from_zero_originals_first(template: Path, tmp_path: Path) -> None:
+    augment(template, made(keep_originals=True), tmp_path / "out")
+    keys = RLBench().episodes(tmp_path / "out")
+    assert keys == [f"{GROUP}/episode{i}" for i in range(6)]
+    reports = [json.loads((tmp_path / "out" / key / report.NAME).read_bytes()) for key in keys]
+    assert [one["copy"] for one in reports] == [0, 0, 1, 1, 2, 2]
+    assert [one["synthetic"] for one in reports] == [False, False, True, True, True, True]
+    assert contents(tmp_path / "out" / keys[0]).keys() == contents(template / keys[0]).keys() | {
+        report.NAME
+    }
+
+
+def test_a_report_replays_its_episode_exactly(template: Path, tmp_path: Path) -> None:
+    augment(template, made(), tmp_path / "out")
+    key = f"{GROUP}/episode3"
+    described = json.loads((tmp_path / "out" / key / report.NAME).read_bytes())
+    copies.replay(RLBench(), template, described, tmp_path / "again", key)
+    assert contents(tmp_path / "out" / key) == contents(tmp_path / "again" / key)
+
+
+def test_a_moved_camera_keeps_its_holes_beside_the_episode(template: Path, tmp_path: Path) -> None:
+    moving = made(
+        copies=1, edits=[{"op": "camera_pose", "camera": "front", "shift": 0.1, "turn": 0.05}]
+    )
+    augment(template, moving, tmp_path / "out")
+    folder = tmp_path / "out" / GROUP / "episode0"
+    described = json.loads((folder / report.NAME).read_bytes())
+    with np.load(folder / report.HOLES) as holes:
+        share = np.mean(
+            [np.unpackbits(holes[f"front/{t}"], axis=1, count=96).mean() for t in range(8)]
+        )
+    assert abs(share - described["hole_share"]["front"]) < 1e-5
+    assert described["plan"]["carriers"]["front"] == "tier 1, surfels"
+    assert described["plan"]["carriers"]["overhead"] == "tier 0, recorded pixels"
+    before, after = (
+        RLBench().read(root, f"{GROUP}/episode0") for root in (template, tmp_path / "out")
+    )
+    assert not np.array_equal(before.views["front"].rgb(0), after.views["front"].rgb(0))
+    assert np.array_equal(before.views["overhead"].rgb(0), after.views["overhead"].rgb(0))
+
+
+def test_a_bad_episode_among_good_ones_is_skipped_and_named(dataset: Path, tmp_path: Path) -> None:
+    image = dataset / GROUP / "episode0/front_rgb/2.png"
+    image.write_bytes(image.read_bytes()[:-9])
+    summary = augment(dataset, made(), tmp_path / "out")
+    assert summary.exit_code == 1
+    assert list(summary.failures) == [f"{GROUP}/episode0"]
+    assert "front_rgb/2.png" in summary.failures[f"{GROUP}/episode0"]
+    assert RLBench().episodes(tmp_path / "out") == [
+        f"{GROUP}/episode0",
+        f"{GROUP}/episode1",
+    ]  # no gap
+    assert (
+        json.loads((tmp_path / "out" / report.SUMMARY).read_bytes())["failures"] == summary.failures
+    )
+
+
+def test_nothing_good_leaves_nothing_behind(dataset: Path, tmp_path: Path) -> None:
+    for pickled in dataset.rglob("low_dim_obs.pkl"):
+        pickled.write_bytes(b"cos\nsystem\n.")
+    summary = augment(dataset, made(), tmp_path / "out")
+    assert summary.exit_code == 2
+    assert all("os.system" in reason for reason in summary.failures.values())
+    assert not (tmp_path / "out").exists()
+
+
+def test_output_is_never_written_over_or_into_the_dataset(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    with pytest.raises(BadInput, match="--resume"):
+        augment(dataset, made(), tmp_path / "out")
+    with pytest.raises(BadInput, match="outside"):
+        augment(dataset, made(), dataset / "out")
+    assert not (dataset / "out").exists()
+
+
+def test_selecting_nothing_is_an_error(template: Path, tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="episode1"):
+        augment(template, made(select={"episodes": ["none*"]}), tmp_path / "out")
+
+
+def test_a_full_disk_stops_the_run_and_removes_the_half_episode(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = Path.write_bytes
+    written = []
+
+    def fill(path: Path, data: bytes) -> int:
+        written.append(path)
+        if len(written) > 12:
+            raise OSError(28, "No space left on device", str(path))
+        return whole(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", fill)
+    summary = augment(template, made(), tmp_path / "out")
+    assert summary.exit_code == 2
+    assert "No space left" in str(summary.aborted)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_killed_run_is_resumed_to_the_same_bytes(template: Path, tmp_path: Path) -> None:
+    many = tmp_path / "many"
+    for number in range(6):
+        shutil.copytree(
+            template / GROUP / f"episode{number % 2}", many / GROUP / f"episode{number}"
+        )
+    (tmp_path / "r.yaml").write_text(json.dumps(RECIPE))
+    out = tmp_path / "out"
+    command = [
+        sys.executable,
+        "-m",
+        "rpaug.cli",
+        "augment",
+        str(many),
+        "--recipe",
+        str(tmp_path / "r.yaml"),
+        "--out",
+        str(out),
+    ]
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while run.poll() is None and not (out / GROUP / "episode1").exists():
+        time.sleep(0.01)
+    run.send_signal(signal.SIGKILL)
+    run.wait()
+    done = RLBench().episodes(out)
+    assert 2 <= len(done) < 12
+    for key in done:
+        assert (out / key / report.NAME).exists()  # what appears is whole
+    (out / GROUP / ".episode9-dead.part").mkdir(exist_ok=True)
+    resumed = subprocess.run(
+        [*command, "--resume", "--json"], capture_output=True, text=True, check=True
+    )
+    assert json.loads(resumed.stdout)["resumed"] == len(done)
+    assert not list(out.rglob("*.part"))
+    fresh = tmp_path / "fresh"
+    augment(many, recipe.load(tmp_path / "r.yaml"), fresh)
+    names = ("rpaug.contact.html",)
+    assert {k: v for k, v in contents(out).items() if k not in names} == contents(fresh)
+    other = tmp_path / "other.yaml"
+    other.write_text(json.dumps(RECIPE | {"seed": 4}))
+    with pytest.raises(BadInput, match="another recipe"):
+        augment(many, recipe.load(other), out, resume=True)
+
+
+def test_resuming_touches_nothing_that_is_not_its_own(template: Path, tmp_path: Path) -> None:
+    precious = tmp_path / "precious"
+    (precious / ".thing.part").mkdir(parents=True)
+    (precious / "thesis.txt").write_text("years of work")
+    before = sorted(path.relative_to(precious) for path in precious.rglob("*"))
+    with pytest.raises(BadInput, match="no run of rpaug here"):
+        augment(template, made(), precious, resume=True)
+    assert sorted(path.relative_to(precious) for path in precious.rglob("*")) == before
+
+
+def test_resuming_wants_the_same_dataset_and_tier(
+    template: Path, dataset: Path, tmp_path: Path
+) -> None:
+    augment(template, made(copies=1), tmp_path / "out")
+    with pytest.raises(BadInput, match="another dataset"):
+        augment(dataset, made(copies=1), tmp_path / "out", resume=True)
+    with pytest.raises(BadInput, match="another tier"):
+        execute(Run(template, made(copies=1), tmp_path / "out", tier=1), resume=True)
+
+
+def test_resuming_a_finished_run_keeps_its_summary(template: Path, tmp_path: Path) -> None:
+    first = augment(template, made(copies=1), tmp_path / "out")
+    again = augment(template, made(copies=1), tmp_path / "out", resume=True)
+    assert (again.copies, again.resumed) == (first.copies, 2)
+    assert again.changed_share == first.changed_share
+
+
+def test_a_dangling_link_spoils_its_own_episode_only(dataset: Path, tmp_path: Path) -> None:
+    (dataset / GROUP / "episode0/extra").symlink_to(tmp_path / "nowhere")
+    summary = augment(dataset, made(copies=1), tmp_path / "out")
+    assert (summary.copies, summary.exit_code, list(summary.failures)) == (
+        1,
+        1,
+        [f"{GROUP}/episode0"],
+    )
+
+
+def test_linked_folders_are_followed_once(template: Path, tmp_path: Path) -> None:
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked/episodes").symlink_to(template / GROUP)
+    (tmp_path / "linked/again").symlink_to(tmp_path / "linked")
+    assert RLBench().episodes(tmp_path / "linked") == ["episodes/episode0", "episodes/episode1"]
+
+
+def test_a_target_that_only_some_draws_need_is_missed_before_anything_is_written(
+    template: Path, tmp_path: Path
+) -> None:
+    rare = {"op": "recolor", "target": {"handle": 4711}, "color": "red", "probability": 0.01}
+    summary = augment(template, made(edits=[rare]), tmp_path / "out")
+    assert summary.exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_fault_of_ours_is_one_episode_less(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = RLBench.read
+
+    def read(self: RLBench, root: Path, key: str) -> Any:
+        return 1 / 0 if key.endswith("episode0") else whole(self, root, key)
+
+    monkeypatch.setattr(RLBench, "read", read)
+    monkeypatch.delenv("RPAUG_DEBUG", raising=False)
+    summary = augment(template, made(copies=1, edits=[]), tmp_path / "out")
+    assert "ZeroDivisionError" in summary.failures[f"{GROUP}/episode0"]
+
+
+def test_the_environment_is_left_as_it_was(template: Path, tmp_path: Path) -> None:
+    before = dict(os.environ)
+    augment(template, made(copies=1), tmp_path / "out", workers=2)
+    assert dict(os.environ) == before

@@ -1,0 +1,176 @@
+"""Datasets in another layout hold the same images, cameras, words and robot."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from rpaug import BadInput, Episode
+from rpaug.cli import app
+from rpaug.core import registry
+from rpaug.pipeline import compare_layouts
+from rpaug.pipeline.convert import convert
+from rpaug.pipeline.verify import verify
+
+
+def episodes(root: Path) -> list[Episode]:
+    adapter = registry.adapter_for(root)
+    return [adapter.read(root, key) for key in adapter.episodes(root)]
+
+
+def assert_alike(before: Episode, after: Episode, *, exact: bool = True) -> None:
+    assert after.length == before.length
+    assert after.instruction == before.instruction
+    for name, view in before.views.items():
+        other = after.views[name]
+        assert np.allclose(other.camera.K, view.camera.K)
+        assert np.allclose(other.camera.cam_to_world, view.camera.cam_to_world, atol=1e-12)
+        for t in range(before.length):
+            assert np.array_equal(other.rgb(t), view.rgb(t)) or not exact
+            assert view.depth is not None
+            assert other.depth is not None
+            assert np.allclose(other.depth(t), view.depth(t), atol=0 if exact else 1e-6)
+            assert view.ids is not None
+            assert other.ids is not None
+            assert np.array_equal(other.ids(t), view.ids(t))
+    for name in ("joint_positions", "joint_velocities", "gripper_to_world", "gripper_open"):
+        assert np.allclose(getattr(after.robot, name), getattr(before.robot, name), atol=1e-5), name
+
+
+def test_there_and_back_through_rlds(template: Path, tmp_path: Path) -> None:
+    done = convert(template, tmp_path / "rlds", "rlds")
+    assert (done.episodes, done.failures, done.exit_code) == (2, {}, 0)
+    info = json.loads(next((tmp_path / "rlds").rglob("dataset_info.json")).read_text())
+    assert [split["name"] for split in info["splits"]] == ["train"]
+    assert info["splits"][0]["shardLengths"] == ["2"]
+    recorded, there = episodes(template), episodes(tmp_path / "rlds")
+    for before, after in zip(recorded, there, strict=True):
+        assert_alike(before, after)
+    convert(tmp_path / "rlds", tmp_path / "back", "rlbench")
+    for before, after in zip(recorded, episodes(tmp_path / "back"), strict=True):
+        assert_alike(before, after)
+
+
+def test_the_card_of_a_conversion(template: Path, tmp_path: Path) -> None:
+    convert(template, tmp_path / "out", "rlds", licence="CC-BY-4.0")
+    card = (tmp_path / "out/README.md").read_text()
+    header = yaml.safe_load(card.split("---")[1])
+    assert header["synthetic"] is False
+    assert header["license"] == "CC-BY-4.0"
+    assert header["episodes"] == {"recorded": 2, "synthetic": 0}
+    assert "in the layout `rlds`" in card
+    assert "the layout `rlbench`" in card
+    assert "| train | 2 | 0 |" in card
+    assert "Recipe" not in card
+
+
+def test_rdt_says_what_its_reader_drops(template: Path, tmp_path: Path) -> None:
+    done = convert(template, tmp_path / "rdt", "rdt")
+    assert done.episodes == 2
+    assert any(
+        "fewer than 128 steps" in words and count == 2 for words, count in done.traps.items()
+    )
+    for before, after in zip(episodes(template), episodes(tmp_path / "rdt"), strict=True):
+        assert np.array_equal(
+            after.robot.joint_positions[:, 7:13], before.robot.joint_positions[:, :6]
+        )
+
+
+def test_bridge_has_no_joints_for_rdt(samples: Path, tmp_path: Path) -> None:
+    done = convert(samples / "rlds_bridge", tmp_path / "rdt", "rdt")
+    assert done.exit_code == 2
+    assert not (tmp_path / "rdt").exists()
+    assert all("joint positions" in reason for reason in done.failures.values())
+
+
+def test_nothing_is_overwritten(template: Path, tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    with pytest.raises(BadInput, match="already"):
+        convert(template, tmp_path / "there", "rlds")
+
+
+def test_nothing_is_written_into_the_dataset(template: Path) -> None:
+    with pytest.raises(BadInput, match="inside the dataset; expected a path outside it"):
+        convert(template, template / "rdt", "rdt")
+    assert registry.adapter_for(template).name == "rlbench"
+
+
+def test_a_source_without_words_is_told(template: Path, tmp_path: Path) -> None:
+    silent = Path(shutil.copytree(template, tmp_path / "in"))
+    for path in silent.rglob("variation_descriptions.pkl"):
+        path.unlink()
+    done = convert(silent, tmp_path / "out", "rlds")
+    assert [count for words, count in done.traps.items() if "no instruction" in words] == [2]
+
+
+def test_an_unknown_layout_is_named(template: Path, tmp_path: Path) -> None:
+    given = ["convert", str(template), "--to", "zip", "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(app, given)
+    assert result.exit_code == 2
+    assert "rlds" in result.stderr
+    given[3] = "rlds"
+    result = CliRunner().invoke(app, [*given, "--json"])
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["episodes"] == 2
+
+
+LAYOUTS = ("rlbench", "rlds", "rdt", "lerobot")
+
+
+@pytest.fixture(scope="module")
+def in_every_layout(template: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+    folder = tmp_path_factory.mktemp("layouts")
+    for layout in LAYOUTS[1:]:
+        convert(template, folder / layout, layout)
+    return {"rlbench": template} | {layout: folder / layout for layout in LAYOUTS[1:]}
+
+
+@pytest.mark.parametrize("to", LAYOUTS)
+@pytest.mark.parametrize("source", LAYOUTS)
+def test_every_layout_becomes_every_other(
+    in_every_layout: dict[str, Path], source: str, to: str, tmp_path: Path
+) -> None:
+    if source == to:
+        return
+    done = convert(in_every_layout[source], tmp_path / "out", to)
+    assert (done.episodes, done.failures) == (2, {})
+    verdict = verify(tmp_path / "out", in_every_layout[source], frames=2)
+    assert verdict.passed, verdict.findings
+    assert verdict.episodes == 2
+
+
+def test_a_converted_episode_that_was_spoilt_is_found(template: Path) -> None:
+    (episode, _) = episodes(template)
+    front = episode.views["front"]
+
+    def topics(**changes: object) -> set[str]:
+        view = replace(front, **changes)
+        made = replace(episode, views={**episode.views, "front": view})
+        return {found[2] for found in compare_layouts.compare("x", episode, made, [0, 3])}
+
+    assert topics() == set()
+    assert topics(rgb=lambda t: 255 - front.rgb(t)) == {"images"}
+    assert topics(depth=lambda t: front.depth(t) + 0.01) == {"depth"}
+    assert topics(ids=lambda t: front.ids(t) + 1) == {"ids"}
+    assert topics(camera=replace(front.camera, assumed=True)) == {"camera"}
+    moved = front.camera.cam_to_world + np.eye(4)[3] * 0.01
+    assert topics(camera=replace(front.camera, cam_to_world=moved)) == {"camera"}
+    swapped = dict(zip(episode.views, reversed(episode.views.values()), strict=True))
+    found = {
+        one[2]
+        for one in compare_layouts.compare("x", episode, replace(episode, views=swapped), [0])
+    }
+    assert found == {"images"}
+    other = replace(episode, descriptions=("do nothing",))
+    assert [one[2] for one in compare_layouts.compare("x", episode, other, [0])] == ["instruction"]
+    shorter = replace(episode, length=3)
+    assert [one[2] for one in compare_layouts.compare("x", episode, shorter, [0])] == ["length"]
+    robot = replace(episode.robot, joint_positions=episode.robot.joint_positions + 0.1)
+    bent = replace(episode, robot=robot)
+    assert [one[2] for one in compare_layouts.compare("x", episode, bent, [0])] == ["robot"]

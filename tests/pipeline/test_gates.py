@@ -1,0 +1,173 @@
+"""Each figure says what it should of edits whose faults are known."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from analytic import BALL, BOX
+from analytic import scene as analytic_scene
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from rpaug import Scene
+from rpaug.core import geometry
+from rpaug.operators.camera_pose import CameraPose
+from rpaug.operators.fields import Palette
+from rpaug.operators.recolor import AlbedoRatio, Recolor
+from rpaug.operators.sensor_noise import SensorNoise
+from rpaug.pipeline import copies, plan
+from rpaug.pipeline.gates import Figures, Gates, beyond, described, measure
+from rpaug.scene.targets.targets import Target
+
+EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}
+BLUE = (0.1, 0.2, 0.9)
+
+
+def figures(scene: Scene) -> Figures:
+    """Of an edited scene, all its frames rendered."""
+    made = copies.render(scene, (), plan.Plan(0, dict.fromkeys(EYES, 0), True), counted=True)
+    for view in made.episode.views.values():
+        for t in range(scene.episode.length):
+            view.rgb(t)
+    outside = sum(made.tally.outside.values())
+    return measure(made.scene, made.episode, made.plan.representations, outside, made.tally.holes)
+
+
+def recorded(**changes: object) -> Scene:
+    return replace(analytic_scene(EYES, length=4), **changes)  # type: ignore[arg-type]
+
+
+def painted(scene: Scene) -> Scene:
+    operator = Recolor(target=Target(handle=BOX), color=Palette((BLUE,)))
+    return operator.apply(scene, operator.sample(scene, np.random.default_rng(0)))
+
+
+@dataclass(frozen=True)
+class Restless:
+    """Its colour depends on where the surface is in the world: a moving thing crawls, a still one does not."""
+
+    instance_ids: frozenset[int]
+    calls: list[int]
+
+    def __call__(self, colour, surface):  # type: ignore[no-untyped-def]
+        self.calls.append(0)
+        return np.clip(colour + 0.1 * (len(self.calls) % 2), 0, 1).astype(np.float32)
+
+
+def test_a_good_recolouring_passes_every_gate() -> None:
+    found = figures(painted(recorded()))
+    assert found.outside == 0
+    assert found.holes is None
+    assert found.reprojection is None  # its depth is the recorded one
+    assert found.flicker is not None
+    assert found.flicker < 0.5
+    assert found.color is not None
+    assert found.color < 5
+    assert not Gates().faults(found)
+
+
+def test_a_colour_that_was_not_asked_for_is_told() -> None:
+    @dataclass(frozen=True)
+    class Mistaken(AlbedoRatio):
+        @property
+        def asked(self) -> tuple[float, float, float]:
+            return (0.9, 0.2, 0.1)
+
+    edit = Mistaken(frozenset({BOX}), (0.6, 0.6, 0.6), BLUE, plain=False)
+    found = figures(recorded(appearance=(edit,)))
+    assert found.color is not None
+    assert found.color > 30
+    assert Gates().faults(found)[0].startswith("color ")
+
+
+def test_flicker_is_what_the_recording_lacks() -> None:
+    found = figures(recorded(appearance=(Restless(frozenset({BOX}), []),)))
+    assert found.flicker is not None
+    assert found.flicker > 5
+
+
+def test_a_moved_camera_agrees_with_the_others_and_has_holes() -> None:
+    scene = recorded()
+    operator = CameraPose(camera="front", shift=0.15)
+    edit = {"front": {"turn": [0.0, 0.0, 0.0], "shift": [0.15, 0.0, 0.0]}}
+    found = figures(operator.apply(scene, edit))
+    assert found.outside == 0
+    assert found.reprojection is not None
+    assert found.reprojection < 2
+    assert found.holes is not None
+    assert 0 < found.holes < 1
+
+
+def test_a_camera_that_is_not_where_it_says_disagrees() -> None:
+    scene = recorded()
+    edit = {"front": {"turn": [0.0, 0.0, 0.0], "shift": [0.02, 0.0, 0.0]}}
+    moved = CameraPose(camera="front").apply(scene, edit)
+    made = copies.render(moved, (), plan.Plan(0, dict.fromkeys(EYES, 0), True))
+    view = made.episode.views["front"]
+    lift = geometry.rigid(np.zeros(3), np.array([0.0, 0.0, -0.01]))
+    wrong = replace(view.camera, cam_to_world=view.camera.cam_to_world @ lift)
+    lying = replace(
+        made.episode, views={**made.episode.views, "front": replace(view, camera=wrong)}
+    )
+    found = measure(moved, lying, made.plan.representations, 0, {})
+    assert found.reprojection is not None
+    assert 5 < found.reprojection < 15
+
+
+def test_with_sensor_effects_neither_flicker_nor_outside_is_told() -> None:
+    scene = painted(recorded())
+    noise = SensorNoise()
+    noisy = noise.apply(scene, noise.sample(scene, np.random.default_rng(0)))
+    found = figures(noisy)
+    assert (found.flicker, found.outside) == (None, None)
+    assert found.color == figures(scene).color
+
+
+def test_pixels_beyond_the_edit_are_counted() -> None:
+    scene = painted(recorded())
+    ids = scene.episode.views["front"].ids(0)  # type: ignore[misc]
+    before = scene.episode.views["front"].rgb(0)
+    rows = np.argwhere(ids == BOX)
+    after = before.copy()
+    after[ids == BOX] ^= 1
+    assert beyond(scene, before, after, ids) == 0
+    beside = rows[rows[:, 1].argmin()] - [0, 1]
+    after[tuple(beside)] ^= 1
+    after[0, 0] ^= 1
+    assert beyond(scene, before, after, ids) == 2
+    assert beyond(replace(scene, antialiased=True), before, after, ids) == 1
+    assert (
+        beyond(replace(scene, appearance=()), before, after, ids) == (before != after).any(-1).sum()
+    )
+
+
+@given(st.floats(0, 100), st.floats(0, 100))
+def test_a_gate_passes_what_does_not_exceed_its_limit(value: float, limit: float) -> None:
+    faults = Gates(flicker=limit).faults(Figures(flicker=value))
+    assert bool(faults) == (value > limit)
+    assert not Gates(flicker=None).faults(Figures(flicker=value))
+    assert not Gates(flicker=limit).faults(Figures())
+
+
+def test_the_report_says_only_what_was_measured() -> None:
+    found = described(Figures(outside=0, holes=0.123456), ["holes"], 2)
+    assert found == {
+        "passed": False,
+        "attempt": 2,
+        "figures": {"outside": 0, "holes": 0.1235},
+        "faults": ["holes"],
+    }
+
+
+@pytest.mark.parametrize("fields", [{"tries": 0}, {"holes": -1}, {"psnr": 30}, {"tries": 2.5}])
+def test_senseless_gates_are_refused(fields: dict) -> None:
+    with pytest.raises(ValidationError):
+        Gates(**fields)
+
+
+def test_a_ball_that_moves_does_not_flicker() -> None:
+    operator = Recolor(target=Target(handle=BALL), color=Palette((BLUE,)))
+    scene = recorded()
+    found = figures(operator.apply(scene, operator.sample(scene, np.random.default_rng(0))))
+    assert found.flicker is None or found.flicker < 2
