@@ -20,9 +20,9 @@ STRENGTH, HUE = 0.3, 0.05  # torchvision's usual ColorJitter for robot policies
 
 
 def lab(episode: Episode, old_to_new: Mapping[int | None, tuple[Any, Any]]) -> Episode:
-    """Each handle's pixels take the new colour's a and b, their L scaled by new over old.
+    """Each instance id's pixels take the new colour's a and b, their L scaled by new over old.
 
-    The handle None stands for all pixels, whose a and b are shifted by new minus old.
+    The instance id None stands for all pixels, whose a and b are shifted by new minus old.
     """
 
     def edit(view: CameraView, t: int) -> UInt8[np.ndarray, "h w 3"]:
@@ -56,12 +56,16 @@ def jitter(episode: Episode, seed: int) -> Episode:
 
 
 def painted(episode: Episode, gone: frozenset[int]) -> Episode:
-    """Each picture's masks of these handles inpainted by themselves, colour and depth; handles from beside."""
+    """Each picture's masks of these instance ids inpainted by themselves, colour and depth; instance ids from
+    beside.
+    """
     return _each(episode, lambda view, t: _painted(_planes(view, t), gone))
 
 
 def scaled(episode: Episode, instance_id: int, scale: float) -> Episode:
-    """The handle's pixels scaled in each picture about the middle of their lower edge, over the picture inpainted."""
+    """The instance id's pixels scaled in each picture about the middle of their lower edge, over the picture
+    inpainted.
+    """
 
     def edit(view: CameraView, t: int) -> Planes:
         rgb, depth, ids = _planes(view, t)

@@ -24,7 +24,7 @@ TOLD, ESTIMATED = "rpaug", "rpaug, estimated"
 
 
 Colours = dict[int | None, tuple[Any, Any]]
-"""Old and new colour by handle; None stands for all pixels."""
+"""Old and new colour by instance id; None stands for all pixels."""
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,11 @@ class Scores:
     """Higher is better for the first five, lower for the others; nan where there was nothing to measure.
 
     Errors are taken in the changed region: of cameras that were moved every pixel, of the others the
-    handles that truly changed and whatever else truly looks different. `psnr_scaled` is taken after the
+    instance ids that truly changed and whatever else truly looks different. `psnr_scaled` is taken after the
     one factor on the edit that suits the truth best: no image tells how bright an albedo is, so estimates
     are judged by it. `psnr_seen` leaves invented pixels out, of which `holes` is the share. `outside`
     counts pixels that the edit changes and that no true change reaches. `flicker` is the mean change of
-    the error between two frames, in grey levels, where a fixed camera sees the same handle.
+    the error between two frames, in grey levels, where a fixed camera sees the same instance id.
     `reprojection` is the median distance between one camera's points and the surface another saw there.
     """
 
@@ -136,7 +136,7 @@ def _scaled(products: np.ndarray) -> float:
 
 
 _Seen = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Error, handles and changed region of one image."""
+"""Error, instance ids and changed region of one image."""
 
 
 def _change(before: _Seen, now: _Seen) -> np.ndarray:

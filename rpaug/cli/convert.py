@@ -25,7 +25,7 @@ def convert(
     licence: Licence = None,
     as_json: AsJson = False,
 ) -> int:
-    """Write a dataset in another layout: images, depth, handles, words, cameras, robot, and a dataset card.
+    """Write a dataset in another layout: images, depth, instance ids, words, cameras, robot, and a dataset card.
 
     What the new layout needs and the source does not say is named, and episodes without it are skipped.
 

@@ -27,7 +27,7 @@ def inspect(
     arm: Arms = None,
     as_json: AsJson = False,
 ) -> int:
-    """Show cameras, frames, instruction and every instance: handle, role, colour, size, motion.
+    """Show cameras, frames, instruction and every instance: instance id, role, colour, size, motion.
 
     Example: [bold]rpaug inspect data/train/open_drawer --html instances.html[/]
     """

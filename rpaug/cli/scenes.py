@@ -59,8 +59,8 @@ def _line(row: dict[str, Any]) -> str:
         return f"{row['key']}  damaged: {row['damaged']}"
     level = "" if row["decibels"] is None else f"{row['decibels']:6.2f} dB"
     counts = f"{row['gaussians']:>8} Gaussians {row['bodies']:>4} bodies"
-    lent = f"  borrows from {row['lender'][:8]}" if row["lender"] else ""
-    return f"{row['key']}  {counts}  {level:9}  {row['megabytes']:8.2f} MB{lent}"
+    donated = f"  borrows from {row['lender'][:8]}" if row["lender"] else ""
+    return f"{row['key']}  {counts}  {level:9}  {row['megabytes']:8.2f} MB{donated}"
 
 
 def rm(

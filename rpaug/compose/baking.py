@@ -85,8 +85,8 @@ def _coloured(
     ratio[rows] = new[rows] / np.maximum(old[rows], 1e-2)
     sh[rows, 0] = (new[rows] - 0.5) / SH0
     sh[rows, 1:] *= ratio[rows, None]
-    moments = {
+    frame_residuals = {
         t: replace(moment, sh=(moment.sh * ratio[moment.rows][:, None]).astype(np.float16))
-        for t, moment in gaussians.moments.items()
+        for t, moment in gaussians.frame_residuals.items()
     }
-    return replace(gaussians, sh=sh, moments=moments)
+    return replace(gaussians, sh=sh, frame_residuals=frame_residuals)

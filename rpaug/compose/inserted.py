@@ -29,7 +29,9 @@ def bodies(scene: Scene) -> tuple[Body, ...]:
 
 
 def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
-    """Colour, depth in metres (0: nothing there) and handles once all that has a shape of its own stands there too."""
+    """Colour, depth in metres (0: nothing there) and instance ids once all that has a shape of its own stands there
+    too.
+    """
     rgb, depth, ids = before
     ambience = scene.ambience or EVEN
     for body in bodies(scene):

@@ -14,7 +14,7 @@ Image = tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.n
 
 
 def draw(gaussians: Gaussians, antialiased: bool, camera: Camera, t: int, before: Image) -> Image:
-    """Colour, depth in metres (0: nothing there) and handles once the Gaussians stand there too.
+    """Colour, depth in metres (0: nothing there) and instance ids once the Gaussians stand there too.
 
     Where a recording's outlines are smooth, a pixel shows as much of the thing as covers it; where they are sharp, all
     or nothing.

@@ -61,7 +61,7 @@ def edited(
 ) -> Episode:
     """The episode the scene now shows. Images that no edit reaches keep their recorded accessors.
 
-    `blended` names the handles that Gaussians show in a camera whose other pixels are surfels. `kept` gives the
+    `blended` names the instance ids that Gaussians show in a camera whose other pixels are surfels. `kept` gives the
     surfels of the recorded scene, where they were built before.
     """
     near, shared = scene, None
@@ -183,7 +183,7 @@ def _finished(
 def _blended(
     scene: Scene, shared: surfels.Surfels, name: str, instance_ids: frozenset[int], t: int
 ) -> Frame:
-    """Surfels, but where both carriers show one of the handles everything is the Gaussians'."""
+    """Surfels, but where both carriers show one of the instance ids everything is the Gaussians'."""
     base, over = _surfels(scene, shared, name, t), _gaussians(scene, name, t)
     ours = np.isin(base.ids, list(instance_ids)) & (over.ids == base.ids) & ~over.hole
     return Frame(

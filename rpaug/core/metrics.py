@@ -39,7 +39,7 @@ def difference(
 
 
 def mean_iou(pairs: Iterable[tuple[Int32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]]) -> float:
-    """Intersection over union of each handle's pixels over all pairs of masks, averaged over the handles."""
+    """Intersection over union of each instance id's pixels over all pairs of masks, averaged over the instance ids."""
     shared: dict[int, int] = {}
     either: dict[int, int] = {}
     for first, second in pairs:

@@ -78,8 +78,9 @@ class CameraView:
     """A camera and its images, each loaded when asked for.
 
     `rgb(t)` is (h, w, 3) uint8; `depth(t)` (h, w) float32 metres, 0 where the sensor saw nothing;
-    `ids(t)` (h, w) int32 instance handles, 0 for nothing. `depth` and `ids` are None where a source has none.
-    Views that share an accessor share its images: a writer may then copy the recorded file. `inferred` handles were
+    `ids(t)` (h, w) int32 instance ids, 0 for nothing. `depth` and `ids` are None where a source has none.
+    Views that share an accessor share its images: a writer may then copy the recorded file. `inferred` instance ids
+    were
     not recorded but found by motion or colour: a scene may use them, and no dataset gets them. So it is with
     `stand_in`. `hands` are boxes (left, top, right, bottom; pixels) that annotators drew around hands, by frame.
     """
@@ -152,7 +153,8 @@ class Body:
     that `to_world[reference]` is the identity) to world at t. `motion` says which hypothesis explains the
     track; `residual` is its median point-to-plane distance in metres, and `ambiguous` is set where another
     hypothesis explains the pixels as well. `copy_of` is set for a duplicate: it maps
-    each recorded handle whose pixels show it to the handle it has here. `scale` is the size of a resized body over
+    each recorded instance id whose pixels show it to the instance id it has here. `scale` is the size of a resized
+    body over
     its recorded one: a recorded point p of its frame is shown at scale * p. An inserted body has a `mesh` in its
     frame; where it also has `splats` there, those are shown and the mesh only says how far it reaches, unless it is
     `outlined`: then the mesh is its true surface, which gives depth and mask. A body that deforms is shown by `soft`:
@@ -178,7 +180,7 @@ class Surface(Protocol):
 
     `points` are metres in the frame of the row's own body (`Body.to_world` at that time undone), `normals` unit
     vectors there, towards whoever looks; `facing` are the same normals in the world. `footprint` is the width in
-    metres that one pixel covers on the surface. `ids` are instance handles. Raises Unsupported where a source has no
+    metres that one pixel covers on the surface. `ids` are instance ids. Raises Unsupported where a source has no
     depth to tell it from.
     """
 
@@ -197,7 +199,7 @@ class Surface(Protocol):
 class Appearance(Protocol):
     """A function on surfaces: recorded colour in, edited colour out.
 
-    `handles` are the instances it applies to, None for all. It is called with colours in display sRGB 0..1 and
+    `instance_ids` are the instances it applies to, None for all. It is called with colours in display sRGB 0..1 and
     with where they lie, and must treat every row alone, so that any carrier (pixels, surfels, Gaussians) can use it.
     What depends on `surface.points` and `surface.normals` alone is the same in all cameras and at all times.
     """
@@ -246,7 +248,7 @@ class Gaussians:
 
     `quats` are (w, x, y, z), of any length but zero. `scales` are standard deviations in metres along the
     Gaussian's own axes. `opacities` are in 0..1. `sh` holds real spherical-harmonics coefficients in 3DGS
-    order: colour = 0.5 + 0.28209479 * sh[:, 0] for degree 0. `ids` are instance handles (0: none).
+    order: colour = 0.5 + 0.28209479 * sh[:, 0] for degree 0. `ids` are instance ids (0: none).
     `moments[t]` is how they differ at time t alone; `moments.at` applies it.
     """
 
@@ -256,7 +258,7 @@ class Gaussians:
     opacities: Float32[np.ndarray, "n"]
     sh: Float32[np.ndarray, "n k 3"]
     ids: Int32[np.ndarray, "n"]
-    moments: Mapping[int, FrameResidual] = field(default_factory=dict)
+    frame_residuals: Mapping[int, FrameResidual] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.means)
@@ -348,5 +350,5 @@ class Scene:
 
     @property
     def instance_ids(self) -> frozenset[int]:
-        """All instance handles the scene knows."""
+        """All instance ids the scene knows."""
         return frozenset().union(*(body.instance_ids for body in self.bodies))

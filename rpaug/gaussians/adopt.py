@@ -18,8 +18,8 @@ from rpaug.gaussians.vote import vote
 def adopted(scene: Scene, gaussians: Gaussians, t: int = 0) -> Scene:
     """The scene made of these Gaussians, given in its world as it stands at frame t.
 
-    Gaussians without handles (all 0) get them by vote of the masks recorded at t; those of moving bodies are then
-    carried into their bodies' frames. Drift and light of an earlier fit are dropped. Raises Unsupported if handles
+    Gaussians without instance ids (all 0) get them by vote of the masks recorded at t; those of moving bodies are then
+    carried into their bodies' frames. Drift and light of an earlier fit are dropped. Raises Unsupported if instance ids
     are missing and the episode has no masks.
     """
     bare = replace(scene, gaussians=gaussians, bodies=(), pose_correction={}, irradiance=None)
@@ -48,10 +48,11 @@ def added(
     pose: Float64[np.ndarray, "4 4"],
     instance_id: int | None = None,
 ) -> Scene:
-    """The scene with one more thing: an asset's Gaussians, still, at `pose` in the world, under a handle of its own.
+    """The scene with one more thing: an asset's Gaussians, still, at `pose` in the world, under an instance id of
+    its own.
 
-    Without `handle` the next free one is taken. Higher harmonics are kept as they are, not turned. Raises
-    TargetError for a handle that is taken and Unsupported if the scene has no Gaussians.
+    Without `instance_id` the next free one is taken. Higher harmonics are kept as they are, not turned. Raises
+    TargetError for an instance id that is taken and Unsupported if the scene has no Gaussians.
     """
     if scene.gaussians is None:
         raise Unsupported("this scene has no Gaussians: rpaug fit, or --tier 3, makes them")

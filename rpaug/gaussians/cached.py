@@ -59,11 +59,11 @@ def fitted_in_time(
     found = store.load(folder, name) if folder else None
     if found:
         return known(scene, found), found.report
-    rigid, facts, lent = _fitted(scene, folder, settings.rigid, seed, None, donor)
+    rigid, facts, donated = _fitted(scene, folder, settings.rigid, seed, None, donor)
     made, four = fit4.fitted(rigid, settings=settings.four, seed=seed)
     given = {**facts, "four": four.describe()}
     if folder:
-        still = lent.without(four.instance_ids) if lent else None
+        still = donated.without(four.instance_ids) if donated else None
         keep(folder, name, made, settings, given, still)
     return made, given
 
@@ -81,14 +81,14 @@ def _fitted(
     found = store.load(folder, name) if folder else None
     if found:
         return known(scene, found), found.report, found.borrowed
-    lent, begun, shorter = None, None, settings
+    donated, begun, shorter = None, None, settings
     if donor is not None:
         donor_adapter = store.key(donor, settings, seed)
-        lent = sharing.borrowed(
+        donated = sharing.borrowed(
             scene, donor_adapter, fitted(donor, folder, settings=settings, seed=seed)[0]
         )
-        begun = fit.Begun(sharing.begun(scene, lent), len(lent))
-        spared = SPARED * len(lent) / max(len(begun.gaussians), 1)
+        begun = fit.Begun(sharing.begun(scene, donated), len(donated))
+        spared = SPARED * len(donated) / max(len(begun.gaussians), 1)
         shorter = replace(settings, steps=max(1, round((1 - spared) * settings.steps)))
     made, full = fit.fitted(scene, settings=shorter, seed=seed, progress=progress, begun=begun)
     facts = {
@@ -96,16 +96,18 @@ def _fitted(
         for name, value in vars(full).items()
         if name not in ("bodies", "drift", "irradiance")
     }
-    if lent is not None and donor is not None:
+    if donated is not None and donor is not None:
         assert made.gaussians is not None
-        own = gaussians.chosen(made.gaussians, np.arange(len(lent), len(made.gaussians)))
+        own = gaussians.chosen(made.gaussians, np.arange(len(donated), len(made.gaussians)))
         # What was held still came back through logits and unit quaternions: the last bit may differ.
-        joint = gaussians.joined([lent.gaussians, own])
-        made = replace(made, gaussians=replace(joint, moments=made.gaussians.moments))
-        facts["founder"], facts["borrowed"] = donor.episode.key, len(lent)
+        joint = gaussians.joined([donated.gaussians, own])
+        made = replace(
+            made, gaussians=replace(joint, frame_residuals=made.gaussians.frame_residuals)
+        )
+        facts["founder"], facts["borrowed"] = donor.episode.key, len(donated)
     if folder:
-        keep(folder, name, made, settings, facts, lent)
-    return made, facts, lent
+        keep(folder, name, made, settings, facts, donated)
+    return made, facts, donated
 
 
 def name_of(
@@ -126,11 +128,11 @@ def keep(
     made: Scene,
     settings: Any,
     facts: Facts,
-    lent: store.Borrowed | None,
+    donated: store.Borrowed | None,
 ) -> None:
     """Put a scene into the store. Another process may have been first: with the same scene, since fits are seeded."""
     try:
-        store.save(folder, name, made, settings=settings, report=facts, borrowed=lent)
+        store.save(folder, name, made, settings=settings, report=facts, borrowed=donated)
     except (BadInput, OSError):
         if not store.path_of(folder, name).is_dir():
             raise

@@ -43,9 +43,9 @@ class PartPrompt:
 
 @dataclass(frozen=True)
 class Told:
-    """The scene in which the part has a handle of its own, and what it was told by.
+    """The scene in which the part has an instance id of its own, and what it was told by.
 
-    `finer` is False where the retrieved mask already agreed with the box: then `handle` is the instance's own and
+    `finer` is False where the retrieved mask already agreed with the box: then `instance_id` is the instance's own and
     the scene is unchanged. `rows` are the part's Gaussians.
     """
 
@@ -68,7 +68,7 @@ def tell_apart(
     identities: Identities | None = None,
     seed: int = 0,
 ) -> Told:
-    """Give the part of `whole` that the prompt's box holds a handle of its own (default: the next free one).
+    """Give the part of `whole` that the prompt's box holds an instance id of its own (default: the next free one).
 
     The box is carried to other cameras and times by the surface points that the segmenter finds in it, and each
     view's mask takes part. `by` says what is fine-tuned: the weighted vote of these masks among the Gaussians
@@ -125,7 +125,7 @@ def finer(
     like = int(np.flatnonzero(identities.instance_ids == whole)[0])
     rng = np.random.default_rng(seed)
     order = np.argsort(np.append(identities.instance_ids, part), kind="stable")
-    spread = float(identities.weight.std())  # the part must be tellable, as other handles are
+    spread = float(identities.weight.std())  # the part must be tellable, as other instance ids are
     nudge = rng.normal(0, spread, size=identities.weight.shape[1:]).astype(np.float32)
     begun = Identities(
         identities.encodings,
@@ -141,7 +141,9 @@ def finer(
 def renamed(
     scene: Scene, rows: Int[np.ndarray, "m"], whole: frozenset[int], instance_id: int
 ) -> Scene:
-    """The scene whose Gaussians `rows` have the handle `handle`, which moves with `whole` and shares its role."""
+    """The scene whose Gaussians `rows` have the instance id `instance_id`, which moves with `whole` and shares its
+    role.
+    """
     assert scene.gaussians is not None
     ids = scene.gaussians.ids.copy()
     ids[rows] = instance_id

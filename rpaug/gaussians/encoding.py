@@ -1,4 +1,4 @@
-"""Identity encodings: sixteen learned numbers a Gaussian, and a linear head that tells handles from them.
+"""Identity encodings: sixteen learned numbers a Gaussian, and a linear head that tells instance ids from them.
 
 Gaussian Grouping (Ye et al. 2023, arXiv 2312.00732), as RoboPearls uses it: cross-entropy between the drawn
 encodings' softmax and 2D masks, plus the KL divergence between each Gaussian's and its neighbours' softmax.
@@ -31,7 +31,7 @@ class Learning:
 
 @dataclass(frozen=True)
 class Identities:
-    """What was learned: an encoding for each Gaussian, and the head, one row and one offset for each handle."""
+    """What was learned: an encoding for each Gaussian, and the head, one row and one offset for each instance id."""
 
     encodings: Float32[np.ndarray, "n 16"]
     weight: Float32[np.ndarray, "c 16"]
@@ -39,12 +39,12 @@ class Identities:
     instance_ids: Int32[np.ndarray, "c"]
 
     def read(self, encodings: Float32[np.ndarray, "*n 16"]) -> Int32[np.ndarray, "*n"]:
-        """The likeliest handle of each encoding, drawn or a Gaussian's own."""
+        """The likeliest instance id of each encoding, drawn or a Gaussian's own."""
         return self.instance_ids[(encodings @ self.weight.T + self.offset).argmax(-1)]
 
     @property
     def ids(self) -> Int32[np.ndarray, "n"]:
-        """The likeliest handle of each Gaussian."""
+        """The likeliest instance id of each Gaussian."""
         return self.read(self.encodings)
 
 
@@ -182,7 +182,7 @@ def neighbours(means: Float32[np.ndarray, "n 3"], count: int) -> Int[np.ndarray,
 
 
 def _classes(picture: Labelled, instance_ids: Int32[np.ndarray, "c"]) -> Int[np.ndarray, "h w"]:
-    """The row of each pixel's handle, -1 for one that is not there."""
+    """The row of each pixel's instance id, -1 for one that is not there."""
     at = np.clip(np.searchsorted(instance_ids, picture.ids), 0, len(instance_ids) - 1)
     return np.where(instance_ids[at] == picture.ids, at, -1).astype(np.int64)
 
@@ -190,7 +190,7 @@ def _classes(picture: Labelled, instance_ids: Int32[np.ndarray, "c"]) -> Int[np.
 def identity_mask(
     identities: Identities, stage: LabelRenderer, camera: str, t: int
 ) -> Int32[np.ndarray, "h w"]:
-    """The likeliest handle of each pixel, from the drawn encodings; 0 where less than half is covered."""
+    """The likeliest instance id of each pixel, from the drawn encodings; 0 where less than half is covered."""
     drawn = stage.draw(camera, t, identities.encodings)
     assert drawn.features is not None
     return np.where(drawn.alpha >= 0.5, identities.read(drawn.features), 0).astype(np.int32)

@@ -13,7 +13,7 @@ from rpaug.core.errors import Unsupported
 from rpaug.core.sampling import frames
 from rpaug.core.types import Body, Gaussians, Scene
 from rpaug.gaussians.descent import Descent, FitSettings, TargetView, cosine, shot_of
-from rpaug.gaussians.fit_residuals import fit_moments
+from rpaug.gaussians.fit_residuals import fit_frame_residuals
 from rpaug.gaussians.judging import fixed_cameras, judged, psnr, ssim
 from rpaug.gaussians.seeds import seeds
 from rpaug.gaussians.stops import Check
@@ -95,7 +95,7 @@ def fit(
     fixed, names = fixed_cameras(scene), list(scene.episode.views)
     report = FitReport(
         gaussians=len(shown.gaussians),
-        moments=len(shown.gaussians.moments),
+        moments=len(shown.gaussians.frame_residuals),
         stop=settings.stop.kind,
         steps=steps,
         seconds=time.perf_counter() - start,
@@ -184,7 +184,7 @@ def _refined(
         if settings.stop.reached([Check(number, recorded, recorded)]):
             break
         before = 1 + number / settings.moment_passes
-        residuals = fit_moments(
+        residuals = fit_frame_residuals(
             scene,
             everywhere,
             steps=settings.moment_steps,
@@ -193,7 +193,7 @@ def _refined(
             progress=partial(_tell_part, tell, before, settings.moment_passes),
         )
         assert scene.gaussians is not None
-        scene = replace(scene, gaussians=replace(scene.gaussians, moments=residuals))
+        scene = replace(scene, gaussians=replace(scene.gaussians, frame_residuals=residuals))
         found = judged(scene, [*known, *unseen], settings.threads)
     return scene, found
 

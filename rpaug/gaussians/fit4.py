@@ -48,7 +48,7 @@ class FourSettings:
 
 @dataclass(frozen=True)
 class FourReport:
-    """What was fitted in four dimensions and how well: decibels of PSNR on its own pixels (up), by handle.
+    """What was fitted in four dimensions and how well: decibels of PSNR on its own pixels (up), by instance id.
 
     `rigid_db` and `db` are over times that were not fitted, where there are such; `gaussians` counts those in 4D.
     """
@@ -62,7 +62,7 @@ class FourReport:
     reason: str = ""
 
     def describe(self) -> dict[str, Any]:
-        """Plain values; handles as text where they are keys."""
+        """Plain values; instance ids as text where they are keys."""
         by_instance_id = {
             name: {
                 str(instance_id): round(db, 2) for instance_id, db in getattr(self, name).items()
@@ -82,7 +82,7 @@ def fitted(
 ) -> tuple[Scene, FourReport]:
     """A scene with rigid Gaussians, those of its badly explained instances replaced by 4D ones; the rest untouched.
 
-    `handles` names the instances instead of the residual. Nothing is fitted, and the report says why, where every
+    `instance_ids` names the instances instead of the residual. Nothing is fitted, and the report says why, where every
     instance meets the target or there is one frame only. Raises Unsupported if the scene has no Gaussians.
     """
     settings, start = settings or FourSettings(), time.perf_counter()

@@ -37,7 +37,7 @@ class _Window:
     rows: Int[np.ndarray, "m"]
 
 
-def fit_moments(
+def fit_frame_residuals(
     scene: Scene,
     times: Sequence[int],
     *,
@@ -53,7 +53,7 @@ def fit_moments(
     moving = np.zeros(len(usual), bool)
     for rows in placement.rows:
         moving[rows] = True
-    found: dict[int, FrameResidual] = dict(usual.moments)
+    found: dict[int, FrameResidual] = dict(usual.frame_residuals)
 
     def work(t: int) -> FrameResidual | None:
         then = placement.place(Splats.of(frame_residuals.at(usual, t)), t)

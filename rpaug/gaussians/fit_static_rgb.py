@@ -63,7 +63,7 @@ def _at_rest(view: CameraView, length: int, moving: frozenset[int]) -> CameraVie
     hidden = np.isin(ids, sorted(moving))
     colours = np.ma.masked_array(shown, np.repeat(hidden[..., None], 3, -1))
     image = np.ma.median(colours, axis=0).filled(0).astype(np.uint8)
-    # The handle seen most often; where none was, that of the nearest pixel is as good as any.
+    # The instance id seen most often; where none was, that of the nearest pixel is as good as any.
     names = np.unique(ids[~hidden])
     votes = np.stack([((ids == name) & ~hidden).sum(0) for name in names])
     instance_ids = names[votes.argmax(0)].astype(np.int32)

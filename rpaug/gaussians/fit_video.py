@@ -32,7 +32,7 @@ from rpaug.scene.video.instances import BACKGROUND
 from rpaug.scene.video.model import fingerprint
 from rpaug.scene.video.video_scene import VideoScene
 
-LOOKS = 16  # frames that tell Gaussians' handles
+LOOKS = 16  # frames that tell Gaussians' instance ids
 RIM = 5  # pixels: what moves is left out with its blurred outline
 
 
@@ -242,7 +242,7 @@ def _shot(video: VideoScene, k: int, settings: SplatSettings) -> TargetImage:
 
 
 def _gaussians(splats: Splats, video: VideoScene) -> Gaussians:
-    """Splats with the handles of the cells that they lie in."""
+    """Splats with the instance ids of the cells that they lie in."""
     assert splats.quats is not None
     assert splats.scales is not None
     length: Float64[np.ndarray, "n 1"] = np.linalg.norm(splats.quats, axis=-1, keepdims=True)

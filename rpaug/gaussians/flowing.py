@@ -67,7 +67,7 @@ def beside(
     flowing: Gaussians,
     origin: Float64[np.ndarray, "3"],
 ) -> tuple[Splats, Int32[np.ndarray, "m"]]:
-    """Splats in the world and their handles, with those of one time of the flowing Gaussians after them."""
+    """Splats in the world and their instance ids, with those of one time of the flowing Gaussians after them."""
     assert splats.quats is not None
     assert splats.scales is not None
     more = Splats.of(flowing)

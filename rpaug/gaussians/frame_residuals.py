@@ -15,9 +15,9 @@ PARTS = ("means", "quats", "scales", "opacities", "sh")
 
 def at(gaussians: Gaussians, t: int) -> Gaussians:
     """The Gaussians as they are at t alone, without moments of their own."""
-    moment = gaussians.moments.get(t)
+    moment = gaussians.frame_residuals.get(t)
     if moment is None:
-        return replace(gaussians, moments={}) if gaussians.moments else gaussians
+        return replace(gaussians, frame_residuals={}) if gaussians.frame_residuals else gaussians
     rows = moment.rows
     own = {name: getattr(gaussians, name).copy() for name in PARTS}
     own["means"][rows] += moment.means * own["scales"][rows].max(-1, keepdims=True)
@@ -26,7 +26,7 @@ def at(gaussians: Gaussians, t: int) -> Gaussians:
     opacities = own["opacities"][rows] + moment.opacities
     own["opacities"][rows] = np.clip(opacities, LEAST_OPACITY, 1 - LEAST_OPACITY)
     own["sh"][rows] += moment.sh
-    return replace(gaussians, moments={}, **own)
+    return replace(gaussians, frame_residuals={}, **own)
 
 
 def difference(
@@ -49,17 +49,17 @@ def difference(
 
 
 def kept(
-    moments: Mapping[int, FrameResidual], keep: Int[np.ndarray, "m"], count: int
+    frame_residuals: Mapping[int, FrameResidual], keep: Int[np.ndarray, "m"], count: int
 ) -> dict[int, FrameResidual]:
     """The moments of the Gaussians `keep` names, of `count`, in that order."""
-    if not moments:
+    if not frame_residuals:
         return {}
     if len(np.unique(keep)) < len(keep):
         raise ValueError("a Gaussian with moments can be kept only once")
     place = np.full(count, -1, np.int32)
     place[keep] = np.arange(len(keep), dtype=np.int32)
     out = {}
-    for t, moment in moments.items():
+    for t, moment in frame_residuals.items():
         there = place[moment.rows]
         order = np.flatnonzero(there >= 0)
         order = order[np.argsort(there[order])]
@@ -72,11 +72,11 @@ def joined(sets: Sequence[Gaussians]) -> dict[int, FrameResidual]:
     """The moments of several sets of Gaussians, put one after the other."""
     starts = np.cumsum([0, *(len(one) for one in sets)])
     out = {}
-    for t in sorted(set().union(*(one.moments for one in sets))):
+    for t in sorted(set().union(*(one.frame_residuals for one in sets))):
         parts = [
-            (one.moments[t], start)
+            (one.frame_residuals[t], start)
             for one, start in zip(sets, starts, strict=False)
-            if t in one.moments
+            if t in one.frame_residuals
         ]
         rows = np.concatenate([moment.rows + np.int32(start) for moment, start in parts])
         arrays = {
@@ -87,7 +87,7 @@ def joined(sets: Sequence[Gaussians]) -> dict[int, FrameResidual]:
 
 
 def moved(
-    moments: Mapping[int, FrameResidual],
+    frame_residuals: Mapping[int, FrameResidual],
     rotation: Float64[np.ndarray, "3 3"],
     product: Float64[np.ndarray, "4 4"],
 ) -> dict[int, FrameResidual]:
@@ -98,17 +98,17 @@ def moved(
             means=(moment.means @ rotation.T).astype(np.float16),
             quats=(moment.quats @ product).astype(np.float16),
         )
-        for t, moment in moments.items()
+        for t, moment in frame_residuals.items()
     }
 
 
-def packed(moments: Mapping[int, FrameResidual]) -> dict[str, np.ndarray]:
+def packed(frame_residuals: Mapping[int, FrameResidual]) -> dict[str, np.ndarray]:
     """All moments as a few long arrays, for a store: `times`, how many `rows` each has, and the rest in that order."""
-    if not moments:
+    if not frame_residuals:
         return {}
-    several = list(moments.values())
+    several = list(frame_residuals.values())
     arrays = {
-        "times": np.array(list(moments), np.int32),
+        "times": np.array(list(frame_residuals), np.int32),
         "counts": np.array([len(moment.rows) for moment in several], np.int32),
     }
     for name in ("rows", *PARTS):

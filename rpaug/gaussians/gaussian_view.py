@@ -1,4 +1,4 @@
-"""What a camera sees of a scene's Gaussians: colour by blending, depth and handle from one surface."""
+"""What a camera sees of a scene's Gaussians: colour by blending, depth and instance id from one surface."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -41,9 +41,10 @@ def sharp_for(size: float) -> Settings:
 def render_view(
     scene: Scene, camera: str, t: int
 ) -> tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]:
-    """Image, surface depth and handles of `scene.cameras[camera]` at t; depth 0 and handle 0 where nothing is.
+    """Image, surface depth and instance ids of `scene.cameras[camera]` at t; depth 0 and instance id 0 where nothing
+    is.
 
-    Depth and handle are those of the one Gaussian at which half of the light is gone, never blended; depth is
+    Depth and instance id are those of the one Gaussian at which half of the light is gone, never blended; depth is
     where the pixel's ray meets its plane. Appearance edits are functions on the surface, applied to what each pixel
     shows: an edited thing does not shine through what stands before it.
     Raises TargetError for a camera that is not there and Unsupported if the scene has no Gaussians.

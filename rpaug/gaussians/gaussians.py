@@ -115,7 +115,9 @@ def moved(gaussians: Gaussians, motion: Float[np.ndarray, "4 4"]) -> Gaussians:
         gaussians,
         means=means.astype(np.float32),
         quats=turned(by, gaussians.quats).astype(np.float32),
-        moments=frame_residuals.moved(gaussians.moments, motion[:3, :3], turned(by, np.eye(4))),
+        frame_residuals=frame_residuals.moved(
+            gaussians.frame_residuals, motion[:3, :3], turned(by, np.eye(4))
+        ),
     )
 
 
@@ -143,7 +145,7 @@ def joined(parts: Iterable[Gaussians]) -> Gaussians:
     """All Gaussians of several sets."""
     parts = list(parts)
     arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
-    return Gaussians(**arrays, moments=frame_residuals.joined(parts))
+    return Gaussians(**arrays, frame_residuals=frame_residuals.joined(parts))
 
 
 def chosen(gaussians: Gaussians, keep: np.ndarray) -> Gaussians:
@@ -151,7 +153,8 @@ def chosen(gaussians: Gaussians, keep: np.ndarray) -> Gaussians:
     arrays = {name: getattr(gaussians, name)[keep] for name in ARRAYS}
     rows = np.arange(len(gaussians))[keep]
     return Gaussians(
-        **arrays, moments=frame_residuals.kept(gaussians.moments, rows, len(gaussians))
+        **arrays,
+        frame_residuals=frame_residuals.kept(gaussians.frame_residuals, rows, len(gaussians)),
     )
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Float32, Int32
 from rpaug.core.types import Scene
 from rpaug.render.splat import Rendering
 
-CHANNELS = 16  # handles told in one pass: the width of a kernel that is compiled anyway
+CHANNELS = 16  # instance ids told in one pass: the width of a kernel that is compiled anyway
 
 
 def asked(scene: Scene) -> list[int]:
@@ -35,7 +35,7 @@ def marks(
 def named(
     drawn: Rendering, ids: Int32[np.ndarray, "h w"], instance_ids: list[int]
 ) -> Int32[np.ndarray, "h w"]:
-    """The handles with those of `handles` where, and only where, they make up most of the light; else 0."""
+    """The instance ids with those of `instance_ids` where, and only where, they make up most of the light; else 0."""
     assert drawn.features is not None
     share = drawn.features[..., : len(instance_ids)]
     most = share.max(-1) > drawn.alpha / 2

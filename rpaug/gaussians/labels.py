@@ -19,7 +19,7 @@ FRAMES = 12  # of each camera, looked at by default
 
 @dataclass(frozen=True)
 class Labelled:
-    """What one camera's pixels are at one frame: instance handles, 0 for none, UNKNOWN for no statement."""
+    """What one camera's pixels are at one frame: instance ids, 0 for none, UNKNOWN for no statement."""
 
     camera: str
     t: int

@@ -1,4 +1,4 @@
-"""Masks drawn from the Gaussians' handles: at each pixel the one that most of its light comes from."""
+"""Masks drawn from the Gaussians' instance ids: at each pixel the one that most of its light comes from."""
 
 import numpy as np
 from jaxtyping import Int32

@@ -61,7 +61,7 @@ class Painting:
         points: Float32[np.ndarray, "n 3"],
         footprint: Float32[np.ndarray, "n"],
     ) -> tuple[Float64[np.ndarray, "n c"], Float64[np.ndarray, "n"]]:
-        """Values at points, and their weight: 0 where nothing was ever sampled nearby, on that handle."""
+        """Values at points, and their weight: 0 where nothing was ever sampled nearby, on that instance id."""
         out = np.zeros((len(points), self.levels[0].values.shape[1]))
         found = np.zeros(len(points))
         wanted = np.log2(np.maximum(footprint, 1e-9) / self.cell)
@@ -106,7 +106,7 @@ def corners(
     points: Float32[np.ndarray, "n 3"],
     cell: float,
 ) -> tuple[Int64[np.ndarray, "8 n"], Float64[np.ndarray, "8 n"]]:
-    """Keys of the eight corners around each point, and the point's share of each. Unknown handles have key -1."""
+    """Keys of the eight corners around each point, and the point's share of each. Unknown instance ids have key -1."""
     scaled = points.astype(np.float64) / cell
     low = np.floor(scaled).astype(np.int64)
     part = scaled - low

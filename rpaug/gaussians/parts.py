@@ -1,4 +1,4 @@
-"""Parts that a recipe's targets ask for: told apart once, then known to every tier under handles of their own."""
+"""Parts that a recipe's targets ask for: told apart once, then known to every tier under instance ids of their own."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -21,7 +21,7 @@ Ids = Callable[[int], Int32[np.ndarray, "h w"]]
 
 
 def given(scene: Scene, wanted: Sequence[Target]) -> Scene:
-    """The scene in which each wanted target's part has the handle `target.part.handle`, in masks as in Gaussians.
+    """The scene in which each wanted target's part has the instance id `target.part.handle`, in masks as in Gaussians.
 
     A recorded pixel of the whole is the part's where most of its light comes from the part's Gaussians. A scene
     without Gaussians is lifted for the purpose and stays without. Raises TargetError where a part cannot be found,

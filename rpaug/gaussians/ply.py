@@ -2,7 +2,7 @@
 
 One vertex a Gaussian, binary little-endian float32: x y z nx ny nz, f_dc_0..2, f_rest_* (all of red, then
 green, then blue), opacity as a logit, scale_0..2 as natural logarithms of metres, rot_0..3 as (w, x, y, z).
-One integer property more, `id`, holds the instance handle; viewers skip it.
+One integer property more, `id`, holds the instance id; viewers skip it.
 """
 
 from pathlib import Path
@@ -64,7 +64,7 @@ def encoded(gaussians: Gaussians) -> bytes:
 
 
 def read(path: Path) -> Gaussians:
-    """Gaussians of a 3DGS file, as they are in it; handles are 0 where it has no `id`. Raises BadInput."""
+    """Gaussians of a 3DGS file, as they are in it; instance ids are 0 where it has no `id`. Raises BadInput."""
     data = read_bytes(path)
     end = data[:MOST_HEADER].find(b"end_header\n")
     if not data.startswith(b"ply\n") or end < 0:

@@ -118,7 +118,7 @@ def _first_of_each_cell(gaussians: Gaussians, cell: float) -> Int[np.ndarray, "m
 
 
 def picture_of(view: CameraView, t: int, instance_ids: frozenset[int]) -> LiftedImage | None:
-    """What a camera shows of some handles at t."""
+    """What a camera shows of some instance ids at t."""
     if view.depth is None or view.ids is None:
         return None
     ids = view.ids(t)

@@ -52,31 +52,33 @@ def borrowed(scene: Scene, key: str, donor: Scene) -> Borrowed:
 
     `founder` is the other scene as fitted, stored under `key`. A camera confirms a Gaussian where its plate shows
     that surface in the colour that the founder's render has; it contradicts one whose surface has another
-    colour here, or that it looks through. Handles are those of the plates, since they differ between episodes.
+    colour here, or that it looks through. Instance ids are those of the plates, since they differ between episodes.
     """
     assert donor.gaussians is not None
     static = frozenset().union(*(b.instance_ids for b in donor.bodies if b.motion == "static"))
     rows = np.flatnonzero(np.isin(donor.gaussians.ids, list(static))).astype(np.int32)
-    lent = chosen(donor.gaussians, rows)
+    donated = chosen(donor.gaussians, rows)
     ids, refuted = np.zeros(len(rows), np.int32), np.zeros(len(rows), bool)
     for plate, camera in _plates(scene):
-        good, _ = _agrees(lent, plate, camera, ALIKE)
+        good, _ = _agrees(donated, plate, camera, ALIKE)
         inner = cv2.erode(good.astype(np.uint8), np.ones((3, 3)), iterations=RIM) > 0
-        seen = _Seen.of(lent.means, plate, camera)
+        seen = _Seen.of(donated.means, plate, camera)
         confirmed = seen.shown & inner[seen.r, seen.c]
         ids = np.where((ids == 0) & confirmed, plate.ids[seen.r, seen.c], ids)
         refuted |= seen.through | (seen.shown & ~good[seen.r, seen.c])
     kept = (ids != 0) & ~refuted
-    mine = chosen(lent, kept)
-    return Borrowed(key, rows[kept], replace(mine, ids=ids[kept].astype(np.int32), moments={}))
+    mine = chosen(donated, kept)
+    return Borrowed(
+        key, rows[kept], replace(mine, ids=ids[kept].astype(np.int32), frame_residuals={})
+    )
 
 
-def begun(scene: Scene, lent: Borrowed) -> Gaussians:
+def begun(scene: Scene, donated: Borrowed) -> Gaussians:
     """What a fit starts from: the borrowed Gaussians, then seeds of all that they do not show."""
     own = seeds(scene)
     seen_at_all, gap = np.zeros(len(own), bool), np.zeros(len(own), bool)
     for plate, camera in _plates(scene):
-        good, alpha = _agrees(lent.gaussians, plate, camera, SMOOTH)
+        good, alpha = _agrees(donated.gaussians, plate, camera, SMOOTH)
         covered = good & (alpha > COVERED)
         seen = _Seen.of(own.means, plate, camera)
         mine = seen.shown & (plate.ids[seen.r, seen.c] == own.ids)
@@ -84,7 +86,7 @@ def begun(scene: Scene, lent: Borrowed) -> Gaussians:
         gap |= mine & ~covered[seen.r, seen.c]
     still = frozenset().union(*(b.instance_ids for b in scene.bodies if b.motion == "static"))
     static = np.isin(own.ids, list(still))
-    return joined([lent.gaussians, chosen(own, ~(static & seen_at_all & ~gap))])
+    return joined([donated.gaussians, chosen(own, ~(static & seen_at_all & ~gap))])
 
 
 @dataclass(frozen=True)

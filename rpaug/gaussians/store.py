@@ -1,10 +1,10 @@
 """Fitted scenes on disk: one zarr 3 group each, whole or absent, named by what it was made from.
 
-A group holds the Gaussians' arrays, each body's handles and track, and attributes: format, version, key,
+A group holds the Gaussians' arrays, each body's instance ids and track, and attributes: format, version, key,
 settings, report, and a SHA-256 of every array and of the attributes themselves. Arrays are compressed (zstd).
 The key is a hash of the recorded content, the bodies found in it and the settings, so that a fit is found again for
 the same episode wherever it lies, and never for another. A scene that borrows another's static Gaussians
-(`rpaug.gaussians.sharing`) keeps their row numbers and handles alone, and the other's key.
+(`rpaug.gaussians.sharing`) keeps their row numbers and instance ids alone, and the other's key.
 """
 
 import hashlib
@@ -35,7 +35,9 @@ FLOWING = ("means", "left", "right", "scales", "opacities", "sh", "ids", "origin
 
 @dataclass(frozen=True)
 class Borrowed:
-    """Static Gaussians of the scene stored under `lender`: its `rows`, which are `gaussians` with handles of here."""
+    """Static Gaussians of the scene stored under `lender`: its `rows`, which are `gaussians` with instance ids of
+    here.
+    """
 
     donor_adapter: str
     rows: Int32[np.ndarray, "m"]
@@ -122,7 +124,7 @@ def save(
             assert same, f"borrowed {n} were changed"
         facts["borrowed"] = {"lender": borrowed.donor_adapter, "gaussians": count}
         arrays |= {"borrowed/rows": borrowed.rows, "borrowed/ids": borrowed.gaussians.ids}
-    residuals = frame_residuals.packed(scene.gaussians.moments)
+    residuals = frame_residuals.packed(scene.gaussians.frame_residuals)
     arrays |= {f"moments/{n}": array for n, array in residuals.items()}
     bodies = []
     for number, body in enumerate(scene.bodies):
@@ -212,9 +214,9 @@ def load(folder: Path, name: str) -> Stored | None:
     group, facts = _open(where)
     sums: Any = facts["sha256"]
     loaded = {n: _read(where, group, f"gaussians/{n}", sums) for n in ARRAYS}
-    lent = _borrowed(folder, where, group, facts) if "borrowed" in facts else None
-    if lent:
-        loaded = {n: np.concatenate([getattr(lent.gaussians, n), loaded[n]]) for n in ARRAYS}
+    donated = _borrowed(folder, where, group, facts) if "borrowed" in facts else None
+    if donated:
+        loaded = {n: np.concatenate([getattr(donated.gaussians, n), loaded[n]]) for n in ARRAYS}
     described: Any = facts["bodies"]
     bodies = tuple(
         Body(
@@ -235,13 +237,20 @@ def load(folder: Path, name: str) -> Stored | None:
     residuals = frame_residuals.unpacked(
         {n: _read(where, group, f"moments/{n}", sums) for n in held}
     )
-    gaussians = Gaussians(**loaded, moments=residuals)
+    gaussians = Gaussians(**loaded, frame_residuals=residuals)
     flowing = None
     if "pace" in facts:
         more = {n: _read(where, group, f"flowing/{n}", sums) for n in FLOWING}
         flowing = Gaussians4(**more, pace=plain["pace"])
     return Stored(
-        gaussians, bodies, pose_correction, light, plain["settings"], plain["report"], flowing, lent
+        gaussians,
+        bodies,
+        pose_correction,
+        light,
+        plain["settings"],
+        plain["report"],
+        flowing,
+        donated,
     )
 
 
@@ -254,9 +263,9 @@ def _borrowed(folder: Path, where: Path, group: zarr.Group, facts: Mapping[str, 
             where, "borrowed", found=f"no scene {donor_adapter} in the store", expected="it"
         )
     rows = _read(where, group, "borrowed/rows", facts["sha256"])
-    lent = {n: getattr(found.gaussians, n)[rows] for n in ARRAYS}
-    lent["ids"] = _read(where, group, "borrowed/ids", facts["sha256"])
-    return Borrowed(donor_adapter, rows, Gaussians(**lent))
+    donated = {n: getattr(found.gaussians, n)[rows] for n in ARRAYS}
+    donated["ids"] = _read(where, group, "borrowed/ids", facts["sha256"])
+    return Borrowed(donor_adapter, rows, Gaussians(**donated))
 
 
 def _open(where: Path) -> tuple[zarr.Group, dict[str, Any]]:

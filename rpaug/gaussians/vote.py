@@ -51,9 +51,10 @@ def ballots(
 def vote(
     scene: Scene, pictures: Sequence[Labelled] | None = None, stage: LabelRenderer | None = None
 ) -> Int32[np.ndarray, "n"]:
-    """The handle of each Gaussian by the masks (default: the recorded ones); one that no pixel shows keeps its own.
+    """The instance id of each Gaussian by the masks (default: the recorded ones); one that no pixel shows keeps its
+    own.
 
-    A Gaussian moves with its body, so it can only take handles that move alike: none bleeds over time.
+    A Gaussian moves with its body, so it can only take instance ids that move alike: none bleeds over time.
 
     Raises Unsupported without Gaussians or masks.
     """
@@ -88,7 +89,7 @@ def _along(
 
 
 def assigned(scene: Scene, pictures: Sequence[Labelled] | None = None) -> Scene:
-    """The scene with its Gaussians' handles by vote. A Gaussian stays in the frame in which it was given."""
+    """The scene with its Gaussians' instance ids by vote. A Gaussian stays in the frame in which it was given."""
     ids = vote(scene, pictures)
     assert scene.gaussians is not None
     return replace(scene, gaussians=replace(scene.gaussians, ids=ids))

@@ -125,7 +125,7 @@ def samples(
 ]:
     """What the target's pixels would show if its Gaussians had these colours and nothing else were mixed in.
 
-    Handles, points in the bodies' frames, and colours, all windows together.
+    Instance ids, points in the bodies' frames, and colours, all windows together.
     """
     sh = torch.from_numpy((colours - 0.5) / SH0)[:, None]
     found = []

@@ -30,7 +30,7 @@ class Changes:
     """By recorded handle: a colour name for what was painted, for a new pattern the word for that, or None if there is
     no word; the factor by which it was resized; what was moved, copied, taken out. `added` are the new things."""
 
-    looks: Mapping[int, str | None] = field(default_factory=dict)
+    sampled: Mapping[int, str | None] = field(default_factory=dict)
     scales: Mapping[int, float] = field(default_factory=dict)
     moved: frozenset[int] = frozenset()
     copied: frozenset[int] = frozenset()
@@ -56,7 +56,7 @@ def of(scene: Scene, draws: Sequence[Mapping[str, Any]]) -> Changes:
         if (asset := library.get(thing["asset"]))
     )
     return Changes(
-        looks=_looks(scene, frozenset(recorded), _patterns(draws)),
+        sampled=_looks(scene, frozenset(recorded), _patterns(draws)),
         scales=scales,
         moved=frozenset(h for h in now if h not in scales and _elsewhere(now[h], recorded[h])),
         copied=frozenset(old for body in scene.bodies for old in body.copy_of),
@@ -89,7 +89,7 @@ def rearranged(scene: Scene) -> Scene:
 
 
 def _patterns(draws: Sequence[Mapping[str, Any]]) -> dict[int, str]:
-    """By handle, the word for the shipped texture that was laid on it last; own images have none."""
+    """By instance id, the word for the shipped texture that was laid on it last; own images have none."""
     return {
         surface["handle"]: shipped.pattern(edit["texture"])
         for draw in draws
@@ -101,7 +101,7 @@ def _patterns(draws: Sequence[Mapping[str, Any]]) -> dict[int, str]:
 def _looks(
     scene: Scene, known: frozenset[int], patterns: Mapping[int, str]
 ) -> dict[int, str | None]:
-    looks: dict[int, str | None] = {}
+    sampled: dict[int, str | None] = {}
     for appearance in scene.appearance:
         if appearance.instance_ids is None:  # light falls on all alike, and names no thing anew
             continue
@@ -110,10 +110,10 @@ def _looks(
         if texture is not None:
             colour = _prevailing(texture)
         for instance_id in appearance.instance_ids & known:
-            looks[instance_id] = (
+            sampled[instance_id] = (
                 patterns.get(instance_id) if texture is not None and not colour else colour
             )
-    return looks
+    return sampled
 
 
 def _prevailing(texture: Texture) -> str | None:

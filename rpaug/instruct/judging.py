@@ -119,8 +119,8 @@ class Judge:
 
     def _becomes(self, phrase: InstructionPhrase) -> str | None:
         """The colour word that is true after the edits, None where there is none and none is needed. Raises Untrue."""
-        looks = self._changes.looks
-        if phrase.colour is None or not looks:
+        sampled = self._changes.sampled
+        if phrase.colour is None or not sampled:
             return phrase.colour
         named = self._named(phrase)
         if named is None:
@@ -130,7 +130,7 @@ class Judge:
                     f"it cannot be told whether {phrase.text!r} is handle {doubtful[0]}, which was painted"
                 )
             return phrase.colour
-        new = {looks.get(instance_id, phrase.colour) for instance_id in named}
+        new = {sampled.get(instance_id, phrase.colour) for instance_id in named}
         if None in new and self._alone(phrase, named):
             return None
         if None in new:
@@ -153,7 +153,7 @@ class Judge:
         painted = self._loose() if name is not None else []
         own = (self._named(phrase) or frozenset()) if painted else frozenset()
         for instance_id in painted:
-            new = self._changes.looks[instance_id]
+            new = self._changes.sampled[instance_id]
             if (
                 instance_id not in own
                 and new
@@ -178,7 +178,7 @@ class Judge:
             instance_id
             for instance_id, row in sorted(self._rows.items())
             if row.role not in targets.APART
-            and instance_id not in own | self._changes.removed | self._changes.looks.keys()
+            and instance_id not in own | self._changes.removed | self._changes.sampled.keys()
             and self._fits(phrase, instance_id)
         ]
 
@@ -210,7 +210,9 @@ class Judge:
     def _named(
         self, phrase: InstructionPhrase, after: bool = False, rank: str | None = None
     ) -> frozenset[int] | None:
-        """The handles that a phrase means, in the recorded scene or in what is left; None if that cannot be told."""
+        """The instance ids that a phrase means, in the recorded scene or in what is left; None if that cannot be
+        told.
+        """
         noun = phrase.nouns[-1] if phrase.nouns else None
         if phrase.colour is None and noun and noun not in ANYTHING and not self._meanings(noun):
             return None  # known without a look at any image
@@ -247,9 +249,9 @@ class Judge:
         return {row.instance_id: row for row in survey(scene.episode, scene.bodies, scene.roles)}
 
     def _loose(self) -> list[int]:
-        """Painted handles but those of robot, table and background, which are meant only by name."""
-        looks = self._changes.looks
-        return [h for h in sorted(looks) if self._rows[h].role not in targets.APART]
+        """Painted instance ids but those of robot, table and background, which are meant only by name."""
+        sampled = self._changes.sampled
+        return [h for h in sorted(sampled) if self._rows[h].role not in targets.APART]
 
     def _was(self, instance_id: int) -> str:
         return self._rows[instance_id].colour_name

@@ -19,7 +19,7 @@ from rpaug.operators.insert import (
     suited,
 )
 from rpaug.providers import harmonise
-from rpaug.scene.placement.placing import room
+from rpaug.scene.placement.placing import find_free_space
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class Distractors(Operator):
             choices = tuple(library.get(name) for name in self.assets)
         else:
             choices = library.find(self.category, self.color, self.size)
-        things, _ = draw(scene, room(scene), choices, self.count, 1.0, rng)
+        things, _ = draw(scene, find_free_space(scene), choices, self.count, 1.0, rng)
         if not self.harmonise:
             return {"things": things, **AS_IT_COMES}
         return suited(scene, {"things": things, **light(scene)}, self.harmoniser)

@@ -11,7 +11,7 @@ from rpaug.core.interfaces import Edit, Operator
 from rpaug.core.types import Body, Effect, Scene
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import standing, untouched
-from rpaug.scene.placement.placing import room
+from rpaug.scene.placement.placing import find_free_space
 from rpaug.scene.targets import targets
 
 
@@ -19,7 +19,7 @@ from rpaug.scene.targets import targets
 class Duplicate(Operator):
     """Put `count` copies of `target` on free places of the table, each turned by up to `turn`.
 
-    Copies have handles of their own. They show what was recorded of the original: sides that nobody saw are
+    Copies have instance ids of their own. They show what was recorded of the original: sides that nobody saw are
     missing, so `turn` is best kept small where cameras stand on one side. Things that the robot acts on are refused.
     """
 
@@ -31,7 +31,7 @@ class Duplicate(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = untouched.find_untouched(scene, self.target, "duplicating")
-        around = room(scene)
+        around = find_free_space(scene)
         one = standing.thing(scene, instance_ids, around, "duplicating")
         copies: list[Edit] = []
         free = max(scene.instance_ids) + 1

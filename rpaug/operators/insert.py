@@ -18,7 +18,7 @@ from rpaug.operators.fields import Interval
 from rpaug.providers import harmonise
 from rpaug.scene.lighting import ambience, shadows
 from rpaug.scene.placement import standing
-from rpaug.scene.placement.placing import Room, hull, room
+from rpaug.scene.placement.placing import FreeSpace, find_free_space, hull
 from rpaug.scene.targets import targets
 
 AS_IT_COMES: Edit = {"ambience": None, "lamps": []}
@@ -78,7 +78,7 @@ class Insert(Operator):
         if self.asset is not None:
             choices = (library.get(self.asset),)
         near = None if self.near is None else (targets.find(scene, self.near), self.within)
-        things, _ = draw(scene, room(scene), choices, 1, self.scale, rng, self.at, near)
+        things, _ = draw(scene, find_free_space(scene), choices, 1, self.scale, rng, self.at, near)
         if not self.harmonise:
             return {"things": things, **AS_IT_COMES}
         return suited(scene, {"things": things, **light(scene)}, self.harmoniser)
@@ -89,14 +89,14 @@ class Insert(Operator):
 
 def draw(
     scene: Scene,
-    around: Room,
+    around: FreeSpace,
     choices: tuple[Asset, ...],
     count: int,
     scale: float,
     rng: np.random.Generator,
     at: tuple[float, float] | None = None,
     near: tuple[frozenset[int], float] | None = None,
-) -> tuple[list[Edit], Room]:
+) -> tuple[list[Edit], FreeSpace]:
     """So many things at rest in the room, and the room that they leave. Raises Unsupported if one finds no place."""
     things: list[Edit] = []
     free = max(scene.instance_ids, default=0) + 1

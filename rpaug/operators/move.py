@@ -12,7 +12,7 @@ from rpaug.core.interfaces import Edit, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import standing, untouched
-from rpaug.scene.placement.placing import room
+from rpaug.scene.placement.placing import find_free_space
 from rpaug.scene.sampled_frames import look
 from rpaug.scene.targets import places, targets
 
@@ -43,7 +43,7 @@ class Move(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = untouched.find_untouched(scene, self.target, "moving")
-        around = room(scene, leaving=instance_ids)
+        around = find_free_space(scene, leaving=instance_ids)
         one = standing.thing(scene, instance_ids, around, "moving")
         asked = self._asked(scene, one)
         if asked is not None:

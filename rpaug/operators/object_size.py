@@ -46,11 +46,11 @@ class ObjectSize(Operator):
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = targets.find(scene, self.target)
         untouched.check_seen(scene, self.target, "resizing")
-        looks = look(scene.episode)
+        sampled = look(scene.episode)
         pivot = self._pivot(scene, instance_ids)
         low, high = self.range
         worst = None
-        for touched in grip.contacts(scene, looks, instance_ids, pivot):
+        for touched in grip.contacts(scene, sampled, instance_ids, pivot):
             bears = self.contact / max(abs(touched.growth), 1e-9)
             if 1 - bears > high or 1 + bears < low:
                 worst = touched

@@ -52,7 +52,7 @@ def _low(value: tuple[float, float]) -> tuple[float, float]:
 
 
 def _whole(scene: Scene, instance_ids: frozenset[int]) -> frozenset[int]:
-    """The handles with those that were seen to move with them: a drawer has its grip with it."""
+    """The instance ids with those that were seen to move with them: a drawer has its grip with it."""
     moving = [body.instance_ids for body in scene.tracked if body.motion != "static"]
     return instance_ids.union(*(one for one in moving if one & instance_ids))
 

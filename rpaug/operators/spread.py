@@ -11,7 +11,7 @@ from rpaug.core.interfaces import Edit, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import standing, untouched
-from rpaug.scene.placement.placing import Room, room
+from rpaug.scene.placement.placing import FreeSpace, find_free_space
 from rpaug.scene.targets.targets import Target
 
 LARGEST = 0.4  # metres: what is wider is furniture
@@ -32,11 +32,13 @@ class Spread(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        around = room(scene)
+        around = find_free_space(scene)
         things = self._named(scene, around) if self.targets else _loose(scene, around)
         if not things:
             raise Unsupported("spreading: nothing stands on the table that the robot leaves alone")
-        around = room(scene, leaving=frozenset().union(*(one.instance_ids for one in things)))
+        around = find_free_space(
+            scene, leaving=frozenset().union(*(one.instance_ids for one in things))
+        )
         moves = []
         for one in sorted(things, key=lambda one: -float(np.ptp(one.outline, axis=0).max())):
             found = standing.settle(one, around, self.turn, rng, (one.middle, self.shift))
@@ -61,12 +63,12 @@ class Spread(Operator):
             after = standing.moved(after, frozenset(move["handles"]), np.array(move["motion"]))
         return shadows.follow(scene, after, edit["lamps"])
 
-    def _named(self, scene: Scene, around: Room) -> list[standing.StandingInstance]:
+    def _named(self, scene: Scene, around: FreeSpace) -> list[standing.StandingInstance]:
         named = [untouched.find_untouched(scene, each, "spreading") for each in self.targets or ()]
         return [standing.thing(scene, instance_ids, around, "spreading") for instance_ids in named]
 
 
-def _loose(scene: Scene, around: Room) -> list[standing.StandingInstance]:
+def _loose(scene: Scene, around: FreeSpace) -> list[standing.StandingInstance]:
     """Small things on the table that no role is known of."""
     taken = frozenset().union(*scene.roles.values()) if scene.roles else frozenset()
     found = []

@@ -31,7 +31,9 @@ class Bound:
     shares: Float64[np.ndarray, "n k"]
     rest: Float64[np.ndarray, "p 3"]
 
-    def moment(self, x: Float[np.ndarray, "p 3"], D: Float[np.ndarray, "p 3 3"]) -> FrameResidual:
+    def frame_residual(
+        self, x: Float[np.ndarray, "p 3"], D: Float[np.ndarray, "p 3 3"]
+    ) -> FrameResidual:
         """How the Gaussians are where particles are at `x`, deformed by `D` since they were at rest."""
         usual = self.gaussians
         offset = usual.means[:, None].astype(float) - self.rest[self.particles]
@@ -80,7 +82,8 @@ def bind(
 def shown(bound: Bound, states: Sequence[tuple[np.ndarray, np.ndarray]]) -> Gaussians:
     """The Gaussians with a moment for each state (places and deformations) of the particles, one a frame."""
     return replace(
-        bound.gaussians, moments={t: bound.moment(x, D) for t, (x, D) in enumerate(states)}
+        bound.gaussians,
+        frame_residuals={t: bound.frame_residual(x, D) for t, (x, D) in enumerate(states)},
     )
 
 

@@ -30,7 +30,7 @@ def surface(scene: Scene, instance_ids: frozenset[int]) -> Gaussians:
         placed = gaussians.placed(scene, 0)
         mine = gaussians.chosen(placed, np.isin(placed.ids, list(instance_ids)))
         if len(mine):
-            return replace(mine, moments={})
+            return replace(mine, frame_residuals={})
     found, views = _gathered(scene, instance_ids)
     shows = ~_inside(found, scene, instance_ids)
     if shows.any():

@@ -39,14 +39,14 @@ class Surroundings:
 
 def surroundings(scene: Scene, instance_ids: frozenset[int], pace: float) -> Surroundings:
     """What is around some instances; recorded frames are `pace` seconds apart."""
-    looks = look(scene.episode)
+    sampled = look(scene.episode)
     support = scene.roles.get("table", frozenset())
     tops: list[np.ndarray] = []
     points: list[np.ndarray] = []
     for body, instance_id in _solid(scene, instance_ids):
         if body.motion != "static":
             continue
-        found = geometry.transform(body.to_world[0], surface(looks, instance_id, body)[0])
+        found = geometry.transform(body.to_world[0], surface(sampled, instance_id, body)[0])
         (tops if instance_id in support else points).append(found)
     level = float(np.median(np.concatenate(tops)[:, 2])) if tops else None
     mine, others = [], []
@@ -54,7 +54,7 @@ def surroundings(scene: Scene, instance_ids: frozenset[int], pace: float) -> Sur
     for body, instance_id in _solid(scene, instance_ids):
         if body.motion in ("static", "unknown"):
             continue
-        seen = surface(looks, instance_id, body)[0]
+        seen = surface(sampled, instance_id, body)[0]
         if instance_id in robot and len(seen) >= FEW:
             grip = scene.episode.robot.gripper_to_world
             upright = [] if grip is None else [grip[body.reference, :3, :3]]
@@ -94,7 +94,7 @@ def within(
 
 
 def _solid(scene: Scene, instance_ids: frozenset[int]) -> Iterator[tuple[Body, int]]:
-    """Recorded bodies, as they are now, with each of their handles but the simulated ones'."""
+    """Recorded bodies, as they are now, with each of their instance ids but the simulated ones'."""
     for body in scene.bodies:
         if body.mesh is None and body.soft is None and not body.copy_of:
             for instance_id in sorted(body.instance_ids - instance_ids):

@@ -90,11 +90,11 @@ def _staged(run: Run, todo: Sequence[Job]) -> list[list[Job]]:
     """The jobs in turns: what lends Gaussians to others is fitted before them, and once."""
     if not run.share:
         return [list(todo)]
-    lent = prepare.donors(run.adapter, run.source, [job.key for job in todo])
-    donors = dict.fromkeys(lent.values())
+    donated = prepare.donors(run.adapter, run.source, [job.key for job in todo])
+    donors = dict.fromkeys(donated.values())
     own = {job.key: job for job in todo}
     first = [own.get(key) or _job(run, key, ()) for key in donors]
-    rest = [replace(job, donor=lent.get(job.key)) for job in todo if job.key not in donors]
+    rest = [replace(job, donor=donated.get(job.key)) for job in todo if job.key not in donors]
     return [first, rest]
 
 

@@ -1,4 +1,4 @@
-"""What an episode in another layout must still hold: its length, words, images, depth, handles, cameras, robot."""
+"""What an episode in another layout must still hold: its length, words, images, depth, instance ids, cameras, robot."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal

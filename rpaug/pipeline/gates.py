@@ -74,7 +74,7 @@ class Figures:
 
 @runtime_checkable
 class Paint(Protocol):
-    """An appearance that gives its handles one colour, display sRGB 0..1."""
+    """An appearance that gives its instance ids one colour, display sRGB 0..1."""
 
     @property
     def instance_ids(self) -> frozenset[int]: ...

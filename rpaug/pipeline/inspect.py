@@ -26,10 +26,11 @@ MARGIN = 4  # pixels around an instance's thumbnail
 def inspect(
     episode: Episode, files: Sequence[Path] = ()
 ) -> tuple[dict[str, Any], tuple[InstanceSummary, ...], Episode]:
-    """Plain values about the episode, one summary per instance, and the episode with handles where they were found.
+    """Plain values about the episode, one summary per instance, and the episode with instance ids where they were
+    found.
 
     `files` are URDF or MJCF files of arms whose links are looked for first. Of a video whose camera can be worked out
-    they are those of its registered frames, with the handles that edits of it go by.
+    they are those of its registered frames, with the instance ids that edits of it go by.
     """
     described: dict[str, Any] = {
         "episode": episode.key,

@@ -220,7 +220,7 @@ def donors(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str]:
 
 
 def _with_parts(scene: Scene, plan: planning.Plan) -> Scene:
-    """The scene in which targets finer than the masks have handles of their own."""
+    """The scene in which targets finer than the masks have instance ids of their own."""
     if not plan.parts:
         return scene
     from rpaug.gaussians import parts  # only here: it brings torch and the rasteriser

@@ -33,7 +33,7 @@ class Residual:
 
 
 def regions(scene: Scene) -> dict[str, frozenset[int]]:
-    """Handles by region: each body that moves, by its handles, and everything else as the background."""
+    """Handles by region: each body that moves, by its instance ids, and everything else as the background."""
     moving = [body.instance_ids for body in scene.tracked if body.motion != "static"]
     named = {
         f"body {', '.join(map(str, sorted(instance_ids)))}": instance_ids for instance_ids in moving
@@ -109,7 +109,7 @@ def _there_and_back(
 def _errors(
     view: CameraView, t: int, image: UInt8[np.ndarray, "h w 3"], depth: Float32[np.ndarray, "h w"]
 ) -> tuple[Float64[np.ndarray, "n"], Float64[np.ndarray, "n"], Int32[np.ndarray, "n"]]:
-    """Each recorded pixel's squared colour error of full scale 1, depth error in metres, and handle."""
+    """Each recorded pixel's squared colour error of full scale 1, depth error in metres, and instance id."""
     assert view.depth is not None
     true = view.depth(t)
     squared = ((image / 255.0 - view.rgb(t) / 255.0) ** 2).mean(-1)

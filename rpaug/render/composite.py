@@ -82,7 +82,7 @@ def _quantised(
 def _among(
     ids: Int32[np.ndarray, "h w"], instance_ids: Int32[np.ndarray, "k"]
 ) -> Bool[np.ndarray, "h w"]:
-    """Which pixels show one of the handles, which ascend."""
+    """Which pixels show one of the instance ids, which ascend."""
     out = np.zeros(ids.shape, np.bool_)
     if len(instance_ids) == 0:
         return out

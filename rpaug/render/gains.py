@@ -39,7 +39,7 @@ def matched(source: Source, like: Source, tolerance: float) -> Source:
 
 @kernel
 def _medians(instance_ids, ratios, known):
-    """Per known handle and channel, the median ratio; 0 among the ratios says nothing."""
+    """Per known instance id and channel, the median ratio; 0 among the ratios says nothing."""
     gains = np.ones((len(known), 3), np.float32)
     for k in range(len(known)):
         rows = np.flatnonzero(instance_ids == known[k])

@@ -129,7 +129,7 @@ def _count(thing, row, column, instance_id):
 
 @kernel
 def _cheapest(ids, ends, away, plane, instance_id):
-    """The walk of least length * (1/z) ** FARNESS, among those that end on `handle` (-1: any); -1 if none."""
+    """The walk of least length * (1/z) ** FARNESS, among those that end on `instance_id` (-1: any); -1 if none."""
     best, chosen = np.inf, -1
     farthest = plane.min()
     for axis in range(4):

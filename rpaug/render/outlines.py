@@ -53,7 +53,7 @@ def grown(prints: Footprints, scale: float) -> Footprints:
 def footprints(
     near: Float64[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"], step: float = STEP
 ) -> Footprints:
-    """Footprints of an image of 1/z (0: infinitely far, negative: not known) and instance handles.
+    """Footprints of an image of 1/z (0: infinitely far, negative: not known) and instance ids.
 
     A neighbour that is off a surfel's plane by the share `step` of 1/z lies before or behind it.
     """

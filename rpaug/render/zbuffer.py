@@ -29,7 +29,7 @@ BEYOND = 1 << 16  # added to the rank of what reaches past its own pixel: later 
 
 @dataclass(frozen=True)
 class Gains:
-    """Factors on the colours of some handles."""
+    """Factors on the colours of some instance ids."""
 
     instance_ids: Int32[np.ndarray, "n"]
     factors: Float32[np.ndarray, "n 3"]
@@ -71,7 +71,7 @@ class Rendered:
     """One view drawn from surfels: every plane comes from the same winner of the same z-buffer.
 
     `rgb` is display sRGB in 0..1; `depth` metres, 0 where nothing is or all is infinitely far; `ids` instance
-    handles; `source` the index of the source that won, -1 where none did, which is where `hole` is set.
+    instance ids; `source` the index of the source that won, -1 where none did, which is where `hole` is set.
     """
 
     rgb: Float32[np.ndarray, "h w 3"]
@@ -150,7 +150,7 @@ def render(
 def _won_ids(
     source: Int16[np.ndarray, "h w"], pixel: Int32[np.ndarray, "h w"], sources: Sequence[Source]
 ) -> Int32[np.ndarray, "h w"]:
-    """The handle of the surfel that won each pixel, 0 where none did."""
+    """The instance id of the surfel that won each pixel, 0 where none did."""
     ids = np.zeros(source.shape, np.int32)
     for index, each in enumerate(sources):
         won = source == index

@@ -41,9 +41,9 @@ def build(
     elif with_bodies and not all(view.depth and view.ids for view in episode.views.values()):
         tracked = _untracked(episode)
     elif with_bodies:
-        looks = look(episode)
-        tracked = bodies.track(episode, looks, arms)
-        named = dict(roles.infer(episode, tracked, looks))
+        sampled = look(episode)
+        tracked = bodies.track(episode, sampled, arms)
+        named = dict(roles.infer(episode, tracked, sampled))
     return Scene(
         episode=episode,
         cameras={name: view.camera for name, view in episode.views.items()},

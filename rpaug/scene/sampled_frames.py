@@ -1,4 +1,4 @@
-"""A few frames of an episode, decoded once: depth, instance handles and surface normals of every camera."""
+"""A few frames of an episode, decoded once: depth, instance ids and surface normals of every camera."""
 
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -18,10 +18,10 @@ THREADS = 2
 
 @dataclass(frozen=True)
 class SampledFrames:
-    """Images of `frames` (ascending) from the cameras that have depth and handles, thinned to one size.
+    """Images of `frames` (ascending) from the cameras that have depth and instance ids, thinned to one size.
 
-    Where a camera's image is smaller than the others it is padded: depth 0, handle -1. `normals` are unit
-    vectors in the world, from neighbours of the same handle only; zero where there is none. `points` are
+    Where a camera's image is smaller than the others it is padded: depth 0, instance id -1. `normals` are unit
+    vectors in the world, from neighbours of the same instance id only; zero where there is none. `points` are
     world points. `fixed[c]` tells whether camera c stands still.
     """
 
@@ -37,7 +37,7 @@ class SampledFrames:
 
     @property
     def instance_ids(self) -> Int32[np.ndarray, "n"]:
-        """Every handle seen, ascending; 0 is not one."""
+        """Every instance id seen, ascending; 0 is not one."""
         found = np.unique(self.ids)
         return found[found > 0]
 
@@ -59,7 +59,7 @@ def frames_to_look_at(episode: Episode, most: int = MOST_FRAMES) -> Int[np.ndarr
 
 
 def look(episode: Episode, frames: Iterable[int] | None = None) -> SampledFrames:
-    """Decode `frames` (default: `frames_to_look_at`) of every camera that has both depth and handles."""
+    """Decode `frames` (default: `frames_to_look_at`) of every camera that has both depth and instance ids."""
     if frames is None:
         return _at_all(episode)
     return _decoded(episode, np.array(sorted(set(frames)), int))
@@ -112,7 +112,7 @@ def _decoded(episode: Episode, chosen: Int[np.ndarray, "s"]) -> SampledFrames:
 def lift(depth, ids, K, pose, points, normals):
     """Fill world points and unit normals (zero where unknown) of one image, both (h, w, 3).
 
-    Normals are one-sided: the smaller of the two differences wins, within one handle.
+    Normals are one-sided: the smaller of the two differences wins, within one instance id.
     """
     height, width = depth.shape
     for r in range(height):

@@ -13,7 +13,7 @@ from rpaug.core.types import FrameResidual, Gaussians, Scene
 from rpaug.gaussians import frame_residuals, gaussian_view, gaussians, store
 from rpaug.gaussians.descent import settings_for
 from rpaug.gaussians.fit import fitted
-from rpaug.gaussians.fit_residuals import fit_moments
+from rpaug.gaussians.fit_residuals import fit_frame_residuals
 from rpaug.gaussians.frame_residuals import PARTS
 from rpaug.gaussians.gaussians import Placement
 from rpaug.render.splat import Splats
@@ -28,7 +28,7 @@ def a_set(count: int = 12, seed: int = 0) -> Gaussians:
         arrays = (rng.normal(0, 0.1, (len(rows), *s)).astype(np.float16) for s in shapes)
         return FrameResidual(np.array(rows, np.int32), *arrays)
 
-    return replace(some(count), moments={2: moment([1, 4, 5]), 7: moment([0, 5])})
+    return replace(some(count), frame_residuals={2: moment([1, 4, 5]), 7: moment([0, 5])})
 
 
 def assert_alike(one: Gaussians, other: Gaussians) -> None:
@@ -43,16 +43,16 @@ def test_only_the_rows_of_a_time_differ_at_it() -> None:
         differs = (getattr(then, name) != getattr(usual, name)).reshape(len(usual), -1).any(1)
         assert set(np.flatnonzero(differs)) <= {1, 4, 5}
     assert (then.means != usual.means).any()
-    assert len(frame_residuals.at(usual, 3).moments) == 0
+    assert len(frame_residuals.at(usual, 3).frame_residuals) == 0
     np.testing.assert_array_equal(frame_residuals.at(usual, 3).means, usual.means)
 
 
 def test_a_difference_is_what_leads_there() -> None:
     usual = a_set()
     rows = np.array([0, 3, 8])
-    there = gaussians.chosen(replace(some(12), moments={}), [9, 10, 11])
+    there = gaussians.chosen(replace(some(12), frame_residuals={}), [9, 10, 11])
     there = replace(there, opacities=np.clip(there.opacities, 0.01, 0.99))
-    with_it = replace(usual, moments={5: frame_residuals.difference(usual, there, rows)})
+    with_it = replace(usual, frame_residuals={5: frame_residuals.difference(usual, there, rows)})
     assert_alike(gaussians.chosen(frame_residuals.at(with_it, 5), rows), there)
 
 
@@ -85,11 +85,11 @@ def test_a_store_keeps_them(tmp_path: Path, placed: tuple[World, Scene]) -> None
     store.save(tmp_path, "abc", kept, settings={}, report={})
     found = store.load(tmp_path, "abc")
     assert found is not None
-    assert list(found.gaussians.moments) == [2, 7]
-    for t, moment in a_set().moments.items():
+    assert list(found.gaussians.frame_residuals) == [2, 7]
+    for t, moment in a_set().frame_residuals.items():
         for name in ("rows", *PARTS):
             np.testing.assert_array_equal(
-                getattr(found.gaussians.moments[t], name), getattr(moment, name)
+                getattr(found.gaussians.frame_residuals[t], name), getattr(moment, name)
             )
 
 
@@ -109,8 +109,8 @@ def faithful(placed: tuple[World, Scene]) -> tuple[Scene, Scene]:
     settings = replace(settings_for("heldout", steps=60), train_frames=6, threads=1)
     usual, _ = fitted(placed[1], settings=settings, seed=1)
     assert usual.gaussians is not None
-    found = fit_moments(usual, [3, 14], steps=8, depth_weight=3.0, threads=2)
-    return usual, replace(usual, gaussians=replace(usual.gaussians, moments=found))
+    found = fit_frame_residuals(usual, [3, 14], steps=8, depth_weight=3.0, threads=2)
+    return usual, replace(usual, gaussians=replace(usual.gaussians, frame_residuals=found))
 
 
 def test_fitted_moments_show_their_times_better_and_leave_others_alone(
@@ -125,7 +125,7 @@ def test_fitted_moments_show_their_times_better_and_leave_others_alone(
     assert error(better, 14) < 0.7 * error(usual, 14)
     assert error(better, 15) == error(usual, 15)
     assert better.gaussians is not None
-    moved = np.unique(better.gaussians.ids[better.gaussians.moments[14].rows])
+    moved = np.unique(better.gaussians.ids[better.gaussians.frame_residuals[14].rows])
     still = {h for b in usual.bodies if (b.to_world == np.eye(4)).all() for h in b.instance_ids}
     assert not still & set(moved.tolist())
 
@@ -133,7 +133,8 @@ def test_fitted_moments_show_their_times_better_and_leave_others_alone(
 def test_moments_do_not_depend_on_threads(faithful: tuple[Scene, Scene]) -> None:
     usual, _ = faithful
     one, two = (
-        fit_moments(usual, [3, 14], steps=2, depth_weight=3.0, threads=n)[14] for n in (1, 2)
+        fit_frame_residuals(usual, [3, 14], steps=2, depth_weight=3.0, threads=n)[14]
+        for n in (1, 2)
     )
     np.testing.assert_array_equal(one.means, two.means)
 
@@ -143,7 +144,7 @@ def test_a_fidelity_fit_stops_at_its_target(placed: tuple[World, Scene]) -> None
         settings = settings_for("fidelity", target=target, steps=40)
         settings = replace(settings, train_frames=4, checked_frames=2, moment_steps=4)
         _, found = fitted(placed[1], settings=settings)
-        return found.moments, found.fixed_db
+        return found.frame_residuals, found.fixed_db
 
     moments_easy, easy = report(20.0)
     moments_hard, hard = report(easy + 0.5)

@@ -62,12 +62,12 @@ def test_a_place_is_told_by_its_fixed_cameras() -> None:
 
 
 def test_what_agrees_is_borrowed_and_nothing_else(donor: Scene) -> None:
-    lent = sharing.borrowed(second_scene(), "abc", donor)
-    assert set(lent.gaussians.ids.tolist()) == {OTHER_TABLE}
+    donated = sharing.borrowed(second_scene(), "abc", donor)
+    assert set(donated.gaussians.ids.tolist()) == {OTHER_TABLE}
     assert donor.gaussians is not None
     tables = (donor.gaussians.ids == TABLE).sum()
-    assert len(lent) > 0.6 * tables
-    np.testing.assert_array_equal(lent.gaussians.means, donor.gaussians.means[lent.rows])
+    assert len(donated) > 0.6 * tables
+    np.testing.assert_array_equal(donated.gaussians.means, donor.gaussians.means[donated.rows])
 
 
 def test_what_is_looked_through_is_not_borrowed(donor: Scene) -> None:
@@ -79,10 +79,10 @@ def test_what_is_looked_through_is_not_borrowed(donor: Scene) -> None:
         ids[gone], rgb[gone] = TABLE, (90, 90, 90)
         return rgb, depth, ids
 
-    lent = sharing.borrowed(seen_by(first_scene(), change), "abc", donor)
+    donated = sharing.borrowed(seen_by(first_scene(), change), "abc", donor)
     assert donor.gaussians is not None
     boxes = donor.gaussians.ids == BOX
-    assert boxes[lent.rows].sum() < 0.01 * boxes.sum()
+    assert boxes[donated.rows].sum() < 0.01 * boxes.sum()
 
 
 def test_a_thousandth_of_the_size_borrows_as_much(donor: Scene) -> None:

@@ -7,8 +7,8 @@ from rpaug.scene.tracking import bodies
 
 
 def analysed(episode: Episode) -> Scene:
-    looks = look(episode)
-    found = bodies.track(episode, looks)
-    known = roles.infer(episode, found, looks)
+    sampled = look(episode)
+    found = bodies.track(episode, sampled)
+    known = roles.infer(episode, found, sampled)
     cameras = {name: view.camera for name, view in episode.views.items()}
     return Scene(episode, cameras, found, known, False, episode.descriptions)

@@ -110,7 +110,7 @@ def test_what_lies_in_another_thing_does_not_come_out_of_its_sides():
     inside = (
         points[:, :2] @ way < (sides[:, :2] @ way).max() - 0.01
     )  # the front panel lies before them
-    wide, room = np.ptp(points[inside, :2] @ across), np.ptp(sides[:, :2] @ across)
-    assert room < 1.3 * wide
-    assert fits * wide < room + 4 * growing.INSIDE
+    wide, free_space = np.ptp(points[inside, :2] @ across), np.ptp(sides[:, :2] @ across)
+    assert free_space < 1.3 * wide
+    assert fits * wide < free_space + 4 * growing.INSIDE
     assert growing.largest(recorded, frozenset([drawer]), foot, 1.02) == (1.02, None)

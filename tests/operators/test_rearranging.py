@@ -45,7 +45,7 @@ def middle(points):
 
 def test_a_moved_thing_stands_where_it_was_put():
     corners = 0.06 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
-    spot = placing.room(scene()).draw(
+    spot = placing.find_free_space(scene()).draw(
         corners, 0.15, np.random.default_rng(0), near=(np.array([0.3, 0.0]), 0.5)
     )
     operator = Move(target=Target(handle=instance_id("cylinder")), to=tuple(spot), turn=0)
@@ -53,14 +53,14 @@ def test_a_moved_thing_stands_where_it_was_put():
     view = shown(after).views["overhead"]
     held = view.ids(0) == instance_id("cylinder")
     assert held.any()
-    room = placing.room(after)
+    free_space = placing.find_free_space(after)
     at = placing.points_of(scene(), [instance_id("cylinder")])
     body = next(b for b in after.bodies if instance_id("cylinder") in b.instance_ids)
     np.testing.assert_allclose(
         middle(at @ body.to_world[0, :3, :3].T + body.to_world[0, :3, 3])[:2], spot, atol=0.01
     )
-    cell = np.rint((spot - room.origin) / placing.CELL).astype(int)
-    assert room.still[cell[1], cell[0]] < 0.02  # its foot is hardly seen
+    cell = np.rint((spot - free_space.origin) / placing.CELL).astype(int)
+    assert free_space.still[cell[1], cell[0]] < 0.02  # its foot is hardly seen
 
 
 def test_a_place_that_is_taken_is_refused():
@@ -71,7 +71,7 @@ def test_a_place_that_is_taken_is_refused():
 
 
 def test_places_keep_their_distance():
-    room = placing.room(scene())
+    free_space = placing.find_free_space(scene())
     corners = 0.03 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
     rng = np.random.default_rng(0)
     true = [
@@ -79,20 +79,20 @@ def test_places_keep_their_distance():
         for name in ("pad", "cylinder", "block_small", "block_textured")
     ]
     for _ in range(40):
-        spot = room.draw(corners, 0.1, rng)
+        spot = free_space.draw(corners, 0.1, rng)
         assert min(np.linalg.norm(spot - other) for other in true) > 0.08
-    tall = room.spots(corners, 1.0).sum()
-    assert tall < room.spots(corners, 0.1).sum()
+    tall = free_space.spots(corners, 1.0).sum()
+    assert tall < free_space.spots(corners, 0.1).sum()
 
 
 def test_a_thing_that_stands_there_takes_the_room():
-    room = placing.room(scene())
+    free_space = placing.find_free_space(scene())
     corners = 0.03 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
-    spot = room.draw(corners, 0.1, np.random.default_rng(0))
+    spot = free_space.draw(corners, 0.1, np.random.default_rng(0))
     assert spot is not None
-    assert room.draw(corners, 0.1, np.random.default_rng(0), near=(spot, 0.02)) is not None
+    assert free_space.draw(corners, 0.1, np.random.default_rng(0), near=(spot, 0.02)) is not None
     assert (
-        room.with_thing(corners + spot).draw(
+        free_space.with_thing(corners + spot).draw(
             corners, 0.1, np.random.default_rng(0), near=(spot, 0.05)
         )
         is None
@@ -139,13 +139,13 @@ def test_no_room_is_said():
 
 
 def test_what_does_not_stand_on_the_table_is_refused():
-    room = placing.room(scene())
+    free_space = placing.find_free_space(scene())
     with pytest.raises(Unsupported, match="does not stand on the table"):
-        standing.thing(scene(), frozenset({instance_id("floor")}), room, "moving")
+        standing.thing(scene(), frozenset({instance_id("floor")}), free_space, "moving")
 
 
 def test_a_thing_moves_as_the_robot_sees_it():
-    around = placing.room(scene(), leaving=frozenset([instance_id("cylinder")]))
+    around = placing.find_free_space(scene(), leaving=frozenset([instance_id("cylinder")]))
     one = standing.thing(scene(), frozenset([instance_id("cylinder")]), around, "")
     spot = around.draw(one.outline, one.top, np.random.default_rng(0))
     # The twin's robot works along x, so its left is y.
@@ -161,7 +161,9 @@ def test_a_thing_moves_next_to_another():
         near=Target(handle=instance_id("pad")),
     )
     edit = wish.sample(scene(), np.random.default_rng(0))
-    one = standing.thing(scene(), frozenset([instance_id("cylinder")]), placing.room(scene()), "")
+    one = standing.thing(
+        scene(), frozenset([instance_id("cylinder")]), placing.find_free_space(scene()), ""
+    )
     spot = np.array(edit["motion"])[:2, :2] @ one.middle + np.array(edit["motion"])[:2, 3]
     assert np.linalg.norm(spot - pad) < 0.35
     with pytest.raises(ValueError, match="give one of"):

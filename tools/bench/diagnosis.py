@@ -137,7 +137,7 @@ def _table(pool: list[Seen], usual: reference.Reference, masks: bool) -> measure
         Rollout(
             str(n), True, "",
             {CAMERA: {0: CameraShot(lambda s=s: s.rgb, (lambda s=s: s.ids) if masks else None)}},
-            {r: frozenset(s.instance_ids[p] for p in ps if p in s.instance_ids) for r, ps in ROLES.items()} if masks else {},
+            {r: frozenset(s.handles[p] for p in ps if p in s.handles) for r, ps in ROLES.items()} if masks else {},
         )
         for n, s in enumerate(pool)
     )  # fmt: skip

@@ -54,7 +54,7 @@ class Trained:
     @cached_property
     def scenery(self) -> set[str]:
         """What it saw beside the block, and has learnt to leave alone."""
-        return {name for one in self.pictures for name in one.instance_ids} - {"block_plain"}
+        return {name for one in self.pictures for name in one.handles} - {"block_plain"}
 
     @cached_property
     def table(self) -> np.ndarray:
@@ -230,9 +230,7 @@ def outcomes(pool: Sequence[Seen], trained: Trained) -> Outcomes:
 
 
 def _things(seen: Seen) -> dict[str, np.ndarray]:
-    names = [
-        n for n in seen.instance_ids if n not in ROOM and not n.startswith("link") and n != "hand"
-    ]
+    names = [n for n in seen.handles if n not in ROOM and not n.startswith("link") and n != "hand"]
     masks = {name: seen.mask(name) for name in names}
     return {name: mask for name, mask in masks.items() if mask.sum() >= 8 and name != "patch"}
 

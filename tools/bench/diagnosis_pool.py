@@ -38,15 +38,13 @@ class Seen:
 
     rgb: np.ndarray  # (h, w, 3) uint8
     ids: np.ndarray  # (h, w) int32
-    instance_ids: Mapping[str, int]
+    handles: Mapping[str, int]
     place: np.ndarray  # (3,) where the block's middle is, metres
     pose: np.ndarray  # (4, 4) camera to world
     changed: tuple[str, ...]
 
     def mask(self, *names: str) -> np.ndarray:
-        return np.isin(
-            self.ids, [self.instance_ids[name] for name in names if name in self.instance_ids]
-        )
+        return np.isin(self.ids, [self.handles[name] for name in names if name in self.handles])
 
 
 def meet(number: int, changed: tuple[str, ...], room: int = 0) -> Seen:
@@ -138,18 +136,18 @@ def pool(
 
 
 def _kept(one: Seen, number: int) -> list[tuple[str, np.ndarray]]:
-    names = sorted(one.instance_ids)
+    names = sorted(one.handles)
     return [
         (f"{number}-rgb", one.rgb), (f"{number}-ids", one.ids), (f"{number}-place", one.place),
         (f"{number}-pose", one.pose), (f"{number}-names", np.array(names)),
-        (f"{number}-numbers", np.array([one.instance_ids[n] for n in names])),
+        (f"{number}-numbers", np.array([one.handles[n] for n in names])),
         (f"{number}-changed", np.array(one.changed, dtype="U40")),
     ]  # fmt: skip
 
 
 def _loaded(kept: Mapping[str, np.ndarray], number: int) -> Seen:
     at = lambda name: kept[f"{number}-{name}"]  # noqa: E731
-    instance_ids = dict(zip(at("names").tolist(), at("numbers").tolist(), strict=True))
+    handles = dict(zip(at("names").tolist(), at("numbers").tolist(), strict=True))
     return Seen(
-        at("rgb"), at("ids"), instance_ids, at("place"), at("pose"), tuple(at("changed").tolist())
+        at("rgb"), at("ids"), handles, at("place"), at("pose"), tuple(at("changed").tolist())
     )

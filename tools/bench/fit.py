@@ -109,7 +109,7 @@ def _pictures(scene: Scene, folder: Path) -> None:
 def _table(facts: dict) -> str:
     lines = [
         f"{facts['gaussians']} Gaussians, {facts['steps']} steps, {facts['wall_seconds']:.1f} s wall, "
-        f"{facts['cpu_seconds']:.1f} s CPU, {facts['moments']} moments, peak {facts['peak_mb']:.0f} MB",
+        f"{facts['cpu_seconds']:.1f} s CPU, {facts['frame_residuals']} moments, peak {facts['peak_mb']:.0f} MB",
         f"fitted times {facts['train_db']:.2f} dB, held-out times {facts.get('held_out_db', 0.0):.2f} dB, "
         f"all cameras {facts['all_cameras_db']:.2f} dB, fixed cameras {facts['fixed_cameras_db']:.2f} dB, "
         f"SSIM {facts['fixed_cameras_ssim']:.3f}",

@@ -31,7 +31,7 @@ def placements(seeds: int, frames: int) -> Iterator[dict]:
         task = tuple(twin.TASKS)[seed % len(twin.TASKS)]
         take = twin.perform(task, seed, frames=frames)
         scene = build.build(take.episode, with_bodies=True)
-        around, choices = placing.room(scene), library.find(size=(0.04, 0.25))
+        around, choices = placing.find_free_space(scene), library.find(size=(0.04, 0.25))
         rng = np.random.default_rng(seed)
         model, data, robot = _world(task, seed, take, choices)
         hits, off, nearest, start = 0, [], np.inf, time.process_time()

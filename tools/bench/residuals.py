@@ -3,9 +3,9 @@
     python tools/bench/residuals.py --seeds 6 [--json FILE]
 
 The twin records an episode, and the same motion from truly moved cameras. Foretold is what
-`rpaug.pipeline.residuals` measures on the recording alone; true is the error of the surfels' view against the truth over all frames looked at. Bodies as
-rpaug tracks them. Prints, for backgrounds and for bodies of at least 200 pixels, how far the foretold PSNR is above
-the true one: mean, and root mean square around it.
+`rpaug.pipeline.residuals` measures on the recording alone; true is the error of the surfels' view against the truth
+over all frames looked at. Bodies as rpaug tracks them. Prints, for backgrounds and for bodies of at least 200 pixels,
+how far the foretold PSNR is above the true one: mean, and root mean square around it.
 """
 
 import argparse

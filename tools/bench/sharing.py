@@ -33,8 +33,8 @@ def pair(given: argparse.Namespace) -> tuple[Episode, Episode]:
         take = twin.perform(given.twin, given.seed, frames=given.frames, factor="object_color")
         return first, replace(take.episode, key="second")
     adapter = registry.adapter_for(given.dataset)
-    lent = prepare.donors(adapter, given.dataset, adapter.episodes(given.dataset))
-    borrower, donor_adapter = next(iter(lent.items()))
+    donated = prepare.donors(adapter, given.dataset, adapter.episodes(given.dataset))
+    borrower, donor_adapter = next(iter(donated.items()))
     return adapter.read(given.dataset, donor_adapter), adapter.read(given.dataset, borrower)
 
 

@@ -38,7 +38,7 @@ UNEXPLAINED = -1
 
 @dataclass(frozen=True)
 class Segmentation:
-    """What was found: motions, whose number + 1 is the instance handle, and regions that no motion explains."""
+    """What was found: motions, whose number + 1 is the instance id, and regions that no motion explains."""
 
     episode: Episode
     sights: Sights
@@ -47,7 +47,7 @@ class Segmentation:
 
     @property
     def names(self) -> dict[int, str]:
-        """What each handle stands for."""
+        """What each instance id stands for."""
         found = {k + 1: motion.name for k, motion in enumerate(self.motions)}
         first = len(self.motions) + 1
         return found | {first + k: f"unexplained {k + 1}" for k in range(self.leftovers.count)}
@@ -81,7 +81,8 @@ def segment(episode: Episode) -> Segmentation:
 
 
 def masked(episode: Episode) -> Episode:
-    """The episode with handles, `inferred` so that no writer keeps them, if it has none and all its views have depth.
+    """The episode with instance ids, `inferred` so that no writer keeps them, if it has none and all its views have
+    depth.
 
     Others, and those of one frame or without a fixed camera, are left as they are: nothing is seen to move there.
     """

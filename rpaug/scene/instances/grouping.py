@@ -13,7 +13,7 @@ MOVING, SUPPORT, AROUND = (
     1,
     2,
     3,
-)  # handles: what moves, what things stand on, walls and floor; things come after
+)  # instance ids: what moves, what things stand on, walls and floor; things come after
 ALIKE = 9.0  # weighted Lab: patches of two cameras that differ by more are two things
 SIZES = 6.0  # times larger, at most, that a thing is in another camera
 SIDES = 1.9  # times darker, at most, that a thing's side in the shade is
@@ -25,7 +25,7 @@ def grouped(
     support: Mapping[str, frozenset[int]],
     known: color_clusters.ColorClusters,
 ) -> dict[str, dict[int, int]]:
-    """The handle of every camera's patches."""
+    """The instance id of every camera's patches."""
     out: dict[str, dict[int, int]] = {name: {} for name in cameras}
     things: list[tuple[bool, dict[str, int]]] = []
     carried: dict[int, int] = {}
@@ -77,7 +77,7 @@ def carried(
     groups: Mapping[str, Mapping[int, int]],
     known: color_clusters.ColorClusters,
 ) -> dict[int, int]:
-    """The handle of each tint that some camera saw leave its place, and of the tints of its other sides.
+    """The instance id of each tint that some camera saw leave its place, and of the tints of its other sides.
 
     A tint that the support has too tells of nothing that it was carried.
     """
@@ -105,7 +105,7 @@ def carried(
 def _joined(
     part: Resting, instance_ids: dict[int, int], known: color_clusters.ColorClusters
 ) -> dict[int, int]:
-    """The same with a thing's lit and shaded sides under the handle of the larger."""
+    """The same with a thing's lit and shaded sides under the instance id of the larger."""
     out = dict(instance_ids)
     for k, blob in enumerate(part.blobs):  # largest first
         around = ring(blob.mask)
@@ -127,7 +127,7 @@ def _sides(one: np.ndarray, other: np.ndarray) -> bool:
 def by_cluster(
     cameras: Mapping[str, Resting], groups: Mapping[str, Mapping[int, int]], count: int
 ) -> dict[int, int]:
-    """The handle of each tint: that of the largest thing which has it, or one of its own."""
+    """The instance id of each tint: that of the largest thing which has it, or one of its own."""
     best: dict[int, tuple[float, int]] = {}
     last = AROUND
     for name, part in cameras.items():

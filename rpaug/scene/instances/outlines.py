@@ -21,7 +21,7 @@ def cut(
     only: frozenset[int] | None = None,
     rim: float = 0.0,
 ) -> Int32[np.ndarray, "h w"]:
-    """The handles of an image with every thing, or `only` these, ended where its colours do.
+    """The instance ids of an image with every thing, or `only` these, ended where its colours do.
 
     A thing grows over support, walls and floor, and gives back to whatever lies beside it. `rim` is how deep into a
     thing its colours may not be its own, as a share of its size; a pixel at least.

@@ -29,7 +29,7 @@ GONE = 0.15  # of its pixels that are then seen in another place, or something w
 
 @dataclass(frozen=True)
 class Resting:
-    """One still camera before its patches have handles."""
+    """One still camera before its patches have instance ids."""
 
     backdrop: Backdrop
     cluster: Int[np.ndarray, "h w"]

@@ -1,6 +1,6 @@
 """Scenes of colour images alone: what an episode without depth and masks shows, told by colour and motion.
 
-Handles are found, never recorded, and a stage stands in for depth: both serve the scene, and neither is written.
+Instance ids are found, never recorded, and a stage stands in for depth: both serve the scene, and neither is written.
 """
 
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ UNTOLD = (
 
 @dataclass(frozen=True)
 class Found:
-    """The episode with found handles and stand-ins, its bodies and its roles."""
+    """The episode with found instance ids and stand-ins, its bodies and its roles."""
 
     episode: Episode
     bodies: tuple[Body, ...]
@@ -43,7 +43,7 @@ def lacking(episode: Episode) -> bool:
 
 
 def find(episode: Episode, depth: str | None = None) -> Found:
-    """Look at a `lacking` episode. Every camera gets handles; one that stands still gets a stage too.
+    """Look at a `lacking` episode. Every camera gets instance ids; one that stands still gets a stage too.
 
     With a model of `depth` it gets that instead. Raises Unsupported for several such cameras whose places are unknown.
     """

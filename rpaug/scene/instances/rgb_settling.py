@@ -1,4 +1,4 @@
-"""The handles of one frame of a still camera: the backdrop's, and what is told of each pixel that changed."""
+"""The instance ids of one frame of a still camera: the backdrop's, and what is told of each pixel that changed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from rpaug.scene.instances.named import Small
 
 REACH = 0.05  # of the image's width: an uncovered pixel is not farther from the patch it belongs to
 SHADOW = 2.0  # times darker or brighter that a pixel may become and be the same thing
-NAMED = 99_999  # handle of a small thing of the colour that the instruction names
+NAMED = 99_999  # instance id of a small thing of the colour that the instruction names
 LOCAL = 10.0  # weighted Lab: an uncovered pixel looks like the nearest pixel of its patch
 
 
 @dataclass(frozen=True)
 class CameraInstances:
-    """One camera's part: `resting` are the handles of its backdrop, `moved` those that leave their place.
+    """One camera's part: `resting` are the instance ids of its backdrop, `moved` those that leave their place.
 
-    `mobile` are the tints of what moves, `mine` the handle of each tint in a camera that moves itself. `came` is
+    `mobile` are the tints of what moves, `mine` the instance id of each tint in a camera that moves itself. `came` is
     where a thing without a tint of its own went, `small` the place of a small one that the instruction names.
     """
 

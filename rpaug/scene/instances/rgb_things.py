@@ -30,12 +30,12 @@ from rpaug.scene.instances.resting import Resting
 from rpaug.scene.instances.rgb_settling import NAMED, CameraInstances
 from rpaug.scene.instances.watched import Watched
 
-LOOSE = 100_000  # handles from here on are of what never rests, by tint
+LOOSE = 100_000  # instance ids from here on are of what never rests, by tint
 
 
 @dataclass(frozen=True)
 class CameraInstanceMap:
-    """All cameras' parts, and what each handle does."""
+    """All cameras' parts, and what each instance id does."""
 
     clusters: color_clusters.ColorClusters
     cameras: Mapping[str, CameraInstances]
@@ -141,7 +141,7 @@ def _resting(still: Mapping[str, Watched], count: int) -> tuple[dict[str, Restin
 def _part(
     seen: Resting, instance_ids: Mapping[int, int], carried: Mapping[int, int], loose: Iterable[int]
 ) -> CameraInstances:
-    """A camera's part once its patches have handles; `loose` tints get handles of their own."""
+    """A camera's part once its patches have instance ids; `loose` tints get instance ids of their own."""
     resting = np.zeros(seen.cluster.shape, np.int32)
     for k, blob in enumerate(seen.blobs):
         resting[blob.mask] = instance_ids[k]

@@ -75,7 +75,7 @@ def estimate(colour: Float64[np.ndarray, "n 3"]) -> Albedo:
 def describe(
     episode: Episode, instance_id: int, known: tuple[float, float, float] | None = None
 ) -> dict[str, Any]:
-    """What an edit stores of an instance's surface: handle, albedo (`known` if it is), and whether it is plain.
+    """What an edit stores of an instance's surface: instance id, albedo (`known` if it is), and whether it is plain.
 
     Raises Unsupported for a black one, and for one that no recorded pixel shows.
     """

@@ -97,7 +97,7 @@ def brightest(episode: Episode, lamp: Lamp, count: int = 3) -> dict[int, float]:
 def seen(
     episode: Episode, count: int
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-    """World normals, brightness and handle of some pixels. Raises Unsupported without depth."""
+    """World normals, brightness and instance id of some pixels. Raises Unsupported without depth."""
     normals, light, things = [], [], []
     for name, t, rgb, ids in sampling.images(episode, count):
         view = episode.views[name]

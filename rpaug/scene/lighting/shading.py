@@ -55,7 +55,7 @@ class ShadedPixels:
 def sample(
     episode: Episode, bodies: tuple[Body, ...], wanted: tuple[int, ...]
 ) -> dict[int, ShadedPixels]:
-    """Pixels of each of the `wanted` handles that is seen at all. Raises Unsupported if no camera has depth."""
+    """Pixels of each of the `wanted` instance ids that is seen at all. Raises Unsupported if no camera has depth."""
     if all(surface.depth_of(view, 0) is None for view in episode.views.values()):
         raise Unsupported("a texture needs recorded depth to lie on, and this source has none")
     parts: dict[int, list[tuple[np.ndarray, ...]]] = {

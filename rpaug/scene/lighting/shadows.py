@@ -155,7 +155,7 @@ def _photographed(scene: Scene) -> _Table | None:
     instance_ids = scene.roles.get("table")
     if not instance_ids or not all(view.inferred for view in scene.episode.views.values()):
         return None
-    around = placing.room(scene)
+    around = placing.find_free_space(scene)
     rows, columns = (round(n * placing.CELL / CELL) for n in around.seen.shape)
     return _Table(instance_ids, around.origin, around.level, CELL, (rows, columns))
 

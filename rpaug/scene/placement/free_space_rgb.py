@@ -11,14 +11,14 @@ from rpaug.core import geometry, sampling
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Camera, CameraView, Scene
 from rpaug.scene.instances.ground_plane import rays_of, seen_at
-from rpaug.scene.placement.placing import CELL, SWEEPS, Room
+from rpaug.scene.placement.placing import CELL, SWEEPS, FreeSpace
 
 HIGHEST = 0.3  # metres over the support up to which lines of sight are followed
 STEP = 0.01
 FARTHEST = 1.5  # metres around the middle of the support
 
 
-def room(scene: Scene, leaving: frozenset[int]) -> Room:
+def find_free_space(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
     """The room on the support. Raises Unsupported where cameras' places are not known to one another."""
     views = together(scene, "a new thing")
     support = scene.roles.get("table", frozenset())
@@ -46,7 +46,7 @@ def room(scene: Scene, leaving: frozenset[int]) -> Room:
             hit, inside = seen_at(view.camera, over, moving)
             # What leaves the image may leave the thing's picture cut off, which is as it should be.
             swept[hit & inside] = height
-    return Room(low, 0.0, seen.reshape(shape), still.reshape(shape), swept.reshape(shape))
+    return FreeSpace(low, 0.0, seen.reshape(shape), still.reshape(shape), swept.reshape(shape))
 
 
 def together(scene: Scene, what: str) -> dict[str, CameraView]:

@@ -32,7 +32,7 @@ class Contact:
 
 def contacts(
     scene: Scene,
-    looks: SampledFrames,
+    sampled: SampledFrames,
     instance_ids: frozenset[int],
     pivot: Float64[np.ndarray, "3"],
 ) -> tuple[Contact, ...]:
@@ -40,7 +40,7 @@ def contacts(
     found = []
     for body in scene.bodies:
         for instance_id in sorted(body.instance_ids & instance_ids):
-            points, normals = surface(looks, instance_id, body)
+            points, normals = surface(sampled, instance_id, body)
             good = np.linalg.norm(normals, axis=1) > 0
             points, normals = points[good], normals[good]
             growth = ((points - pivot) * normals).sum(1)
@@ -51,7 +51,9 @@ def contacts(
             for other in scene.bodies:
                 moved = other.instance_ids & scene.roles.get("manipulated", frozenset())
                 if moved and not moved & instance_ids:
-                    found += _rests(scene, looks, body.to_world, points, growth, other.instance_ids)
+                    found += _rests(
+                        scene, sampled, body.to_world, points, growth, other.instance_ids
+                    )
     return tuple(found)
 
 
@@ -82,7 +84,7 @@ def _held(
 
 def _rests(
     scene: Scene,
-    looks: SampledFrames,
+    sampled: SampledFrames,
     track: Float64[np.ndarray, "t 4 4"],
     points: np.ndarray,
     growth: np.ndarray,
@@ -95,7 +97,7 @@ def _rests(
     for body in scene.bodies:
         for instance_id in sorted(body.instance_ids & others):
             theirs = geometry.transform(
-                body.to_world[t], surface(looks, instance_id, body, most=400)[0]
+                body.to_world[t], surface(sampled, instance_id, body, most=400)[0]
             )
             if len(theirs) and len(world):
                 apart = np.linalg.norm(world[:, None] - theirs[None], axis=-1).min(1)

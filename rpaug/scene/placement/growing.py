@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float, Float64
 
 from rpaug.core.errors import TargetError
 from rpaug.core.types import Scene
-from rpaug.scene.placement.placing import CELL, Room, hull, points_of, room
+from rpaug.scene.placement.placing import CELL, FreeSpace, find_free_space, hull, points_of
 from rpaug.scene.targets.targets import APART
 
 STEPS = 24  # factors tried between the recorded size and the one asked for
@@ -33,7 +33,7 @@ def largest(
     if what is not None or instance_ids & moved:
         return inner, what
     try:
-        around = room(scene, instance_ids)
+        around = find_free_space(scene, instance_ids)
     except TargetError:  # no support, so nothing to stand beside
         return wanted, None
     if abs(float(np.quantile(points[:, 2], 0.01)) - around.level) > LIFTED:
@@ -109,7 +109,7 @@ def _sides(
 
 
 def _met(
-    around: Room, before: Float[np.ndarray, "n 3"], after: Float[np.ndarray, "n 3"]
+    around: FreeSpace, before: Float[np.ndarray, "n 3"], after: Float[np.ndarray, "n 3"]
 ) -> str | None:
     """What stands or passes where the grown thing is and the recorded one was not."""
     was, now = _covered(around, before), _covered(around, after)
@@ -124,7 +124,7 @@ def _met(
     return None
 
 
-def _covered(around: Room, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "r c"]:
+def _covered(around: FreeSpace, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "r c"]:
     mask = np.zeros(around.seen.shape, np.uint8)
     corners = np.rint((hull(points) - around.origin) / CELL).astype(np.int32)
     cv2.fillConvexPoly(mask, corners, 1)

@@ -31,7 +31,7 @@ CLOSED = 3  # cells: gaps between pixels of the support that count as seen
 
 
 @dataclass(frozen=True)
-class Room:
+class FreeSpace:
     """The support from above; cell (row, column) has its middle at `origin + CELL * (column, row)`.
 
     `seen` is where the support itself was seen, `still` the height from which a standing thing takes the cell, and
@@ -81,7 +81,7 @@ class Room:
             return None
         return self.at(cells[rng.integers(len(cells)), None])[0]
 
-    def with_thing(self, outline: Float[np.ndarray, "k 2"]) -> "Room":
+    def with_thing(self, outline: Float[np.ndarray, "k 2"]) -> "FreeSpace":
         """The room once something stands there; `outline` is convex, in world metres."""
         corners = np.rint((outline - self.origin) / CELL).astype(np.int32)
         mask = np.zeros(self.seen.shape, np.uint8)
@@ -101,8 +101,8 @@ def _distances(
     return out
 
 
-def room(scene: Scene, leaving: Iterable[int] = ()) -> Room:
-    """The room on the scene's table. `leaving` are handles that do not count: they will stand elsewhere.
+def find_free_space(scene: Scene, leaving: Iterable[int] = ()) -> FreeSpace:
+    """The room on the scene's table. `leaving` are instance ids that do not count: they will stand elsewhere.
 
     Things that an edit put elsewhere count where they are now, and removed ones no more. Raises TargetError if there is
     no table, Unsupported without depth and masks.
@@ -111,14 +111,14 @@ def room(scene: Scene, leaving: Iterable[int] = ()) -> Room:
 
 
 @once
-def _room(scene: Scene, leaving: frozenset[int]) -> Room:
+def _room(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
     support = scene.roles.get("table")
     if not support:
         raise TargetError("nothing was seen to be the table, so there is nowhere to put things")
     if any(view.proxy for view in scene.episode.views.values()):
         from rpaug.scene.placement import free_space_rgb as by_sight  # only here: it makes a Room
 
-        return by_sight.room(scene, leaving)
+        return by_sight.find_free_space(scene, leaving)
     points = _support(scene, support)
     level = float(np.median(points[:, 2]))
     points = points[np.abs(points[:, 2] - level) < LEVEL]
@@ -132,7 +132,7 @@ def _room(scene: Scene, leaving: frozenset[int]) -> Room:
     if roving(scene):
         showing &= _agreed(scene, support, low, level, shape)
     nothing = np.full(shape, np.inf, np.float32)
-    empty = Room(low, level, showing, nothing, nothing)
+    empty = FreeSpace(low, level, showing, nothing, nothing)
     gone = leaving | support
     return _swept(_standing(empty, scene, gone), scene, gone)
 
@@ -165,11 +165,11 @@ def points_by_instance_id(
     found: dict[int, list[Float64[np.ndarray, "n 3"]]] = {
         instance_id: [] for instance_id in instance_ids
     }
-    looks = max(count, ROUNDS) if roving(scene) else count
+    sampled = max(count, ROUNDS) if roving(scene) else count
     for view in scene.episode.views.values():
         if view.depth is None or view.ids is None:
             continue
-        for t in sampling.frames(scene.episode.length, looks):
+        for t in sampling.frames(scene.episode.length, sampled):
             ids, depth = view.ids(t), view.depth(t)
             usable = (depth > 0) & np.isfinite(depth)
             for instance_id in found.keys() & set(np.unique(ids).tolist()):
@@ -191,8 +191,8 @@ def _support(scene: Scene, support: frozenset[int]) -> Float64[np.ndarray, "n 3"
     for name, view in scene.episode.views.items():
         if view.depth is None or view.ids is None:
             raise Unsupported(f"{name}: finding room needs recorded depth and masks")
-        looks = ROUNDS if all_move else STILLS if view.camera.fixed else 1
-        for t in sampling.frames(scene.episode.length, looks):
+        sampled = ROUNDS if all_move else STILLS if view.camera.fixed else 1
+        for t in sampling.frames(scene.episode.length, sampled):
             depth = view.depth(t)
             use = np.isin(view.ids(t), list(support)) & (depth > 0) & np.isfinite(depth)
             if use.any():
@@ -225,12 +225,12 @@ def _agreed(
     return ((fair >= TWICE) & (fair >= looked / 2)).reshape(shape)
 
 
-def _standing(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
+def _standing(free_space: FreeSpace, scene: Scene, gone: frozenset[int]) -> FreeSpace:
     """Each standing thing takes its cells from its lowest point up."""
-    still = room.still.copy()
+    still = free_space.still.copy()
     for body in scene.bodies:
         if body.mesh is not None and not body.instance_ids & gone:
-            placed = replace(room, still=still).with_thing(
+            placed = replace(free_space, still=still).with_thing(
                 hull(geometry.transform(body.to_world[0], body.mesh.points))
             )
             still = placed.still.copy()
@@ -244,18 +244,18 @@ def _standing(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
         recorded = next(b for b in scene.tracked if source in b.instance_ids)
         own = geometry.transform(geometry.inverse(recorded.to_world[0]), clouds[source])
         points = geometry.transform(body.to_world[0], body.scale * own)
-        height = points[:, 2] - room.level
-        rows, columns, inside = _cells(points, room.origin, still.shape)
+        height = points[:, 2] - free_space.level
+        rows, columns, inside = _cells(points, free_space.origin, still.shape)
         # Of the support's own kind: a floor below, a wall beside.
         inside &= height > -LEVEL
         if inside.any():
             base = max(float(np.quantile(height[inside], 0.02)), 0.0)
             np.minimum.at(still, (rows[inside], columns[inside]), np.float32(base))
-    return replace(room, still=_closed(still))
+    return replace(free_space, still=_closed(still))
 
 
 def _things(scene: Scene) -> list[tuple[Body, int, int]]:
-    """Bodies as they stand now, with a handle and the recorded handle whose pixels show it."""
+    """Bodies as they stand now, with an instance id and the recorded instance id whose pixels show it."""
     found = []
     for body in scene.bodies:
         if body.mesh is not None:
@@ -273,12 +273,12 @@ def _closed(height: Float32[np.ndarray, "r c"]) -> Float32[np.ndarray, "r c"]:
     return np.where(closed < 1e2, closed, np.float32(np.inf))
 
 
-def _swept(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
+def _swept(free_space: FreeSpace, scene: Scene, gone: frozenset[int]) -> FreeSpace:
     """What moves takes the cells it is ever above, from its lowest point there, and a little less."""
     moving = [h for body in scene.tracked if body.motion != "static" for h in body.instance_ids]
     moving += list(scene.roles.get("robot", ()))
     whole = scene.roles.get("manipulated", frozenset())
-    swept = np.full(room.swept.shape, 1e3, np.float32)
+    swept = np.full(free_space.swept.shape, 1e3, np.float32)
     for t in sampling.frames(scene.episode.length, SWEEPS) if moving else ():
         for view in scene.episode.views.values():
             assert view.depth is not None
@@ -289,22 +289,22 @@ def _swept(room: Room, scene: Scene, gone: frozenset[int]) -> Room:
                     continue
                 use = (ids == instance_id) & (depth > 0) & np.isfinite(depth)
                 points = _lifted(view, t, depth, use)
-                height = points[:, 2] - room.level
+                height = points[:, 2] - free_space.level
                 if instance_id in whole and len(height):
                     height = np.full_like(height, height.min())
-                rows, columns, inside = _cells(points, room.origin, swept.shape)
+                rows, columns, inside = _cells(points, free_space.origin, swept.shape)
                 np.minimum.at(
                     swept, (rows[inside], columns[inside]), height[inside].astype(np.float32)
                 )
     poses = scene.episode.robot.gripper_to_world
     if poses is not None:
-        rows, columns, inside = _cells(poses[:, :3, 3], room.origin, swept.shape)
-        height = (poses[:, 2, 3] - room.level).astype(np.float32)
+        rows, columns, inside = _cells(poses[:, :3, 3], free_space.origin, swept.shape)
+        height = (poses[:, 2, 3] - free_space.level).astype(np.float32)
         tips = np.full_like(swept, 1e3)
         np.minimum.at(tips, (rows[inside], columns[inside]), height[inside])
         swept = np.minimum(swept, cv2.erode(tips, _disc(FINGERS)))
     swept = cv2.erode(swept, _disc(REACH)) - np.float32(UNDERNEATH)
-    return replace(room, swept=np.where(swept < 1e2, swept, np.float32(np.inf)))
+    return replace(free_space, swept=np.where(swept < 1e2, swept, np.float32(np.inf)))
 
 
 def _lifted(

@@ -8,7 +8,7 @@ from jaxtyping import Float, Float64
 from rpaug.core import geometry
 from rpaug.core.errors import Unsupported
 from rpaug.core.types import Body, Scene
-from rpaug.scene.placement.placing import Room, hull, points_of
+from rpaug.scene.placement.placing import FreeSpace, hull, points_of
 
 LIFTED = (
     0.02  # metres: what is seen to begin higher than this over the support does not stand on it
@@ -34,12 +34,14 @@ class StandingInstance:
         return geometry.rigid(np.array([0.0, 0.0, turn]), np.array([*to, 0.0])) @ about
 
 
-def thing(scene: Scene, instance_ids: frozenset[int], room: Room, doing: str) -> StandingInstance:
+def thing(
+    scene: Scene, instance_ids: frozenset[int], free_space: FreeSpace, doing: str
+) -> StandingInstance:
     """What the instances look like from above. Raises Unsupported if they do not stand on the support."""
     points = points_of(scene, instance_ids)
     if len(points) < 4:
         raise Unsupported(f"{doing} {_names(instance_ids)}: too little of it was seen")
-    height = points[:, 2] - room.level
+    height = points[:, 2] - free_space.level
     foot = float(np.quantile(height, 0.01))
     if not -LIFTED < foot < LIFTED:
         raise Unsupported(
@@ -70,7 +72,7 @@ def turned(outline: Float[np.ndarray, "k 2"], turn: float) -> Float64[np.ndarray
 
 def settle(
     one: StandingInstance,
-    room: Room,
+    free_space: FreeSpace,
     turn: float,
     rng: np.random.Generator,
     near: Around | None = None,
@@ -78,7 +80,7 @@ def settle(
     """A free place near what is given, and a turn of at most `turn` radians; None if none."""
     for _ in range(TRIES):
         angle = float(rng.uniform(-turn, turn)) if turn else 0.0
-        spot = room.draw(turned(one.outline, angle), one.top, rng, near)
+        spot = free_space.draw(turned(one.outline, angle), one.top, rng, near)
         if spot is not None:
             return spot, angle
     return None

@@ -23,7 +23,7 @@ def find_untouched(scene: Scene, target: Target, doing: str) -> frozenset[int]:
 
 
 def check(scene: Scene, instance_ids: frozenset[int], target: object, doing: str) -> None:
-    """Raises Unsupported, with the reason, if the robot acts on one of the handles or others stand on it."""
+    """Raises Unsupported, with the reason, if the robot acts on one of the instance ids or others stand on it."""
     check_seen(scene, target, doing)
     for role in ACTED_ON:
         if held := instance_ids & scene.roles.get(role, frozenset()):
@@ -52,7 +52,7 @@ def check_seen(scene: Scene, target: object, doing: str) -> None:
 
 
 def _touched(scene: Scene, instance_ids: frozenset[int], acted: frozenset[int]) -> frozenset[int]:
-    """Those of the handles that were seen to touch what acts."""
+    """Those of the instance ids that were seen to touch what acts."""
     seen = _contacts(scene.episode)
     return frozenset(
         instance_id

@@ -17,7 +17,8 @@ from rpaug.render.zbuffer import Source
 class Carried:
     """One edited body at one time.
 
-    `handles` are recorded handles to be cut out where they were; `shows` maps recorded handles to those drawn
+    `instance_ids` are recorded instance ids to be cut out where they were; `shows` maps recorded instance ids to
+    those drawn
     anew, empty for a removed body; `motion` carries recorded world points, scaled by `scale` about the world's origin,
     to where they are drawn.
     """

@@ -29,7 +29,9 @@ class Plate:
 def source_at(
     view: CameraView, t: int, noise: float = 0.0, distant: bool = False, carved: bool = False
 ) -> Source:
-    """One recorded image as surfels, its depth smoothed if noisy; a source without masks has handle 0 everywhere."""
+    """One recorded image as surfels, its depth smoothed if noisy; a source without masks has instance id 0
+    everywhere.
+    """
     assert view.depth is not None  # build() refuses sources without depth
     depth = view.depth(t)
     ids = view.ids(t) if view.ids is not None else np.zeros(depth.shape, np.int32)
@@ -45,7 +47,7 @@ def source_at(
 
 
 def among(ids: Int32[np.ndarray, "h w"], instance_ids: frozenset[int]) -> Bool[np.ndarray, "h w"]:
-    """Which pixels show one of the handles."""
+    """Which pixels show one of the instance ids."""
     return np.isin(ids, np.fromiter(instance_ids, np.int32, len(instance_ids)))
 
 

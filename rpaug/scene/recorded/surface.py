@@ -181,8 +181,8 @@ def lift(
 ) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n"]]:
     """World points, unit normals towards the camera, and footprints in metres of some pixels.
 
-    1/z is affine over the image of a plane. Its slopes are taken within one handle, and on one side of a crease. A
-    pixel with no neighbour of its handle faces the camera.
+    1/z is affine over the image of a plane. Its slopes are taken within one instance id, and on one side of a crease. A
+    pixel with no neighbour of its instance id faces the camera.
     """
     near = np.zeros(depth.shape)
     np.divide(1.0, depth, out=near, where=depth > 0)
@@ -261,7 +261,7 @@ def _slope(
 
 @kernel
 def _same(near: np.ndarray, ids: np.ndarray, r: int, c: int, j: int, i: int) -> bool:
-    """Are both pixels in the image, of one handle, and at a known depth?"""
+    """Are both pixels in the image, of one instance id, and at a known depth?"""
     if j < 0 or j >= near.shape[0] or i < 0 or i >= near.shape[1]:
         return False
     return ids[j, i] == ids[r, c] and near[j, i] > 0 and near[r, c] > 0

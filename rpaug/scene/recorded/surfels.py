@@ -46,7 +46,7 @@ NOISES = 3.0  # standard deviations of depth noise within which two depths are o
 class Surfels:
     """What is kept of an episode between views.
 
-    `static` are the handles that never move; `noise` is the standard deviation of recorded depth as a share of it.
+    `static` are the instance ids that never move; `noise` is the standard deviation of recorded depth as a share of it.
     `patches` stand for what nobody saw.
     """
 

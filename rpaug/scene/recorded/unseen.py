@@ -42,7 +42,7 @@ def patches(
     method: str,
     tolerance: float,
 ) -> tuple[Source, ...]:
-    """Surfels for what lies unseen behind the `edited` handles in the fixed cameras, painted by `method`.
+    """Surfels for what lies unseen behind the `edited` instance ids in the fixed cameras, painted by `method`.
 
     `others` are recordings of static things from other cameras, the edited ones left out.
     """
@@ -86,7 +86,7 @@ def background(
 
 
 def _painted(view: Background, method: str, tolerance: float) -> Source:
-    """The view's hole as a recording: depth and handles continued, colours painted thing by thing."""
+    """The view's hole as a recording: depth and instance ids continued, colours painted thing by thing."""
     filled = holes.fill(view.drawn)
     known = ~view.drawn.hole & (view.drawn.depth > 0)
     depth = filled.depth.copy()

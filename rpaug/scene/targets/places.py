@@ -25,7 +25,7 @@ OUTER = 1.0  # percent of the points on each side that do not count for a thing'
 
 @dataclass(frozen=True, eq=False)
 class LocatedInstance:
-    """One thing, of some handles, and surface points of it in the robot's frame, metres."""
+    """One thing, of some instance ids, and surface points of it in the robot's frame, metres."""
 
     instance_ids: frozenset[int]
     points: Float64[np.ndarray, "n 3"]
@@ -47,7 +47,7 @@ class LocatedInstance:
         return self.high - self.low
 
 
-def robot_frame(scene: Scene, looks: SampledFrames) -> Float64[np.ndarray, "4 4"]:
+def robot_frame(scene: Scene, sampled: SampledFrames) -> Float64[np.ndarray, "4 4"]:
     """World to the robot's frame: its foot is what of the robot stands still, or else its lowest part.
 
     Ahead is the world's horizontal axis that is nearest to the way from the foot to where the gripper works.
@@ -55,7 +55,7 @@ def robot_frame(scene: Scene, looks: SampledFrames) -> Float64[np.ndarray, "4 4"
     """
     parts = scene.roles.get("robot", frozenset())
     still = {h for body in scene.bodies if body.motion == "static" for h in body.instance_ids}
-    foot = _points(scene, looks, parts & still or parts)
+    foot = _points(scene, sampled, parts & still or parts)
     works = _gripper(scene)
     if not len(foot) or works is None:
         return np.eye(4)
@@ -72,27 +72,27 @@ def _gripper(scene: Scene) -> Float64[np.ndarray, "t 3"] | None:
 
 
 def places(
-    scene: Scene, looks: SampledFrames, groups: Iterable[frozenset[int]]
+    scene: Scene, sampled: SampledFrames, groups: Iterable[frozenset[int]]
 ) -> dict[frozenset[int], LocatedInstance]:
-    """The place of each group of handles; groups of which no surface was recorded are left out."""
-    frame = robot_frame(scene, looks)
+    """The place of each group of instance ids; groups of which no surface was recorded are left out."""
+    frame = robot_frame(scene, sampled)
     out = {}
     for group in groups:
-        points = _points(scene, looks, group)
+        points = _points(scene, sampled, group)
         if len(points):
             out[group] = LocatedInstance(group, geometry.transform(frame, points))
     return out
 
 
 def _points(
-    scene: Scene, looks: SampledFrames, instance_ids: Iterable[int]
+    scene: Scene, sampled: SampledFrames, instance_ids: Iterable[int]
 ) -> Float64[np.ndarray, "n 3"]:
     """Surface points in the world at the first frame."""
     body_of: dict[int, Body] = {h: body for body in scene.bodies for h in body.instance_ids}
     found = [np.zeros((0, 3))]
     for instance_id in sorted(instance_ids):
         if instance_id in body_of:
-            points = surface(looks, instance_id, body_of[instance_id], POINTS)[0]
+            points = surface(sampled, instance_id, body_of[instance_id], POINTS)[0]
             body = body_of[instance_id]
             found.append(geometry.transform(body.to_world[0], body.scale * points))
     return np.concatenate(found)

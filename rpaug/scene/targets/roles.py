@@ -51,9 +51,9 @@ class _Thing:
 
 
 def infer(
-    episode: Episode, bodies: Sequence[Body], looks: SampledFrames | None = None
+    episode: Episode, bodies: Sequence[Body], sampled: SampledFrames | None = None
 ) -> Mapping[str, frozenset[int]]:
-    """Handles by role; see NAMES. Every handle has one role at most, but for a table
+    """Handles by role; see NAMES. Every instance id has one role at most, but for a table
     that is the receiver, and some have none.
 
     robot: what hangs on the gripper from the first frame, what touches it most of the time and moves, and the
@@ -63,19 +63,19 @@ def infer(
     nothing else. table: the level surface that things stand on. background: what is left and larger than the
     table, or outside its bounds.
     """
-    looks = look(episode) if looks is None else looks
-    things = {thing.instance_id: thing for thing in _things(bodies, looks)}
-    robot = _robot(things, looks)
+    sampled = look(episode) if sampled is None else sampled
+    things = {thing.instance_id: thing for thing in _things(bodies, sampled)}
+    robot = _robot(things, sampled)
     later = _gripper_start(episode)
     manipulated = frozenset(
         h
         for h, thing in things.items()
         if not thing.static and h not in robot and (robot or _start(thing.body) > later)
     )
-    table = _table(things, looks, robot, manipulated)
+    table = _table(things, sampled, robot, manipulated)
     background = _background(things, table, robot | manipulated)
-    manipulated = manipulated or _pressed(things, looks, robot, robot | table | background)
-    receiver = _receiver(things, looks, manipulated, robot | background | manipulated, table)
+    manipulated = manipulated or _pressed(things, sampled, robot, robot | table | background)
+    receiver = _receiver(things, sampled, manipulated, robot | background | manipulated, table)
     found = {
         "manipulated": manipulated,
         "receiver": receiver,
@@ -86,11 +86,11 @@ def infer(
     return {name: instance_ids for name, instance_ids in found.items() if instance_ids}
 
 
-def _things(bodies: Sequence[Body], looks: SampledFrames) -> list[_Thing]:
+def _things(bodies: Sequence[Body], sampled: SampledFrames) -> list[_Thing]:
     out = []
     for body in bodies:
         for instance_id in body.instance_ids:
-            points, normals = surface(looks, instance_id, body)
+            points, normals = surface(sampled, instance_id, body)
             if len(points):
                 low, high = np.percentile(points, [1, 99], axis=0)
                 flat = np.abs(normals[:, 2]) > 0.95
@@ -101,21 +101,21 @@ def _things(bodies: Sequence[Body], looks: SampledFrames) -> list[_Thing]:
 
 
 def surface(
-    looks: SampledFrames, instance_id: int, body: Body, most: int = 4000
+    sampled: SampledFrames, instance_id: int, body: Body, most: int = 4000
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3"]]:
     """Points and normals of an instance in its body's frame, from fixed cameras if they saw it at all."""
-    shown = (looks.ids == instance_id) & (looks.depth > 0)
-    if shown[:, looks.fixed].any():
-        shown[:, ~looks.fixed] = False
+    shown = (sampled.ids == instance_id) & (sampled.depth > 0)
+    if shown[:, sampled.fixed].any():
+        shown[:, ~sampled.fixed] = False
     at = np.stack(np.nonzero(shown), -1)
     at = at[:: max(1, -(-len(at) // most))]
     s, c, r, k = at.T
-    back = np.linalg.inv(body.to_world[looks.frames[s]]) if len(at) else np.zeros((0, 4, 4))
-    points = np.einsum("nij,nj->ni", back[:, :3, :3], looks.points[s, c, r, k]) + back[:, :3, 3]
-    return points, np.einsum("nij,nj->ni", back[:, :3, :3], looks.normals[s, c, r, k])
+    back = np.linalg.inv(body.to_world[sampled.frames[s]]) if len(at) else np.zeros((0, 4, 4))
+    points = np.einsum("nij,nj->ni", back[:, :3, :3], sampled.points[s, c, r, k]) + back[:, :3, 3]
+    return points, np.einsum("nij,nj->ni", back[:, :3, :3], sampled.normals[s, c, r, k])
 
 
-def _robot(things: Mapping[int, _Thing], looks: SampledFrames) -> frozenset[int]:
+def _robot(things: Mapping[int, _Thing], sampled: SampledFrames) -> frozenset[int]:
     """The chain that ends at the gripper."""
     hand = {
         h
@@ -132,21 +132,21 @@ def _robot(things: Mapping[int, _Thing], looks: SampledFrames) -> frozenset[int]
         if thing.body.motion in ("aligned", "unknown") and _start(thing.body) < late
     }
     rest = {h for h, thing in things.items() if thing.static and not thing.support}
-    often = _often(looks)
+    often = _often(sampled)
     chain = _grown(hand | links, movers, often)
     return frozenset(_grown(chain, {h for h in rest if things[h].size.max() < 2 * BROAD}, often))
 
 
 def _pressed(
     things: Mapping[int, _Thing],
-    looks: SampledFrames,
+    sampled: SampledFrames,
     robot: frozenset[int],
     not_these: frozenset[int],
 ) -> frozenset[int]:
     """What the gripper touches in most frames, if it touches anything."""
     gripper = {h for h in robot if things[h].body.motion == "gripper"}
     touched: dict[int, int] = {}
-    for pair, count in touching(looks).items():
+    for pair, count in touching(sampled).items():
         for h in (pair - not_these) & things.keys() if pair & gripper else ():
             touched[h] = touched.get(h, 0) + count
     return frozenset({max(touched, key=lambda h: touched[h])}) if touched else frozenset()
@@ -173,12 +173,14 @@ def _start(body: Body) -> int:
     return int(np.argmax(moved)) if moved.any() else len(moved)
 
 
-def _often(looks: SampledFrames) -> set[frozenset[int]]:
+def _often(sampled: SampledFrames) -> set[frozenset[int]]:
     """Pairs that touch in most of the frames in which fixed cameras show both."""
-    seen = {int(h): (looks.ids[:, looks.fixed] == h).any((1, 2, 3)) for h in looks.instance_ids}
+    seen = {
+        int(h): (sampled.ids[:, sampled.fixed] == h).any((1, 2, 3)) for h in sampled.instance_ids
+    }
     return {
         pair
-        for pair, count in touching(looks).items()
+        for pair, count in touching(sampled).items()
         if count >= OFTEN * max((seen[min(pair)] & seen[max(pair)]).sum(), 1)
     }
 
@@ -194,7 +196,7 @@ def _grown(seed: set[int], among: set[int], pairs: set[frozenset[int]]) -> set[i
 
 def _table(
     things: Mapping[int, _Thing],
-    looks: SampledFrames,
+    sampled: SampledFrames,
     robot: frozenset[int],
     manipulated: frozenset[int],
 ) -> frozenset[int]:
@@ -203,7 +205,7 @@ def _table(
     if not supports:
         return frozenset()
     stands: dict[int, float] = dict.fromkeys(supports, 0.0)
-    for pair in touching(looks):
+    for pair in touching(sampled):
         for h in pair & supports.keys():
             other = next(iter(pair - {h}))
             if (
@@ -253,15 +255,15 @@ def _background(
 
 def _receiver(
     things: Mapping[int, _Thing],
-    looks: SampledFrames,
+    sampled: SampledFrames,
     manipulated: frozenset[int],
     not_these: frozenset[int],
     table: frozenset[int],
 ) -> frozenset[int]:
     """What the manipulated touches in the last frames, and what stands within that thing's outline."""
-    tail = slice(-max(2, len(looks.frames) // 8), None)
+    tail = slice(-max(2, len(sampled.frames) // 8), None)
     touched: dict[int, int] = {}
-    for pair, count in touching(looks, tail).items():
+    for pair, count in touching(sampled, tail).items():
         for h in pair - manipulated:
             if pair & manipulated and h in things and things[h].static and h not in not_these:
                 touched[h] = touched.get(h, 0) + count

@@ -19,10 +19,10 @@ COLOUR_FRAMES = 6  # looked at for colour: it hardly changes
 
 @dataclass(frozen=True)
 class InstanceSummary:
-    """One instance handle. `role` is "" where none is known; `motion` and `ambiguous` are its body's.
+    """One instance id. `role` is "" where none is known; `motion` and `ambiguous` are its body's.
 
     `colour` is display sRGB in 0..1, `size_cm` length, width (the tightest upright box) and height of what
-    was seen, `residual_mm` the track's median distance, `body` the handles that move with it. `pixels` counts
+    was seen, `residual_mm` the track's median distance, `body` the instance ids that move with it. `pixels` counts
     pixels per camera over all frames, `first_frame` to `last_frame` with `frames` of them showing it.
     """
 
@@ -57,18 +57,18 @@ def survey(
     episode: Episode,
     bodies: Sequence[Body],
     roles: Mapping[str, frozenset[int]],
-    looks: SampledFrames | None = None,
+    sampled: SampledFrames | None = None,
 ) -> tuple[InstanceSummary, ...]:
-    """One row for each handle of `bodies`, ascending."""
-    looks = look(episode) if looks is None else looks
+    """One row for each instance id of `bodies`, ascending."""
+    sampled = look(episode) if sampled is None else sampled
     body_of = {instance_id: body for body in bodies for instance_id in body.instance_ids}
     role_of = {instance_id: role for role in reversed(NAMES) for instance_id in roles.get(role, ())}
     role_of |= dict.fromkeys(roles.get("table", ()), "table")
     instance_ids = sorted(body_of)
     seen = _seen(episode, np.array(instance_ids, np.int32))
     tints = (
-        _colours(episode, looks, instance_ids)
-        if looks.cameras
+        _colours(episode, sampled, instance_ids)
+        if sampled.cameras
         else _colours_alone(episode, instance_ids)
     )
     rows = []
@@ -81,7 +81,7 @@ def survey(
                 role_of.get(instance_id, ""),
                 tint,
                 colours.nearest(np.array(tint)),
-                size_cm(surface(looks, instance_id, body)[0]),
+                size_cm(surface(sampled, instance_id, body)[0]),
                 body.motion,
                 body.ambiguous,
                 body.residual * 1e3,
@@ -111,7 +111,7 @@ def _with_ids(episode: Episode) -> list[str]:
 
 
 def _seen(episode: Episode, instance_ids: np.ndarray) -> np.ndarray:
-    """Pixels of each handle per frame and camera: (t, n, c)."""
+    """Pixels of each instance id per frame and camera: (t, n, c)."""
     names = _with_ids(episode)
     out = np.zeros((episode.length, len(instance_ids), len(names)), np.int64)
     for c, name in enumerate(names):
@@ -148,20 +148,20 @@ def _colours_alone(
 
 
 def _colours(
-    episode: Episode, looks: SampledFrames, instance_ids: Iterable[int]
+    episode: Episode, sampled: SampledFrames, instance_ids: Iterable[int]
 ) -> dict[int, tuple[float, float, float]]:
     """Typical colours over a few frames and all cameras; over more where that shows nothing."""
-    spread = np.unique(np.linspace(0, len(looks.frames) - 1, COLOUR_FRAMES).round().astype(int))
+    spread = np.unique(np.linspace(0, len(sampled.frames) - 1, COLOUR_FRAMES).round().astype(int))
     found: dict[int, list[np.ndarray]] = {instance_id: [] for instance_id in instance_ids}
-    for chosen in (spread, np.setdiff1d(np.arange(len(looks.frames)), spread)):
+    for chosen in (spread, np.setdiff1d(np.arange(len(sampled.frames)), spread)):
         missing = [instance_id for instance_id, pixels in found.items() if not pixels]
         for s in chosen:
-            for c, name in enumerate(looks.cameras):
-                ids = looks.ids[s, c]
+            for c, name in enumerate(sampled.cameras):
+                ids = sampled.ids[s, c]
                 shown = [instance_id for instance_id in missing if (ids == instance_id).any()]
                 if not shown:
                     continue
-                image = episode.views[name].rgb(int(looks.frames[s]))
+                image = episode.views[name].rgb(int(sampled.frames[s]))
                 step = max(1, round(image.shape[1] / ids.shape[1]))
                 image = image[::step, ::step]
                 inside = ids[: image.shape[0], : image.shape[1]]

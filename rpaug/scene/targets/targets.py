@@ -1,4 +1,4 @@
-"""Which instances an edit is meant for: by handle, by role, or by a few words."""
+"""Which instances an edit is meant for: by instance id, by role, or by a few words."""
 
 import zlib
 from collections.abc import Iterable, Sequence
@@ -60,7 +60,7 @@ class TargetPart(BaseModel):
 
     @property
     def instance_id(self) -> int:
-        """The handle that this part gets: always the same for the same words, above those that simulators give."""
+        """The instance id that this part gets: always the same for the same words, above those that simulators give."""
         return (1 << 23) + zlib.crc32(self.model_dump_json().encode()) % (1 << 22)
 
 
@@ -71,7 +71,7 @@ class Target(BaseModel):
     largest block left of the bowl"): the grammar is that of `relations`, nouns mean what `nouns` says. A noun
     that means nothing here is taken only beside a colour word, and then the colour decides alone. A plain string
     is a `text`. With a `part` only that part of the thing is meant. Where several things fit, `all` takes them;
-    a body of several handles that move as one is one thing.
+    a body of several instance ids that move as one is one thing.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -150,7 +150,7 @@ def _by_words(scene: Scene, target: Target) -> frozenset[int]:
 
 
 class _Finder:
-    """Finds what a phrase and the phrases inside it mean. A thing is a group of handles: those of a role together,
+    """Finds what a phrase and the phrases inside it mean. A thing is a group of instance ids: those of a role together,
     else those of a body. Images are looked at only if a colour, a shape or a place is asked for."""
 
     def __init__(self, scene: Scene, stated: str) -> None:

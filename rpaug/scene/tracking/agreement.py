@@ -19,10 +19,10 @@ def reprojection(
     t: int,
     hidden: float = 0.02,
 ) -> Float64[np.ndarray, "n"]:
-    """Metres between the first camera's points and the surface the second saw there, on handles both name.
+    """Metres between the first camera's points and the surface the second saw there, on instance ids both name.
 
     Points that lie `hidden` metres or more behind that surface are taken for unseen by the second. The inverse of depth
-    is interpolated, which is exact on planes, and only between four pixels of one handle.
+    is interpolated, which is exact on planes, and only between four pixels of one instance id.
     """
     points = geometry.world_points(depths[0], cameras[0], t)
     at, z = geometry.project(points, cameras[1], t)
@@ -44,7 +44,8 @@ def reprojection(
 def median_mm(views: Iterable[CameraView], times: Sequence[int]) -> float | None:
     """Median distance in millimetres between the points of one camera and the surface the next one sees there.
 
-    Views without depth, and cameras whose place is assumed, are left out; without handles all is one thing. None where
+    Views without depth, and cameras whose place is assumed, are left out; without instance ids all is one thing.
+    None where
     nothing can be compared.
     """
     known = [view for view in views if view.depth is not None and not view.camera.assumed]

@@ -18,7 +18,7 @@ def align(
     points: Float64[np.ndarray, "k 3"],
     trust: Float64[np.ndarray, "k"],
     guess: Float64[np.ndarray, "4 4"],
-    looks: SampledFrames,
+    sampled: SampledFrames,
     s: int,
     instance_id: int,
     *,
@@ -34,7 +34,7 @@ def align(
     """
     motion, certain = guess.copy(), False
     for _ in range(ROUNDS):
-        off, moved, normals = evidence.distances(points, motion, looks, s, instance_id)
+        off, moved, normals = evidence.distances(points, motion, sampled, s, instance_id)
         used = np.abs(np.where(np.isnan(off), np.inf, off)) < REACH
         if used.sum() < evidence.ENOUGH:
             return motion, False

@@ -66,28 +66,28 @@ class _Track:
 
 
 def track(
-    episode: Episode, looks: SampledFrames | None = None, arms: Sequence[Kinematics] = KNOWN
+    episode: Episode, sampled: SampledFrames | None = None, arms: Sequence[Kinematics] = KNOWN
 ) -> tuple[Body, ...]:
     """Every instance's rigid motion, instances that move as one in one body, most pixels first.
 
     A motion is chosen among standing still, hanging on the gripper (from a grasp on, until a release), being
     a link of one of the `arms` (told along their row, `chain`), and, where none of these explains the depth
     images, alignment by depth. What cannot be told (one frame only, nothing seen twice) is called static and
-    `ambiguous`. Without depth or handles there is no body.
+    `ambiguous`. Without depth or instance ids there is no body.
     """
-    looks = look(episode) if looks is None else looks
-    instance_ids = looks.instance_ids
+    sampled = look(episode) if sampled is None else sampled
+    instance_ids = sampled.instance_ids
     if not len(instance_ids):
         return ()
-    samples = evidence.draw(looks, instance_ids)
+    samples = evidence.draw(sampled, instance_ids)
     representations = _representations(episode, arms)
     happens = events(episode.robot.gripper_open)
     cases = []
     for number, instance_id in enumerate(instance_ids.tolist()):
         seen = np.flatnonzero((samples.counts[:, number] >= evidence.ENOUGH).any(1))
-        cases.append(TrackedInstance(number, instance_id, looks, samples, seen, representations))
+        cases.append(TrackedInstance(number, instance_id, sampled, samples, seen, representations))
     costed = {case.instance_id: costs(case) for case in cases if len(case.seen) > 1}
-    touch = touching(looks)
+    touch = touching(sampled)
     row = _row(cases, costed, touch)
     jaws = fingers(episode.robot)
     tracks = [
@@ -171,7 +171,7 @@ def _track(
         labels = np.where(np.isin(np.arange(len(cost)), list(free)), FREE, labels)
     to_world = follow(case, sharpen(case, labels), free) if jaw is None else jaw
     most = int(case.seen[np.argmax(counts[case.seen])])
-    own = geometry.inverse(to_world[case.looks.frames[most]])
+    own = geometry.inverse(to_world[case.sampled.frames[most]])
     middle = geometry.transform(own, np.median(case.points(most)[0], 0))
     if (labels == STATIC).any() and (labels <= GRIPPER).all():
         straight = straightened(case, to_world, middle)
@@ -212,9 +212,9 @@ def _residual(case: TrackedInstance, anchor: int, to_world: Float64[np.ndarray, 
     for k in np.unique(np.linspace(0, len(case.seen) - 1, CHECKED).round().astype(int)):
         s = int(case.seen[k])
         if s != anchor:
-            first, last = case.looks.frames[[anchor, s]]
+            first, last = case.sampled.frames[[anchor, s]]
             motion = to_world[last] @ geometry.inverse(to_world[first])
-            off = evidence.distances(points, motion, case.looks, s, case.instance_id)[0]
+            off = evidence.distances(points, motion, case.sampled, s, case.instance_id)[0]
             found.append(np.abs(off[~np.isnan(off)]))
     every = np.concatenate(found)
     return float(np.median(every)) if len(every) else 0.0

@@ -43,7 +43,8 @@ def places(
 ) -> dict[int, ChainPosition]:
     """Places of those instances that make up the longest row: rest, link 1, link 2, ..., the gripper.
 
-    `fits[handle][label]` is what a motion leaves unexplained, in any unit; up to `as_well[handle]` it explains as
+    `fits[instance id][label]` is what a motion leaves unexplained, in any unit; up to `as_well[instance id]` it
+    explains as
     much as the best. `touch` are the pairs that keep touching. Nothing is placed where too few links are seen to move.
     """
     count = len(next(iter(fits.values()), ()))

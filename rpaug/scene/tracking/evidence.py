@@ -29,7 +29,7 @@ SAMPLES = 256  # points per instance, frame and kind of camera
 class Samples:
     """Points of each instance in each looked-at frame, drawn evenly.
 
-    `of(s, i)` are those of handle number i in frame number s: from fixed cameras, then from moving ones.
+    `of(s, i)` are those of instance id number i in frame number s: from fixed cameras, then from moving ones.
     """
 
     points: tuple[Float64[np.ndarray, "m 3"], ...]
@@ -42,15 +42,17 @@ class Samples:
         return self.points[s][first:last], int(middle - first)
 
 
-def draw(looks: SampledFrames, instance_ids: Int[np.ndarray, "n"], most: int = SAMPLES) -> Samples:
+def draw(
+    sampled: SampledFrames, instance_ids: Int[np.ndarray, "n"], most: int = SAMPLES
+) -> Samples:
     """At most `most` points per instance, frame and kind of camera (fixed, moving)."""
     points, offsets, counts = [], [], []
-    for s in range(len(looks.frames)):
+    for s in range(len(sampled.frames)):
         p, o, n = _draw(
-            looks.points[s], looks.depth[s], looks.ids[s], looks.fixed, instance_ids, most
+            sampled.points[s], sampled.depth[s], sampled.ids[s], sampled.fixed, instance_ids, most
         )
         # A point that another camera contradicts in the very same frame is a grazing or half-hidden one.
-        good = ~_contradicted(p, *_frame(looks, s), np.repeat(instance_ids, o[:, 2] - o[:, 0]))
+        good = ~_contradicted(p, *_frame(sampled, s), np.repeat(instance_ids, o[:, 2] - o[:, 0]))
         points.append(p[good])
         offsets.append(np.concatenate([[0], np.cumsum(good)])[o])
         counts.append(n)
@@ -63,7 +65,7 @@ def judge(
     points: Float64[np.ndarray, "k 3"],
     still: int,
     motions: Float64[np.ndarray, "m 4 4"],
-    looks: SampledFrames,
+    sampled: SampledFrames,
     s: int,
     instance_id: int,
 ) -> Float64[np.ndarray, "m 2 2"]:
@@ -72,14 +74,14 @@ def judge(
     `motions` carry `points`, the first `still` of which were seen by fixed cameras, to frame number s.
     """
     out = np.zeros((len(motions), 2, 2))
-    _judge(points, still, motions, *_frame(looks, s), instance_id, out)
+    _judge(points, still, motions, *_frame(sampled, s), instance_id, out)
     return out
 
 
 def distances(
     points: Float64[np.ndarray, "k 3"],
     motion: Float64[np.ndarray, "4 4"],
-    looks: SampledFrames,
+    sampled: SampledFrames,
     s: int,
     instance_id: int,
 ) -> tuple[Float64[np.ndarray, "k"], Float64[np.ndarray, "k 3"], Float64[np.ndarray, "k 3"]]:
@@ -89,7 +91,7 @@ def distances(
     """
     off, normals = np.full(len(points), np.nan), np.zeros((len(points), 3))
     moved = points @ motion[:3, :3].T + motion[:3, 3]
-    _associate(moved, *_frame(looks, s), instance_id, off, normals)
+    _associate(moved, *_frame(sampled, s), instance_id, off, normals)
     return off, moved, normals
 
 
@@ -109,10 +111,10 @@ def mean(
     )
 
 
-def _frame(looks: SampledFrames, s: int) -> Any:
+def _frame(sampled: SampledFrames, s: int) -> Any:
     return (
-        looks.fixed, looks.K, looks.cam_to_world[s], looks.depth[s], looks.ids[s], looks.points[s],
-        looks.normals[s],
+        sampled.fixed, sampled.K, sampled.cam_to_world[s], sampled.depth[s], sampled.ids[s], sampled.points[s],
+        sampled.normals[s],
     )  # fmt: skip
 
 

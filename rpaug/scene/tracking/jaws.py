@@ -40,7 +40,7 @@ def sliding(
     left = np.zeros(1 + len(representations))
     asked = 0
     for a, b in zip(case.seen[:-1].tolist(), case.seen[1:].tolist(), strict=True):
-        first, last = case.looks.frames[[a, b]]
+        first, last = case.sampled.frames[[a, b]]
         ways = np.stack([case.representations[GRIPPER], *representations])
         motions = ways[:, last] @ geometry.inverse(ways[:, first])
         middle = np.median(case.points(a)[0], 0)

@@ -28,12 +28,12 @@ STATIC, GRIPPER, FREE = 0, 1, -1  # labels; 2 and up are links of the arm
 
 @dataclass(frozen=True)
 class TrackedInstance:
-    """One instance: its number among the handles, the numbers of the frames that show it (two or more), and
+    """One instance: its number among the instance ids, the numbers of the frames that show it (two or more), and
     the world poses of all it may hang on: the world itself, the gripper, the arm's links."""
 
     number: int
     instance_id: int
-    looks: SampledFrames
+    sampled: SampledFrames
     samples: evidence.Samples
     seen: Int[np.ndarray, "n"]
     representations: Float64[np.ndarray, "m t 4 4"]
@@ -41,7 +41,7 @@ class TrackedInstance:
     @property
     def times(self) -> Int[np.ndarray, "n"]:
         """Frames of the episode that show it."""
-        return self.looks.frames[self.seen]
+        return self.sampled.frames[self.seen]
 
     def points(self, s: int) -> tuple[Float64[np.ndarray, "k 3"], int]:
         """World points in frame number s, and how many of them are from fixed cameras."""
@@ -49,16 +49,16 @@ class TrackedInstance:
 
     def ahead(self, a: int, b: int) -> Float64[np.ndarray, "m 4 4"]:
         """How every carrier moves from frame number a to frame number b."""
-        first, last = self.looks.frames[[a, b]]
+        first, last = self.sampled.frames[[a, b]]
         return self.representations[:, last] @ geometry.inverse(self.representations[:, first])
 
     def judge(
         self, a: int, b: int, motions: Float64[np.ndarray, "m 4 4"]
     ) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m"]]:
         """Mean distance in metres and number of points: a's points moved to b, and b's moved back."""
-        ahead = evidence.judge(*self.points(a), motions, self.looks, b, self.instance_id)
+        ahead = evidence.judge(*self.points(a), motions, self.sampled, b, self.instance_id)
         back = evidence.judge(
-            *self.points(b), geometry.inverse(motions), self.looks, a, self.instance_id
+            *self.points(b), geometry.inverse(motions), self.sampled, a, self.instance_id
         )
         return evidence.mean(ahead + back)
 

@@ -65,7 +65,7 @@ def _corrected(
             guess = np.eye(4)
             guess[:3, 3] = position * axis
             motion, certain = align(
-                rows[:, :3], rows[:, 3], guess, case.looks, s, case.instance_id, axis=axis
+                rows[:, :3], rows[:, 3], guess, case.sampled, s, case.instance_id, axis=axis
             )
             position = float(motion[:3, 3] @ axis) if certain else position
         before = position - along[t]
@@ -83,7 +83,7 @@ def _distance(case: TrackedInstance, to_world: Float64[np.ndarray, "t 4 4"]) -> 
     """
     step, outlines, planes = max(1, len(case.seen) // 4), [], []
     for a, b in zip(case.seen[:-step].tolist(), case.seen[step:].tolist(), strict=True):
-        first, last = case.looks.frames[[a, b]]
+        first, last = case.sampled.frames[[a, b]]
         motion = to_world[last] @ geometry.inverse(to_world[first])
         average, count = case.judge(a, b, motion[None])
         if count[0]:
@@ -91,7 +91,7 @@ def _distance(case: TrackedInstance, to_world: Float64[np.ndarray, "t 4 4"]) -> 
         if np.abs(motion - np.eye(4)).max() > STIRS:  # what rests fits any track that rests
             points, still = case.points(a)
             points = points[:still] if still >= evidence.ENOUGH else points
-            off = evidence.distances(points, motion, case.looks, b, case.instance_id)[0]
+            off = evidence.distances(points, motion, case.sampled, b, case.instance_id)[0]
             planes.append(np.abs(off[~np.isnan(off)]))
     flat = np.concatenate([np.zeros(0), *planes])
     return float(np.mean(outlines or [0.0]) + np.median(flat if len(flat) else [0.0]))

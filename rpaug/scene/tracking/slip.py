@@ -70,7 +70,7 @@ def _best(
     aside = _aside(case, a, b, starts[GRIPPER])
     guesses = [(start, True) for start in starts] + [(shift, False), (aside, False)]
     fits = [
-        align(rows[:, :3], rows[:, 3], guess, case.looks, b, case.instance_id, turning=turning)
+        align(rows[:, :3], rows[:, 3], guess, case.sampled, b, case.instance_id, turning=turning)
         for guess, turning in guesses
     ]
     motions = np.stack([motion for motion, _ in fits])
@@ -91,7 +91,7 @@ def _aside(
     case: TrackedInstance, a: int, b: int, start: Float64[np.ndarray, "4 4"]
 ) -> Float64[np.ndarray, "4 4"]:
     """`start` shifted along one of the gripper's axes, as far as explains most."""
-    axes = case.representations[GRIPPER, case.looks.frames[b], :3, :3].T
+    axes = case.representations[GRIPPER, case.sampled.frames[b], :3, :3].T
     far = np.arange(-JAW, JAW + JAW_STEP / 2, JAW_STEP)
     tries = np.repeat(start[None], 3 * len(far), 0)
     tries[:, :3, 3] += (axes[:, None] * far[:, None]).reshape(-1, 3)
@@ -103,7 +103,7 @@ def _settled(
     case: TrackedInstance, a: int, b: int, motion: Float64[np.ndarray, "4 4"], left: float
 ) -> tuple[Float64[np.ndarray, "4 4"], float]:
     """The shift nearby that explains outlines best too, by steps that halve: planes let flat things slide."""
-    axes = case.representations[GRIPPER, case.looks.frames[b], :3, :3].T
+    axes = case.representations[GRIPPER, case.sampled.frames[b], :3, :3].T
     size = WIDEST
     while size > FINEST:
         tries = np.repeat(motion[None], 6, 0)

@@ -11,15 +11,17 @@ GAP = 0.005  # metres, beside what the spacing of the pixels allows
 SPACING = 2.0  # pixels: how far apart two neighbours on one slanted surface may be
 
 
-def touching(looks: SampledFrames, frames: slice = slice(None)) -> dict[frozenset[int], int]:
-    """Number of looked-at frames in which each pair of handles touches, of those in `frames`."""
+def touching(sampled: SampledFrames, frames: slice = slice(None)) -> dict[frozenset[int], int]:
+    """Number of looked-at frames in which each pair of instance ids touches, of those in `frames`."""
     found: dict[frozenset[int], int] = defaultdict(int)
-    for s in range(len(looks.frames))[frames]:
+    for s in range(len(sampled.frames))[frames]:
         pairs = set()
-        for c in range(len(looks.cameras)):
-            width = looks.ids.shape[-1]
-            at = _contacts(looks.ids[s, c], looks.depth[s, c], looks.points[s, c], looks.K[c, 0, 0])
-            flat = looks.ids[s, c].ravel()
+        for c in range(len(sampled.cameras)):
+            width = sampled.ids.shape[-1]
+            at = _contacts(
+                sampled.ids[s, c], sampled.depth[s, c], sampled.points[s, c], sampled.K[c, 0, 0]
+            )
+            flat = sampled.ids[s, c].ravel()
             pairs |= {
                 frozenset((int(flat[i]), int(flat[i + (width if down else 1)]))) for i, down in at
             }
@@ -30,7 +32,7 @@ def touching(looks: SampledFrames, frames: slice = slice(None)) -> dict[frozense
 
 @kernel
 def _contacts(ids, depth, points, focal):
-    """Flat index of each pixel that touches its right (0) or lower (1) neighbour of another handle."""
+    """Flat index of each pixel that touches its right (0) or lower (1) neighbour of another instance id."""
     height, width = ids.shape
     out = np.zeros((2 * height * width, 2), np.int64)
     n = 0

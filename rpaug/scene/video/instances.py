@@ -15,7 +15,7 @@ from jaxtyping import Float32, Float64, Int32
 from rpaug.scene.instances import grouping, outlines
 from rpaug.scene.video.frame import PosedFrame
 
-BACKGROUND = 1  # handle of all that is no thing
+BACKGROUND = 1  # instance id of all that is no thing
 FIRST = 2
 CELL = 0.015  # of the median depth: of the cells that tell where a thing is
 FEWEST = 12  # cells of a thing
@@ -40,7 +40,9 @@ REACH = 2**20  # cells
 
 @dataclass(frozen=True, eq=False)
 class InstanceMap:
-    """Handles by cell of the world, `names` of each handle's colour, and the support: its handles and its height."""
+    """Handles by cell of the world, `names` of each instance id's colour, and the support: its instance ids and its
+    height.
+    """
 
     cell: float
     instance_ids: Mapping[tuple[int, int, int], int]
@@ -50,7 +52,7 @@ class InstanceMap:
 
     @property
     def every(self) -> list[int]:
-        """All handles."""
+        """All instance ids."""
         return [BACKGROUND, *range(FIRST, FIRST + self.count)]
 
     def at(self, points: Float32[np.ndarray, "n 3"]) -> Int32[np.ndarray, "n"]:
@@ -76,7 +78,7 @@ class InstanceMap:
         return _spread(np.where(enough, best, BACKGROUND)[patch], sliver[patch])
 
     def _small(self, named: np.ndarray) -> np.ndarray:
-        """Which handles are of small things, not of what they stand on or before."""
+        """Which instance ids are of small things, not of what they stand on or before."""
         out = np.bincount(named.ravel(), minlength=FIRST + self.count) < BROAD * named.size
         out[[BACKGROUND, *self.support]] = False
         return out

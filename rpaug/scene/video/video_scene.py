@@ -22,7 +22,7 @@ from rpaug.scene.video.model import Reconstruction
 
 KEPT = 8  # images of one kind
 SNAP = 0.35  # of depth: what of the support is farther from its plane is something else
-LOOK_WIDTH = 480  # pixels, at most, in which handles are told
+LOOK_WIDTH = 480  # pixels, at most, in which instance ids are told
 AROUND = 9  # pixels around what moves by itself that tell how far what it hides is
 BEFORE = 0.9  # of that: nothing tells how far it is, but it hides the rest
 
@@ -57,7 +57,7 @@ class VideoScene:
 
     @cached_property
     def episode(self) -> Episode:
-        """The registered frames as pinhole images, with depth and handles that were worked out."""
+        """The registered frames as pinhole images, with depth and instance ids that were worked out."""
         view = CameraView(
             self.camera,
             lru_cache(KEPT)(self._rgb),
@@ -77,7 +77,7 @@ class VideoScene:
 
     @cached_property
     def hand(self) -> int | None:
-        """The handle of what moves by itself: hands, and what they carry. None if nothing does."""
+        """The instance id of what moves by itself: hands, and what they carry. None if nothing does."""
         return max(self.instances.every) + 1 if any(mask.any() for mask in self.moving) else None
 
     def scene(self) -> Scene:

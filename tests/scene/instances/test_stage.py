@@ -12,7 +12,7 @@ from rpaug.core.errors import Unsupported
 from rpaug.pipeline.contracts import shown
 from rpaug.scene.build import build
 from rpaug.scene.instances import ground_plane, rgb_episode
-from rpaug.scene.placement.placing import room
+from rpaug.scene.placement.placing import find_free_space
 
 LENGTH = 12
 
@@ -62,7 +62,7 @@ def test_things_stand_where_no_line_of_sight_to_what_moves_passes_through(scene)
 
 
 def test_room_is_seen_and_free(scene) -> None:
-    free = room(scene)
+    free = find_free_space(scene)
     assert free.level == 0
     assert 0 < free.seen.mean() < 1
     assert np.isfinite(free.swept).any()
@@ -104,7 +104,7 @@ def test_pixels_an_edit_does_not_mean_keep_their_bytes(scene, op, role, fields) 
 def test_cameras_that_do_not_know_of_one_another_share_no_new_thing() -> None:
     found = build(episode(LENGTH, views=2), with_bodies=True)
     with pytest.raises(Unsupported, match=r"image_0, image_1 stand to one another.*cameras.yaml"):
-        room(found)
+        find_free_space(found)
 
 
 def test_what_is_assumed_is_said(scene) -> None:

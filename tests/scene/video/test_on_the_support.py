@@ -49,9 +49,9 @@ def half_told(scene: Scene, erring: bool) -> Scene:
 
 
 def test_a_frame_that_errs_makes_no_room(scene: Scene) -> None:
-    sound = placing.room(half_told(scene, False))
-    erring = placing.room(half_told(scene, True))
-    assert 1000 < sound.seen.sum() < 0.7 * placing.room(scene).seen.sum()
+    sound = placing.find_free_space(half_told(scene, False))
+    erring = placing.find_free_space(half_told(scene, True))
+    assert 1000 < sound.seen.sum() < 0.7 * placing.find_free_space(scene).seen.sum()
     assert abs(int(erring.seen.sum()) - int(sound.seen.sum())) < 0.1 * sound.seen.sum()
 
 
