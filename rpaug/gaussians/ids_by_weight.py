@@ -1,4 +1,4 @@
-"""Instance ids of pixels by the Gaussians that most of their light comes from.
+"""Which pixels of a video's Gaussians show an edited thing: those that get most of their light from it.
 
 Where depth was worked out from pictures, Gaussians of neighbouring things lie in one another, and the one Gaussian at
 which half of the light is gone belongs now to this one, now to that: edits by it are frayed. Sums of weights are not.
@@ -10,10 +10,8 @@ import numpy as np
 from jaxtyping import Float32, Int32
 
 from rpaug.core.types import Scene
-from rpaug.gaussians.labels import LabelRenderer
 from rpaug.render.splat import Rendering
 
-COVERED = 0.5  # of a pixel, from which it shows something
 CHANNELS = 16  # instance ids told in one pass: the width of a kernel that is compiled anyway
 
 
@@ -43,26 +41,3 @@ def named(
     most = share.max(-1) > drawn.alpha / 2
     rest = np.where(np.isin(ids, instance_ids), 0, ids)
     return np.where(most, np.array(instance_ids)[share.argmax(-1)], rest).astype(np.int32)
-
-
-def mask(
-    ids: Int32[np.ndarray, "n"], stage: LabelRenderer, camera: str, t: int
-) -> Int32[np.ndarray, "h w"]:
-    """Instance ids of one view, given one for each Gaussian; 0 where less than half of a pixel is covered."""
-    labels, which = np.unique(ids, return_inverse=True)
-    best = share = alpha = None
-    for start in range(0, len(labels), CHANNELS):
-        member = (which >= start) & (which < start + CHANNELS)
-        features = np.zeros((len(ids), CHANNELS), np.float32)
-        features[member, which[member] - start] = 1.0
-        drawn = stage.draw(camera, t, features)
-        assert drawn.features is not None
-        named = labels[np.minimum(drawn.features.argmax(-1) + start, len(labels) - 1)]
-        weight = drawn.features.max(-1)
-        if best is None or share is None:
-            best, share, alpha = named, weight, drawn.alpha
-        else:
-            best, share = np.where(weight > share, named, best), np.maximum(weight, share)
-    if best is None or alpha is None:
-        return np.zeros(stage.size(camera), np.int32)
-    return np.where(alpha >= COVERED, best, 0).astype(np.int32)
