@@ -1,4 +1,4 @@
-"""The house keeps its rules: few rooms, imports point down, no cycle, doors, and no room too small or function too long.
+"""The house keeps its rules: few rooms, imports point down, no cycle, doors, nothing too small or too long.
 
 import-linter proves the layers; here stands what its contract cannot say (docs/architecture.md).
 """
@@ -9,6 +9,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+
 from tools import architecture
 
 MODULES = architecture.modules()

@@ -2,9 +2,9 @@
 
     python tools/architecture.py [--out docs/images/architecture.png]
 
-A room is a folder of `rpaug/`; `adapters`, `recipes` and `tools/bench` are rooms beside it. Rows are the layers of the import
-contract in pyproject.toml. An arrow that others imply (a -> b -> c implies a -> c) is left out. `tests/test_architecture.py`
-holds the same graph to the rules of docs/architecture.md.
+A room is a folder of `rpaug/`; `adapters`, `recipes` and `tools/bench` are rooms beside it. Rows are the layers of the
+import contract in pyproject.toml. An arrow that others imply (a -> b -> c implies a -> c) is left out.
+`tests/test_architecture.py` holds the same graph to the rules of docs/architecture.md.
 """
 
 import argparse
