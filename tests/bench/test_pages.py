@@ -82,9 +82,9 @@ def test_every_command_exists(table: pages.Table) -> None:
 
 def test_a_missed_target_is_marked() -> None:
     shown = MADE_UP.markdown()
-    assert "| surfels | 30.4 (≥ 29.5) | **19.5 missed** (≤ 15) |" in shown
-    assert "0123abc, 2026-01-31 · a laptop · seeds 0 to 9" in shown
-    assert list(MADE_UP.misses()) == ["surfels, ms: 19.5 (≤ 15)"]
+    assert "|surfels|30.4 (≥29.5)|**19.5 missed** (≤15)|" in shown
+    assert "0123abc of 2026-01-31; a laptop; seeds 0 to 9" in shown
+    assert list(MADE_UP.misses()) == ["surfels, ms: 19.5 (≤15)"]
 
 
 def test_a_bench_records_its_table_and_replaces_it(tmp_path: Path) -> None:
@@ -100,12 +100,12 @@ def test_a_bench_records_its_table_and_replaces_it(tmp_path: Path) -> None:
         pages.record("cameras", table, tmp_path)
     assert [table.id for table in pages.load("cameras", tmp_path).tables] == ["moved", "other"]
     assert pages.load("cameras", tmp_path).tables[1] == other
-    with pytest.raises(ValueError, match="0 places for the table 'other'"):
+    with pytest.raises(ValueError, match="0 places for 'table: other'"):
         pages.pages(tmp_path)
     page.write_text(page.read_text() + "<!-- table: other -->\nstale\n<!-- end -->\n")
     said = pages.pages(tmp_path)
     assert "- [Cameras](benchmarks/cameras.md): 31.5 dB\n" in said[tmp_path / "benchmarks.md"]
-    assert "| surfels | 31.5 | 12 |" in said[page]
+    assert "|surfels|31.5|12|" in said[page]
     assert "stale" not in said[page]
     assert "Prose." in said[page]
     assert "19.5" not in said[page]

@@ -96,11 +96,11 @@ def dead(arms: Mapping[str, Outcomes], factor: str) -> str:
     """Why the factor cannot tell the arms apart from the first one, or nothing where it can."""
     first, *others = arms.values()
     if all((arm.of([factor]) == arm.of(["none"])).mean() >= 0.99 for arm in arms.values()):
-        return "dead: outcomes are those of unperturbed"
+        return "dead: as unperturbed"
     if first.rate(["none"]) - first.rate([factor]) < SLIGHT:
         return f"dead: {next(iter(arms))} loses nothing"
     if all(arm.rate([factor]) - first.rate([factor]) < SLIGHT for arm in others):
-        return f"dead: no arm is ahead of {next(iter(arms))}"
+        return f"dead: nothing beats {next(iter(arms))}"
     return ""
 
 
@@ -125,17 +125,14 @@ def tables(kept: Kept, names: Sequence[str], seeds: Sequence[int], command: str)
         success.append(
             [condition, *cells, why.get(condition) or ("live" if condition in live else ""), same]
         )
-    for name in [name for name in ("live factors", "all nine") if name in groups]:
-        success.append(
-            [f"mean of {name}", *(f"{arm.rate(groups[name]):.1f}" for arm in arms.values()), "", ""]
-        )
-        if len(seeds) == 1:
-            continue
-        apart = [
-            ", ".join(f"{outcomes(kept[arm], [seed]).rate(groups[name]):.1f}" for seed in seeds)
-            for arm in names
-        ]
-        success.append([f"{name}, by seed", *apart, "", ""])
+    for name in ("live factors", "all nine"):
+        if name in groups:
+            means = [f"{arm.rate(groups[name]):.1f}" for arm in arms.values()]
+            success.append([f"mean of {name}", *means, "", ""])
+    if len(seeds) > 1:
+        apart = [[outcomes(kept[name], [seed]).rate(SINGLE) for seed in seeds] for name in names]
+        cells = [", ".join(f"{rate:.1f}" for rate in rates) for rates in apart]
+        success.append(["all nine, by seed", *cells, "", ""])
     leads = [
         [f"{one} over {other}", *(str(ahead(arms[one], arms[other], c)) for c in groups.values())]
         for one, other in pairs
@@ -152,7 +149,7 @@ def tables(kept: Kept, names: Sequence[str], seeds: Sequence[int], command: str)
     policies = ("seed " if len(seeds) == 1 else "seeds ") + ", ".join(map(str, seeds))
     origin = {"command": command, "seeds": policies, **stamp()}
     made = [
-        ("success", "Success, %", ["condition", *names, "tells arms apart", "as unperturbed, of all kept"], success),
+        ("success", "Success, %", ["condition", *names, "factor", "as unperturbed"], success),
         ("leads", "Ahead by, points (95 % by seed and layout)", ["arms", *groups], leads),
         ("without", "Ahead by over all nine without one task, points", ["arms", *tasks], left_out),
     ]  # fmt: skip

@@ -22,15 +22,13 @@ from pathlib import Path
 
 DOCS = Path(__file__).parents[3] / "docs"
 TOPIC = r"^- \[[^]]*\]\(benchmarks/(\w+)\.md\).*$"  # a topic's line in the index
-TABLE = r"(?<=<!-- table: {} -->\n).*?(?=<!-- end -->)"
-MISSES = r"(?<=<!-- misses -->\n).*?(?=<!-- end -->)"
+MARKED = r"(<!-- {} -->\n).*?(<!-- end -->)"
 FIGURE = re.compile(r"\{(.+?)\|(.+?)\|(.+?)\}")  # {table|row|column} in a headline
 COMPARED = {">=": operator.ge, "<=": operator.le}
 SHOWN = {">=": "≥", "<=": "≤"}
 
-Cell = (
-    str | int | float | Mapping[str, str | float]
-)  # with a target: {"value": 30.4, "target": ">= 31"}
+# A figure with a target is {"value": 30.4, "target": ">= 31"}.
+Cell = str | int | float | Mapping[str, str | float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,14 +59,14 @@ class Table:
 
     def markdown(self) -> str:
         """The table under its title, its origin below."""
-        lines = [
+        rows = [
             self.columns,
             ["---"] * len(self.columns),
             *([shown(c) for c in r] for r in self.rows),
         ]
-        body = "\n".join("| " + " | ".join(map(str, cells)) + " |" for cells in lines)
-        origin = f"`{self.command}` · {self.commit}, {self.date} · {self.machine} · {self.seeds}"
-        return f"**{self.title}**\n\n{body.replace('| --- ', '|---').replace('--- |', '---|')}\n\n{origin}\n"
+        body = "\n".join(f"|{'|'.join(cells)}|" for cells in rows)
+        origin = f"`{self.command}`; {self.commit} of {self.date}; {self.machine}; {self.seeds}"
+        return f"**{self.title}**\n\n{body}\n\n{origin}\n"
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ def met(cell: Mapping[str, str | float]) -> bool:
 def goal(cell: Mapping[str, str | float]) -> str:
     """A target in words."""
     how, bound = str(cell["target"]).split()
-    return f"{SHOWN[how]} {bound}"
+    return f"{SHOWN[how]}{bound}"
 
 
 def plain(cell: Cell) -> str:
@@ -162,24 +160,29 @@ def pages(docs: Path = DOCS) -> dict[Path, str]:
     """Every page and what it should say: prose as it stands, tables and lines anew."""
     topics = {name: load(name, docs) for name in names(docs)}
     index = docs / "benchmarks.md"
-    misses = "".join(
-        f"- [{topic.title}](benchmarks/{name}.md): {miss}\n"
+    missed = {
+        f"- [{topic.title}](benchmarks/{name}.md): ": [
+            m for table in topic.tables for m in table.misses()
+        ]
         for name, topic in topics.items()
-        for table in topic.tables
-        for miss in table.misses()
-    )
+    }
+    misses = "".join(f"{head}{'; '.join(found)}\n" for head, found in missed.items() if found)
     text = re.sub(TOPIC, lambda m: topics[m[1]].line(m[1]), index.read_text(), flags=re.MULTILINE)
-    out = {index: re.sub(MISSES, lambda _: misses, text, flags=re.DOTALL)}
+    out = {index: _marked(index, text, "misses", misses)}
     for name, topic in topics.items():
         page = docs / "benchmarks" / f"{name}.md"
         out[page] = page.read_text()
         for table in topic.tables:
-            body = f"\n{table.markdown()}\n"
-            where = re.compile(TABLE.format(re.escape(table.id)), re.DOTALL)
-            out[page], found = where.subn(lambda _, body=body: body, out[page])
-            if found != 1:
-                raise ValueError(f"{page}: {found} places for the table {table.id!r}, not one")
+            out[page] = _marked(page, out[page], f"table: {table.id}", f"\n{table.markdown()}\n")
     return out
+
+
+def _marked(page: Path, text: str, marker: str, body: str) -> str:
+    where = re.compile(MARKED.format(re.escape(marker)), re.DOTALL)
+    text, found = where.subn(lambda m: m[1] + body + m[2], text)
+    if found != 1:
+        raise ValueError(f"{page}: {found} places for {marker!r}, not one")
+    return text
 
 
 def main() -> None:
