@@ -47,7 +47,7 @@ def test_every_topic_has_one_line_in_the_index_and_no_page_is_without_results() 
 
 @pytest.mark.parametrize("page", sorted((pages.DOCS / "benchmarks").glob("*.md")), ids=str)
 def test_a_page_fits_a_screen_or_so(page: Path) -> None:
-    assert len(page.read_text().splitlines()) <= 80
+    assert len(page.read_text().splitlines()) <= 75
 
 
 @pytest.mark.parametrize("table", TABLES)
@@ -83,7 +83,7 @@ def test_every_command_exists(table: pages.Table) -> None:
 def test_a_missed_target_is_marked() -> None:
     shown = MADE_UP.markdown()
     assert "|surfels|30.4 (≥29.5)|**19.5 missed** (≤15)|" in shown
-    assert "0123abc of 2026-01-31; a laptop; seeds 0 to 9" in shown
+    assert "0123abc 2026-01-31; a laptop; seeds 0 to 9" in shown
     assert list(MADE_UP.misses()) == ["surfels, ms: 19.5 (≤15)"]
 
 

@@ -65,7 +65,7 @@ class Table:
             *([shown(c) for c in r] for r in self.rows),
         ]
         body = "\n".join(f"|{'|'.join(cells)}|" for cells in rows)
-        origin = f"`{self.command}`; {self.commit} of {self.date}; {self.machine}; {self.seeds}"
+        origin = f"`{self.command}`; {self.commit} {self.date}; {self.machine}; {self.seeds}"
         return f"**{self.title}**\n\n{body}\n\n{origin}\n"
 
 
@@ -161,7 +161,7 @@ def pages(docs: Path = DOCS) -> dict[Path, str]:
     topics = {name: load(name, docs) for name in names(docs)}
     index = docs / "benchmarks.md"
     missed = {
-        f"- [{topic.title}](benchmarks/{name}.md): ": [
+        f"- {topic.title}: ": [
             m for table in topic.tables for m in table.misses()
         ]
         for name, topic in topics.items()
@@ -173,7 +173,7 @@ def pages(docs: Path = DOCS) -> dict[Path, str]:
         page = docs / "benchmarks" / f"{name}.md"
         out[page] = page.read_text()
         for table in topic.tables:
-            out[page] = _marked(page, out[page], f"table: {table.id}", f"\n{table.markdown()}\n")
+            out[page] = _marked(page, out[page], f"table: {table.id}", table.markdown())
     return out
 
 
