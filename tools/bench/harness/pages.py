@@ -161,9 +161,7 @@ def pages(docs: Path = DOCS) -> dict[Path, str]:
     topics = {name: load(name, docs) for name in names(docs)}
     index = docs / "benchmarks.md"
     missed = {
-        f"- {topic.title}: ": [
-            m for table in topic.tables for m in table.misses()
-        ]
+        f"- {topic.title}: ": [m for table in topic.tables for m in table.misses()]
         for name, topic in topics.items()
     }
     misses = "".join(f"{head}{'; '.join(found)}\n" for head, found in missed.items() if found)
