@@ -133,13 +133,13 @@ def tables(kept: Kept, names: Sequence[str], seeds: Sequence[int], command: str)
         apart = [[outcomes(kept[name], [seed]).rate(SINGLE) for seed in seeds] for name in names]
         cells = [", ".join(f"{rate:.1f}" for rate in rates) for rates in apart]
         success.append(["all nine, by seed", *cells, "", ""])
-    leads = [
+    leads: list[list[Cell]] = [
         [f"{one} over {other}", *(str(ahead(arms[one], arms[other], c)) for c in groups.values())]
         for one, other in pairs
     ]
     tasks = next(iter(arms.values())).tasks
     tasks = tasks if len(tasks) > 1 else ()
-    left_out = [
+    left_out: list[list[Cell]] = [
         [
             f"{one} over {other}",
             *(f"{ahead(arms[one], arms[other], SINGLE, task).mean:+.1f}" for task in tasks),
@@ -148,7 +148,7 @@ def tables(kept: Kept, names: Sequence[str], seeds: Sequence[int], command: str)
     ]
     policies = ("seed " if len(seeds) == 1 else "seeds ") + ", ".join(map(str, seeds))
     origin = {"command": command, "seeds": policies, **stamp()}
-    made = [
+    made: list[tuple[str, str, list[str], list[list[Cell]]]] = [
         ("success", "Success, %", ["condition", *names, "factor", "as unperturbed"], success),
         ("leads", "Ahead by, points (95 % by seed and layout)", ["arms", *groups], leads),
         ("without", "Ahead by over all nine without one task, points", ["arms", *tasks], left_out),
