@@ -137,11 +137,9 @@ def draw_copy(
         prepared = replace(prepared, recipe=replace(prepared.recipe, steps=(), gates=None))
     scene, recipe = prepared.scene, prepared.recipe
     if known is not None:
-        if known.draws is None:
-            drawn = draw(scene, recipe, copy, known.attempt)
-        else:
-            drawn = redraw(scene, known.draws)
-        return _made(prepared, *drawn, known.attempt)
+        if known.draws is not None:
+            return _made(prepared, *redraw(scene, known.draws), known.attempt)
+        return _made(prepared, *draw(scene, recipe, copy, known.attempt), known.attempt)
     judged: list[tuple[Draw, ...]] = []
     seconds = 0.0
     for attempt in range(recipe.gates.tries if recipe.gates else 1):

@@ -7,8 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rpaug.core.errors import Rejected
 from rpaug.core.files import REJECTED
-from rpaug.core.interfaces import Adapter, Side
+from rpaug.core.interfaces import Adapter
 from rpaug.physics import simulate
 from rpaug.pipeline import gates as gating
 from rpaug.pipeline import report
@@ -30,10 +31,6 @@ class CopyPlace:
     def rejected(self) -> "CopyPlace":
         """The same copy among the rejected ones."""
         return CopyPlace(self.source, self.copy, self.root / REJECTED, self.key)
-
-
-class Rejected(Exception):
-    """A copy turns out to be faulty once all its images are rendered, and before it appears."""
 
 
 def write_copy(
@@ -73,8 +70,8 @@ def write(
     start = time.perf_counter()
 
     def side() -> Mapping[str, bytes]:
-        if strict and made.judged():
-            raise Rejected
+        if strict and (faults := made.judged()):
+            raise Rejected("; ".join(faults))
         return side_files(made, recipe, place.source, place.copy, seconds, start)
 
     adapter.write(made.recorded, place.root, place.key, side)

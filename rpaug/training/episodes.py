@@ -155,9 +155,7 @@ def _check(cameras: Sequence[str], episode: Episode) -> None:
     for name in cameras:
         if name not in episode.views:
             known = ", ".join(episode.views)
-            raise Unsupported(
-                f"{episode.key}: no camera is called {name!r}; there are: {known}"
-            )
+            raise Unsupported(f"{episode.key}: no camera is called {name!r}; there are: {known}")
 
 
 def _images(episode: Episode, name: str, frames: list[int]) -> dict[str, torch.Tensor]:
