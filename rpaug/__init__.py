@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rpaug.core.types import Effect as Effect
     from rpaug.core.types import Episode as Episode
     from rpaug.core.types import Gaussians as Gaussians
-    from rpaug.core.types import Origin as Origin
+    from rpaug.core.types import Provenance as Provenance
     from rpaug.core.types import Robot as Robot
     from rpaug.core.types import Scene as Scene
     from rpaug.core.types import Sensor as Sensor
@@ -61,7 +61,7 @@ _EXPORTS = {
     "MissingExtra": "rpaug.core.errors",
     "Operator": "rpaug.core.interfaces",
     "OperatorContract": "rpaug.pipeline.contracts",
-    "Origin": "rpaug.core.types",
+    "Provenance": "rpaug.core.types",
     "Recipe": "rpaug.pipeline.recipe",
     "Rejected": "rpaug.core.errors",
     "Robot": "rpaug.core.types",

@@ -15,7 +15,7 @@ import numpy as np
 from rpaug.core import registry
 from rpaug.core.files import encode_png, write_atomic
 from rpaug.pipeline import plan, prepare, recipe
-from rpaug.pipeline.copies import Prepared, draw_copy
+from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 from rpaug.scene.build import build
 
 MOVED, RECEIVER = {"target": {"role": "manipulated"}}, {"target": {"role": "receiver"}}
@@ -57,7 +57,7 @@ def main() -> None:
         for name in arguments.factor or FACTORS:
             made = recipe.build({"version": 1, "seed": 3, "edits": [FACTORS[name]]})
             planned = plan.make(prepare.operators(made), episode)
-            shown = draw_copy(Prepared(scene, planned, made), 1).episode
+            shown = draw_copy(PreparedEpisode(scene, planned, made), 1).episode
             rows = [
                 np.concatenate([view.rgb(t) for view in one.views.values()], 1)
                 for t in frames

@@ -11,7 +11,7 @@ from rpaug import Episode, Scene
 from rpaug.core import registry
 from rpaug.core.files import encode_png, write_atomic
 from rpaug.pipeline import plan, prepare, recipe
-from rpaug.pipeline.copies import Prepared, draw_copy
+from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 from rpaug.scene.build import build
 
 ROWS = [
@@ -50,7 +50,7 @@ def shown(scene: Scene, edits: list[dict[str, Any]]) -> Episode:
     """The sample as those edits show it."""
     made = recipe.build({"version": 1, "seed": 4, "edits": edits})
     planned = plan.make(prepare.operators(made), scene.episode)
-    return draw_copy(Prepared(scene, planned, made), 1).episode
+    return draw_copy(PreparedEpisode(scene, planned, made), 1).episode
 
 
 def first(scene: Scene) -> np.ndarray:

@@ -23,7 +23,7 @@ from rpaug.core import registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.types import CameraView, Episode
 from rpaug.pipeline import plan, prepare
-from rpaug.pipeline.copies import Known, Prepared, draw_copy
+from rpaug.pipeline.copies import Known, PreparedEpisode, draw_copy
 from rpaug.pipeline.recipe import Recipe
 
 GAUSSIANS = "Gaussian render"
@@ -278,7 +278,7 @@ def _edited(episode: Episode, case: FactorCase, ask: Ask, tier: int) -> tuple[Ep
         edit = ask.edit or operator.sample(scene, np.random.default_rng(0))
         plain = json.loads(json.dumps(edit))
         draws.append({"step": step, "op": case.operator, "fields": dict(fields), "edit": plain})
-    prepared = Prepared(scene, made, Recipe.from_dict({"version": 1}))
+    prepared = PreparedEpisode(scene, made, Recipe.from_dict({"version": 1}))
     copy = draw_copy(prepared, 1, known=Known(draws=draws))
     return _held(copy.episode), copy.tally.holes
 

@@ -151,7 +151,7 @@ def warm(
 def _edit_the_sample() -> None:
     """One frame of the sample through every kernel of the main job: recoloured, and seen from a moved camera."""
     from rpaug.pipeline import plan, prepare, recipe
-    from rpaug.pipeline.copies import Prepared, draw_copy
+    from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 
     episode = registry.read(registry.SAMPLE, None)
     for edit in (
@@ -160,6 +160,6 @@ def _edit_the_sample() -> None:
     ):
         asked = recipe.build({"version": 1, "edits": [edit]})
         made = plan.make(prepare.operators(asked), episode)
-        prepared = Prepared(prepare.prepare(episode, made), made, asked)
+        prepared = PreparedEpisode(prepare.prepare(episode, made), made, asked)
         for view in draw_copy(prepared, 1).episode.views.values():
             view.rgb(0)

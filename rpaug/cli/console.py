@@ -23,15 +23,18 @@ from rpaug.core.errors import BadInput, RpaugError
 console = Console(stderr=True, emoji=False)
 
 
-def _dataset(given: Path) -> Path:
+def dataset_path(given: Path | None) -> Path | None:
+    """What an argument names: `sample` is the dataset that ships."""
     from rpaug.core import registry
 
-    return registry.dataset(given)
+    return given if given is None else registry.dataset(given)
 
 
 Dataset = Annotated[
     Path,
-    typer.Argument(help="Folder of a dataset, or `sample`.", show_default=False, callback=_dataset),
+    typer.Argument(
+        help="Folder of a dataset, or `sample`.", show_default=False, callback=dataset_path
+    ),
 ]
 EpisodeKey = Annotated[str | None, typer.Option(help="Key of one episode; the first if not given.")]
 Arms = Annotated[

@@ -114,7 +114,7 @@ class Robot:
 
 
 @dataclass(frozen=True)
-class Origin:
+class Provenance:
     """Where an episode was read: the dataset, and the name of its layout."""
 
     dataset: Path
@@ -126,7 +126,7 @@ class Episode:
     """One demonstration.
 
     `key` is its path inside the dataset, with forward slashes. `source` is the adapter's own: what it
-    needs to write the episode back with every field it does not know about. `origin` says where it was read by
+    needs to write the episode back with every field it does not know about. `provenance` says where it was read by
     `rpaug.read`; `side` gives the files that belong beside a copy that `rpaug.augment` made, its report among them.
     """
 
@@ -136,7 +136,7 @@ class Episode:
     descriptions: tuple[str, ...]
     length: int
     source: Any = None
-    origin: Origin | None = None
+    provenance: Provenance | None = None
     side: Callable[[], Mapping[str, bytes]] | None = None
 
     @property

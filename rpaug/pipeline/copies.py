@@ -25,7 +25,7 @@ ORIGINAL = 0
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedEpisode:
     """What all copies of one episode share.
 
     `surfels` gives those of the recorded scene; without it each copy builds its own. Copies whose recorded actions no
@@ -126,7 +126,7 @@ class Known:
 
 
 def draw_copy(
-    prepared: Prepared, copy: int, judge: Judge = rendered, known: Known | None = None
+    prepared: PreparedEpisode, copy: int, judge: Judge = rendered, known: Known | None = None
 ) -> Made:
     """Copy number `copy`: the first of its draws without a fault, else the last one, with its faults.
 
@@ -156,7 +156,7 @@ def draw_copy(
     return replace(made, faults=faults)
 
 
-def _made(prepared: Prepared, scene: Scene, draws: tuple[Draw, ...], attempt: int) -> Made:
+def _made(prepared: PreparedEpisode, scene: Scene, draws: tuple[Draw, ...], attempt: int) -> Made:
     gates = prepared.recipe.gates
     made = render(scene, draws, prepared.plan, gates is not None, prepared.surfels)
     known = [made.untrue] if made.untrue else []

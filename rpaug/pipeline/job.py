@@ -11,7 +11,7 @@ from rpaug.core import registry
 from rpaug.core.interfaces import Adapter
 from rpaug.core.types import Episode
 from rpaug.pipeline import report
-from rpaug.pipeline.copies import Prepared
+from rpaug.pipeline.copies import PreparedEpisode
 from rpaug.pipeline.prepare import ground, prepare_scene
 from rpaug.pipeline.recipe import build as build_recipe
 from rpaug.pipeline.write import CopyPlace, write_copy
@@ -50,7 +50,7 @@ def augment(job: Job) -> Iterator[dict[str, Any]]:
     with watch("ground"):
         ground(scene, recipe)
     kept = cache(partial(surfels.recorded, scene))
-    prepared = Prepared(scene, plan, recipe, kept, job.keep_invalid)
+    prepared = PreparedEpisode(scene, plan, recipe, kept, job.keep_invalid)
     shared = {stage: seconds / len(job.copies) for stage, seconds in watch.seconds.items()}
     for copy, key in job.copies:
         place = CopyPlace(job.key, copy, job.target, key)

@@ -13,14 +13,14 @@ from typing import Any
 from rpaug.core import registry
 from rpaug.core.errors import BadInput, Rejected, Unsupported
 from rpaug.core.files import apart, read_bytes
-from rpaug.core.types import Episode, Origin
+from rpaug.core.types import Episode, Provenance
 from rpaug.pipeline import convert, inputs, prepare
 from rpaug.pipeline import inspect as inspection
 from rpaug.pipeline import recipe as recipes
 from rpaug.pipeline import report as reports
 from rpaug.pipeline import verify as verification
 from rpaug.pipeline import write as writing
-from rpaug.pipeline.copies import Prepared, draw_copy
+from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 from rpaug.pipeline.inputs import RecipeLike
 from rpaug.scene.recorded import surfels
 
@@ -40,8 +40,8 @@ def episodes(dataset: Dataset) -> list[str]:
 def read(dataset: Dataset, key: str | None = None) -> Episode:
     """One episode, its images loaded when they are asked for; the first if no key is given. Raises BadInput."""
     root = registry.dataset(dataset)
-    origin = Origin(root, registry.adapter_for(root).name)
-    return replace(registry.read(root, key), origin=origin)
+    origin = Provenance(root, registry.adapter_for(root).name)
+    return replace(registry.read(root, key), provenance=origin)
 
 
 def inspect(episode: Episode) -> dict[str, Any]:
@@ -82,11 +82,13 @@ def augment(
 @lru_cache(1)  # the copies of one episode share what they are made from
 def _prepared(
     episode: Episode, source: str, tier: int, scenes: Path | None, keep_invalid: bool
-) -> Prepared:
+) -> PreparedEpisode:
     recipe = recipes.build(json.loads(source))
     scene, plan = prepare.prepare_scene(episode, recipe, tier, scenes)
     prepare.ground(scene, recipe)
-    return Prepared(scene, plan, recipe, cache(partial(surfels.recorded, scene)), keep_invalid)
+    return PreparedEpisode(
+        scene, plan, recipe, cache(partial(surfels.recorded, scene)), keep_invalid
+    )
 
 
 def write(episode: Episode, path: Path | str, layout: str | None = None) -> str:
@@ -96,7 +98,7 @@ def write(episode: Episode, path: Path | str, layout: str | None = None) -> str:
     for an episode of arrays. Raises BadInput where something is there already, Unsupported where the layout needs what
     the episode lacks.
     """
-    origin, root = episode.origin, _new(path)
+    origin, root = episode.provenance, _new(path)
     name = layout or (origin.layout if origin else FRESH)
     adapter = registry.adapter(name)
     side = episode.side or partial(_report, episode, name)
@@ -145,7 +147,7 @@ def verify(
 
 def _report(episode: Episode, layout: str) -> Mapping[str, bytes]:
     """What lies beside an episode that was not augmented: where it was read, if it was."""
-    origin = episode.origin
+    origin = episode.provenance
     if origin is None:
         return {}
     given = convert.converted(origin.dataset, episode.key, origin.layout)

@@ -13,7 +13,7 @@ from rpaug.core.interfaces import Adapter
 from rpaug.physics import simulate
 from rpaug.pipeline import gates as gating
 from rpaug.pipeline import report
-from rpaug.pipeline.copies import ORIGINAL, Known, Made, Prepared, draw_copy
+from rpaug.pipeline.copies import ORIGINAL, Known, Made, PreparedEpisode, draw_copy
 from rpaug.pipeline.prepare import prepare_scene
 from rpaug.pipeline.recipe import build as build_recipe
 
@@ -34,7 +34,7 @@ class CopyPlace:
 
 
 def write_copy(
-    adapter: Adapter, prepared: Prepared, place: CopyPlace, seconds: Mapping[str, float]
+    adapter: Adapter, prepared: PreparedEpisode, place: CopyPlace, seconds: Mapping[str, float]
 ) -> CopyPlace:
     """Draw a copy and write it while its images are rendered; return where it is: what is faulty is kept apart.
 
@@ -133,7 +133,7 @@ def replay(
     scene, made_plan = prepare_scene(episode, recipe, plan["tier"], donor=donor)
     kept = not any(fault.startswith(simulate.INVALID) for fault in judged.get("faults", ()))
     known = Known(judged.get("attempt", 0), described["draws"])
-    prepared = Prepared(scene, made_plan, recipe, keep_invalid=kept)
+    prepared = PreparedEpisode(scene, made_plan, recipe, keep_invalid=kept)
     made = draw_copy(prepared, described["copy"], known=known)
     place = CopyPlace(described["source"], described["copy"], target, key)
     write(adapter, made, described["recipe"], place, {})

@@ -13,7 +13,7 @@ from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Episode, Scene
 from rpaug.gaussians import store
 from rpaug.pipeline import prepare
-from rpaug.pipeline.copies import Prepared
+from rpaug.pipeline.copies import PreparedEpisode
 from rpaug.pipeline.plan import Plan, make
 from rpaug.pipeline.recipe import Recipe
 from rpaug.scene.build import build
@@ -34,7 +34,7 @@ class Ready:
     """
 
     episode: Episode
-    prepared: Prepared
+    prepared: PreparedEpisode
     lacking: Callable[[], str]
     name: Callable[[], str]
 
@@ -88,10 +88,10 @@ class Scenes:
             scene, plan, kept = self._found(episode)
         except (TargetError, Unsupported) as error:  # `rpaug augment` skips it
             why, scene = str(error), build(episode, with_bodies=False)
-            bare = Prepared(scene, make((), episode), self.recipe)
+            bare = PreparedEpisode(scene, make((), episode), self.recipe)
             return Ready(episode, bare, lambda: why, lambda: key)
         find = self._counted(key, lambda: kept or surfels.recorded(scene))
-        prepared = Prepared(scene, plan, self.recipe, find, self.keep_invalid)
+        prepared = PreparedEpisode(scene, plan, self.recipe, find, self.keep_invalid)
         lacking = cache(partial(_lacking, scene, self.recipe))
         return Ready(episode, prepared, lacking, cache(partial(self._name, scene, key)))
 

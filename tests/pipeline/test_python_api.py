@@ -15,6 +15,7 @@ from runs import GROUP, contents
 from runs import augment as run
 
 import rpaug
+from rpaug.core.registry import SAMPLE
 from rpaug.operators.light_color import LightColor
 from rpaug.operators.recolor import Recolor
 from rpaug.pipeline import inputs, report
@@ -74,7 +75,7 @@ def test_an_episode_is_inspected_and_converted(template: Path, tmp_path: Path) -
     again = rpaug.read(tmp_path / "rdt", key)
     assert again.length == episode.length
     assert again.instruction == "roll the ball"
-    assert rpaug.read("sample").origin == rpaug.Origin(inputs.dataset("sample"), "rlbench")
+    assert rpaug.read("sample").provenance == rpaug.Provenance(SAMPLE, "rlbench")
 
 
 def test_copies_that_augment_rejects_raise(template: Path) -> None:
@@ -199,24 +200,24 @@ def painted(**fields: Any) -> dict[str, Any]:
         (lambda e: rpaug.augment(e, painted(target={"handle": 4711})), "no such instance 4711"),
         (lambda e: rpaug.augment(e, {"version": 1, "edits": [{**BUMP, "camera": "nope"}]}),
          "no camera is called 'nope'; there are: front, overhead"),
-        (lambda e: rpaug.read(e.origin.dataset, "none"), "episode: found none; expected one of"),
+        (lambda e: rpaug.read(e.provenance.dataset, "none"), "episode: found none; expected one of"),
         (lambda e: rpaug.read("/no/such"), "no such folder"),
         (lambda e: rpaug.episodes("/no/such"), "no such folder"),
-        (lambda e: rpaug.write(e, e.origin.dataset), "something there already"),
-        (lambda e: rpaug.write(e, e.origin.dataset / "in"), "a path outside it"),
+        (lambda e: rpaug.write(e, e.provenance.dataset), "something there already"),
+        (lambda e: rpaug.write(e, e.provenance.dataset / "in"), "a path outside it"),
         (lambda e: rpaug.write(e, "/tmp/never", layout="nope"), "no adapter is called 'nope'"),
         (lambda e: Recolor(target="x", color="bleu"), "Recolor: color: found 'bleu'; no such"),
         (lambda e: Recolor(color="red"), "Recolor: target: missing"),
         (lambda e: Recolor(target="x", color="red", colour="red"), "colour: unknown key"),
         (lambda e: LightColor(range=[[0.5] * 3, [0.1] * 3]), "LightColor: .*exceed"),
-        (lambda e: AugmentedEpisodes(e.origin.dataset, RECIPE, cameras=["nope"]),
+        (lambda e: AugmentedEpisodes(e.provenance.dataset, RECIPE, cameras=["nope"]),
          "no camera is called 'nope'; there are: front, overhead"),
-        (lambda e: AugmentedEpisodes(e.origin.dataset, RECIPE, tier=2), "tier 2"),
-        (lambda e: AugmentedEpisodes(e.origin.dataset, "no_such"), "one of: .*demo"),
+        (lambda e: AugmentedEpisodes(e.provenance.dataset, RECIPE, tier=2), "tier 2"),
+        (lambda e: AugmentedEpisodes(e.provenance.dataset, "no_such"), "one of: .*demo"),
         (lambda e: AugmentedEpisodes("/no/such", RECIPE), "no such folder"),
-        (lambda e: AugmentedEpisodes(e.origin.dataset, RECIPE).set_epoch(-1),
+        (lambda e: AugmentedEpisodes(e.provenance.dataset, RECIPE).set_epoch(-1),
          "epoch -1: expected a whole number from 0"),
-        (lambda e: AugmentedEpisodes(e.origin.dataset, RECIPE).set_epoch(0.5), "epoch 0.5"),
+        (lambda e: AugmentedEpisodes(e.provenance.dataset, RECIPE).set_epoch(0.5), "epoch 0.5"),
         (lambda e: Schedule(probability=2), "values from 0 to 1"),
     ],
 )  # fmt: skip

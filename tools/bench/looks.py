@@ -19,7 +19,7 @@ import rpaug
 from rpaug import Episode, Scene
 from rpaug.core import registry
 from rpaug.pipeline import plan, prepare, recipe
-from rpaug.pipeline.copies import Prepared, draw_copy
+from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 from rpaug.scene.build import build
 
 RECEIVER = {"target": {"role": "receiver"}}
@@ -51,7 +51,7 @@ def measure(scene: Scene, name: str) -> dict[str, float]:
     """Seconds and changed pixels of one operator."""
     made = recipe.build({"version": 1, "seed": 1, "edits": [{"op": name, **EDITS[name]}]})
     planned = plan.make(prepare.operators(made), scene.episode)
-    prepared = Prepared(scene, planned, made)
+    prepared = PreparedEpisode(scene, planned, made)
     for view in draw_copy(prepared, 1).episode.views.values():
         view.rgb(0)
     start = time.process_time()
