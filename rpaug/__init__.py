@@ -1,5 +1,9 @@
 """rpaug multiplies robot demonstrations: recorded episodes in, edited and consistent episodes out."""
 
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
 from rpaug.core.errors import (
     BadInput,
     BadRecipe,
@@ -23,7 +27,13 @@ from rpaug.core.types import (
     Surface,
 )
 
+if TYPE_CHECKING:
+    from rpaug.core import files, geometry, safe_yaml, splits
+
 __version__ = "0.1.0"
+
+# What adapters are written with, loaded when it is asked for: the names in each module's `__all__`.
+MODULES = {name: f"rpaug.core.{name}" for name in ("files", "geometry", "safe_yaml", "splits")}
 
 __all__ = [
     "Adapter",
@@ -47,4 +57,14 @@ __all__ = [
     "Surface",
     "TargetError",
     "Unsupported",
+    "files",
+    "geometry",
+    "safe_yaml",
+    "splits",
 ]
+
+
+def __getattr__(name: str) -> ModuleType:
+    if name in MODULES:
+        return import_module(MODULES[name])
+    raise AttributeError(f"module 'rpaug' has no attribute {name!r}")
