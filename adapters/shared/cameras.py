@@ -77,7 +77,7 @@ class Gripper(StrictModel):
 
     key: str
     position: tuple[int, int, int] = (0, 1, 2)
-    geometry.rotation: tuple[int, ...] = (3, 4, 5)
+    rotation: tuple[int, ...] = (3, 4, 5)
     convention: Literal["euler_xyz", "quaternion_xyzw", "quaternion_wxyz"] = "euler_xyz"
     opening: int | None = 6
 
