@@ -8,6 +8,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rpaug.core import files as files
+    from rpaug.core import geometry as geometry
+    from rpaug.core import safe_yaml as safe_yaml
+    from rpaug.core import splits as splits
     from rpaug.core.errors import BadInput as BadInput
     from rpaug.core.errors import BadRecipe as BadRecipe
     from rpaug.core.errors import MissingExtra as MissingExtra
@@ -74,9 +78,13 @@ _EXPORTS = {
     "Unsupported": "rpaug.core.errors",
     "augment": "rpaug.pipeline.python_api",
     "episodes": "rpaug.pipeline.python_api",
+    "files": "rpaug.core.files",
+    "geometry": "rpaug.core.geometry",
     "inspect": "rpaug.pipeline.python_api",
     "read": "rpaug.pipeline.python_api",
     "replay": "rpaug.pipeline.python_api",
+    "safe_yaml": "rpaug.core.safe_yaml",
+    "splits": "rpaug.core.splits",
     "verify": "rpaug.pipeline.python_api",
     "write": "rpaug.pipeline.python_api",
 }

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rpaug_adapters._pickles import load
 from rpaug_adapters.rlbench import RLBench
+from rpaug_adapters.rlbench.pickles import load
 from runs import GROUP, augment, contents
 
 from rpaug.core.errors import BadInput

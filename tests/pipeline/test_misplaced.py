@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from rpaug_adapters._pickles import dump, load
+from rpaug_adapters.rlbench.pickles import dump, load
 from typer.testing import CliRunner
 
 from rpaug.cli import app
