@@ -97,6 +97,19 @@ def test_the_example_operator_meets_its_contract() -> None:
     assert spaces["Dusk"]().sample(None, np.random.default_rng(0))["factor"] <= 1
 
 
+def test_the_examples_in_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    spaces: dict = {}
+    for block in blocks(ROOT / "docs/python.md", "python"):
+        exec(block, spaces)
+    blue = spaces["image"][20, 20]
+    assert blue[2] > blue[0]
+    assert spaces["rpaug"].verify(tmp_path / "augmented", "sample").passed
+    (readme,) = (text for text in blocks(ROOT / "README.md", "python") if "rpaug.read" in text)
+    monkeypatch.chdir(tmp_path / "augmented")  # what it writes is new there
+    exec(readme, {})
+
+
 def test_the_two_commands_of_the_readme_exist() -> None:
     makefile = (ROOT / "Makefile").read_text()
     (setup,) = (block for block in blocks(ROOT / "README.md", "sh") if "make" in block)

@@ -22,8 +22,9 @@ from rpaug.bench.scores import HIGHER, Scores, measure
 from rpaug.core import registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.types import CameraView, Episode
-from rpaug.pipeline import copies as pipeline
 from rpaug.pipeline import plan, prepare
+from rpaug.pipeline.copies import Known, PreparedEpisode, draw_copy
+from rpaug.pipeline.recipe import Recipe
 
 GAUSSIANS = "Gaussian render"
 NONE, LAB, JITTER = "no edit", "CIELAB in the mask", "colour jitter"
@@ -271,12 +272,15 @@ def _edited(episode: Episode, case: FactorCase, ask: Ask, tier: int) -> tuple[Ep
     kind = TypeAdapter(registry.operator(case.operator))
     operators = [kind.validate_python(dict(fields)) for fields in ask.steps]
     made = plan.make(operators, episode, tier)
-    scene = recorded = prepare.prepare(episode, made)
-    for operator in operators:
-        edit = ask.edit or operator.sample(recorded, np.random.default_rng(0))
-        scene = operator.apply(scene, json.loads(json.dumps(edit)))
-    rendered = pipeline.render(scene, (), made)
-    return _held(rendered.episode), rendered.tally.holes
+    scene = prepare.prepare(episode, made)
+    draws = []
+    for step, (fields, operator) in enumerate(zip(ask.steps, operators, strict=True)):
+        edit = ask.edit or operator.sample(scene, np.random.default_rng(0))
+        plain = json.loads(json.dumps(edit))
+        draws.append({"step": step, "op": case.operator, "fields": dict(fields), "edit": plain})
+    prepared = PreparedEpisode(scene, made, Recipe.from_dict({"version": 1}))
+    copy = draw_copy(prepared, 1, known=Known(draws=draws))
+    return _held(copy.episode), copy.tally.holes
 
 
 def _held(episode: Episode) -> Episode:

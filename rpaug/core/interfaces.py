@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import ConfigDict
 
 from rpaug.core.types import Effect, Episode, Scene
+from rpaug.core.validation import Validated
 
 Edit = dict[str, Any]
 """One drawn change as plain JSON values: enough, with the operator's fields, to replay it exactly."""
@@ -18,8 +19,9 @@ Side = Callable[[], Mapping[str, bytes]]
 """Files to lay beside an episode's own, by name; asked for once all its images have been rendered."""
 
 
-class Operator(ABC):
-    """One kind of edit. Subclasses are frozen keyword-only dataclasses; their fields are the recipe's keys.
+class Operator(metaclass=Validated):
+    """One kind of edit. Subclasses are frozen keyword-only dataclasses; their fields are the recipe's keys, and taken
+    from Python as from a recipe.
 
     A subclass declares `effect`, and `gaussians` if it cannot do without fitted ones. Registering it under the
     entry-point group `rpaug.operators` makes its entry-point name an `op:` in recipes.
@@ -31,7 +33,7 @@ class Operator(ABC):
     effect: ClassVar[Effect]
     gaussians: ClassVar[bool] = False
 
-    def ready(self) -> None:  # noqa: B027  # most need nothing but the scene
+    def ready(self) -> None:  # most need nothing but the scene
         """Raises RpaugError where something beside the recording is missing, before any work is done."""
 
     @abstractmethod
