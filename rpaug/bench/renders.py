@@ -15,7 +15,8 @@ from rpaug.core import geometry
 from rpaug.core.errors import MissingExtra, RpaugError, Unsupported
 from rpaug.core.types import CameraView, Episode, Gaussians
 from rpaug.gaussians.gaussians import LiftedImage, joined, lifted
-from rpaug.render.splat import Rasteriser, Splats, View, rasterise
+from rpaug.render.splat import Rasteriser, Splats, View
+from rpaug.render.splat.autograd import rasterise
 
 NAMES = tuple(field.name for field in fields(Splats))
 # The reference in float32 is left out unless asked for: denormal numbers slow it down a hundredfold.

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Flag, auto
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from jaxtyping import Float16, Float32, Float64, Int32, UInt8
@@ -373,6 +373,8 @@ class Gaussians:
     sh: Float32[np.ndarray, "n k 3"]
     ids: Int32[np.ndarray, "n"]
     frame_residuals: Mapping[int, FrameResidual] = field(default_factory=dict)
+
+    ARRAYS: ClassVar = ("means", "quats", "scales", "opacities", "sh", "ids")
 
     def __len__(self) -> int:
         return len(self.means)

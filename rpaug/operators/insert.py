@@ -204,6 +204,6 @@ def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
 
 
 def _in_light(splats: Gaussians, pose: Float64[np.ndarray, "4 4"], light: Ambience) -> Gaussians:
-    from rpaug.compose import tuned  # only here: it brings torch and the rasteriser
+    from rpaug.compose import tuned  # only here: it brings the rasteriser
 
     return tuned.tuned(splats, pose, light)

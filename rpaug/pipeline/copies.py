@@ -13,7 +13,7 @@ from typing import Any
 from rpaug import instruct
 from rpaug.compose import views
 from rpaug.core.types import Episode, Scene
-from rpaug.physics import simulate
+from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
 from rpaug.pipeline import plan as planning
 from rpaug.pipeline import report
@@ -160,7 +160,7 @@ def _made(prepared: PreparedEpisode, scene: Scene, draws: tuple[Draw, ...], atte
     gates = prepared.recipe.gates
     made = render(scene, draws, prepared.plan, gates is not None, prepared.surfels)
     known = [made.untrue] if made.untrue else []
-    known += [] if prepared.keep_invalid else simulate.invalid(scene.simulated)
+    known += [] if prepared.keep_invalid else verdict.invalid(scene.simulated)
     return replace(made, gates=gates, attempt=attempt, known=tuple(known))
 
 

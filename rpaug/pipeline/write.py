@@ -10,7 +10,7 @@ from typing import Any
 from rpaug.core.errors import Rejected
 from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
-from rpaug.physics import simulate
+from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
 from rpaug.pipeline import report
 from rpaug.pipeline.copies import ORIGINAL, Known, Made, PreparedEpisode, draw_copy
@@ -101,7 +101,7 @@ def side_files(
         gaussians=len(made.scene.gaussians or ()),
         gates=gates,
         words=_words(made),
-        physics=simulate.described(made.scene.simulated),
+        physics=verdict.described(made.scene.simulated),
         seconds={**seconds, "draw": made.seconds, **spent},
     )
 
@@ -131,7 +131,7 @@ def replay(
     lender = plan.get("fit", {}).get("founder")
     donor = partial(adapter.read, source, lender) if lender else None
     scene, made_plan = prepare_scene(episode, recipe, plan["tier"], donor=donor)
-    kept = not any(fault.startswith(simulate.INVALID) for fault in judged.get("faults", ()))
+    kept = not any(fault.startswith(verdict.INVALID) for fault in judged.get("faults", ()))
     known = Known(judged.get("attempt", 0), described["draws"])
     prepared = PreparedEpisode(scene, made_plan, recipe, keep_invalid=kept)
     made = draw_copy(prepared, described["copy"], known=known)
