@@ -103,7 +103,8 @@ def edits(value: Any, op: str, known: frozenset[str], generates: bool = False) -
         if edit.get("op") != op:
             raise ValueError(f"op {edit.get('op')!r}: expected {op!r}")
         recipe.option(op, fields)
-        for name in ("target", "near", "targets"):
+        needs = registry.operator(op).needs
+        for name in (*needs.targets, *needs.anchors):
             for word in _words(fields.get(name)):
                 if word not in known:
                     raise ValueError(f"{name}: {word!r} was not said")

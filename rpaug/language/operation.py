@@ -1,9 +1,10 @@
 """One step in words into operators with their fields, by the rules of the grammar."""
 
 import re
+from collections.abc import Iterator
 
 from rpaug.core.errors import MissingExtra, TargetError
-from rpaug.language import arrange, assets, light, paint, phrasing, renderer, spelling
+from rpaug.language import arrange, assets, light, paint, phrasing, renderer, spelling, templates
 from rpaug.language.grammar import RULES, Rule
 from rpaug.language.messages import Meant, NotUnderstood, Wish
 from rpaug.providers.words import synonym
@@ -27,11 +28,18 @@ VERBS = (
 OPPOSED = frozenset({"enlarge", "shrink", "dim", "brighten", "raise", "lower"})
 
 
+def _rules() -> Iterator[Rule]:
+    """Every rule in turn. What others bring is closer to their words than rules that fit any thing."""
+    yield from templates.rules(ours=False)
+    yield from ORDERED
+    yield from templates.rules(ours=True)
+
+
 def meant(step: str, wish: Wish) -> Meant:
     """What a step means, in the words in which it was said or in others of the same meaning. Raises NotUnderstood."""
     reasons: list[str] = []
     for order in phrasing.orders(step):
-        for rule in ORDERED:
+        for rule in _rules():
             try:
                 found = rule(order, wish)
             except (NotUnderstood, TargetError) as error:

@@ -15,7 +15,7 @@ from rpaug.assets import library
 from rpaug.assets.textures import shipped
 from rpaug.core import registry
 from rpaug.core.errors import RpaugError
-from rpaug.language import answers, manager, rounds, schemas
+from rpaug.language import answers, declared, manager, rounds, schemas, templates
 from rpaug.language.messages import (
     Answer,
     Entry,
@@ -68,7 +68,7 @@ class WishModel:
                 step, mention, wish.setting, answers.known_words(stated, wish.edits), trace
             )
             edits += made
-            named = [edit["target"] for edit in made if "target" in edit]
+            named = [target for edit in made for target in declared.targets(edit)]
             mention = Mention(kind="target", target=named[-1]) if named else mention
         settings = dict(wish.settings) | _settings(plan)
         if not (plan.steps or plan.drop or _settings(plan)):
@@ -164,7 +164,9 @@ def _compared(
 
 
 def _operators() -> str:
-    return "\n".join(
-        f"- {name}: {(registry.operator(name).__doc__ or '').split(chr(10))[0]}"
-        for name in registry.operator_names()
-    )
+    """What can be asked for: every operator with its first sentence, and how it may be said."""
+    lines = []
+    for name in registry.operator_names():
+        said = "".join(f'; "{one}"' for one in templates.examples(name))
+        lines.append(f"- {name}: {(registry.operator(name).__doc__ or '').splitlines()[0]}{said}")
+    return "\n".join(lines)
