@@ -1,5 +1,8 @@
 """rpaug multiplies robot demonstrations: recorded episodes in, edited and consistent episodes out."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from rpaug.core.errors import (
     BadInput,
     BadRecipe,
@@ -8,7 +11,7 @@ from rpaug.core.errors import (
     TargetError,
     Unsupported,
 )
-from rpaug.core.interfaces import Adapter, Edit, Operator, Side
+from rpaug.core.interfaces import Adapter, Added, Change, Edit, Needs, Operator, Painted, Side
 from rpaug.core.types import (
     Appearance,
     Body,
@@ -23,28 +26,54 @@ from rpaug.core.types import (
     Surface,
 )
 
+if TYPE_CHECKING:
+    from rpaug.pipeline.contracts import AdapterContract, OperatorContract
+    from rpaug.scene.targets.targets import Target, find_target
+
 __version__ = "0.1.0"
+
+# What is loaded only when it is asked for: names and their modules.
+LATER = {
+    "AdapterContract": "rpaug.pipeline.contracts",
+    "OperatorContract": "rpaug.pipeline.contracts",
+    "Target": "rpaug.scene.targets.targets",
+    "find_target": "rpaug.scene.targets.targets",
+}
 
 __all__ = [
     "Adapter",
+    "AdapterContract",
+    "Added",
     "Appearance",
     "BadInput",
     "BadRecipe",
     "Body",
     "Camera",
     "CameraView",
+    "Change",
     "Edit",
     "Effect",
     "Episode",
     "Gaussians",
     "MissingExtra",
+    "Needs",
     "Operator",
+    "OperatorContract",
+    "Painted",
     "Robot",
     "RpaugError",
     "Scene",
     "Sensor",
     "Side",
     "Surface",
+    "Target",
     "TargetError",
     "Unsupported",
+    "find_target",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in LATER:
+        return getattr(import_module(LATER[name]), name)
+    raise AttributeError(f"module 'rpaug' has no attribute {name!r}")

@@ -94,7 +94,7 @@ class Adapter(ABC):
     """One dataset layout: where its episodes are, how to read one, how to write one.
 
     Registered under the entry-point group `rpaug.adapters`. Episodes are named by keys, paths relative to the
-    dataset's root with forward slashes. `rpaug.pipeline.contracts.AdapterContract` holds an adapter to its promises.
+    dataset's root with forward slashes. `rpaug.AdapterContract` holds an adapter to its promises.
     """
 
     name: ClassVar[str]

@@ -1,7 +1,6 @@
 """One step in words into operators with their fields, by the rules of the grammar."""
 
 import re
-from collections.abc import Iterator
 
 from rpaug.core.errors import MissingExtra, TargetError
 from rpaug.language import arrange, assets, light, paint, phrasing, renderer, spelling, templates
@@ -28,18 +27,11 @@ VERBS = (
 OPPOSED = frozenset({"enlarge", "shrink", "dim", "brighten", "raise", "lower"})
 
 
-def _rules() -> Iterator[Rule]:
-    """Every rule in turn. What others bring is closer to their words than rules that fit any thing."""
-    yield from templates.rules(ours=False)
-    yield from ORDERED
-    yield from templates.rules(ours=True)
-
-
 def meant(step: str, wish: Wish) -> Meant:
     """What a step means, in the words in which it was said or in others of the same meaning. Raises NotUnderstood."""
     reasons: list[str] = []
     for order in phrasing.orders(step):
-        for rule in _rules():
+        for rule in (*templates.rules(), *ORDERED):  # others' words are closer than {thing}
             try:
                 found = rule(order, wish)
             except (NotUnderstood, TargetError) as error:

@@ -45,5 +45,6 @@ def vocabulary() -> tuple[str, ...]:
         text for name in registry.operator_names() for text in registry.operator(name).phrases
     )
     things = " ".join(one.category for one in library.assets())
-    known = f"{bare} {things} {phrases} the all {' '.join((*METRES, *RADIANS, *WORDS, *shapes.WORDS, *ROLES, *colors.NAMES))}"
+    bare = f"{bare} {phrases} the all"
+    known = f"{bare} {things} {' '.join((*METRES, *RADIANS, *WORDS, *shapes.WORDS, *ROLES, *colors.NAMES))}"
     return tuple(sorted({word for word in re.findall(r"[a-z]+", known) if len(word) >= SHORTEST}))

@@ -57,7 +57,7 @@ class WishModel:
         trace: list[Trace] = []
         check = partial(answers.plan, stated=stated, earlier=len(wish.edits))
         plan: answers.WishPlan = self._asked(
-            "manager", question, schemas.of_plan(), check, trace, operators=_operators()
+            "manager", question, schemas.of_plan(), check, trace, operators=operators()
         )
         if plan.refuse:
             raise NotUnderstood(f"{self._endpoint.model}: {self._endpoint.hidden(plan.refuse)}")
@@ -163,10 +163,11 @@ def _compared(
     return (f"the offline grammar reads it as: {json.dumps(list(other.edits))}",)
 
 
-def _operators() -> str:
+def operators() -> str:
     """What can be asked for: every operator with its first sentence, and how it may be said."""
     lines = []
     for name in registry.operator_names():
-        said = "".join(f'; "{one}"' for one in templates.examples(name))
-        lines.append(f"- {name}: {(registry.operator(name).__doc__ or '').splitlines()[0]}{said}")
+        stated = ", ".join(f'"{one}"' for one in templates.examples(name))
+        first = (registry.operator(name).__doc__ or "").splitlines()[0]
+        lines.append(f"- {name}: {first}" + (f" e.g. {stated}" if stated else ""))
     return "\n".join(lines)

@@ -26,12 +26,12 @@ VALUES: Mapping[str, tuple[str, Callable[[str], Any]]] = {
 
 
 @cache
-def rules(ours: bool) -> tuple[Rule, ...]:
-    """A rule for each phrase of the operators that rpaug ships, or of all others."""
+def rules() -> tuple[Rule, ...]:
+    """A rule for each phrase of the operators that do not ship: those that do have modules of rules in this folder."""
     return tuple(
         rule(name, registry.operator(name), text)
         for name in registry.operator_names()
-        if registry.shipped(name) == ours
+        if not registry.shipped(name)
         for text in registry.operator(name).phrases
     )
 
@@ -43,7 +43,9 @@ def rule(op: str, operator: type[Operator], text: str) -> Rule:
 
     def make(stated: Said) -> Meant:
         values: list[tuple[str, Any]] = []
-        each, every, mention = "", [], None  # a field, and its things: an edit for each
+        each, mention = "", None
+        every: list[Any] = []  # things of the field `each`: an edit for each of them
+        value: Any
         for number, slot in enumerate(found):
             words = stated.get(name := f"slot{number}")
             if words is None:
