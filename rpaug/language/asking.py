@@ -37,7 +37,7 @@ class AskResult:
     @property
     def yaml(self) -> str:
         """The recipe as a file, with the wishes and the notes on top."""
-        lines = [f"# asked: {_line(one.stated)}" for one in self.history.rounds]
+        lines = [f"# asked: {_line(one.said)}" for one in self.history.rounds]
         lines += [f"# note: {_line(note)}" for note in self.notes]
         return (
             "\n".join(lines)

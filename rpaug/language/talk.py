@@ -94,14 +94,14 @@ class WishModel:
     ) -> list[Entry]:
         if step.op == "camera_pose":
             question: dict[str, Any] = {
-                "step": step.stated,
+                "step": step.said,
                 "cameras": list(map(answers.short, setting.cameras)),
             }
             seen = partial(answers.viewpoint, cameras=setting.cameras)
             schema = schemas.of_viewpoint(setting.cameras)
             return [self._asked("renderer", question, schema, seen, trace).edit()]
         it = mention.target if mention and mention.kind == "target" else None
-        question = {"step": step.stated, "op": step.op, "it": it}
+        question = {"step": step.said, "op": step.op, "it": it}
         check = partial(answers.edits, op=step.op, known=known, generates=setting.generates)
         return self._asked(
             "operation", question, schemas.of_edits(step.op), check, trace,
@@ -141,7 +141,7 @@ def _unused(stated: str, plan: answers.WishPlan) -> tuple[str, ...]:
     """What of the wish no step rests on, to be told."""
     left = manager.normal(stated)
     for step in plan.steps:
-        left = left.replace(manager.normal(step.stated), " ")
+        left = left.replace(manager.normal(step.said), " ")
     words = [
         word
         for word in re.findall(r"[a-z0-9]+", left)
