@@ -20,8 +20,12 @@ if TYPE_CHECKING:
     from rpaug.core.errors import TargetError as TargetError
     from rpaug.core.errors import Unsupported as Unsupported
     from rpaug.core.interfaces import Adapter as Adapter
+    from rpaug.core.interfaces import Added as Added
+    from rpaug.core.interfaces import Change as Change
     from rpaug.core.interfaces import Edit as Edit
+    from rpaug.core.interfaces import Needs as Needs
     from rpaug.core.interfaces import Operator as Operator
+    from rpaug.core.interfaces import Painted as Painted
     from rpaug.core.interfaces import Side as Side
     from rpaug.core.types import Appearance as Appearance
     from rpaug.core.types import Body as Body
@@ -45,26 +49,32 @@ if TYPE_CHECKING:
     from rpaug.pipeline.python_api import verify as verify
     from rpaug.pipeline.python_api import write as write
     from rpaug.pipeline.recipe import Recipe as Recipe
+    from rpaug.scene.targets.targets import Target as Target
+    from rpaug.scene.targets.targets import find as find_target
 
 __version__ = "0.1.0"
 
-# Every public name and its module; a module that is public itself stands beside its own path.
+# Every public name, its module, and its name there where that is another.
 _EXPORTS = {
     "Adapter": "rpaug.core.interfaces",
     "AdapterContract": "rpaug.pipeline.contracts",
+    "Added": "rpaug.core.interfaces",
     "Appearance": "rpaug.core.types",
     "BadInput": "rpaug.core.errors",
     "BadRecipe": "rpaug.core.errors",
     "Body": "rpaug.core.types",
     "Camera": "rpaug.core.types",
     "CameraView": "rpaug.core.types",
+    "Change": "rpaug.core.interfaces",
     "Edit": "rpaug.core.interfaces",
     "Effect": "rpaug.core.types",
     "Episode": "rpaug.core.types",
     "Gaussians": "rpaug.core.types",
     "MissingExtra": "rpaug.core.errors",
+    "Needs": "rpaug.core.interfaces",
     "Operator": "rpaug.core.interfaces",
     "OperatorContract": "rpaug.pipeline.contracts",
+    "Painted": "rpaug.core.interfaces",
     "Provenance": "rpaug.core.types",
     "Recipe": "rpaug.pipeline.recipe",
     "Rejected": "rpaug.core.errors",
@@ -74,11 +84,13 @@ _EXPORTS = {
     "Sensor": "rpaug.core.types",
     "Side": "rpaug.core.interfaces",
     "Surface": "rpaug.core.types",
+    "Target": "rpaug.scene.targets.targets",
     "TargetError": "rpaug.core.errors",
     "Unsupported": "rpaug.core.errors",
     "augment": "rpaug.pipeline.python_api",
     "episodes": "rpaug.pipeline.python_api",
     "files": "rpaug.core.files",
+    "find_target": "rpaug.scene.targets.targets:find",
     "geometry": "rpaug.core.geometry",
     "inspect": "rpaug.pipeline.python_api",
     "read": "rpaug.pipeline.python_api",
@@ -95,8 +107,9 @@ __all__ = ["__version__", *_EXPORTS]
 def __getattr__(name: str) -> Any:
     if name not in _EXPORTS:
         raise AttributeError(f"module 'rpaug' has no attribute {name!r}")
-    module = import_module(_EXPORTS[name])
-    value = module if name == module.__name__.rpartition(".")[2] else getattr(module, name)
+    place, _, own = _EXPORTS[name].partition(":")
+    module = import_module(place)
+    value = module if place.endswith(f".{name}") else getattr(module, own or name)
     globals()[name] = value
     return value
 

@@ -44,6 +44,11 @@ def operator(name: str) -> type[Operator]:
     return found[name].load()
 
 
+def shipped(name: str) -> bool:
+    """Whether an operator comes with rpaug."""
+    return _found("rpaug.operators")[name].value.startswith("rpaug.")
+
+
 def adapter(name: str) -> Adapter:
     """The adapter called `name`. Raises RpaugError listing the known ones."""
     found = _found("rpaug.adapters")

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from rpaug.assets.textures import folder, shipped
 from rpaug.core.errors import BadInput, TargetError, Unsupported
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Effect, Scene, Surface
 from rpaug.gaussians.painting import Painting
 from rpaug.operators import fields, texturing
@@ -59,7 +59,10 @@ class Stylize(Operator):
     weights: Path | None = None
 
     effect: ClassVar[Effect] = Effect.RGB
-    gaussians: ClassVar[bool] = True
+    needs: ClassVar[Needs] = Needs(targets=("target",), gaussians=True)
+    phrases: ClassVar[tuple[str, ...]] = ("stylize {target} [like {style:rust|denim}]",)
+    undone_as: ClassVar[tuple[str, ...]] = ("texture", "textures")
+    settles: ClassVar[str] = "look"
 
     def __post_init__(self) -> None:
         texturing.check(self.style, self.textures)
@@ -111,3 +114,6 @@ class Stylize(Operator):
         styled = nnfm.stylise(scene, instance_ids, picture, network, edit["seed"], settings)
         laid = Stylised(instance_ids, styled.old, styled.new)
         return replace(scene, appearance=(*scene.appearance, laid))
+
+    def says(self, edit: Edit) -> tuple[Painted, ...]:
+        return (Painted(frozenset(edit["handles"]), None),)

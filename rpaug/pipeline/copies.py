@@ -208,8 +208,11 @@ def render(
     """
     settled = planning.settle(plan, scene)
     untrue = ""
+    edits = [
+        (one.option.operator, one.edit) for one in draws if one.option and one.edit is not None
+    ]
     try:
-        words = instruct.followed(scene, [one.describe() for one in draws])
+        words = instruct.followed(scene, edits)
         scene = replace(scene, descriptions=words)
     except instruct.Untrue as error:
         untrue = str(error)
