@@ -14,11 +14,11 @@ from jaxtyping import Float32, Int
 
 from rpaug.compose import baking
 from rpaug.compose.goals import Goal, goals
+from rpaug.core.metrics import decibels
 from rpaug.core.sampling import frames
 from rpaug.core.types import Gaussians, Scene
 from rpaug.gaussians import flowing, frame_residuals, gaussian_view
 from rpaug.gaussians.descent import PARAMETERS, cosine
-from rpaug.gaussians.frame_fit import decibels
 from rpaug.gaussians.gaussians import Placement
 from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats
 from rpaug.scene.recorded.carry import carried

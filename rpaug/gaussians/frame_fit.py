@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from rpaug.core.errors import Unsupported
+from rpaug.core.metrics import decibels
 from rpaug.gaussians.densify import Densify, densified
 from rpaug.gaussians.shots import TargetImage
 from rpaug.gaussians.stops import Check, Stop
@@ -189,11 +190,6 @@ class _Crew:
             step, time.perf_counter() - begun[0], time.process_time() - begun[1], len(splats),
             decibels(error / fitted), decibels(unseen / judged) if judged else None,
         )  # fmt: skip
-
-
-def decibels(squared_error: float) -> float:
-    """PSNR of a mean squared error of colours in 0..1; at most 120."""
-    return float(-10 * np.log10(max(squared_error, 1e-12)))
 
 
 def _scaled(rates: Rates, factor: float) -> Rates:
