@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float32, Float64, Int, Int32
 
 from rpaug.core import geometry
 from rpaug.core.errors import Unsupported
+from rpaug.core.pixels import grown
 from rpaug.core.types import Camera, Gaussians, Scene
 from rpaug.gaussians import frame_residuals
 from rpaug.gaussians.gaussian_view import sharp
@@ -24,7 +25,7 @@ from rpaug.render import holes, window
 from rpaug.render.splat import Adam, Gradients, Loss, Rasteriser, Rates, Splats, View
 from rpaug.scene.recorded import surfels
 from rpaug.scene.recorded.carry import carried
-from rpaug.scene.recorded.unseen import Background, grown
+from rpaug.scene.recorded.unseen import Background
 
 STEPS = 60
 RIM = 3  # pixels around what was hidden, where Gaussians show the outline of what hid it

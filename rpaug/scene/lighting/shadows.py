@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Float32, Float64
 
 from rpaug.core import geometry
 from rpaug.core.memo import bare, once
+from rpaug.core.pixels import grown
 from rpaug.core.types import Body, Scene, Surface
 from rpaug.scene.placement import placing
 from rpaug.scene.placement.placing import hull, points_of
@@ -227,7 +228,7 @@ def _contrast(
 ) -> tuple[float, float]:
     """Share of light that is missing in the shadows along a direction, and by how many standard errors."""
     shadow = _cast(casters, direction, table)
-    around = cv2.dilate(shadow.astype(np.uint8), np.ones((2 * BESIDE + 1,) * 2, np.uint8)) > 0
+    around = grown(shadow, BESIDE)
     inside, beside = light[shadow & ~covered], light[around & ~shadow & ~covered]
     inside, beside = (np.log(np.maximum(part[~np.isnan(part)], 1)) for part in (inside, beside))
     if len(inside) < FEW or len(beside) < FEW:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8, UInt16
 
+from rpaug.core.pixels import grown
 from rpaug.core.types import Body, Camera, CameraView, Episode, Scene
 from rpaug.scene.video import instances, sweep
 from rpaug.scene.video.frame import PosedFrame
@@ -159,7 +160,7 @@ class VideoScene:
         count, parts = cv2.connectedComponents(mine)
         for number in range(1, count):
             part = parts == number
-            around = cv2.dilate(part.astype(np.uint8), np.ones((2 * AROUND + 1,) * 2, np.uint8)) > 0
+            around = grown(part, AROUND)
             beside = depth[around & (mine == 0)]
             depth[part] = BEFORE * (np.quantile(beside, 0.1) if beside.size else depth[part].min())
         return depth
