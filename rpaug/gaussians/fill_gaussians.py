@@ -135,11 +135,9 @@ def _pixels(
     gaussians: Gaussians, one: _Near
 ) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"], Float64[np.ndarray, "n"]]:
     """Row and column in which the camera shows each, -1 where it does not, and its depth."""
-    pixel, z = geometry.project(gaussians.means.astype(np.float64), one.camera, 0)
-    column, row = np.rint(np.nan_to_num(pixel)).astype(int).T
-    height, width = one.picture.depth.shape
-    inside = (z > 0) & (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    return np.where(inside, row, -1), np.where(inside, column, -1), z
+    local = geometry.local_points(gaussians.means.astype(np.float64), one.camera, 0)
+    row, column, inside = geometry.in_image(local, one.camera.K, one.picture.depth.shape)
+    return np.where(inside, row, -1), np.where(inside, column, -1), local[:, 2]
 
 
 def _padded(sh: Float32[np.ndarray, "n 1 3"], terms: int) -> Float32[np.ndarray, "n k 3"]:

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
 
+from rpaug.core import geometry
 from rpaug.core.pixels import filled, grown
 from rpaug.scene.instances import grouping, outlines
 from rpaug.scene.video.frame import PosedFrame
@@ -269,7 +270,7 @@ def plane_depth(
 ) -> Float64[np.ndarray, "h w"]:
     """Depth at which each pixel's ray meets the plane z = `level`; 0 where it never does."""
     rows, columns = np.mgrid[: shape[0], : shape[1]]
-    x, y = (columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]
+    x, y = geometry.slopes(columns, rows, K)
     down = cam_to_world[2, 0] * x + cam_to_world[2, 1] * y + cam_to_world[2, 2]
     with np.errstate(divide="ignore"):
         met = (level - cam_to_world[2, 3]) / down

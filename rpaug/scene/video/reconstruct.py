@@ -322,21 +322,9 @@ def _bounds(
     about = model.seen[max(0, k - ASIDE) : k + ASIDE + 1].any(0)
     local = geometry.transform(geometry.inverse(model.cam_to_world[k]), model.points[about])
     z = np.maximum(local[:, 2], 1e-9)
-    column = np.rint(shot.K[0, 0] * local[:, 0] / z + shot.K[0, 2])
-    row = np.rint(shot.K[1, 1] * local[:, 1] / z + shot.K[1, 2])
-    height, width = shot.grey.shape
-    inside = (local[:, 2] > 0) & (row >= 0) & (column >= 0) & (row < height) & (column < width)
-    if not inside.any():
-        inside = local[:, 2] > 0
-    near, far = np.quantile(z[inside], [0.02, 0.98])
+    row, column, inside = geometry.in_image(local, shot.K, shot.grey.shape)
+    near, far = np.quantile(z[inside if inside.any() else local[:, 2] > 0], [0.02, 0.98])
     sparse = np.zeros(shot.grey.shape, np.float32)
-    own = (
-        inside
-        & model.seen[k, about]
-        & (row < height)
-        & (column < width)
-        & (row >= 0)
-        & (column >= 0)
-    )
-    sparse[row[own].astype(int), column[own].astype(int)] = z[own]
+    own = inside & model.seen[k, about]
+    sparse[row[own], column[own]] = z[own]
     return (SPAN[0] * float(near), SPAN[1] * float(far)), sparse
