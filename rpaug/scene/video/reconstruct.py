@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
 from rpaug.core import geometry
+from rpaug.core.cache import place, trim
 from rpaug.core.errors import BadInput, Unsupported
 from rpaug.core.files import write_atomic
-from rpaug.core.jit import cache_folder
 from rpaug.core.types import Camera, CameraView, Episode
 from rpaug.providers import poses
 from rpaug.scene.video import colmap, instances, moving, posed, sweep, world
@@ -71,17 +71,18 @@ def develop(
 ) -> VideoScene:
     """Work out a video's camera, depth and things. Raises Unsupported where its model is degenerate.
 
-    What was worked out before is taken from `cache`, by default in the user's own. `model_of` is asked for poses where
-    structure from motion fails, before the model that `asked` names. Raises BadInput for a known length that the video
-    does not have.
+    What was worked out before is taken from the folder `cache`, by default that of `rpaug.core.cache`. `model_of` is
+    asked for poses where structure from motion fails, before the model that `asked` names. Raises BadInput for a known
+    length that the video does not have.
     """
     asked, tell = asked or VideoSettings(), progress or (lambda share, what: None)
     settings = ColmapSettings(
         width=asked.width, features=asked.features, overlap=asked.overlap, threads=threads
     )
     (view,) = episode.views.values()
-    where = (cache or cache_folder() / "sfm") / _name(episode, settings)
-    model = _modelled(episode, settings, where.with_suffix(".npz"), tell, asked, model_of)
+    name = _name(episode, settings)
+    where = cache / name if cache else place("videos", name)
+    model = _modelled(episode, settings, where / "model.npz", tell, asked, model_of)
     lens = Lens(model)
 
     def image(k: int) -> UInt8[np.ndarray, "h w 3"]:
@@ -90,16 +91,16 @@ def develop(
     shots = [sweep.shot(image(k), lens.K, pose) for k, pose in enumerate(model.cam_to_world)]
     mapped = f"{fingerprint(model.cam_to_world.tobytes())[:12]}"
     bounds = [_bounds(model, shot, k) for k, shot in enumerate(shots)]
-    depths = _swept(shots, bounds, where.with_suffix(f".{mapped}.depth.npz"), tell)
+    depths = _swept(shots, bounds, where / f"depth-{mapped}.npz", tell)
 
     @lru_cache(LOOKS_KEPT)
     def look(k: int) -> PosedFrame:
         return look_at(image(k), lens.K, model.cam_to_world[k], depths[k])
 
     given = fingerprint(mapped.encode(), moving.RULE.encode())[:12]
-    moved = _moved(
-        look, [span for span, _ in bounds], where.with_suffix(f".{given}.moving.npz"), tell
-    )
+    moved = _moved(look, [span for span, _ in bounds], where / f"moving-{given}.npz", tell)
+    if cache is None:
+        trim(keep=[where])
     held = [k for k in range(len(shots)) if k not in moved.contradicted]
     contradicted = tuple(int(model.times[k]) for k in moved.contradicted)
     if contradicted:
