@@ -3,7 +3,7 @@
 import io
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +18,7 @@ from rpaug.core.errors import BadInput, Unsupported
 from rpaug.core.files import write_atomic
 from rpaug.core.types import Camera, CameraView, Episode
 from rpaug.providers import poses
+from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.video import colmap, instances, moving, posed, sweep, world
 from rpaug.scene.video.colmap import ColmapSettings
 from rpaug.scene.video.frame import PosedFrame
@@ -134,6 +135,21 @@ def develop(
         episode, model, tuple(depths), found, RELATIVE, tuple(masks), contradicted, asked.fit_width
     )
     return scaled(video, asked)
+
+
+@dataclass(frozen=True)
+class ByVideo:
+    """An episode's instances from its video scene, if nothing but one moving camera's images is known of it."""
+
+    settings: VideoSettings | None = None
+    progress: Progress | None = None
+    gives_way: bool = True
+
+    def suits(self, episode: Episode) -> bool:
+        return unplaced(episode)
+
+    def find(self, episode: Episode) -> FoundInstances:
+        return develop(episode, self.settings, progress=self.progress).found()
 
 
 def scaled(video: VideoScene, asked: VideoSettings) -> VideoScene:
