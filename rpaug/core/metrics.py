@@ -9,6 +9,7 @@ from jaxtyping import Float64, Int32, UInt8
 from rpaug.core import colors
 
 LEAST_ERROR = 1e-4  # squared grey levels: equal images score 88 dB, not infinity
+FITTED_ERROR = 1e-6  # squared grey levels: fits are told apart up to 108 dB
 LEAST_SHARE = 1e-12  # of full scale, squared: equal images score 120 dB
 _WINDOW, _SIGMA = 11, 1.5  # pixels: Wang et al. 2004
 _C1, _C2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2

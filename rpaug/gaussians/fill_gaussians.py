@@ -20,7 +20,7 @@ from rpaug.core.types import Camera, Gaussians, Scene
 from rpaug.gaussians import frame_residuals
 from rpaug.gaussians.gaussian_view import sharp
 from rpaug.gaussians.gaussians import LiftedImage, chosen, joined
-from rpaug.gaussians.seeds import finest
+from rpaug.gaussians.seeds import SAME_DEPTH, finest
 from rpaug.render import holes, window
 from rpaug.render.splat import Adam, Gradients, Loss, Rasteriser, Rates, Splats, View
 from rpaug.scene.recorded import surfels
@@ -29,7 +29,6 @@ from rpaug.scene.recorded.unseen import Background
 
 STEPS = 60
 RIM = 3  # pixels around what was hidden, where Gaussians show the outline of what hid it
-SAME_DEPTH = 0.01  # of depth, beside 1 cm: Gaussians no farther behind a surface are part of it
 LOSS = Loss(depth=0.5)
 RATES = Rates(means=0.0, quats=0.0)  # they lie where surfels do
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rpaug.core.errors import Unsupported
-from rpaug.core.metrics import psnr
+from rpaug.core.metrics import FITTED_ERROR, psnr
 from rpaug.core.sampling import frames
 from rpaug.core.types import Body, Gaussians, Scene
 from rpaug.gaussians import gaussian_view, seeds4
@@ -21,7 +21,6 @@ from rpaug.scene.recorded.plates import plate
 
 Progress = Callable[[float], None]
 FAR_OFF = 2.0  # widths of a pixel
-LEAST = 1e-6  # squared grey levels: 108 dB
 GAIN = 0.5  # decibels that an instance must gain to be shown in space and time
 COVERED = 0.7  # of the light stopped: less is a hole
 UNLIKE = 0.08  # difference in display colour that shows something else there
@@ -182,7 +181,7 @@ def residuals(
     out = {}
     for instance_id in sorted(shown - {0}):
         error, off, count = sums[instance_id]
-        db = psnr(error / count, LEAST)
+        db = psnr(error / count, FITTED_ERROR)
         out[instance_id] = InstanceError(db, float(off / count))
     return out
 

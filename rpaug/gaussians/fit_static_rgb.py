@@ -12,7 +12,7 @@ from jaxtyping import Float32, UInt8
 
 from rpaug.core import sampling
 from rpaug.core.errors import Unsupported
-from rpaug.core.metrics import psnr
+from rpaug.core.metrics import FITTED_ERROR, psnr
 from rpaug.core.types import CameraView, Scene
 from rpaug.providers import inpaint
 from rpaug.scene.placement.free_space_rgb import together
@@ -20,7 +20,6 @@ from rpaug.scene.placement.free_space_rgb import together
 Fit = Callable[[Scene], tuple[Scene, Mapping[str, Any]]]
 FRAMES = 25  # that what rests is seen in
 CHECKED = 6  # frames that the fitted scene is held against
-LEAST = 1e-6  # squared grey levels: 108 dB
 
 
 def fitted(scene: Scene, fit: Fit) -> tuple[Scene, Mapping[str, Any]]:
@@ -87,7 +86,7 @@ def _decibels(scene: Scene, name: str) -> float:
         _squares(gaussian_view.blended(scene, name, t)[0], view.rgb(t))
         for t in sampling.frames(scene.episode.length, CHECKED)
     ]
-    return psnr(float(np.mean(off)), LEAST)
+    return psnr(float(np.mean(off)), FITTED_ERROR)
 
 
 def _squares(one: UInt8[np.ndarray, "h w 3"], other: UInt8[np.ndarray, "h w 3"]) -> float:

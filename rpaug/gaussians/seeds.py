@@ -12,7 +12,7 @@ from rpaug.core.types import Body, CameraView, Gaussians, Scene
 from rpaug.gaussians.gaussians import SPREAD, LiftedImage, chosen, joined, lifted, moved
 from rpaug.scene.recorded import surfels
 
-SAME_DEPTH = 0.01  # of depth, beside 1 cm: a point that another picture shows too
+SAME_DEPTH = 0.01  # of depth, beside 1 cm: a point that another picture shows too, or what is part of a surface
 BODY_FRAMES = 20  # frames that moving bodies are gathered from
 HISTORY_FRAMES = 32  # of moving cameras, for static surfaces that no fixed camera saw
 MOST = 4000  # Gaussians of one moving body
