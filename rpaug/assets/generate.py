@@ -176,7 +176,7 @@ def _run(words: list[str], seconds: float, log: Path) -> None:
             _stop(program)
     if code:
         tail = log.read_bytes()[-TOLD:].decode("utf-8", "replace").strip()
-        raise Unsupported(f"{words[0]}: ended with code {code}: {tail or 'it stated nothing'}")
+        raise Unsupported(f"{words[0]}: ended with code {code}: {tail or 'it said nothing'}")
 
 
 def _stop(program: subprocess.Popen) -> None:

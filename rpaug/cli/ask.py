@@ -21,6 +21,7 @@ from rpaug.cli.console import (
 from rpaug.core.errors import BadInput, RpaugError
 
 
+# Long: the options of a command are its signature.
 def ask(
     dataset: Dataset,
     wish: Annotated[str, typer.Argument(help="What to change, in English.", show_default=False)],

@@ -23,6 +23,7 @@ from rpaug.cli.recipes import load_recipe
 from rpaug.core.errors import RpaugError
 
 
+# Long: the options of a command are its signature.
 def augment(
     dataset: Dataset,
     recipe: Annotated[

@@ -20,6 +20,7 @@ from rpaug.cli.console import (
 from rpaug.core.errors import BadInput, RpaugError
 
 
+# Long: the options of a command are its signature.
 def diagnose(
     evaluation: Annotated[
         Path,

@@ -8,6 +8,7 @@ import typer
 from rpaug.cli.console import AsJson, print_json, say
 
 
+# Long: the options of a command are its signature.
 def record(
     out: Annotated[Path, typer.Option(help="Dataset folder to add the task's episodes to.")],
     task: Annotated[

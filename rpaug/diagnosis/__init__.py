@@ -1,9 +1,10 @@
 """Why a policy fails, from its rollouts' images, and the recipe that may mend it."""
 
 from rpaug.diagnosis.diagnose import diagnose
-from rpaug.diagnosis.evaluation import Evaluation, Rollout, read
+from rpaug.diagnosis.evaluation import Evaluation, Rollout
 from rpaug.diagnosis.jsonl import FrameImages, Line, write
 from rpaug.diagnosis.messages import Cause, Diagnosis, Measured
+from rpaug.diagnosis.reading import read
 
 __all__ = [
     "Cause",

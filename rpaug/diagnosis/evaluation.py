@@ -1,6 +1,6 @@
 """An evaluation: rollouts of a policy that succeeded or failed, and what cameras saw of them, read when asked for."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,6 @@ from jaxtyping import Float64, Int32, UInt8
 from rpaug.core import registry
 from rpaug.core.errors import BadInput
 from rpaug.core.types import CameraView
-from rpaug.diagnosis import jsonl
 
 Image = Callable[[], UInt8[np.ndarray, "h w 3"]]
 
@@ -53,38 +52,6 @@ class Evaluation:
         return tuple(one for one in self.rollouts if not one.success)
 
 
-def read(path: Path, camera: str | None = None) -> Evaluation:
-    """The evaluation in a JSONL file, or in the folder of RVT's or LeRobot's evaluation. Raises BadInput.
-
-    `camera` says which of the training recordings' cameras the videos of a folder show.
-    """
-    from rpaug.diagnosis import lerobot, rvt
-
-    path = Path(path)
-    if path.is_file():
-        return from_jsonl(path)
-    if not path.exists():
-        raise BadInput(path, "evaluation", found="nothing", expected="a JSONL file, or a folder")
-    for kind in (rvt, lerobot):
-        if kind.found(path):
-            return kind.read(path, camera)
-    inner = sorted(path.glob("*.jsonl"))
-    if len(inner) == 1:
-        return from_jsonl(inner[0])
-    raise BadInput(
-        path,
-        "evaluation",
-        found="none" if not inner else f"{len(inner)} JSONL files",
-        expected=f"one JSONL file, {rvt.TABLE} (RVT) or {lerobot.INFO} (LeRobot)",
-    )
-
-
-def from_jsonl(path: Path) -> Evaluation:
-    """The rollouts of a file in rpaug's own format. Raises BadInput."""
-    rollouts = tuple(_rollout(where, line, path.parent) for where, line in jsonl.read(path))
-    return checked(path, Evaluation(rollouts))
-
-
 def checked(path: Path, evaluation: Evaluation) -> Evaluation:
     """The evaluation, if there is any rollout in it. Raises BadInput."""
     if not evaluation.rollouts:
@@ -97,43 +64,3 @@ def filmed(path: Path) -> Mapping[int, CameraShot]:
     episode = registry.adapter("ego4d").read(path.parent, path.stem)
     view: CameraView = next(iter(episode.views.values()))
     return {t: CameraShot(partial(view.rgb, t)) for t in range(episode.length)}
-
-
-def _rollout(where: str, line: jsonl.Line, folder: Path) -> Rollout:
-    shots: dict[str, dict[int, CameraShot]] = {}
-    for number, moment in enumerate(line.frames):
-        for name, file in moment.images.items():
-            at = f"frames[{number}]"
-            mask, pose = moment.masks.get(name), moment.poses.get(name)
-            seen = jsonl.inside(folder, file, where, f"{at}.images.{name}")
-            shots.setdefault(name, {})[moment.t] = CameraShot(
-                partial(jsonl.image, seen),
-                partial(jsonl.ids, jsonl.inside(folder, mask, where, f"{at}.masks.{name}"))
-                if mask is not None
-                else None,
-                _pose(pose, where, f"{at}.poses.{name}") if pose is not None else None,
-            )
-    films = {
-        name: filmed(jsonl.inside(folder, file, where, f"video.{name}"))
-        for name, file in line.video.items()
-    }
-    return Rollout(
-        line.episode,
-        line.success,
-        line.instruction,
-        shots or films,
-        {role: frozenset(found) for role, found in line.roles.items()},
-        line.failed_at,
-        line.factor,
-        line.metadata,
-    )
-
-
-def _pose(rows: Sequence[Sequence[float]], where: str, field: str) -> Float64[np.ndarray, "4 4"]:
-    try:
-        pose = np.array(rows, np.float64)
-    except (ValueError, OverflowError):
-        pose = np.empty(0)
-    if pose.shape != (4, 4) or not np.isfinite(pose).all():
-        raise BadInput(where, field, found="another shape", expected="4 x 4 finite numbers")
-    return pose

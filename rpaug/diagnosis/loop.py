@@ -15,8 +15,9 @@ import yaml
 
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.core.files import PART, apart, write_atomic
-from rpaug.diagnosis import evaluation
+from rpaug.diagnosis import reading
 from rpaug.diagnosis.diagnose import diagnose
+from rpaug.diagnosis.evaluation import Evaluation
 from rpaug.diagnosis.messages import Diagnosis
 from rpaug.pipeline import augment, recipe
 
@@ -190,11 +191,11 @@ def _trained(loop: Loop, home: Path, number: int, data: Sequence[Path]) -> Path:
     return _made(home / "policy", command, home / "train.log")
 
 
-def _evaluated(loop: Loop, home: Path, number: int, policy: Path) -> evaluation.Evaluation:
+def _evaluated(loop: Loop, home: Path, number: int, policy: Path) -> Evaluation:
     def command(into: Path) -> list[str]:
         return words(loop.evaluate, "--eval", policy=policy, evaluation=into, round=number)
 
-    return evaluation.read(_made(home / "evaluation", command, home / "evaluate.log"))
+    return reading.read(_made(home / "evaluation", command, home / "evaluate.log"))
 
 
 def _made(result: Path, command: Callable[[Path], list[str]], log: Path) -> Path:
@@ -226,7 +227,7 @@ def _made(result: Path, command: Callable[[Path], list[str]], log: Path) -> Path
     return result
 
 
-def _diagnosed(loop: Loop, home: Path, found: evaluation.Evaluation) -> Diagnosis:
+def _diagnosed(loop: Loop, home: Path, found: Evaluation) -> Diagnosis:
     path = home / "diagnosis.json"
     if path.exists():
         return Diagnosis.model_validate_json(path.read_bytes())

@@ -10,7 +10,7 @@ import numpy as np
 from rpaug.core.errors import Unsupported
 from rpaug.core.metrics import FITTED_ERROR, psnr
 from rpaug.core.sampling import frames
-from rpaug.core.types import Body, Gaussians, Scene
+from rpaug.core.types import Body, Gaussians, Gaussians4, Scene
 from rpaug.gaussians import gaussian_view, seeds4
 from rpaug.gaussians.descent4 import Crop, Descent4
 from rpaug.gaussians.flowing import seen_by, some
@@ -109,6 +109,36 @@ def fitted(
         t: found for t in trained if (found := list(_crops(rest, instance_ids, t, settings.margin)))
     }
     begun = seeds4.seeds(scene, instance_ids, sorted(crops))
+    fitted4 = _descended(begun, crops, length / len(trained), settings, seed, progress)
+    made = replace(rest, flowing=fitted4)
+    after = residuals(made, checked, settings.least_pixels)
+    better = frozenset(h for h in instance_ids if gain(rigid, after, h) > GAIN)
+    if better != instance_ids:
+        # Going back costs nothing: what time does not explain either stays rigid.
+        keep = np.isin(fitted4.ids, list(better))
+        made = replace(without(scene, better), flowing=some(fitted4, keep))
+        after |= {h: rigid[h] for h in instance_ids - better}
+        instance_ids = better
+    return made, FourReport(
+        instance_ids=tuple(sorted(instance_ids)),
+        rigid_db=_db(rigid),
+        db=_db(after),
+        gaussians=len(made.flowing or ()),
+        frames=len(crops),
+        seconds=time.perf_counter() - start,
+        reason="" if instance_ids else "nothing is shown better in space and time",
+    )
+
+
+def _descended(
+    begun: Gaussians4,
+    crops: Mapping[int, list[Crop]],
+    stride: float,
+    settings: FourSettings,
+    seed: int,
+    progress: Progress | None,
+) -> Gaussians4:
+    """The Gaussians after all rounds over the fitted times, which are `stride` frames apart."""
     descent = Descent4(begun, float(np.median(begun.scales)))
     rng = np.random.default_rng(seed)
     times = sorted(crops)
@@ -120,27 +150,10 @@ def fitted(
             factor = _cosine(done, settings.last_rate)
             descent.step(crops[t], factor)
             if rng.random() < settings.bridged_share:
-                descent.bridge(crops[t], length / len(trained), factor)
+                descent.bridge(crops[t], stride, factor)
             if progress:
                 progress(done)
-    made = replace(rest, flowing=descent.gaussians)
-    after = residuals(made, checked, settings.least_pixels)
-    better = frozenset(h for h in instance_ids if gain(rigid, after, h) > GAIN)
-    if better != instance_ids:
-        # Going back costs nothing: what time does not explain either stays rigid.
-        keep = np.isin(descent.gaussians.ids, list(better))
-        made = replace(without(scene, better), flowing=some(descent.gaussians, keep))
-        after |= {h: rigid[h] for h in instance_ids - better}
-        instance_ids = better
-    return made, FourReport(
-        instance_ids=tuple(sorted(instance_ids)),
-        rigid_db=_db(rigid),
-        db=_db(after),
-        gaussians=len(made.flowing or ()),
-        frames=len(times),
-        seconds=time.perf_counter() - start,
-        reason="" if instance_ids else "nothing is shown better in space and time",
-    )
+    return descent.gaussians
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,11 @@ from rpaug.core.sampling import frames
 from rpaug.core.types import Scene
 from rpaug.gaussians.gaussian_view import SHARP, standing, view_of
 from rpaug.gaussians.gaussians import Placement
+from rpaug.gaussians.ids_by_weight import CHANNELS
 from rpaug.render.splat import Rasteriser, Rendering, Splats, View
 
 UNKNOWN = -1  # a pixel that says nothing; 0 says that there is no instance
+COVERED = 0.5  # of a pixel, from which it shows something
 FRAMES = 12  # of each camera, looked at by default
 
 
@@ -73,3 +75,26 @@ class LabelRenderer:
         """Height and width of a camera's images."""
         eye = self._scene.cameras[camera]
         return eye.height, eye.width
+
+
+def mask(
+    ids: Int32[np.ndarray, "n"], stage: LabelRenderer, camera: str, t: int
+) -> Int32[np.ndarray, "h w"]:
+    """Instance ids of one view, given one for each Gaussian; 0 where less than half of a pixel is covered."""
+    labels, which = np.unique(ids, return_inverse=True)
+    best = share = alpha = None
+    for start in range(0, len(labels), CHANNELS):
+        member = (which >= start) & (which < start + CHANNELS)
+        features = np.zeros((len(ids), CHANNELS), np.float32)
+        features[member, which[member] - start] = 1.0
+        drawn = stage.draw(camera, t, features)
+        assert drawn.features is not None
+        named = labels[np.minimum(drawn.features.argmax(-1) + start, len(labels) - 1)]
+        weight = drawn.features.max(-1)
+        if best is None or share is None:
+            best, share, alpha = named, weight, drawn.alpha
+        else:
+            best, share = np.where(weight > share, named, best), np.maximum(weight, share)
+    if best is None or alpha is None:
+        return np.zeros(stage.size(camera), np.int32)
+    return np.where(alpha >= COVERED, best, 0).astype(np.int32)

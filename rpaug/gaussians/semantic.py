@@ -7,8 +7,7 @@
 from rpaug.gaussians.adopt import added, adopted, from_ply
 from rpaug.gaussians.distil import PartPrompt, Told, tell_apart
 from rpaug.gaussians.encoding import Identities, Learning, identity_mask, learn
-from rpaug.gaussians.labels import UNKNOWN, Labelled, LabelRenderer, recorded
-from rpaug.gaussians.masks import mask
+from rpaug.gaussians.labels import UNKNOWN, Labelled, LabelRenderer, mask, recorded
 from rpaug.gaussians.vote import assigned, ballots, vote
 
 __all__ = [

@@ -18,7 +18,8 @@ from rpaug.operators.fields import Interval
 from rpaug.providers import harmonise
 from rpaug.scene.lighting import ambience, shadows
 from rpaug.scene.placement import standing
-from rpaug.scene.placement.placing import FreeSpace, find_free_space, hull
+from rpaug.scene.placement.free_space import FreeSpace
+from rpaug.scene.placement.placing import find_free_space, hull
 from rpaug.scene.targets import targets
 
 AS_IT_COMES: Edit = {"ambience": None, "lamps": []}

@@ -11,7 +11,8 @@ from rpaug.core.interfaces import Edit, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import standing, untouched
-from rpaug.scene.placement.placing import FreeSpace, find_free_space
+from rpaug.scene.placement.free_space import FreeSpace
+from rpaug.scene.placement.placing import find_free_space
 from rpaug.scene.targets.targets import Target
 
 LARGEST = 0.4  # metres: what is wider is furniture

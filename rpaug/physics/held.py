@@ -7,8 +7,7 @@ from rpaug.core import geometry
 from rpaug.core.types import Scene
 from rpaug.physics.bound import nearest
 from rpaug.physics.rigid import Hinge, Rail
-from rpaug.scene.tracking.hinge import about_hinge
-from rpaug.scene.tracking.slide import STIRS, along_rail
+from rpaug.scene.tracking.slide import STIRS, about_hinge, along_rail
 
 STEEPEST = 0.7  # of an axis' length upwards: what goes up more is lifted, not drawn
 NEAR_AXIS = 0.03  # metres from a thing to the hinge it turns on: what was carried round in a hand is farther

@@ -23,7 +23,7 @@ from rpaug.twin.roaming import roamed
 from rpaug.twin.soft_tasks import SOFT_TASKS
 from rpaug.twin.staging import StagedTask
 from rpaug.twin.tasks import TASKS
-from rpaug.twin.truth import Truth, changed_clusters, laid, mean_albedos
+from rpaug.twin.truth import Truth, changed_tints, laid, mean_albedos
 from rpaug.twin.world import Part, World
 
 LARGEST = 2048  # pixels a side
@@ -77,12 +77,7 @@ def perform(
     job, world, drawn = stage(task, seed, episode, old, roam)
     motion = play(tabletop.ARM, job.script, job.placing, frames)
     shapes = {} if job.soft is None else {job.soft.name: job.soft.track(motion)}
-    changed: tuple[str, ...] = ()
-    new = old
-    if factor:
-        found = factors.find(factor)
-        changed = factors.parts(found, target, world, job)
-        new = found.change(old, changed, value, drawn)
+    changed, new = _changed(factor, target, value, old, job, world, drawn)
     truth = Truth(
         task=task,
         seed=seed,
@@ -93,7 +88,7 @@ def perform(
         bodies={b.name: tuple(world.handles[p.name] for p in b.parts) for b in world.bodies},
         key_frames=motion.keys,
         factor=factor,
-        tints=changed_clusters(world, old, new),
+        tints=changed_tints(world, old, new),
         albedos=mean_albedos(world, new),
         old=old,
         new=new,
@@ -104,12 +99,29 @@ def perform(
     )
     made = Episode(
         key=f"{task}/all_variations/episodes/episode{episode}",
-        views=_video(world, new, motion, shapes, size),
+        views=_views(world, new, motion, shapes, size),
         robot=_robot(motion),
         descriptions=job.descriptions,
         length=motion.length,
     )
     return Take(made, truth, motion.objects, shapes)
+
+
+def _changed(
+    factor: str | None,
+    target: str | None,
+    value: Any,
+    old: Look,
+    job: StagedTask,
+    world: World,
+    drawn: np.random.Generator,
+) -> tuple[tuple[str, ...], Look]:
+    """The parts that a factor changes, and the look after it."""
+    if not factor:
+        return (), old
+    found = factors.find(factor)
+    changed = factors.parts(found, target, world, job)
+    return changed, found.change(old, changed, value, drawn)
 
 
 def stage(
@@ -173,7 +185,7 @@ def record(
     return takes
 
 
-def _video(
+def _views(
     world: World,
     look: Look,
     motion: Motion,

@@ -87,7 +87,7 @@ class Truth:
         return facts
 
 
-def changed_clusters(world: World, old: Look, new: Look) -> dict[int, tuple[Vector, Vector]]:
+def changed_tints(world: World, old: Look, new: Look) -> dict[int, tuple[Vector, Vector]]:
     """Old and new tint of every part whose tint differs, by handle."""
     both = {
         part.name: (old.tints.get(part.name, part.tint), new.tints.get(part.name, part.tint))

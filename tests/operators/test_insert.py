@@ -10,7 +10,7 @@ from rpaug.core.errors import TargetError, Unsupported
 from rpaug.operators.distractors import Distractors
 from rpaug.operators.insert import Insert
 from rpaug.pipeline.contracts import OperatorContract, shown
-from rpaug.scene.placement import placing
+from rpaug.scene.placement import free_space
 from rpaug.scene.targets.targets import Target
 from rpaug.twin import tabletop
 
@@ -63,7 +63,7 @@ def test_they_stand_on_the_table_and_keep_their_distance(edited):
     ]
     for k, middle in enumerate(middles):
         for other in (*middles[:k], *others):
-            assert np.linalg.norm(middle - other) > placing.MARGIN + 0.02
+            assert np.linalg.norm(middle - other) > free_space.MARGIN + 0.02
 
 
 def test_the_light_falls_from_above(edited):

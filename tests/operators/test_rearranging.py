@@ -10,6 +10,7 @@ from rpaug.operators.move import Move
 from rpaug.operators.spread import Spread
 from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.placement import placing, standing
+from rpaug.scene.placement.free_space import CELL
 from rpaug.scene.targets.targets import Target
 
 pytestmark = pytest.mark.gl
@@ -59,7 +60,7 @@ def test_a_moved_thing_stands_where_it_was_put():
     np.testing.assert_allclose(
         middle(at @ body.to_world[0, :3, :3].T + body.to_world[0, :3, 3])[:2], spot, atol=0.01
     )
-    cell = np.rint((spot - free_space.origin) / placing.CELL).astype(int)
+    cell = np.rint((spot - free_space.origin) / CELL).astype(int)
     assert free_space.still[cell[1], cell[0]] < 0.02  # its foot is hardly seen
 
 

@@ -171,10 +171,12 @@ def _blocks_inside(width, height, left, top):
 
 
 @functools.cache
+# Long: one kernel is one function: its loop over tiles and blocks is compiled as a whole.
 def forward_kernel(channels: int) -> Callable[..., Any]:
     """The compositing kernel for one number of channels."""
     size = WIDTH * (1 + channels)  # a block's state: light left over, then the channels
 
+    # Long: see above.
     def composite(
         ticket, order, records, values, width, height, tile, starts, entries, rules,
         changed, out, left_over, surface,

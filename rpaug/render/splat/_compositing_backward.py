@@ -45,6 +45,7 @@ from rpaug.render.splat._simd import (
 
 
 @functools.cache
+# Long: one kernel is one function: its loop over tiles and blocks is compiled as a whole.
 def backward_kernel(channels: int) -> Callable[..., Any]:
     """The kernel that fills gradient slots, for one number of channels."""
     size = WIDTH * (
@@ -52,6 +53,7 @@ def backward_kernel(channels: int) -> Callable[..., Any]:
     )  # a block's state: light left over, light to come, channels' gradients
     stride = WIDTH * ((MOMENTS + channels + WIDTH - 1) // WIDTH)
 
+    # Long: see above.
     def composite_backward(
         ticket, order, records, values, width, height, tile, starts, entries, rules, changed,
         slot_of, out, left_over, d_out, d_left_over, slots,

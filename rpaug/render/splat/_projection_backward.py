@@ -192,6 +192,7 @@ def _summed(slots, first, last, stride, out, at):
 
 
 @kernel
+# Long: one chain rule from top to bottom, in the order of the forward pass.
 def project_backward(
     start, stop, means, opacities, sh, quats, scales, covariances, features, eye, records, channels,
     first_slot, slots, d_means, d_opacities, d_sh, d_quats, d_scales, d_covariances, d_features, motion,

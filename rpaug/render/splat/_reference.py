@@ -100,6 +100,7 @@ def finite_rows(*arrays: Tensor | None) -> Bool[Tensor, "n"]:
     return torch.stack([a.flatten(1).all(1) if a.ndim > 1 else a for a in given]).all(0)
 
 
+# Long: the whole projection in the order of the formulas, as the oracle of all backends.
 def project(
     means: Float[Tensor, "n 3"],
     opacities: Float[Tensor, "n"],

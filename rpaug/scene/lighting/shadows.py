@@ -19,7 +19,7 @@ from rpaug.core import geometry
 from rpaug.core.memo import bare, once
 from rpaug.core.pixels import grown
 from rpaug.core.types import Body, Scene, Surface
-from rpaug.scene.placement import placing
+from rpaug.scene.placement import free_space, placing
 from rpaug.scene.placement.placing import hull, points_of
 
 CELL, COARSE = (
@@ -157,7 +157,7 @@ def _photographed(scene: Scene) -> _SupportPlane | None:
     if not instance_ids or not all(view.inferred for view in scene.episode.views.values()):
         return None
     around = placing.find_free_space(scene)
-    rows, columns = (round(n * placing.CELL / CELL) for n in around.seen.shape)
+    rows, columns = (round(n * free_space.CELL / CELL) for n in around.seen.shape)
     return _SupportPlane(instance_ids, around.origin, around.level, CELL, (rows, columns))
 
 
@@ -185,7 +185,7 @@ def _outlines(scene: Scene, table: _SupportPlane) -> Iterator[Float64[np.ndarray
         for points in _points(scene, body):
             points = points - [0, 0, table.level]
             small = np.ptp(points[:, :2], axis=0).max() < 1.0 if len(points) else False
-            if small and points[:, 2].max() > THICK and points[:, 2].min() < placing.MARGIN:
+            if small and points[:, 2].max() > THICK and points[:, 2].min() < free_space.MARGIN:
                 yield points
 
 

@@ -11,7 +11,7 @@ from rpaug.core import geometry, sampling
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Camera, CameraView, Scene
 from rpaug.scene.instances.ground_plane import rays_of, seen_at
-from rpaug.scene.placement.placing import CELL, SWEEPS, FreeSpace
+from rpaug.scene.placement.free_space import CELL, SWEEPS, FreeSpace
 
 HIGHEST = 0.3  # metres over the support up to which lines of sight are followed
 STEP = 0.01

@@ -6,7 +6,8 @@ from jaxtyping import Bool, Float, Float64
 
 from rpaug.core.errors import TargetError
 from rpaug.core.types import Scene
-from rpaug.scene.placement.placing import CELL, FreeSpace, find_free_space, hull, points_of
+from rpaug.scene.placement.free_space import CELL, FreeSpace
+from rpaug.scene.placement.placing import find_free_space, hull, points_of
 from rpaug.scene.placement.standing import LIFTED
 from rpaug.scene.targets.targets import APART
 

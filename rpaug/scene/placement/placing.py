@@ -1,4 +1,4 @@
-"""Where on the scene's support there is room: seen, and free of other things and of all that moves, at all times.
+"""Finds the free space on the scene's support: seen, and free of other things and of all that moves, at all times.
 
 The support is looked at from above in cells of a centimetre. What stands still keeps its cells from its foot up.
 What moves keeps the cells it is ever above, from its lowest point there down by `UNDERNEATH`: undersides of arms are
@@ -6,7 +6,7 @@ seldom seen.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -16,10 +16,9 @@ from rpaug.core import geometry, sampling
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.memo import bare, once
 from rpaug.core.types import Body, CameraView, Scene
+from rpaug.scene.placement import free_space_rgb
+from rpaug.scene.placement.free_space import CELL, SWEEPS, FreeSpace, disc
 
-CELL = 0.01  # metres
-MARGIN = 0.05  # metres to other things, as COLOSSEUM keeps them apart
-SWEEPS = 64  # frames looked at for what moves
 STILLS = 4  # frames looked at for what stands
 ROUNDS = 16  # the same where all cameras move, and each frame shows another part
 TWICE = 2  # of those show a part of the support, at least
@@ -28,77 +27,6 @@ REACH = 0.06  # metres: radius of an arm's link, whose sides are seen but not it
 UNDERNEATH = 0.06  # metres
 FINGERS = 0.06  # metres around the gripper's tip, whether it is seen or not
 CLOSED = 3  # cells: gaps between pixels of the support that count as seen
-
-
-@dataclass(frozen=True)
-class FreeSpace:
-    """The support from above; cell (row, column) has its middle at `origin + CELL * (column, row)`.
-
-    `seen` is where the support itself was seen, `still` the height from which a standing thing takes the cell, and
-    `swept` that of what moves: both inf where there is none, in metres above the support at world z = `level`.
-    """
-
-    origin: Float64[np.ndarray, "2"]
-    level: float
-    seen: Bool[np.ndarray, "r c"]
-    still: Float32[np.ndarray, "r c"]
-    swept: Float32[np.ndarray, "r c"]
-
-    def spots(self, outline: Float[np.ndarray, "k 2"], height: float) -> Bool[np.ndarray, "r c"]:
-        """Cells onto which the middle of a thing may be put; `outline` is convex, in metres around that middle."""
-        close = (self.still < height) | (self.swept < height + MARGIN)
-        taken = cv2.dilate(close.astype(np.uint8), _disc(MARGIN))
-        shape = _stamp(outline)
-        blocked = cv2.dilate(taken, shape, borderValue=1)
-        beside = cv2.dilate((~self.seen).astype(np.uint8), shape, borderValue=1)
-        return (blocked == 0) & (beside == 0)
-
-    def free(
-        self, outline: Float[np.ndarray, "k 2"], height: float, middle: Float[np.ndarray, "2"]
-    ) -> bool:
-        """Whether there is room for a thing at that very place."""
-        column, row = np.rint((middle - self.origin) / CELL).astype(int)
-        inside = 0 <= row < self.seen.shape[0] and 0 <= column < self.seen.shape[1]
-        return inside and bool(self.spots(outline, height)[row, column])
-
-    def at(self, cells: np.ndarray) -> Float64[np.ndarray, "n 2"]:
-        """World (x, y) of (row, column) cells."""
-        return self.origin + CELL * cells[:, ::-1]
-
-    def draw(
-        self,
-        outline: Float[np.ndarray, "k 2"],
-        height: float,
-        rng: np.random.Generator,
-        near: tuple[Float[np.ndarray, "2"] | Float[np.ndarray, "c 2"], float] | None = None,
-    ) -> Float64[np.ndarray, "2"] | None:
-        """A place for the thing's middle, any free one as likely; if given, within a distance of a point or of an
-        outline's edge."""
-        cells = np.argwhere(self.spots(outline, height))
-        if near is not None:
-            cells = cells[_distances(self.at(cells), np.atleast_2d(near[0])) <= near[1]]
-        if not len(cells):
-            return None
-        return self.at(cells[rng.integers(len(cells)), None])[0]
-
-    def with_thing(self, outline: Float[np.ndarray, "k 2"]) -> "FreeSpace":
-        """The room once something stands there; `outline` is convex, in world metres."""
-        corners = np.rint((outline - self.origin) / CELL).astype(np.int32)
-        mask = np.zeros(self.seen.shape, np.uint8)
-        cv2.fillConvexPoly(mask, corners, 1)
-        return replace(self, still=np.where(mask > 0, np.float32(0), self.still))
-
-
-def _distances(
-    points: Float[np.ndarray, "n 2"], corners: Float[np.ndarray, "c 2"]
-) -> Float64[np.ndarray, "n"]:
-    """Metres from each point to the nearest edge of a closed outline, or to its one corner."""
-    out = np.full(len(points), np.inf)
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        along = end - start
-        share = np.clip((points - start) @ along / max(float(along @ along), 1e-12), 0, 1)
-        out = np.minimum(out, np.linalg.norm(points - start - share[:, None] * along, axis=1))
-    return out
 
 
 def find_free_space(scene: Scene, leaving: Iterable[int] = ()) -> FreeSpace:
@@ -116,9 +44,7 @@ def _room(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
     if not support:
         raise TargetError("nothing was seen to be the table, so there is nowhere to put things")
     if any(view.proxy for view in scene.episode.views.values()):
-        from rpaug.scene.placement import free_space_rgb as by_sight  # only here: it makes a Room
-
-        return by_sight.find_free_space(scene, leaving)
+        return free_space_rgb.find_free_space(scene, leaving)
     points = _support(scene, support)
     level = float(np.median(points[:, 2]))
     points = points[np.abs(points[:, 2] - level) < LEVEL]
@@ -301,8 +227,8 @@ def _swept(free_space: FreeSpace, scene: Scene, gone: frozenset[int]) -> FreeSpa
         height = (poses[:, 2, 3] - free_space.level).astype(np.float32)
         tips = np.full_like(swept, 1e3)
         np.minimum.at(tips, (rows[inside], columns[inside]), height[inside])
-        swept = np.minimum(swept, cv2.erode(tips, _disc(FINGERS)))
-    swept = cv2.erode(swept, _disc(REACH)) - np.float32(UNDERNEATH)
+        swept = np.minimum(swept, cv2.erode(tips, disc(FINGERS)))
+    swept = cv2.erode(swept, disc(REACH)) - np.float32(UNDERNEATH)
     return replace(free_space, swept=np.where(swept < 1e2, swept, np.float32(np.inf)))
 
 
@@ -322,16 +248,3 @@ def _cells(
     """Rows and columns of the points' cells, and which of them lie in the room."""
     columns, rows = np.rint((points[:, :2] - origin) / CELL).astype(int).T
     return rows, columns, (rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1])
-
-
-def _disc(radius: float) -> np.ndarray:
-    size = 2 * int(np.ceil(radius / CELL)) + 1
-    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-
-
-def _stamp(outline: Float[np.ndarray, "k 2"]) -> np.ndarray:
-    """The cells that a thing covers around its middle, a little too many."""
-    reach = int(np.ceil(np.abs(outline).max() / CELL)) + 1
-    mask = np.zeros((2 * reach + 1, 2 * reach + 1), np.uint8)
-    cv2.fillConvexPoly(mask, np.rint(outline / CELL).astype(np.int32) + reach, 1)
-    return cv2.dilate(mask, np.ones((3, 3), np.uint8))

@@ -8,7 +8,8 @@ from jaxtyping import Float, Float64
 from rpaug.core import geometry
 from rpaug.core.errors import Unsupported
 from rpaug.core.types import Body, Scene
-from rpaug.scene.placement.placing import FreeSpace, hull, points_of
+from rpaug.scene.placement.free_space import FreeSpace
+from rpaug.scene.placement.placing import hull, points_of
 
 LIFTED = (
     0.02  # metres: what is seen to begin higher than this over the support does not stand on it

@@ -1,5 +1,6 @@
-"""Things on a rail: a track that is nearly straight becomes exactly straight, and sharper for it."""
+"""Instances on a rail or a hinge: a nearly straight track becomes exactly straight; a turning one has an axis."""
 
+import cv2
 import numpy as np
 from jaxtyping import Float64
 
@@ -13,6 +14,7 @@ TRAVEL = 0.03  # metres: less does not show a direction
 OFF_RAIL = 0.006  # metres beside the rail that alignment may have been off
 TURN = 0.02  # radians that it may have been off
 STIRS = 1e-3  # metres (and radians): less is rest
+SWING = 0.2  # radians: less does not show an axis
 MODEL = 6  # seen frames whose points are aligned together
 
 
@@ -95,3 +97,27 @@ def _distance(case: TrackedInstance, to_world: Float64[np.ndarray, "t 4 4"]) -> 
             planes.append(np.abs(off[~np.isnan(off)]))
     flat = np.concatenate([np.zeros(0), *planes])
     return float(np.mean(outlines or [0.0]) + np.median(flat if len(flat) else [0.0]))
+
+
+def about_hinge(
+    motions: Float64[np.ndarray, "t 4 4"], points: Float64[np.ndarray, "n 3"]
+) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"], Float64[np.ndarray, "t"]] | None:
+    """A point of the axis, near the points' middle, the axis, and the angles, of world motions from the first frame
+    that turn about a hinge; None if the points, carried about it, leave the track by more than a rail may."""
+    turns = np.array([cv2.Rodrigues(motion[:3, :3])[0][:, 0] for motion in motions])
+    axis = np.linalg.svd(turns, full_matrices=False)[2][0]
+    angles = turns @ axis
+    if (
+        np.ptp(angles) < SWING
+        or np.linalg.norm(turns - np.outer(angles, axis), axis=1).max() > TURN
+    ):
+        return None
+    middle = points.mean(0)
+    away = np.einsum("tij,j->ti", motions[:, :3, :3], middle) + motions[:, :3, 3] - middle
+    stays = (motions[:, :3, :3] - np.eye(3)).reshape(-1, 3)
+    # Least squares of the least length: the point of the axis nearest to the middle.
+    at = middle + np.linalg.lstsq(stays, -away.ravel(), rcond=1e-3)[0]
+    carried = (at - middle) @ (motions[:, :3, :3] - np.eye(3)).swapaxes(1, 2) + away
+    if np.linalg.norm(carried, axis=-1).max() > OFF_RAIL:
+        return None
+    return at, axis, angles

@@ -1,0 +1,96 @@
+"""Free space on a support, looked at from above: where a thing of some outline and height may be put."""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Float64
+
+CELL = 0.01  # metres
+MARGIN = 0.05  # metres to other things, as COLOSSEUM keeps them apart
+SWEEPS = 64  # frames looked at for what moves
+
+
+@dataclass(frozen=True)
+class FreeSpace:
+    """The support from above; cell (row, column) has its middle at `origin + CELL * (column, row)`.
+
+    `seen` is where the support itself was seen, `still` the height from which a standing thing takes the cell, and
+    `swept` that of what moves: both inf where there is none, in metres above the support at world z = `level`.
+    """
+
+    origin: Float64[np.ndarray, "2"]
+    level: float
+    seen: Bool[np.ndarray, "r c"]
+    still: Float32[np.ndarray, "r c"]
+    swept: Float32[np.ndarray, "r c"]
+
+    def spots(self, outline: Float[np.ndarray, "k 2"], height: float) -> Bool[np.ndarray, "r c"]:
+        """Cells onto which the middle of a thing may be put; `outline` is convex, in metres around that middle."""
+        close = (self.still < height) | (self.swept < height + MARGIN)
+        taken = cv2.dilate(close.astype(np.uint8), disc(MARGIN))
+        shape = _stamp(outline)
+        blocked = cv2.dilate(taken, shape, borderValue=1)
+        beside = cv2.dilate((~self.seen).astype(np.uint8), shape, borderValue=1)
+        return (blocked == 0) & (beside == 0)
+
+    def free(
+        self, outline: Float[np.ndarray, "k 2"], height: float, middle: Float[np.ndarray, "2"]
+    ) -> bool:
+        """Whether there is room for a thing at that very place."""
+        column, row = np.rint((middle - self.origin) / CELL).astype(int)
+        inside = 0 <= row < self.seen.shape[0] and 0 <= column < self.seen.shape[1]
+        return inside and bool(self.spots(outline, height)[row, column])
+
+    def at(self, cells: np.ndarray) -> Float64[np.ndarray, "n 2"]:
+        """World (x, y) of (row, column) cells."""
+        return self.origin + CELL * cells[:, ::-1]
+
+    def draw(
+        self,
+        outline: Float[np.ndarray, "k 2"],
+        height: float,
+        rng: np.random.Generator,
+        near: tuple[Float[np.ndarray, "2"] | Float[np.ndarray, "c 2"], float] | None = None,
+    ) -> Float64[np.ndarray, "2"] | None:
+        """A place for the thing's middle, any free one as likely; if given, within a distance of a point or of an
+        outline's edge."""
+        cells = np.argwhere(self.spots(outline, height))
+        if near is not None:
+            cells = cells[_distances(self.at(cells), np.atleast_2d(near[0])) <= near[1]]
+        if not len(cells):
+            return None
+        return self.at(cells[rng.integers(len(cells)), None])[0]
+
+    def with_thing(self, outline: Float[np.ndarray, "k 2"]) -> "FreeSpace":
+        """The room once something stands there; `outline` is convex, in world metres."""
+        corners = np.rint((outline - self.origin) / CELL).astype(np.int32)
+        mask = np.zeros(self.seen.shape, np.uint8)
+        cv2.fillConvexPoly(mask, corners, 1)
+        return replace(self, still=np.where(mask > 0, np.float32(0), self.still))
+
+
+def _distances(
+    points: Float[np.ndarray, "n 2"], corners: Float[np.ndarray, "c 2"]
+) -> Float64[np.ndarray, "n"]:
+    """Metres from each point to the nearest edge of a closed outline, or to its one corner."""
+    out = np.full(len(points), np.inf)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        along = end - start
+        share = np.clip((points - start) @ along / max(float(along @ along), 1e-12), 0, 1)
+        out = np.minimum(out, np.linalg.norm(points - start - share[:, None] * along, axis=1))
+    return out
+
+
+def disc(radius: float) -> np.ndarray:
+    """The cells within a radius in metres, as a structuring element."""
+    size = 2 * int(np.ceil(radius / CELL)) + 1
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+
+
+def _stamp(outline: Float[np.ndarray, "k 2"]) -> np.ndarray:
+    """The cells that a thing covers around its middle, a little too many."""
+    reach = int(np.ceil(np.abs(outline).max() / CELL)) + 1
+    mask = np.zeros((2 * reach + 1, 2 * reach + 1), np.uint8)
+    cv2.fillConvexPoly(mask, np.rint(outline / CELL).astype(np.int32) + reach, 1)
+    return cv2.dilate(mask, np.ones((3, 3), np.uint8))
