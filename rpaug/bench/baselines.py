@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
 from rpaug.core import colors
+from rpaug.core.pixels import filled
 from rpaug.core.types import CameraView, Episode, Mesh
 from rpaug.providers import inpaint
 from rpaug.render import mesh as triangles
@@ -121,12 +122,7 @@ def _painted(planes: Planes, gone: frozenset[int]) -> Planes:
         return planes
     fine = np.clip(depth * FINE, 0, 65535).astype(np.uint16)
     near = cv2.inpaint(fine, hole.astype(np.uint8), 3, cv2.INPAINT_TELEA).astype(np.float32) / FINE
-    labels = cv2.distanceTransformWithLabels(
-        hole.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )[1]
-    names = np.zeros(int(labels.max()) + 1, np.int32)
-    names[labels[~hole]] = ids[~hole]
-    return inpaint.paint("fsr", rgb, hole), np.where(hole, near, depth), names[labels]
+    return inpaint.paint("fsr", rgb, hole), np.where(hole, near, depth), filled(ids, ~hole)
 
 
 def _each(episode: Episode, edit: Callable[[CameraView, int], Planes]) -> Episode:

@@ -171,7 +171,7 @@ def run(
     rows: list[RenderRow] = []
     skipped: dict[str, str] = {}
     for number, scene in enumerate(shown):
-        truth = _Truth(scene)
+        truth = _RenderTruth(scene)
         for step, engine in enumerate(setting.engines):
             progress(number * len(setting.engines) + step, len(shown) * len(setting.engines))
             if engine not in skipped:
@@ -183,7 +183,7 @@ def run(
     return rows, skipped
 
 
-class _Truth:
+class _RenderTruth:
     """The reference's image and gradients on a crop around the middle that it can afford."""
 
     def __init__(self, scene: RenderScene) -> None:
@@ -204,7 +204,7 @@ class _Truth:
         return float(off.max()), float((off > CLOSE).mean()), max(apart)
 
 
-def _row(setting: RenderSetting, scene: RenderScene, truth: _Truth, name: str) -> RenderRow:
+def _row(setting: RenderSetting, scene: RenderScene, truth: _RenderTruth, name: str) -> RenderRow:
     view, count = scene.view, len(scene.splats)
     worst, over, gradient = truth.errors(_engine(scene.splats, truth.view, name, setting.threads))
     pixels = view.width * view.height

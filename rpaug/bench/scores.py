@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Bool
 
-from rpaug.core import metrics
+from rpaug.core import metrics, pixels
 from rpaug.core.types import CameraView, Episode
 from rpaug.scene.tracking import agreement
 from rpaug.twin import Take
@@ -66,7 +66,7 @@ def regions(
                 assert view.ids is not None
                 inside = np.isin(view.ids(t), true.truth.changed)
                 inside |= (view.rgb(t) != recorded.episode.views[name].rgb(t)).any(-1)
-            yield name, t, inside, metrics.grown(inside, MIXED if antialias else 0)
+            yield name, t, inside, pixels.grown(inside, MIXED if antialias else 0)
 
 
 def measure(

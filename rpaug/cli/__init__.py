@@ -9,6 +9,7 @@ from rpaug.cli import (
     assets,
     augment,
     bench,
+    cache,
     convert,
     diagnose,
     doctor,
@@ -58,6 +59,7 @@ GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
         "Fitted scenes in a store.",
         {"ls": scenes.ls, "rm": scenes.rm, "export": scenes.export},
     ),
+    "cache": ("What was worked out once and is kept.", {"ls": cache.ls, "rm": cache.rm}),
     "weights": ("Weights of networks, fetched only on request.", {"vgg16": weights.vgg16}),
 }
 for _name, _command in COMMANDS.items():

@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float32
 
 from rpaug.compose import views
+from rpaug.core.pixels import grown
 from rpaug.core.types import Camera, CameraView, Scene
 
 OUTLINE = 2  # pixels around what was edited that are judged too: Gaussians spill over outlines
@@ -62,8 +62,6 @@ def _at(
         rgb, depth, ids = view.rgb(t), view.depth(t), view.ids(t)
         hole = invented.get((name, t))
         weight = np.ones(depth.shape, np.float32) if hole is None else 1 - hole.astype(np.float32)
-        edited = np.isin(ids, list(instance_ids)).astype(np.uint8)
-        around = np.ones((2 * OUTLINE + 1,) * 2, np.uint8)
-        judged = (cv2.dilate(edited, around) > 0) & (weight > 0)
+        judged = grown(np.isin(ids, list(instance_ids)), OUTLINE) & (weight > 0)
         colour = rgb.astype(np.float32) / 255
         yield Goal(cameras[name], name, t, colour, depth, weight, judged)

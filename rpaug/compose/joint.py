@@ -14,11 +14,11 @@ from jaxtyping import Float32, Int
 
 from rpaug.compose import baking
 from rpaug.compose.goals import Goal, goals
+from rpaug.core.metrics import decibels
 from rpaug.core.sampling import frames
 from rpaug.core.types import Gaussians, Scene
 from rpaug.gaussians import flowing, frame_residuals, gaussian_view
 from rpaug.gaussians.descent import PARAMETERS, cosine
-from rpaug.gaussians.frame_fit import decibels
 from rpaug.gaussians.gaussians import Placement
 from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats
 from rpaug.scene.recorded.carry import carried
@@ -61,7 +61,7 @@ def refined(
     instance_ids = baking.painted(scene).union(*(one.shows.values() for one in carried(scene, 0)))
     judges = goals(scene, unseen, instance_ids)
     start = baking.baked(scene)
-    descent = _Descent(start, rows, settings)
+    descent = _JointDescent(start, rows, settings)
     descent.run(goals(scene, shown, instance_ids), np.random.default_rng(seed))
     tuned = descent.scene()
     before, after = quality(scene, judges), quality(tuned, judges)
@@ -98,7 +98,7 @@ def _times(length: int, settings: RefineSettings) -> tuple[list[int], list[int]]
     return [t for t in every if t not in unseen], unseen or every
 
 
-class _Descent:
+class _JointDescent:
     """Steps the Gaussians `rows` of a scene downhill, one view at a time."""
 
     def __init__(self, scene: Scene, rows: Int[np.ndarray, "m"], settings: RefineSettings) -> None:

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
 
 from rpaug.core import geometry
+from rpaug.core.pixels import filled
 from rpaug.core.types import Body, Camera, Gaussians
 from rpaug.gaussians import gaussians, harmonics
 from rpaug.gaussians.gaussian_view import plane_depth, sharp, view_of
@@ -126,12 +126,7 @@ def nearest(picture: SplatImage) -> Float32[np.ndarray, "h w"]:
     known = picture.depth > 0
     if not known.any():
         return picture.depth
-    labels = cv2.distanceTransformWithLabels(
-        (~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )[1]
-    depth = np.zeros(int(labels.max()) + 1, np.float32)
-    depth[labels[known]] = picture.depth[known]
-    return depth[labels]
+    return filled(picture.depth, known)
 
 
 def _window(there: Gaussians, camera: Camera, t: int) -> tuple[int, int, int, int] | None:

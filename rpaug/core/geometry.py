@@ -6,7 +6,7 @@ camera's frame (x right, y down, z along the view) to the world.
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int, Real
 
 from rpaug.core.types import Camera
 
@@ -99,14 +99,38 @@ def transform(
     return points @ pose[:3, :3].T + pose[:3, 3]
 
 
+def slopes(
+    columns: Real[np.ndarray, "*n"], rows: Real[np.ndarray, "*n"], K: Float[np.ndarray, "3 3"]
+) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+    """Metres to the right and down, of each metre ahead, at which the rays of pixels run."""
+    return (columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]
+
+
+def rays(
+    columns: Real[np.ndarray, "*n"], rows: Real[np.ndarray, "*n"], K: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "*n 3"]:
+    """Directions of pixels in the camera's frame, one metre deep."""
+    x, y = slopes(columns, rows, K)
+    return np.stack([x, y, np.ones_like(x)], -1)
+
+
+def lifted(
+    columns: Real[np.ndarray, "*n"],
+    rows: Real[np.ndarray, "*n"],
+    depth: Float[np.ndarray, "*n"],
+    K: Float[np.ndarray, "3 3"],
+) -> Float[np.ndarray, "*n 3"]:
+    """Points of pixels in the camera's frame, in metres."""
+    x, y = slopes(columns, rows, K)
+    return np.stack([x * depth, y * depth, depth], -1)
+
+
 def unproject(
     depth: Float[np.ndarray, "h w"], K: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "h w 3"]:
     """Each pixel's point in the camera's frame, in metres."""
     rows, columns = np.mgrid[: depth.shape[0], : depth.shape[1]]
-    return np.stack(
-        [(columns - K[0, 2]) / K[0, 0] * depth, (rows - K[1, 2]) / K[1, 1] * depth, depth], -1
-    )
+    return lifted(columns, rows, depth, K)
 
 
 def world_points(
@@ -116,13 +140,40 @@ def world_points(
     return transform(camera.cam_to_world[t], unproject(depth, camera.K))
 
 
+def local_points(
+    points: Float[np.ndarray, "*n 3"], camera: Camera, t: int
+) -> Float[np.ndarray, "*n 3"]:
+    """World points in the camera's frame, at frame t."""
+    return transform(inverse(camera.cam_to_world[t]), points)
+
+
+def to_image(
+    local: Float[np.ndarray, "*n 3"], z: Float[np.ndarray, "*n"], K: Float[np.ndarray, "3 3"]
+) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+    """Column and row of points in the camera's frame; `z` is their depth, kept from 0 by the caller."""
+    return K[0, 0] * local[..., 0] / z + K[0, 2], K[1, 1] * local[..., 1] / z + K[1, 2]
+
+
+def in_image(
+    local: Float[np.ndarray, "*n 3"],
+    K: Float[np.ndarray, "3 3"],
+    shape: tuple[int, ...],
+    near: float = 0.0,
+) -> tuple[Int[np.ndarray, "*n"], Int[np.ndarray, "*n"], Bool[np.ndarray, "*n"]]:
+    """Row and column of the pixel that each point of the camera's frame falls on, and whether it falls on any.
+
+    The image has `shape` (h, w). Points no farther than `near` metres fall on none. Where none is hit both are 0.
+    """
+    ahead = local[..., 2] > near
+    column, row = map(np.rint, to_image(local, np.where(ahead, local[..., 2], 1.0), K))
+    inside = ahead & (row >= 0) & (column >= 0) & (row < shape[0]) & (column < shape[1])
+    return np.where(inside, row, 0).astype(int), np.where(inside, column, 0).astype(int), inside
+
+
 def project(
     points: Float[np.ndarray, "*n 3"], camera: Camera, t: int
 ) -> tuple[Float[np.ndarray, "*n 2"], Float[np.ndarray, "*n"]]:
     """Pixel coordinates (column, row) and depth of world points; only depth > 0 means anything."""
-    local = transform(inverse(camera.cam_to_world[t]), points)
+    local = local_points(points, camera, t)
     z = local[..., 2]
-    safe = np.where(np.abs(z) < 1e-12, 1e-12, z)
-    u = camera.K[0, 0] * local[..., 0] / safe + camera.K[0, 2]
-    v = camera.K[1, 1] * local[..., 1] / safe + camera.K[1, 2]
-    return np.stack([u, v], -1), z
+    return np.stack(to_image(local, np.where(np.abs(z) < 1e-12, 1e-12, z), camera.K), -1), z

@@ -1,8 +1,8 @@
 """Compile a kernel once per machine: numba's cache in the user's own cache folder.
 
 An installed package may be read-only, and numba looks only at the one file a function stands in, so a
-kernel whose helpers live elsewhere would come back stale. Here the cache lies in the user's cache folder
-(`NUMBA_CACHE_DIR` if set) and is stamped with the sources of the whole package the kernel belongs to.
+kernel whose helpers live elsewhere would come back stale. Here compiled kernels lie in the cache (`rpaug.core.cache`;
+in `NUMBA_CACHE_DIR` if that is set) and are stamped with the sources of the whole package the kernel belongs to.
 """
 
 import functools
@@ -14,14 +14,15 @@ from typing import Any
 
 import numba
 from numba.core import caching
-from numba.misc.appdirs import AppDirs
+
+from rpaug.core import cache
 
 _config: Any = numba.config  # its names are made when it is loaded
 
 
 def cache_folder() -> Path:
-    """Where compiled kernels are kept; removing it is safe."""
-    return Path(_config.CACHE_DIR or AppDirs(appname="rpaug", appauthor=False).user_cache_dir)
+    """Where compiled kernels are kept, in `kernels`: `NUMBA_CACHE_DIR` if set, else the cache."""
+    return Path(_config.CACHE_DIR or cache.root())
 
 
 @functools.cache

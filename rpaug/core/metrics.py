@@ -4,18 +4,25 @@ from collections.abc import Iterable
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float64, Int32, UInt8
+from jaxtyping import Float64, Int32, UInt8
 
 from rpaug.core import colors
 
 LEAST_ERROR = 1e-4  # squared grey levels: equal images score 88 dB, not infinity
+FITTED_ERROR = 1e-6  # squared grey levels: fits are told apart up to 108 dB
+LEAST_SHARE = 1e-12  # of full scale, squared: equal images score 120 dB
 _WINDOW, _SIGMA = 11, 1.5  # pixels: Wang et al. 2004
 _C1, _C2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
 
 
-def psnr(squared_error: float) -> float:
-    """Decibels of a mean squared error in grey levels of 255."""
-    return float(10 * np.log10(255**2 / max(squared_error, LEAST_ERROR)))
+def psnr(squared_error: float, least: float = LEAST_ERROR) -> float:
+    """Decibels of a mean squared error in grey levels of 255; `least` stands for any smaller one."""
+    return float(10 * np.log10(255**2 / max(squared_error, least)))
+
+
+def decibels(squared_error: float, least: float = LEAST_SHARE) -> float:
+    """Decibels of a mean squared error of colours in 0..1; `least` stands for any smaller one."""
+    return -10 * float(np.log10(max(squared_error, least)))
 
 
 def ssim(
@@ -48,14 +55,6 @@ def mean_iou(pairs: Iterable[tuple[Int32[np.ndarray, "h w"], Int32[np.ndarray, "
             shared[instance_id] = shared.get(instance_id, 0) + int((a & b).sum())
             either[instance_id] = either.get(instance_id, 0) + int((a | b).sum())
     return float(np.mean([shared[instance_id] / either[instance_id] for instance_id in either]))
-
-
-def grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:
-    """The mask with an outline wider by that many pixels, corners included."""
-    if pixels == 0:
-        return mask
-    square = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
-    return cv2.dilate(mask.astype(np.uint8), square).astype(bool)
 
 
 def _blurred(image: Float64[np.ndarray, "h w 3"]) -> Float64[np.ndarray, "h w 3"]:

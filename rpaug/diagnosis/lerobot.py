@@ -43,7 +43,7 @@ class _Task(_Open):
     metrics: _Metrics
 
 
-class _Info(_Open):
+class _EvaluationInfo(_Open):
     """Either of the two forms."""
 
     per_episode: list[_One] = []
@@ -78,13 +78,13 @@ def read(folder: Path, camera: str | None = None) -> Evaluation:
     return checked(folder / INFO, Evaluation(tuple(rollouts), notes))
 
 
-def _info(path: Path) -> _Info:
+def _info(path: Path) -> _EvaluationInfo:
     data = read_bytes(path)
     if len(data) > MOST_BYTES:
         raise BadInput(path, "size", found=f"{len(data)} bytes", expected=f"at most {MOST_BYTES}")
     try:
         value: Any = json.loads(data)
-        info = _Info.model_validate(value)
+        info = _EvaluationInfo.model_validate(value)
     except (RecursionError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise BadInput(path, "file", found=str(error)[:120], expected="JSON") from None
     except ValidationError as error:

@@ -76,7 +76,7 @@ def cosine(done: float, last: float) -> float:
 
 
 @dataclass(frozen=True)
-class _Pull:
+class _ViewPull:
     """What one view asks for: gradients in the bodies' frames, of the light, and twists of bodies and camera."""
 
     gradients: Gradients
@@ -157,7 +157,7 @@ class Descent:
             for shot, pull in zip(shots, pulls, strict=True):
                 self._give_way(shot, pull, factor)
 
-    def _look(self, rasteriser: Rasteriser, shot: TargetView) -> _Pull:
+    def _look(self, rasteriser: Rasteriser, shot: TargetView) -> _ViewPull:
         camera, t = self._camera(shot.camera), shot.t
         placed = self._placement.place(self._adam.splats, t)
         pose = geometry.inverse(self._poses[shot.camera][t])
@@ -179,9 +179,9 @@ class Descent:
                 at = self._poses[shot.camera][t, :3, 3]
                 eye = -twist_of(placed, gradients, slice(None), at)
         own, light = self._placement.pull_back(gradients, self._adam.splats, placed, t)
-        return _Pull(own, light, tuple(bodies), eye)
+        return _ViewPull(own, light, tuple(bodies), eye)
 
-    def _give_way(self, shot: TargetView, pull: _Pull, factor: float) -> None:
+    def _give_way(self, shot: TargetView, pull: _ViewPull, factor: float) -> None:
         t, placement = shot.t, self._placement
         for k, (body, _) in enumerate(self._moving):
             self._twists[k].step(t, pull.bodies[k], factor)

@@ -92,7 +92,7 @@ def descend(
     )
     free = np.ones(len(weight), np.float32) if head is None else head.astype(np.float32)
     own = encodings[rows]
-    adam = _Adam([own, weight, offset])
+    adam = _EncodingAdam([own, weight, offset])
     targets = [_classes(picture, begun.instance_ids) for picture in pictures]
     order: list[int] = []
     for step in range(settings.steps):
@@ -116,7 +116,7 @@ def descend(
     return Identities(encodings, weight, offset, begun.instance_ids)
 
 
-class _Adam:
+class _EncodingAdam:
     """Adam (Kingma and Ba 2015, arXiv 1412.6980) on plain arrays, in place."""
 
     def __init__(self, values: Sequence[Float32[np.ndarray, "..."]]) -> None:

@@ -15,20 +15,20 @@ from jaxtyping import Bool, Float32, Float64, Int, Int32
 
 from rpaug.core import geometry
 from rpaug.core.errors import Unsupported
+from rpaug.core.pixels import grown
 from rpaug.core.types import Camera, Gaussians, Scene
 from rpaug.gaussians import frame_residuals
 from rpaug.gaussians.gaussian_view import sharp
 from rpaug.gaussians.gaussians import LiftedImage, chosen, joined
-from rpaug.gaussians.seeds import finest
+from rpaug.gaussians.seeds import SAME_DEPTH, finest
 from rpaug.render import holes, window
 from rpaug.render.splat import Adam, Gradients, Loss, Rasteriser, Rates, Splats, View
 from rpaug.scene.recorded import surfels
 from rpaug.scene.recorded.carry import carried
-from rpaug.scene.recorded.unseen import Background, grown
+from rpaug.scene.recorded.unseen import Background
 
 STEPS = 60
 RIM = 3  # pixels around what was hidden, where Gaussians show the outline of what hid it
-SAME_DEPTH = 0.01  # of depth, beside 1 cm: Gaussians no farther behind a surface are part of it
 LOSS = Loss(depth=0.5)
 RATES = Rates(means=0.0, quats=0.0)  # they lie where surfels do
 
@@ -134,11 +134,9 @@ def _pixels(
     gaussians: Gaussians, one: _Near
 ) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"], Float64[np.ndarray, "n"]]:
     """Row and column in which the camera shows each, -1 where it does not, and its depth."""
-    pixel, z = geometry.project(gaussians.means.astype(np.float64), one.camera, 0)
-    column, row = np.rint(np.nan_to_num(pixel)).astype(int).T
-    height, width = one.picture.depth.shape
-    inside = (z > 0) & (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    return np.where(inside, row, -1), np.where(inside, column, -1), z
+    local = geometry.local_points(gaussians.means.astype(np.float64), one.camera, 0)
+    row, column, inside = geometry.in_image(local, one.camera.K, one.picture.depth.shape)
+    return np.where(inside, row, -1), np.where(inside, column, -1), local[:, 2]
 
 
 def _padded(sh: Float32[np.ndarray, "n 1 3"], terms: int) -> Float32[np.ndarray, "n k 3"]:

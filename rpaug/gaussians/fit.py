@@ -16,7 +16,7 @@ from rpaug.gaussians.descent import Descent, FitSettings, TargetView, cosine, sh
 from rpaug.gaussians.fit_residuals import fit_frame_residuals
 from rpaug.gaussians.judging import fixed_cameras, judged, psnr, ssim
 from rpaug.gaussians.seeds import seeds
-from rpaug.gaussians.stops import Check
+from rpaug.gaussians.stops import StopCheck
 from rpaug.scene.lighting.irradiance import even
 
 __all__ = ["Begun", "FitReport", "FitSettings", "fit", "fitted", "psnr", "ssim"]
@@ -160,13 +160,13 @@ def _descended(
     return descent.scene(), settings.steps
 
 
-def _check(scene: Scene, trained: Sequence[int], step: int, threads: int) -> Check:
+def _check(scene: Scene, trained: Sequence[int], step: int, threads: int) -> StopCheck:
     """A look at a few views of the fixed cameras."""
     seen = _some(trained, WATCHED)
     unseen = _some(sorted(set(range(scene.episode.length)) - set(trained)), WATCHED)
     found = judged(scene, [*seen, *unseen], threads)[:, fixed_cameras(scene), 0]
     recorded = float(found[: len(seen)].mean())
-    return Check(step, recorded, float(found[len(seen) :].mean()) if unseen else recorded)
+    return StopCheck(step, recorded, float(found[len(seen) :].mean()) if unseen else recorded)
 
 
 def _refined(
@@ -181,7 +181,7 @@ def _refined(
     fixed, everywhere = fixed_cameras(scene), range(scene.episode.length)
     for number in range(settings.moment_passes):
         recorded = float(found[:, fixed, 0].mean())
-        if settings.stop.reached([Check(number, recorded, recorded)]):
+        if settings.stop.reached([StopCheck(number, recorded, recorded)]):
             break
         before = 1 + number / settings.moment_passes
         residuals = fit_frame_residuals(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rpaug.core.errors import Unsupported
+from rpaug.core.metrics import FITTED_ERROR, psnr
 from rpaug.core.sampling import frames
 from rpaug.core.types import Body, Gaussians, Gaussians4, Scene
 from rpaug.gaussians import gaussian_view, seeds4
@@ -193,8 +194,8 @@ def residuals(
     out = {}
     for instance_id in sorted(shown - {0}):
         error, off, count = sums[instance_id]
-        db = 10 * np.log10(255.0**2 / max(error / count, 1e-6))
-        out[instance_id] = InstanceError(float(db), float(off / count))
+        db = psnr(error / count, FITTED_ERROR)
+        out[instance_id] = InstanceError(db, float(off / count))
     return out
 
 

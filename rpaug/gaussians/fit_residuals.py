@@ -28,7 +28,7 @@ SEEN = 1e-4  # pixels' worth of light: what shows less in a window is left out o
 
 
 @dataclass(frozen=True)
-class _Window:
+class _ResidualWindow:
     """The part of one view around what moves, and the placed splats that it shows."""
 
     view: View
@@ -76,7 +76,7 @@ def fit_frame_residuals(
 
 def _windows(
     scene: Scene, t: int, then: Splats, moving: Bool[np.ndarray, "n"]
-) -> Iterator[_Window]:
+) -> Iterator[_ResidualWindow]:
     """One for each view that shows something moving: all of it if the camera moves."""
     assert scene.gaussians is not None
     instance_ids = np.unique(scene.gaussians.ids[moving])
@@ -95,7 +95,7 @@ def _windows(
         window = View(K, view.world_to_camera, rgb.shape[1], rgb.shape[0])
         eye.forward(grey, window, surface=False)
         light = eye.backward(np.ones_like(rgb)).sh[:, 0, 0]
-        yield _Window(window, rgb, depth, np.flatnonzero(light > SEEN))
+        yield _ResidualWindow(window, rgb, depth, np.flatnonzero(light > SEEN))
 
 
 def _projected(points: Float32[np.ndarray, "n 3"], view: View) -> Bool[np.ndarray, "h w"]:
@@ -120,7 +120,7 @@ def _around(shown: Bool[np.ndarray, "h w"]) -> tuple[slice, slice]:
 
 
 def _descend(
-    windows: Sequence[_Window],
+    windows: Sequence[_ResidualWindow],
     then: Splats,
     loose: Int[np.ndarray, "m"],
     steps: int,

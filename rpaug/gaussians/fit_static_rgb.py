@@ -12,6 +12,7 @@ from jaxtyping import Float32, UInt8
 
 from rpaug.core import sampling
 from rpaug.core.errors import Unsupported
+from rpaug.core.metrics import FITTED_ERROR, psnr
 from rpaug.core.types import CameraView, Scene
 from rpaug.providers import inpaint
 from rpaug.scene.placement.free_space_rgb import together
@@ -85,7 +86,7 @@ def _decibels(scene: Scene, name: str) -> float:
         _squares(gaussian_view.blended(scene, name, t)[0], view.rgb(t))
         for t in sampling.frames(scene.episode.length, CHECKED)
     ]
-    return float(10 * np.log10(255**2 / max(float(np.mean(off)), 1e-6)))
+    return psnr(float(np.mean(off)), FITTED_ERROR)
 
 
 def _squares(one: UInt8[np.ndarray, "h w 3"], other: UInt8[np.ndarray, "h w 3"]) -> float:

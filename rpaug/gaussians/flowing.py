@@ -100,8 +100,7 @@ def seen_by(gaussians: Gaussians, view: View) -> Splats:
     local = geometry.transform(view.world_to_camera, gaussians.means.astype(np.float64))
     z = np.maximum(local[:, 2], 1e-6)
     reach = 4.0 * gaussians.scales.max(1) * view.K[0, 0] / z + 2.0
-    column = view.K[0, 0] * local[:, 0] / z + view.K[0, 2]
-    row = view.K[1, 1] * local[:, 1] / z + view.K[1, 2]
+    column, row = geometry.to_image(local, z, view.K)
     near = (column > -reach) & (column < view.width + reach)
     near &= (row > -reach) & (row < view.height + reach) & (local[:, 2] > 0)
     mine = chosen(gaussians, near)

@@ -9,9 +9,10 @@ from typing import Literal, get_args
 import numpy as np
 
 from rpaug.core.errors import Unsupported
+from rpaug.core.metrics import decibels
 from rpaug.gaussians.densify import Densify, densified
 from rpaug.gaussians.shots import TargetImage
-from rpaug.gaussians.stops import Check, Stop
+from rpaug.gaussians.stops import Stop, StopCheck
 from rpaug.render.splat import Adam, Gradients, Loss, Rates, Settings, Splats, shared, warm
 from rpaug.render.splat.workers import worker
 
@@ -98,7 +99,7 @@ def fit_views(
     begun = time.perf_counter(), time.process_time()
     crew = _Crew(shots, settings)
     adam = Adam(splats, _scaled(settings.rates, settings.rate), threads=settings.threads)
-    rule, trace, checks = _rule(settings), list[Checkpoint](), list[Check]()
+    rule, trace, checks = _rule(settings), list[Checkpoint](), list[StopCheck]()
     motion = np.zeros(len(splats), np.float32)
     best, kept, stopped = 0, adam.splats, "iterations"
     with ThreadPoolExecutor(crew.side_by_side) as pool:
@@ -136,9 +137,9 @@ def _rule(settings: FrameFitSettings) -> Stop | None:
     )
 
 
-def _check(point: Checkpoint) -> Check:
+def _check(point: Checkpoint) -> StopCheck:
     held_out = -np.inf if point.held_out_db is None else point.held_out_db
-    return Check(point.iteration, point.recorded_db, held_out)
+    return StopCheck(point.iteration, point.recorded_db, held_out)
 
 
 class _Crew:
@@ -189,11 +190,6 @@ class _Crew:
             step, time.perf_counter() - begun[0], time.process_time() - begun[1], len(splats),
             decibels(error / fitted), decibels(unseen / judged) if judged else None,
         )  # fmt: skip
-
-
-def decibels(squared_error: float) -> float:
-    """PSNR of a mean squared error of colours in 0..1; at most 120."""
-    return float(-10 * np.log10(max(squared_error, 1e-12)))
 
 
 def _scaled(rates: Rates, factor: float) -> Rates:

@@ -162,14 +162,7 @@ def plane_depth(
     back = geometry.inverse(camera.cam_to_world[t])
     middle = geometry.transform(back, splats.means[index].astype(np.float64))
     normal = _axes(splats.quats[index], splats.scales[index].argmin(-1)) @ back[:3, :3].T
-    ray = np.stack(
-        [
-            (columns - camera.K[0, 2]) / camera.K[0, 0],
-            (rows - camera.K[1, 2]) / camera.K[1, 1],
-            np.ones(len(rows)),
-        ],
-        -1,
-    )
+    ray = geometry.rays(columns, rows, camera.K)
     facing = (normal * ray).sum(-1)
     met = (normal * middle).sum(-1) / np.where(np.abs(facing) < 1e-6, 1e-6, facing)
     reach = REACH * splats.scales[index].max(-1)

@@ -3,16 +3,19 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-import cv2
 import numpy as np
-from jaxtyping import Float, Float64, UInt8
+from jaxtyping import Float64, UInt8
 
+from rpaug.core import metrics
 from rpaug.core.types import Scene
 from rpaug.gaussians import frame_residuals
 from rpaug.gaussians.descent import shot_of
 from rpaug.gaussians.gaussian_view import plane_depth, sharp, standing, to_bytes, view_of
 from rpaug.gaussians.gaussians import Placement
 from rpaug.render.splat import Rasteriser, Splats
+
+LEAST = 255.0**2 * 1e-10  # squared grey levels: 100 dB
+REACH = 5  # pixels that SSIM's window reaches
 
 
 def judged(
@@ -48,19 +51,10 @@ def fixed_cameras(scene: Scene) -> list[int]:
 
 def psnr(image: UInt8[np.ndarray, "h w 3"], truth: UInt8[np.ndarray, "h w 3"]) -> float:
     """Peak signal-to-noise ratio in decibels, at most 100."""
-    error = np.mean((image.astype(np.float64) - truth) ** 2)
-    return float(10 * np.log10(255.0**2 / max(error, 255.0**2 * 1e-10)))
+    return metrics.psnr(float(np.mean((image.astype(np.float64) - truth) ** 2)), LEAST)
 
 
 def ssim(image: UInt8[np.ndarray, "h w 3"], truth: UInt8[np.ndarray, "h w 3"]) -> float:
-    """Structural similarity (Wang et al. 2004): 11x11 Gaussian window, sigma 1.5, mean over channels."""
-    x, y = image.astype(np.float64), truth.astype(np.float64)
-
-    def blur(a: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w 3"]:
-        return cv2.GaussianBlur(a, (11, 11), 1.5)[5:-5, 5:-5]
-
-    mx, my = blur(x), blur(y)
-    vx, vy, both = blur(x * x) - mx * mx, blur(y * y) - my * my, blur(x * y) - mx * my
-    a, b = (0.01 * 255) ** 2, (0.03 * 255) ** 2
-    value = (2 * mx * my + a) * (2 * both + b) / ((mx * mx + my * my + a) * (vx + vy + b))
-    return float(value.mean()) if value.size else 1.0
+    """Structural similarity, mean over the pixels whose whole window lies in the image; 1 if there are none."""
+    whole = metrics.ssim(image, truth)[REACH:-REACH, REACH:-REACH]
+    return float(whole.mean()) if whole.size else 1.0

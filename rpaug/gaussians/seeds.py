@@ -12,7 +12,7 @@ from rpaug.core.types import Body, CameraView, Gaussians, Scene
 from rpaug.gaussians.gaussians import SPREAD, LiftedImage, chosen, joined, lifted, moved
 from rpaug.scene.recorded import surfels
 
-SAME_DEPTH = 0.01  # of depth, beside 1 cm: a point that another picture shows too
+SAME_DEPTH = 0.01  # of depth, beside 1 cm: a point that another picture shows too, or what is part of a surface
 BODY_FRAMES = 20  # frames that moving bodies are gathered from
 HISTORY_FRAMES = 32  # of moving cameras, for static surfaces that no fixed camera saw
 MOST = 4000  # Gaussians of one moving body
@@ -68,15 +68,11 @@ def _footprints(part: Gaussians, by: Sequence[LiftedImage]) -> Float32[np.ndarra
     out = np.full(len(part), np.inf, np.float32)
     for picture in by:
         local = geometry.transform(geometry.inverse(picture.cam_to_world), part.means.astype(float))
-        z = np.maximum(local[:, 2], 1e-6)
-        column = np.rint(picture.K[0, 0] * local[:, 0] / z + picture.K[0, 2])
-        row = np.rint(picture.K[1, 1] * local[:, 1] / z + picture.K[1, 2])
-        height, width = picture.depth.shape
-        inside = (local[:, 2] > 0) & (row >= 0) & (row < height) & (column >= 0) & (column < width)
-        r, c = row[inside].astype(int), column[inside].astype(int)
-        near = np.abs(picture.depth[r, c] - z[inside]) < 0.01 + SAME_DEPTH * z[inside]
+        row, column, inside = geometry.in_image(local, picture.K, picture.depth.shape)
+        r, c, z = row[inside], column[inside], local[inside, 2]
+        near = np.abs(picture.depth[r, c] - z) < 0.01 + SAME_DEPTH * z
         shown = near & picture.use[r, c] & (picture.ids[r, c] == part.ids[inside])
-        size = np.where(shown, SPREAD * z[inside] / picture.K[0, 0], np.inf)
+        size = np.where(shown, SPREAD * z / picture.K[0, 0], np.inf)
         out[inside] = np.minimum(out[inside], size)
     return out
 

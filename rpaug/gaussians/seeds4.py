@@ -19,7 +19,7 @@ SLOWEST = 0.1  # of the spacing per frame: what counts as one frame's pace where
 
 
 @dataclass(frozen=True)
-class _Surface:
+class _SeedSurface:
     """What was seen at one frame, thinned."""
 
     t: int
@@ -95,7 +95,7 @@ def _origin(
 
 def _surface(
     scene: Scene, instance_ids: frozenset[int], t: int, origin: Float64[np.ndarray, "3"]
-) -> _Surface | None:
+) -> _SeedSurface | None:
     """All that cameras show of the region at t, relative to the origin, one Gaussian a cell."""
     parts = []
     for picture in _pictures(scene, instance_ids, t):
@@ -107,7 +107,7 @@ def _surface(
             )
         )
     every = joined(parts) if parts else None
-    return _Surface(t, thinned(every, A_FRAME)) if every is not None and len(every) else None
+    return _SeedSurface(t, thinned(every, A_FRAME)) if every is not None and len(every) else None
 
 
 def thinned(every: Gaussians, most: int) -> Gaussians:
@@ -133,7 +133,9 @@ def thinned(every: Gaussians, most: int) -> Gaussians:
         cell *= 1.2
 
 
-def _velocities(surfaces: Sequence[_Surface], spacing: float) -> list[Float64[np.ndarray, "n 3"]]:
+def _velocities(
+    surfaces: Sequence[_SeedSurface], spacing: float
+) -> list[Float64[np.ndarray, "n 3"]]:
     """Metres per frame of every point: the mean of the ways from the frame before and to the frame after."""
     total = [np.zeros_like(s.points) for s in surfaces]
     count = [0] * len(surfaces)

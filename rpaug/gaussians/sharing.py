@@ -100,11 +100,9 @@ class _Seen:
 
     @staticmethod
     def of(points: Float32[np.ndarray, "n 3"], plate: Plate, camera: Camera) -> "_Seen":
-        pixel, z = geometry.project(points.astype(np.float64), camera, 0)
-        c, r = np.rint(np.where(np.isfinite(pixel), pixel, -1)).astype(int).T
-        inside = (z > 0) & (r >= 0) & (c >= 0) & (r < camera.height) & (c < camera.width)
-        r, c = np.where(inside, r, 0), np.where(inside, c, 0)
-        inside &= plate.known[r, c]
+        local = geometry.local_points(points.astype(np.float64), camera, 0)
+        r, c, inside = geometry.in_image(local, camera.K, (camera.height, camera.width))
+        z, inside = local[:, 2], inside & plate.known[r, c]
         tolerance = SAME_DEPTH * z
         # Beside an outline the pixel next door may be the one that counts.
         nearest = cv2.erode(

@@ -8,7 +8,7 @@ Kind = Literal["heldout", "fidelity"]
 
 
 @dataclass(frozen=True)
-class Check:
+class StopCheck:
     """Where a fit stood after `step` steps: PSNR in decibels (up) on what it is fitted to and on what it is not."""
 
     step: int
@@ -35,7 +35,7 @@ class Stop:
         """True if the fit is to be checked after this many steps."""
         return step > 0 and step % self.every == 0
 
-    def reached(self, checks: Sequence[Check]) -> bool:
+    def reached(self, checks: Sequence[StopCheck]) -> bool:
         """True if a fit with these checks behind it is done."""
         if self.kind == "fidelity":
             return bool(checks) and checks[-1].recorded_db >= self.target
@@ -45,7 +45,7 @@ class Stop:
         lately = max(check.held_out_db for check in checks[-self.patience :])
         return lately < before + self.gain
 
-    def best(self, checks: Sequence[Check]) -> int:
+    def best(self, checks: Sequence[StopCheck]) -> int:
         """Which check to keep: the highest by what the rule looks at, the earliest of equals.
 
         Raises ValueError if there are none.

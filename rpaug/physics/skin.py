@@ -91,13 +91,10 @@ def _inside(found: Gaussians, scene: Scene, instance_ids: frozenset[int]) -> Boo
             if view.depth is None or view.ids is None:
                 continue
             camera = view.camera
-            x, y, z = geometry.transform(geometry.inverse(camera.cam_to_world[t]), points).T
-            z = np.where(z > 0, z, np.inf)
-            u = np.rint(camera.K[0, 0] * x / z + camera.K[0, 2]).astype(int)
-            v = np.rint(camera.K[1, 1] * y / z + camera.K[1, 2]).astype(int)
-            within = np.isfinite(z) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+            local = geometry.local_points(points, camera, t)
+            v, u, within = geometry.in_image(local, camera.K, (camera.height, camera.width))
             u, v = u[within], v[within]
-            behind = view.depth(t)[v, u] + UNDER < z[within]
+            behind = view.depth(t)[v, u] + UNDER < local[within, 2]
             seen[rows[within]] |= ~behind
             hidden[rows[within]] |= behind & np.isin(view.ids(t)[v, u], list(instance_ids))
     return hidden & ~seen

@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from rpaug.core.metrics import psnr
 from rpaug.core.types import CameraView, Episode
 
 LOSSY = 34.0  # dB: a JPEG or a video at the quality that is written shows a recording better
@@ -40,15 +41,14 @@ def _counterpart(
     for other in [among[name]] if name in among else among.values():
         size = (view.camera.width, view.camera.height)
         alike = size == (other.camera.width, other.camera.height)
-        if alike and all(psnr(view.rgb(t), other.rgb(t)) >= LOSSY for t in times):
+        if alike and all(_psnr(view.rgb(t), other.rgb(t)) >= LOSSY for t in times):
             return other
     return None
 
 
-def psnr(one: np.ndarray, other: np.ndarray) -> float:
+def _psnr(one: np.ndarray, other: np.ndarray) -> float:
     """Of two images of bytes, in dB."""
-    off = float(((one.astype(np.float32) - other) ** 2).mean())
-    return float("inf") if off == 0 else 10 * np.log10(255**2 / off)
+    return psnr(float(((one.astype(np.float32) - other) ** 2).mean()))
 
 
 def _view(

@@ -9,13 +9,13 @@ from dataclasses import asdict, dataclass, replace
 from functools import cache
 from typing import Annotated, Any, Protocol, runtime_checkable
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Int32, UInt8
 from pydantic import BaseModel, ConfigDict, Field
 
 from rpaug.compose import views
 from rpaug.core import colors
+from rpaug.core.pixels import grown
 from rpaug.core.types import CameraView, Episode, Scene
 from rpaug.scene.lighting import albedo
 from rpaug.scene.tracking import agreement
@@ -123,7 +123,7 @@ def beyond(
         instance_ids |= edit.instance_ids
     reach = np.zeros(before.shape[:2], bool) if ids is None else np.isin(ids, list(instance_ids))
     if scene.antialiased:
-        reach = cv2.dilate(reach.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+        reach = grown(reach, 1)
     return int(((before != after).any(-1) & ~reach).sum())
 
 

@@ -14,11 +14,10 @@ from rpaug.core import keyframes
 from rpaug.core.files import encode_png
 from rpaug.core.types import CameraView, Episode
 from rpaug.pipeline import prepare
-from rpaug.scene.build import build
 from rpaug.scene.instances import rgb_episode
 from rpaug.scene.targets.survey import InstanceSummary, survey
 from rpaug.scene.tracking import arms, calibration
-from rpaug.scene.video import reconstruct
+from rpaug.scene.video.video_scene import VideoScene
 
 MARGIN = 4  # pixels around an instance's thumbnail
 
@@ -43,15 +42,13 @@ def inspect(
     described["misplaced"] = {m.camera: str(m) for m in calibration.check(episode)}
     described["arms"] = list(arms.misfits(files, episode.robot))
     described["assumed"] = []
-    video, why = prepare.filmed(episode) if reconstruct.unplaced(episode) else (None, "")
-    if video is None:
-        scene = build(episode, with_bodies=True, arms=arms.for_robot(files, episode.robot))
-    else:
-        scene = video.scene()
-        described["film"] = video.describe()
+    found = prepare.found_instances(episode, files)
+    scene = found.scene()
+    if isinstance(scene.back, VideoScene):
+        described["film"] = scene.back.describe()
     if not scene.bodies:
         return described | {"instances": []}, (), episode
-    described["assumed"] = [*filter(None, [why]), *rgb_episode.assumptions(scene.episode)]
+    described["assumed"] = [*found.notes, *rgb_episode.assumptions(scene.episode)]
     rows = survey(scene.episode, scene.bodies, scene.roles)
     described["antialiased"] = scene.antialiased
     described["instances"] = [_described(row) for row in rows]

@@ -4,6 +4,7 @@ import json
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,9 @@ from rpaug.gaussians import fit_static_rgb
 from rpaug.pipeline import plan as planning
 from rpaug.pipeline import report, residuals
 from rpaug.pipeline.recipe import Recipe
-from rpaug.scene.build import build
+from rpaug.scene.build import build, find, sources
 from rpaug.scene.instances import rgb_episode
+from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.tracking import arms, calibration
 from rpaug.scene.video import reconstruct
 from rpaug.scene.video.settings import VideoSettings
@@ -121,22 +123,27 @@ def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, 
 
 def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
     """The recorded scene; where instances are asked for, that of a video by structure from motion if that succeeds."""
-    if plan.bodies and recipe.depth_model is None and reconstruct.unplaced(episode):
-        video, why = filmed(episode, recipe.video)
-        if video is not None:
-            return video.scene(), replace(plan, video=video.describe())
-        plan = replace(plan, warnings=(*plan.warnings, why))
-    known = arms.for_robot(recipe.arms, episode.robot) if plan.bodies else ()
-    made = build(episode, with_bodies=plan.bodies, arms=known, depth=recipe.depth_model)
-    return made, plan
+    if not plan.bodies:
+        return build(episode, with_bodies=False), plan
+    found = found_instances(
+        episode, recipe.arms, recipe.depth_model, recipe.video, by_video=recipe.depth_model is None
+    )
+    video = found.back.describe() if isinstance(found.back, VideoScene) else plan.video
+    return found.scene(), replace(plan, video=video, warnings=(*plan.warnings, *found.notes))
 
 
-def filmed(episode: Episode, asked: VideoSettings | None = None) -> tuple[VideoScene | None, str]:
-    """A video of one moving camera as a film, or why there is none."""
-    try:
-        return reconstruct.develop(episode, asked, progress=told_of(episode.key)), ""
-    except Unsupported as error:
-        return None, f"{error}; its images alone are gone by"
+def found_instances(
+    episode: Episode,
+    files: Sequence[Path],
+    depth: str | None = None,
+    video: VideoSettings | None = None,
+    *,
+    by_video: bool = True,
+) -> FoundInstances:
+    """The episode's instances, a video of a moving camera tried first; `files` are those of arms."""
+    finder = reconstruct.ByVideo(video, told_of(episode.key)) if by_video else None
+    known = partial(arms.for_robot, files, episode.robot)
+    return find(episode, sources(known, depth, finder))
 
 
 def told_of(key: str) -> reconstruct.Progress:

@@ -13,11 +13,13 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float32, Float64, Int32, UInt8
 
+from rpaug.core.metrics import decibels
 from rpaug.core.types import Camera, CameraView, Scene
 from rpaug.scene.recorded import surfels
 from rpaug.scene.recorded.plates import spread
 
 FRAMES = 2  # moments that are looked at
+LEAST = 1e-10  # squared error of full scale 1: 100 dB
 BACKGROUND = "background"
 
 
@@ -78,7 +80,7 @@ def _by_region(
         if here.any():
             depth = off[here][np.isfinite(off[here])]
             middle = 1e3 * float(np.median(depth)) if len(depth) else 0.0
-            psnr = -10 * float(np.log10(max(float(squared[here].mean()), 1e-10)))
+            psnr = decibels(float(squared[here].mean()), LEAST)
             found.append(Residual(name, region, psnr, middle, int(here.sum())))
     return found
 

@@ -82,7 +82,7 @@ def verify(
     _related(target, source, reports.values(), known)
     findings = [*_numbering(adapter, keys), *_counts(target, keys)]
     findings += [Finding("bad", ".", "dataset", words) for words in adapter.faults(target)]
-    tallies = {"rgb, source": _Tally(), "rgb, output": _Tally()}
+    tallies = {"rgb, source": _FoundTally(), "rgb, output": _FoundTally()}
     for number, key in enumerate(keys):
         progress(number, len(keys))
         try:
@@ -322,7 +322,7 @@ def _merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-class _Tally:
+class _FoundTally:
     """Mean and spread of colours, summed up image by image; one all black stands for a camera that is not there."""
 
     def __init__(self) -> None:

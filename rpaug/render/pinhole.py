@@ -1,4 +1,9 @@
-"""From one camera's pixels into another's, in double precision and relative to each other."""
+"""From one camera's pixels into another's, in double precision and relative to each other.
+
+`rpaug.core.geometry` goes by way of the world, on whole arrays. Kernels that draw one recording into another camera
+need what it cannot give: no digits are lost far from the world's origin, a camera maps onto itself exactly, and a pixel
+is mapped by its 1/z without its point.
+"""
 
 import numpy as np
 from jaxtyping import Float64

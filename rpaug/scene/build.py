@@ -1,13 +1,21 @@
-"""From an episode to the scene that a plan asks for, and no more."""
+"""From an episode to the scene that a plan asks for: its instances come from the first of four sources that suits it.
 
-from collections.abc import Sequence
+A video of a moving camera (`rpaug.scene.video`), colour images alone, motion of what has depth but no masks, and masks
+that were recorded. They share what they are asked and what they answer (`rpaug.scene.instances.found`), and no method:
+what each makes of its pixels stays in its own module. Single images of rollouts, which belong to no episode, are
+compared by `rpaug.diagnosis.things`.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rpaug.core import sampling
+from rpaug.core.errors import Unsupported
 from rpaug.core.types import Body, Episode, Scene
-from rpaug.scene import antialias
 from rpaug.scene.instances import by_motion, rgb_episode
+from rpaug.scene.instances.found import FoundInstances, InstanceFinder
 from rpaug.scene.sampled_frames import look
 from rpaug.scene.targets import roles
 from rpaug.scene.tracking import bodies
@@ -29,29 +37,82 @@ def build(
     instances are needed and an episode has depth but no masks, they are told by motion; without depth, by colour too,
     and the model that `depth` names guesses it (`rpaug.providers.depth`).
     """
-    if with_bodies:
-        episode = by_motion.masked(episode)
-    tracked: tuple = ()
-    named: dict = {}
-    lens = False
-    if with_bodies and rgb_episode.lacking(episode):
-        found = rgb_episode.find(episode, depth)
-        episode, tracked, named = found.episode, found.bodies, dict(found.roles)
-        lens = True  # a real one: it mixes the colours on either side of every outline
-    elif with_bodies and not all(view.depth and view.ids for view in episode.views.values()):
-        tracked = _untracked(episode)
-    elif with_bodies:
+    if not with_bodies:
+        return FoundInstances(episode).scene()
+    return find(episode, sources(lambda: arms, depth)).scene()
+
+
+@dataclass(frozen=True)
+class ByImages:
+    """Colour images alone; the model that `depth` names guesses depth (`rpaug.providers.depth`)."""
+
+    depth: str | None = None
+    gives_way: bool = False
+
+    def suits(self, episode: Episode) -> bool:
+        return rgb_episode.lacking(episode)
+
+    def find(self, episode: Episode) -> FoundInstances:
+        return rgb_episode.find(episode, self.depth)
+
+
+@dataclass(frozen=True)
+class ByMasks:
+    """Instance ids that were recorded; with depth their motions are told, `arms` among them."""
+
+    arms: Sequence[Kinematics]
+    gives_way: bool = False
+
+    def suits(self, episode: Episode) -> bool:
+        return True
+
+    def find(self, episode: Episode) -> FoundInstances:
+        if not all(view.depth and view.ids for view in episode.views.values()):
+            return FoundInstances(episode, _untracked(episode))
         sampled = look(episode)
-        tracked = bodies.track(episode, sampled, arms)
-        named = dict(roles.infer(episode, tracked, sampled))
-    return Scene(
-        episode=episode,
-        cameras={name: view.camera for name, view in episode.views.items()},
-        bodies=tracked,
-        roles=named,
-        antialiased=lens or antialias.detect(episode),
-        descriptions=episode.descriptions,
-    )
+        tracked = bodies.track(episode, sampled, self.arms)
+        return FoundInstances(episode, tracked, dict(roles.infer(episode, tracked, sampled)))
+
+
+@dataclass(frozen=True)
+class ByMotion:
+    """Instance ids that are told by what moves together, then taken for recorded ones."""
+
+    arms: Sequence[Kinematics]
+    gives_way: bool = False
+
+    def suits(self, episode: Episode) -> bool:
+        return by_motion.unmasked(episode)
+
+    def find(self, episode: Episode) -> FoundInstances:
+        return ByMasks(self.arms).find(by_motion.masked(episode))
+
+
+def sources(
+    arms: Callable[[], Sequence[Kinematics]],
+    depth: str | None = None,
+    video: InstanceFinder | None = None,
+) -> Iterator[InstanceFinder]:
+    """The sources in the order in which they are tried; `arms` is asked only if `video` is not the one."""
+    if video is not None:
+        yield video
+    known = arms()
+    yield from (ByImages(depth), ByMotion(known), ByMasks(known))
+
+
+def find(episode: Episode, among: Iterable[InstanceFinder]) -> FoundInstances:
+    """The instances as the first source tells them that suits the episode. Raises Unsupported if it cannot."""
+    notes = list[str]()
+    for source in among:
+        if not source.suits(episode):
+            continue
+        try:
+            return replace(source.find(episode), notes=tuple(notes))
+        except Unsupported as error:
+            if not source.gives_way:
+                raise
+            notes.append(f"{error}; its images alone are gone by")
+    raise Unsupported("no source tells this episode's instances")
 
 
 def _untracked(episode: Episode) -> tuple[Body, ...]:

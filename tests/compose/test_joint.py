@@ -78,7 +78,7 @@ def test_resized_things_are_stepped_by_the_rows_they_are_drawn_from(sample: Scen
     rows = joint.edited(scene)
     assert scene.gaussians is not None
     assert set(scene.gaussians.ids[rows].tolist()) <= scene.roles["manipulated"]
-    descent = joint._Descent(scene, rows, SHORT)
+    descent = joint._JointDescent(scene, rows, SHORT)
     placed = descent._place.place(Splats.of(scene.gaussians), 3)
     drawn, origin, scales = descent._edited(scene.gaussians, placed, 3)
     assert origin is not None

@@ -62,3 +62,30 @@ def test_a_point_on_the_axis_falls_on_the_principal_point() -> None:
     pixel, depth = geometry.project(np.array([0.0, 0.0, 2.0]), camera, 0)
     assert np.array_equal(pixel, [64, 64])
     assert depth == 2
+
+
+K = np.array([[60.0, 0, 21.5], [0, 70, 14], [0, 0, 1]])
+
+
+def test_rays_lift_to_points_that_fall_back_on_their_pixels() -> None:
+    depth = np.random.default_rng(2).uniform(0.5, 3, (30, 40))
+    rows, columns = np.mgrid[:30, :40]
+    local = geometry.unproject(depth, K)
+    np.testing.assert_allclose(geometry.rays(columns, rows, K) * depth[..., None], local)
+    np.testing.assert_array_equal(geometry.lifted(columns, rows, depth, K), local)
+    column, row = geometry.to_image(local, depth, K)
+    np.testing.assert_allclose(column, columns, atol=1e-9)
+    np.testing.assert_allclose(row, rows, atol=1e-9)
+    found = geometry.in_image(local, K, depth.shape)
+    np.testing.assert_array_equal(found[0], rows)
+    np.testing.assert_array_equal(found[1], columns)
+    assert found[2].all()
+
+
+def test_points_beside_or_behind_an_image_fall_on_no_pixel() -> None:
+    ahead, beside, behind, close = [0, 0, 1], [5, 0, 1], [0, 0, -1], [0, 0, 0.01]
+    points = np.array([ahead, beside, behind, close], float)
+    row, column, inside = geometry.in_image(points, K, (30, 40), near=0.02)
+    assert inside.tolist() == [True, False, False, False]
+    assert row.tolist() == [14, 0, 0, 0]
+    assert column.tolist() == [22, 0, 0, 0]

@@ -14,6 +14,13 @@ def test_psnr_by_hand():
     assert metrics.psnr(0.0) == pytest.approx(88.1308, abs=1e-4)
 
 
+def test_decibels_are_those_of_grey_levels_at_another_scale():
+    assert metrics.decibels(1.0) == 0
+    assert metrics.decibels(0.0) == pytest.approx(120)
+    assert metrics.decibels(0.01, least=0.1) == pytest.approx(10)
+    assert metrics.decibels(3.7e-4) == pytest.approx(metrics.psnr(3.7e-4 * 255**2))
+
+
 @given(st.integers(0, 1000))
 def test_ssim_is_one_for_equal_images_and_symmetric(seed):
     rng = np.random.default_rng(seed)
@@ -35,10 +42,3 @@ def test_mean_iou_averages_over_handles_of_all_pairs():
     assert metrics.mean_iou([(first, second)]) == pytest.approx((1 / 2 + 2 / 3) / 2)
     both = [(first, second), (first, first)]
     assert metrics.mean_iou(both) == pytest.approx((3 / 4 + 4 / 5) / 2)
-
-
-def test_grown_takes_corners():
-    mask = np.zeros((7, 7), bool)
-    mask[3, 3] = True
-    assert metrics.grown(mask, 2).sum() == 25
-    assert metrics.grown(mask, 0) is mask

@@ -4,14 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug.gaussians.stops import Check, Stop
+from rpaug.gaussians.stops import Stop, StopCheck
 
 DECIBELS = st.lists(st.floats(10, 50), min_size=1, max_size=12)
 
 
-def checks(recorded: list[float], held_out: list[float]) -> list[Check]:
+def checks(recorded: list[float], held_out: list[float]) -> list[StopCheck]:
     return [
-        Check(100 * (i + 1), a, b) for i, (a, b) in enumerate(zip(recorded, held_out, strict=True))
+        StopCheck(100 * (i + 1), a, b)
+        for i, (a, b) in enumerate(zip(recorded, held_out, strict=True))
     ]
 
 

@@ -7,7 +7,9 @@ import pytest
 import torch
 from splat_cases import relative, splats, view
 
+from rpaug.core import metrics
 from rpaug.render.splat import Errors, Loss, Rasteriser, _reference
+from rpaug.render.splat.loss import pull
 
 BACKGROUND = np.array([0.2, 0.4, 0.6])
 EACH = [
@@ -118,3 +120,19 @@ def test_weights_that_make_no_loss_are_refused():
         with pytest.raises(ValueError, match="none below 0"):
             Loss(**weights)
     assert dataclasses.asdict(Errors(1, 2, 3, 4))["ssim"] == 3
+
+
+def test_ssim_is_that_of_the_metric():
+    """Beyond a black rim as wide as a window's reach, zeros and mirrored pixels are the same."""
+    rng = np.random.default_rng(4)
+    seen, wanted = np.pad(
+        rng.integers(0, 256, (2, 30, 34, 3), np.uint8), [(0, 0), (5, 5), (5, 5), (0, 0)]
+    )
+    out, target = (image.astype(np.float32) / 255 for image in (seen, wanted))
+    height, width, _ = out.shape
+    none, nowhere = np.zeros((0, 0), np.float32), np.zeros((height, width), np.float32)
+    errors = pull(
+        Loss(l2=0, ssim=1), out, nowhere, np.zeros(3, np.float32), target, none, none,
+        np.zeros_like(out), np.zeros_like(nowhere), 1,
+    )  # fmt: skip
+    assert errors.ssim == pytest.approx(1 - metrics.ssim(seen, wanted).mean(), abs=1e-4)

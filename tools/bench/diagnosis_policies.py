@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from diagnosis_pool import CAMERA, SIZE, Seen
 
+from rpaug.core import geometry
 from rpaug.twin import cameras
 from rpaug.twin.tabletop import BLOCK, TABLE
 
@@ -262,8 +263,6 @@ def _like(pixels: np.ndarray, usual: np.ndarray, bar: float) -> np.ndarray:
 
 def _cast(pixel: np.ndarray, pose: np.ndarray, scale: float = 1.0) -> np.ndarray:
     """Where the ray of a pixel meets the plane through the middle of a block of that scale."""
-    ray = pose[:3, :3] @ np.array(
-        [(pixel[0] - K[0, 2]) / K[0, 0], (pixel[1] - K[1, 2]) / K[1, 1], 1]
-    )
+    ray = pose[:3, :3] @ geometry.rays(pixel[0], pixel[1], K)
     far = (TABLE + scale * BLOCK[2] - pose[2, 3]) / ray[2]
     return (pose[:3, 3] + far * ray)[:2]

@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 
 from rpaug import twin
+from rpaug.core.metrics import psnr
 from rpaug.core.types import Scene
 from rpaug.gaussians import fit, fit4, gaussian_view
 from rpaug.gaussians.descent import FitSettings
@@ -77,7 +78,7 @@ def split(scene: Scene, instance_id: int, times: list[int]) -> dict[str, list[fl
 
 def _db(part: np.ndarray) -> float:
     """PSNR of a count of pixels and the sum of their squared errors."""
-    return float(10 * np.log10(255.0**2 * part[0] / max(part[1], 1e-6)))
+    return psnr(part[1] / part[0], 1e-6)
 
 
 def measure(

@@ -15,6 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from rpaug.core.metrics import psnr
 from rpaug.core.registry import adapter
 
 SAMPLINGS = {
@@ -51,10 +52,9 @@ def measure(images: list[bytes], quality: int, sampling: int) -> dict[str, float
         error.append((off.astype(float) ** 2).mean())
         most = max(most, int(np.abs(off).max()))
         size.append(len(again) / len(data))
-    psnr = 10 * np.log10(255**2 / np.mean(error))
     return {
         "same": float(np.mean(same)),
-        "psnr": float(psnr),
+        "psnr": psnr(float(np.mean(error))),
         "most": most,
         "size": float(np.mean(size)),
     }

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from rpaug import Camera, CameraView, Episode, Robot
-from rpaug.core import registry
+from rpaug.core import geometry, registry
 
 EDITS: dict[str, dict[str, Any]] = {
     "colour": {"op": "recolor", "target": {"handle": 2}, "color": "blue"},
@@ -41,7 +41,7 @@ def recording(frames: int, width: int, height: int) -> Episode:
     pose[2, 3] = HEIGHT
     camera = Camera(K, np.tile(pose, (frames, 1, 1)), width, height)
     rows, columns = np.mgrid[:height, :width]
-    across, down = (columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]
+    across, down = geometry.slopes(columns, rows, K)
 
     @lru_cache(4)
     def shoot(t: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -25,6 +25,7 @@ from rpaug import twin
 from rpaug.assets.textures import shipped
 from rpaug.core import geometry
 from rpaug.core.files import encode_png, write_atomic
+from rpaug.core.metrics import psnr
 from rpaug.core.types import Episode, Scene
 from rpaug.gaussians import fit, nnfm
 from rpaug.gaussians.descent import FitSettings
@@ -127,7 +128,7 @@ def errors(
         apart[True].append(off[inside].ravel())
         apart[False].append(off[~inside].ravel())
     outside, inside = (np.concatenate(apart[which]).mean() for which in (False, True))
-    return tuple(float(10 * np.log10(255**2 / value)) for value in (outside, inside))  # type: ignore[return-value]
+    return tuple(psnr(float(value)) for value in (outside, inside))  # type: ignore[return-value]
 
 
 def agreement(

@@ -27,6 +27,7 @@ from pydantic import TypeAdapter
 
 from rpaug import Episode, Scene, twin
 from rpaug.compose import views
+from rpaug.core.metrics import psnr
 from rpaug.operators.recolor import Recolor
 from rpaug.scene.build import build
 
@@ -99,7 +100,7 @@ class Error:
 
 def decibels(total: float, count: int) -> float:
     """PSNR of a sum of squared errors in grey levels; nan where there was nothing to see."""
-    return float(10 * np.log10(255**2 / max(total / count, 1e-6))) if count else float("nan")
+    return psnr(total / count, 1e-6) if count else float("nan")
 
 
 def rows(seeds: int, frames: int, size: int, specular: bool) -> Iterator[dict[str, object]]:

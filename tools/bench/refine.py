@@ -22,10 +22,10 @@ from rpaug import twin
 from rpaug.bench.cases import CASES
 from rpaug.compose import joint, views
 from rpaug.core import registry
+from rpaug.core.metrics import decibels
 from rpaug.core.types import Scene
 from rpaug.gaussians.descent import settings_for
 from rpaug.gaussians.fit import fitted
-from rpaug.gaussians.frame_fit import decibels
 from rpaug.scene.build import build
 
 TIMES = (2, 5, 8, 11, 15)

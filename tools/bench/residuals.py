@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from rpaug import twin
+from rpaug.core.metrics import decibels
 from rpaug.pipeline import residuals
 from rpaug.scene.build import build
 from rpaug.scene.recorded import surfels
@@ -41,7 +42,7 @@ def rows(task: str, seed: int, frames: int) -> list[dict[str, object]]:
             squared.append(error.mean(-1)[np.isin(seen.ids(t), list(instance_ids[one.region]))])
         all_of_it = np.concatenate(squared)
         if len(all_of_it):
-            off = -10 * float(np.log10(all_of_it.mean()))
+            off = decibels(float(all_of_it.mean()))
             found.append({**vars(one), "task": task, "seed": seed, "true_psnr": off})
     return found
 

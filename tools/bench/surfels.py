@@ -18,6 +18,7 @@ import numba
 import numpy as np
 
 from rpaug.bench.moved import covisible
+from rpaug.core.metrics import decibels
 from rpaug.core.types import Body, CameraView, Scene
 from rpaug.gaussians import gaussian_view
 from rpaug.gaussians.descent import FitSettings, settings_for
@@ -210,8 +211,8 @@ def summary(rows: list[dict[str, float]]) -> dict[str, float]:
     """Mean over views; PSNR of the mean squared error; the median of times and depth errors."""
     mean = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
     return {
-        "psnr_all_db": -10 * np.log10(mean["all"]),
-        "psnr_covisible_db": -10 * np.log10(mean["covisible"]),
+        "psnr_all_db": decibels(mean["all"]),
+        "psnr_covisible_db": decibels(mean["covisible"]),
         "depth_median_mm": 1e3 * float(np.median([row["depth"] for row in rows])),
         "depth_over_20mm_percent": 100 * mean["far"],
         "holes_percent": 100 * mean["holes"],

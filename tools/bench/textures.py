@@ -17,6 +17,7 @@ import numpy as np
 
 from rpaug.assets.textures import shipped
 from rpaug.assets.textures.mapping import WIDTH, Texture
+from rpaug.core.metrics import decibels
 
 RAYS = 16  # a pixel's side
 EYE, AHEAD = np.array([-1.3, 0.0, 0.8]), np.array([1.3, 0.0, -0.8])
@@ -70,7 +71,7 @@ def main() -> None:
         truth = rays.reshape(size, RAYS, size, RAYS, 3).mean((1, 3))[seen]
         for way, width in widths.items():
             out = Texture.of(image).on(spots, up, width.astype(np.float32), scale, "planar")
-            errors[way][name] = -10 * np.log10(((out - truth / 255) ** 2).mean())
+            errors[way][name] = decibels(float(((out - truth / 255) ** 2).mean()))
     table = {
         way: {
             "mean": round(float(np.mean(list(found.values()))), 1),

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Int, Int32, UInt8
 
+from rpaug.core.pixels import grown
 from rpaug.scene.instances.color_clusters import ColorClusters, weighted
 
 LEAST = 0.0035  # share of the image: smaller patches belong to what is around them
@@ -51,8 +52,7 @@ def find(
 
 def ring(mask: Bool[np.ndarray, "h w"], width: int = 1) -> Bool[np.ndarray, "h w"]:
     """Pixels just outside."""
-    square = np.ones((2 * width + 1,) * 2, np.uint8)
-    return (cv2.dilate(mask.astype(np.uint8), square) > 0) & ~mask
+    return grown(mask, width) & ~mask
 
 
 def _pieces(label: Int[np.ndarray, "h w"]) -> Int32[np.ndarray, "h w"]:

@@ -80,20 +80,22 @@ def segment(episode: Episode) -> Segmentation:
     return Segmentation(episode, sights, motions, _leftovers(episode, sights, motions))
 
 
-def masked(episode: Episode) -> Episode:
-    """The episode with instance ids, `inferred` so that no writer keeps them, if it has none and all its views have
-    depth.
+def unmasked(episode: Episode) -> bool:
+    """Is this an episode without any masks, with depth in all its views, in which something can be seen to move?
 
-    Others, and those of one frame or without a fixed camera, are left as they are: nothing is seen to move there.
+    Nothing is in one of one frame or without a fixed camera.
     """
-    views = episode.views
-    masks = any(view.ids for view in views.values())
-    depth = all(view.depth for view in views.values())
-    if masks or not depth or episode.length < 2:
+    views = episode.views.values()
+    if any(view.ids for view in views) or not all(view.depth for view in views):
+        return False
+    return episode.length > 1 and any(view.camera.fixed for view in views)
+
+
+def masked(episode: Episode) -> Episode:
+    """An `unmasked` episode with instance ids, `inferred` so that no writer keeps them; any other as it is."""
+    if not unmasked(episode):
         return episode
-    if not any(view.camera.fixed for view in views.values()):
-        return episode
-    found = segment(episode)
+    views, found = episode.views, segment(episode)
     views = {
         name: replace(view, ids=lru_cache(None)(partial(found.ids, name)), inferred=True)
         for name, view in views.items()

@@ -74,10 +74,7 @@ def on(
 def rays_of(camera: Camera) -> Float64[np.ndarray, "h w 3"]:
     """Directions of pixels in the camera's frame, one metre deep."""
     down, right = np.mgrid[0 : camera.height, 0 : camera.width].astype(float)
-    K = camera.K
-    return np.stack(
-        [(right - K[0, 2]) / K[0, 0], (down - K[1, 2]) / K[1, 1], np.ones_like(down)], -1
-    )
+    return geometry.rays(right, down, camera.K)
 
 
 def _until(fall: Float64[np.ndarray, "h w"], drop: float) -> Float64[np.ndarray, "h w"]:
@@ -106,12 +103,6 @@ def seen_at(
     camera: Camera, points: Float64[np.ndarray, "n 3"], mask: Bool[np.ndarray, "h w"]
 ) -> tuple[Bool[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
     """Whether world points fall on a pixel of the mask, and whether they fall into the image at all."""
-    local = geometry.transform(geometry.inverse(camera.cam_to_world[0]), points)
-    ahead = local[:, 2] > 1e-3
-    z = np.where(ahead, local[:, 2], 1.0)
-    column = np.rint(camera.K[0, 0] * local[:, 0] / z + camera.K[0, 2])
-    row = np.rint(camera.K[1, 1] * local[:, 1] / z + camera.K[1, 2])
-    inside = ahead & (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height)
-    hit = np.zeros(len(points), bool)
-    hit[inside] = mask[row[inside].astype(int), column[inside].astype(int)]
-    return hit, inside
+    local = geometry.local_points(points, camera, 0)
+    row, column, inside = geometry.in_image(local, camera.K, mask.shape, near=1e-3)
+    return inside & mask[row, column], inside

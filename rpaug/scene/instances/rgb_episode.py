@@ -4,7 +4,7 @@ Instance ids are found, never recorded, and a stage stands in for depth: both se
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from jaxtyping import Float32, Int32
 from rpaug.core.errors import Unsupported
 from rpaug.core.types import Body, Camera, CameraView, Episode, ProxyGeometry
 from rpaug.scene.instances import ground_plane, rgb_things
+from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.instances.rgb_things import CameraInstanceMap
 
 if TYPE_CHECKING:
@@ -26,15 +27,6 @@ UNTOLD = (
 )
 
 
-@dataclass(frozen=True)
-class Found:
-    """The episode with found instance ids and stand-ins, its bodies and its roles."""
-
-    episode: Episode
-    bodies: tuple[Body, ...]
-    roles: Mapping[str, frozenset[int]]
-
-
 def lacking(episode: Episode) -> bool:
     """Is this an episode of several frames without any masks, and without depth in some camera?"""
     views = episode.views.values()
@@ -42,7 +34,7 @@ def lacking(episode: Episode) -> bool:
     return unmasked and not all(view.depth for view in views) and episode.length > 1
 
 
-def find(episode: Episode, depth: str | None = None) -> Found:
+def find(episode: Episode, depth: str | None = None) -> FoundInstances:
     """Look at a `lacking` episode. Every camera gets instance ids; one that stands still gets a stage too.
 
     With a model of `depth` it gets that instead. Raises Unsupported for several such cameras whose places are unknown.
@@ -62,7 +54,7 @@ def find(episode: Episode, depth: str | None = None) -> Found:
         )
         for instance_id in sorted(seen.instance_ids)
     )
-    return Found(replace(episode, views=views), bodies, seen.roles)
+    return FoundInstances(replace(episode, views=views), bodies, seen.roles, photographed=True)
 
 
 def assumptions(episode: Episode) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Int, Int32, UInt8
 
+from rpaug.core import pixels
 from rpaug.scene.instances import color_clusters
 from rpaug.scene.instances.backdrop import Backdrop
 from rpaug.scene.instances.grouping import MOVING
@@ -73,13 +74,9 @@ def _settled(
         source = ~changed & (part.cluster == cluster) & (part.resting != MOVING)
         if not source.any():
             continue
-        off, nearest = cv2.distanceTransformWithLabels(
-            (~source).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-        )
-        table = np.zeros(nearest.max() + 1, np.int64)
-        table[nearest[source]] = np.flatnonzero(source)
+        nearest, off = pixels.nearest(source)
         here = still_open & (label == cluster) & (off <= reach)
-        place = table[nearest[here]]
+        place = nearest[here]
         alike = np.linalg.norm(shown[here] - behind.reshape(-1, 3)[place], axis=-1) < LOCAL
         rows = np.flatnonzero(here)[alike]
         out.reshape(-1)[rows] = part.resting.reshape(-1)[place[alike]]

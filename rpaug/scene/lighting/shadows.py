@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Float32, Float64
 
 from rpaug.core import geometry
 from rpaug.core.memo import bare, once
+from rpaug.core.pixels import grown
 from rpaug.core.types import Body, Scene, Surface
 from rpaug.scene.placement import free_space, placing
 from rpaug.scene.placement.placing import hull, points_of
@@ -63,7 +64,7 @@ class Shade:
 
 
 @dataclass(frozen=True)
-class _Table:
+class _SupportPlane:
     """The support from above: its origin, level and shape in cells, and what stands on it."""
 
     instance_ids: frozenset[int]
@@ -150,17 +151,17 @@ def grounded(before: Scene, after: Scene) -> Scene:
     return replace(after, appearance=(*after.appearance, shade))
 
 
-def _photographed(scene: Scene) -> _Table | None:
+def _photographed(scene: Scene) -> _SupportPlane | None:
     """The support in finer cells, if no view came with masks."""
     instance_ids = scene.roles.get("table")
     if not instance_ids or not all(view.inferred for view in scene.episode.views.values()):
         return None
     around = placing.find_free_space(scene)
     rows, columns = (round(n * free_space.CELL / CELL) for n in around.seen.shape)
-    return _Table(instance_ids, around.origin, around.level, CELL, (rows, columns))
+    return _SupportPlane(instance_ids, around.origin, around.level, CELL, (rows, columns))
 
 
-def _table(scene: Scene, cell: float) -> _Table | None:
+def _table(scene: Scene, cell: float) -> _SupportPlane | None:
     instance_ids = scene.roles.get("table")
     if not instance_ids or any(
         v.depth is None or v.ids is None for v in scene.episode.views.values()
@@ -173,10 +174,10 @@ def _table(scene: Scene, cell: float) -> _Table | None:
     points = points[np.abs(points[:, 2] - level) < placing.LEVEL, :2]
     low, high = points.min(0) - REACH, points.max(0) + REACH
     columns, rows = np.ceil((high - low) / cell).astype(int) + 1
-    return _Table(instance_ids, low, level, cell, (int(rows), int(columns)))
+    return _SupportPlane(instance_ids, low, level, cell, (int(rows), int(columns)))
 
 
-def _outlines(scene: Scene, table: _Table) -> Iterator[Float64[np.ndarray, "n 3"]]:
+def _outlines(scene: Scene, table: _SupportPlane) -> Iterator[Float64[np.ndarray, "n 3"]]:
     """Points of each standing thing, where it is now, heights above the table."""
     for body in scene.bodies:
         if body.motion != "static" or body.soft or body.instance_ids & table.instance_ids:
@@ -202,7 +203,7 @@ def _points(scene: Scene, body: Body) -> Iterator[Float64[np.ndarray, "n 3"]]:
             yield geometry.transform(body.to_world[0], body.scale * own)
 
 
-def _brightness(scene: Scene, table: _Table) -> Float64[np.ndarray, "r c"]:
+def _brightness(scene: Scene, table: _SupportPlane) -> Float64[np.ndarray, "r c"]:
     """The table's brightness by cell as fixed cameras saw it at first, in their mean; nan where none did."""
     total, count = np.zeros(table.shape), np.zeros(table.shape)
     for view in scene.episode.views.values():
@@ -223,11 +224,11 @@ def _contrast(
     covered: Bool[np.ndarray, "r c"],
     casters: list[Float64[np.ndarray, "n 3"]],
     direction: Float64[np.ndarray, "3"],
-    table: _Table,
+    table: _SupportPlane,
 ) -> tuple[float, float]:
     """Share of light that is missing in the shadows along a direction, and by how many standard errors."""
     shadow = _cast(casters, direction, table)
-    around = cv2.dilate(shadow.astype(np.uint8), np.ones((2 * BESIDE + 1,) * 2, np.uint8)) > 0
+    around = grown(shadow, BESIDE)
     inside, beside = light[shadow & ~covered], light[around & ~shadow & ~covered]
     inside, beside = (np.log(np.maximum(part[~np.isnan(part)], 1)) for part in (inside, beside))
     if len(inside) < FEW or len(beside) < FEW:
@@ -238,7 +239,9 @@ def _contrast(
 
 
 def _cast(
-    casters: Sequence[Float[np.ndarray, "n 3"]], direction: Float[np.ndarray, "3"], table: _Table
+    casters: Sequence[Float[np.ndarray, "n 3"]],
+    direction: Float[np.ndarray, "3"],
+    table: _SupportPlane,
 ) -> Bool[np.ndarray, "r c"]:
     """Cells that lie in the shadow of one of the casters."""
     slide = direction[:2] / direction[2]
@@ -247,7 +250,9 @@ def _cast(
     )
 
 
-def _filled(parts: Sequence[Float[np.ndarray, "n 2"]], table: _Table) -> Bool[np.ndarray, "r c"]:
+def _filled(
+    parts: Sequence[Float[np.ndarray, "n 2"]], table: _SupportPlane
+) -> Bool[np.ndarray, "r c"]:
     mask = np.zeros(table.shape, np.uint8)
     for points in parts:
         corners = (hull(points) - table.origin) / table.cell

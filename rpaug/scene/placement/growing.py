@@ -8,13 +8,13 @@ from rpaug.core.errors import TargetError
 from rpaug.core.types import Scene
 from rpaug.scene.placement.free_space import CELL, FreeSpace
 from rpaug.scene.placement.placing import find_free_space, hull, points_of
+from rpaug.scene.placement.standing import LIFTED
 from rpaug.scene.targets.targets import APART
 
 STEPS = 24  # factors tried between the recorded size and the one asked for
 INSIDE = 0.005  # metres inside or outside of a side, from which on that is clear
 FEW = 8  # points that a growing thing's outside is told by
 OPEN = 0.7  # cosine between a side and the way a thing moves from which on that side is open
-LIFTED = 0.02  # metres over the support: what begins higher does not stand on it
 
 
 def largest(

@@ -143,9 +143,8 @@ def _agreed(
         assert view.ids is not None
         for t in sampling.frames(scene.episode.length, ROUNDS):
             ids = view.ids(t)
-            pixels, depth = geometry.project(points, view.camera, t)
-            columns, rows = np.rint(np.where(depth[:, None] > 0, pixels, -1)).astype(int).T
-            inside = (rows >= 0) & (columns >= 0) & (rows < ids.shape[0]) & (columns < ids.shape[1])
+            local = geometry.local_points(points, view.camera, t)
+            rows, columns, inside = geometry.in_image(local, view.camera.K, ids.shape)
             looked += inside
             fair[inside] += np.isin(ids[rows[inside], columns[inside]], list(support))
     return ((fair >= TWICE) & (fair >= looked / 2)).reshape(shape)
@@ -239,8 +238,7 @@ def _lifted(
     """World points of the pixels in `use`."""
     rows, columns = np.nonzero(use)
     z = depth[rows, columns].astype(np.float64)
-    K = view.camera.K
-    local = np.stack([(columns - K[0, 2]) / K[0, 0] * z, (rows - K[1, 2]) / K[1, 1] * z, z], -1)
+    local = geometry.lifted(columns, rows, z, view.camera.K)
     return geometry.transform(view.camera.cam_to_world[t], local)
 
 

@@ -3,11 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from jaxtyping import Float64, Int32
 
-from rpaug.core import geometry
+from rpaug.core import geometry, pixels
 from rpaug.core.types import Body, Scene
 from rpaug.render.outlines import BEFORE, TOUCHING, Footprints, grown
 from rpaug.render.zbuffer import Source
@@ -48,7 +47,7 @@ class Carried:
     def _loose(self, ids: Int32[np.ndarray, "h w"], prints: Footprints) -> Footprints:
         """The body's footprints as it now is: where it touched what stays, it ends."""
         rest = ~np.isin(ids, list(self.shows))
-        met = cv2.dilate(rest.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+        met = pixels.grown(rest, 1)
         edge = np.where((prints.edge == TOUCHING) & met, np.int8(BEFORE), prints.edge)
         return grown(replace(prints, edge=edge), self.scale)
 

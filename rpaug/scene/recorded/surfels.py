@@ -20,12 +20,12 @@ stand on.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Int32
 
 from rpaug.core import geometry
 from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.pixels import grown
 from rpaug.core.types import Camera, CameraView, Scene
 from rpaug.render import denoise, holes, window, zbuffer
 from rpaug.render.gains import matched
@@ -172,7 +172,7 @@ def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
     edits = carried(scene, t)
     if stands and recorded.ids and edits and not any(edit.shows for edit in edits):
         instance_ids = frozenset().union(*(edit.instance_ids for edit in edits))
-        gone = _widened(among(recorded.ids(t), instance_ids), _rim(scene))
+        gone = grown(among(recorded.ids(t), instance_ids), _rim(scene))
         piece = window.around(gone, camera.K, camera.cam_to_world[t])
         return (
             _as_recorded(recorded, t)
@@ -328,7 +328,7 @@ def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.
 
 def _without(source: Source, instance_ids: frozenset[int], rim: int) -> Source:
     """What a recording shows besides some things and the pixels around them that their blur reaches."""
-    rest = ~_widened(among(source.ids, instance_ids), rim)
+    rest = ~grown(among(source.ids, instance_ids), rim)
     return replace(source, use=rest if source.use is None else rest & source.use)
 
 
@@ -337,11 +337,6 @@ def _rim(scene: Scene) -> int:
     views = scene.episode.views.values()
     inferred = scene.antialiased and all(view.inferred for view in views)
     return round(BLURRED * max(view.camera.width for view in views)) if inferred else 0
-
-
-def _widened(mask: Bool[np.ndarray, "h w"], rim: int) -> Bool[np.ndarray, "h w"]:
-    square = np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)
-    return cv2.dilate(mask.astype(np.uint8), square) > 0 if rim else mask
 
 
 def _history(

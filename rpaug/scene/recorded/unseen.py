@@ -8,10 +8,10 @@ continues the surfaces around the hole; where one plane explains what is seen of
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 
+from rpaug.core import pixels
 from rpaug.core.types import Camera
 from rpaug.providers.inpaint import paint
 from rpaug.render import holes, zbuffer
@@ -93,7 +93,7 @@ def _painted(view: Background, method: str, tolerance: float) -> Source:
     rgb = filled.image
     for instance_id in np.unique(filled.ids[view.hole]).tolist():
         here = view.hole & (filled.ids == instance_id)
-        around = grown(here, RING) & known & (filled.ids == instance_id)
+        around = pixels.grown(here, RING) & known & (filled.ids == instance_id)
         plane = _plane(depth, around, tolerance)
         if plane is not None:
             continued = _on(plane, here.shape)
@@ -143,31 +143,14 @@ def _texture(
     colour is painted that is not seen.
     """
     wide = [np.pad(plane, MARGIN) for plane in (hole, same)]
-    rows, columns = np.nonzero(grown(wide[0], MARGIN))
+    rows, columns = np.nonzero(pixels.grown(wide[0], MARGIN))
     window = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
     gap, known = (plane[window] for plane in wide)
     if not known.any():
         return rgb
     colours = np.pad(rgb, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)))[window]
-    painted = paint(method, _nearest(colours, known), gap)
+    painted = paint(method, pixels.filled(colours, known), gap)
     low, high = colours[known].min(0), colours[known].max(0)
     out = rgb.copy()
     out[hole] = np.clip(painted[gap], low, high)
     return out
-
-
-def _nearest(
-    rgb: UInt8[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]
-) -> UInt8[np.ndarray, "h w 3"]:
-    """Every pixel in the colour of the nearest known one."""
-    labels = cv2.distanceTransformWithLabels(
-        (~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )[1]
-    colour = np.zeros((labels.max() + 1, 3), np.uint8)
-    colour[labels[known]] = rgb[known]
-    return colour[labels]
-
-
-def grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:
-    square = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
-    return cv2.dilate(mask.astype(np.uint8), square).astype(bool)

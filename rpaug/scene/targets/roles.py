@@ -11,11 +11,11 @@ from jaxtyping import Float64
 
 from rpaug.core.types import Body, Episode
 from rpaug.scene.sampled_frames import SampledFrames, look
+from rpaug.scene.tracking.chain import OFTEN
 from rpaug.scene.tracking.touch import touching
 
 NAMES = ("manipulated", "receiver", "robot", "table", "background")
 
-OFTEN = 0.5  # share of the frames that show both, in which links of one chain touch
 LATE = (
     0.2  # share of the episode: what rests longer and is no known arm's link was moved by the robot
 )

@@ -203,12 +203,8 @@ def _at(
 def _same(seen, ids, depth, instance_ids, K):
     """Which points lie where the other camera saw the same thing as near, and the pixels they fall in."""
     z = np.where(seen[:, 2] > 0, seen[:, 2], 1.0)
-    column = np.rint(K[0, 0] * seen[:, 0] / z + K[0, 2])
-    row = np.rint(K[1, 1] * seen[:, 1] / z + K[1, 2])
-    height, width = depth.shape
-    inside = (seen[:, 2] > 0) & (row > 0) & (row < height - 1)
-    inside &= (column > 0) & (column < width - 1)
-    r, c = np.where(inside, row, 1).astype(int), np.where(inside, column, 1).astype(int)
+    r, c, inside = geometry.in_image(seen, K, depth.shape)
+    inside &= (r > 0) & (r < depth.shape[0] - 1) & (c > 0) & (c < depth.shape[1] - 1)
     near = np.abs(depth[r, c] - z) < CLOSE * np.minimum(1.0, z)
     kept = inside & near & (instance_ids[r, c] == ids)
     return kept, r[kept], c[kept]

@@ -46,8 +46,7 @@ class PosedFrame:
         local = geometry.transform(geometry.inverse(self.cam_to_world), points)
         z = local[..., 2]
         ahead = np.maximum(z, 1e-9)
-        column = self.K[0, 0] * local[..., 0] / ahead + self.K[0, 2]
-        row = self.K[1, 1] * local[..., 1] / ahead + self.K[1, 2]
+        column, row = geometry.to_image(local, ahead, self.K)
         height, width = self.depth.shape
         inside = (z > 0) & (row > -0.5) & (column > -0.5)
         inside &= (row < height - 0.5) & (column < width - 0.5)

@@ -8,10 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import cv2
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
 
+from rpaug.core import geometry
+from rpaug.core.pixels import filled, grown
 from rpaug.scene.instances import grouping, outlines
 from rpaug.scene.video.frame import PosedFrame
 
@@ -100,7 +101,7 @@ class InstanceMap:
         """Small things with the pixels around them that their blurred outlines take of the support."""
         around = np.isin(named, [BACKGROUND, *self.support])
         thing = self._small(named)[named]
-        near = cv2.dilate(thing.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)) > 0
+        near = grown(thing, RIM)
         return np.where(near & around, _spread(named, ~thing), named) if thing.any() else named
 
 
@@ -108,12 +109,7 @@ def _spread(named: np.ndarray, open_: np.ndarray) -> np.ndarray:
     """Names with those of open pixels taken from the nearest other one: what lies along outlines belongs to a side."""
     if not open_.any() or open_.all():
         return named
-    _, nearest = cv2.distanceTransformWithLabels(
-        open_.astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    owner = np.zeros(int(nearest.max()) + 1, named.dtype)
-    owner[nearest[~open_]] = named[~open_]
-    return np.where(open_, owner[nearest], named)
+    return filled(named, ~open_, window=3)
 
 
 def find(looks: Sequence[PosedFrame]) -> InstanceMap:
@@ -274,7 +270,7 @@ def plane_depth(
 ) -> Float64[np.ndarray, "h w"]:
     """Depth at which each pixel's ray meets the plane z = `level`; 0 where it never does."""
     rows, columns = np.mgrid[: shape[0], : shape[1]]
-    x, y = (columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]
+    x, y = geometry.slopes(columns, rows, K)
     down = cam_to_world[2, 0] * x + cam_to_world[2, 1] * y + cam_to_world[2, 2]
     with np.errstate(divide="ignore"):
         met = (level - cam_to_world[2, 3]) / down

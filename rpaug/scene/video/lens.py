@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 
+from rpaug.core import geometry
 from rpaug.scene.video.model import Reconstruction
 
 WHOLE = 0.9  # share of changed pixels from which on the image was rendered anew
@@ -51,8 +52,7 @@ class Lens:
     def _forward(self) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
         """Where each pinhole pixel lies in the recorded image."""
         rows, columns = np.mgrid[: self.size[1], : self.size[0]].astype(np.float64)
-        K = self.K
-        u, v = (columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]
+        u, v = geometry.slopes(columns, rows, self.K)
         bend = 1 + self.model.radial * (u * u + v * v)
         x = self.model.focal * u * bend + self.model.middle[0]
         y = self.model.focal * v * bend + self.model.middle[1]

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Int32, UInt8
 
 from rpaug.core import colors as colours
+from rpaug.core.pixels import filled
 
 LEVELS = 16  # of each colour channel, in the table of names
 LEAST = 0.002  # share of an image: smaller patches belong to what is around them
@@ -44,11 +45,5 @@ def patches(rgb: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
     sizes = np.bincount(out.ravel(), minlength=count + 1)
     small = sizes[out] < LEAST * out.size
     if small.any() and not small.all():
-        # The nearest pixel of a patch that is large enough.
-        _, nearest = cv2.distanceTransformWithLabels(
-            small.astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
-        )
-        owner = np.zeros(int(nearest.max()) + 1, np.int32)
-        owner[nearest[~small]] = out[~small]
-        out = np.where(small, owner[nearest], out)
+        out = filled(out, ~small, window=3)  # by the nearest pixel of a patch that is large enough
     return np.unique(out, return_inverse=True)[1].reshape(out.shape).astype(np.int32)

@@ -3,7 +3,7 @@
 import io
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -13,11 +13,12 @@ import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
 from rpaug.core import geometry
+from rpaug.core.cache import place, trim
 from rpaug.core.errors import BadInput, Unsupported
 from rpaug.core.files import write_atomic
-from rpaug.core.jit import cache_folder
 from rpaug.core.types import Camera, CameraView, Episode
 from rpaug.providers import poses
+from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.video import colmap, instances, moving, posed, sweep, world
 from rpaug.scene.video.colmap import ColmapSettings
 from rpaug.scene.video.frame import PosedFrame
@@ -71,17 +72,18 @@ def develop(
 ) -> VideoScene:
     """Work out a video's camera, depth and things. Raises Unsupported where its model is degenerate.
 
-    What was worked out before is taken from `cache`, by default in the user's own. `model_of` is asked for poses where
-    structure from motion fails, before the model that `asked` names. Raises BadInput for a known length that the video
-    does not have.
+    What was worked out before is taken from the folder `cache`, by default that of `rpaug.core.cache`. `model_of` is
+    asked for poses where structure from motion fails, before the model that `asked` names. Raises BadInput for a known
+    length that the video does not have.
     """
     asked, tell = asked or VideoSettings(), progress or (lambda share, what: None)
     settings = ColmapSettings(
         width=asked.width, features=asked.features, overlap=asked.overlap, threads=threads
     )
     (view,) = episode.views.values()
-    where = (cache or cache_folder() / "sfm") / _name(episode, settings)
-    model = _modelled(episode, settings, where.with_suffix(".npz"), tell, asked, model_of)
+    name = _name(episode, settings)
+    where = cache / name if cache else place("videos", name)
+    model = _modelled(episode, settings, where / "model.npz", tell, asked, model_of)
     lens = Lens(model)
 
     def image(k: int) -> UInt8[np.ndarray, "h w 3"]:
@@ -90,16 +92,16 @@ def develop(
     shots = [sweep.shot(image(k), lens.K, pose) for k, pose in enumerate(model.cam_to_world)]
     mapped = f"{fingerprint(model.cam_to_world.tobytes())[:12]}"
     bounds = [_bounds(model, shot, k) for k, shot in enumerate(shots)]
-    depths = _swept(shots, bounds, where.with_suffix(f".{mapped}.depth.npz"), tell)
+    depths = _swept(shots, bounds, where / f"depth-{mapped}.npz", tell)
 
     @lru_cache(LOOKS_KEPT)
     def look(k: int) -> PosedFrame:
         return look_at(image(k), lens.K, model.cam_to_world[k], depths[k])
 
     given = fingerprint(mapped.encode(), moving.RULE.encode())[:12]
-    moved = _moved(
-        look, [span for span, _ in bounds], where.with_suffix(f".{given}.moving.npz"), tell
-    )
+    moved = _moved(look, [span for span, _ in bounds], where / f"moving-{given}.npz", tell)
+    if cache is None:
+        trim(keep=[where])
     held = [k for k in range(len(shots)) if k not in moved.contradicted]
     contradicted = tuple(int(model.times[k]) for k in moved.contradicted)
     if contradicted:
@@ -133,6 +135,21 @@ def develop(
         episode, model, tuple(depths), found, RELATIVE, tuple(masks), contradicted, asked.fit_width
     )
     return scaled(video, asked)
+
+
+@dataclass(frozen=True)
+class ByVideo:
+    """An episode's instances from its video scene, if nothing but one moving camera's images is known of it."""
+
+    settings: VideoSettings | None = None
+    progress: Progress | None = None
+    gives_way: bool = True
+
+    def suits(self, episode: Episode) -> bool:
+        return unplaced(episode)
+
+    def find(self, episode: Episode) -> FoundInstances:
+        return develop(episode, self.settings, progress=self.progress).found()
 
 
 def scaled(video: VideoScene, asked: VideoSettings) -> VideoScene:
@@ -322,21 +339,9 @@ def _bounds(
     about = model.seen[max(0, k - ASIDE) : k + ASIDE + 1].any(0)
     local = geometry.transform(geometry.inverse(model.cam_to_world[k]), model.points[about])
     z = np.maximum(local[:, 2], 1e-9)
-    column = np.rint(shot.K[0, 0] * local[:, 0] / z + shot.K[0, 2])
-    row = np.rint(shot.K[1, 1] * local[:, 1] / z + shot.K[1, 2])
-    height, width = shot.grey.shape
-    inside = (local[:, 2] > 0) & (row >= 0) & (column >= 0) & (row < height) & (column < width)
-    if not inside.any():
-        inside = local[:, 2] > 0
-    near, far = np.quantile(z[inside], [0.02, 0.98])
+    row, column, inside = geometry.in_image(local, shot.K, shot.grey.shape)
+    near, far = np.quantile(z[inside if inside.any() else local[:, 2] > 0], [0.02, 0.98])
     sparse = np.zeros(shot.grey.shape, np.float32)
-    own = (
-        inside
-        & model.seen[k, about]
-        & (row < height)
-        & (column < width)
-        & (row >= 0)
-        & (column >= 0)
-    )
-    sparse[row[own].astype(int), column[own].astype(int)] = z[own]
+    own = inside & model.seen[k, about]
+    sparse[row[own], column[own]] = z[own]
     return (SPAN[0] * float(near), SPAN[1] * float(far)), sparse

@@ -162,13 +162,9 @@ def _confirmed(
     local = geometry.unproject(depth.astype(np.float64), one.K)
     way = geometry.inverse(other.cam_to_world) @ one.cam_to_world
     there = geometry.transform(way, local)
+    row, column, inside = geometry.in_image(there, other.K, theirs.shape)
     z = np.maximum(there[..., 2], 1e-9)
-    x = np.rint(other.K[0, 0] * there[..., 0] / z + other.K[0, 2])
-    y = np.rint(other.K[1, 1] * there[..., 1] / z + other.K[1, 2])
-    height, width = theirs.shape
-    inside = (there[..., 2] > 0) & (x >= 0) & (y >= 0) & (x < width) & (y < height)
-    found = theirs[np.where(inside, y, 0).astype(int), np.where(inside, x, 0).astype(int)]
-    return inside & (np.abs(found - z) < AGREE * z)
+    return inside & (np.abs(theirs[row, column] - z) < AGREE * z)
 
 
 def flattened(

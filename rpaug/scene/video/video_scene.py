@@ -13,7 +13,9 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8, UInt16
 
+from rpaug.core.pixels import grown
 from rpaug.core.types import Body, Camera, CameraView, Episode, Scene
+from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.video import instances, sweep
 from rpaug.scene.video.frame import PosedFrame
 from rpaug.scene.video.instances import InstanceMap
@@ -81,7 +83,11 @@ class VideoScene:
         return max(self.instances.every) + 1 if any(mask.any() for mask in self.moving) else None
 
     def scene(self) -> Scene:
-        """What edits are made in: everything stands still but hands and what they carry."""
+        """What edits are made in."""
+        return self.found().scene()
+
+    def found(self) -> FoundInstances:
+        """What there is: everything stands still but hands and what they carry."""
         still = np.tile(np.eye(4), (self.episode.length, 1, 1))
         bodies = tuple(Body(frozenset([h]), still, "static") for h in self.instances.every)
         roles = {"background": frozenset([instances.BACKGROUND])}
@@ -90,15 +96,7 @@ class VideoScene:
             roles["robot"] = frozenset([self.hand])
         if self.instances.support:
             roles["table"] = self.instances.support
-        return Scene(
-            episode=self.episode,
-            cameras={self.name: self.camera},
-            bodies=bodies,
-            roles=roles,
-            antialiased=True,  # lenses mix the colours on both sides of an outline
-            descriptions=self.recorded.descriptions,
-            back=self,
-        )
+        return FoundInstances(self.episode, bodies, roles, photographed=True, back=self)
 
     def __call__(self, edited: Episode) -> Episode:
         """The recording with the frames of an edited scene in it."""
@@ -159,7 +157,7 @@ class VideoScene:
         count, parts = cv2.connectedComponents(mine)
         for number in range(1, count):
             part = parts == number
-            around = cv2.dilate(part.astype(np.uint8), np.ones((2 * AROUND + 1,) * 2, np.uint8)) > 0
+            around = grown(part, AROUND)
             beside = depth[around & (mine == 0)]
             depth[part] = BEFORE * (np.quantile(beside, 0.1) if beside.size else depth[part].min())
         return depth

@@ -94,7 +94,7 @@ def test_swept_depth_is_the_scenes(made: VideoScene) -> None:
     assert view.depth is not None
     for k in (2, 6):
         pose = made.camera.cam_to_world[k]
-        met = instances.plane_depth(made.camera.K, pose, (144, 192), made.things.level or 0)
+        met = instances.plane_depth(made.camera.K, pose, (144, 192), made.instances.level or 0)
         table = (met > 0) & ~walks._beyond(walks.poses(LENGTH)[TIMES[k]])
         assert np.median(np.abs(made.depths[k] / met - 1)[table]) < 0.06
         assert np.median(np.abs(view.depth(k) / met - 1)[table]) < 0.06
@@ -138,8 +138,8 @@ def test_inspect_names_the_handles_that_edits_go_by(
     monkeypatch.setattr(reconstruct, "develop", lambda *args, **named: made)
     described, rows, seen = inspect(made.recorded)
     assert seen.views["ego"].ids is not None
-    assert {row.instance_id for row in rows} == {*made.things.every}
-    assert {row.instance_id for row in rows if row.role == "table"} == made.things.support
+    assert {row.instance_id for row in rows} == {*made.instances.every}
+    assert {row.instance_id for row in rows if row.role == "table"} == made.instances.support
     assert len(described["instances"]) == len(rows)
     assert described["film"]["registered"] == 9
 

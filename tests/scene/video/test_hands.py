@@ -120,7 +120,7 @@ def test_gaussians_are_named_by_what_frames_show(made: VideoScene, tmp_path: Pat
         found, still = gaussian_view.seen(shown, "ego", 3)[2], ids(3) != made.hand
         return float((found == ids(3))[still].mean())
 
-    assert right(scene.gaussians.ids) > max(0.9, right(made.things.at(scene.gaussians.means)))
+    assert right(scene.gaussians.ids) > max(0.9, right(made.instances.at(scene.gaussians.means)))
 
 
 def test_what_moves_for_a_moment_alone_is_no_hand() -> None:

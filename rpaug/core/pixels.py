@@ -1,0 +1,40 @@
+"""Masks of pixels: widened, and what lies outside of one taken from its nearest pixel."""
+
+from typing import Literal
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, Int, Shaped
+
+
+def grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:
+    """The mask with an outline wider by that many pixels, corners included."""
+    if pixels == 0:
+        return mask
+    square = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
+    return cv2.dilate(mask.astype(np.uint8), square).astype(bool)
+
+
+def nearest(
+    known: Bool[np.ndarray, "h w"], window: Literal[3, 5] = 5
+) -> tuple[Int[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
+    """Each pixel's nearest known one, as an index into the flattened image, and how many pixels away that is.
+
+    Distances are Borgefors' (1986) in steps of a `window` of 3 or 5 pixels: the smaller is faster and off by up to
+    4 % rather than 2 %. At least one pixel must be known.
+    """
+    away, labels = cv2.distanceTransformWithLabels(
+        (~known).astype(np.uint8), cv2.DIST_L2, window, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    place = np.zeros(int(labels.max()) + 1, np.int64)
+    place[labels[known]] = np.flatnonzero(known)
+    return place[labels], away
+
+
+def filled(
+    values: Shaped[np.ndarray, "h w *c"],
+    known: Bool[np.ndarray, "h w"],
+    window: Literal[3, 5] = 5,
+) -> Shaped[np.ndarray, "h w *c"]:
+    """Every pixel with the value of its nearest known one; at least one must be known."""
+    return values.reshape(-1, *values.shape[2:])[nearest(known, window)[0]]

@@ -1,0 +1,53 @@
+"""What finding an episode's instances comes to, and the interface of whoever finds them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from rpaug.core.types import Body, Episode, Scene
+from rpaug.scene import antialias
+
+
+@dataclass(frozen=True)
+class FoundInstances:
+    """An episode whose views have instance ids, its bodies and its roles.
+
+    `photographed` says that a lens mixed the colours on both sides of every outline. `back` brings an edited episode
+    back into the recording where that shows other frames (`Scene.back`). `notes` say which sources failed before.
+    """
+
+    episode: Episode
+    bodies: tuple[Body, ...] = ()
+    roles: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    photographed: bool = False
+    back: Callable[[Episode], Episode] | None = None
+    notes: tuple[str, ...] = ()
+
+    def scene(self) -> Scene:
+        """The recorded scene, with nothing edited."""
+        return Scene(
+            episode=self.episode,
+            cameras={name: view.camera for name, view in self.episode.views.items()},
+            bodies=self.bodies,
+            roles=dict(self.roles),
+            antialiased=self.photographed or antialias.detect(self.episode),
+            descriptions=self.episode.descriptions,
+            back=self.back,
+        )
+
+
+class InstanceFinder(Protocol):
+    """One source of instances: recorded masks, motion, colour images alone, or a moving camera's video.
+
+    Where a source with `gives_way` raises Unsupported, the next one is tried.
+    """
+
+    gives_way: bool
+
+    def suits(self, episode: Episode) -> bool:
+        """Whether the episode has what this source reads, and nothing better."""
+        ...
+
+    def find(self, episode: Episode) -> FoundInstances:
+        """The instances. Raises Unsupported if they cannot be told."""
+        ...

@@ -1,0 +1,37 @@
+"""Widened masks, and the nearest known pixel against a search over all of them."""
+
+import numpy as np
+import pytest
+
+from rpaug.core import pixels
+
+
+def test_grown_takes_corners():
+    mask = np.zeros((7, 7), bool)
+    mask[3, 3] = True
+    assert pixels.grown(mask, 2).sum() == 25
+    assert pixels.grown(mask, 0) is mask
+
+
+@pytest.mark.parametrize(("window", "slack"), [(3, 0.05), (5, 0.03)])
+def test_the_nearest_known_pixel_is_known_and_about_as_near_as_any(window, slack):
+    known = np.random.default_rng(0).uniform(size=(40, 50)) < 0.02
+    place, away = pixels.nearest(known, window)
+    assert known.flat[place].all()
+    here = np.stack(np.indices(known.shape), -1).astype(float)
+    found = np.stack(np.unravel_index(place, known.shape), -1)
+    all_of_them = np.argwhere(known)
+    least = np.linalg.norm(here[:, :, None] - all_of_them, axis=-1).min(-1)
+    assert (np.linalg.norm(here - found, axis=-1) <= (1 + 2 * slack) * least + 1e-9).all()
+    np.testing.assert_allclose(away, least, rtol=2 * slack)
+
+
+def test_filled_keeps_what_is_known_in_any_shape_and_type():
+    known = np.zeros((4, 6), bool)
+    known[1, 1] = known[2, 4] = True
+    colours = np.arange(72, dtype=np.uint8).reshape(4, 6, 3)
+    out = pixels.filled(colours, known)
+    assert out.dtype == np.uint8
+    np.testing.assert_array_equal(out[known], colours[known])
+    np.testing.assert_array_equal(out[0, 0], colours[1, 1])
+    np.testing.assert_array_equal(pixels.filled(colours[..., 0], known, 3)[3, 5], colours[2, 4, 0])
