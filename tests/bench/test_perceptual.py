@@ -10,10 +10,11 @@ import vgg
 from torch.nn import functional
 
 from rpaug import twin
-from rpaug.bench import edits, perceptual, scores
 from rpaug.core.errors import BadInput
+from rpaug.pipeline.pareto import as_csv
 from rpaug.providers import features, weights
 from rpaug.providers.clip import Clip
+from tools.bench.harness import edits, perceptual, scores
 
 
 @pytest.fixture
@@ -162,6 +163,6 @@ def test_the_truth_is_nearer_than_no_edit(tmp_path: Path, clip: Path) -> None:
     (found,) = edits.summary([row, lower])
     assert found["vgg_worst"] == worse["vgg"]
     assert found["clip_worst"] == worse["clip"]
-    head, *lines = edits.table([row, lower]).decode().splitlines()
+    head, *lines = as_csv([row.flat(), lower.flat()]).decode().splitlines()
     assert head.endswith("seconds,vgg,lpips,clip")
     assert len(lines) == 2

@@ -11,12 +11,12 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.nn import functional
 
-from rpaug.bench import scores
 from rpaug.core.errors import BadInput
 from rpaug.core.types import Episode
 from rpaug.providers import features, weights
 from rpaug.providers.clip import Clip
 from rpaug.twin import Take
+from tools.bench.harness import scores
 
 LAYERS = ("conv1_2", "conv2_2", "conv3_3", "conv4_3", "conv5_3")
 LEAST = 32  # pixels a side of what VGG16 is shown: two cells of its last block
