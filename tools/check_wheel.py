@@ -11,8 +11,7 @@ USE = """
 import json, subprocess, sys
 from pathlib import Path
 import rpaug, rpaug_adapters, rpaug_recipes
-from rpaug.core import registry
-from rpaug.pipeline import recipe
+from rpaug import recipe, registry
 here = Path(sys.argv[1])
 for module in (rpaug, rpaug_adapters, rpaug_recipes):
     assert Path(module.__file__).is_relative_to(here), module.__file__

@@ -4,9 +4,9 @@ import json
 
 import pytest
 from analytic import scene
+from rollouts import SAMPLE
 from typer.testing import CliRunner
 
-from rpaug.cli.checks import SAMPLE
 from rpaug.core.errors import RpaugError
 from tools.bench.fits import app
 from tools.bench.harness import fits

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.gl
 
 
 def test_the_command_takes_recordings_together(tmp_path) -> None:
-    asked = ["--twin", "push_button", "--seeds", "2", "--frames", "9", "--every", "9", "--json"]
+    asked = ["--twin", "push_button", "--seeds", "2", "--frames", "13", "--every", "9", "--json"]
     methods = ["--method", "recorded image unchanged", "--method", "surfels"]
     done = CliRunner().invoke(app, [*asked, *methods, "--out", str(tmp_path / "o")])
     assert done.exit_code == 0, done.output

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 from analytic import scene
+from rollouts import SAMPLE
 from typer.testing import CliRunner
 
 from rpaug.cli import app
-from rpaug.cli.checks import SAMPLE
 from rpaug.core.errors import RpaugError, Unsupported
 from rpaug.pipeline import left_out, speed_error
 
