@@ -49,7 +49,8 @@ class Stylize(Operator):
     """Draw a picture, and optimise the colours of the target's Gaussians until they look like it to VGG16.
 
     What comes of it is a colour for each place on the body: fixed cameras show it inside the target's mask and stay
-    bit for bit outside. Needs fitted Gaussians, and VGG16's weights (`rpaug weights vgg16`, or `weights`: a file).
+    bit for bit outside. Needs fitted Gaussians, and VGG16's weights
+    (`weights`, the path of an ImageNet state dict; torchvision's in torch's cache if not given).
     """
 
     target: targets.Target
@@ -97,7 +98,7 @@ class Stylize(Operator):
         network = features.load(self.weights)
         if network.digest != edit["weights"]["digest"]:
             raise BadInput(
-                self.weights or "the cache",
+                self.weights or features.default(),
                 "VGG16 weights",
                 found=f"{network.digest}, {network.origin}",
                 expected="{digest}, {origin}, as this edit was drawn with".format(

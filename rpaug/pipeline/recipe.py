@@ -21,7 +21,6 @@ from rpaug.pipeline.recipe_yaml import Path_, kind_of, override, parse
 from rpaug.scene.video.settings import VideoSettings
 
 MAX_BYTES = 2**20
-DEFAULT_VIDEO = VideoSettings()
 
 
 class Select(BaseModel):

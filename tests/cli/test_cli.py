@@ -34,7 +34,7 @@ def test_every_command_shows_an_example() -> None:
         ["inspect"],
         ["fit"],
         ["twin", "record"],
-        ["weights", "vgg16"],
+        ["bench"],
         ["validate-recipe"],
         ["doctor"],
     ):

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from rpaug.bench.edits import BASELINES, EditSetting, EditTrial
-from rpaug.bench.scores import regions
 from rpaug.core.errors import MissingExtra
 from rpaug.core.files import encode_png, write_atomic
+from tools.bench.harness.edits import BASELINES, EditSetting, EditTrial
+from tools.bench.harness.scores import regions
 
 TILE = 192  # pixels of one image's height
 GAIN = 4  # the difference to the truth is shown four times as strong, around grey
@@ -62,7 +62,7 @@ def page(folder: Path, summary: Sequence[Mapping[str, Any]], images: Sequence[Pa
     )
     write_atomic(
         folder / PAGE,
-        f"<!doctype html><html lang=en><meta charset=utf-8><title>rpaug bench edits</title><style>{STYLE}"
+        f"<!doctype html><html lang=en><meta charset=utf-8><title>Edits against the truth</title><style>{STYLE}"
         f"</style><h1>Edits against the truth</h1><table>{head}{cells}</table>{figures}</html>".encode(),
     )
     return folder / PAGE

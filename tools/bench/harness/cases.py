@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from rpaug.assets import library
-from rpaug.bench import baselines
 from rpaug.core import geometry
 from rpaug.core.interfaces import Edit
 from rpaug.core.types import Episode
@@ -19,6 +18,7 @@ from rpaug.scene.lighting import albedo, light
 from rpaug.twin import LAMPS, RIG, Laid, Take, TwinLamp
 from rpaug.twin.look import Extra
 from rpaug.twin.mjcf import AMBIENT
+from tools.bench.harness import baselines
 
 TOLD, ESTIMATED = "rpaug", "rpaug, estimated"
 

@@ -8,9 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
-from rpaug.bench import moved
-from rpaug.bench.moved import Sight
-from rpaug.bench.pareto import Panel
 from rpaug.core import metrics
 from rpaug.core.errors import RpaugError
 from rpaug.core.types import Scene
@@ -18,6 +15,8 @@ from rpaug.gaussians import fit, fit4, gaussian_view
 from rpaug.gaussians.descent import settings_for
 from rpaug.gaussians.frame_fit import FrameFitSettings, fit_views
 from rpaug.gaussians.shots import shots_at
+from rpaug.pipeline.left_out import Sight, shown_by_surfels
+from rpaug.pipeline.pareto import Panel
 from rpaug.render import holes
 from rpaug.render.splat import Rasteriser, Splats, warm
 from rpaug.render.zbuffer import Rendered
@@ -51,7 +50,7 @@ class Spent:
 
 @dataclass(frozen=True)
 class Prepared:
-    """The recorded scene with all carriers that are needed, and what each took; see `STAGES`."""
+    """The recorded scene with all representations that are needed, and what each took; see `STAGES`."""
 
     kept: surfels.Surfels
     scene: Scene  # with Gaussians
@@ -74,7 +73,7 @@ class Method:
 
 
 Recording = tuple[Scene, Sequence[Sight]]
-"""A recorded scene, which carriers are prepared from, and views of it to be shown."""
+"""A recorded scene, which representations are prepared from, and views of it to be shown."""
 
 
 @dataclass(frozen=True)
@@ -104,19 +103,9 @@ class TierRow:
     gaussians: int
 
 
-def unchanged(made: Prepared, sight: Sight) -> TierView | None:
-    """The recorded image, as if the camera had stayed; nothing for a camera that was left out."""
-    view = sight.scene.episode.views.get(sight.name)
-    if view is None:
-        return None
-    assert view.depth is not None
-    depth = view.depth(sight.t)
-    return TierView(view.rgb(sight.t), depth, np.zeros(depth.shape, bool))
-
-
 def by_surfels(made: Prepared, sight: Sight) -> TierView:
     """The z-buffer, holes filled from what lies beside them."""
-    drawn = moved.shown_by_surfels(made.kept, sight)
+    drawn = shown_by_surfels(made.kept, sight)
     return TierView(drawn.image, drawn.depth, drawn.hole)
 
 
@@ -168,9 +157,8 @@ def by_both(made: Prepared, sight: Sight) -> TierView:
     )
 
 
-# A further carrier is one more entry: what shows a view, and what it needs prepared.
+# A further representation is one more entry: what shows a view, and what it needs prepared.
 METHODS: Mapping[str, Method] = {
-    "recorded image unchanged": Method("0", unchanged),
     "surfels": Method("1", by_surfels, ("surfels",)),
     "surfels, holes from Gaussians": Method("1 and 3", by_both, ("surfels", "gaussians")),
     "Gaussians of each moment": Method("3, one moment", by_moments, ("moments",)),
@@ -179,44 +167,50 @@ METHODS: Mapping[str, Method] = {
 }
 
 
-def check(methods: Sequence[str]) -> None:
-    """Raises RpaugError for a name that is none."""
-    for name in methods:
-        if name not in METHODS:
-            raise RpaugError(f"no method is called {name!r}; there are: {', '.join(METHODS)}")
+def chosen(
+    names: Sequence[str] | None, known: Mapping[str, Method] = METHODS
+) -> Mapping[str, Method]:
+    """The methods of these names, or all. Raises RpaugError for a name that is none."""
+    for name in names or ():
+        if name not in known:
+            raise RpaugError(f"no method is called {name!r}; there are: {', '.join(known)}")
+    return {name: known[name] for name in names} if names else known
 
 
 def run(
     views_of: str,
     recordings: Iterable[Recording],
-    methods: Sequence[str] = tuple(METHODS),
+    methods: Mapping[str, Method] = METHODS,
     steps: int | None = None,
     threads: int = 2,
     progress: Callable[[], None] = lambda: None,
 ) -> list[TierRow]:
     """A row for each method over all recordings' views, the same for all. `steps` are of each fit of an episode.
 
-    `progress` is told of each method done with each recording.
+    `progress` is called after each method with each recording.
     """
-    check(methods)
-    needs = frozenset(need for name in methods for need in METHODS[name].needs)
+    needs = frozenset(need for method in methods.values() for need in method.needs)
     prepared: list[Prepared] = []
     measured: dict[str, list[dict[str, float]]] = {name: [] for name in methods}
     for recorded, sights in recordings:
         made = prepare(recorded, needs, sorted({sight.t for sight in sights}), steps, threads)
         prepared.append(replace(made, moments={}))
-        for name in methods:
-            METHODS[name].show(made, sights[0])  # compiles
-            found = (_measured(made, name, sight) for sight in sights)
+        for name, method in methods.items():
+            method.show(made, sights[0])  # compiles
+            found = (_measured(made, method, sight) for sight in sights)
             measured[name] += [one for one in found if one]
             progress()
-    return [_row(views_of, name, prepared, found) for name, found in measured.items() if found]
+    return [
+        _row(views_of, name, methods[name], prepared, found)
+        for name, found in measured.items()
+        if found
+    ]
 
 
 def prepare(
     recorded: Scene, needs: Collection[str], times: Sequence[int], steps: int | None, threads: int
 ) -> Prepared:
-    """The carriers of a recorded scene that are needed, each timed."""
+    """The representations of a recorded scene that are needed, each timed."""
     spent: dict[str, Spent] = {}
     counts = dict.fromkeys(STAGES, 0)
     surfels.build(recorded)  # compiles
@@ -255,9 +249,9 @@ def _timed(spent: dict[str, Spent], stage: str) -> Iterator[None]:
     spent[stage] = Spent(time.process_time() - start, time.perf_counter() - wall)
 
 
-def _measured(made: Prepared, name: str, sight: Sight) -> dict[str, float] | None:
+def _measured(made: Prepared, method: Method, sight: Sight) -> dict[str, float] | None:
     start = time.thread_time()
-    shown = METHODS[name].show(made, sight)
+    shown = method.show(made, sight)
     seconds = time.thread_time() - start
     if shown is None:
         return None
@@ -278,9 +272,12 @@ def _measured(made: Prepared, name: str, sight: Sight) -> dict[str, float] | Non
 
 
 def _row(
-    views_of: str, name: str, prepared: Sequence[Prepared], measured: list[dict[str, float]]
+    views_of: str,
+    name: str,
+    method: Method,
+    prepared: Sequence[Prepared],
+    measured: list[dict[str, float]],
 ) -> TierRow:
-    method = METHODS[name]
     mean = {key: float(np.nanmean([one[key] for one in measured])) for key in measured[0]}
     middle = {
         key: float(np.nanmedian([one[key] for one in measured])) for key in ("depth", "seconds")

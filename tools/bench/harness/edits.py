@@ -1,7 +1,5 @@
 """Every factor's operator, and the baselines, against the factor truly changed on the twin."""
 
-import csv
-import io
 import json
 import tempfile
 import time
@@ -16,15 +14,15 @@ from jaxtyping import Bool
 from pydantic import TypeAdapter
 
 from rpaug import twin
-from rpaug.bench import baselines, perceptual
-from rpaug.bench.cases import CASES, ESTIMATED, Ask, FactorCase
-from rpaug.bench.scores import HIGHER, Scores, measure
 from rpaug.core import registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.types import CameraView, Episode
 from rpaug.pipeline import plan, prepare
 from rpaug.pipeline.copies import Known, PreparedEpisode, draw_copy
 from rpaug.pipeline.recipe import Recipe
+from tools.bench.harness import baselines, perceptual
+from tools.bench.harness.cases import CASES, ESTIMATED, Ask, FactorCase
+from tools.bench.harness.scores import HIGHER, Scores, measure
 
 GAUSSIANS = "Gaussian render"
 NONE, LAB, JITTER = "no edit", "CIELAB in the mask", "colour jitter"
@@ -149,27 +147,6 @@ def _best(entries: Sequence[Mapping[str, Any]], ours: Mapping[str, Any]) -> floa
         for entry in entries
         if entry["factor"] == ours["factor"] and entry["method"] in fair
     )
-
-
-def encoded(setting: EditSetting, rows: Sequence[EditRow]) -> bytes:
-    """Everything as one JSON document."""
-    described = {
-        "setting": asdict(setting),
-        "skipped": missing(setting),
-        "summary": summary(rows),
-        "rows": [row.flat() for row in rows],
-    }
-    return (json.dumps(described, indent=1) + "\n").encode()
-
-
-def table(rows: Sequence[EditRow]) -> bytes:
-    """One line a row, as CSV."""
-    text = io.StringIO(newline="")
-    flat = [row.flat() for row in rows]
-    writer = csv.DictWriter(text, list(flat[0]) if flat else [], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(flat)
-    return text.getvalue().encode()
 
 
 def _one(

@@ -1,4 +1,4 @@
-"""Views that nobody recorded, or that were kept back, with the truth beside them: what moved cameras are judged on."""
+"""Views kept back from a recording, with the truth beside them: what a tier is judged on."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool
 
-from rpaug import twin
 from rpaug.core import geometry
 from rpaug.core.errors import Unsupported
 from rpaug.core.types import CameraView, Episode, Scene
+from rpaug.render import holes, zbuffer
 from rpaug.scene.build import build
 from rpaug.scene.recorded import surfels
 
@@ -31,17 +31,6 @@ class Sight:
     covisible: Bool[np.ndarray, "h w"]
 
 
-def on_the_twin(task: str, seed: int, frames: int, every: int) -> tuple[Scene, list[Sight]]:
-    """The scene as recorded, with bodies as rpaug tracks them, and views of truly moved cameras."""
-    recorded = twin.perform(task, seed, frames=frames)
-    moved = twin.perform(task, seed, frames=frames, factor="camera_pose")
-    scene = build(recorded.episode, with_bodies=True)
-    truths = {name: moved.episode.views[name] for name in moved.truth.bumps}
-    cameras = {name: view.camera for name, view in truths.items()}
-    there = replace(scene, cameras={**scene.cameras, **cameras})
-    return scene, list(_sights(there, truths, range(every // 2, frames, every)))
-
-
 def left_out(episode: Episode, name: str, every: int) -> tuple[Scene, list[Sight]]:
     """The scene without one camera, and what that camera recorded as views to be shown.
 
@@ -53,10 +42,11 @@ def left_out(episode: Episode, name: str, every: int) -> tuple[Scene, list[Sight
         raise Unsupported(f"{name}: leaving it out takes another camera, and depth and masks")
     scene = build(replace(episode, views=rest), with_bodies=True)
     there = replace(scene, cameras={**scene.cameras, name: truth.camera})
-    return scene, list(_sights(there, {name: truth}, range(every // 2, episode.length, every)))
+    return scene, list(sights(there, {name: truth}, range(every // 2, episode.length, every)))
 
 
-def _sights(scene: Scene, truths: dict[str, CameraView], times: Sequence[int]) -> Iterator[Sight]:
+def sights(scene: Scene, truths: dict[str, CameraView], times: Sequence[int]) -> Iterator[Sight]:
+    """Every true view at these times."""
     static = frozenset().union(
         *(body.instance_ids for body in scene.tracked if body.motion == "static")
     )
@@ -90,24 +80,18 @@ def covisible(
     return seen
 
 
-def nearest(scene: Scene, name: str, t: int) -> str:
-    """The recorded camera that looks most nearly the same way."""
-    way = scene.cameras[name].cam_to_world[t][:3, 2]
-    views = scene.episode.views
-    return max(views, key=lambda other: float(views[other].camera.cam_to_world[t][:3, 2] @ way))
-
-
 def anchor(sight: Sight) -> str:
-    """The recording to draw from first: the camera's own, or of one that was left out the nearest other's."""
-    if sight.name in sight.scene.episode.views:
+    """The recording to draw from first: the camera's own, or else the one that looks most nearly the same way."""
+    scene, t = sight.scene, sight.t
+    views = scene.episode.views
+    if sight.name in views:
         return sight.name
-    return nearest(sight.scene, sight.name, sight.t)
+    way = scene.cameras[sight.name].cam_to_world[t][:3, 2]
+    return max(views, key=lambda other: float(views[other].camera.cam_to_world[t][:3, 2] @ way))
 
 
 def shown_by_surfels(kept: surfels.Surfels, sight: Sight) -> surfels.Rendered:
     """What surfels show of it, holes filled, from a camera that recorded anything or from one that was left out."""
-    from rpaug.render import holes, zbuffer
-
     camera = sight.scene.cameras[sight.name]
     found = list(surfels.sources(kept, sight.scene, anchor(sight), sight.t))
     drawn = zbuffer.render(

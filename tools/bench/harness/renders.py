@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from jaxtyping import Float32
 
-from rpaug.bench.pareto import Panel
 from rpaug.core import geometry
 from rpaug.core.errors import MissingExtra, RpaugError, Unsupported
 from rpaug.core.types import CameraView, Episode, Gaussians
 from rpaug.gaussians.gaussians import LiftedImage, joined, lifted
+from rpaug.pipeline.pareto import Panel
 from rpaug.render.splat import Rasteriser, Splats, View
 from rpaug.render.splat.autograd import rasterise
 

@@ -1,7 +1,7 @@
 """How far an edit is from the truth to a network's eye: VGG16, LPIPS and CLIP, each where its weights are at hand."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,12 +11,12 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.nn import functional
 
-from rpaug.bench import scores
 from rpaug.core.errors import BadInput
 from rpaug.core.types import Episode
-from rpaug.providers import features, weights
+from rpaug.providers import features
 from rpaug.providers.clip import Clip
 from rpaug.twin import Take
+from tools.bench.harness import scores
 
 LAYERS = ("conv1_2", "conv2_2", "conv3_3", "conv4_3", "conv5_3")
 LEAST = 32  # pixels a side of what VGG16 is shown: two cells of its last block
@@ -25,7 +25,7 @@ HIGHER = frozenset({"clip"})
 
 @dataclass(frozen=True, kw_only=True)
 class Eyes:
-    """Where weights lie; None leaves a figure out. `vgg` is looked for in the user's cache if not given.
+    """Where weights lie; None leaves a figure out. `vgg` is a state dict in torchvision's layout.
 
     `lpips` is a state dict of LPIPS' linear heads for VGG16 (`linK.model.1.weight`); the trunk comes from the same
     file if it holds one (`net.sliceK.N.weight`), else from `vgg`, which must then be ImageNet's. `clip` is a folder.
@@ -37,8 +37,7 @@ class Eyes:
 
     def open(self) -> "PerceptualMetrics":
         """Load what there is. Raises BadInput or MissingExtra for what was named and cannot be used."""
-        known = self.vgg is not None or weights.path().is_file()
-        network = features.load(Path(self.vgg) if self.vgg else None) if known else None
+        network = features.load(Path(self.vgg)) if self.vgg else None
         heads = _lpips(Path(self.lpips), network) if self.lpips else None
         clip = Clip.load(Path(self.clip)) if self.clip else None
         return PerceptualMetrics(network, heads, clip)
@@ -170,7 +169,7 @@ def _lpips(where: Path, network: features.VGG16 | None) -> Lpips:
     }
     if whole:
         trunk = features.imagenet(where, whole)
-    elif network is None or network.origin == weights.ORIGIN:
+    elif network is None:
         raise BadInput(
             where,
             "trunk",
@@ -183,4 +182,4 @@ def _lpips(where: Path, network: features.VGG16 | None) -> Lpips:
         if head.shape[1] != len(trunk.convolutions[layer][1]):
             found = f"{head.shape[1]} channels"
             raise BadInput(where, layer, found=found, expected="as many as the trunk has")
-    return Lpips(replace(trunk, origin="LPIPS"), heads)
+    return Lpips(trunk, heads)

@@ -2,11 +2,23 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from rpaug import twin
-from rpaug.core import registry
-from rpaug.core.errors import BadInput, RpaugError
+from rpaug.cli.console import read_episode
+from rpaug.core.errors import RpaugError
 from rpaug.core.types import Episode
+
+MaybeDataset = Annotated[
+    Path | None, typer.Argument(help="Folder of a dataset.", show_default=False)
+]
+TwinTask = Annotated[
+    str | None,
+    typer.Option("--twin", help="Record this task of the twin instead: open_drawer, ..."),
+]
+TwinSeed = Annotated[int, typer.Option("--seed", min=0, help="The twin's.")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,14 +41,14 @@ class Origin:
         if self.dataset is None:
             assert self.task is not None
             return twin.perform(self.task, self.seed, frames=self.frames, size=self.size).episode
-        adapter = registry.adapter_for(self.dataset)
-        keys = adapter.episodes(self.dataset)
-        if self.episode is not None and self.episode not in keys:
-            known = ", ".join(keys[:20])
-            raise BadInput(
-                self.dataset, "--episode", found=self.episode, expected=f"one of: {known}"
-            )
-        return adapter.read(self.dataset, self.episode if self.episode is not None else keys[0])
+        return read_episode(self.dataset, self.episode)
+
+    def read_with(self, frame: int) -> Episode:
+        """The episode, which has this frame. Raises RpaugError if it is shorter."""
+        found = self.read()
+        if frame >= found.length:
+            raise RpaugError(f"--frame {frame}: the episode has frames 0 to {found.length - 1}")
+        return found
 
     def describe(self) -> dict[str, object]:
         """Plain values; a dataset by its folder's name alone."""

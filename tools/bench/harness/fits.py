@@ -5,12 +5,12 @@ from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Any
 
-from rpaug.bench.pareto import Panel
 from rpaug.core.errors import MissingExtra, RpaugError, Unsupported
 from rpaug.core.types import Episode
 from rpaug.gaussians.densify import Densify
 from rpaug.gaussians.frame_fit import FrameFit, FrameFitSettings, fit_views
 from rpaug.gaussians.shots import shots_at
+from rpaug.pipeline.pareto import Panel
 
 OPTIMISERS = {"adam": None, "adam, splitting": Densify()}
 ENGINES = ("numba/float32", "reference/float64", "reference/float32", "gsplat/float32")

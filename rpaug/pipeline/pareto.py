@@ -1,5 +1,8 @@
-"""Speed against error: which rows nothing else beats in both, and a plot that marks them."""
+"""Rows of speed and error: as files, those that nothing else beats in both, and a plot that marks them."""
 
+import csv
+import io
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +12,20 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rpaug.core.errors import MissingExtra
+
+
+def as_csv(rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """One line a row under the first row's keys; nothing is left for None."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode()
+
+
+def as_json(setting: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], **more: Any) -> bytes:
+    """What was asked for, anything more, and all rows in one document."""
+    return (json.dumps({"setting": setting, **more, "rows": rows}, indent=1) + "\n").encode()
 
 
 def front(seconds: Float[np.ndarray, "n"], error: Float[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:
@@ -31,6 +48,14 @@ class Panel:
     up: str
     higher: bool = True
     logarithmic: bool = False
+
+
+def unbeaten(rows: Sequence[Mapping[str, Any]], panel: Panel) -> list[Mapping[str, Any]]:
+    """The front's rows, the fastest first."""
+    seconds = np.array([row[panel.seconds] for row in rows], float)
+    quality = np.array([row[panel.quality] for row in rows], float)
+    best = np.flatnonzero(front(seconds, -quality if panel.higher else quality))
+    return [rows[row] for row in best[np.argsort(seconds[best])].tolist()]
 
 
 def plot(
@@ -83,14 +108,13 @@ def plot(
 
 
 def _front(axes: Any, rows: Sequence[Mapping[str, Any]], panel: Panel, label: str) -> None:
-    seconds = np.array([row[panel.seconds] for row in rows], float)
-    quality = np.array([row[panel.quality] for row in rows], float)
-    best = np.flatnonzero(front(seconds, -quality if panel.higher else quality))
-    best = best[np.argsort(seconds[best])]
-    axes.plot(seconds[best], quality[best], "-", color="0.45", lw=1, zorder=0)
-    axes.plot(seconds[best], quality[best], "o", ms=10, mfc="none", mec="0.2", lw=1)
-    for row in best.tolist():
+    best = unbeaten(rows, panel)
+    seconds = [row[panel.seconds] for row in best]
+    quality = [row[panel.quality] for row in best]
+    axes.plot(seconds, quality, "-", color="0.45", lw=1, zorder=0)
+    axes.plot(seconds, quality, "o", ms=10, mfc="none", mec="0.2", lw=1)
+    for row in best:
         axes.annotate(
-            str(rows[row][label]), (seconds[row], quality[row]), fontsize=7, xytext=(6, -9),
+            str(row[label]), (row[panel.seconds], row[panel.quality]), fontsize=7, xytext=(6, -9),
             textcoords="offset points",
         )  # fmt: skip
