@@ -28,16 +28,17 @@ from rpaug.core.types import (
 
 if TYPE_CHECKING:
     from rpaug.pipeline.contracts import AdapterContract, OperatorContract
-    from rpaug.scene.targets.targets import Target, find_target
+    from rpaug.scene.targets.targets import Target
+    from rpaug.scene.targets.targets import find as find_target
 
 __version__ = "0.1.0"
 
-# What is loaded only when it is asked for: names and their modules.
+# What is loaded only when it is asked for: its module, and its name there.
 LATER = {
-    "AdapterContract": "rpaug.pipeline.contracts",
-    "OperatorContract": "rpaug.pipeline.contracts",
-    "Target": "rpaug.scene.targets.targets",
-    "find_target": "rpaug.scene.targets.targets",
+    "AdapterContract": ("rpaug.pipeline.contracts", "AdapterContract"),
+    "OperatorContract": ("rpaug.pipeline.contracts", "OperatorContract"),
+    "Target": ("rpaug.scene.targets.targets", "Target"),
+    "find_target": ("rpaug.scene.targets.targets", "find"),
 }
 
 __all__ = [
@@ -75,5 +76,6 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in LATER:
-        return getattr(import_module(LATER[name]), name)
+        module, own = LATER[name]
+        return getattr(import_module(module), own)
     raise AttributeError(f"module 'rpaug' has no attribute {name!r}")
