@@ -4,16 +4,13 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-import numpy as np
 import pytest
 import rpaug_recipes
 import yaml
-from analytic import scene
 
 from rpaug.core import registry
 from rpaug.physics import materials
 from rpaug.pipeline import recipe
-from rpaug.pipeline.contracts import OperatorContract
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -77,24 +74,6 @@ def test_every_shipped_recipe_is_valid_and_named() -> None:
             continue
         assert recipe.load(path).steps
         assert f"`{path.stem}`" in text
-
-
-def test_the_example_operator_meets_its_contract() -> None:
-    spaces: dict = {}
-    exec(blocks(ROOT / "docs/extending.md", "python")[0], spaces)
-
-    class Contract(OperatorContract):
-        def operator(self):  # type: ignore[no-untyped-def]
-            return spaces["Dusk"]()
-
-        def scene(self):  # type: ignore[no-untyped-def]
-            return scene({"front": (1.6, 0.3, 1.0)}, length=2)
-
-    checks = [getattr(Contract(), name) for name in dir(Contract) if name.startswith("test_")]
-    assert len(checks) >= 7
-    for check in checks:
-        check()
-    assert spaces["Dusk"]().sample(None, np.random.default_rng(0))["factor"] <= 1
 
 
 def test_the_examples_in_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
