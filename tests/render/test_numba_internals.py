@@ -1,6 +1,6 @@
-"""What rpaug uses of numba and llvmlite beyond their documented interface: when numba moves on, this says where to look.
+"""What rpaug uses of numba and llvmlite beyond their documented interface; a failure says which function to look at.
 
-`pyproject.toml` allows numba up to the newest minor version that these tests have seen; raise its bound with them green.
+`pyproject.toml` allows numba up to the newest minor version that these tests have seen.
 """
 
 from importlib import import_module
