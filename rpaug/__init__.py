@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from rpaug.pipeline.python_api import write as write
     from rpaug.pipeline.recipe import Recipe as Recipe
     from rpaug.scene.targets.targets import Target as Target
-    from rpaug.scene.targets.targets import find as find_target
+    from rpaug.scene.targets.targets import find as find_target  # noqa: F401
 
 __version__ = "0.1.0"
 

@@ -1,67 +1,150 @@
-"""The command line: all commands in one list, one file for each group of them."""
+"""The command line: all commands in one list; the module of each is imported when it is invoked."""
 
 from collections.abc import Callable
+from importlib import import_module
+from typing import Any
 
 import typer
+from typer.core import TyperCommand
 
-from rpaug.cli import (
-    ask,
-    assets,
-    augment,
-    bench,
-    cache,
-    convert,
-    diagnose,
-    doctor,
-    fit,
-    inspect,
-    loop,
-    recipes,
-    scenes,
-    twin,
-    verify,
-)
 from rpaug.cli.console import guarded
 
-app = typer.Typer(
-    name="rpaug",
-    help="Multiplies robot demonstrations: recorded episodes in, edited and consistent episodes out.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-)
-COMMANDS: dict[str, Callable[..., int]] = {
-    "augment": augment.augment,
-    "ask": ask.ask,
-    "diagnose": diagnose.diagnose,
-    "loop": loop.loop,
-    "validate-recipe": recipes.validate_recipe,
-    "inspect": inspect.inspect,
-    "fit": fit.fit,
-    "verify": verify.verify,
-    "convert": convert.convert,
-    "bench": bench.bench,
-    "doctor": doctor.doctor,
+COMMANDS = {
+    "augment": (
+        "augment",
+        "Write edited copies of a dataset's episodes, in the format they came in.",
+    ),
+    "ask": ("ask", "Turn a wish into a recipe, show it, and write or run it if asked to."),
+    "diagnose": ("diagnose", "Say why rollouts failed, and write the recipe against it."),
+    "loop": (
+        "loop",
+        "Train a policy, evaluate it, find out why it failed, augment against that, and train again.",
+    ),
+    "validate-recipe": ("recipes", "Check a recipe without touching any data."),
+    "inspect": (
+        "inspect",
+        "Show cameras, frames, instruction and every instance: instance id, role, colour, size, motion.",
+    ),
+    "fit": (
+        "fit",
+        "Fit Gaussians to an episode's static background and bodies, store them, and say how well they show it.",
+    ),
+    "verify": (
+        "verify",
+        "Compare an augmented dataset with its source: counts, kinds, actions bit for bit, untouched images, cameras\n"
+        "that agree, splits, numbering, and what its readers trip over. Exit code 1 if something is wrong.",
+    ),
+    "convert": (
+        "convert",
+        "Write a dataset in another layout: images, depth, instance ids, words, cameras, robot, and a dataset card.",
+    ),
+    "bench": (
+        "bench",
+        "Speed against error of every tier on one episode: each camera in turn is left out, and shown from the others.",
+    ),
+    "doctor": (
+        "doctor",
+        "Check what this machine can do: packages, operators, OpenGL, GPU, kernel cache.",
+    ),
 }
-GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
+"""The module of each command, which is called as its function there, and the first paragraph of its help."""
+
+GROUPS = {
     "assets": (
         "The library of things to insert.",
-        {"ls": assets.ls, "add": assets.add, "generate": assets.generate, "show": assets.show},
+        {
+            "ls": ("assets", "List the things that fit."),
+            "add": ("assets", "Add a mesh, or Gaussians, to your library."),
+            "generate": (
+                "assets",
+                "Have a model of yours make Gaussians of words or a picture, and add them to your library.",
+            ),
+            "show": ("assets", "Tell what is known of one thing, and draw it."),
+        },
     ),
-    "twin": ("A simulated tabletop that knows the truth.", {"record": twin.record}),
+    "twin": (
+        "A simulated tabletop that knows the truth.",
+        {
+            "record": (
+                "twin",
+                "Record episodes of a simulated tabletop in RLBench's format, with the truth beside them.",
+            )
+        },
+    ),
     "scenes": (
         "Fitted scenes in a store.",
-        {"ls": scenes.ls, "rm": scenes.rm, "export": scenes.export},
+        {
+            "ls": (
+                "scenes",
+                "List the scenes of a store: key, Gaussians, bodies, decibels, megabytes.",
+            ),
+            "rm": (
+                "scenes",
+                "Take scenes out of a store, damaged ones too. Nothing is removed if one key is wrong.",
+            ),
+            "export": (
+                "scenes",
+                "Write a scene as a .ply in 3DGS layout, which SuperSplat and other viewers open.",
+            ),
+        },
     ),
-    "cache": ("What was worked out once and is kept.", {"ls": cache.ls, "rm": cache.rm}),
+    "cache": (
+        "What was worked out once and is kept.",
+        {
+            "ls": (
+                "cache",
+                "List what the cache holds: kind, name, megabytes, days since it was used.",
+            ),
+            "rm": (
+                "cache",
+                "Take things out of the cache; they are worked out anew when they are needed.",
+            ),
+        },
+    ),
 }
-for _name, _command in COMMANDS.items():
-    app.command(_name)(guarded(_command))
+
+
+class _Unloaded(TyperCommand):
+    """A command in its group's list. Its callback gives the function, once the command is invoked."""
+
+    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
+        assert self.callback is not None
+        loaded = _typer()
+        loaded.command(self.name)(self.callback())
+        return typer.main.get_command(loaded).make_context(info_name, args, *rest, **extra)
+
+
+def _typer(**settings: Any) -> typer.Typer:
+    return typer.Typer(
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        no_args_is_help=True,
+        **settings,
+    )
+
+
+def _loading(module: str, function: str) -> Callable[[], Callable[..., None]]:
+    def load() -> Callable[..., None]:
+        return guarded(getattr(import_module(f"rpaug.cli.{module}"), function))
+
+    return load
+
+
+def _listed(group: typer.Typer, commands: dict[str, tuple[str, str]]) -> None:
+    for name, (module, words) in commands.items():
+        load = _loading(module, name.replace("-", "_"))
+        group.command(name, cls=_Unloaded, help=words)(load)
+
+
+app = _typer(
+    name="rpaug",
+    help="Multiplies robot demonstrations: recorded episodes in, edited and consistent episodes out.",
+)
+_listed(app, COMMANDS)
 for _name, (_help, _commands) in GROUPS.items():
-    _group = typer.Typer(help=_help, no_args_is_help=True)
-    for _inner, _command in _commands.items():
-        _group.command(_inner)(guarded(_command))
+    _group = _typer(help=_help)
+    _listed(_group, _commands)
     app.add_typer(_group, name=_name)
 
 

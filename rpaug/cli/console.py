@@ -16,7 +16,6 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from rpaug.core.errors import BadInput, RpaugError
 
@@ -112,6 +111,14 @@ def print_json(value: Any) -> None:
 
 @contextmanager
 def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+    from rich.progress import (  # only here: no help and no answer in JSON needs it
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -157,6 +164,17 @@ def counted(number: int, noun: str) -> str:
 def say(line: str) -> None:
     """One line on stdout, never wrapped."""
     Console(emoji=False).print(plain(line), highlight=False, soft_wrap=True)
+
+
+def read_episode(dataset: Path, key: str | None) -> Any:
+    """The episode of that key, the first if None. Raises BadInput."""
+    from rpaug.core import registry
+
+    adapter = registry.adapter_for(dataset)
+    keys = adapter.episodes(dataset)
+    if key is not None and key not in keys:
+        raise BadInput(dataset, "--episode", found=key, expected=f"one of: {', '.join(keys[:20])}")
+    return adapter.read(dataset, key if key is not None else keys[0])
 
 
 def write_new(path: Path, data: bytes) -> None:

@@ -1,8 +1,6 @@
 """The commands as a person or a script calls them: output, JSON, exit codes, one line for what is wrong."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -198,8 +196,3 @@ def test_colons_are_no_pictures(template: Path, tmp_path: Path, recipe: Path) ->
     code, _, err = run("augment", template, *given)
     assert code == 2
     assert "--ratio a:b:" in err
-
-
-def test_help_starts_without_the_heavy_libraries() -> None:
-    program = "import sys, rpaug.cli; sys.exit(any(m in sys.modules for m in ('torch', 'mujoco', 'zarr', 'cv2')))"
-    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
