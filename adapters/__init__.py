@@ -1,1 +1,1 @@
-"""The dataset layouts that ship. They see only `import rpaug`, as a third party's do."""
+"""The dataset layouts that ship, a folder each. They see only the names of `import rpaug`, as a third party's do."""

@@ -4,16 +4,13 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-import numpy as np
 import pytest
 import rpaug_recipes
 import yaml
-from analytic import scene
 
 from rpaug.core import registry
 from rpaug.physics import materials
 from rpaug.pipeline import recipe
-from rpaug.pipeline.contracts import OperatorContract
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -79,22 +76,17 @@ def test_every_shipped_recipe_is_valid_and_named() -> None:
         assert f"`{path.stem}`" in text
 
 
-def test_the_example_operator_meets_its_contract() -> None:
+def test_the_examples_in_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     spaces: dict = {}
-    exec(blocks(ROOT / "docs/extending.md", "python")[0], spaces)
-
-    class Contract(OperatorContract):
-        def operator(self):  # type: ignore[no-untyped-def]
-            return spaces["Dusk"]()
-
-        def scene(self):  # type: ignore[no-untyped-def]
-            return scene({"front": (1.6, 0.3, 1.0)}, length=2)
-
-    checks = [getattr(Contract(), name) for name in dir(Contract) if name.startswith("test_")]
-    assert len(checks) >= 7
-    for check in checks:
-        check()
-    assert spaces["Dusk"]().sample(None, np.random.default_rng(0))["factor"] <= 1
+    for block in blocks(ROOT / "docs/python.md", "python"):
+        exec(block, spaces)
+    blue = spaces["image"][20, 20]
+    assert blue[2] > blue[0]
+    assert spaces["rpaug"].verify(tmp_path / "augmented", "sample").passed
+    (readme,) = (text for text in blocks(ROOT / "README.md", "python") if "rpaug.read" in text)
+    monkeypatch.chdir(tmp_path / "augmented")  # what it writes is new there
+    exec(readme, {})
 
 
 def test_the_two_commands_of_the_readme_exist() -> None:

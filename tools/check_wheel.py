@@ -11,11 +11,13 @@ USE = """
 import json, subprocess, sys
 from pathlib import Path
 import rpaug, rpaug_adapters, rpaug_recipes
-from rpaug import recipe, registry
+from rpaug.core import registry
+from rpaug.pipeline import recipe
 here = Path(sys.argv[1])
 for module in (rpaug, rpaug_adapters, rpaug_recipes):
     assert Path(module.__file__).is_relative_to(here), module.__file__
-assert "rlbench" in registry._found("rpaug.adapters")
+for name in registry.adapter_names():
+    assert registry.adapter(name).name == name
 assert recipe.load(Path(rpaug_recipes.__file__).parent / "demo.yaml").steps
 assert registry.adapter_for(Path(rpaug.__file__).parent / "sample").name == "rlbench"
 rpaug_command = Path(sys.executable).parent / "rpaug"

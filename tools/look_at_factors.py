@@ -14,8 +14,8 @@ import numpy as np
 
 from rpaug.core import registry
 from rpaug.core.files import encode_png, write_atomic
-from rpaug.pipeline import copies as pipeline
 from rpaug.pipeline import plan, prepare, recipe
+from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 from rpaug.scene.build import build
 
 MOVED, RECEIVER = {"target": {"role": "manipulated"}}, {"target": {"role": "receiver"}}
@@ -56,9 +56,8 @@ def main() -> None:
         frames = np.linspace(0, episode.length - 1, arguments.frames + 1).astype(int)[1:].tolist()
         for name in arguments.factor or FACTORS:
             made = recipe.build({"version": 1, "seed": 3, "edits": [FACTORS[name]]})
-            edited, draws = pipeline.draw(scene, made, 1)
             planned = plan.make(prepare.operators(made), episode)
-            shown = pipeline.render(edited, draws, planned).episode
+            shown = draw_copy(PreparedEpisode(scene, planned, made), 1).episode
             rows = [
                 np.concatenate([view.rgb(t) for view in one.views.values()], 1)
                 for t in frames

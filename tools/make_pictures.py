@@ -10,8 +10,8 @@ import rpaug
 from rpaug import Episode, Scene
 from rpaug.core import registry
 from rpaug.core.files import encode_png, write_atomic
-from rpaug.pipeline import copies as pipeline
 from rpaug.pipeline import plan, prepare, recipe
+from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 from rpaug.scene.build import build
 
 ROWS = [
@@ -49,9 +49,8 @@ SMALL = 128
 def shown(scene: Scene, edits: list[dict[str, Any]]) -> Episode:
     """The sample as those edits show it."""
     made = recipe.build({"version": 1, "seed": 4, "edits": edits})
-    edited, draws = pipeline.draw(scene, made, 1)
     planned = plan.make(prepare.operators(made), scene.episode)
-    return pipeline.render(edited, draws, planned).episode
+    return draw_copy(PreparedEpisode(scene, planned, made), 1).episode
 
 
 def first(scene: Scene) -> np.ndarray:

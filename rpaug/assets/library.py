@@ -15,7 +15,6 @@ from rpaug.core import colors as colours
 from rpaug.core.errors import BadInput, RpaugError, TargetError
 from rpaug.core.files import read_bytes, write_atomic
 from rpaug.core.types import Gaussians, Mesh
-from rpaug.gaussians.gaussians import ARRAYS
 
 FOLDER = "RPAUG_ASSETS"  # environment variable: where added things are kept
 ENDING = ".asset.npz"
@@ -116,7 +115,7 @@ def _loaded(where: Path, name: str) -> tuple[Mesh, Gaussians | None, bool]:
         points, normals, uv, faces, image = (data[part] for part in PARTS)
         splats = None
         if SPLATS + "means" in data:
-            splats = Gaussians(**{part: data[SPLATS + part] for part in ARRAYS})
+            splats = Gaussians(**{part: data[SPLATS + part] for part in Gaussians.ARRAYS})
         known = OUTLINED in data and bool(data[OUTLINED])
     return Mesh(points, normals, uv, faces, image), splats, known
 
@@ -154,7 +153,7 @@ def add(
     out = io.BytesIO()
     parts = {part: getattr(thing, part) for part in PARTS}
     if splats is not None:
-        parts |= {SPLATS + part: getattr(splats, part) for part in ARRAYS}
+        parts |= {SPLATS + part: getattr(splats, part) for part in Gaussians.ARRAYS}
         parts |= {OUTLINED: np.array(outlined)}
     np.savez_compressed(out, facts=np.frombuffer(json.dumps(facts).encode(), np.uint8), **parts)
     write_atomic(folder() / f"{name}{ENDING}", out.getvalue())

@@ -1,13 +1,16 @@
 """How a thing comes to rest: dropped on a plane in MuJoCo, as its convex hull, then set down exactly."""
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 from jaxtyping import Float64
 
 from rpaug.core import geometry
 from rpaug.core.types import Mesh
+
+if TYPE_CHECKING:
+    import mujoco
 
 DROP = 0.002  # metres
 SECONDS = 1.5
@@ -33,6 +36,8 @@ def resting(mesh: Mesh, scale: float = 1.0) -> Float64[np.ndarray, "4 4"]:
     It is let go a little above the plane the way it stands in its frame; its middle ends above the origin. The lowest
     point lies on the plane exactly: what contacts give way is taken back.
     """
+    import mujoco  # only here: it takes a third of a second to load
+
     points = scale * mesh.points
     start = DROP - points[:, 2].min()
     text = " ".join(f"{value:.6f}" for value in points.ravel())
@@ -52,7 +57,7 @@ def resting(mesh: Mesh, scale: float = 1.0) -> Float64[np.ndarray, "4 4"]:
     return motion
 
 
-def _pose(data: mujoco.MjData) -> Float64[np.ndarray, "4 4"]:
+def _pose(data: "mujoco.MjData") -> Float64[np.ndarray, "4 4"]:
     pose = np.eye(4)
     pose[:3, :3] = data.geom_xmat[1].reshape(3, 3)
     pose[:3, 3] = data.geom_xpos[1]

@@ -18,10 +18,8 @@ from rpaug.cli import (
     loop,
     recipes,
     scenes,
-    speed,
     twin,
     verify,
-    weights,
 )
 from rpaug.cli.console import guarded
 
@@ -43,6 +41,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "fit": fit.fit,
     "verify": verify.verify,
     "convert": convert.convert,
+    "bench": bench.bench,
     "doctor": doctor.doctor,
 }
 GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
@@ -51,16 +50,11 @@ GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {
         {"ls": assets.ls, "add": assets.add, "generate": assets.generate, "show": assets.show},
     ),
     "twin": ("A simulated tabletop that knows the truth.", {"record": twin.record}),
-    "bench": (
-        "Error and seconds, measured against truth.",
-        {"edits": bench.edits, "render": speed.render, "fit": speed.fit, "tiers": speed.tiers},
-    ),
     "scenes": (
         "Fitted scenes in a store.",
         {"ls": scenes.ls, "rm": scenes.rm, "export": scenes.export},
     ),
     "cache": ("What was worked out once and is kept.", {"ls": cache.ls, "rm": cache.rm}),
-    "weights": ("Weights of networks, fetched only on request.", {"vgg16": weights.vgg16}),
 }
 for _name, _command in COMMANDS.items():
     app.command(_name)(guarded(_command))

@@ -78,7 +78,7 @@ def ask(
 
     Example: [bold]rpaug ask data/open_drawer "make the drawer blue, put two mugs near it" --out blue.yaml[/]
     """
-    from rpaug.cli.console import read_episode
+    from rpaug.core import registry
     from rpaug.core.errors import TargetError, Unsupported
     from rpaug.language import asking, rounds
     from rpaug.language.messages import NotUnderstood
@@ -89,7 +89,7 @@ def ask(
     for path, flag in ((out, "--out"), (log, "--log"), (into, "--into")):
         if path is not None and path.exists():
             raise BadInput(path, flag, found="something there already", expected="a new path")
-    recorded = read_episode(dataset, episode)
+    recorded = registry.read(dataset, episode)
     talk = rounds.load(history) if history else rounds.History()
     endpoint = _endpoint(llm, model, key_env, timeout, price)
     understanding = endpoint or rounds.next_round

@@ -19,7 +19,6 @@ from rpaug.cli.console import (
     say,
     warn,
 )
-from rpaug.cli.recipes import load_recipe
 from rpaug.core.errors import RpaugError
 
 
@@ -73,16 +72,16 @@ def augment(
 
     Example: [bold]rpaug augment data/train/open_drawer --recipe recipe.yaml --out augmented --workers 2[/]
     """
+    from rpaug.pipeline import inputs
     from rpaug.pipeline.augment import Run, execute
 
-    if tier == 2:
-        raise RpaugError("--tier 2: assets enter at any tier; the least tier is 0, 1, 3 or 4")
+    inputs.tier(tier)
     if share and scenes is None:
         raise RpaugError("--share: scenes are shared through a store; name its folder by --scenes")
     given = list(set_ or [])
     given += [f"seed={seed}"] if seed is not None else []
     given += [f"arms={json.dumps(list(map(str, arm)))}"] if arm else []
-    loaded = load_recipe(recipe, given)
+    loaded = inputs.recipe(recipe, given)
     run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid, _ratio(ratio), licence)
     if dry_run:
         return _dry_run(run, resume, as_json)

@@ -1,5 +1,8 @@
-"""`rpaug bench`: error and seconds, measured."""
+"""`rpaug bench`: speed against error of every tier, on your own dataset."""
 
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from itertools import count
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,105 +11,145 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from rpaug.cli.console import AsJson, print_json, progress_bar, warn
+from rpaug.cli.console import (
+    AsJson,
+    Dataset,
+    EpisodeKey,
+    plain,
+    print_json,
+    progress_bar,
+    read_episode,
+    say,
+    warn,
+)
+from rpaug.core.errors import RpaugError
 
-
-def edits(
-    out: Annotated[Path, typer.Option(help="New folder for table, sheets and plot.")],
-    factor: Annotated[list[str] | None, typer.Option(help="Only these factors.")] = None,
-    task: Annotated[list[str] | None, typer.Option(help="Only these tasks, in turn.")] = None,
-    seeds: Annotated[int, typer.Option(min=1)] = 10,
-    frames: Annotated[int, typer.Option(min=2)] = 17,
-    size: Annotated[int, typer.Option(min=8, help="Pixels a side.")] = 128,
-    antialias: Annotated[bool, typer.Option(help="Anti-alias the colour images.")] = False,
-    specular: Annotated[bool, typer.Option(help="Give surfaces highlights.")] = False,
-    shadows: Annotated[bool, typer.Option(help="Let the lamps cast shadows.")] = False,
-    gaussians: Annotated[
-        bool, typer.Option(help="Also render fitted Gaussians alone: minutes a seed.")
-    ] = False,
-    plot: Annotated[bool, typer.Option(help="Also plot error against seconds.")] = False,
-    vgg: Annotated[
-        Path | None,
-        typer.Option(help="VGG16 weights; the cache's (rpaug weights vgg16) if not given."),
-    ] = None,
-    lpips: Annotated[Path | None, typer.Option(help="LPIPS' state dict for VGG16.")] = None,
-    clip: Annotated[Path | None, typer.Option(help="Folder of a CLIP model.")] = None,
-    as_json: AsJson = False,
-) -> int:
-    """Measure every factor's edit, and baselines, against the factor truly changed.
-
-    Example: [bold]rpaug bench edits --factor object_color --seeds 10 --out edits[/]
-    """
-    from rpaug.bench import edits as measured
-    from rpaug.bench import perceptual, sheets
-    from rpaug.core.files import atomic_folder
-
-    switches = {"antialias": antialias, "specular": specular, "shadows": shadows}
-    shape = {"seeds": seeds, "frames": frames, "size": size, "gaussians": gaussians}
-    files = {"vgg": vgg, "lpips": lpips, "clip": clip}
-    eyes = perceptual.Eyes(**{name: str(path) for name, path in files.items() if path})
-    judged = perceptual.opened(eyes).names
-    chosen = {"factors": factor, "tasks": task}
-    named = {name: tuple(value) for name, value in chosen.items() if value}
-    setting = measured.EditSetting(**named, **shape, **switches, eyes=eyes)  # type: ignore[arg-type]
-    skipped = measured.missing(setting)
-    with atomic_folder(out) as folder:
-        kept = sheets.Sheets(folder, setting)
-        with progress_bar("measuring", as_json) as progress:
-            rows = measured.run(setting, kept.keep, progress)
-        found = measured.summary(rows)
-        images = list(kept.write().values())
-        if plot:
-            images.append(sheets.plot(folder / "edits.png", found))
-        (folder / "edits.json").write_bytes(measured.encoded(setting, rows))
-        (folder / "edits.csv").write_bytes(measured.table(rows))
-        sheets.page(folder, found, images)
-    if as_json:
-        print_json({"out": str(out), "skipped": skipped, "summary": found})
-    else:
-        _print_bench(found, skipped, out, judged)
-    return 0 if rows else 2
-
-
-BENCH_WIDTH = 140  # columns of the printed table
-BENCH_DIGITS = {
-    "psnr": 1, "psnr_worst": 1, "psnr_scaled": 1, "ssim": 3, "ciede2000": 2, "outside_worst": 0, "flicker": 2,
-    "holes": 3, "depth": 2, "iou": 3, "reprojection": 3, "seconds": 2,
+WIDTH = 180  # columns of a printed table
+COLUMNS = {
+    "views_of": "views", "method": "method", "all_db": "dB", "covisible_db": "co-visible",
+    "ssim": "SSIM", "depth_median_mm": "depth mm", "depth_far_percent": "> 20 mm %",
+    "holes_percent": "holes %", "milliseconds_a_view": "ms a view", "prepare_seconds": "prepare s",
 }  # fmt: skip
 
+OutFolder = Annotated[Path, typer.Option(help="New folder for table, JSON and plot.")]
+Every = Annotated[int, typer.Option(min=1, help="Frames between the views compared.")]
+Methods = Annotated[list[str] | None, typer.Option("--method", help="Only these methods.")]
+Steps = Annotated[int | None, typer.Option(min=1, help="Of each fit of Gaussians, at most.")]
+Threads = Annotated[int, typer.Option(min=1)]
 
-def _print_bench(
-    found: list[dict[str, Any]], skipped: dict[str, str], out: Path, judged: tuple[str, ...]
+
+def bench(
+    dataset: Dataset,
+    out: OutFolder,
+    episode: EpisodeKey = None,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(help="Cameras to show without their own recording; default all fixed."),
+    ] = None,
+    every: Every = 8,
+    methods: Methods = None,
+    steps: Steps = None,
+    threads: Threads = 2,
+    as_json: AsJson = False,
+) -> int:
+    """Speed against error of every tier on one episode: each camera in turn is left out, and shown from the others.
+
+    Needs two cameras with depth and masks. Each camera that is left out takes a fit of its own: minutes.
+
+    Example: [bold]rpaug bench data/train/open_drawer --out speed[/]
+    """
+    from rpaug.pipeline import left_out, pareto, speed_error
+
+    shown = speed_error.chosen(methods)
+    recorded = read_episode(dataset, episode)
+    fixed = [name for name, view in recorded.views.items() if view.camera.fixed]
+    names = leave_out or fixed
+    if not names:
+        raise RpaugError("no camera is fixed: name one with --leave-out")
+    for name in names:
+        if name not in recorded.views:
+            raise RpaugError(f"--leave-out {name}: the cameras are {', '.join(recorded.views)}")
+    rows: list[dict[str, Any]] = []
+    with progress_bar("measuring", as_json) as progress:
+        done, total = count(1), len(names) * len(shown)
+        for name in names:
+            pair = left_out.left_out(recorded, name, every)
+            found = speed_error.run(
+                f"{name} left out", [pair], shown, steps, threads,
+                lambda: progress(next(done), total),
+            )  # fmt: skip
+            rows += map(vars, found)
+    asked = {"dataset": dataset.name, "episode": episode, "every": every, "steps": steps}
+    best = {
+        views_of: [
+            row["method"]
+            for row in pareto.unbeaten(
+                [row for row in rows if row["views_of"] == views_of], speed_error.PANELS[0]
+            )
+        ]
+        for views_of in dict.fromkeys(row["views_of"] for row in rows)
+    }
+    drawn = {"group": "method", "label": "tier", "within": "views_of"}
+    write(
+        out, "bench", asked | {"threads": threads}, rows, speed_error.PANELS, drawn, unbeaten=best
+    )
+    show(out, rows, COLUMNS, {}, as_json, unbeaten=best)
+    if not as_json:
+        for views_of, found in best.items():
+            say(f"{views_of}: nothing is both faster and nearer than {', '.join(found)}")
+    return 0
+
+
+def write(
+    out: Path,
+    name: str,
+    setting: Mapping[str, Any],
+    rows: Sequence[Mapping[str, Any]],
+    panels: Any,
+    drawn: Mapping[str, Any],
+    **more: Any,
 ) -> None:
-    from rpaug.bench.sheets import PAGE
+    """The rows as CSV and JSON in a new folder, and a plot where matplotlib is installed."""
+    from rpaug.core.files import atomic_folder
+    from rpaug.pipeline import pareto
 
+    with atomic_folder(out) as folder:
+        (folder / f"{name}.csv").write_bytes(pareto.as_csv(rows))
+        (folder / f"{name}.json").write_bytes(pareto.as_json(setting, rows, **more))
+        if rows and find_spec("matplotlib"):
+            pareto.plot(folder / f"{name}.png", rows, panels, **drawn)
+
+
+def show(
+    out: Path,
+    rows: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, str],
+    skipped: Mapping[str, str],
+    as_json: bool,
+    **more: Any,
+) -> None:
+    """Print some columns under their titles; or, as JSON, all of the rows and anything `more`."""
+    if as_json:
+        print_json({"out": str(out), "skipped": skipped, **more, "rows": rows})
+        return
     for name, reason in skipped.items():
         warn("skipped", f"{name}: {reason}")
     terminal = Console()
-    # Both sides given: else a dumb terminal is taken for 80 columns, and figures are cut off.
-    width = max(terminal.width, BENCH_WIDTH + 8 * len(judged))
-    printer = Console(width=width, height=terminal.height)
-    for factor in dict.fromkeys(entry["factor"] for entry in found):
-        table = Table(title=factor, title_justify="left", box=box.SIMPLE_HEAD)
-        for name in (
-            "method",
-            "dB",
-            "worst",
-            "lead",
-            "scaled",
-            "SSIM",
-            "ΔE00",
-            "outside",
-            "flicker",
-        ):
-            table.add_column(name, justify="left" if name == "method" else "right", no_wrap=True)
-        for name in ("holes", "depth mm", "IoU", "across mm", "CPU s", *judged):
-            table.add_column(name, justify="right", no_wrap=True)
-        for entry in found:
-            if entry["factor"] == factor:
-                digits = BENCH_DIGITS | dict.fromkeys(judged, 3)
-                figures = [f"{entry[name]:.{places}f}" for name, places in digits.items()]
-                lead = "" if entry["lead"] is None else f"{entry['lead']:+.1f}"
-                table.add_row(entry["method"], *figures[:2], lead, *figures[2:])
-        printer.print(table)
-    printer.print(f"sheets: {out / PAGE}", highlight=False, soft_wrap=True)
+    printer = Console(width=max(terminal.width, WIDTH), height=terminal.height)
+    table = Table(box=box.SIMPLE_HEAD)
+    for number, title in enumerate(columns.values()):
+        table.add_column(title, justify="left" if number < 2 else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*(_figure(row[name]) for name in columns))
+    printer.print(table)
+    say(f"written: {out}")
+
+
+def _figure(value: Any) -> str:
+    if value is None:
+        return "-"
+    if not isinstance(value, float):
+        return plain(str(value))
+    if value == 0 or 0.01 <= abs(value) < 1e4:
+        return f"{value:.3g}" if abs(value) < 1 else f"{value:.1f}"
+    return f"{value:.1e}"

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 from rpaug import __version__
 from rpaug.core import registry
@@ -29,7 +28,6 @@ FEATURES = (0, 16)
 """Blended beside the colours: none, and an identity encoding. Each count has kernels of its own."""
 
 COLOUR_AND_DEPTH = 4
-SAMPLE = Path(__file__).parent / "sample"
 
 
 @dataclass(frozen=True)
@@ -152,17 +150,16 @@ def warm(
 
 def _edit_the_sample() -> None:
     """One frame of the sample through every kernel of the main job: recoloured, and seen from a moved camera."""
-    from rpaug.pipeline import copies as pipeline
     from rpaug.pipeline import plan, prepare, recipe
+    from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 
-    adapter = registry.adapter_for(SAMPLE)
-    episode = adapter.read(SAMPLE, adapter.episodes(SAMPLE)[0])
+    episode = registry.read(registry.SAMPLE, None)
     for edit in (
         {"op": "recolor", "target": {"role": "manipulated"}, "color": "blue"},
         {"op": "camera_pose", "camera": "front"},
     ):
         asked = recipe.build({"version": 1, "edits": [edit]})
         made = plan.make(prepare.operators(asked), episode)
-        scene, draws = pipeline.draw(prepare.prepare(episode, made), asked, 1)
-        for view in pipeline.render(scene, draws, made).episode.views.values():
+        prepared = PreparedEpisode(prepare.prepare(episode, made), made, asked)
+        for view in draw_copy(prepared, 1).episode.views.values():
             view.rgb(0)

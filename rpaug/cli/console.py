@@ -22,7 +22,20 @@ from rpaug.core.errors import BadInput, RpaugError
 
 console = Console(stderr=True, emoji=False)
 
-Dataset = Annotated[Path, typer.Argument(help="Folder of a dataset.", show_default=False)]
+
+def dataset_path(given: Path | None) -> Path | None:
+    """What an argument names: `sample` is the dataset that ships."""
+    from rpaug.core import registry
+
+    return given if given is None else registry.dataset(given)
+
+
+Dataset = Annotated[
+    Path,
+    typer.Argument(
+        help="Folder of a dataset, or `sample`.", show_default=False, callback=dataset_path
+    ),
+]
 EpisodeKey = Annotated[str | None, typer.Option(help="Key of one episode; the first if not given.")]
 Arms = Annotated[
     list[Path] | None,
@@ -144,16 +157,6 @@ def counted(number: int, noun: str) -> str:
 def say(line: str) -> None:
     """One line on stdout, never wrapped."""
     Console(emoji=False).print(plain(line), highlight=False, soft_wrap=True)
-
-
-def read_episode(dataset: Path, key: str | None) -> Any:
-    from rpaug.core import registry
-
-    adapter = registry.adapter_for(dataset)
-    keys = adapter.episodes(dataset)
-    if key is not None and key not in keys:
-        raise BadInput(dataset, "--episode", found=key, expected=f"one of: {', '.join(keys[:20])}")
-    return adapter.read(dataset, key if key is not None else keys[0])
 
 
 def write_new(path: Path, data: bytes) -> None:

@@ -12,6 +12,7 @@ from rpaug.cli.console import (
     Patience,
     Price,
     console,
+    dataset_path,
     plain,
     print_json,
     say,
@@ -30,7 +31,10 @@ def diagnose(
         ),
     ],
     dataset: Annotated[
-        Path | None, typer.Option(help="The training recordings: what the policy is used to.")
+        Path | None,
+        typer.Option(
+            help="The training recordings: what the policy is used to.", callback=dataset_path
+        ),
     ] = None,
     out: Annotated[
         Path | None,

@@ -13,7 +13,6 @@ from rpaug.cli.console import (
     EpisodeKey,
     print_json,
     progress_bar,
-    read_episode,
     say,
 )
 from rpaug.core.errors import RpaugError
@@ -60,13 +59,14 @@ def fit(
 
     Example: [bold]rpaug fit data/train/open_drawer --out scenes --ply drawer.ply[/]
     """
+    from rpaug.core import registry
     from rpaug.gaussians.descent import settings_for
     from rpaug.pipeline.fit import fit_episode
 
     if target is not None and stop is StopChoice.HELDOUT:
         raise RpaugError("--target: only --stop fidelity has one")
     settings = settings_for(stop.value, target=target, steps=steps)
-    found = read_episode(dataset, episode)
+    found = registry.read(dataset, episode)
     donor = _donor(dataset, found.key) if share else None
     with progress_bar("fitting", as_json) as progress:
         described = fit_episode(

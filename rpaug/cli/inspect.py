@@ -12,7 +12,6 @@ from rpaug.cli.console import (
     EpisodeKey,
     print_json,
     progress_bar,
-    read_episode,
     say,
     write_new,
 )
@@ -31,9 +30,10 @@ def inspect(
 
     Example: [bold]rpaug inspect data/train/open_drawer --html instances.html[/]
     """
+    from rpaug.core import registry
     from rpaug.pipeline import inspect as inspection
 
-    found = read_episode(dataset, episode)
+    found = registry.read(dataset, episode)
     with progress_bar("looking", as_json):  # a video takes minutes, and says what is being done
         described, rows, seen = inspection.inspect(found, arm or ())
     if html is not None:

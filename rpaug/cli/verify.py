@@ -10,6 +10,7 @@ from rpaug.cli.console import (
     Dataset,
     console,
     counted,
+    dataset_path,
     plain,
     print_json,
     progress_bar,
@@ -19,7 +20,9 @@ from rpaug.cli.console import (
 
 def verify(
     dataset: Dataset,
-    against: Annotated[Path, typer.Option(help="The dataset that it was made from.")],
+    against: Annotated[
+        Path, typer.Option(help="The dataset that it was made from.", callback=dataset_path)
+    ],
     every_frame: Annotated[
         bool, typer.Option(help="Compare the images of all frames, not of six.")
     ] = False,

@@ -6,7 +6,6 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
-from rpaug.compose import softened
 from rpaug.core import colors as colours
 from rpaug.core import geometry
 from rpaug.core.types import Ambience, Body, Camera, Mesh, Scene
@@ -36,6 +35,8 @@ def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
     ambience = scene.ambience or EVEN
     for body in bodies(scene):
         if body.soft is not None:
+            from rpaug.compose import softened  # only here: it brings the rasteriser
+
             rgb, depth, ids = softened.draw(
                 body.soft, scene.antialiased, camera, t, (rgb, depth, ids)
             )
@@ -62,7 +63,7 @@ def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
 def _splatted(scene: Scene, body: Body, camera: Camera, t: int, before: Image) -> Image:
     """The same for a body of Gaussians: blended with what lies behind where the recording's outlines are smooth, cut
     at its surface where they are sharp. Its light is in its colours. The surface is its mesh's, if that is known."""
-    from rpaug.compose import splatted  # only here: it brings torch and the rasteriser
+    from rpaug.compose import splatted  # only here: it brings the rasteriser
 
     picture = splatted.draw(body, camera, t, sharp_edges=not scene.antialiased)
     if picture is None:

@@ -70,7 +70,7 @@ def edited(
         shared = surfels.build(near, kept() if kept else None)
     whole = None
     if any(tier >= 3 for tier in representations.values()):
-        from rpaug.gaussians import fill_gaussians  # only here: it brings torch and the rasteriser
+        from rpaug.gaussians import fill_gaussians  # only here: it brings the rasteriser
 
         whole = fill_gaussians.patched(scene, kept)
     views = {}

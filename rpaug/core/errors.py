@@ -37,6 +37,10 @@ class Unsupported(RpaugError):
     """What was asked for cannot be done on this input, with the reason."""
 
 
+class Rejected(RpaugError):
+    """A copy is faulty: it fails its gates, its instruction cannot be kept true, or its actions no longer hold."""
+
+
 class MissingExtra(RpaugError):
     """An optional package is not installed; the message says which extra brings it."""
 

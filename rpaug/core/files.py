@@ -1,4 +1,9 @@
-"""Files that are either whole or absent, and images that are checked before they are decoded."""
+"""Files that are either whole or absent, and images that are checked before they are decoded.
+
+`rpaug.files` to whoever writes an adapter, who may rely on the names in `__all__`: `read_bytes` and `write_atomic` for
+whole files, `atomic_folder` for an episode that appears by one rename, `check_*` for the size of an image before
+anything is allocated for it, `decode_*` and `encode_*` for its pixels. What cannot be read raises `BadInput`.
+"""
 
 import os
 import shutil
@@ -15,6 +20,23 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.core.errors import BadInput
+
+__all__ = [
+    "MAX_SIDE",
+    "PART",
+    "REJECTED",
+    "Png",
+    "atomic_folder",
+    "check_image",
+    "check_jpeg",
+    "check_png",
+    "decode_image",
+    "decode_png",
+    "encode_jpeg",
+    "encode_png",
+    "read_bytes",
+    "write_atomic",
+]
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PART = ".part"  # ending of the hidden folders in which output grows

@@ -1,9 +1,26 @@
-"""Rigid motions, and the pinhole camera with pixel centres at integer coordinates."""
+"""Rigid motions, and the pinhole camera with pixel centres at integer coordinates.
+
+`rpaug.geometry` to whoever writes an adapter or an operator, who may rely on the names in `__all__`. Lengths are in
+metres, angles in radians, quaternions (x, y, z, w); a motion is a 4x4 matrix: `cam_to_world` takes points of the
+camera's frame (x right, y down, z along the view) to the world.
+"""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
 from rpaug.core.types import Camera
+
+__all__ = [
+    "inverse",
+    "pose_of",
+    "project",
+    "quaternion_of",
+    "rigid",
+    "rotation",
+    "transform",
+    "unproject",
+    "world_points",
+]
 
 
 def rotation(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -9,6 +10,7 @@ import numpy as np
 from pydantic import ConfigDict
 
 from rpaug.core.types import Effect, Episode, Scene
+from rpaug.core.validation import Validated
 
 Edit = dict[str, Any]
 """One drawn change as plain JSON values: enough, with the operator's fields, to replay it exactly."""
@@ -18,20 +20,63 @@ Side = Callable[[], Mapping[str, bytes]]
 """Files to lay beside an episode's own, by name; asked for once all its images have been rendered."""
 
 
-class Operator(ABC):
-    """One kind of edit. Subclasses are frozen keyword-only dataclasses; their fields are the recipe's keys.
+@dataclass(frozen=True)
+class Needs:
+    """What an operator asks of the scene before it is drawn: `targets` and `anchors` name its own fields.
 
-    A subclass declares `effect`, and `gaussians` if it cannot do without fitted ones. Registering it under the
-    entry-point group `rpaug.operators` makes its entry-point name an `op:` in recipes.
-    `rpaug.pipeline.contracts.OperatorContract` holds it to the promises below.
+    `targets` hold the things it edits: each field one target, several or None. `anchors` hold things that only say
+    where. `bodies`: instances are told apart and tracked though no target is given. `gaussians`: fitted ones are there.
+    `depth`: a source without any is refused.
+    """
+
+    targets: tuple[str, ...] = ()
+    anchors: tuple[str, ...] = ()
+    bodies: bool = False
+    gaussians: bool = False
+    depth: bool = False
+
+
+@dataclass(frozen=True)
+class Painted:
+    """Recorded instances look different now. `word` is the colour or pattern they go by, None where none fits."""
+
+    instance_ids: frozenset[int]
+    word: str | None
+
+
+@dataclass(frozen=True)
+class Added:
+    """A thing was put in: its kind ("mug"), its name with words joined by "_", and its colour word."""
+
+    kind: str
+    name: str
+    color: str
+
+
+Change = Painted | Added
+"""What instructions are told of an edit. What was moved, resized, copied or taken out is read off the bodies."""
+
+
+class Operator(metaclass=Validated):
+    """One kind of edit. Subclasses are frozen keyword-only dataclasses; their fields are the recipe's keys, and taken
+    from Python as from a recipe.
+
+    A subclass declares `effect`, what it `needs`, and for `rpaug ask` the `phrases` that ask for it (`core.phrases`).
+    `undone_as` are words by which a wish takes it back, beside its name. Two edits that `settle` the same ("size") of
+    one thing cannot both hold: the later takes the earlier's place. Registering it under the entry-point group
+    `rpaug.operators` makes its entry-point name an `op:` in recipes. `rpaug.OperatorContract` holds it to the promises
+    below.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
 
     effect: ClassVar[Effect]
-    gaussians: ClassVar[bool] = False
+    needs: ClassVar[Needs] = Needs()
+    phrases: ClassVar[tuple[str, ...]] = ()
+    undone_as: ClassVar[tuple[str, ...]] = ()
+    settles: ClassVar[str] = ""
 
-    def ready(self) -> None:  # noqa: B027  # most need nothing but the scene
+    def ready(self) -> None:  # most need nothing but the scene
         """Raises RpaugError where something beside the recording is missing, before any work is done."""
 
     @abstractmethod
@@ -42,12 +87,16 @@ class Operator(ABC):
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         """The edited scene; the one passed in is left as it was."""
 
+    def says(self, edit: Edit) -> Sequence[Change]:
+        """What an instruction must follow. An instance with more appearances than `Painted` has no true colour word."""
+        return ()
+
 
 class Adapter(ABC):
     """One dataset layout: where its episodes are, how to read one, how to write one.
 
     Registered under the entry-point group `rpaug.adapters`. Episodes are named by keys, paths relative to the
-    dataset's root with forward slashes. `rpaug.pipeline.contracts.AdapterContract` holds an adapter to its promises.
+    dataset's root with forward slashes. `rpaug.AdapterContract` holds an adapter to its promises.
     """
 
     name: ClassVar[str]

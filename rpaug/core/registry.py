@@ -6,6 +6,10 @@ from pathlib import Path
 
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.core.interfaces import Adapter, Operator
+from rpaug.core.types import Episode
+
+SAMPLE = Path(__file__).parents[1] / "sample"
+"""The dataset that ships."""
 
 
 @cache
@@ -40,6 +44,11 @@ def operator(name: str) -> type[Operator]:
     return found[name].load()
 
 
+def shipped(name: str) -> bool:
+    """Whether an operator comes with rpaug."""
+    return _found("rpaug.operators")[name].value.startswith("rpaug.")
+
+
 def adapter(name: str) -> Adapter:
     """The adapter called `name`. Raises RpaugError listing the known ones."""
     found = _found("rpaug.adapters")
@@ -72,3 +81,18 @@ def adapter_for(root: Path) -> Adapter:
         )
     known = ", ".join(_found("rpaug.adapters"))
     raise BadInput(root, "layout", found="no episodes", expected=f"a dataset in one of: {known}")
+
+
+def dataset(given: Path | str) -> Path:
+    """The folder or file of a dataset; `sample` is the one that ships, unless there is a path of that name."""
+    path = Path(given)
+    return SAMPLE if str(given) == "sample" and not path.exists() else path
+
+
+def read(root: Path, key: str | None) -> Episode:
+    """One episode of a dataset, the first if no key is given. Raises BadInput."""
+    found = adapter_for(root)
+    keys = found.episodes(root)
+    if key is not None and key not in keys:
+        raise BadInput(root, "episode", found=key, expected=f"one of: {', '.join(keys[:20])}")
+    return found.read(root, key if key is not None else keys[0])

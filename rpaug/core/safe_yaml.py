@@ -2,11 +2,18 @@
 
 Everything is weighed before anything is built: nesting as the file is parsed, what aliases and merges come to in the
 graph of nodes, numbers by their length. Types beyond JSON's, keys that are no words and keys given twice are refused.
+
+`rpaug.safe_yaml` to whoever writes an adapter, who may rely on the names in `__all__`.
 """
 
 from typing import Any
 
 import yaml
+
+__all__ = [
+    "NotPlain",
+    "load",
+]
 
 DEEPEST = 50  # levels, through aliases too: a loader recurses, the one in C until its stack is full
 LONGEST = 400  # characters of a number; `1:59:59:...` is one in YAML, and long ones take hours

@@ -1,6 +1,14 @@
-"""Which split of a dataset an episode belongs to, by its key: what was trained on must never be tested on."""
+"""Which split of a dataset an episode belongs to, by its key: what was trained on must never be tested on.
+
+`rpaug.splits` to whoever writes an adapter, who may rely on the names in `__all__`.
+"""
 
 from pathlib import PurePosixPath
+
+__all__ = [
+    "kind",
+    "of",
+]
 
 KINDS = {
     "train": "train", "training": "train",

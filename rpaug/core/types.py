@@ -7,13 +7,17 @@ the z coordinate in the camera's frame, not the ray's length. Colours are displa
 float in 0..1 elsewhere. Arrays are never written to after they were handed over.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Flag, auto
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from jaxtyping import Float16, Float32, Float64, Int32, UInt8
+
+from rpaug.core import arrays
+from rpaug.core.errors import BadInput
 
 
 class Effect(Flag):
@@ -109,12 +113,21 @@ class Robot:
     extra: Mapping[str, Float64[np.ndarray, "t ..."]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Provenance:
+    """Where an episode was read: the dataset, and the name of its layout."""
+
+    dataset: Path
+    layout: str
+
+
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """One recorded demonstration.
+    """One demonstration.
 
     `key` is its path inside the dataset, with forward slashes. `source` is the adapter's own: what it
-    needs to write the episode back with every field it does not know about.
+    needs to write the episode back with every field it does not know about. `provenance` says where it was read by
+    `rpaug.read`; `side` gives the files that belong beside a copy that `rpaug.augment` made, its report among them.
     """
 
     key: str
@@ -123,11 +136,112 @@ class Episode:
     descriptions: tuple[str, ...]
     length: int
     source: Any = None
+    provenance: Provenance | None = None
+    side: Callable[[], Mapping[str, bytes]] | None = None
 
     @property
     def instruction(self) -> str:
         """The first description, or an empty string."""
         return self.descriptions[0] if self.descriptions else ""
+
+    @classmethod
+    def from_arrays(
+        cls,
+        rgb: Any,
+        *,
+        depth: Any = None,
+        masks: Any = None,
+        cameras: Any = None,
+        instruction: str | Sequence[str] = "",
+        joint_positions: Any = None,
+        joint_velocities: Any = None,
+        gripper_to_world: Any = None,
+        gripper_open: Any = None,
+        key: str = "episode0",
+    ) -> "Episode":
+        """An episode of arrays, each by the camera's name, or of one camera alone, which is then called `front`.
+
+        `rgb` are (t, h, w, 3) uint8; `depth` (t, h, w) metres, 0 for nothing; `masks` (t, h, w) instance ids, 0 for
+        nothing; `cameras` a `Camera` or a pair of K (3, 3) and cam_to_world, (4, 4) or (t, 4, 4), with OpenCV's axes
+        and integer pixel centres. Depth needs its camera. `instruction` is one or several. The robot's states have one
+        row a frame: joints (t, j) in radians, the gripper's pose (t, 4, 4) and opening (t,) in 0..1. Raises BadInput.
+        """
+        images = {
+            name: arrays.colors(key, f"rgb[{name!r}]", one)
+            for name, one in arrays.by_camera(rgb).items()
+        }
+        lengths = {len(stack) for stack in images.values()}
+        if len(lengths) != 1:
+            found = f"{sorted(lengths)} frames" if lengths else "no camera"
+            raise BadInput(key, "rgb", found=found, expected="cameras with equally many frames")
+        (length,) = lengths
+        more = {"depth": arrays.by_camera(depth), "masks": arrays.by_camera(masks)}
+        more["cameras"] = arrays.by_camera(cameras)
+        for field_, given in more.items():
+            for name in given:
+                if name not in images:
+                    expected = f"one of: {', '.join(images)}"
+                    raise BadInput(key, field_, found=f"a camera {name!r}", expected=expected)
+        for name in more["depth"]:
+            if name not in more["cameras"]:
+                expected = "K and cam_to_world of each camera with depth"
+                raise BadInput(key, "cameras", found=f"none for {name!r}", expected=expected)
+        views = {
+            name: _view(key, name, stack, *(given.get(name) for given in more.values()))
+            for name, stack in images.items()
+        }
+        joints = np.zeros((length, 0)) if joint_positions is None else joint_positions
+        joints = arrays.numbers(key, "joint_positions", joints, (length, None))
+        speeds = np.zeros((length, 0)) if joint_velocities is None else joint_velocities
+        robot = Robot(
+            joint_positions=joints,
+            joint_velocities=arrays.numbers(key, "joint_velocities", speeds, (length, None)),
+            gripper_to_world=None
+            if gripper_to_world is None
+            else arrays.poses(key, "gripper_to_world", gripper_to_world, length),
+            gripper_open=None
+            if gripper_open is None
+            else arrays.numbers(key, "gripper_open", gripper_open, (length,)),
+        )
+        told = (instruction,) if isinstance(instruction, str) else tuple(instruction)
+        return cls(key, views, robot, tuple(filter(None, told)), length)
+
+
+def _view(
+    key: str,
+    name: str,
+    rgb: UInt8[np.ndarray, "t h w 3"],
+    depth: Any,
+    masks: Any,
+    camera: "Camera | tuple[Any, Any] | None",
+) -> CameraView:
+    """One camera of `Episode.from_arrays`. Raises BadInput."""
+    length, height, width = rgb.shape[:3]
+    field_ = f"cameras[{name!r}]"
+    if camera is None:
+        K, pose = arrays.assumed_intrinsics(width, height), np.eye(4)
+    elif isinstance(camera, Camera):
+        K, pose = camera.K, camera.cam_to_world
+    elif isinstance(camera, Sequence) and len(camera) == 2:
+        K, pose = camera
+    else:
+        expected = "a Camera, or K and cam_to_world"
+        raise BadInput(key, field_, found=type(camera).__name__, expected=expected)
+    stands = Camera(
+        arrays.intrinsics(key, f"{field_} K", K),
+        arrays.poses(key, f"{field_} cam_to_world", pose, length),
+        width,
+        height,
+        assumed=camera is None or (isinstance(camera, Camera) and camera.assumed),
+        unplaced=isinstance(camera, Camera) and camera.unplaced,
+    )
+    shape = rgb.shape[:3]
+    return CameraView(
+        stands,
+        rgb.__getitem__,
+        None if depth is None else arrays.depths(key, f"depth[{name!r}]", depth, shape).__getitem__,
+        None if masks is None else arrays.masks(key, f"masks[{name!r}]", masks, shape).__getitem__,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,6 +373,8 @@ class Gaussians:
     sh: Float32[np.ndarray, "n k 3"]
     ids: Int32[np.ndarray, "n"]
     frame_residuals: Mapping[int, FrameResidual] = field(default_factory=dict)
+
+    ARRAYS: ClassVar = ("means", "quats", "scales", "opacities", "sh", "ids")
 
     def __len__(self) -> int:
         return len(self.means)

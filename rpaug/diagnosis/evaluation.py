@@ -61,6 +61,6 @@ def checked(path: Path, evaluation: Evaluation) -> Evaluation:
 
 def filmed(path: Path) -> Mapping[int, CameraShot]:
     """The frames of a video, decoded when asked for. Raises BadInput."""
-    episode = registry.adapter("ego4d").read(path.parent, path.stem)
+    episode = registry.adapter("video").read(path.parent, path.stem)
     view: CameraView = next(iter(episode.views.values()))
     return {t: CameraShot(partial(view.rgb, t)) for t in range(episode.length)}

@@ -19,7 +19,7 @@ from rpaug.core.interfaces import Adapter
 from rpaug.core.types import Camera, CameraView, Episode, Robot, Scene
 from rpaug.language import asking
 from rpaug.language.messages import WishContext
-from rpaug.pipeline.job import group_of
+from rpaug.pipeline.run import group_of
 from rpaug.scene.build import build
 
 MOST = 10  # recordings that are looked at

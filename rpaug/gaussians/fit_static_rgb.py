@@ -29,7 +29,7 @@ def fitted(scene: Scene, fit: Fit) -> tuple[Scene, Mapping[str, Any]]:
     """
     if not any(view.proxy for view in scene.episode.views.values()):
         return fit(scene)
-    from rpaug.gaussians import untracked_gaussians  # only here: it brings torch and the rasteriser
+    from rpaug.gaussians import untracked_gaussians  # only here: it brings the rasteriser
 
     moving = untracked_gaussians.unsteady(scene)
     views = {

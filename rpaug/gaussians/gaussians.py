@@ -20,7 +20,6 @@ SPREAD = 0.5  # standard deviation over the spacing of the pixels: neighbours bl
 THIN = 0.1  # thickness over that
 GRAZING = 0.25  # cosine below which a footprint is not stretched further
 OPACITY = 0.95
-ARRAYS = (*frame_residuals.PARTS, "ids")
 
 
 @dataclass(frozen=True)
@@ -144,13 +143,15 @@ def standing_at(
 def joined(parts: Iterable[Gaussians]) -> Gaussians:
     """All Gaussians of several sets."""
     parts = list(parts)
-    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
+    arrays = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in Gaussians.ARRAYS
+    }
     return Gaussians(**arrays, frame_residuals=frame_residuals.joined(parts))
 
 
 def chosen(gaussians: Gaussians, keep: np.ndarray) -> Gaussians:
     """The Gaussians that `keep` (mask or indices) names."""
-    arrays = {name: getattr(gaussians, name)[keep] for name in ARRAYS}
+    arrays = {name: getattr(gaussians, name)[keep] for name in Gaussians.ARRAYS}
     rows = np.arange(len(gaussians))[keep]
     return Gaussians(
         **arrays,

@@ -106,12 +106,6 @@ def at(gaussians: Gaussians4, t: float) -> Slice:
     )
 
 
-def velocities(gaussians: Gaussians4) -> Float64[np.ndarray, "n 3"]:
-    """How far each Gaussian's middle moves in one frame, metres."""
-    whole = covariances(gaussians.left, gaussians.right, gaussians.scales)
-    return gaussians.pace * whole[:, :3, 3] / whole[:, 3, 3, None]
-
-
 def pull_back(
     gaussians: Gaussians4,
     t: float,

@@ -29,7 +29,6 @@ from rpaug.gaussians import frame_residuals
 
 FORMAT, VERSION = "rpaug scene", 3
 ENDING = ".zarr"
-ARRAYS = ("means", "quats", "scales", "opacities", "sh", "ids")
 FLOWING = ("means", "left", "right", "scales", "opacities", "sh", "ids", "origin")
 
 
@@ -49,7 +48,7 @@ class Borrowed:
     def without(self, instance_ids: Collection[int]) -> "Borrowed":
         """The same but for some instances."""
         keep = ~np.isin(self.gaussians.ids, list(instance_ids))
-        arrays = {name: getattr(self.gaussians, name)[keep] for name in ARRAYS}
+        arrays = {name: getattr(self.gaussians, name)[keep] for name in Gaussians.ARRAYS}
         return Borrowed(self.donor_adapter, self.rows[keep], Gaussians(**arrays))
 
 
@@ -115,9 +114,11 @@ def save(
         raise BadInput(folder, "scene", found="no Gaussians", expected="a fitted scene")
     facts: dict[str, Any] = {"format": FORMAT, "version": VERSION, "key": name}
     count = len(borrowed) if borrowed else 0
-    arrays = {f"gaussians/{n}": np.asarray(getattr(scene.gaussians, n))[count:] for n in ARRAYS}
+    arrays = {
+        f"gaussians/{n}": np.asarray(getattr(scene.gaussians, n))[count:] for n in Gaussians.ARRAYS
+    }
     if borrowed:
-        for n in ARRAYS:
+        for n in Gaussians.ARRAYS:
             same = np.array_equal(
                 getattr(scene.gaussians, n)[:count], getattr(borrowed.gaussians, n)
             )
@@ -213,10 +214,12 @@ def load(folder: Path, name: str) -> Stored | None:
         return None
     group, facts = _open(where)
     sums: Any = facts["sha256"]
-    loaded = {n: _read(where, group, f"gaussians/{n}", sums) for n in ARRAYS}
+    loaded = {n: _read(where, group, f"gaussians/{n}", sums) for n in Gaussians.ARRAYS}
     donated = _borrowed(folder, where, group, facts) if "borrowed" in facts else None
     if donated:
-        loaded = {n: np.concatenate([getattr(donated.gaussians, n), loaded[n]]) for n in ARRAYS}
+        loaded = {
+            n: np.concatenate([getattr(donated.gaussians, n), loaded[n]]) for n in Gaussians.ARRAYS
+        }
     described: Any = facts["bodies"]
     bodies = tuple(
         Body(
@@ -263,7 +266,7 @@ def _borrowed(folder: Path, where: Path, group: zarr.Group, facts: Mapping[str, 
             where, "borrowed", found=f"no scene {donor_adapter} in the store", expected="it"
         )
     rows = _read(where, group, "borrowed/rows", facts["sha256"])
-    donated = {n: getattr(found.gaussians, n)[rows] for n in ARRAYS}
+    donated = {n: getattr(found.gaussians, n)[rows] for n in Gaussians.ARRAYS}
     donated["ids"] = _read(where, group, "borrowed/ids", facts["sha256"])
     return Borrowed(donor_adapter, rows, Gaussians(**donated))
 

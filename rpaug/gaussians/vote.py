@@ -88,8 +88,8 @@ def _along(
     return own[:, None] == theirs
 
 
-def assigned(scene: Scene, pictures: Sequence[Labelled] | None = None) -> Scene:
+def assigned(scene: Scene) -> Scene:
     """The scene with its Gaussians' instance ids by vote. A Gaussian stays in the frame in which it was given."""
-    ids = vote(scene, pictures)
+    ids = vote(scene)
     assert scene.gaussians is not None
     return replace(scene, gaussians=replace(scene.gaussians, ids=ids))

@@ -13,7 +13,8 @@ from rpaug.core.types import Gaussians, Scene
 from rpaug.gaussians import frame_residuals
 from rpaug.gaussians.gaussian_view import sharp, standing, view_of
 from rpaug.gaussians.gaussians import SH0, Placement
-from rpaug.render.splat import Images, Splats, View, rasterise
+from rpaug.render.splat import Splats, View
+from rpaug.render.splat.autograd import Images, rasterise
 from rpaug.scene.recorded import surface
 
 MARGIN = 8  # pixels around the target

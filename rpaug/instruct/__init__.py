@@ -6,9 +6,9 @@ longer there, or where the words would now fit another thing as well, the copy i
 words that lie.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
+from rpaug.core.interfaces import Edit, Operator
 from rpaug.core.types import Scene
 from rpaug.instruct import changes
 from rpaug.instruct.judging import Judge, Untrue
@@ -17,14 +17,14 @@ from rpaug.instruct.phrases import phrases
 __all__ = ["Untrue", "followed", "phrases"]
 
 
-def followed(scene: Scene, draws: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+def followed(scene: Scene, edits: Sequence[tuple[Operator, Edit]]) -> tuple[str, ...]:
     """The descriptions after the edits. Raises Untrue.
 
-    `scene` is the edited one, `draws` are the edits as a report describes them.
+    `scene` is the edited one, `edits` are what was drawn, in order, by the operators that drew it.
     """
     if not any(True for text in scene.descriptions for _ in phrases(text)):
         return scene.descriptions
-    made = changes.of(scene, draws)
+    made = changes.of(scene, edits)
     if not made:
         return scene.descriptions
     judge = Judge(changes.recorded(scene), changes.rearranged(scene), made)

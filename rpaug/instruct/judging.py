@@ -5,8 +5,9 @@ from functools import cached_property
 
 from rpaug.core import colors
 from rpaug.core.errors import RpaugError, TargetError
+from rpaug.core.interfaces import Added
 from rpaug.core.types import Scene
-from rpaug.instruct.changes import Added, Changes
+from rpaug.instruct.changes import Changes
 from rpaug.instruct.phrases import (
     BESIDE,
     LARGE,
@@ -119,8 +120,8 @@ class Judge:
 
     def _becomes(self, phrase: InstructionPhrase) -> str | None:
         """The colour word that is true after the edits, None where there is none and none is needed. Raises Untrue."""
-        sampled = self._changes.sampled
-        if phrase.colour is None or not sampled:
+        words = self._changes.words
+        if phrase.colour is None or not words:
             return phrase.colour
         named = self._named(phrase)
         if named is None:
@@ -130,7 +131,7 @@ class Judge:
                     f"it cannot be told whether {phrase.text!r} is handle {doubtful[0]}, which was painted"
                 )
             return phrase.colour
-        new = {sampled.get(instance_id, phrase.colour) for instance_id in named}
+        new = {words.get(instance_id, phrase.colour) for instance_id in named}
         if None in new and self._alone(phrase, named):
             return None
         if None in new:
@@ -153,7 +154,7 @@ class Judge:
         painted = self._loose() if name is not None else []
         own = (self._named(phrase) or frozenset()) if painted else frozenset()
         for instance_id in painted:
-            new = self._changes.sampled[instance_id]
+            new = self._changes.words[instance_id]
             if (
                 instance_id not in own
                 and new
@@ -168,8 +169,8 @@ class Judge:
                         f"handle {instance_id} has a pattern of its own: {stated} could be it too"
                     )
         for one in self._changes.added:
-            if (name is None or colors.means(name, one.colour)) and _goes_by(one, phrase.nouns):
-                raise Untrue(f"a {one.colour} {one.kind} was put in: {stated} could be it too")
+            if (name is None or colors.means(name, one.color)) and _goes_by(one, phrase.nouns):
+                raise Untrue(f"a {one.color} {one.kind} was put in: {stated} could be it too")
 
     def _others(self, phrase: InstructionPhrase) -> list[int]:
         """Recorded things that go by the phrase's noun, but for those it means, and that keep their looks."""
@@ -178,7 +179,7 @@ class Judge:
             instance_id
             for instance_id, row in sorted(self._rows.items())
             if row.role not in targets.APART
-            and instance_id not in own | self._changes.removed | self._changes.sampled.keys()
+            and instance_id not in own | self._changes.removed | self._changes.words.keys()
             and self._fits(phrase, instance_id)
         ]
 
@@ -250,8 +251,8 @@ class Judge:
 
     def _loose(self) -> list[int]:
         """Painted instance ids but those of robot, table and background, which are meant only by name."""
-        sampled = self._changes.sampled
-        return [h for h in sorted(sampled) if self._rows[h].role not in targets.APART]
+        words = self._changes.words
+        return [h for h in sorted(words) if self._rows[h].role not in targets.APART]
 
     def _was(self, instance_id: int) -> str:
         return self._rows[instance_id].colour_name

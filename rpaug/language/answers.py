@@ -22,7 +22,7 @@ SHORT = 200  # characters of a name or an instruction that is shown to a model
 class WishStep(Message):
     """One change that a wish asks for, in the wish's own words."""
 
-    stated: str = Field(min_length=1, max_length=500)
+    said: str = Field(min_length=1, max_length=500)
     op: str
 
 
@@ -76,8 +76,8 @@ def plan(value: Any, stated: str, earlier: int) -> WishPlan:
     found = valid(WishPlan, value)
     wish = manager.normal(stated)
     for step in found.steps:
-        if manager.normal(step.stated) not in wish or not manager.normal(step.stated):
-            raise ValueError(f"said {step.stated!r}: these are not words of the wish")
+        if manager.normal(step.said) not in wish or not manager.normal(step.said):
+            raise ValueError(f"said {step.said!r}: these are not words of the wish")
         if step.op not in registry.operator_names():
             raise ValueError(f"op {step.op!r}: there are: {', '.join(registry.operator_names())}")
     if any(not 0 <= number < earlier for number in found.drop):
@@ -103,7 +103,8 @@ def edits(value: Any, op: str, known: frozenset[str], generates: bool = False) -
         if edit.get("op") != op:
             raise ValueError(f"op {edit.get('op')!r}: expected {op!r}")
         recipe.option(op, fields)
-        for name in ("target", "near", "targets"):
+        needs = registry.operator(op).needs
+        for name in (*needs.targets, *needs.anchors):
             for word in _words(fields.get(name)):
                 if word not in known:
                     raise ValueError(f"{name}: {word!r} was not said")

@@ -10,10 +10,11 @@ import yaml
 
 from rpaug.core.errors import BadRecipe, RpaugError, TargetError, Unsupported
 from rpaug.core.types import Episode, Scene
-from rpaug.language import grounding, making, refiner, rounds
+from rpaug.language import declared, grounding, making, refiner, rounds
 from rpaug.language.making import Maker
 from rpaug.language.messages import Answer, Entry, NotUnderstood, Trace, WishContext
 from rpaug.language.rounds import History
+from rpaug.pipeline import plan
 from rpaug.pipeline import recipe as recipes
 from rpaug.scene.targets import targets
 
@@ -36,7 +37,7 @@ class AskResult:
     @property
     def yaml(self) -> str:
         """The recipe as a file, with the wishes and the notes on top."""
-        lines = [f"# asked: {_line(one.stated)}" for one in self.history.rounds]
+        lines = [f"# asked: {_line(one.said)}" for one in self.history.rounds]
         lines += [f"# note: {_line(note)}" for note in self.notes]
         return (
             "\n".join(lines)
@@ -126,9 +127,10 @@ def _tried(scene: Scene, made: recipes.Recipe) -> None:
     """See that every edit can be drawn in the scene. Raises RpaugError."""
     for step in made.steps:
         for option in step.options:
-            if option.operator.gaussians:  # fitted only when the recipe runs
+            if option.operator.needs.gaussians:  # fitted only when the recipe runs
                 continue
             try:
+                plan.check(option.operator, scene)
                 option.operator.sample(scene, np.random.default_rng(0))
             except TargetError:
                 raise
@@ -141,8 +143,7 @@ def _targets(edits: tuple[Entry, ...]) -> Iterator[Any]:
     seen = []
     for edit in edits:
         for one in edit.get("one_of", [edit]):
-            named = [one[name] for name in ("target", "near") if one.get(name) is not None]
-            for value in [*named, *(one.get("targets") or ())]:
+            for value in (*declared.targets(one), *declared.anchors(one)):
                 if value not in seen:
                     seen.append(value)
                     yield value

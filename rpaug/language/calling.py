@@ -1,48 +1,24 @@
 """What people call the edits that they want undone, or left out."""
-# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 
-from rpaug.language.gathering import OWN_TARGET
+from rpaug.core import registry
+from rpaug.language import declared
 from rpaug.language.messages import Entry
 
-CALLED = {
-    **dict.fromkeys(("light", "lights", "lighting", "lamp", "lamps", "illumination"), ("light_color", "light_direction")),
-    **dict.fromkeys(("camera", "cameras", "viewpoint", "view", "camera pose"), ("camera_pose",)),
-    **dict.fromkeys(("noise",), ("sensor_noise",)), **dict.fromkeys(("blur",), ("sensor_blur",)),
-    **dict.fromkeys(("jpeg", "compression"), ("sensor_jpeg",)), **dict.fromkeys(("exposure",), ("sensor_exposure",)),
-    **dict.fromkeys(("distractor", "distractors", "clutter"), ("distractors",)),
-    **dict.fromkeys(("background", "walls", "floor"), ("background_texture",)),
-    **dict.fromkeys(("table", "table color", "table colour"), ("table_color", "table_texture")),
-    **dict.fromkeys(("texture", "textures"), ("retexture", "table_texture", "background_texture", "stylize")),
-    **dict.fromkeys(("color", "colour", "colors", "colours", "paint"), ("recolor", "table_color")),
-    **dict.fromkeys(("size", "resizing"), ("object_size",)), **dict.fromkeys(("spread", "shuffle"), ("spread",)),
-}  # fmt: skip
+# Fields beside targets that say what an edit is about.
+TELLING = ("category", "asset", "color", "camera", "texture", "style", "material")
 
 
 def called(what: str, edit: Entry) -> bool:
     """Do the words mean that edit: its kind, what it is about, or its operator's name?"""
     if "one_of" in edit:
         return any(called(what, option) for option in edit["one_of"])
-    if edit["op"] in CALLED.get(what, ()) or what.replace(" ", "_") == edit["op"]:
+    if what in registry.operator(edit["op"]).undone_as or what.replace(" ", "_") == edit["op"]:
         return True
     words = {_plain(word) for word in what.split()} - {"new", "extra", "added"}
-    about = " ".join(
-        str(value)
-        for name in (
-            "target",
-            "targets",
-            "category",
-            "asset",
-            "color",
-            "near",
-            "camera",
-            "texture",
-            "style",
-            "material",
-        )
-        if name != "near" and (value := edit.get(name)) is not None
-    )
+    telling = [edit[name] for name in TELLING if edit.get(name) is not None]
+    about = " ".join(map(str, [*declared.targets(edit), *telling]))
     return bool(words) and words <= {
         _plain(word) for word in re.findall(r"[a-z0-9]+", about.lower())
     }
@@ -54,9 +30,7 @@ def _plain(word: str) -> str:
 
 def about(edit: Entry) -> str:
     """The target of an edit in words, or what its operator is called."""
-    target = edit.get("target")
-    if isinstance(target, str):
-        return target
+    target = next(iter(declared.targets(edit)), None)
     if isinstance(target, dict):
         return str(target.get("role") or target.get("text") or target.get("handle"))
-    return str(OWN_TARGET.get(edit["op"], edit["op"]))
+    return str(target or declared.own_role(edit["op"]) or edit["op"])

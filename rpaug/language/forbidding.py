@@ -3,8 +3,9 @@
 
 import re
 
+from rpaug.language import declared
 from rpaug.language.calling import about, called
-from rpaug.language.gathering import OWN_TARGET, WishState, short
+from rpaug.language.gathering import WishState, short
 from rpaug.language.messages import Entry, NotUnderstood
 from rpaug.language.operation import meant
 
@@ -57,7 +58,7 @@ def respect(gathered: WishState) -> None:
         if words in ANY_WORK and gathered.fresh:
             raise NotUnderstood("the wish asks for edits and forbids all of them")
         for edit in gathered.fresh:
-            own = OWN_TARGET.get(edit.get("op", ""))
+            own = declared.own_role(edit["op"]) if "op" in edit else None
             if called(words, edit) or _about_all(words, edit) or own == words:
                 raise NotUnderstood(
                     f"{what!r} must not change, and the same wish asks for: {short(edit)}"

@@ -3,16 +3,9 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from rpaug.core import registry
+from rpaug.language import declared
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Trace, Wish
-
-# Only one edit of such a group can hold for one target.
-GROUPS = {
-    **dict.fromkeys(("recolor", "table_color", "retexture", "table_texture", "background_texture", "stylize"), "look"),
-    "object_size": "size", "light_color": "light colour", "light_direction": "light direction",
-    **{f"sensor_{name}": f"sensor {name}" for name in ("noise", "blur", "jpeg", "exposure")},
-    "remove": "removal", "move": "place", "physics": "material",
-}  # fmt: skip
-OWN_TARGET = {"table_color": "table", "table_texture": "table", "background_texture": "background"}
 
 
 @dataclass
@@ -69,12 +62,10 @@ def _forget_fresh(gathered: WishState, edit: Entry) -> None:
 
 def key(edit: Entry) -> tuple[str, str] | None:
     """What an edit settles, and of what."""
-    group = GROUPS.get(edit.get("op", ""))
-    if group is None:
+    group = registry.operator(edit["op"]).settles if "op" in edit else ""
+    if not group:
         return None
-    if edit["op"] in OWN_TARGET:
-        return group, repr({"role": OWN_TARGET[edit["op"]]})
-    return group, repr(edit.get("target"))
+    return group, repr(declared.targets(edit) or [{"role": declared.own_role(edit["op"])}])
 
 
 def short(edit: Entry) -> str:

@@ -171,7 +171,7 @@ BLUR = rf"(?:(?:blur|soften|defocus|smooth|smear) {SENSORS}|(?:put|make|have|get
       rf"{BLUR}{ON},? (?:by |of )?between (?P<low>{slots.NUMBER})(?: (?:pixels?|px))? and (?P<high>{slots.NUMBER}) ?(?:pixels?|px){ON}")  # fmt: skip
 def blur(stated: Said) -> Meant:
     if stated.get("most"):
-        return done({"op": "sensor_blur", "sigma": [0.3, _tidy(slots.number(stated["most"]))]})
+        return done({"op": "sensor_blur", "sigma": [0.3, slots.tidy(slots.number(stated["most"]))]})
     return done({"op": "sensor_blur", **_interval("sigma", stated)})
 
 
@@ -216,7 +216,7 @@ EXPOSURE = rf"(?:the )?(?:image |camera )?exposure(?: of {SENSORS})?"
       rf"(?P<way>increase|reduce|decrease|raise|lower|boost|drop|cut|bump up|push up|pull down) {EXPOSURE}(?: (?:by )?{STOPS})?")  # fmt: skip
 def exposure(stated: Said) -> Meant:
     less = stated["way"] in LESS
-    amount = _tidy(slots.number(stated["stops"])) if stated.get("stops") else 1
+    amount = slots.tidy(slots.number(stated["stops"])) if stated.get("stops") else 1
     notes = () if stated.get("stops") else ("one stop, since no amount was named",)
     value = -amount if less else amount
     return done({"op": "sensor_exposure", "stops": [value, value]}, notes=notes)
@@ -228,7 +228,7 @@ def exposure(stated: Said) -> Meant:
 def any_exposure(stated: Said) -> Meant:
     if not stated.get("most"):
         return done({"op": "sensor_exposure"})
-    most = _tidy(slots.number(stated["most"]))
+    most = slots.tidy(slots.number(stated["most"]))
     return done({"op": "sensor_exposure", "stops": [-most, most]})
 
 
@@ -237,12 +237,9 @@ def _interval(name: str, stated: Said) -> dict[str, Any]:
     low = stated.get("low")
     if low is None:
         return {}
-    return {name: [_tidy(slots.number(low)), _tidy(slots.number(stated.get("high") or low))]}
-
-
-def _tidy(value: float) -> float:
-    """A whole number as one."""
-    return int(value) if value == int(value) else value
+    return {
+        name: [slots.tidy(slots.number(low)), slots.tidy(slots.number(stated.get("high") or low))]
+    }
 
 
 def _level(value: float, stated: Said) -> Meant:

@@ -3,7 +3,7 @@
 import re
 
 from rpaug.core.errors import MissingExtra, TargetError
-from rpaug.language import arrange, assets, light, paint, phrasing, renderer, spelling
+from rpaug.language import arrange, assets, light, paint, phrasing, renderer, spelling, templates
 from rpaug.language.grammar import RULES, Rule
 from rpaug.language.messages import Meant, NotUnderstood, Wish
 from rpaug.providers.words import synonym
@@ -31,7 +31,7 @@ def meant(step: str, wish: Wish) -> Meant:
     """What a step means, in the words in which it was said or in others of the same meaning. Raises NotUnderstood."""
     reasons: list[str] = []
     for order in phrasing.orders(step):
-        for rule in ORDERED:
+        for rule in (*templates.rules(), *ORDERED):  # others' words are closer than {thing}
             try:
                 found = rule(order, wish)
             except (NotUnderstood, TargetError) as error:

@@ -9,7 +9,7 @@ from rpaug.language.grammar import NotThis, Said, done, refuse, rule
 from rpaug.language.grounding import Target, thing, things
 from rpaug.language.messages import Entry, Meant, Mention
 
-TABLE, BACKGROUND = {"role": "table"}, {"role": "background"}
+TABLE = {"role": "table"}
 ONE_OF = rf"(?P<one>{slots.ONE_COLOUR})(?P<more>(?:, ?{slots.ONE_COLOUR})*,? or (?:an? )?{slots.ONE_COLOUR}(?:,? or (?:an? )?{slots.ONE_COLOUR})*)"
 DARKER, LIGHTER = 0.6, 0.4  # of a colour's rgb; of its way to white
 KINDS = {

@@ -35,9 +35,9 @@ class Prompt:
 
 
 @cache
-def prompt(stage: str, version: int | None = None) -> Prompt:
-    """A stage's prompt, the latest if no version is named. Raises BadInput."""
-    number = LATEST[stage] if version is None else version
+def prompt(stage: str) -> Prompt:
+    """A stage's latest prompt. Raises BadInput."""
+    number = LATEST[stage]
     name = f"{stage}.v{number}.txt"
     text = (files("rpaug.language") / "prompts" / name).read_text(encoding="utf-8")
     head, *blocks = text.split("\n--- ")

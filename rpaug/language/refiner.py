@@ -10,6 +10,7 @@ from typing import Any
 
 from rpaug.core import registry
 from rpaug.core.types import Effect
+from rpaug.language import declared
 from rpaug.language.messages import Entry
 
 STEPS = 200
@@ -21,7 +22,7 @@ def refined(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The recipe's settings, with the fine-tune where the least tier calls for it, and what was decided."""
     options = [one for edit in edits for one in edit.get("one_of", [edit])]
-    own = [one["op"] for one in options if registry.operator(one["op"]).gaussians]
+    own = [one["op"] for one in options if registry.operator(one["op"]).needs.gaussians]
     together = [one["op"] for one in options if tier >= TIER and _of_things(one)]
     settings = dict(settings)
     if together:
@@ -35,6 +36,6 @@ def refined(
 
 def _of_things(edit: Entry) -> bool:
     """Does it change how recorded things look, or where they are?"""
-    operator = registry.operator(edit["op"])
-    named = "target" in edit or "targets" in edit or edit["op"].startswith(("table", "background"))
-    return named and bool(operator.effect & (Effect.RGB | Effect.BODIES))
+    named = declared.targets(edit) or declared.own_role(edit["op"])
+    effect = registry.operator(edit["op"]).effect
+    return bool(named and effect & (Effect.RGB | Effect.BODIES))

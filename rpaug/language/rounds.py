@@ -27,7 +27,7 @@ LONGEST = 1000  # characters of a wish: what is longer is no wish, and takes lon
 class TalkRound(Message):
     """One wish and what holds after it."""
 
-    stated: str
+    said: str
     edits: tuple[Entry, ...]
     settings: dict[str, Any] = {}
     mention: Mention | None = None
@@ -55,7 +55,7 @@ class History(Message):
     def after(self, stated: str, answer: Answer) -> "History":
         """The history with one more round."""
         made = TalkRound(
-            stated=stated, edits=answer.edits, settings=answer.settings, mention=answer.mention
+            said=stated, edits=answer.edits, settings=answer.settings, mention=answer.mention
         )
         return History(rounds=(*self.rounds, made)[-MOST:])
 

@@ -10,7 +10,7 @@ from rpaug.pipeline import recipe
 
 def of_plan() -> dict[str, Any]:
     schema = answers.WishPlan.model_json_schema()
-    schema["$defs"]["Step"]["properties"]["op"] = {"enum": registry.operator_names()}
+    schema["$defs"]["WishStep"]["properties"]["op"] = {"enum": registry.operator_names()}
     return schema
 
 

@@ -60,6 +60,11 @@ def number(text: str) -> float:
     return float(WORDS[text]) if text in WORDS else float(text)
 
 
+def tidy(value: float) -> float:
+    """A whole number as one."""
+    return int(value) if value == int(value) else value
+
+
 def rounded(value: float) -> float:
     """To a tenth of a millimetre, or of a milliradian."""
     return round(value, 4)

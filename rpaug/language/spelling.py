@@ -6,7 +6,7 @@ from collections.abc import Collection
 from functools import cache
 
 from rpaug.assets import library
-from rpaug.core import colors
+from rpaug.core import colors, registry
 from rpaug.language.grammar import RULES
 from rpaug.language.slots import METRES, RADIANS, WORDS
 from rpaug.scene.targets import shapes
@@ -41,6 +41,10 @@ def vocabulary() -> tuple[str, ...]:
     """All words that rules, colours, units, shapes and the library know."""
     patterns = " ".join(one.pattern for rule in RULES for one in rule.patterns)
     bare = re.sub(r"\(\?P<\w+>|\\[a-z]", " ", patterns)
+    phrases = " ".join(
+        text for name in registry.operator_names() for text in registry.operator(name).phrases
+    )
     things = " ".join(one.category for one in library.assets())
-    known = f"{bare} {things} {' '.join((*METRES, *RADIANS, *WORDS, *shapes.WORDS, *ROLES, *colors.NAMES))} the all"
+    bare = f"{bare} {phrases} the all"
+    known = f"{bare} {things} {' '.join((*METRES, *RADIANS, *WORDS, *shapes.WORDS, *ROLES, *colors.NAMES))}"
     return tuple(sorted({word for word in re.findall(r"[a-z]+", known) if len(word) >= SHORTEST}))

@@ -15,7 +15,7 @@ from rpaug.assets import library
 from rpaug.assets.textures import shipped
 from rpaug.core import registry
 from rpaug.core.errors import RpaugError
-from rpaug.language import answers, manager, rounds, schemas
+from rpaug.language import answers, declared, manager, rounds, schemas, templates
 from rpaug.language.messages import (
     Answer,
     Entry,
@@ -57,7 +57,7 @@ class WishModel:
         trace: list[Trace] = []
         check = partial(answers.plan, stated=stated, earlier=len(wish.edits))
         plan: answers.WishPlan = self._asked(
-            "manager", question, schemas.of_plan(), check, trace, operators=_operators()
+            "manager", question, schemas.of_plan(), check, trace, operators=operators()
         )
         if plan.refuse:
             raise NotUnderstood(f"{self._endpoint.model}: {self._endpoint.hidden(plan.refuse)}")
@@ -68,7 +68,7 @@ class WishModel:
                 step, mention, wish.setting, answers.known_words(stated, wish.edits), trace
             )
             edits += made
-            named = [edit["target"] for edit in made if "target" in edit]
+            named = [target for edit in made for target in declared.targets(edit)]
             mention = Mention(kind="target", target=named[-1]) if named else mention
         settings = dict(wish.settings) | _settings(plan)
         if not (plan.steps or plan.drop or _settings(plan)):
@@ -94,14 +94,14 @@ class WishModel:
     ) -> list[Entry]:
         if step.op == "camera_pose":
             question: dict[str, Any] = {
-                "step": step.stated,
+                "step": step.said,
                 "cameras": list(map(answers.short, setting.cameras)),
             }
             seen = partial(answers.viewpoint, cameras=setting.cameras)
             schema = schemas.of_viewpoint(setting.cameras)
             return [self._asked("renderer", question, schema, seen, trace).edit()]
         it = mention.target if mention and mention.kind == "target" else None
-        question = {"step": step.stated, "op": step.op, "it": it}
+        question = {"step": step.said, "op": step.op, "it": it}
         check = partial(answers.edits, op=step.op, known=known, generates=setting.generates)
         return self._asked(
             "operation", question, schemas.of_edits(step.op), check, trace,
@@ -141,7 +141,7 @@ def _unused(stated: str, plan: answers.WishPlan) -> tuple[str, ...]:
     """What of the wish no step rests on, to be told."""
     left = manager.normal(stated)
     for step in plan.steps:
-        left = left.replace(manager.normal(step.stated), " ")
+        left = left.replace(manager.normal(step.said), " ")
     words = [
         word
         for word in re.findall(r"[a-z0-9]+", left)
@@ -163,8 +163,11 @@ def _compared(
     return (f"the offline grammar reads it as: {json.dumps(list(other.edits))}",)
 
 
-def _operators() -> str:
-    return "\n".join(
-        f"- {name}: {(registry.operator(name).__doc__ or '').split(chr(10))[0]}"
-        for name in registry.operator_names()
-    )
+def operators() -> str:
+    """What can be asked for: every operator with its first sentence, and how it may be said."""
+    lines = []
+    for name in registry.operator_names():
+        stated = ", ".join(f'"{one}"' for one in templates.examples(name))
+        first = (registry.operator(name).__doc__ or "").splitlines()[0]
+        lines.append(f"- {name}: {first}" + (f" e.g. {stated}" if stated else ""))
+    return "\n".join(lines)

@@ -1,7 +1,7 @@
 """Give walls and floor another texture, as COLOSSEUM's `background_texture` does."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -15,3 +15,6 @@ class BackgroundTexture(Texturing):
 
     target: Target = BACKGROUND
     scale: Annotated[float, Field(gt=0)] = 1.2
+
+    phrases: ClassVar[tuple[str, ...]] = ("change the texture of the background",)
+    undone_as: ClassVar[tuple[str, ...]] = ("background", "walls", "floor", "texture", "textures")

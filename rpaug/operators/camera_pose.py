@@ -32,6 +32,8 @@ class CameraPose(Operator):
     turned: Motion | None = None  # radians
 
     effect: ClassVar[Effect] = Effect.CAMERA | Effect.PIXELS
+    phrases: ClassVar[tuple[str, ...]] = ("jitter {camera} [by up to {shift:length}]",)
+    undone_as: ClassVar[tuple[str, ...]] = ("camera", "cameras", "viewpoint", "view", "camera pose")
 
     def __post_init__(self) -> None:
         for name, most in (("by", 10.0), ("turned", 3.2)):

@@ -7,12 +7,13 @@ import numpy as np
 from pydantic import Field
 
 from rpaug.assets import library
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Added, Edit, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.insert import (
     AS_IT_COMES,
     Harmoniser,
     Sizes,
+    added,
     draw,
     inserted,
     light,
@@ -38,6 +39,8 @@ class Distractors(Operator):
     harmoniser: Harmoniser = "scene"
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    phrases: ClassVar[tuple[str, ...]] = ("add {count} distractors",)
+    undone_as: ClassVar[tuple[str, ...]] = ("distractor", "distractors", "clutter")
 
     def ready(self) -> None:
         harmonise.ready(self.harmoniser)
@@ -54,3 +57,6 @@ class Distractors(Operator):
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         return inserted(scene, edit)
+
+    def says(self, edit: Edit) -> tuple[Added, ...]:
+        return added(edit)

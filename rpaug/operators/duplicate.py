@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from rpaug.core.errors import Unsupported
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator
 from rpaug.core.types import Body, Effect, Scene
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import standing, untouched
@@ -28,6 +28,8 @@ class Duplicate(Operator):
     turn: Annotated[float, Field(ge=0, le=np.pi)] = 0.5  # radians, at most
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    needs: ClassVar[Needs] = Needs(targets=("target",))
+    phrases: ClassVar[tuple[str, ...]] = ("duplicate {target} [{count} times]",)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = untouched.find_untouched(scene, self.target, "duplicating")

@@ -12,7 +12,7 @@ from rpaug.assets.library import Asset
 from rpaug.compose.inserted import draw as draw_all
 from rpaug.core import geometry
 from rpaug.core.errors import RpaugError, Unsupported
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Added, Edit, Needs, Operator
 from rpaug.core.types import Ambience, Body, Effect, Gaussians, Scene
 from rpaug.operators.fields import Interval
 from rpaug.providers import harmonise
@@ -66,6 +66,8 @@ class Insert(Operator):
     harmoniser: Harmoniser = "scene"
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    needs: ClassVar[Needs] = Needs(anchors=("near",))
+    phrases: ClassVar[tuple[str, ...]] = ("add a {category:mug|bowl|book} [near {near}]",)
 
     def __post_init__(self) -> None:
         if self.at is not None and self.near is not None:
@@ -86,6 +88,9 @@ class Insert(Operator):
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         return inserted(scene, edit)
+
+    def says(self, edit: Edit) -> tuple[Added, ...]:
+        return added(edit)
 
 
 def draw(
@@ -183,6 +188,12 @@ def inserted(scene: Scene, edit: Edit) -> Scene:
     return shadows.grounded(scene, shadows.follow(scene, after, edit["lamps"]))
 
 
+def added(edit: Edit) -> tuple[Added, ...]:
+    """What an edit put in, as the library calls it."""
+    assets = [library.get(thing["asset"]) for thing in edit["things"]]
+    return tuple(Added(asset.category, asset.name, asset.colour) for asset in assets)
+
+
 def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
     """One thing where it stands over the whole episode; its Gaussians in the scene's light."""
     name, scale, pose = thing["asset"], thing["scale"], np.array(thing["pose"])
@@ -204,6 +215,6 @@ def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
 
 
 def _in_light(splats: Gaussians, pose: Float64[np.ndarray, "4 4"], light: Ambience) -> Gaussians:
-    from rpaug.compose import tuned  # only here: it brings torch and the rasteriser
+    from rpaug.compose import tuned  # only here: it brings the rasteriser
 
     return tuned.tuned(splats, pose, light)

@@ -42,6 +42,16 @@ class LightColor(Operator):
     ambient: Unit = 0.0
 
     effect: ClassVar[Effect] = Effect.RGB
+    phrases: ClassVar[tuple[str, ...]] = ("change the color of the lights",)
+    undone_as: ClassVar[tuple[str, ...]] = (
+        "light",
+        "lights",
+        "lighting",
+        "lamp",
+        "lamps",
+        "illumination",
+    )
+    settles: ClassVar[str] = "light colour"
 
     def __post_init__(self) -> None:
         if any(low > high for low, high in zip(*self.range, strict=True)):

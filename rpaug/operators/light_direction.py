@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int32
 from pydantic import Field
 
-from rpaug.core.errors import Unsupported
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator
 from rpaug.core.types import Effect, Scene, Surface
 from rpaug.operators.fields import Unit
 from rpaug.scene.lighting import light
@@ -71,6 +70,17 @@ class LightDirection(Operator):
     ambient: Unit | Literal["estimate"] = "estimate"
 
     effect: ClassVar[Effect] = Effect.RGB
+    needs: ClassVar[Needs] = Needs(depth=True)
+    phrases: ClassVar[tuple[str, ...]] = ("move the lamp", "turn the lamp by up to {turn:angle}")
+    undone_as: ClassVar[tuple[str, ...]] = (
+        "light",
+        "lights",
+        "lighting",
+        "lamp",
+        "lamps",
+        "illumination",
+    )
+    settles: ClassVar[str] = "light direction"
 
     def __post_init__(self) -> None:
         for name in ("to", "recorded"):
@@ -81,8 +91,6 @@ class LightDirection(Operator):
             raise ValueError("ambient: must exceed 0, or faces turned away were recorded black")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        if all(view.depth is None for view in scene.episode.views.values()):
-            raise Unsupported("moving the light needs recorded depth, and this source has none")
         found = light.dominant(scene.episode)
         old = _unit(found.direction if self.recorded == "estimate" else self.recorded)
         ambient = found.ambient if self.ambient == "estimate" else self.ambient

@@ -8,7 +8,7 @@ from jaxtyping import Float64
 from pydantic import Field
 
 from rpaug.core.errors import Unsupported
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import standing, untouched
@@ -36,6 +36,12 @@ class Move(Operator):
     within: Annotated[float, Field(gt=0, le=10)] = 0.15  # metres
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    needs: ClassVar[Needs] = Needs(targets=("target",), anchors=("near",))
+    phrases: ClassVar[tuple[str, ...]] = (
+        "move {target} by up to {shift:length}",
+        "move {target} next to {near}",
+    )
+    settles: ClassVar[str] = "place"
 
     def __post_init__(self) -> None:
         if sum(value is not None for value in (self.to, self.by, self.near)) > 1:

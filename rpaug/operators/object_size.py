@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field
 
 from rpaug.core import geometry
 from rpaug.core.errors import Unsupported
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator
 from rpaug.core.types import Body, Effect, Scene
 from rpaug.operators.fields import Interval
 from rpaug.scene.lighting import shadows
@@ -42,6 +42,12 @@ class ObjectSize(Operator):
     contact: Annotated[float, Field(gt=0, le=0.1)] = 0.004  # metres
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    needs: ClassVar[Needs] = Needs(targets=("target",))
+    phrases: ClassVar[tuple[str, ...]] = (
+        "resize {target} [to between {range:number} and {range:number} times its size]",
+    )
+    undone_as: ClassVar[tuple[str, ...]] = ("size", "resizing")
+    settles: ClassVar[str] = "size"
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = targets.find(scene, self.target)

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from rpaug.core.errors import RpaugError, Unsupported
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval
 from rpaug.physics import materials, simulate
@@ -89,6 +89,9 @@ class Physics(Operator):
     particles: Annotated[int, Field(ge=100, le=200_000)] = 6000
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    needs: ClassVar[Needs] = Needs(targets=("target",))
+    phrases: ClassVar[tuple[str, ...]] = ("make {target} behave like {material:rubber|jelly|sand}",)
+    settles: ClassVar[str] = "material"
 
     def ready(self) -> None:
         if self.material is None and self.vision is None and self.young is None:

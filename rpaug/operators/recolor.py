@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from rpaug.core import colors as colours
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB, Color
 from rpaug.scene.lighting import albedo, shading
@@ -89,6 +89,10 @@ class Recolor(Operator):
     mode: Literal["albedo", "lab"] = "albedo"
 
     effect: ClassVar[Effect] = Effect.RGB
+    needs: ClassVar[Needs] = Needs(targets=("target",))
+    phrases: ClassVar[tuple[str, ...]] = ("paint {target} {color}", "recolor {target} in {color}")
+    undone_as: ClassVar[tuple[str, ...]] = ("color", "colour", "colors", "colours", "paint")
+    settles: ClassVar[str] = "look"
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = sorted(targets.find(scene, self.target))
@@ -105,3 +109,12 @@ class Recolor(Operator):
             else:
                 painted.append(AlbedoRatio(instance_ids, old, (red, green, blue), surface["plain"]))
         return replace(scene, appearance=(*scene.appearance, *painted))
+
+    def says(self, edit: Edit) -> tuple[Painted, ...]:
+        return named(edit)
+
+
+def named(edit: Edit) -> tuple[Painted, ...]:
+    """The colour word of an edit that paints surfaces in one colour."""
+    painted = frozenset(surface["handle"] for surface in edit["surfaces"])
+    return (Painted(painted, colours.nearest(np.array(edit["color"]))),)

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import AfterValidator
 
 from rpaug.core.errors import RpaugError
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.providers import inpaint
 from rpaug.scene.lighting import shadows
@@ -38,6 +38,9 @@ class Remove(Operator):
     inpaint: Inpainting = "fsr"
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    needs: ClassVar[Needs] = Needs(targets=("target",))
+    phrases: ClassVar[tuple[str, ...]] = ("remove {target}",)
+    settles: ClassVar[str] = "removal"
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = untouched.find_untouched(scene, self.target, "removing")

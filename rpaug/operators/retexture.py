@@ -1,6 +1,7 @@
 """Give a thing another texture, lying still on it in every camera and frame, under the light it was recorded in."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from rpaug.operators.texturing import Texturing
 
@@ -8,3 +9,5 @@ from rpaug.operators.texturing import Texturing
 @dataclass(frozen=True, kw_only=True)
 class Retexture(Texturing):
     """Lay an image on `target`, in the frame of its body: as COLOSSEUM's `object_texture` does."""
+
+    phrases: ClassVar[tuple[str, ...]] = ("cover {target} with {texture:denim|walnut|terrazzo}",)

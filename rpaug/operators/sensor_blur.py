@@ -34,6 +34,11 @@ class SensorBlur(Operator):
     sigma: Interval[Annotated[float, Field(gt=0, le=50)]] = (0.3, 1.0)
 
     effect: ClassVar[Effect] = Effect.RGB
+    phrases: ClassVar[tuple[str, ...]] = (
+        "blur the images [by between {sigma:number} and {sigma:number} pixels]",
+    )
+    undone_as: ClassVar[tuple[str, ...]] = ("blur",)
+    settles: ClassVar[str] = "sensor blur"
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         return {"sigma": float(rng.uniform(*self.sigma))}

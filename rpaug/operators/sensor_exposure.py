@@ -39,6 +39,9 @@ class SensorExposure(Operator):
     stops: Interval[Annotated[float, Field(ge=-8, le=8)]] = (-1.0, 1.0)
 
     effect: ClassVar[Effect] = Effect.RGB
+    phrases: ClassVar[tuple[str, ...]] = ("vary the exposure",)
+    undone_as: ClassVar[tuple[str, ...]] = ("exposure",)
+    settles: ClassVar[str] = "sensor exposure"
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         return {"stops": float(rng.uniform(*self.stops))}

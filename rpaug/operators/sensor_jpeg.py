@@ -39,6 +39,11 @@ class SensorJPEG(Operator):
     quality: Interval[Annotated[int, Field(ge=1, le=100)]] = (30, 90)
 
     effect: ClassVar[Effect] = Effect.RGB
+    phrases: ClassVar[tuple[str, ...]] = (
+        "compress the images as jpeg [with quality {quality:count} to {quality:count}]",
+    )
+    undone_as: ClassVar[tuple[str, ...]] = ("jpeg", "compression")
+    settles: ClassVar[str] = "sensor jpeg"
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         return {"quality": int(rng.integers(self.quality[0], self.quality[1] + 1))}

@@ -42,6 +42,9 @@ class SensorNoise(Operator):
     shot: Interval[Amount] = (0.0, 0.001)
 
     effect: ClassVar[Effect] = Effect.RGB
+    phrases: ClassVar[tuple[str, ...]] = ("add noise to the images",)
+    undone_as: ClassVar[tuple[str, ...]] = ("noise",)
+    settles: ClassVar[str] = "sensor noise"
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         return {

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from rpaug.core.errors import RpaugError, Unsupported
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import standing, untouched
@@ -31,6 +31,9 @@ class Spread(Operator):
     turn: Annotated[float, Field(ge=0, le=np.pi)] = 0.5  # radians, at most
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    needs: ClassVar[Needs] = Needs(targets=("targets",))
+    phrases: ClassVar[tuple[str, ...]] = ("rearrange everything", "shuffle {targets}")
+    undone_as: ClassVar[tuple[str, ...]] = ("spread", "shuffle")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         around = find_free_space(scene)

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from rpaug.assets.textures import folder, shipped
 from rpaug.core.errors import BadInput, TargetError, Unsupported
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Effect, Scene, Surface
 from rpaug.gaussians.painting import Painting
 from rpaug.operators import fields, texturing
@@ -49,7 +49,8 @@ class Stylize(Operator):
     """Draw a picture, and optimise the colours of the target's Gaussians until they look like it to VGG16.
 
     What comes of it is a colour for each place on the body: fixed cameras show it inside the target's mask and stay
-    bit for bit outside. Needs fitted Gaussians, and VGG16's weights (`rpaug weights vgg16`, or `weights`: a file).
+    bit for bit outside. Needs fitted Gaussians, and VGG16's weights
+    (`weights`, the path of an ImageNet state dict; torchvision's in torch's cache if not given).
     """
 
     target: targets.Target
@@ -59,7 +60,10 @@ class Stylize(Operator):
     weights: Path | None = None
 
     effect: ClassVar[Effect] = Effect.RGB
-    gaussians: ClassVar[bool] = True
+    needs: ClassVar[Needs] = Needs(targets=("target",), gaussians=True)
+    phrases: ClassVar[tuple[str, ...]] = ("stylize {target} [like {style:rust|denim}]",)
+    undone_as: ClassVar[tuple[str, ...]] = ("texture", "textures")
+    settles: ClassVar[str] = "look"
 
     def __post_init__(self) -> None:
         texturing.check(self.style, self.textures)
@@ -94,7 +98,7 @@ class Stylize(Operator):
         network = features.load(self.weights)
         if network.digest != edit["weights"]["digest"]:
             raise BadInput(
-                self.weights or "the cache",
+                self.weights or features.default(),
                 "VGG16 weights",
                 found=f"{network.digest}, {network.origin}",
                 expected="{digest}, {origin}, as this edit was drawn with".format(
@@ -111,3 +115,6 @@ class Stylize(Operator):
         styled = nnfm.stylise(scene, instance_ids, picture, network, edit["seed"], settings)
         laid = Stylised(instance_ids, styled.old, styled.new)
         return replace(scene, appearance=(*scene.appearance, laid))
+
+    def says(self, edit: Edit) -> tuple[Painted, ...]:
+        return (Painted(frozenset(edit["handles"]), None),)

@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import RGB
-from rpaug.operators.recolor import AlbedoRatio
+from rpaug.operators.recolor import AlbedoRatio, named
 from rpaug.scene.lighting import shading
 from rpaug.scene.targets import targets
 
@@ -25,6 +25,19 @@ class TableColor(Operator):
     albedo: RGB | None = None
 
     effect: ClassVar[Effect] = Effect.RGB
+    needs: ClassVar[Needs] = Needs(targets=("target",))
+    phrases: ClassVar[tuple[str, ...]] = ("change the color of the table",)
+    undone_as: ClassVar[tuple[str, ...]] = (
+        "table",
+        "table color",
+        "table colour",
+        "color",
+        "colour",
+        "colors",
+        "colours",
+        "paint",
+    )
+    settles: ClassVar[str] = "look"
 
     def __post_init__(self) -> None:
         if any(low > high for low, high in zip(*self.range, strict=True)):
@@ -44,3 +57,6 @@ class TableColor(Operator):
             for one in edit["surfaces"]
         ]
         return replace(scene, appearance=(*scene.appearance, *painted))
+
+    def says(self, edit: Edit) -> tuple[Painted, ...]:
+        return named(edit)

@@ -1,7 +1,7 @@
 """Give the table another texture, as COLOSSEUM's `table_texture` does."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -15,3 +15,12 @@ class TableTexture(Texturing):
 
     target: Target = TABLE
     scale: Annotated[float, Field(gt=0)] = 0.6
+
+    phrases: ClassVar[tuple[str, ...]] = ("change the texture of the table",)
+    undone_as: ClassVar[tuple[str, ...]] = (
+        "table",
+        "table color",
+        "table colour",
+        "texture",
+        "textures",
+    )

@@ -11,15 +11,17 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from rpaug.assets.textures import folder, shipped
 from rpaug.assets.textures.mapping import Mapping, Texture
-from rpaug.core import geometry
+from rpaug.core import colors, geometry
 from rpaug.core.errors import BadInput, TargetError
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB
 from rpaug.scene.lighting import albedo, shading
 from rpaug.scene.targets import targets
 
 Triple = tuple[float, float, float]
+COARSE = 32  # texels a side at which a texture's colours are counted
+MOSTLY = 0.9  # of them in one colour, and people call it by that
 
 
 class Sample(BaseModel):
@@ -126,6 +128,9 @@ class Texturing(Operator):
     albedo: RGB | None = None
 
     effect: ClassVar[Effect] = Effect.RGB
+    needs: ClassVar[Needs] = Needs(targets=("target",))
+    undone_as: ClassVar[tuple[str, ...]] = ("texture", "textures")
+    settles: ClassVar[str] = "look"
 
     def __post_init__(self) -> None:
         check(self.texture, self.textures)
@@ -164,6 +169,12 @@ class Texturing(Operator):
             )
         return replace(scene, appearance=(*scene.appearance, *laid))
 
+    def says(self, edit: Edit) -> tuple[Painted, ...]:
+        word = _prevailing(self._texture(edit))
+        if word is None and not edit["digest"]:  # an own image has no word
+            word = shipped.pattern(edit["texture"])
+        return (Painted(frozenset(one["handle"] for one in edit["surfaces"]), word),)
+
     def _frame(self, seen: dict[int, shading.ShadedPixels]) -> Float64[np.ndarray, "4 4"]:
         back = shading.frame(seen)
         if self.origin is None and self.turn is None:
@@ -193,3 +204,12 @@ class Texturing(Operator):
 def _pyramid(where: Path | None, name: str, digest: str | None, mirror: bool) -> Texture:
     image = shipped.image(name) if where is None else folder.image(where, name)
     return Texture.of(image, mirror)
+
+
+def _prevailing(texture: Texture) -> str | None:
+    """The colour word for nearly all of an image, None for a pattern of several."""
+    start, rows, columns = next(size for size in texture.sizes if max(size[1:]) <= COARSE)
+    texels = texture.texels[start : start + rows * columns] / 255.0
+    named = [colors.nearest(texel) for texel in texels]
+    name = max(sorted(set(named)), key=named.count)
+    return name if named.count(name) >= MOSTLY * len(named) else None

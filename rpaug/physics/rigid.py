@@ -1,15 +1,17 @@
 """Things too stiff to deform: solids or convex hulls in MuJoCo, among what stands still and what is moved."""
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import mujoco
 import numpy as np
 from jaxtyping import Float, Float64
 
 from rpaug.core import geometry
 from rpaug.physics.colliders import Boxes
 from rpaug.physics.solids import Solid, around
+
+if TYPE_CHECKING:
+    import mujoco
 
 STEP = 0.00025  # seconds: with longer ones a cylinder that topples is turned aside, by where MuJoCo puts its contacts
 STRIP = 0.005  # metres: what stands still becomes columns with sides as long
@@ -111,6 +113,8 @@ class Rigid:
 
     def run(self, frames: int, pace: float, start: float = 0.0) -> Fall:
         """So many frames, `pace` seconds apart, the first of them as the thing is; boxes are met from `start` on."""
+        import mujoco  # only here: it takes a third of a second to load
+
         model = mujoco.MjModel.from_xml_string(self._described())
         data = mujoco.MjData(model)
         thing = model.body("thing").id
@@ -155,7 +159,7 @@ class Rigid:
     def _count(self) -> int:
         return 0 if self.boxes is None else len(self.boxes.radius)
 
-    def _move(self, data: mujoco.MjData, seconds: float) -> None:
+    def _move(self, data: "mujoco.MjData", seconds: float) -> None:
         """Boxes are put where they are now, with their speeds: whatever pushed them back is undone."""
         if self.boxes is None:
             return
@@ -290,7 +294,7 @@ def columns(
     return np.stack([x, y, half, np.full(len(x), bottom), top[keep]], -1)
 
 
-def _pose(data: mujoco.MjData, body: int) -> Float64[np.ndarray, "4 4"]:
+def _pose(data: "mujoco.MjData", body: int) -> Float64[np.ndarray, "4 4"]:
     pose = np.eye(4)
     pose[:3, :3] = data.xmat[body].reshape(3, 3)
     pose[:3, 3] = data.xpos[body]

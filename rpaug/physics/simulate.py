@@ -1,6 +1,5 @@
 """A recorded thing left to physics: filled, let go among its surroundings, and shown as it then moves or deforms."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,7 +34,6 @@ APART = (
 LOWER = 0.25  # of a thing's height: what tells the outline of its foot
 AROUND = 0.3  # metres around a rigid thing in which others stand in its way
 MOST_COLUMNS = 1500
-INVALID = "actions_valid"
 STILL = (
     3e-4  # metres and radians: what is as near to where it was recorded is shown as it was recorded
 )
@@ -270,18 +268,3 @@ def portrait(scene: Scene, instance_ids: frozenset[int]) -> UInt8[np.ndarray, "h
             f"simulating {sorted(instance_ids)}: no camera shows it in the first frame"
         )
     return best
-
-
-def invalid(tellings: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Why recorded actions no longer hold, in words; nothing if they do."""
-    return [
-        f"{INVALID}: {'; '.join(one['reasons'])}" for one in tellings if not one["actions_valid"]
-    ]
-
-
-def described(tellings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What a report says of simulations; nothing where there were none."""
-    if not tellings:
-        return {}
-    valid = all(one["actions_valid"] for one in tellings)
-    return {"actions_valid": valid, "physics": [dict(one) for one in tellings]}

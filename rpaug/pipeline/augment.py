@@ -10,8 +10,8 @@ from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED, apart, write_atomic
 from rpaug.pipeline import output_folder, prepare, report
 from rpaug.pipeline import workers as local
-from rpaug.pipeline.copies import Job
-from rpaug.pipeline.job import Run, Summary, group_of
+from rpaug.pipeline.job import Job
+from rpaug.pipeline.run import Run, Summary, group_of
 
 __all__ = ["Run", "Summary", "check", "execute", "jobs"]
 

@@ -1,6 +1,6 @@
 """Contracts that operators and adapters are held to: subclass one in your own tests and pytest runs it.
 
-class TestMine(rpaug.pipeline.contracts.OperatorContract):
+class TestMine(rpaug.OperatorContract):
     def operator(self): return MyOperator(strength=0.5)
     def scene(self): return my_small_scene()
 """
@@ -10,10 +10,12 @@ from dataclasses import FrozenInstanceError, fields
 from pathlib import Path
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from rpaug.compose import views
+from rpaug.core import phrases
 from rpaug.core.errors import RpaugError
-from rpaug.core.interfaces import Adapter, Edit, Operator
+from rpaug.core.interfaces import Adapter, Added, Edit, Operator, Painted
 from rpaug.core.types import CameraView, Effect, Episode, Scene
 from rpaug.pipeline import plan
 
@@ -100,6 +102,34 @@ class OperatorContract:
         after = operator.apply(scene, self._edit(scene))
         extra = self._changes(scene, after) & ~operator.effect
         assert not extra, f"changed {extra}, declared {operator.effect}"
+
+    def test_what_it_needs_are_its_fields(self) -> None:
+        operator = self.operator()
+        named = {*operator.needs.targets, *operator.needs.anchors}
+        unknown = named - {field.name for field in fields(operator)}  # type: ignore[arg-type]
+        assert not unknown, f"needs name {unknown}: no such fields"
+
+    def test_each_phrase_asks_for_a_valid_edit(self) -> None:
+        kind = type(self.operator())
+        for text in kind.phrases:
+            phrase = phrases.parse(text, kind)
+            for whole in (True, False):  # with what may be left out, and without
+                slots = phrases.slots(phrase, whole)
+                given = phrases.fields([(slot.field, slot.example[1]) for slot in slots])
+                TypeAdapter(kind).validate_python(given)
+
+    def test_what_it_says_is_plain_and_covers_what_it_paints(self) -> None:
+        scene, operator = self.scene(), self.operator()
+        edit = self._edit(scene)
+        changes = operator.says(json.loads(json.dumps(edit)))
+        assert all(isinstance(change, Painted | Added) for change in changes)
+        assert list(changes) == list(operator.says(edit))
+        laid = operator.apply(scene, edit).appearance[len(scene.appearance) :]
+        painted = [change.instance_ids for change in changes if isinstance(change, Painted)]
+        for instance_id in frozenset[int]().union(*painted):
+            layers = sum(instance_id in (one.instance_ids or ()) for one in laid)
+            words = sum(instance_id in one for one in painted)
+            assert layers <= words, f"{instance_id}: {layers} appearances, {words} times Painted"
 
     def _changes(self, before: Scene, after: Scene) -> Effect:
         changed = Effect.NONE

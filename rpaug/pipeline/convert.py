@@ -33,7 +33,12 @@ class Conversion:
         return 0 if not self.failures else 1 if self.episodes else 2
 
 
-def _given(source: Path, key: str, layout: str) -> dict[str, Any]:
+def named(dataset: Path, key: str) -> str:
+    """The key with its dataset's name in it: a short key does not say what the dataset is called, its folder does."""
+    return key if key.count("/") >= NAMED else f"{dataset.resolve().name}/{key}"
+
+
+def converted(source: Path, key: str, layout: str) -> dict[str, Any]:
     """The report of an episode in another layout: what it was made from, and whether that was synthetic."""
     synthetic = report.synthetic(source, key)
     given = {"rpaug": rpaug.__version__, "synthetic": synthetic, "source": key}
@@ -65,14 +70,13 @@ def convert(
     reports: dict[str, dict[str, Any]] = {}
     for number, key in enumerate(keys):
         progress(number, len(keys))
-        # A short key does not say what the dataset is called: its folder does.
-        like = key if key.count("/") >= NAMED else f"{source.resolve().name}/{key}"
+        like = named(source, key)
         group = PurePosixPath(writer.key_for(like, 0)).parent.as_posix()
         try:
             # Another layout takes the values alone: what was recorded beside them stays behind.
             episode = replace(reader.read(source, key), source=None)
             made = writer.key_for(like, free.get(group, 0))
-            given = _given(source, key, reader.name)
+            given = converted(source, key, reader.name)
             side = {report.NAME: report.encode(given)}
             writer.write(episode, target, made, partial(dict, side))
         except RpaugError as error:

@@ -1,27 +1,42 @@
-"""One episode through all stages: read, build, draw, apply, render, write. Each takes a value and returns one."""
+"""One copy of an episode in memory: drawn from its recipe, judged, and drawn again while it has a fault.
+
+`draw_copy` is the only place where copies are drawn: writers, training datasets, replays and benches call it.
+"""
 
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
-from pathlib import Path
+from functools import cached_property
 from typing import Any
 
 from rpaug import instruct
 from rpaug.compose import views
-from rpaug.core import registry
-from rpaug.core.files import REJECTED
-from rpaug.core.interfaces import Adapter
 from rpaug.core.types import Episode, Scene
-from rpaug.physics import simulate
+from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
 from rpaug.pipeline import plan as planning
 from rpaug.pipeline import report
-from rpaug.pipeline.prepare import ground, prepare_scene
 from rpaug.pipeline.recipe import Option, Recipe, option
-from rpaug.pipeline.recipe import build as build_recipe
-from rpaug.scene.recorded import surfels
+from rpaug.scene.recorded.surfels import Surfels
+
+ORIGINAL = 0
+"""The copy number of an untouched episode; augmented copies count from 1."""
+
+
+@dataclass(frozen=True)
+class PreparedEpisode:
+    """What all copies of one episode share.
+
+    `surfels` gives those of the recorded scene; without it each copy builds its own. Copies whose recorded actions no
+    longer hold are faulty unless `keep_invalid`.
+    """
+
+    scene: Scene
+    plan: planning.Plan
+    recipe: Recipe
+    surfels: Callable[[], Surfels] | None = None
+    keep_invalid: bool = False
 
 
 @dataclass(frozen=True)
@@ -46,9 +61,11 @@ class Draw:
 
 @dataclass(frozen=True)
 class Made:
-    """One augmented copy before it is written; `tally` fills as its frames are asked for.
+    """One copy; its images are rendered when they are asked for, and `tally` counts what changes meanwhile.
 
-    `untrue` says why its instruction cannot be kept true, and is empty where it is: such a copy is rejected.
+    `attempt` numbers its draws from 0; `seconds` went into this draw and those before it. `known` are the faults that
+    show before anything is rendered: an instruction that cannot be kept true, actions that no longer hold. `faults` say
+    why the copy is rejected; a copy without any is kept.
     """
 
     episode: Episode
@@ -57,15 +74,94 @@ class Made:
     plan: planning.Plan
     tally: report.Tally
     untrue: str = ""
+    gates: gating.Gates | None = None
+    attempt: int = 0
+    seconds: float = 0.0
+    known: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
 
     @property
     def recorded(self) -> Episode:
         """The episode as its source has it: `episode` is what the scene shows."""
         return self.scene.back(self.episode) if self.scene.back else self.episode
 
+    @cached_property
+    def figures(self) -> gating.Figures:
+        """What the gates measure, none without gates. Ask once all images were rendered."""
+        if self.gates is None:
+            return gating.Figures()
+        outside = sum(self.tally.outside.values())
+        return gating.measure(
+            self.scene, self.episode, self.plan.representations, outside, self.tally.holes
+        )
 
-class Rejected(Exception):
-    """A copy that exceeds a limit of its gates, told once all its frames are rendered and before it appears."""
+    def judged(self) -> tuple[str, ...]:
+        """All faults, those that the gates find among them. Ask once all images were rendered."""
+        found = self.gates.faults(self.figures) if self.gates else []
+        return (*found, *self.known)
+
+
+Judge = Callable[[Made], Sequence[str]]
+"""Is handed a draw without known faults and returns the faults that its images show. A writer's judge writes the copy
+as it judges it, so that every image is rendered once."""
+
+
+def rendered(made: Made) -> Sequence[str]:
+    """The judge of copies that stay in memory: renders every edited image if there are gates to judge them by."""
+    if made.gates is None:
+        return ()
+    for name, view in made.episode.views.items():
+        if view.rgb is not made.scene.episode.views[name].rgb:
+            for t in range(made.episode.length):
+                view.rgb(t)
+    return made.judged()
+
+
+@dataclass(frozen=True)
+class Known:
+    """A draw that was judged before: its number and, where a report has them, its described draws."""
+
+    attempt: int = 0
+    draws: Sequence[Mapping[str, Any]] | None = None
+
+
+def draw_copy(
+    prepared: PreparedEpisode, copy: int, judge: Judge = rendered, known: Known | None = None
+) -> Made:
+    """Copy number `copy`: the first of its draws without a fault, else the last one, with its faults.
+
+    It is drawn as often as its gates allow, once without gates; draws that came before are not judged twice. A `known`
+    draw is made again, whatever it came to. Raises TargetError, Unsupported, BadRecipe.
+    """
+    if copy == ORIGINAL:
+        prepared = replace(prepared, recipe=replace(prepared.recipe, steps=(), gates=None))
+    scene, recipe = prepared.scene, prepared.recipe
+    if known is not None:
+        if known.draws is not None:
+            return _made(prepared, *redraw(scene, known.draws), known.attempt)
+        return _made(prepared, *draw(scene, recipe, copy, known.attempt), known.attempt)
+    judged: list[tuple[Draw, ...]] = []
+    seconds = 0.0
+    for attempt in range(recipe.gates.tries if recipe.gates else 1):
+        start = time.perf_counter()
+        edited, draws = draw(scene, recipe, copy, attempt)
+        seconds += time.perf_counter() - start
+        if draws in judged:
+            continue
+        judged.append(draws)
+        made = replace(_made(prepared, edited, draws, attempt), seconds=seconds)
+        faults = made.known or tuple(judge(made))
+        if not faults:
+            return made
+    return replace(made, faults=faults)
+
+
+def _made(prepared: PreparedEpisode, scene: Scene, draws: tuple[Draw, ...], attempt: int) -> Made:
+    gates = prepared.recipe.gates
+    made = render(scene, draws, prepared.plan, gates is not None, prepared.surfels)
+    known = [made.untrue] if made.untrue else []
+    known += [] if prepared.keep_invalid else verdict.invalid(scene.simulated)
+    return replace(made, gates=gates, attempt=attempt, known=tuple(known))
 
 
 def draw(
@@ -86,7 +182,7 @@ def draw(
     return scene, tuple(draws)
 
 
-def redraw(scene: Scene, described: Sequence[dict[str, Any]]) -> tuple[Scene, tuple[Draw, ...]]:
+def redraw(scene: Scene, described: Sequence[Mapping[str, Any]]) -> tuple[Scene, tuple[Draw, ...]]:
     """The scene after the edits of a report: a replay, with nothing random in it. Raises BadRecipe."""
     draws = []
     for entry in described:
@@ -103,7 +199,7 @@ def render(
     draws: tuple[Draw, ...],
     plan: planning.Plan,
     counted: bool = False,
-    kept: Callable[[], surfels.Surfels] | None = None,
+    kept: Callable[[], Surfels] | None = None,
 ) -> Made:
     """The edited episode, every image still to be rendered when a writer or a trainer asks for it.
 
@@ -112,8 +208,11 @@ def render(
     """
     settled = planning.settle(plan, scene)
     untrue = ""
+    edits = [
+        (one.option.operator, one.edit) for one in draws if one.option and one.edit is not None
+    ]
     try:
-        words = instruct.followed(scene, [one.describe() for one in draws])
+        words = instruct.followed(scene, edits)
         scene = replace(scene, descriptions=words)
     except instruct.Untrue as error:
         untrue = str(error)
@@ -146,206 +245,3 @@ def _refined(scene: Scene, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
 
     tuned, facts = joint.refined(scene, joint.RefineSettings(steps=plan.refine))
     return tuned, replace(plan, refined=facts)
-
-
-ORIGINAL = 0
-"""The copy number of an untouched episode; augmented copies count from 1."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """One source episode and where its copies go, in plain values that cross process borders."""
-
-    adapter: str
-    source: Path
-    key: str
-    target: Path
-    copies: tuple[tuple[int, str], ...]  # copy number, key in the target
-    recipe: dict[str, Any]
-    tier: int
-    scenes: Path | None = None  # a store of fitted scenes
-    donor: str | None = None  # key of the episode whose static Gaussians are borrowed
-    keep_invalid: bool = False  # copies whose recorded actions no longer hold
-
-
-def augment(job: Job) -> Iterator[dict[str, Any]]:
-    """Read one episode, write its copies one by one, yield their reports. Raises RpaugError.
-
-    All edits are tried before the first copy is written: whether a target is there does not depend on the draw. A job
-    without copies fits what is to lend Gaussians to others, if the plan has any.
-    """
-    adapter, recipe = registry.adapter(job.adapter), build_recipe(job.recipe)
-    watch = report.Stopwatch()
-    with watch("read"):
-        episode = adapter.read(job.source, job.key)
-    scene, plan = prepare_scene(episode, recipe, job.tier, job.scenes, watch, _donor(adapter, job))
-    if not job.copies:
-        return
-    with watch("ground"):
-        ground(scene, recipe)
-    kept = cache(lambda: surfels.recorded(scene))
-    shared = {stage: seconds / len(job.copies) for stage, seconds in watch.seconds.items()}
-    for copy, key in job.copies:
-        place = CopyPlace(copy, job.target, key)
-        if copy == ORIGINAL:
-            write(adapter, render(scene, (), plan, kept=kept), job, place, shared)
-        else:
-            place = _augmented(adapter, scene, recipe, plan, job, place, shared, kept)
-        yield json.loads((place.root / key / report.NAME).read_bytes())
-
-
-def _donor(adapter: Adapter, job: Job) -> Callable[[], Episode] | None:
-    return partial(adapter.read, job.source, job.donor) if job.donor else None
-
-
-def _augmented(
-    adapter: Adapter,
-    scene: Scene,
-    recipe: Recipe,
-    plan: planning.Plan,
-    job: Job,
-    place: "CopyPlace",
-    shared: dict[str, float],
-    kept: Callable[[], surfels.Surfels],
-) -> "CopyPlace":
-    """Write one copy and say where.
-
-    While it fails its gates, its instruction cannot be kept true or its actions no longer hold, it is drawn again; a
-    draw that failed before is not tried twice. The last draw to fail goes to the folder of the rejected.
-    """
-    watch, gates = report.Stopwatch(), recipe.gates
-    failed: dict[int, Made] = {}
-    for attempt in range(gates.tries if gates else 1):
-        with watch("draw"):
-            edited, draws = draw(scene, recipe, place.copy, attempt)
-        if any(draws == one.draws for one in failed.values()):
-            continue
-        made = render(edited, draws, plan, gates is not None, kept)
-        if made.untrue or not (edited.actions_valid or job.keep_invalid):
-            failed[attempt] = made  # known before anything is rendered
-            continue
-        trial = Trial(gates, attempt, True, job.keep_invalid) if gates else None
-        try:
-            write(adapter, made, job, place, shared | watch.seconds, trial)
-        except Rejected:
-            failed[attempt] = made
-        else:
-            return place
-    attempt, made = failed.popitem()
-    place = replace(place, root=job.target / REJECTED)
-    trial = Trial(gates, attempt, False, job.keep_invalid)
-    write(adapter, made, job, place, shared | watch.seconds, trial)
-    return place
-
-
-@dataclass(frozen=True)
-class CopyPlace:
-    """Which copy is written, and where: as `key` in the dataset at `root`."""
-
-    copy: int
-    root: Path
-    key: str
-
-
-@dataclass(frozen=True)
-class Trial:
-    """How a copy is held to its gates, if it has any: `attempt` counts its draws from 0; not `strict`, it is written
-    all the same. An instruction that is not true is a fault, and so are actions that no longer hold, unless they are to
-    be kept (`keep_invalid`)."""
-
-    gates: gating.Gates | None
-    attempt: int
-    strict: bool
-    keep_invalid: bool = False
-
-    def judge(self, made: Made) -> dict[str, Any]:
-        """What the report says of it. Raises Rejected."""
-        known = [made.untrue] if made.untrue else []
-        known += [] if self.keep_invalid else simulate.invalid(made.scene.simulated)
-        if self.gates is None:
-            return gating.described(gating.Figures(), known, self.attempt)
-        outside = sum(made.tally.outside.values())
-        figures = gating.measure(
-            made.scene, made.episode, made.plan.representations, outside, made.tally.holes
-        )
-        faults = [*self.gates.faults(figures), *known]
-        if faults and self.strict:
-            raise Rejected
-        return gating.described(figures, faults, self.attempt)
-
-
-def write(
-    adapter: Adapter,
-    made: Made,
-    job: Job,
-    place: CopyPlace,
-    before: dict[str, float],
-    trial: Trial | None = None,
-) -> None:
-    """Write one copy with its report; frames are rendered as the adapter asks for them. Raises Rejected.
-
-    `before` are the seconds of the stages before this one.
-    """
-    start = time.perf_counter()
-
-    def side() -> dict[str, bytes]:
-        judged = trial.judge(made) if trial else None
-        spent = {"render": made.tally.seconds, "write": time.perf_counter() - start}
-        return report.side_files(
-            source=job.key,
-            copy=place.copy,
-            synthetic=place.copy != ORIGINAL,
-            recipe=job.recipe,
-            draws=[draw.describe() for draw in made.draws],
-            plan=made.plan.describe(),
-            tally=made.tally,
-            surfels=drawn(made),
-            gaussians=len(made.scene.gaussians or ()),
-            gates=judged,
-            words=_words(made),
-            physics=simulate.described(made.scene.simulated),
-            seconds=before | spent,
-        )
-
-    adapter.write(made.recorded, place.root, place.key, side)
-
-
-def _words(made: Made) -> dict[str, Any] | None:
-    """The instructions before and after, where an edit made them other ones."""
-    before, after = made.scene.episode.descriptions, made.episode.descriptions
-    return None if before == after else {"recorded": list(before), "written": list(after)}
-
-
-def drawn(made: Made) -> int:
-    """Recorded pixels that stand for surfaces in this copy."""
-    return sum(
-        view.camera.width * view.camera.height * made.episode.length
-        for name, view in made.episode.views.items()
-        if made.plan.representations[name] < 3
-    )
-
-
-def replay(
-    adapter: Adapter, source: Path, described: dict[str, Any], target: Path, key: str
-) -> None:
-    """Write again the episode that a report describes, from the recorded one. Raises RpaugError."""
-    recipe = build_recipe(described["recipe"])
-    job = Job(
-        adapter.name,
-        source,
-        described["source"],
-        target,
-        ((described["copy"], key),),
-        described["recipe"],
-        described["plan"]["tier"],
-        donor=described["plan"].get("fit", {}).get("founder"),
-    )
-    episode = adapter.read(source, job.key)
-    scene, plan = prepare_scene(episode, recipe, job.tier, donor=_donor(adapter, job))
-    scene, draws = redraw(scene, described["draws"])
-    trial = None
-    if judged := described.get("gates"):
-        kept = not any(fault.startswith(simulate.INVALID) for fault in judged["faults"])
-        trial = Trial(recipe.gates, judged["attempt"], False, kept)
-    made = render(scene, draws, plan, counted=recipe.gates is not None)
-    write(adapter, made, job, CopyPlace(described["copy"], target, key), {}, trial)

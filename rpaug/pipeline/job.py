@@ -1,115 +1,62 @@
-"""What is asked of a run over a dataset, which copies it makes of which episodes, and what it came to."""
+"""One episode of a run: read, built and planned once, then all its copies."""
 
-import zlib
-from dataclasses import dataclass, field
-from functools import cached_property
-from pathlib import Path, PurePosixPath
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rpaug.core import registry
-from rpaug.core.errors import BadInput
 from rpaug.core.interfaces import Adapter
-from rpaug.pipeline.copies import ORIGINAL
-from rpaug.pipeline.recipe import Recipe
+from rpaug.core.types import Episode
+from rpaug.pipeline import report
+from rpaug.pipeline.copies import PreparedEpisode
+from rpaug.pipeline.prepare import ground, prepare_scene
+from rpaug.pipeline.recipe import build as build_recipe
+from rpaug.pipeline.write import CopyPlace, write_copy
+from rpaug.scene.recorded import surfels
 
 
 @dataclass(frozen=True)
-class Run:
-    """What is asked for: `recipe` on the dataset `source`, written to `target`, shown at `tier` at least."""
+class Job:
+    """One source episode and where its copies go, in plain values that cross process borders."""
 
+    adapter: str
     source: Path
-    recipe: Recipe
+    key: str
     target: Path
-    tier: int = 0
+    copies: tuple[tuple[int, str], ...]  # copy number, key in the target
+    recipe: dict[str, Any]
+    tier: int
     scenes: Path | None = None  # a store of fitted scenes
-    share: bool = (
-        False  # episodes of one place borrow the static Gaussians of its first, through the store
-    )
+    donor: str | None = None  # key of the episode whose static Gaussians are borrowed
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
-    ratio: tuple[int, int] | None = None  # recorded to synthetic episodes, in each group
-    licence: str | None = None  # of the source, where it does not say
-
-    @cached_property
-    def adapter(self) -> Adapter:
-        """The adapter of the dataset's layout. Raises BadInput."""
-        return registry.adapter_for(self.source)
-
-    @cached_property
-    def keys(self) -> list[str]:
-        """The selected episodes. Raises BadInput if there are none."""
-        every = self.adapter.episodes(self.source)
-        keys = self.recipe.select(every)
-        if not keys:
-            known = f"{', '.join(every[:5])}{', ...' if len(every) > 5 else ''}"
-            raise BadInput(
-                self.source,
-                "select",
-                found="no episode that matches",
-                expected=f"patterns for: {known}",
-            )
-        return keys
-
-    @property
-    def copies(self) -> range:
-        """The copy numbers of each episode, the original's among them if it is kept."""
-        first = ORIGINAL if self.recipe.keep_originals or self.ratio else ORIGINAL + 1
-        last = self.recipe.copies
-        if self.ratio:
-            last = -(-self.ratio[1] // self.ratio[0])
-        return range(first, last + 1)
-
-    @cached_property
-    def spared(self) -> frozenset[tuple[str, int]]:
-        """Episodes that get no last copy, so that `ratio` is met: drawn from the recipe's seed, group by group."""
-        if not self.ratio:
-            return frozenset()
-        groups: dict[str, list[str]] = {}
-        for key in self.keys:
-            groups.setdefault(group_of(self.adapter, key), []).append(key)
-        found, last = set(), self.copies[-1]
-        for group, keys in groups.items():
-            wanted = round(len(keys) * self.ratio[1] / self.ratio[0])
-            rng = np.random.default_rng([self.recipe.seed, zlib.crc32(group.encode())])
-            order = rng.permutation(len(keys))
-            found |= {(keys[i], last) for i in order[wanted - len(keys) * (last - 1) :]}
-        return frozenset(found)
-
-    @property
-    def marker(self) -> dict[str, Any]:
-        """What tells one run's output from another's."""
-        return {
-            "dataset": str(self.source.resolve()),
-            "tier": self.tier,
-            "keep_invalid": self.keep_invalid,
-            "recipe": self.recipe.source,
-            **({"share": True} if self.share else {}),
-            **({"ratio": list(self.ratio)} if self.ratio else {}),
-        }
 
 
-@dataclass
-class Summary:
-    """What a run came to, over all that is in the output folder now."""
+def augment(job: Job) -> Iterator[dict[str, Any]]:
+    """Read one episode, write its copies one by one, yield their reports. Raises RpaugError.
 
-    copies: int = 0
-    resumed: int = 0
-    failures: dict[str, str] = field(default_factory=dict)
-    rejected: dict[str, str] = field(default_factory=dict)  # by key in that folder: why
-    aborted: str | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
-    changed_share: dict[str, float] = field(default_factory=dict)
-    warnings: dict[str, list[str]] = field(default_factory=dict)  # by source episode
+    All edits are tried before the first copy is written: whether a target is there does not depend on the draw. A job
+    without copies fits what is to lend Gaussians to others, if the plan has any.
+    """
+    adapter, recipe = registry.adapter(job.adapter), build_recipe(job.recipe)
+    watch = report.Stopwatch()
+    with watch("read"):
+        episode = adapter.read(job.source, job.key)
+    scene, plan = prepare_scene(episode, recipe, job.tier, job.scenes, watch, _donor(adapter, job))
+    if not job.copies:
+        return
+    with watch("ground"):
+        ground(scene, recipe)
+    kept = cache(partial(surfels.recorded, scene))
+    prepared = PreparedEpisode(scene, plan, recipe, kept, job.keep_invalid)
+    shared = {stage: seconds / len(job.copies) for stage, seconds in watch.seconds.items()}
+    for copy, key in job.copies:
+        place = CopyPlace(job.key, copy, job.target, key)
+        place = write_copy(adapter, prepared, place, shared)
+        yield json.loads((place.root / key / report.NAME).read_bytes())
 
-    @property
-    def exit_code(self) -> int:
-        """0: all done; 1: some episodes were skipped, or copies rejected; 2: nothing was made."""
-        if not self.failures and not self.aborted and not self.rejected:
-            return 0
-        return 1 if self.copies or self.rejected else 2
 
-
-def group_of(adapter: Adapter, key: str) -> str:
-    """The folder whose episodes are numbered together."""
-    return PurePosixPath(adapter.key_at(key, 0)).parent.as_posix()
+def _donor(adapter: Adapter, job: Job) -> Callable[[], Episode] | None:
+    return partial(adapter.read, job.source, job.donor) if job.donor else None

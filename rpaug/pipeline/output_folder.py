@@ -9,7 +9,7 @@ from rpaug.core import splits
 from rpaug.core.errors import BadInput
 from rpaug.core.files import PART, REJECTED, write_atomic
 from rpaug.pipeline import card, report
-from rpaug.pipeline.job import Run, Summary, group_of
+from rpaug.pipeline.run import Run, Summary, group_of
 
 
 def keys(run: Run, folder: str = "") -> list[str]:

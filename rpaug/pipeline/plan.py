@@ -4,10 +4,11 @@ A region is one body, or the background, in one camera. Its tier rises above the
 where the recipe states an accuracy, an error measured on the episode misses it, and the next tier should meet it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from rpaug.core.errors import Unsupported
 from rpaug.core.interfaces import Operator
 from rpaug.core.types import Effect, Episode, Scene
 from rpaug.pipeline.recipe import Accuracy
@@ -172,17 +173,30 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
     recording may lack: tier 1. Assets (tier 2) are shown by the surfels' z-buffer. `tier` is the least one wanted.
     """
     geometry = any(operator.effect & GEOMETRY for operator in operators)
-    targets = [getattr(operator, "target", None) for operator in operators]
-    parts = tuple(t for t in targets if isinstance(t, Target) and t.part is not None)
-    targeted = any(target is not None for target in targets)
+    targets = [target for operator in operators for target in _targets(operator)]
+    parts = tuple(target for target in targets if target.part is not None)
     representation = _representation(geometry, tier)
     representations = dict.fromkeys(episode.views, representation)
-    modelled = any(operator.gaussians for operator in operators)
-    bodies = targeted or modelled or representation > 0
+    modelled = any(operator.needs.gaussians for operator in operators)
+    wanted = any(operator.needs.bodies for operator in operators)
+    bodies = bool(targets) or wanted or modelled or representation > 0
     parts = tuple(dict.fromkeys(parts))
     return Plan(
         tier, representations, bodies, _whole(representations), parts=parts, modelled=modelled
     )
+
+
+def check(operator: Operator, scene: Scene) -> None:
+    """See that the recording has what an operator declares. Raises Unsupported."""
+    if operator.needs.depth and all(view.depth is None for view in scene.episode.views.values()):
+        raise Unsupported("it needs recorded depth, and this source has none")
+
+
+def _targets(operator: Operator) -> Iterator[Target]:
+    """The things that an operator edits, as its fields name them."""
+    for name in operator.needs.targets:
+        value = getattr(operator, name)
+        yield from (value,) if isinstance(value, Target) else value or ()
 
 
 def weigh(

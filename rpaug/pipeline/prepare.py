@@ -42,6 +42,7 @@ def ground(scene: Scene, recipe: Recipe) -> None:
     for step in recipe.steps:
         for option in step.options:
             try:
+                planning.check(option.operator, scene)
                 edit = option.operator.sample(scene, np.random.default_rng(0))
                 _showable(scene, option.operator, edit)
             except Unsupported as error:

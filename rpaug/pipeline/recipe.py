@@ -3,7 +3,7 @@
 import fnmatch
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,7 +21,6 @@ from rpaug.pipeline.recipe_yaml import Path_, kind_of, override, parse
 from rpaug.scene.video.settings import VideoSettings
 
 MAX_BYTES = 2**20
-DEFAULT_VIDEO = VideoSettings()
 
 
 class Select(BaseModel):
@@ -123,6 +122,16 @@ class Recipe:
     depth_model: str | None = None  # for episodes without depth
     video: VideoSettings = field(default_factory=VideoSettings)  # for videos of one moving camera
     refine: int = 0  # steps of the joint fine-tune, where Gaussians show all
+
+    @classmethod
+    def from_yaml(cls, path: Path | str) -> "Recipe":
+        """The recipe in a YAML file. Raises BadInput, and BadRecipe with file, line and key."""
+        return load(Path(path))
+
+    @classmethod
+    def from_dict(cls, tree: Mapping[str, Any]) -> "Recipe":
+        """The recipe of plain data, as YAML has it. Raises BadRecipe."""
+        return build(dict(tree))
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.

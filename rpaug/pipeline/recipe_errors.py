@@ -2,9 +2,8 @@
 
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
-
 from rpaug.core.errors import BadRecipe
+from rpaug.core.validation import Invalid, dotted, validated
 from rpaug.pipeline.recipe_yaml import Path_
 
 
@@ -25,29 +24,13 @@ class Faults:
     def check(self, path: Path_, kind: type, data: Any) -> Any:
         """The data as a value of that type, or None after its faults were added."""
         try:
-            return TypeAdapter(kind).validate_python(data)
-        except ValidationError as error:
-            for fault in error.errors(include_url=False):
-                where = (
-                    *path,
-                    *(part for part in fault["loc"] if not str(part).startswith("function-")),
-                )
-                message = fault["msg"].removeprefix("Value error, ")
-                if fault["type"] == "missing":
-                    self.add(where, "missing")
-                elif fault["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-                    self.add(where, "unknown key")
-                else:
-                    self.add(where, f"found {fault['input']!r:.80}; {message}")
+            return validated(kind, data)
+        except Invalid as error:
+            for place, message in error.faults:
+                self.add((*path, *place), message)
             return None
 
     def raise_any(self) -> None:
         """Raises BadRecipe if there are faults."""
         if self.found:
             raise BadRecipe("\n".join(self.found))
-
-
-def dotted(path: Path_) -> str:
-    """`edits[0].color` for ("edits", 0, "color")."""
-    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
-    return text.removeprefix(".")

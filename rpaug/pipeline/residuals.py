@@ -58,7 +58,7 @@ def measure(scene: Scene, moved: Mapping[str, Camera]) -> list[Residual]:
 
 def of_gaussians(scene: Scene, cameras: Iterable[str]) -> list[Residual]:
     """Residuals of the scene's Gaussians in the recorded views of some cameras, which they were fitted to."""
-    from rpaug.gaussians import gaussian_view  # only here: it brings torch and the rasteriser
+    from rpaug.gaussians import gaussian_view  # only here: it brings the rasteriser
 
     def drawn(name: str, t: int) -> tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
         return gaussian_view.render_view(scene, name, t)[:2]

@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from rpaug.core.errors import RpaugError
-from rpaug.pipeline.copies import Job, augment
+from rpaug.pipeline.job import Job, augment
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",

@@ -1,19 +1,16 @@
 """What a picture looks like to VGG16 (Simonyan and Zisserman 2015, arXiv 1409.1556): its thirteen convolutions.
 
-Weights are read from a file: the one that `rpaug weights vgg16` keeps in the user's cache, or an ImageNet state dict
-in torchvision's layout (`.pth`, `.pt` or `.safetensors`, keys `features.N.weight`). Which of them it was is kept as
-`origin`, because features that were fine-tuned for edges are not the published ones.
+Weights are read from a file: an ImageNet state dict in torchvision's layout (`.pth`, `.pt` or `.safetensors`, keys
+`features.N.weight`). Nothing is downloaded. `origin` is the file's name.
 """
 
 import hashlib
 import io
 import pickle
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -21,25 +18,14 @@ from torch.nn import functional
 
 from rpaug.core.errors import BadInput, MissingExtra
 from rpaug.core.files import read_bytes
-from rpaug.providers import weights
 
 BLOCKS = (2, 2, 3, 3, 3)  # convolutions between poolings
 LAYERS = tuple(f"conv{b + 1}_{c + 1}" for b, count in enumerate(BLOCKS) for c in range(count))
 TORCHVISION = dict(zip(LAYERS, (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28), strict=True))
 LEAST = 16  # pixels a side: smaller pictures are spent before the last block
-
-
-@dataclass(frozen=True)
-class Intake:
-    """How a network wants its pixels: (255 * picture[channels] - mean) / deviation, channels of RGB."""
-
-    channels: tuple[int, int, int]
-    mean: tuple[float, float, float]
-    deviation: tuple[float, float, float]
-
-
-CAFFE = Intake((2, 1, 0), (104.00699, 116.66877, 122.67892), (1.0, 1.0, 1.0))
-IMAGENET = Intake((0, 1, 2), (123.675, 116.28, 103.53), (58.395, 57.12, 57.375))
+MEAN, DEVIATION = (123.675, 116.28, 103.53), (58.395, 57.12, 57.375)  # of ImageNet's RGB, 0 to 255
+FILE = "vgg16-397923af.pth"  # torchvision's
+URL = f"https://download.pytorch.org/models/{FILE}"
 
 
 @dataclass(frozen=True)
@@ -47,7 +33,6 @@ class VGG16:
     """The convolutions, by layer name: kernels (out, in, 3, 3) and biases (out). `digest` names their content."""
 
     convolutions: Mapping[str, tuple[Tensor, Tensor]]
-    intake: Intake
     origin: str
     digest: str
 
@@ -60,8 +45,8 @@ class VGG16:
         """
         if not layers or set(layers) - set(LAYERS):
             raise ValueError(f"layers are {list(layers)}; expected some of {', '.join(LAYERS)}")
-        mean, deviation = (images.new_tensor(v)[:, None, None] for v in self._scaling)
-        x = (255 * images[:, list(self.intake.channels)] - mean) / deviation
+        mean, deviation = (images.new_tensor(v)[:, None, None] for v in (MEAN, DEVIATION))
+        x = (255 * images - mean) / deviation
         found: dict[str, Tensor] = {}
         for name in LAYERS[: 1 + max(map(LAYERS.index, layers))]:
             if name.endswith("_1") and name != LAYERS[0]:
@@ -72,28 +57,23 @@ class VGG16:
                 found[name] = x
         return found
 
-    @property
-    def _scaling(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        return self.intake.mean, self.intake.deviation
+
+def default() -> Path:
+    """Where torch keeps the weights that torchvision downloads."""
+    return Path(torch.hub.get_dir()) / "checkpoints" / FILE
 
 
 def load(path: Path | None = None) -> VGG16:
-    """VGG16 from a file, by default the one in the user's cache. Raises BadInput or MissingExtra.
-
-    A file that is not there is an error that names the command which fetches it.
-    """
-    where = weights.path() if path is None else Path(path)
+    """VGG16 from a file, by default torchvision's if it is in torch's cache. Raises BadInput or MissingExtra."""
+    where = default() if path is None else Path(path)
     if not where.is_file():
         raise BadInput(
             where,
             "VGG16 weights",
             found="nothing",
-            expected="the file that `rpaug weights vgg16` fetches, or a state dict of your own",
+            expected=f"an ImageNet state dict of VGG16: put {URL} there, or give the path of a file of your own",
         )
-    arrays = state(where)
-    if where.suffix == ".npz":
-        return VGG16(_convolutions(where, arrays), CAFFE, weights.ORIGIN, _digest(arrays))
-    return imagenet(where, arrays)
+    return imagenet(where, state(where))
 
 
 def imagenet(where: Path, arrays: Mapping[str, Tensor]) -> VGG16:
@@ -104,12 +84,12 @@ def imagenet(where: Path, arrays: Mapping[str, Tensor]) -> VGG16:
         for part in ("weight", "bias")
         if f"features.{number}.{part}" in arrays
     }
-    return VGG16(_convolutions(where, named), IMAGENET, "ImageNet", _digest(named))
+    return VGG16(_convolutions(where, named), where.name, _digest(named))
 
 
 def state(where: Path) -> dict[str, Tensor]:
-    """The tensors of a `.npz`, `.pt`, `.pth` or `.safetensors` file by name. Raises BadInput or MissingExtra."""
-    readers = {".npz": _npz, ".pth": _torch, ".pt": _torch, ".safetensors": _safetensors}
+    """The tensors of a `.pt`, `.pth` or `.safetensors` file by name. Raises BadInput or MissingExtra."""
+    readers = {".pth": _torch, ".pt": _torch, ".safetensors": _safetensors}
     if where.suffix not in readers:
         raise BadInput(
             where, "ending", found=repr(where.suffix), expected=f"one of {', '.join(readers)}"
@@ -128,18 +108,12 @@ def state(where: Path) -> dict[str, Tensor]:
         EOFError,
         OSError,
         RuntimeError,
-        zipfile.BadZipFile,
         pickle.UnpicklingError,
     ) as error:
         found = (str(error).splitlines() or [type(error).__name__])[0][:120]
         raise BadInput(
             where, "weights", found=found, expected="undamaged tensors by name"
         ) from None
-
-
-def _npz(data: bytes) -> Mapping[str, Tensor]:
-    with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-        return {name: torch.from_numpy(stored[name]) for name in stored.files}
 
 
 def _torch(data: bytes) -> Mapping[str, Tensor]:

@@ -1,4 +1,4 @@
-"""One coherent draw per (epoch, episode): what `rpaug augment` writes as copy epoch + 1, rendered when asked for."""
+"""One coherent copy per (epoch, episode): what `rpaug augment` makes as copy epoch + 1, rendered when asked for."""
 
 import warnings
 from collections import OrderedDict
@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rpaug.core.types import Episode
-from rpaug.pipeline import copies as pipeline
+from rpaug.pipeline.copies import ORIGINAL, Known, Made, draw_copy
 from rpaug.training.scenes import Ready, Scenes
 from rpaug.training.schedule import Schedule
+from rpaug.training.verdicts import CopyVerdict, Verdicts
 
-TRIES = 4  # draws of one copy until its instruction and actions are true; else it stays as recorded
 KEPT_DRAWS = 2  # edited scenes: each keeps its recorded one, and decoded images of it
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """An episode with what was drawn for it; `skipped` says why the recipe could not be applied to it, if so."""
+    """An episode with what was drawn for it; `skipped` says why it comes as recorded although a copy was due."""
 
     episode: Episode
     edits: list[dict[str, Any]] = field(default_factory=list)
@@ -24,14 +24,15 @@ class Drawn:
 
 
 class Draws:
-    """Edited episodes of the selected ones; in epochs they are left out of, as recorded.
+    """Copies of the selected episodes; in epochs they are left out of, the episodes as recorded.
 
-    So is, with a warning that names it, an episode that `rpaug augment` would skip: one without a target, say.
+    So comes a copy that `rpaug augment` rejects, and, with a warning that names it, an episode that `rpaug augment`
+    skips: one without a target, say.
     """
 
-    def __init__(self, scenes: Scenes, schedule: Schedule, keep_invalid: bool = False) -> None:
+    def __init__(self, scenes: Scenes, schedule: Schedule) -> None:
         self.scenes, self.schedule, self.keys = scenes, schedule, scenes.keys
-        self.keep_invalid = keep_invalid
+        self.verdicts = Verdicts(scenes.folder)
         self._held: OrderedDict[tuple[int, int], Drawn] = OrderedDict()
 
     def __call__(self, index: int, epoch: int) -> Drawn:
@@ -51,17 +52,31 @@ class Draws:
         key, recipe = self.keys[index], self.scenes.recipe
         ready = self.scenes(key)
         if not self.schedule.augmented(recipe, self.keys, epoch, index):
-            return Drawn(_recorded(ready))
+            return _as_recorded(ready)
         if why := ready.lacking():
             warnings.warn(f"{key} comes as recorded: {why}", stacklevel=2)
-            return Drawn(_recorded(ready), skipped=why)
-        for attempt in range(TRIES):
-            edited, draws = pipeline.draw(ready.scene, recipe, epoch + 1, attempt)
-            made = pipeline.render(edited, draws, ready.plan, kept=ready.surfels)
-            if not made.untrue and (edited.actions_valid or self.keep_invalid):
-                return Drawn(made.episode, [draw.describe() for draw in draws])
-        return Drawn(_recorded(ready), skipped=made.untrue or "its actions would be untrue")
+            return _as_recorded(ready, why)
+        made, faults = self._judged(ready, epoch + 1)
+        if made is None:
+            return _as_recorded(ready, "; ".join(faults))
+        return Drawn(made.recorded, [draw.describe() for draw in made.draws])
+
+    def _judged(self, ready: Ready, copy: int) -> tuple[Made | None, tuple[str, ...]]:
+        """The copy, or None and why it is rejected. A copy that gates judged once is not judged again."""
+        prepared = ready.prepared
+        if prepared.recipe.gates is None:
+            made = draw_copy(prepared, copy)
+            return (None if made.faults else made), made.faults
+        name = ready.name()
+        verdict = self.verdicts.get(name, copy)
+        if verdict is None:
+            made = draw_copy(prepared, copy)
+            self.verdicts.keep(name, copy, CopyVerdict(made.attempt, made.faults))
+            return (None if made.faults else made), made.faults
+        if verdict.faults:
+            return None, verdict.faults
+        return draw_copy(prepared, copy, known=Known(verdict.attempt)), ()
 
 
-def _recorded(ready: Ready) -> Episode:
-    return pipeline.render(ready.scene, (), ready.plan, kept=ready.surfels).episode
+def _as_recorded(ready: Ready, skipped: str = "") -> Drawn:
+    return Drawn(draw_copy(ready.prepared, ORIGINAL).recorded, skipped=skipped)

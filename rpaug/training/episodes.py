@@ -11,12 +11,13 @@ from torch.utils.data import Dataset, IterableDataset, get_worker_info
 from rpaug.core import registry
 from rpaug.core.errors import Unsupported
 from rpaug.core.types import Episode
-from rpaug.pipeline import recipe
+from rpaug.pipeline import inputs
+from rpaug.pipeline.inputs import RecipeLike
 from rpaug.training import frames as choosing
 from rpaug.training.drawing import Draws
 from rpaug.training.frames import Frames, Windows
 from rpaug.training.scenes import Scenes
-from rpaug.training.schedule import Schedule
+from rpaug.training.schedule import Schedule, epoch_number
 
 GAUSSIANS = 3  # the first tier that is fitted
 
@@ -30,12 +31,12 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
     `K` (3, 3) and `cam_to_world` (n, 4, 4) float64 (OpenCV axes, integer pixel centres). `skipped` is empty, or says
     why the recipe could not be applied: the episode then comes as recorded, without `edits`.
 
+    `dataset` is a folder or `sample`; `recipe` a file, the name of a shipped one, a dict or a `Recipe`.
     `frames` says which frames: the key frames (PerAct's rule, the first frame among them), all, given numbers, or
     `Windows`, of which each is an item of its own. `schedule` says which episodes of an epoch are augmented. With a
     folder `scenes`, scenes are found once and read back from there; Gaussians (tier 3) ask for one.
-    A draw after which the instruction or, unless `keep_invalid`, the recorded actions are not true is drawn again a few
-    times; then the episode comes as recorded. So does, with a warning, one that `rpaug augment` skips since it lacks
-    what an edit asks for.
+    In epoch e an episode is copy e + 1 of `rpaug augment`, gates and redraws included. A copy that is rejected there
+    comes as recorded; so does, with a warning, an episode that lacks what an edit asks for.
     The same recipe, epoch and episode give the same item in any worker and in any order. `set_epoch` reaches workers
     that are already running. Raises BadInput, BadRecipe, Unsupported.
     """
@@ -43,7 +44,7 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
     def __init__(
         self,
         dataset: Path | str,
-        recipe_file: Path | str,
+        recipe: RecipeLike,
         *,
         frames: Frames = "key",
         cameras: Sequence[str] | None = None,
@@ -55,16 +56,18 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         choosing.check(frames)
         if isinstance(cameras, str):
             raise Unsupported(f"cameras={cameras!r}: expected a list of names")
-        if tier >= GAUSSIANS and scenes is None:
+        if inputs.tier(tier) >= GAUSSIANS and scenes is None:
             raise Unsupported(
                 "Gaussians are fitted before training: tier 3 needs `scenes`, a folder filled by `rpaug fit`"
             )
-        root = Path(dataset)
-        held = Scenes(root, recipe.load(Path(recipe_file)), tier, Path(scenes) if scenes else None)
-        self.draws = Draws(held, schedule or Schedule(), keep_invalid)
+        root, folder = registry.dataset(dataset), Path(scenes) if scenes else None
+        held = Scenes(root, inputs.recipe(recipe), tier, folder, keep_invalid)
+        self.draws = Draws(held, schedule or Schedule())
         self.keys, self.frames, self.cameras = self.draws.keys, frames, cameras
         if not self.keys:
             raise Unsupported(f"{root}: the recipe's select matches none of its episodes")
+        if cameras is not None:
+            _check(cameras, registry.adapter(held.adapter).read(root, self.keys[0]))
         self.items = list(self._items(root))
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()
 
@@ -74,8 +77,8 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         return int(self._epoch)
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw anew: epoch e of an episode is what `rpaug augment` writes as copy e + 1."""
-        self._epoch.fill_(epoch)
+        """Draw anew: epoch e of an episode is what `rpaug augment` writes as copy e + 1. Raises Unsupported below 0."""
+        self._epoch.fill_(epoch_number(epoch))
 
     def __len__(self) -> int:
         return len(self.items)
@@ -86,6 +89,7 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         episode = drawn.episode
         chosen = choosing.of(episode, self.frames, start)
         names = list(episode.views) if self.cameras is None else list(self.cameras)
+        _check(names, episode)
         robot = episode.robot
         return {
             "key": episode.key,
@@ -144,6 +148,14 @@ class AugmentedStream(IterableDataset[dict[str, Any]]):
             group = [item for episode in mine[at : at + self.mixed] for item in belong[episode]]
             for item in rng.permutation(group).tolist():
                 yield self.episodes[item]
+
+
+def _check(cameras: Sequence[str], episode: Episode) -> None:
+    """See that the episode has those cameras. Raises Unsupported."""
+    for name in cameras:
+        if name not in episode.views:
+            known = ", ".join(episode.views)
+            raise Unsupported(f"{episode.key}: no camera is called {name!r}; there are: {known}")
 
 
 def _images(episode: Episode, name: str, frames: list[int]) -> dict[str, torch.Tensor]:

@@ -3,15 +3,17 @@
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import rpaug
 from rpaug.core import registry
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Episode, Scene
 from rpaug.gaussians import store
 from rpaug.pipeline import prepare
+from rpaug.pipeline.copies import PreparedEpisode
 from rpaug.pipeline.plan import Plan, make
 from rpaug.pipeline.recipe import Recipe
 from rpaug.scene.build import build
@@ -25,15 +27,16 @@ KEPT_BYTES = 512 * 2**20  # of surfels, in each process
 
 @dataclass(frozen=True)
 class Ready:
-    """A recorded scene, the plan of who shows what of it, and its surfels when they are asked for.
+    """A recorded episode and what all its copies share.
 
-    `lacking` says why the recipe's edits cannot be made of it, and is empty where they can.
+    `lacking` says why the recipe's edits cannot be made of it, and is empty where they can. `name` tells its content
+    and all that verdicts on its copies depend on from any other.
     """
 
-    scene: Scene
-    plan: Plan
-    surfels: Callable[[], Surfels]
+    episode: Episode
+    prepared: PreparedEpisode
     lacking: Callable[[], str]
+    name: Callable[[], str]
 
 
 class Scenes:
@@ -43,8 +46,16 @@ class Scenes:
     Gaussians are. A copy of it, as a worker process gets one, begins with nothing in memory.
     """
 
-    def __init__(self, root: Path, recipe: Recipe, tier: int, folder: Path | None) -> None:
+    def __init__(
+        self,
+        root: Path,
+        recipe: Recipe,
+        tier: int,
+        folder: Path | None,
+        keep_invalid: bool = False,
+    ) -> None:
         self.root, self.recipe, self.tier, self.folder = root, recipe, tier, folder
+        self.keep_invalid = keep_invalid
         self.adapter = registry.adapter_for(root).name
         self._held: OrderedDict[str, Ready] = OrderedDict()
         self._bytes: dict[str, int] = {}
@@ -77,9 +88,25 @@ class Scenes:
             scene, plan, kept = self._found(episode)
         except (TargetError, Unsupported) as error:  # `rpaug augment` skips it
             why, scene = str(error), build(episode, with_bodies=False)
-            return Ready(scene, make((), episode), lambda: surfels.recorded(scene), lambda: why)
+            bare = PreparedEpisode(scene, make((), episode), self.recipe)
+            return Ready(episode, bare, lambda: why, lambda: key)
         find = self._counted(key, lambda: kept or surfels.recorded(scene))
-        return Ready(scene, plan, find, cache(lambda: _lacking(scene, self.recipe)))
+        prepared = PreparedEpisode(scene, plan, self.recipe, find, self.keep_invalid)
+        lacking = cache(partial(_lacking, scene, self.recipe))
+        return Ready(episode, prepared, lacking, cache(partial(self._name, scene, key)))
+
+    def _name(self, scene: Scene, key: str) -> str:
+        """The episode's key in one process; where a folder is shared, a hash of its content and of what is asked."""
+        if self.folder is None:
+            return key
+        asked = {
+            "rpaug": rpaug.__version__,
+            "key": key,
+            "recipe": self.recipe.source,
+            "tier": self.tier,
+            "keep_invalid": self.keep_invalid,
+        }
+        return store.key(scene, asked, 0)
 
     def _found(self, episode: Episode) -> tuple[Scene, Plan, Surfels | None]:
         plan = make(prepare.operators(self.recipe), episode, self.tier)

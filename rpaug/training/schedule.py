@@ -11,6 +11,13 @@ from rpaug.pipeline.recipe import Recipe
 SALT = 0x5CED  # sets these draws apart from those of the recipe's steps
 
 
+def epoch_number(given: int) -> int:
+    """The epoch that was given. Raises Unsupported for what is no whole number from 0."""
+    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 0:
+        raise Unsupported(f"epoch {given!r}: expected a whole number from 0")
+    return int(given)
+
+
 @dataclass(frozen=True)
 class Schedule:
     """How much of an epoch is augmented.

@@ -11,12 +11,13 @@ from torch.utils.data import Dataset, IterableDataset
 from rpaug.core import geometry, registry
 from rpaug.core.errors import Unsupported
 from rpaug.core.types import CameraView
-from rpaug.pipeline import recipe
+from rpaug.pipeline import inputs
+from rpaug.pipeline.inputs import RecipeLike
 from rpaug.training import matching
 from rpaug.training.drawing import Draws
 from rpaug.training.matching import Layout
 from rpaug.training.scenes import Scenes
-from rpaug.training.schedule import Schedule
+from rpaug.training.schedule import Schedule, epoch_number
 
 Kind = Literal["rgb", "depth", "ids", "points", "K", "cam_to_world"]
 Sample = Any
@@ -57,8 +58,8 @@ class Wrapper:
         return int(self._epoch)
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw anew; reaches workers that are already running."""
-        self._epoch.fill_(epoch)
+        """Draw anew; reaches workers that are already running. Raises Unsupported below 0."""
+        self._epoch.fill_(epoch_number(epoch))
 
     def __call__(self, sample: Sample) -> Sample:
         """The sample with its images edited, everything else as it was. Raises Unsupported.
@@ -93,7 +94,7 @@ class Wrapper:
         if not drawn.edits:
             return made
         edited = drawn.episode
-        recorded = self.draws.scenes(key).scene.episode
+        recorded = self.draws.scenes(key).episode
         frames = [int(t) for t in np.atleast_1d(np.asarray(asked))]
         for t in frames:
             if not 0 <= t < recorded.length:
@@ -153,7 +154,7 @@ class WrappedStream(IterableDataset[Any]):
 def wrap(
     dataset: Any,
     recordings: Path | str,
-    recipe_file: Path | str,
+    recipe: RecipeLike,
     *,
     episode: Callable[[Sample], Any],
     frame: Callable[[Sample], Any],
@@ -164,7 +165,8 @@ def wrap(
 ) -> WrappedDataset | WrappedStream:
     """`dataset` with the images of its samples edited as the recipe says, one draw per (epoch, episode).
 
-    `recordings` is the dataset on disk that the samples come from, in any layout rpaug reads. `episode` names a
+    `recordings` is the dataset on disk that the samples come from, in any layout rpaug reads; `recipe` a file, the name
+    of a shipped one, a dict or a `Recipe`. `episode` names a
     sample's episode there, by key or by number in natural order; `frame` its frame, or frames where images are stacked.
     Of a batch both give a list, one entry a row.
     `cameras` maps cameras of the recording to keys of the sample: `{"front": "front_rgb"}`, or
@@ -180,7 +182,10 @@ def wrap(
             known = ", ".join(KINDS)
             raise Unsupported(f"cameras: {camera}: found {unknown[0]!r}; expected some of: {known}")
     held = Scenes(
-        Path(recordings), recipe.load(Path(recipe_file)), tier, Path(scenes) if scenes else None
+        registry.dataset(recordings),
+        inputs.recipe(recipe),
+        inputs.tier(tier),
+        Path(scenes) if scenes else None,
     )
     wrapper = Wrapper(Draws(held, schedule or Schedule()), episode, frame, cameras)
     if hasattr(dataset, "__getitem__") and hasattr(dataset, "__len__"):

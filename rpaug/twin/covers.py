@@ -63,22 +63,6 @@ def coordinates(
     return np.stack([right, np.where(axis == 2, y, z)], -1) / side
 
 
-def look_up(
-    image: UInt8[np.ndarray, "h w 3"], tiles: Float[np.ndarray, "n 2"]
-) -> Float[np.ndarray, "n 3"]:
-    """The repeating image at those coordinates, 0..1, by linear interpolation between texel centres."""
-    height, width = image.shape[:2]
-    at = np.stack([tiles[:, 0] * width, -tiles[:, 1] * height], -1) - 0.5
-    corner = np.floor(at).astype(int)
-    out = np.zeros((len(tiles), 3))
-    for right in (0, 1):
-        for down in (0, 1):
-            step = corner + np.array([right, down])
-            weight = (1 - np.abs(at - step)).prod(1)
-            out += weight[:, None] * image[step[:, 1] % height, step[:, 0] % width]
-    return out / 255.0
-
-
 def mesh(part: Part, number: int, side: float) -> CoverMesh:
     """The mesh of one of a part's shapes. Raises RpaugError for shapes with round ends."""
     geom = part.geoms[number]

@@ -57,4 +57,4 @@ def test_hands_that_are_no_list_are_refused(tmp_path: Path) -> None:
     tree["clips"][0]["frames"][0]["pnr_frame"]["boxes"] = 0.5
     path.write_text(json.dumps(tree))
     with pytest.raises(BadInput, match=r"pnr_frame\.boxes: found 0\.5; expected a list of objects"):
-        run.read("ego4d", tmp_path)
+        run.read("video", tmp_path)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from analytic import scene
 
-from rpaug.bench import baselines
 from rpaug.core.types import Episode
+from tools.bench.harness import baselines
 
 
 def episode() -> Episode:

@@ -1,5 +1,8 @@
 """The closed loop measures what it says: experts succeed, idlers do not, poses survive the policy's maps."""
 
+import json
+import re
+from collections.abc import Mapping
 from contextlib import closing
 
 import numpy as np
@@ -16,6 +19,7 @@ from rpaug.twin.record import stage
 from tools.bench.closed_loop import layouts, looks, policy, result, samples, training, views
 from tools.bench.closed_loop.arms import MOST, TASKS, TESTS
 from tools.bench.closed_loop.bench import Bench
+from tools.bench.harness import pages
 
 
 def begun(task: str) -> Bench:
@@ -149,7 +153,23 @@ def test_layouts_that_nothing_can_solve_are_not_tested() -> None:
     assert layouts.solvable("push_button", TESTS, 2) == [0, 1]
 
 
-def test_outcomes_are_kept_by_seed_and_paired_by_episode() -> None:
+def made_up(success: Mapping[str, np.ndarray]) -> dict[str, dict[str, result.Packed]]:
+    """Outcomes of arms as they are kept, from (seed, task, layout, condition) or what broadcasts to that."""
+    kept: dict[str, dict[str, result.Packed]] = {}
+    for arm, values in success.items():
+        shape = (len(values), 2, values.shape[2], len(looks.CONDITIONS))
+        for seed, tasks in enumerate(np.broadcast_to(values, shape)):
+            rows = [
+                [f"task{task}", condition, layout, tasks[task, layout, number]]
+                for task in range(2)
+                for layout in range(shape[2])
+                for number, condition in enumerate(looks.CONDITIONS)
+            ]
+            kept.setdefault(arm, {})[str(seed)] = result.packed(rows)
+    return kept
+
+
+def test_outcomes_are_kept_by_seed_and_rated_by_condition() -> None:
     rows = [["task", c, n, c == "none" or n > 3] for c in looks.CONDITIONS for n in (0, 2, 5)]
     never = [[task, condition, episode, False] for task, condition, episode, _ in rows]
     kept = {
@@ -160,21 +180,110 @@ def test_outcomes_are_kept_by_seed_and_paired_by_episode() -> None:
         c: "111" if c == "none" else "001" for c in looks.CONDITIONS
     }
     both = result.outcomes(kept["rpaug"], (0, 1))
-    assert both["task", "none", 1] == 0.5
-    assert both["task", "all", 1] == 0.0
-    shown = result.table(kept, ["plain", "rpaug"], [0])
-    assert "| **mean of factors** | 0.0 | 33.3 |" in shown
-    assert "| rpaug over plain | +100.0 (+100.0, +100.0) | +33.3 (" in shown
+    assert both.rate(["none"]) == 50
+    assert both.of(["all"])[:, 0].tolist() == [[0, 0, 1], [0, 0, 0]]
+    success, leads, without = result.tables(kept, ["plain", "rpaug"], [0], "command")
+    assert success.find("mean of all nine", "rpaug") == "33.3"
+    assert success.find("object_color", "as unperturbed") == "10 of 12"
+    assert leads.find("rpaug over plain", "unperturbed") == "+100.0 (+100.0, +100.0)"
+    assert without.rows == [["rpaug over plain"]]  # nothing is left without the only task
+    assert {table.seeds for table in (success, leads, without)} == {"seed 0"}
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
-    """Coin flips whose true difference is 20 points: 95 % of the intervals hold it, give or take."""
+def test_an_interval_knows_that_seeds_differ() -> None:
+    """Leads of 0, 20 and 40 points on every layout: all three drawn alike, one time in nine, bound the interval."""
+    lead = np.zeros((3, 1, 10, 1), bool)
+    lead[1, :, :2] = lead[2, :, :4] = True
+    kept = made_up({"plain": np.zeros((3, 1, 10, 1), bool), "rpaug": lead})
+    arms = {name: result.outcomes(kept[name], range(3)) for name in kept}
+    three = result.ahead(arms["rpaug"], arms["plain"], looks.SINGLE)
+    assert three.mean == pytest.approx(20)
+    assert three.low < 3
+    assert three.high > 40
+    (one, other) = (result.outcomes(kept[name], [0]) for name in ("rpaug", "plain"))
+    assert result.ahead(one, other, looks.SINGLE) == result.Lead(0, 0, 0)
+
+
+def test_conditions_share_the_layouts_that_are_drawn() -> None:
+    """What one condition gains on a layout another loses there: no draw of layouts can find a lead."""
+    rng = np.random.default_rng(0)
+    flips = rng.random((1, 2, 10, 1)) < 0.5
+    odd = np.arange(len(looks.CONDITIONS)) % 2 == 0
+    kept = made_up({"plain": ~flips ^ odd, "rpaug": flips ^ odd})
+    arms = {name: result.outcomes(kept[name], [0]) for name in kept}
+    lead = result.ahead(arms["rpaug"], arms["plain"], looks.CONDITIONS[1:3])
+    assert lead == result.Lead(0, 0, 0)
+    assert result.ahead(arms["rpaug"], arms["plain"], looks.CONDITIONS[1:2]).high > 0
+
+
+def test_a_lead_without_one_task_is_that_of_the_others() -> None:
+    lead = np.zeros((1, 2, 10, 1), bool)
+    lead[:, 1] = True
+    kept = made_up({"plain": np.zeros_like(lead), "rpaug": lead})
+    arms = {name: result.outcomes(kept[name], [0]) for name in kept}
+    assert result.ahead(arms["rpaug"], arms["plain"], ["all"], "task0").mean == 100
+    assert result.ahead(arms["rpaug"], arms["plain"], ["all"], "task1").mean == 0
+
+
+def test_a_factor_that_cannot_tell_arms_apart_is_dead() -> None:
+    plain = np.ones((1, 1, 20, len(looks.CONDITIONS)), bool)
+    better = plain.copy()
+    where = looks.CONDITIONS.index
+    plain[..., where("object_color")] = False  # only plain fails there
+    for arm in (plain, better):
+        arm[:, :, :10, where("object_size")] = False  # all fail there alike
+        arm[:, :, 0, where("none")] = False
+        arm[:, :, 0, where("background_texture")] = False
+    kept = made_up({"plain": plain, "rpaug": better})
+    arms = {name: result.outcomes(kept[name], [0]) for name in kept}
+    why = {factor: result.dead(arms, factor) for factor in looks.SINGLE}
+    assert why["object_color"] == ""
+    assert why["object_size"] == "dead: nothing beats plain"
+    assert why["background_texture"] == "dead: as unperturbed"
+    assert why["camera_pose"] == "dead: plain loses nothing"
+    assert result.unchanged(kept, "background_texture") == (80, 80)
+    assert result.unchanged(kept, "camera_pose") == (76, 80)
+
+
+@pytest.mark.parametrize("seeds", [1, 12])
+def test_intervals_hold_the_truth_as_often_as_they_say(seeds: int) -> None:
+    """Coin flips whose true difference is 20 points, and seeds that are good or bad ones: 95 % hold it, about."""
     held = 0
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        keys = [("task", "all", n) for n in range(100)]
-        arm = {key: float(rng.random() < 0.7) for key in keys}
-        other = {key: float(rng.random() < 0.5) for key in keys}
-        lead = result.ahead(arm, other, ["all"], seed)
+    for number in range(40):
+        rng = np.random.default_rng(number)
+        luck = rng.choice([-0.2, 0.2], (seeds, 1, 1, 1)) if seeds > 1 else 0.0
+        flips = rng.random((2, seeds, 2, 50, 1))
+        kept = made_up({"plain": flips[0] < 0.4, "rpaug": flips[1] < 0.6 + luck})
+        arms = {name: result.outcomes(kept[name], range(seeds)) for name in kept}
+        lead = result.ahead(arms["rpaug"], arms["plain"], ["all"])
         held += lead.low <= 20 <= lead.high
     assert held >= 34
+
+
+def test_the_recorded_tables_are_what_the_committed_outcomes_give() -> None:
+    kept = json.loads((pages.DOCS / "closed_loop.json").read_text())
+    for topic in ("closed_loop", "diagnosed_loop"):
+        recorded = pages.load(topic).tables
+        names = recorded[0].columns[1:-2]
+        seeds = [int(number) for number in re.findall(r"\d+", recorded[0].seeds)]
+        made = result.tables(kept, names, seeds, "")
+        assert [(t.id, t.columns, t.rows) for t in recorded] == [
+            (t.id, t.columns, t.rows) for t in made
+        ]
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/loop.md"])
+def test_leads_that_pages_claim_are_the_recorded_ones(page: str) -> None:
+    text = " ".join((pages.DOCS.parent / page).read_text().split())
+    _, leads, without = pages.load("closed_loop").tables
+    for other in ("plain", "jitter", "oracle_valid"):
+        mean, interval = str(leads.find(f"rpaug over {other}", "all nine")).split(" ", 1)
+        assert mean in text
+        assert interval in text
+    live = [
+        str(leads.find(f"rpaug over {o}", "live factors"))
+        for o in ("plain", "jitter", "oracle_valid")
+    ]
+    if page != "README.md":
+        assert all(lead.split()[0] in text for lead in live)
+        assert str(without.find("rpaug over oracle_valid", "push_button")) in text

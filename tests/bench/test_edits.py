@@ -10,11 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 from rpaug import RpaugError, twin
-from rpaug.bench import edits, scores
-from rpaug.bench.cases import CASES, ESTIMATED, TOLD
-from rpaug.cli import app
 from rpaug.core import geometry, registry
 from rpaug.twin.factors import FACTORS
+from tools.bench.edits import app
+from tools.bench.harness import edits, scores
+from tools.bench.harness.cases import CASES, ESTIMATED, TOLD
 
 pytestmark = pytest.mark.gl
 
@@ -103,9 +103,7 @@ def test_what_an_operator_is_asked_is_plain(factor, tmp_path):
 
 def test_the_command_writes_what_it_measured(tmp_path):
     out = tmp_path / "bench"
-    arguments = (
-        "bench edits --factor object_color --task push_button --seeds 2 --frames 13 --size 48"
-    )
+    arguments = "--factor object_color --task push_button --seeds 2 --frames 13 --size 48"
     done = CliRunner().invoke(app, [*arguments.split(), "--plot", "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert "CIELAB in the mask" in done.stdout

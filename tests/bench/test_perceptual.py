@@ -10,10 +10,11 @@ import vgg
 from torch.nn import functional
 
 from rpaug import twin
-from rpaug.bench import edits, perceptual, scores
 from rpaug.core.errors import BadInput
-from rpaug.providers import features, weights
+from rpaug.pipeline.pareto import as_csv
+from rpaug.providers import features
 from rpaug.providers.clip import Clip
+from tools.bench.harness import edits, perceptual, scores
 
 
 @pytest.fixture
@@ -80,7 +81,7 @@ def test_heads_alone_need_imagenet_s_trunk(tmp_path: Path, picture: np.ndarray) 
     shifted = np.roll(picture, 3, axis=1)
     assert one._lpips(picture, shifted) == other.open()._lpips(picture, shifted)
     with pytest.raises(BadInput, match="ImageNet"):
-        perceptual.Eyes(lpips=both["lpips"], vgg=str(vgg.saved(tmp_path))).open()
+        perceptual.Eyes(lpips=both["lpips"]).open()
 
 
 def test_a_file_that_is_not_lpips_is_refused(tmp_path: Path) -> None:
@@ -133,8 +134,7 @@ def test_a_folder_without_clip_is_refused(tmp_path: Path) -> None:
         Clip.load(tmp_path)
 
 
-def test_without_weights_nothing_is_judged(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(weights, "path", lambda: tmp_path / "none.npz")
+def test_without_weights_nothing_is_judged() -> None:
     assert perceptual.Eyes().open().names == ()
 
 
@@ -162,6 +162,6 @@ def test_the_truth_is_nearer_than_no_edit(tmp_path: Path, clip: Path) -> None:
     (found,) = edits.summary([row, lower])
     assert found["vgg_worst"] == worse["vgg"]
     assert found["clip_worst"] == worse["clip"]
-    head, *lines = edits.table([row, lower]).decode().splitlines()
+    head, *lines = as_csv([row.flat(), lower.flat()]).decode().splitlines()
     assert head.endswith("seconds,vgg,lpips,clip")
     assert len(lines) == 2

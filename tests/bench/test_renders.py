@@ -1,18 +1,15 @@
 """Timed renders: what is measured, and how far it is from the reference."""
 
-import csv
-import io
 import json
 
-import numpy as np
 import pytest
 from analytic import scene
 from typer.testing import CliRunner
 
-from rpaug.bench import pareto, renders, tables
-from rpaug.bench.sources import Origin
-from rpaug.cli import app
 from rpaug.core.errors import RpaugError
+from tools.bench.harness import renders
+from tools.bench.harness.sources import Origin
+from tools.bench.renders import app
 
 SMALL = renders.RenderSetting(sizes=((24, 16),), counts=(50,), engines=renders.ENGINES, repeats=1)
 
@@ -53,23 +50,8 @@ def test_a_dataset_or_the_twin_but_not_both() -> None:
         Origin()
 
 
-def test_the_front_is_what_nothing_beats() -> None:
-    seconds = np.array([1.0, 2.0, 2.0, 3.0, 1.0, np.nan])
-    error = np.array([5.0, 3.0, 4.0, 3.0, 5.0, 0.0])
-    assert pareto.front(seconds, error).tolist() == [True, True, False, False, True, False]
-
-
-def test_rows_come_back_from_csv_and_json() -> None:
-    rows = [{"a": 1.5, "b": None}, {"a": 2.0, "b": "x"}]
-    assert next(iter(csv.DictReader(io.StringIO(tables.as_csv(rows).decode())))) == {
-        "a": "1.5",
-        "b": "",
-    }
-    assert json.loads(tables.as_json({"seed": 3}, rows))["rows"] == rows
-
-
 def test_the_command_writes_table_json_and_plot(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    arguments = ["bench", "render", "--size", "24x16", "--gaussians", "50", "--repeats", "1"]
+    arguments = ["--size", "24x16", "--gaussians", "50", "--repeats", "1"]
     engines = ["--engine", "numba/float32", "--engine", "reference/float64"]
     done = CliRunner().invoke(app, [*arguments, *engines, "--out", str(tmp_path / "o"), "--json"])
     assert done.exit_code == 0
@@ -77,6 +59,6 @@ def test_the_command_writes_table_json_and_plot(tmp_path) -> None:  # type: igno
     assert {path.name for path in (tmp_path / "o").iterdir()} == {
         "render.csv", "render.json", "render.png",
     }  # fmt: skip
-    wrong = CliRunner().invoke(app, ["bench", "render", "--size", "24", "--out", str(tmp_path)])
+    wrong = CliRunner().invoke(app, ["--size", "24", "--out", str(tmp_path)])
     assert wrong.exit_code == 2
     assert "WIDTHxHEIGHT" in wrong.stderr

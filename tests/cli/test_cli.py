@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from rpaug_adapters._pickles import dump, load
+from rpaug_adapters.rlbench.pickles import dump, load
 from typer.testing import CliRunner
 
 from rpaug.cli import app
@@ -34,7 +34,7 @@ def test_every_command_shows_an_example() -> None:
         ["inspect"],
         ["fit"],
         ["twin", "record"],
-        ["weights", "vgg16"],
+        ["bench"],
         ["validate-recipe"],
         ["doctor"],
     ):

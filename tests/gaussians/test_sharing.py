@@ -8,7 +8,7 @@ import pytest
 from analytic import BALL, BOX, EYES, LENGTH, TABLE, ball_at, scene, seen_by
 
 from rpaug.core.errors import BadInput
-from rpaug.core.types import Body, Scene
+from rpaug.core.types import Body, Gaussians, Scene
 from rpaug.gaussians import cached, sharing, store
 from rpaug.gaussians.descent import settings_for
 from rpaug.gaussians.fit import fitted
@@ -116,7 +116,7 @@ def test_a_borrower_is_stored_once_and_comes_back_whole(tmp_path: Path) -> None:
     key = cached.name_of(second, SETTINGS, 0, first)
     found = store.load(tmp_path, key)
     assert found is not None
-    for name in store.ARRAYS:
+    for name in Gaussians.ARRAYS:
         np.testing.assert_array_equal(
             getattr(found.gaussians, name), getattr(made.gaussians, name), err_msg=name
         )

@@ -10,7 +10,7 @@ from boxes import World
 from clouds import some
 
 from rpaug.core.errors import BadInput
-from rpaug.core.types import Body, Scene
+from rpaug.core.types import Body, Gaussians, Scene
 from rpaug.gaussians import store
 from rpaug.gaussians.fit import FitSettings
 
@@ -25,7 +25,7 @@ def test_there_and_back(tmp_path: Path, fitted: Scene) -> None:
     stored = store.load(tmp_path, "abc")
     assert stored is not None
     assert fitted.gaussians is not None
-    for name in store.ARRAYS:
+    for name in Gaussians.ARRAYS:
         np.testing.assert_array_equal(
             getattr(stored.gaussians, name), getattr(fitted.gaussians, name)
         )

@@ -7,8 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pyarrow as pa
-from rpaug_adapters import _lerobot_files, _lerobot_fresh, _lerobot_pack
-from rpaug_adapters.lerobot import LeRobot
+from rpaug_adapters.lerobot import LeRobot, fresh, pack, tables
 
 from rpaug import Camera, CameraView, Episode, Robot
 
@@ -50,15 +49,15 @@ def dataset(folder: Path, *, train: tuple[int, ...] = (5, 3), val: tuple[int, ..
         for number, length in enumerate(lengths):
             made = episode(10 * len(split) + number, length)
             adapter.write(made, folder, f"toy/{split}/{number}", dict)
-            path = folder / "toy" / split / str(number) / _lerobot_files.STAGED
-            table = _lerobot_files.table(path)
+            path = folder / "toy" / split / str(number) / tables.STAGED
+            table = tables.table(path)
             half = [WORDS[t >= length // 2] for t in range(length)]
             table = table.set_column(table.column_names.index("task"), "task", pa.array(half))
             table = table.append_column("note", pa.array([f"{t}!" for t in range(length)]))
             small = [
                 cv2.imencode(".png", picture(t, 0)[..., ::-1])[1].tobytes() for t in range(length)
             ]
-            table = table.append_column("observation.image", _lerobot_fresh.images(small))
+            table = table.append_column("observation.image", fresh.images(small))
             pa.parquet.write_table(table, path)
     described = folder / "toy/meta/info.json"
     given = json.loads(described.read_text())
@@ -67,7 +66,7 @@ def dataset(folder: Path, *, train: tuple[int, ...] = (5, 3), val: tuple[int, ..
         "dtype": "image", "shape": [HEIGHT, WIDTH, 3], "names": ["height", "width", "channels"]
     }  # fmt: skip
     described.write_text(json.dumps(given | {"data_files_size_in_mb": 0.01}))
-    _lerobot_pack.pack(folder / "toy")
+    pack.pack(folder / "toy")
     return folder
 
 

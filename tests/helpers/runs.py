@@ -6,7 +6,7 @@ from typing import Any
 
 from rpaug.pipeline import recipe, report
 from rpaug.pipeline.augment import execute
-from rpaug.pipeline.job import Run, Summary
+from rpaug.pipeline.run import Run, Summary
 
 GROUP = "roll_ball/all_variations/episodes"
 

@@ -14,6 +14,7 @@ from rpaug.core.types import Scene
 from rpaug.instruct import Untrue
 from rpaug.instruct.changes import Changes
 from rpaug.instruct.judging import Judge
+from rpaug.operators.insert import Insert
 from rpaug.pipeline import copies, recipe
 from rpaug.scene.build import build
 from rpaug.scene.targets import targets
@@ -23,7 +24,7 @@ from rpaug.scene.targets.survey import survey
 def after(recorded: Scene, *edits: dict) -> tuple[str, ...]:
     made = recipe.build({"version": 1, "edits": list(edits)})
     edited, draws = copies.draw(recorded, made, 1)
-    return instruct.followed(edited, [one.describe() for one in draws])
+    return instruct.followed(edited, [(one.option.operator, one.edit) for one in draws])
 
 
 def given(*texts: str) -> Scene:
@@ -74,7 +75,7 @@ class TestFollowed:
     def test_a_shade_of_the_word_is_still_the_word(self):
         stated = given("put the blue block on the pad")
         (block,) = scene().roles["manipulated"]
-        judge = Judge(scene(), scene(), Changes(looks={block: "navy"}))
+        judge = Judge(scene(), scene(), Changes(words={block: "navy"}))
         judge._found = lambda stated, after: frozenset([block])  # type: ignore[method-assign]
         assert judge.rewritten(stated.descriptions[0]) == stated.descriptions[0]
 
@@ -89,7 +90,7 @@ class TestFollowed:
             (others, True),
             (others | {instance_id("block_textured")}, False),
         ):
-            judge = Judge(scene(), scene(), Changes(looks={own: "checkered"}))
+            judge = Judge(scene(), scene(), Changes(words={own: "checkered"}))
             known = {"block": other | {own}, f"{block} block": frozenset([own])}
             judge._found = lambda stated, after, known=known: known.get(stated)  # type: ignore[method-assign]
             if told_apart:
@@ -117,7 +118,7 @@ class TestFollowed:
         assert after(stated, self.patterned("felt_purple")) == ("put the purple block on the pad",)
 
     def test_a_pattern_needs_no_colour_word_where_the_noun_is_enough(self):
-        judge = Judge(scene(), scene(), Changes(looks={instance_id("pad"): None}))
+        judge = Judge(scene(), scene(), Changes(words={instance_id("pad"): None}))
         pad = frozenset([instance_id("pad")])
         judge._found = lambda stated, after: pad if "pad" in stated else frozenset()  # type: ignore[method-assign]
         assert judge.rewritten("touch the white pad") == "touch the pad"
@@ -349,7 +350,7 @@ class TestAdded:
     """A new thing that the words fit as well makes them unclear."""
 
     def put(self, asset: str, *texts: str) -> tuple[str, ...]:
-        return instruct.followed(given(*texts), [{"edit": {"things": [{"asset": asset}]}}])
+        return instruct.followed(given(*texts), [(Insert(), {"things": [{"asset": asset}]})])
 
     @pytest.mark.parametrize(
         ("asset", "text"),

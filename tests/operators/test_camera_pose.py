@@ -7,7 +7,7 @@ import pytest
 from analytic import scene
 from pydantic import TypeAdapter, ValidationError
 
-from rpaug import Scene, TargetError
+from rpaug import BadRecipe, Scene, TargetError
 from rpaug.core import geometry
 from rpaug.operators.camera_pose import CameraPose
 from rpaug.pipeline.contracts import OperatorContract
@@ -99,5 +99,5 @@ def test_an_exact_motion_is_no_draw(recorded):
 
 
 def test_a_motion_has_limits():
-    with pytest.raises(ValueError, match="turned"):
+    with pytest.raises(BadRecipe, match="turned"):
         CameraPose(camera="front", turned=(4.0, 0.0, 0.0))

@@ -6,7 +6,7 @@ from tabletop import instance_id, scene, take
 
 from rpaug.assets import library
 from rpaug.compose import inserted
-from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.errors import BadRecipe, TargetError, Unsupported
 from rpaug.operators.distractors import Distractors
 from rpaug.operators.insert import Insert
 from rpaug.pipeline.contracts import OperatorContract, shown
@@ -103,5 +103,5 @@ def test_a_thing_stands_near_another():
     ]
     assert max(np.linalg.norm(spot - pad) for spot in spots) < 0.3
     assert min(np.linalg.norm(spot - pad) for spot in spots) > 0.05
-    with pytest.raises(ValueError, match="not both"):
+    with pytest.raises(BadRecipe, match="not both"):
         Insert(asset="die", at=(0, 0), near=Target(handle=1))

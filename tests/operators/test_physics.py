@@ -18,8 +18,7 @@ from rpaug.core.files import REJECTED
 from rpaug.core.types import CameraView, Episode, Robot
 from rpaug.operators.physics import Physics
 from rpaug.physics import materials, simulate
-from rpaug.pipeline import copies as pipeline
-from rpaug.pipeline import recipe, report
+from rpaug.pipeline import recipe, report, write
 from rpaug.pipeline.augment import Run, execute
 from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.targets.targets import Target
@@ -134,7 +133,7 @@ def test_invalid_actions_are_kept_out_unless_asked_for(tmp_path: Path) -> None:
     assert described["actions_valid"] is False
     assert described["physics"][0]["solver"] == "rigid"
     again = tmp_path / "again"
-    pipeline.replay(RLBench(), tmp_path / "data", described, again, key)
+    write.replay(RLBench(), tmp_path / "data", described, again, key)
     replayed = json.loads((again / key / report.NAME).read_bytes())
     assert {k: v for k, v in replayed.items() if k != "seconds"} == {
         k: v for k, v in described.items() if k != "seconds"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tabletop import instance_id, scene, take
 
-from rpaug.core.errors import Unsupported
+from rpaug.core.errors import BadRecipe, Unsupported
 from rpaug.operators.duplicate import Duplicate
 from rpaug.operators.move import Move
 from rpaug.operators.spread import Spread
@@ -167,5 +167,5 @@ def test_a_thing_moves_next_to_another():
     )
     spot = np.array(edit["motion"])[:2, :2] @ one.middle + np.array(edit["motion"])[:2, 3]
     assert np.linalg.norm(spot - pad) < 0.35
-    with pytest.raises(ValueError, match="give one of"):
+    with pytest.raises(BadRecipe, match="give one of"):
         Move(target=Target(handle=1), by=(0, 0), to=(0, 0))

@@ -18,7 +18,7 @@ from rpaug.core.types import Scene
 from rpaug.operators.stylize import Stylize
 from rpaug.pipeline import plan, prepare, recipe
 from rpaug.pipeline.contracts import OperatorContract, shown
-from rpaug.providers import features, weights
+from rpaug.providers import features
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def stylize(folder: Path, **given: object) -> Stylize:
     fields = {
         "target": {"handle": BOX}, "style": "stripes.png", "textures": str(folder), "steps": 10,
-        "weights": str(folder / "vgg16-hed.npz"), **given,
+        "weights": str(folder / "vgg16.pth"), **given,
     }  # fmt: skip
     return TypeAdapter(Stylize).validate_python(fields)
 
@@ -114,14 +114,14 @@ def test_what_is_missing_is_said_before_anything_is_made(folder, tmp_path, monke
     rng = np.random.default_rng(0)
     with pytest.raises(Unsupported, match="Gaussians"):
         stylize(folder).sample(replace(recorded(), gaussians=None), rng)
-    monkeypatch.setattr(weights, "path", lambda: tmp_path / "none.npz")
-    with pytest.raises(BadInput, match="rpaug weights vgg16"):
+    monkeypatch.setattr(features, "default", lambda: tmp_path / "none.pth")
+    with pytest.raises(BadInput, match="put https:"):
         stylize(folder, weights=None).ready()
-    with pytest.raises(BadInput, match="rpaug weights vgg16"):
+    with pytest.raises(BadInput, match="put https:"):
         stylize(folder, weights=None).sample(recorded(), rng)
     made = {"target": {"handle": BOX}, "style": "paint"}
     steps = recipe.build({"version": 1, "edits": [{"op": "stylize", **made}]})
-    with pytest.raises(BadInput, match="rpaug weights vgg16"):
+    with pytest.raises(BadInput, match="put https:"):
         prepare.prepare_scene(recorded().episode, steps, 0)  # before anything is fitted
     with pytest.raises(ValidationError, match="no texture is called"):
         stylize(folder, textures=None, style="nothing")
@@ -131,7 +131,7 @@ def test_a_replay_needs_the_weights_and_the_picture_of_the_draw(folder, tmp_path
     operator = stylize(folder)
     edit = operator.sample(recorded(), np.random.default_rng(0))
     assert edit["weights"] == {
-        "origin": weights.ORIGIN, "digest": features.load(folder / "vgg16-hed.npz").digest,
+        "origin": "vgg16.pth", "digest": features.load(folder / "vgg16.pth").digest,
     }  # fmt: skip
     other = stylize(folder, weights=str(vgg.saved(tmp_path, seed=1)))
     with pytest.raises(BadInput, match="as this edit was drawn with"):

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rpaug_adapters._pickles import load
 from rpaug_adapters.rlbench import RLBench
+from rpaug_adapters.rlbench.pickles import load
 from runs import GROUP, augment, contents
 
 from rpaug.core.errors import BadInput
 from rpaug.core.files import decode_png
-from rpaug.pipeline import copies, recipe, report
+from rpaug.pipeline import recipe, report, write
 from rpaug.pipeline.augment import Run, execute
 
 RECIPE = {
@@ -118,7 +118,7 @@ def test_a_report_replays_its_episode_exactly(template: Path, tmp_path: Path) ->
     augment(template, made(), tmp_path / "out")
     key = f"{GROUP}/episode3"
     described = json.loads((tmp_path / "out" / key / report.NAME).read_bytes())
-    copies.replay(RLBench(), template, described, tmp_path / "again", key)
+    write.replay(RLBench(), template, described, tmp_path / "again", key)
     assert contents(tmp_path / "out" / key) == contents(tmp_path / "again" / key)
 
 

@@ -6,12 +6,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from rpaug_adapters._pickles import dump, load
+from rpaug_adapters.rlbench.pickles import dump, load
 from typer.testing import CliRunner
 
 from rpaug.cli import app
-from rpaug.cli.checks import SAMPLE
 from rpaug.core import registry
+from rpaug.core.registry import SAMPLE
 from rpaug.scene.tracking import calibration
 
 RECIPE = "version: 1\nedits:\n  - {op: recolor, target: {role: manipulated}, color: blue}\n"

@@ -8,7 +8,7 @@ from rpaug_adapters.rlbench import RLBench
 from runs import augment, contents
 
 from rpaug.core.files import REJECTED
-from rpaug.pipeline import copies, recipe, report
+from rpaug.pipeline import copies, job, recipe, report, write
 from rpaug.scene.build import build
 
 MOVING = {"op": "camera_pose", "camera": "front", "shift": 0.15, "turn": 0.05}
@@ -86,14 +86,13 @@ def test_a_stopped_run_is_resumed_to_the_same_bytes(
     out = tmp_path / "out"
     wanted = gated(holes=LIMIT)
     job_order = []
-    whole = copies.augment
 
     from rpaug.pipeline.augment import Run, jobs
 
     out.mkdir()
     planned = jobs(Run(template, wanted, out), ())
-    for job in planned[:1]:
-        job_order += list(whole(job))
+    for one in planned[:1]:
+        job_order += list(job.augment(one))
     report_file = out / report.SUMMARY
     report_file.write_bytes(report.encode(Run(template, wanted, out).marker))
     augment(template, wanted, out, resume=True)
@@ -106,7 +105,7 @@ def test_a_report_replays_a_rejected_copy_exactly(
     for root in (run, run / REJECTED):
         key, described = next(iter(reports(root).items()))
         target = tmp_path / root.name
-        copies.replay(RLBench(), template, described, target, key)
+        write.replay(RLBench(), template, described, target, key)
         assert contents(target / key) == contents(root / key)
 
 

@@ -17,7 +17,7 @@ from runs import GROUP, contents
 from rpaug.gaussians import cached, store
 from rpaug.gaussians.descent import FitSettings
 from rpaug.gaussians.fit4 import FourSettings
-from rpaug.pipeline import copies, prepare, recipe, report
+from rpaug.pipeline import job, prepare, recipe, report, write
 from rpaug.pipeline import workers as local
 from rpaug.pipeline.augment import Run, execute
 
@@ -88,7 +88,7 @@ def test_no_order_of_fitting_changes_anything(template: Path, tmp_path: Path) ->
     assert described["plan"]["fit"]["borrowed"] > 500
     assert store.names(tmp_path / "one") == store.names(tmp_path / "two")
     # And from the report alone, without a store.
-    copies.replay(RLBench(), template, described, tmp_path / "again", SECOND)
+    write.replay(RLBench(), template, described, tmp_path / "again", SECOND)
     assert contents(both / SECOND) == contents(tmp_path / "again" / SECOND)
 
 
@@ -100,7 +100,7 @@ def test_any_number_of_workers_and_any_order_of_jobs_give_the_same(
     one = run(source, tmp_path / "one", tmp_path / "alone")
     in_turn = local.run
 
-    def backwards(jobs: Sequence[copies.Job], workers: int) -> Iterator[local.Outcome]:
+    def backwards(jobs: Sequence[job.Job], workers: int) -> Iterator[local.Outcome]:
         return in_turn(jobs[::-1], workers)
 
     monkeypatch.setattr(local, "run", backwards)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from analytic import scene
-from rpaug_adapters._pickles import dump, load
+from rpaug_adapters.rlbench.pickles import dump, load
 from typer.testing import CliRunner
 
 from rpaug import BadInput

@@ -1,5 +1,8 @@
 """VGG16: every file format gives the published network, and the real weights see what VGG16 sees."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -7,7 +10,7 @@ import vgg
 
 from rpaug.assets.textures import shipped
 from rpaug.core.errors import BadInput
-from rpaug.providers import features, weights
+from rpaug.providers import features
 
 
 def published(widths: dict[int, int] = vgg.WIDTHS) -> torch.nn.Sequential:
@@ -26,7 +29,7 @@ def test_features_are_those_of_the_published_network(tmp_path):
     path = tmp_path / "imagenet.pth"
     torch.save(vgg.state_dict(), path)
     network = features.load(path)
-    assert network.origin == "ImageNet"
+    assert network.origin == "imagenet.pth"
     reference = published()
     state = {k.removeprefix("features."): v for k, v in vgg.state_dict().items() if "feat" in k}
     reference.load_state_dict(state)
@@ -63,22 +66,8 @@ def test_every_format_holds_the_same_network(tmp_path):
                 network.convolutions[layer], loaded[0].convolutions[layer], strict=True
             ):
                 assert torch.equal(mine, other)
-    assert loaded[0].origin == weights.ORIGIN != loaded[1].origin
+    assert [network.origin for network in loaded][:2] == ["vgg16.pth", "one.pt"]
     assert len({network.digest for network in loaded}) == 1
-
-
-def test_caffe_and_imagenet_pixels(tmp_path):
-    """White in BGR minus the mean, against RGB minus the mean over the deviation."""
-    one = np.zeros((1, 3, 3, 3), np.float32)
-    for channel in range(3):
-        one[0, channel, 1, 1] = 10.0**channel
-    kernels = vgg.arrays(widths=dict.fromkeys(range(1, 6), 1)) | {"conv1_1.weight": one}
-    np.savez(tmp_path / "a.npz", **kernels)
-    caffe = features.load(tmp_path / "a.npz")
-    picture = torch.tensor([1.0, 0.9, 0.8]).reshape(1, 3, 1, 1).expand(1, 3, 8, 8)
-    value = float(caffe.features(picture, ["conv1_1"])["conv1_1"][0, 0, 4, 4])
-    blue, green, red = 0.8 * 255 - 104.00699, 0.9 * 255 - 116.66877, 255 - 122.67892
-    assert value == pytest.approx(blue + 10 * green + 100 * red, rel=1e-5)
 
 
 def test_gradients_reach_the_picture(tmp_path):
@@ -95,12 +84,16 @@ def test_unknown_layers_are_refused(tmp_path):
         network.features(torch.zeros(1, 3, 16, 16), ["conv3_4"])
 
 
-def test_a_missing_file_names_the_command(tmp_path):
-    with pytest.raises(BadInput, match="rpaug weights vgg16"):
-        features.load(tmp_path / "vgg16-hed.npz")
+def test_a_missing_file_says_where_weights_come_from(tmp_path, monkeypatch):
+    monkeypatch.setattr(torch.hub, "get_dir", lambda: str(tmp_path))
+    with pytest.raises(BadInput, match=r"checkpoints.*put https://download.pytorch.org.* there"):
+        features.load()
+    (tmp_path / "checkpoints").mkdir()
+    torch.save(vgg.state_dict(), features.default())
+    assert features.load().origin == features.FILE
 
 
-@pytest.mark.parametrize("ending", [".npz", ".pth", ".safetensors"])
+@pytest.mark.parametrize("ending", [".pth", ".safetensors"])
 def test_damaged_files_are_named(tmp_path, ending):
     if ending == ".safetensors":
         pytest.importorskip("safetensors")
@@ -118,21 +111,21 @@ def test_code_in_a_file_is_never_run(tmp_path):
 
 
 def test_layers_that_do_not_fit_are_named(tmp_path):
-    kernels = vgg.arrays()
-    kernels["conv2_1.weight"] = kernels["conv2_1.weight"][:, :-1]
-    np.savez(tmp_path / "short.npz", **kernels)
+    state = vgg.state_dict()
+    state["features.5.weight"] = state["features.5.weight"][:, :-1]
+    torch.save(state, tmp_path / "short.pth")
     with pytest.raises(BadInput, match=r"conv2_1.*expected \(n, 6, 3, 3\)"):
-        features.load(tmp_path / "short.npz")
+        features.load(tmp_path / "short.pth")
     (tmp_path / "other.txt").write_text("")
-    with pytest.raises(BadInput, match=r"\.npz"):
+    with pytest.raises(BadInput, match=r"\.pth"):
         features.load(tmp_path / "other.txt")
 
 
 @pytest.fixture(scope="module")
 def real() -> features.VGG16:
-    if not weights.path().is_file():
-        pytest.skip("the cache has no VGG16 weights: rpaug weights vgg16 fetches them")
-    return features.load()
+    if "RPAUG_VGG" not in os.environ:
+        pytest.skip("RPAUG_VGG names no weights: tools/fetch_vgg.py fetches some")
+    return features.load(Path(os.environ["RPAUG_VGG"]))
 
 
 def test_real_filters_are_vgg_s(real):

@@ -14,10 +14,10 @@ from rpaug.render.splat import (
     Splats,
     View,
     _reference,
-    rasterise,
     render,
 )
 from rpaug.render.splat._pinhole import COLUMN, HALF_WIDTH, L11, L22, OPACITY, ROW
+from rpaug.render.splat.autograd import rasterise
 
 torch.set_num_threads(1)  # images of a few thousand pixels: more threads only wait for each other
 

@@ -4,25 +4,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rollouts import SAMPLE
 
 from rpaug.core.registry import adapter
-from rpaug.twin import sample
+from rpaug.twin.record import record
 
 
 def test_it_is_small_and_whole():
-    assert sum(path.stat().st_size for path in sample.FOLDER.rglob("*") if path.is_file()) <= 3e6
-    (key,) = adapter("rlbench").episodes(sample.FOLDER)
-    episode = adapter("rlbench").read(sample.FOLDER, key)
+    assert sum(path.stat().st_size for path in SAMPLE.rglob("*") if path.is_file()) <= 3e6
+    (key,) = adapter("rlbench").episodes(SAMPLE)
+    episode = adapter("rlbench").read(SAMPLE, key)
     assert set(episode.views) == {"front", "left_shoulder", "right_shoulder", "overhead", "wrist"}
     assert episode.instruction == "open the drawer"
 
 
 @pytest.mark.gl
 def test_it_is_what_is_recorded_now(tmp_path: Path):
-    made = sample.rebuild(tmp_path)
-    shipped = adapter("rlbench").read(sample.FOLDER, made.episode.key)
+    (made,) = record("open_drawer", 0, tmp_path, frames=17)
+    shipped = adapter("rlbench").read(SAMPLE, made.episode.key)
     file = Path(made.episode.key, "truth.json")
-    assert (sample.FOLDER / file).read_bytes() == (tmp_path / file).read_bytes()
+    assert (SAMPLE / file).read_bytes() == (tmp_path / file).read_bytes()
     for field in ("joint_positions", "joint_velocities", "gripper_to_world", "gripper_open"):
         # The same float64 arithmetic; linear algebra libraries may differ in the last bits.
         np.testing.assert_allclose(

@@ -19,8 +19,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from rpaug_adapters import _tfrecord
-from rpaug_adapters._example import example
+from rpaug_adapters.rlds import tfrecord
+from rpaug_adapters.rlds.example import example
 
 from rpaug.core.registry import adapter
 
@@ -68,7 +68,7 @@ def make(root: Path, megabytes: int, steps: int) -> tuple[int, int]:
         "steps/language_instruction": [b"put it away"] * steps,
     })  # fmt: skip
     count = max(1, megabytes * 10**6 // len(record))
-    framed = _tfrecord.frame(record)
+    framed = tfrecord.frame(record)
     with (folder / "bench-train.tfrecord-00000-of-00001").open("wb") as stream:
         for _ in range(count):
             stream.write(framed)

@@ -18,8 +18,8 @@ from typing import Any
 import rpaug
 from rpaug import Episode, Scene
 from rpaug.core import registry
-from rpaug.pipeline import copies as pipeline
 from rpaug.pipeline import plan, prepare, recipe
+from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 from rpaug.scene.build import build
 
 RECEIVER = {"target": {"role": "receiver"}}
@@ -51,14 +51,12 @@ def measure(scene: Scene, name: str) -> dict[str, float]:
     """Seconds and changed pixels of one operator."""
     made = recipe.build({"version": 1, "seed": 1, "edits": [{"op": name, **EDITS[name]}]})
     planned = plan.make(prepare.operators(made), scene.episode)
-    edited, draws = pipeline.draw(scene, made, 1)
-    warm = pipeline.render(edited, draws, planned).episode
-    for view in warm.views.values():
+    prepared = PreparedEpisode(scene, planned, made)
+    for view in draw_copy(prepared, 1).episode.views.values():
         view.rgb(0)
     start = time.process_time()
-    edited, draws = pipeline.draw(scene, made, 1)
+    final = draw_copy(prepared, 1)
     drawn = time.process_time() - start
-    final = pipeline.render(edited, draws, planned)
     rendered = look(final.episode)
     changed = sum(final.tally.changed.values()) / sum(final.tally.total.values())
     return {"draw": drawn, "render": rendered, "changed": changed}

@@ -1,8 +1,9 @@
 """Stylising on the twin, beside vanilla NNFM (ARF on the whole scene) and beside itself without the outer term.
 
-    python tools/bench/nnfm.py [--seeds 3] [--style paint] [--sheet FOLDER] [--json]
+    python tools/bench/nnfm.py [--vgg FILE] [--seeds 3] [--style paint] [--sheet FOLDER] [--json]
 
-Seeds take three tasks in turn; the manipulated thing is stylised. Needs VGG16's weights (`rpaug weights vgg16`).
+Seeds take three tasks in turn; the manipulated thing is stylised. `--vgg` is a
+state dict of VGG16; torchvision's in torch's cache if not given.
 `match`: mean cosine distance to the nearest feature of the style, over the first and the last round of views; `outside
 dB`: PSNR over the pixels that are not the target's, Gaussian renders against the recording (the fit alone shows what it
 was before); `target dB`: the same over the target, which should have changed; `changed`: pixels that the composite
@@ -282,6 +283,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("--vgg", type=Path)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--style", default="paint", choices=sorted(shipped.NAMES))
@@ -289,7 +291,7 @@ def main() -> None:
     parser.add_argument("--sheet", type=Path)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
-    network = features.load()
+    network = features.load(arguments.vgg)
     rows = []
     for seed in range(arguments.first, arguments.first + arguments.seeds):
         rows += measure(seed, arguments.style, arguments.fit_steps, network, arguments.sheet)

@@ -1,6 +1,6 @@
 """What the joint fine-tune of edited Gaussians brings, against the truly changed twin.
 
-    python tools/bench/refine.py --task stack_cups --seed 2 --factor object_color
+    python -m tools.bench.refine --task stack_cups --seed 2 --factor object_color
 
 PSNR in dB of Gaussian renders: in the changed region, with its outline (2 pixels), and over whole images, in the
 recorded cameras and in moved ones, before and after. Seconds are processor time.
@@ -19,7 +19,6 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from rpaug import twin
-from rpaug.bench.cases import CASES
 from rpaug.compose import joint, views
 from rpaug.core import registry
 from rpaug.core.metrics import decibels
@@ -27,6 +26,7 @@ from rpaug.core.types import Scene
 from rpaug.gaussians.descent import settings_for
 from rpaug.gaussians.fit import fitted
 from rpaug.scene.build import build
+from tools.bench.harness.cases import CASES
 
 TIMES = (2, 5, 8, 11, 15)
 

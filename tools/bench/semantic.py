@@ -33,7 +33,6 @@ from rpaug.twin import Bump, Look, perform
 FRAMES = 30
 LEARNING = Learning()
 KNOB_TIMES = (0, 6, 12, 17)
-Masks = Callable[[Scene, str, int], np.ndarray]
 
 
 class Overlap:

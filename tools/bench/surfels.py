@@ -17,12 +17,12 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from rpaug.bench.moved import covisible
 from rpaug.core.metrics import decibels
 from rpaug.core.types import Body, CameraView, Scene
 from rpaug.gaussians import gaussian_view
 from rpaug.gaussians.descent import FitSettings, settings_for
 from rpaug.gaussians.fit import fitted
+from rpaug.pipeline.left_out import covisible
 from rpaug.render import holes, zbuffer
 from rpaug.render.zbuffer import Rendered
 from rpaug.scene import build

@@ -1,6 +1,6 @@
 """How well the light on a patterned table is told from its pattern: new textures on the twin's wooden tables.
 
-    python tools/bench/table_light.py [--seeds 4] [--by-place 0.6] [--hollow 0.1] [--json]
+    python -m tools.bench.table_light [--seeds 4] [--by-place 0.6] [--hollow 0.1] [--json]
 
 dB over the table against the table truly textured, the old albedo given: as recorded under distant lamps, and with both
 recordings darkened as a lamp 0.7 m above the table would light them. `--by-place` and `--hollow` are the two limits of
@@ -18,13 +18,13 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from rpaug import CameraView, twin
-from rpaug.bench.cases import CASES
 from rpaug.core import geometry
 from rpaug.core.metrics import psnr
 from rpaug.core.types import Body, Episode, Scene
 from rpaug.operators.table_texture import TableTexture
 from rpaug.pipeline.contracts import shown
 from rpaug.scene.lighting import shading
+from tools.bench.harness.cases import CASES
 
 LAMP, FLOOR = (
     np.array([0.1, 0.3, 0.7]),

@@ -15,7 +15,7 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
-from rpaug_adapters.ego4d import Ego4D
+from rpaug_adapters.video import Videos
 
 from rpaug.core.errors import Unsupported
 from rpaug.gaussians import fit_video
@@ -55,7 +55,7 @@ def main() -> None:
 
 
 def measured(given: argparse.Namespace, path: Path, cache: Path) -> dict[str, object]:
-    adapter = Ego4D()
+    adapter = Videos()
     episode = adapter.read(path, adapter.episodes(path)[0])
     start = time.process_time()
     try:

@@ -13,8 +13,9 @@ import h5py
 import numpy as np
 import sealed
 from images import spoilt_image
-from rpaug_adapters import _pickles, _tfrecord
-from rpaug_adapters._example import Example, example
+from rpaug_adapters.rlbench import pickles
+from rpaug_adapters.rlds import tfrecord
+from rpaug_adapters.rlds.example import Example, example
 from trees import WEIRD, bytes_bent
 
 NUMBERS = (0, 1, 127, 128, 2**31, 2**35, 2**63, 2**64 - 1, 2**70)
@@ -36,21 +37,21 @@ def _varint(value: int) -> bytes:
 
 def spoilt_records(data: bytes, rng: np.random.Generator) -> bytes:
     """A TFRecord file of one Example, changed within: checksums are right but in one of twelve."""
-    record = data[_tfrecord.HEAD.size : -_tfrecord.FOOT.size]
+    record = data[tfrecord.HEAD.size : -tfrecord.FOOT.size]
     match rng.integers(12):
         case 0:
             return bytes_bent(data, rng)
         case 1:
             length = struct.pack("<Q", [0, 1, 2**31, 2**40, 2**63, 2**64 - 1][int(rng.integers(6))])
-            return length + _tfrecord.FOOT.pack(_tfrecord._masked(length)) + data[12:]
+            return length + tfrecord.FOOT.pack(tfrecord._masked(length)) + data[12:]
         case 2 | 3 | 4:
-            return _tfrecord.frame(bytes_bent(record, rng))
+            return tfrecord.frame(bytes_bent(record, rng))
         case 5:
             at = int(rng.integers(len(record)))
             number = _varint(NUMBERS[int(rng.integers(len(NUMBERS)))])
-            return _tfrecord.frame(record[:at] + number + record[at + len(number) :])
+            return tfrecord.frame(record[:at] + number + record[at + len(number) :])
         case _:
-            return _tfrecord.frame(_features_bent(record, rng))
+            return tfrecord.frame(_features_bent(record, rng))
 
 
 def _features_bent(record: bytes, rng: np.random.Generator) -> bytes:
@@ -123,13 +124,13 @@ def _opcodes_bent(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def _value_bent(data: bytes, rng: np.random.Generator) -> bytes:
-    demo = _pickles._Reader(io.BytesIO(data)).load()
+    demo = pickles._Reader(io.BytesIO(data)).load()
     odd = (*WEIRD, np.zeros(0), np.full(7, np.nan), np.array("x"), np.zeros((2, 3)), np.array([None]), 1j, b"x",
            np.zeros(7, "V3"), np.eye(4) * 2, np.zeros((4, 4)), np.full((3, 3), 1e308))  # fmt: skip
     value = odd[int(rng.integers(len(odd)))]
     if isinstance(demo, list):
         return pickle.dumps([value, *demo][: int(rng.integers(3))])
-    if not isinstance(demo, _pickles.Demo):
+    if not isinstance(demo, pickles.Demo):
         return pickle.dumps(value)
     observations = demo._observations
     match rng.integers(4):
@@ -143,7 +144,7 @@ def _value_bent(data: bytes, rng: np.random.Generator) -> bytes:
                 state = state["misc"]
             names = list(state)
             state[names[int(rng.integers(len(names)))]] = value
-    return _pickles.dump(demo)
+    return pickles.dump(demo)
 
 
 def spoilt_hdf5(data: bytes, rng: np.random.Generator) -> bytes:

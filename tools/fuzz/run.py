@@ -32,7 +32,7 @@ LAYOUTS = {
     "rdt": "rdt",
     "latest_rdt": "rdt",
     "lerobot": "lerobot",
-    "ego4d": "ego4d",
+    "ego4d": "video",
     "recipe": "",
 }  # and the adapter that reads each; recipes need none
 SHARES = {
@@ -86,7 +86,7 @@ def work(first: int, end: int, progress: Path) -> None:
     import numpy as np
     import seeds
     from binaries import spoilt
-    from rpaug_adapters._hdf5 import CHILD
+    from rpaug_adapters.shared.hdf5 import CHILD
 
     from rpaug.core.errors import RpaugError
 

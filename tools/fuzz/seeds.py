@@ -8,8 +8,8 @@ import cv2
 import h5py
 import numpy as np
 import yaml
-from rpaug_adapters import _tfrecord
-from rpaug_adapters._example import example
+from rpaug_adapters.rlds import tfrecord
+from rpaug_adapters.rlds.example import example
 
 from rpaug import Camera, CameraView, Episode, Robot
 from rpaug.core.registry import adapter
@@ -94,7 +94,7 @@ def jpeg_rlds(root: Path) -> None:
         "steps/is_last": np.array([0, 1]),
         "steps/language_instruction": [b"put it away"] * STEPS,
     })  # fmt: skip
-    (folder / "toy-train.tfrecord-00000-of-00001").write_bytes(_tfrecord.frame(record))
+    (folder / "toy-train.tfrecord-00000-of-00001").write_bytes(tfrecord.frame(record))
     split = {"name": "train", "numBytes": str(len(record)), "shardLengths": ["1"],
              "filepathTemplate": "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}"}  # fmt: skip
     info = {"fileFormat": "tfrecord", "name": "toy", "splits": [split], "version": "1.0.0"}

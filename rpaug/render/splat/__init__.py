@@ -1,14 +1,13 @@
 """Draw 3D Gaussians, and carry image losses back to them.
 
-`render` for arrays, `rasterise` for torch, `Rasteriser` and `Adam` for a fitting loop.
+`render` for arrays, `Rasteriser` and `Adam` for a fitting loop; `rasterise` of `autograd` for torch, which is not
+imported before it is asked for.
 """
 
 import numpy as np
 from jaxtyping import Float
 
 from rpaug.core.types import Gaussians
-from rpaug.render.splat import _reference
-from rpaug.render.splat._autograd import Images, rasterise
 from rpaug.render.splat._numba import Rasteriser
 from rpaug.render.splat._threads import cores, shared
 from rpaug.render.splat.adam import Adam, Rates
@@ -19,7 +18,6 @@ __all__ = [
     "Adam",
     "Errors",
     "Gradients",
-    "Images",
     "Loss",
     "Rasteriser",
     "Rates",
@@ -27,7 +25,6 @@ __all__ = [
     "Settings",
     "Splats",
     "View",
-    "rasterise",
     "render",
     "shared",
     "warm",
@@ -77,6 +74,8 @@ def render(
     view, settings = View(K, world_to_camera, width, height), settings or Settings()
     fill = np.array(np.broadcast_to(background, 3), np.float64)
     if backend == "reference":
+        from rpaug.render.splat import _reference  # only here: it brings torch
+
         return _reference.render(gaussians, view, settings, fill)
     if backend == "gsplat":
         from rpaug.render.splat import _gsplat

@@ -8,9 +8,9 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from rpaug.core.errors import Unsupported
-from rpaug.render.splat._autograd import NAMES, rasterise
 from rpaug.render.splat._images import HALF_COVERED
 from rpaug.render.splat._numba import Rasteriser
+from rpaug.render.splat.autograd import NAMES, rasterise
 from rpaug.render.splat.loss import Errors, Loss
 from rpaug.render.splat.settings import Gradients, Settings, Splats, View
 

@@ -23,7 +23,7 @@ WORDS: dict[str, frozenset[str]] = {
 FEWEST = 40  # points from which a shape is told
 LARGEST = 0.25  # metres: what is longer is furniture, of no shape
 THIN = 0.035  # metres: what is lower, and four times as wide, is a pad
-SIDE, TOP = 0.5, 0.9  # |z| of a normal: at most on a side face, at least on a top face
+SIDE = 0.5  # |z| of a normal, at most, on a side face
 NEAR = np.deg2rad(12.0)  # of an axis of a box
 SHALLOW = 2.2  # diameters over height, from which a cup is a bowl
 

@@ -57,10 +57,9 @@ def survey(
     episode: Episode,
     bodies: Sequence[Body],
     roles: Mapping[str, frozenset[int]],
-    sampled: SampledFrames | None = None,
 ) -> tuple[InstanceSummary, ...]:
     """One row for each instance id of `bodies`, ascending."""
-    sampled = look(episode) if sampled is None else sampled
+    sampled = look(episode)
     body_of = {instance_id: body for body in bodies for instance_id in body.instance_ids}
     role_of = {instance_id: role for role in reversed(NAMES) for instance_id in roles.get(role, ())}
     role_of |= dict.fromkeys(roles.get("table", ()), "table")

@@ -14,24 +14,19 @@ LEAST = 0.002  # share of an image: smaller patches belong to what is around the
 BLUR = 5  # pixels: a median that noise does not outlive
 
 
-def names_known() -> int:
-    """How many names there are."""
-    return len(_palette()[0])
-
-
 @cache
-def _palette() -> tuple[tuple[str, ...], np.ndarray]:
-    """Colour names, and the number of the name of each coarse colour."""
+def _palette() -> np.ndarray:
+    """The number of the name of each coarse colour."""
     steps = (np.arange(LEVELS) + 0.5) / LEVELS
     grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3)
     named = [colours.nearest(colour) for colour in grid]
     order = sorted(set(named))
-    return tuple(order), np.array([order.index(name) for name in named]).reshape((LEVELS,) * 3)
+    return np.array([order.index(name) for name in named]).reshape((LEVELS,) * 3)
 
 
 def named(rgb: UInt8[np.ndarray, "h w 3"]) -> np.ndarray:
     coarse = cv2.medianBlur(rgb, BLUR) // (256 // LEVELS)
-    return _palette()[1][coarse[..., 0], coarse[..., 1], coarse[..., 2]]
+    return _palette()[coarse[..., 0], coarse[..., 1], coarse[..., 2]]
 
 
 def patches(rgb: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:

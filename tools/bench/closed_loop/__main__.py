@@ -1,23 +1,36 @@
 """Whether policies get better: the same small policy trained on several kinds of data, tested under each factor.
 
     python -m tools.bench.closed_loop run WORK [--seeds 2] [--episodes 10] [--demos 25] [--smoke] [--json]
-    python -m tools.bench.closed_loop table OUTCOMES [--arms ARM ...] [--seeds 0 1 ...]
+    python -m tools.bench.closed_loop table OUTCOMES [--arms ARM ...] [--seeds 0 1 ...] [--record TOPIC]
     python -m tools.bench.closed_loop train POLICY DATASET [DATASET ...] [--seed 0] [--steps 2000]
     python -m tools.bench.closed_loop eval POLICY EVALUATION
 
 `run` does everything that is not yet done in WORK, so that it can be stopped and started again, writes what came of
-every episode to WORK/outcomes.json, and prints the table, as `table` does again from such a file.
+every episode to WORK/outcomes.json, and prints the tables, as `table` does again from such a file; with --record they
+become a topic's in docs/benchmarks/results.
 `train` and `eval` are what `rpaug loop` is given in the arm `diagnosed`. With --smoke two tasks, few demonstrations,
 steps and episodes show within minutes that all of it works; its numbers mean nothing.
 """
 
 import argparse
 import json
+import shlex
+import sys
 from pathlib import Path
 
 import torch
 
 from tools.bench.closed_loop import arms, result
+from tools.bench.harness import pages
+
+ORDER = (
+    "plain",
+    "jitter",
+    "oracle_valid",
+    "oracle",
+    "diagnosed",
+    "rpaug",
+)  # each is held to those before it
 
 
 def main() -> None:
@@ -37,7 +50,10 @@ def main() -> None:
     table_ = parts.add_parser("table")
     table_.add_argument("outcomes", type=Path)
     table_.add_argument("--arms", nargs="+", choices=arms.ARMS)
-    table_.add_argument("--seeds", type=int, nargs="+")
+    table_.add_argument(
+        "--seeds", type=int, nargs="+", help="all; arms without one of them are left out"
+    )
+    table_.add_argument("--record", metavar="TOPIC")
     train_ = parts.add_parser("train")
     train_.add_argument("policy", type=Path)
     train_.add_argument("datasets", type=Path, nargs="+", help="the recorded one first")
@@ -56,9 +72,15 @@ def main() -> None:
         arms.judge(given.policy, given.evaluation, given.tasks, given.episodes)
     elif given.command == "table":
         kept: result.Kept = json.loads(given.outcomes.read_bytes())
-        names = given.arms or [name for name in arms.ARMS if name in kept]
-        shared = set.intersection(*(set(map(int, kept[name])) for name in names))
-        print(result.table(kept, names, given.seeds or sorted(shared)))
+        seeds = given.seeds or sorted({int(seed) for trained in kept.values() for seed in trained})
+        names = given.arms or [
+            n for n in arms.ARMS if n in kept and {*map(str, seeds)} <= {*kept[n]}
+        ]
+        command = shlex.join(["python", *sys.orig_argv[1:]]).partition(" --record")[0]
+        for table in result.tables(kept, names, seeds, command):
+            print(table.markdown())
+            if given.record:
+                pages.record(given.record, table)
     else:
         size = arms.SMOKE
         if not given.smoke:

@@ -22,7 +22,14 @@ from tools.bench.closed_loop.bench import View
 
 TASKS = ("open_drawer", "push_button", "slide_block", "stack_cups", "put_in_box")
 MOST = 6  # key poses of the longest task
-ARMS = ("plain", "jitter", "rpaug", "diagnosed", "oracle", "oracle_valid")
+ARMS = (
+    "plain",
+    "jitter",
+    "oracle_valid",
+    "oracle",
+    "diagnosed",
+    "rpaug",
+)  # each held to those before it
 TESTS, VALIDATION = 2000, 3000  # seeds of layouts
 ENDS = (".png", "-mask.png")  # of images and masks
 
@@ -65,11 +72,14 @@ def run(
     if as_json:
         print(json.dumps(kept))
     elif not set(looks.CONDITIONS) - set(size.conditions):
-        print(result.table(kept, arms, seeds))
+        for table in result.tables(
+            kept, arms, seeds, f"python -m tools.bench.closed_loop run {work}"
+        ):
+            print(table.markdown())
     else:
         for arm in arms:
             one = result.outcomes(kept[arm], seeds)
-            print(f"{arm}: {result.rate(one, size.conditions):.0f} % of {len(one)} episodes")
+            print(f"{arm}: {one.rate(size.conditions):.0f} % of {one.success.size} episodes")
 
 
 def measured(work: Path, size: Size, arm: str, seed: int) -> list[list[Any]]:

@@ -1,0 +1,86 @@
+"""LeRobot datasets, format v3.0: tables in parquet, cameras as mp4, many episodes a file. Needs the extra `lerobot`.
+
+`<dataset>/{meta, data, videos}` as `tables` lists them. Traps this file knows:
+
+- an episode is a slice: its rows by `episode_index`, its frames by `from_timestamp` in a video that others share; our
+  cuts begin at key frames, so that what no edit touched is copied and never encoded again;
+- LeRobot's loader looks a frame up by its time and fails where none is within 0.1 ms: rates stay as they are told;
+- it takes the words of a task from pandas' index of `meta/tasks.parquet`;
+- nothing says where cameras are: `cameras.yaml` beside `meta/` may, as for RLDS;
+- statistics are part of the dataset and are counted anew; a video of depth has 12 bits and is copied or refused.
+
+Keys are `<split>/<number>`, below the dataset's own path.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+from rpaug_adapters.lerobot import fresh, pack, tables
+from rpaug_adapters.lerobot.read import LeRobotSource, read_episode
+from rpaug_adapters.lerobot.tables import INFO, STAGED, Info
+from rpaug_adapters.lerobot.write import write_episode
+from rpaug_adapters.shared import cameras
+from rpaug_adapters.shared.folders import GatheredAdapter, datasets, place, unlike, write_files
+
+from rpaug import Episode, Side, Unsupported, files
+
+EMPTY = {"total_episodes": 0, "total_frames": 0, "total_tasks": 0, "splits": {}}
+
+
+class LeRobot(GatheredAdapter):
+    """Reads and writes LeRobot v3.0 datasets."""
+
+    name: ClassVar[str] = "lerobot"
+    mark: ClassVar[str] = INFO
+    rest: ClassVar[tuple[str, ...]] = ("meta/tasks.*", "meta/stats.json", "meta/episodes")
+    staged: ClassVar[str] = STAGED
+
+    def gathered(self, folder: Path) -> Mapping[str, int]:
+        return {name: len(span) for name, span in tables.info(folder).splits.items()}
+
+    def read(self, root: Path, key: str) -> Episode:
+        folder, split, number = place(root, key)
+        cameras.in_place(root, folder)
+        return read_episode(folder, split, number, key)
+
+    def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
+        recorded = episode.source if isinstance(episode.source, LeRobotSource) else None
+        folder, _, _ = self.free(root, key)
+        about = _described(episode, recorded, folder, key)
+        with files.atomic_folder(root / key) as work:
+            extra = write_episode(episode, recorded, about, work)
+            write_files(work, {**extra, **side()})
+            if not (folder / INFO).exists():  # last: a write that failed leaves nothing
+                files.write_atomic(folder / INFO, json.dumps(about.given, indent=4).encode())
+            given = recorded and recorded.info.folder / cameras.NAME
+            if given and given.is_file() and not (folder / cameras.NAME).exists():
+                files.write_atomic(folder / cameras.NAME, files.read_bytes(given))
+
+    def faults(self, root: Path) -> Sequence[str]:
+        """Counts, places and statistics that are not those of the episodes."""
+        return [words for folder in datasets(root, INFO) for words in pack.faults(folder)]
+
+    def finish(self, source: Path, target: Path) -> None:
+        """Episodes into shared files."""
+        for folder in datasets(target, INFO):
+            pack.pack(folder)
+
+
+def _described(episode: Episode, recorded: LeRobotSource | None, folder: Path, key: str) -> Info:
+    """What describes the dataset that an episode is written to. Raises Unsupported for one of another kind."""
+    given: dict[str, Any] = (
+        fresh.described(episode) if recorded is None else recorded.info.given | EMPTY
+    )
+    if not (folder / INFO).is_file():
+        rate, features = float(given["fps"]), given["features"]
+        return Info(folder, given, rate, features, {})
+    about = tables.info(folder)
+    if about.rate != given["fps"]:
+        reason = f"{given['fps']} frames a second, and the episodes before it have {about.rate:g}"
+        raise Unsupported(f"{key}: {reason}: a LeRobot dataset has one rate")
+    if about.features != given["features"]:
+        reason = unlike(about.features, given["features"])
+        raise Unsupported(f"{key}: {reason}: a LeRobot dataset has one kind of episode")
+    return about

@@ -1,0 +1,287 @@
+"""Gathering a LeRobot dataset's episodes into its shared files: tables, videos, words, statistics, description.
+
+One episode is in memory at a time. Everything is written beside the old files and renamed at the end, the description
+last; until then the episodes' own folders stay, so that a killed run loses nothing.
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rpaug_adapters.lerobot import stats, tables
+from rpaug_adapters.lerobot.read import read_episode
+from rpaug_adapters.lerobot.tables import (
+    DATA_PATH,
+    EPISODES_PATH,
+    INFO,
+    STAGED,
+    STATISTICS,
+    STATS,
+    TASKS,
+    VIDEO_PATH,
+    Info,
+    filled,
+)
+from rpaug_adapters.lerobot.write import write_episode
+from rpaug_adapters.shared import video
+from rpaug_adapters.shared.folders import staged
+
+from rpaug import files
+
+MIB = 2**20
+FILES = 1000  # in a chunk, where nothing is told
+SHARED = ("meta/episodes", "data", "videos")
+
+
+def pack(folder: Path) -> None:
+    """Gather what is in episodes' own folders, with what was gathered before, and describe it all."""
+    if not staged(folder, STAGED):
+        return
+    about = tables.info(folder)
+    _scatter(about)
+    work = folder / f".gathered{files.PART}"
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir()
+    try:
+        given = _gather(about, work)
+        for name in SHARED:
+            shutil.rmtree(folder / name, ignore_errors=True)
+            if (work / name).is_dir():
+                (folder / name).parent.mkdir(exist_ok=True)
+                os.replace(work / name, folder / name)
+        for name in (STATS, TASKS):
+            os.replace(work / name, folder / name)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    files.write_atomic(folder / INFO, json.dumps(given, indent=4, ensure_ascii=False).encode())
+    _drop(folder)
+
+
+def _scatter(about: Info) -> None:
+    """Back to a folder an episode: a finished output is to grow."""
+    for split, span in about.splits.items():
+        for number in range(len(span)):
+            target = about.folder / split / str(number)
+            if (target / STAGED).exists():
+                continue
+            episode = read_episode(about.folder, split, number, f"{split}/{number}")
+            with files.atomic_folder(target.with_name(f"{number}-again")) as work:
+                write_episode(episode, episode.source, about, work)
+            again = target.with_name(f"{number}-again")
+            target.mkdir(exist_ok=True)
+            for path in sorted(again.iterdir(), key=lambda path: path.name == STAGED):
+                os.replace(path, target / path.name)  # the table last: it makes the episode
+            again.rmdir()
+
+
+class _Files:
+    """Numbers of the file that grows: a new one where it would get larger than told."""
+
+    def __init__(self, most: Any, chunk: Any) -> None:
+        usable = isinstance(most, (int, float)) and most > 0
+        self.most = float(most) * MIB if usable else 100 * MIB
+        self.chunk = chunk if isinstance(chunk, int) and chunk > 0 else FILES
+        self.number, self.size = 0, 0.0
+
+    def add(self, size: float) -> bool:
+        """Take that many bytes more; whether they begin a new file."""
+        new = bool(self.size) and self.size + size > self.most
+        if new:
+            self.number, self.size = self.number + 1, 0.0
+        self.size += size
+        return new
+
+    @property
+    def place(self) -> dict[str, int]:
+        return {"chunk_index": self.number // self.chunk, "file_index": self.number % self.chunk}
+
+
+def _gather(about: Info, work: Path) -> dict[str, Any]:
+    """Fill a folder with the shared files; returns the new description."""
+    own = list(_own(about.folder))
+    tasks: dict[str, int] = {}
+    rows: list[dict[str, Any]] = []
+    frames = _tables(about, work, own, tasks, rows)
+    for key in about.of_kind("video"):
+        _videos(about, work, own, key, rows)
+    counted = [json.loads((path / STATISTICS).read_bytes()) for _, path in own]
+    for row, statistics in zip(rows, counted, strict=True):
+        for key, one in statistics.items():
+            row |= {f"stats/{key}/{name}": value for name, value in one.items()}
+    _meta(work, rows, tasks)
+    every = stats.plain(stats.together(counted))
+    files.write_atomic(work / STATS, json.dumps(every, indent=4).encode())
+    spans, at = {}, 0
+    for split in dict.fromkeys(split for split, _ in own):
+        count = sum(one == split for one, _ in own)
+        spans[split] = f"{at}:{at + count}"
+        at += count
+    return about.given | {
+        "total_episodes": len(own),
+        "total_frames": frames,
+        "total_tasks": len(tasks),
+        "splits": spans,
+        "data_path": DATA_PATH,
+        "video_path": VIDEO_PATH if about.of_kind("video") else None,
+    }
+
+
+def _own(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Split and folder of each episode, splits as they were told first."""
+    known, found = list(tables.info(folder).splits), staged(folder, STAGED)
+    for split in sorted(found, key=lambda name: known.index(name) if name in known else len(known)):
+        for number in found[split]:
+            yield split, folder / split / str(number)
+
+
+def _tables(
+    about: Info,
+    work: Path,
+    own: list[tuple[str, Path]],
+    tasks: dict[str, int],
+    rows: list[dict[str, Any]],
+) -> int:
+    """Write the tables of frames, a row group an episode; fills `tasks` and `rows`, returns the number of frames."""
+    pa, pq = tables.arrow()
+    shared = _Files(about.given.get("data_files_size_in_mb"), about.given.get("chunks_size"))
+    writer, at = None, 0
+    for number, (_, path) in enumerate(own):
+        held = tables.table(path / STAGED)
+        words = held["task"].to_pylist()
+        for text in words:
+            tasks.setdefault(text, len(tasks))
+        length = held.num_rows
+        counted = {
+            "episode_index": [number] * length,
+            "index": range(at, at + length),
+            "task_index": [tasks[text] for text in words],
+        }
+        held = held.drop_columns(["task"])
+        for name, values in counted.items():
+            held = held.append_column(name, pa.array(values, pa.int64()))
+        if shared.add((path / STAGED).stat().st_size) and writer is not None:
+            writer.close()
+            writer = None
+        if writer is None:
+            target = work / filled(DATA_PATH, shared.place)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            writer = pq.ParquetWriter(target, held.schema, compression="snappy")
+        writer.write_table(held.cast(writer.schema))
+        rows.append(
+            {
+                "episode_index": number,
+                "tasks": list(dict.fromkeys(words)),
+                "length": length,
+                **{f"data/{name}": value for name, value in shared.place.items()},
+                "dataset_from_index": at,
+                "dataset_to_index": at + length,
+            }
+        )
+        at += length
+    if writer is not None:
+        writer.close()
+    return at
+
+
+def _videos(
+    about: Info, work: Path, own: list[tuple[str, Path]], key: str, rows: list[dict[str, Any]]
+) -> None:
+    """Join one camera's videos, without decoding; adds their places to `rows`."""
+    shared = _Files(about.given.get("video_files_size_in_mb"), about.given.get("chunks_size"))
+    groups: list[tuple[dict[str, int], list[int]]] = []
+    for number, (_, path) in enumerate(own):
+        if shared.add((path / f"{key}.mp4").stat().st_size) or not groups:
+            groups.append((shared.place, []))
+        groups[-1][1].append(number)
+    for place, numbers in groups:
+        target = work / filled(VIDEO_PATH, {**place, "video_key": key})
+        target.parent.mkdir(parents=True, exist_ok=True)
+        parts = video.joined((own[number][1] / f"{key}.mp4" for number in numbers), target)
+        for number, (start, end) in zip(numbers, parts, strict=True):
+            prefix = f"videos/{key}"
+            rows[number] |= {f"{prefix}/{name}": value for name, value in place.items()}
+            rows[number] |= {f"{prefix}/from_timestamp": start, f"{prefix}/to_timestamp": end}
+
+
+def _meta(work: Path, rows: list[dict[str, Any]], tasks: dict[str, int]) -> None:
+    """The table of episodes, and that of tasks with their words as pandas' index."""
+    pa, pq = tables.arrow()
+    place = {"chunk_index": 0, "file_index": 0}
+    here = {f"meta/episodes/{name}": value for name, value in place.items()}
+    target = work / filled(EPISODES_PATH, place)
+    target.parent.mkdir(parents=True)
+    columns = {name: [row.get(name) for row in rows] for name in (rows[0] | here)}
+    columns |= {name: [value] * len(rows) for name, value in here.items()}
+    pq.write_table(pa.table(columns), target, compression="snappy")
+    column = {"metadata": None, "numpy_type": "object", "pandas_type": "unicode"}
+    pandas = {
+        "index_columns": ["task"],
+        "column_indexes": [],
+        "columns": [
+            {**column, "name": "task_index", "field_name": "task_index",
+             "numpy_type": "int64", "pandas_type": "int64"},
+            {**column, "name": "task", "field_name": "task"},
+        ],
+        "pandas_version": "2.0.0",
+    }  # fmt: skip
+    listed = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
+    named = listed.replace_schema_metadata({"pandas": json.dumps(pandas)})
+    pq.write_table(named, work / TASKS)
+
+
+def faults(folder: Path) -> Iterator[str]:
+    """Where a gathered dataset's description or statistics are not those of its rows."""
+    about = tables.info(folder)
+    if not about.given.get("total_episodes"):
+        return
+    rows = tables.episodes(folder)
+    at = 0
+    for number in range(about.given["total_episodes"]):
+        row = rows.get(number, {})
+        if (row.get("dataset_from_index"), row.get("dataset_to_index")) != (
+            at,
+            at + (row.get("length") or 0),
+        ):
+            found = row.get("dataset_from_index")
+            place = f"{folder / 'meta/episodes'}: episode {number}: dataset_from_index"
+            yield f"{place}: found {found}; expected {at}, and as many rows as its length"
+            return
+        at = row["dataset_to_index"]
+    if about.given.get("total_frames") != at:
+        found = about.given.get("total_frames")
+        yield f"{folder / INFO}: total_frames: found {found}; expected {at}, as the episodes have"
+    given = json.loads(files.read_bytes(folder / STATS)) if (folder / STATS).is_file() else {}
+    for key, feature in about.features.items():
+        if feature["dtype"].startswith("float") and len(feature["shape"]) == 1 and key in given:
+            values = _column(folder, key)
+            found = stats.plain({key: stats.of_numbers(values)})[key]
+            for name in ("min", "max", "mean", "std", "count"):
+                if not np.allclose(given[key].get(name, np.nan), found[name], atol=1e-4, rtol=1e-3):
+                    stated = (
+                        f"found {given[key].get(name)}; expected {found[name]}, as the rows have"
+                    )
+                    yield f"{folder / STATS}: {key}: {name}: {stated}"
+                    break
+
+
+def _column(folder: Path, key: str) -> np.ndarray:
+    """A feature's numbers of all frames."""
+    parts = [tables.table(path, [key]) for path in sorted((folder / "data").glob("*/*.parquet"))]
+    return np.asarray([value for held in parts for value in held[key].to_pylist()], np.float64)
+
+
+def _drop(folder: Path) -> None:
+    """Remove the episodes' own tables and videos, and their folders where nothing lies beside them."""
+    for split, numbers in staged(folder, STAGED).items():
+        for number in numbers:
+            own = folder / split / str(number)
+            for path in (own / STAGED, own / STATISTICS, *own.glob("*.mp4")):
+                path.unlink()
+            if not any(own.iterdir()):
+                own.rmdir()
+        if not any((folder / split).iterdir()):
+            (folder / split).rmdir()

@@ -1,0 +1,299 @@
+"""Reading a LeRobot episode: its rows, and its videos, every frame of which is found before it is believed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from jaxtyping import Float64
+from rpaug_adapters.lerobot import tables, tiff
+from rpaug_adapters.lerobot.tables import COUNTED, INFO, STAGED, Info
+from rpaug_adapters.shared import cameras, episodes, video
+from rpaug_adapters.shared.cameras import Beside
+from rpaug_adapters.shared.images import image_size, lazy_colors, lazy_depth
+from rpaug_adapters.shared.video import Frames, Span
+
+from rpaug import BadInput, Camera, CameraView, Episode, files
+
+IMAGES = ("observation.images.", "observation.")
+DEPTH = "_depth"  # ending of the feature with a camera's depth, where no side file names it
+MASK = "masks."  # before a camera's name: handles, as rpaug writes them
+UNITS = {"m": 1.0, "mm": 0.001}
+CODES = 4095  # steps of a depth video
+RANGE = {"depth_min": 0.01, "depth_max": 10.0, "shift": 3.5, "use_log": True}
+
+
+@dataclass(frozen=True)
+class DepthFeature:
+    """The feature of a camera's depth, and metres of one unit of it (None: a video, which has its own scale)."""
+
+    key: str
+    metres: float | None
+
+
+@dataclass(frozen=True)
+class LeRobotSource:
+    """Where an episode came from: its rows, its videos, and which features its views are."""
+
+    info: Info
+    own: Path  # what lies beside this episode alone
+    rows: Any  # a pyarrow table
+    spans: dict[str, Span]
+    views: dict[str, CameraView]
+    images: dict[str, str]
+    depths: dict[str, DepthFeature]
+    ids: dict[str, str]
+    beside: Beside
+    tasks: tuple[str, ...]  # of each frame
+    descriptions: tuple[str, ...]
+
+
+def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
+    """Episode `number` of a split, images lazy. Raises BadInput."""
+    about = tables.info(folder)
+    own = folder / split / str(number)
+    if (own / STAGED).is_file():
+        rows, tasks, spans = _staged(about, own)
+    else:
+        rows, tasks, spans = _gathered(about, split, number)
+    length = rows.num_rows
+    where = f"{folder}: {split}/{number}"
+    beside = cameras.load((own, folder))
+    images = _found(about, beside)
+    sizes = {name: _size(where, about, rows, spans, image) for name, image in images.items()}
+    tracks = _tracks(where, about, rows)
+    depths = _depths(about, beside, images)
+    ids = {name: MASK + name for name in images if MASK + name in about.features}
+    for name, given in beside.cameras.items():
+        if given.ids is not None and name in images:
+            cameras.known(beside, f"cameras.{name}.ids", given.ids, about.features)
+            ids[name] = given.ids
+    descriptions = tuple(dict.fromkeys(text for text in tasks if text))
+
+    def view(name: str, camera: Camera) -> CameraView:
+        depth, mask = depths.get(name), ids.get(name)
+        return _view(where, about, rows, spans, images[name], depth, mask, camera)
+
+    def recorded(views: dict[str, CameraView]) -> LeRobotSource:
+        return LeRobotSource(
+            about, own, rows, spans, views, images, depths, ids, beside, tasks, descriptions
+        )
+
+    return episodes.episode(key, beside, sizes, tracks, length, descriptions, view, recorded)
+
+
+def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...], dict[str, Span]]:
+    """Rows, words and videos of an episode among others."""
+    folder = about.folder
+    span = about.splits.get(split, range(0))
+    if number >= len(span):
+        found = f"{len(span)} episodes"
+        raise BadInput(folder / INFO, f"splits.{split}", found=found, expected=f"number {number}")
+    given = tables.episode(folder, span[number])
+    path = tables.place(given, "data", folder, about.given.get("data_path"))
+    rows = tables.table(path, filters=[("episode_index", "=", span[number])])
+    length = _length(f"{path}: episode {span[number]}", rows, given.get("length"))
+    words = tables.tasks(folder)
+    column = rows["task_index"].to_pylist() if "task_index" in rows.column_names else []
+    known = (words.get(index, "") if isinstance(index, int) else "" for index in column)
+    tasks = tuple(known) or ("",) * length
+    spans = {}
+    for key in about.of_kind("video"):
+        prefix = f"videos/{key}"
+        file = tables.place(given, prefix, folder, about.given.get("video_path"), video_key=key)
+        start = given.get(f"{prefix}/from_timestamp")
+        if not isinstance(start, (int, float)) or not 0 <= start < 1e7:
+            where = f"episode {span[number]}, {prefix}/from_timestamp"
+            found, expected = repr(start)[:40], "seconds"
+            raise BadInput(folder / tables.EPISODES, where, found=found, expected=expected)
+        spans[key] = Span(file, float(start), length, about.rate)
+    return rows, tasks, spans
+
+
+def _staged(about: Info, own: Path) -> tuple[Any, tuple[str, ...], dict[str, Span]]:
+    """Rows, words and videos of an episode that is not gathered yet."""
+    rows = tables.table(own / STAGED)
+    length = _length(str(own / STAGED), rows, rows.num_rows)
+    tasks = tuple(str(text) for text in rows["task"].to_pylist())
+    videos = about.of_kind("video")
+    return rows, tasks, {key: Span(own / f"{key}.mp4", 0.0, length, about.rate) for key in videos}
+
+
+def _length(where: str, rows: Any, given: Any) -> int:
+    if not rows.num_rows or rows.num_rows != given:
+        found, expected = f"{rows.num_rows} rows", f"{given}, as the table of episodes says"
+        raise BadInput(where, "rows", found=found, expected=expected)
+    if "frame_index" in rows.column_names:
+        counted = rows["frame_index"].to_pylist()
+        if counted != list(range(rows.num_rows)):
+            found = str(counted[:5])[:60]
+            raise BadInput(where, "frame_index", found=found, expected="0, 1, 2, ...")
+    return rows.num_rows
+
+
+def _found(about: Info, beside: Beside) -> dict[str, str]:
+    """The features of colour by the names of their views."""
+    found, among = {}, about.of_kind("image", "video")
+    for key in among:
+        if not _is_depth(about.features[key]):
+            prefix = next((prefix for prefix in IMAGES if key.startswith(prefix)), "")
+            found[key.removeprefix(prefix)] = key
+    views = cameras.chosen(beside, found, {key: key for key in among})
+    if not views:
+        where = about.folder / INFO
+        raise BadInput(where, "features", found="no images", expected="a colour image a step")
+    return views
+
+
+def _is_depth(feature: dict[str, Any]) -> bool:
+    about, old = feature.get("info") or {}, feature.get("video_info") or {}
+    return bool(
+        about.get("is_depth_map")
+        or about.get("video.is_depth_map")
+        or old.get("video.is_depth_map")
+    )
+
+
+def _depths(about: Info, beside: Beside, images: dict[str, str]) -> dict[str, DepthFeature]:
+    """Each camera's feature of depth: named by the side file, or called after the camera."""
+    found = {}
+    for name, image in images.items():
+        given = beside.cameras.get(name)
+        key = given.depth if given is not None else None
+        if key is not None:
+            cameras.known(beside, f"cameras.{name}.depth", key, about.features)
+        elif image + DEPTH in about.features and _is_depth(about.features[image + DEPTH]):
+            key = image + DEPTH
+        if key is None:
+            continue
+        feature = about.features[key]
+        unit = UNITS.get(str((feature.get("info") or {}).get("depth_unit")), 0.0)
+        metres = unit or (given.metres if given is not None else UNITS["mm"])
+        found[name] = DepthFeature(key, None if feature["dtype"] == "video" else metres)
+    return found
+
+
+def blobs(where: str, rows: Any, key: str) -> list[bytes]:
+    """The encoded images of a feature. Raises BadInput."""
+    if key not in rows.column_names:
+        raise BadInput(where, key, found="nothing", expected="a column of images")
+    found = [
+        value.get("bytes") if isinstance(value, dict) else value for value in rows[key].to_pylist()
+    ]
+    odd = next((t for t, data in enumerate(found) if not isinstance(data, bytes)), None)
+    if odd is not None:
+        raise BadInput(where, f"{key}, frame {odd}", found="no bytes", expected="an encoded image")
+    return found
+
+
+def _size(where: str, about: Info, rows: Any, spans: dict[str, Span], key: str) -> tuple[int, int]:
+    """Width and height that all images of a feature share."""
+    if key in spans:
+        return video.check(spans[key])
+    return image_size(blobs(where, rows, key), lambda t: f"{where}, {key}, frame {t}")
+
+
+def _tracks(where: str, about: Info, rows: Any) -> dict[str, Float64[np.ndarray, "t k"]]:
+    """All numbers of the frames, by their features; what counts frames of the whole dataset is left out."""
+    found = {}
+    for key, feature in about.features.items():
+        single = len(feature["shape"]) == 1 and feature["dtype"] not in ("string", "language")
+        if (key in COUNTED and key != "timestamp") or key not in rows.column_names or not single:
+            continue
+        if feature["dtype"] in ("image", "video"):
+            continue
+        try:
+            values = np.asarray(rows[key].to_pylist(), np.float64).reshape(rows.num_rows, -1)
+        except (TypeError, ValueError):
+            found_, expected = "rows of several lengths, or gaps", f"{feature['shape']} numbers"
+            raise BadInput(where, key, found=found_, expected=expected) from None
+        if values.shape[1] != feature["shape"][0]:
+            expected = f"{feature['shape'][0]}, as {INFO} says"
+            raise BadInput(where, key, found=f"{values.shape[1]} numbers", expected=expected)
+        found[key] = values
+    return found
+
+
+def _view(
+    where: str,
+    about: Info,
+    rows: Any,
+    spans: dict[str, Span],
+    key: str,
+    depth: DepthFeature | None,
+    ids: str | None,
+    camera: Camera,
+) -> CameraView:
+    shape = camera.height, camera.width
+    recorded: Callable[[int], np.ndarray] = (
+        Frames(spans[key])
+        if key in spans
+        else lazy_colors(blobs(where, rows, key), lambda t: f"{where}, {key}, frame {t}")
+    )
+    return CameraView(
+        camera,
+        recorded,
+        None if depth is None else _metric(where, about, rows, spans, depth, shape),
+        None if ids is None else _whole(where, rows, ids, shape),
+    )
+
+
+def _metric(
+    where: str,
+    about: Info,
+    rows: Any,
+    spans: dict[str, Span],
+    depth: DepthFeature,
+    shape: tuple[int, int],
+) -> Callable[[int], np.ndarray]:
+    """A camera's depth in metres."""
+    if depth.metres is None:
+        frames = Frames(spans[depth.key], "gray12le")
+        if video.check(spans[depth.key]) != shape[::-1]:
+            found, expected = "another size", f"{shape[1]}x{shape[0]}, as the colour"
+            raise BadInput(spans[depth.key].path, "size", found=found, expected=expected)
+        given = RANGE | (about.features[depth.key].get("info") or {})
+        return lambda t: _unpacked(frames(t), given)
+    images = blobs(where, rows, depth.key)
+    return lazy_depth(
+        lambda t: one_channel(f"{where}, {depth.key}, frame {t}", images[t], shape), depth.metres
+    )
+
+
+def one_channel(where: str, data: bytes, shape: tuple[int, int]) -> np.ndarray:
+    """A TIFF or PNG of one channel, of any number type. Raises BadInput."""
+    size = tiff.size(where, data) if tiff.is_one(data) else files.check_image(where, data)
+    if size != shape[::-1]:
+        found, expected = f"{size[0]}x{size[1]}", f"{shape[1]}x{shape[0]}, as the colour"
+        raise BadInput(where, "size", found=found, expected=expected)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None or image.shape != shape:
+        raise BadInput(where, "image", found="undecodable data", expected="one value a pixel")
+    return image
+
+
+def _unpacked(codes: np.ndarray, given: dict[str, Any]) -> np.ndarray:
+    """Metres of the codes of a depth video: even steps, of the logarithm where it says so."""
+    low, high, shift = (float(given[name]) for name in ("depth_min", "depth_max", "shift"))
+    share = codes.astype(np.float64) / CODES
+    if given["use_log"]:
+        return (
+            np.exp(np.log(low + shift) + share * np.log((high + shift) / (low + shift))) - shift
+        ).astype(np.float32)
+    return (low + share * (high - low)).astype(np.float32)
+
+
+def _whole(where: str, rows: Any, key: str, shape: tuple[int, int]) -> Callable[[int], np.ndarray]:
+    def whole(t: int) -> np.ndarray:
+        try:
+            values = np.asarray(rows[key][t].as_py(), np.int32)
+        except (TypeError, ValueError, KeyError, OverflowError):
+            values = np.zeros(0, np.int32)
+        if values.shape != shape:
+            expected = f"{shape[0]} rows of {shape[1]} numbers"
+            raise BadInput(f"{where}, frame {t}", key, found="another shape", expected=expected)
+        return values
+
+    return whole

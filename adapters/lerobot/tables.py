@@ -1,0 +1,220 @@
+"""Where a LeRobot dataset (v3.0) keeps what: its description, its table of episodes, and episodes not gathered yet.
+
+A finished dataset has `meta/{info.json, stats.json, tasks.parquet, episodes/*/*.parquet}`, `data/*/*.parquet` and
+`videos/<key>/*/*.mp4`, many episodes in one file. While it grows each episode is a folder `<split>/<number>/` with one
+table, one video a camera, and its statistics, so that it can appear by one rename.
+"""
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from rpaug_adapters.shared.texts import read_json
+
+from rpaug import BadInput, MissingExtra
+
+INFO = "meta/info.json"
+STATS = "meta/stats.json"
+TASKS = "meta/tasks.parquet"
+EPISODES = "meta/episodes"
+DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+EPISODES_PATH = EPISODES + "/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+STAGED = "episode.parquet"  # an episode's own rows, while the dataset grows
+STATISTICS = "episode_stats.json"
+COUNTED = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64",
+           "index": "int64", "task_index": "int64"}  # fmt: skip
+VERSION = "v3."
+# Bytes of one table, unpacked: more is taken for damage, before anything is allocated.
+LARGEST = 2**31
+MOST = 2**20  # episodes, likewise
+
+
+def arrow() -> tuple[Any, Any]:
+    """pyarrow and its parquet module. Raises MissingExtra."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise MissingExtra("pyarrow", "lerobot") from None
+    return pyarrow, pyarrow.parquet
+
+
+@dataclass(frozen=True)
+class Info:
+    """What `meta/info.json` says: `told` is all of it."""
+
+    folder: Path
+    given: dict[str, Any]
+    rate: float
+    features: dict[str, dict[str, Any]]
+    splits: dict[str, range]
+
+    def of_kind(self, *kinds: str) -> list[str]:
+        """Keys of the features of some dtypes."""
+        return [key for key, one in self.features.items() if one["dtype"] in kinds]
+
+    def shape(self, key: str) -> tuple[int, ...]:
+        """Shape of one value of a feature."""
+        return tuple(self.features[key]["shape"])
+
+
+def info(folder: Path) -> Info:
+    """The description of the dataset in a folder. Raises BadInput."""
+    path = folder / INFO
+    given = read_json(path, "a description")
+    if not isinstance(given, dict) or not isinstance(given.get("codebase_version"), str):
+        raise BadInput(path, "codebase_version", found="none", expected="a LeRobot dataset")
+    if not given["codebase_version"].startswith(VERSION):
+        expected = "v3.0 (lerobot's convert_dataset_v21_to_v30 makes it)"
+        raise BadInput(path, "codebase_version", found=given["codebase_version"], expected=expected)
+    rate = given.get("fps")
+    if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not 0 < rate < 100_000:
+        raise BadInput(path, "fps", found=repr(rate)[:40], expected="frames a second")
+    return Info(folder, given, float(rate), _features(path, given), _splits(path, given))
+
+
+def _features(path: Path, given: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    features = given.get("features")
+    if not isinstance(features, dict) or not features:
+        raise BadInput(path, "features", found="none", expected="a feature by each key")
+    for key, one in features.items():
+        shape = one.get("shape") if isinstance(one, dict) else None
+        whole = isinstance(shape, list) and all(
+            isinstance(side, int) and 0 < side < 2**24 for side in shape
+        )
+        if (
+            not whole
+            or not isinstance(one.get("dtype"), str)
+            or set("/\\\0{}") & set(key)
+            or ".." in key
+        ):
+            found, expected = repr(one)[:80], "a plain name, a dtype and a shape"
+            raise BadInput(path, f"features.{key}"[:80], found=found, expected=expected)
+        for name in ("info", "video_info"):
+            if not isinstance(one.get(name) or {}, dict):
+                expected = "what is told of a video"
+                raise BadInput(
+                    path, f"features.{key}.{name}"[:80], found="no map", expected=expected
+                )
+    return features
+
+
+def _splits(path: Path, given: dict[str, Any]) -> dict[str, range]:
+    """Episode numbers of each split; all are for training where nothing is said."""
+    total = given.get("total_episodes")
+    if isinstance(total, bool) or not isinstance(total, int) or not 0 <= total <= MOST:
+        raise BadInput(path, "total_episodes", found=repr(total)[:40], expected="a number")
+    stated = given.get("splits") or ({"train": f"0:{total}"} if total else {})
+    try:
+        found = {
+            name: range(*(int(part) for part in str(span).split(":", 1)))
+            for name, span in stated.items()
+        }
+    except (AttributeError, TypeError, ValueError):
+        raise BadInput(
+            path, "splits", found=repr(stated)[:80], expected="name: first:end"
+        ) from None
+    for name, span in found.items():
+        if (
+            not name
+            or set("/\\\0") & set(name)
+            or name.startswith(".")
+            or name in ("meta", "data", "videos")
+        ):
+            raise BadInput(path, "splits", found=repr(name)[:40], expected="a name")
+        if span.start < 0 or span.stop > total:
+            raise BadInput(
+                path, f"splits.{name}", found=f"{stated[name]}", expected=f"within 0:{total}"
+            )
+    ends = sorted((span.start, span.stop) for span in found.values() if len(span))
+    if any(one[1] > other[0] for one, other in pairwise(ends)):
+        raise BadInput(path, "splits", found="an episode in two", expected="each in one")
+    return found
+
+
+def table(path: Path, columns: list[str] | None = None, filters: Any = None) -> Any:
+    """A parquet file's rows. Raises BadInput for what is no parquet or damaged, and for an absurd size."""
+    pa, pq = arrow()
+    if not path.is_file():
+        raise BadInput(path, "file", found="nothing", expected="a parquet file")
+    try:
+        about = pq.read_metadata(path)
+        size = sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups))
+        if not 0 <= size <= LARGEST or about.num_rows > LARGEST:
+            raise BadInput(path, "size", found=f"{size} bytes", expected=f"at most {LARGEST}")
+        return pq.read_table(path, columns=columns, filters=filters, use_threads=False)
+    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
+        found = str(error).split("\n")[0][:120]
+        raise BadInput(path, "parquet", found=found, expected="a whole table") from None
+
+
+@lru_cache(4)
+def _episodes(folder: Path, _: int) -> dict[int, dict[str, Any]]:
+    rows: dict[int, dict[str, Any]] = {}
+    for path in sorted((folder / EPISODES).glob("*/*.parquet")):
+        names = arrow()[1].read_schema(path).names if path.stat().st_size else []
+        kept = [name for name in names if not name.startswith("stats/")]
+        for row in table(path, kept or None).to_pylist():
+            number = row.get("episode_index")
+            if not isinstance(number, int) or number in rows:
+                found, expected = f"{number!r}, twice or no number", "each episode once"
+                raise BadInput(path, "episode_index", found=found, expected=expected)
+            rows[number] = row
+    return rows
+
+
+def episodes(folder: Path) -> dict[int, dict[str, Any]]:
+    """The table of episodes without their statistics, by number. Raises BadInput."""
+    pa, _ = arrow()
+    try:
+        return _episodes(folder, (folder / INFO).stat().st_mtime_ns)
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        found = str(error).split("\n")[0][:120]
+        raise BadInput(folder / EPISODES, "parquet", found=found, expected="a table") from None
+
+
+def episode(folder: Path, number: int) -> dict[str, Any]:
+    """What the table of episodes says of one. Raises BadInput."""
+    rows = episodes(folder)
+    if number not in rows:
+        found = f"{len(rows)} episodes"
+        raise BadInput(folder / EPISODES, f"episode {number}", found=found, expected="a row")
+    return rows[number]
+
+
+def tasks(folder: Path) -> dict[int, str]:
+    """The words of each task by its index. Raises BadInput."""
+    held = table(folder / TASKS)
+    words = next((name for name in held.column_names if name != "task_index"), None)
+    if words is None or "task_index" not in held.column_names:
+        found, expected = f"columns {held.column_names}"[:80], "task_index and the task"
+        raise BadInput(folder / TASKS, "columns", found=found, expected=expected)
+    rows = zip(held["task_index"].to_pylist(), held[words].to_pylist(), strict=True)
+    return {
+        number: text for number, text in rows if isinstance(number, int) and isinstance(text, str)
+    }
+
+
+def place(row: dict[str, Any], prefix: str, folder: Path, template: Any, **more: str) -> Path:
+    """The file that a row of the table of episodes points to, never outside the dataset's folder. Raises BadInput."""
+    where = {name: row.get(f"{prefix}/{name}") for name in ("chunk_index", "file_index")}
+    if all(isinstance(value, int) and 0 <= value < 2**31 for value in where.values()):
+        path = folder / filled(str(template)[:200], {**where, **more})
+        if ".." not in path.parts and path.is_relative_to(folder):
+            return path
+    found, expected = f"{template!s:.60}, {where}", "a file of the dataset"
+    raise BadInput(folder / INFO, prefix, found=found, expected=expected)
+
+
+def filled(template: str, values: dict[str, Any]) -> str:
+    """A path from its template: names in braces, with a width of up to nine digits. Nothing else is looked up."""
+
+    def one(match: re.Match[str]) -> str:
+        value = values.get(match[1], match[0])
+        return str(value).zfill(int(match[2] or 0)) if isinstance(value, int) else str(value)
+
+    return re.sub(r"\{(\w+)(?::0?(\d)d)?\}", one, template)

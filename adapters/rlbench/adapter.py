@@ -1,0 +1,122 @@
+"""RLBench, PerAct and COLOSSEUM episodes: a folder of PNGs and three pickles each.
+
+`<episode>/{front,left_shoulder,right_shoulder,overhead,wrist}_{rgb,depth,mask}/<t>.png`, `low_dim_obs.pkl`,
+`variation_number.pkl`, `variation_descriptions.pkl`. Traps this file knows about:
+
+- the camera model is CoppeliaSim's: focal lengths are negative and a camera looks along +z with x to the left and
+  y up; pixel centres lie at integer coordinates, as everywhere in rpaug;
+- depth is 24-bit fixed point over three channels between the camera's near and far plane, z and not ray length;
+- a mask codes the object's handle as R + 256 G + 65536 B; COLOSSEUM's may be single-channel, taken as it is;
+- upstream RLBench keeps the descriptions in `variation<N>/`, not in the episode;
+- readers run numpy 1 and push every attribute of an observation into a replay buffer: nothing may be added there.
+"""
+
+import os
+import re
+import shutil
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+from typing import ClassVar
+
+from rpaug_adapters.rlbench.read import DESCRIPTIONS, LOW_DIM, RLBenchSource, read_episode
+from rpaug_adapters.rlbench.write import write_episode
+from rpaug_adapters.shared.folders import natural, write_files
+
+from rpaug import Adapter, BadInput, Episode, Side, files, splits
+
+CAMERAS = ("front", "left_shoulder", "right_shoulder", "overhead", "wrist")
+VERSION = re.compile(r"\d+\.\d+\.\d+")
+ELSEWHERE = ("all_variations", "episodes")  # of other layouts, and no names of tasks
+EPISODE = re.compile(r"episode(\d+)$")
+
+
+class RLBench(Adapter):
+    """Reads and writes RLBench-format datasets in every layout named above."""
+
+    name: ClassVar[str] = "rlbench"
+    after: ClassVar[str] = (
+        "If RVT trained on this path before, delete its replay folder: it would be reused."
+    )
+
+    def episodes(self, root: Path) -> Sequence[str]:
+        keys, seen = [], set()
+        for folder, subfolders, names in os.walk(root, followlinks=True, onerror=_unreadable):
+            here = Path(folder)
+            true = here.resolve()
+            if true in seen:  # a link that leads back
+                subfolders.clear()
+                continue
+            seen.add(true)
+            if LOW_DIM in names or (EPISODE.search(here.name) and here != root):
+                keys.append(here.relative_to(root).as_posix())
+                subfolders.clear()
+            if here == root and files.REJECTED in subfolders:
+                subfolders.remove(files.REJECTED)
+            subfolders[:] = [name for name in subfolders if not name.startswith(".")]
+        return sorted(keys, key=natural)
+
+    def read(self, root: Path, key: str) -> Episode:
+        return read_episode(root / key, key)
+
+    def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
+        recorded = episode.source if isinstance(episode.source, RLBenchSource) else None
+        homeless = recorded is not None and _homeless(recorded, key)
+        with files.atomic_folder(root / key) as work:
+            write_episode(episode, recorded, work, with_descriptions=homeless)
+            write_files(work, side())
+
+    def key_at(self, like: str, index: int) -> str:
+        return (PurePosixPath(like).parent / f"episode{index}").as_posix()
+
+    def key_for(self, like: str, index: int) -> str:
+        """`<split>/<task>/all_variations/episodes/episode<i>`, as RVT wants it; keys that are like ours stay so."""
+        parts = PurePosixPath(like).parts
+        if EPISODE.search(parts[-1]):
+            return self.key_at(like, index)
+        named = (splits.of(like), *ELSEWHERE)
+        task = [part for part in parts[:-1] if part not in named and not VERSION.fullmatch(part)]
+        split = [kind] if (kind := splits.kind(like)) else []
+        place = PurePosixPath(*split, "_".join(task) or "task", "all_variations", "episodes")
+        return (place / f"episode{index}").as_posix()
+
+    def traps(self, episode: Episode) -> Sequence[str]:
+        """RVT and the fork of RLBench that it reads with (NVlabs/RVT)."""
+        found = []
+        missing = [name for name in CAMERAS if name not in episode.views]
+        if missing:
+            found.append(f"RVT's reader wants all five cameras; missing: {', '.join(missing)}")
+        sizes = {(v.camera.width, v.camera.height) for v in episode.views.values()} - {(128, 128)}
+        if sizes:
+            listed = ", ".join(f"{width}x{height}" for width, height in sorted(sizes))
+            found.append(f"RVT takes images of 128x128; there are some of {listed}")
+        if any(view.depth is None for view in episode.views.values()):
+            found.append("RVT builds its point clouds from depth; there are cameras without")
+        return found
+
+    def finish(self, source: Path, target: Path) -> None:
+        """Descriptions that upstream RLBench keeps beside the `episodes` folder."""
+        for key in self.episodes(target):
+            beside = _beside(key)
+            if beside and (source / beside).is_file() and not (target / beside).exists():
+                shutil.copyfile(source / beside, target / beside)
+
+
+def _unreadable(error: OSError) -> None:
+    raise BadInput(
+        str(error.filename), "folder", found=error.strerror, expected="a readable folder"
+    )
+
+
+def _beside(key: str) -> str | None:
+    """Where upstream RLBench keeps an episode's descriptions, if that lies within the dataset's root."""
+    parts = PurePosixPath(key).parts
+    return PurePosixPath(*parts[:-2], DESCRIPTIONS).as_posix() if len(parts) > 2 else None
+
+
+def _homeless(recorded: RLBenchSource, key: str) -> bool:
+    """Whether descriptions came from outside the episode and `finish` has no place for them in the target."""
+    return (
+        bool(recorded.descriptions)
+        and not (recorded.folder / DESCRIPTIONS).is_file()
+        and not _beside(key)
+    )

@@ -1,0 +1,264 @@
+"""Reading an RLBench episode: pickles, cameras and images, each checked before it is believed."""
+
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int32
+from rpaug_adapters.rlbench.pickles import Demo, Observation, load
+
+from rpaug import BadInput, Camera, CameraView, Episode, Robot, files, geometry
+
+KINDS = ("rgb", "depth", "mask")
+DEPTH_STEPS = 2**24 - 1
+KEPT_FRAMES = 4  # of each camera and kind of image
+LOW_DIM = "low_dim_obs.pkl"
+DESCRIPTIONS = "variation_descriptions.pkl"
+FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])  # CoppeliaSim's camera axes <-> OpenCV's; its own inverse
+EXTRAS = ("joint_forces", "gripper_joint_positions", "gripper_touch_forces", "task_low_dim_state")
+
+
+@dataclass(frozen=True)
+class RLBenchSource:
+    """Where an episode came from and what its low-dimensional pickle held."""
+
+    folder: Path
+    demo: Demo
+    views: dict[str, CameraView]
+    descriptions: tuple[str, ...]
+
+
+def read_episode(folder: Path, key: str) -> Episode:
+    """The episode in a folder, images lazy. Raises BadInput."""
+    demo = load(folder / LOW_DIM)
+    observations = _observations(folder / LOW_DIM, demo)
+    views = {name: _view(folder, name, observations) for name in _cameras(folder)}
+    descriptions = _descriptions(folder)
+    return Episode(
+        key=key,
+        views=views,
+        robot=_robot(folder / LOW_DIM, observations),
+        descriptions=descriptions,
+        length=len(observations),
+        source=RLBenchSource(folder, demo, views, descriptions),
+    )
+
+
+def _observations(path: Path, demo: Any) -> list[Observation]:
+    observations = getattr(demo, "_observations", None)
+    if not isinstance(demo, Demo) or not isinstance(observations, list) or not observations:
+        found = "none" if isinstance(demo, Demo) else f"no demo but a {type(demo).__name__}"
+        raise BadInput(path, "_observations", found=found, expected="a Demo with observations")
+    for t, observation in enumerate(observations):
+        if not isinstance(observation, Observation) or not isinstance(
+            getattr(observation, "misc", None), dict
+        ):
+            raise BadInput(
+                path,
+                f"observation {t}",
+                found=type(observation).__name__,
+                expected="an Observation with misc",
+            )
+    return observations
+
+
+def _cameras(folder: Path) -> list[str]:
+    names = sorted(path.name[:-4] for path in folder.glob("*_rgb") if path.is_dir())
+    if not names:
+        raise BadInput(
+            folder, "cameras", found="no *_rgb folder", expected="at least one camera's images"
+        )
+    return names
+
+
+def _descriptions(folder: Path) -> tuple[str, ...]:
+    for path in (folder / DESCRIPTIONS, folder.parent.parent / DESCRIPTIONS):
+        if path.is_file():
+            texts = load(path)
+            if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+                raise BadInput(
+                    path, "descriptions", found=type(texts).__name__, expected="a list of strings"
+                )
+            return tuple(texts)
+    return ()
+
+
+def _number(
+    path: Path, t: int, field: str, value: Any, shape: tuple[int, ...]
+) -> Float64[np.ndarray, "..."]:
+    """A finite float array of the given shape (-1: any), or BadInput."""
+    if value is None:
+        raise BadInput(
+            path, f"observation {t}, {field}", found="nothing", expected=f"numbers of shape {shape}"
+        )
+    try:
+        array = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise BadInput(
+            path,
+            f"observation {t}, {field}",
+            found=type(value).__name__,
+            expected=f"numbers of shape {shape}",
+        ) from None
+    if len(array.shape) != len(shape) or any(
+        b not in (-1, a) for a, b in zip(array.shape, shape, strict=True)
+    ):
+        raise BadInput(
+            path,
+            f"observation {t}, {field}",
+            found=f"shape {array.shape}",
+            expected=f"shape {shape}",
+        )
+    if not np.isfinite(array).all():
+        raise BadInput(
+            path, f"observation {t}, {field}", found="NaN or infinity", expected="finite numbers"
+        )
+    return array
+
+
+def _track(
+    path: Path, observations: list[Observation], field: str, shape: tuple[int, ...]
+) -> Float64[np.ndarray, "t ..."]:
+    rows = [
+        _number(path, t, field, getattr(o, field, None), shape) for t, o in enumerate(observations)
+    ]
+    if any(row.shape != rows[0].shape for row in rows):
+        raise BadInput(
+            path,
+            field,
+            found="a size that changes over time",
+            expected="the same size in all frames",
+        )
+    return np.stack(rows)
+
+
+def _misc(
+    path: Path, observations: list[Observation], field: str, shape: tuple[int, ...]
+) -> Float64[np.ndarray, "t ..."]:
+    return np.stack(
+        [
+            _number(path, t, f"misc[{field!r}]", o.misc.get(field), shape)
+            for t, o in enumerate(observations)
+        ]
+    )
+
+
+def _robot(path: Path, observations: list[Observation]) -> Robot:
+    pose = _track(path, observations, "gripper_pose", (7,))
+    length = np.linalg.norm(pose[:, 3:], axis=1)
+    if (np.abs(length - 1) > 1e-2).any():
+        t = int(np.abs(length - 1).argmax())
+        where = f"observation {t}, gripper_pose"
+        raise BadInput(
+            path,
+            where,
+            found=f"a quaternion of length {length[t]:.3g}",
+            expected="a unit quaternion",
+        )
+    extra = {
+        name: _track(path, observations, name, (-1,))
+        for name in EXTRAS
+        if getattr(observations[0], name, None) is not None
+    }
+    return Robot(
+        joint_positions=_track(path, observations, "joint_positions", (-1,)),
+        joint_velocities=_track(path, observations, "joint_velocities", (-1,)),
+        gripper_to_world=geometry.pose_of(pose[:, :3], pose[:, 3:]),
+        gripper_open=_track(path, observations, "gripper_open", ()),
+        extra=extra,
+    )
+
+
+def _view(folder: Path, name: str, observations: list[Observation]) -> CameraView:
+    path, length = folder / LOW_DIM, len(observations)
+    K = _misc(path, observations, f"{name}_camera_intrinsics", (3, 3))
+    for t, i in ((t, i) for t in range(length) for i in range(2) if K[t, i, i] == 0):
+        where = f"observation {t}, misc['{name}_camera_intrinsics']"
+        raise BadInput(
+            path, where, found=f"focal length 0 at [{i}, {i}]", expected="one that is not zero"
+        )
+    if not (K[0] == K).all() or K[0, 0, 0] * K[0, 1, 1] < 0:
+        where = f"misc['{name}_camera_intrinsics']"
+        raise BadInput(
+            path,
+            where,
+            found="a zoom, or focal lengths of two signs",
+            expected="constant intrinsics",
+        )
+    extrinsics = _misc(path, observations, f"{name}_camera_extrinsics", (4, 4))
+    turn = extrinsics[:, :3, :3]
+    wrong = np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max((1, 2)) > 1e-3
+    wrong |= (np.linalg.det(turn) < 0) | (extrinsics[:, 3] != [0, 0, 0, 1]).any(1)
+    if wrong.any():
+        where = f"observation {int(wrong.argmax())}, misc['{name}_camera_extrinsics']"
+        raise BadInput(
+            path, where, found="no rigid motion", expected="a rotation and a shift, camera to world"
+        )
+    near = _misc(path, observations, f"{name}_camera_near", ())
+    far = _misc(path, observations, f"{name}_camera_far", ())
+    if not (near < far).all():
+        raise BadInput(
+            path, f"misc['{name}_camera_far']", found="far <= near", expected="near < far"
+        )
+    size = _check_images(folder, name, length)
+    intrinsics = np.abs(K[0]) if (K[0][[0, 1], [0, 1]] < 0).all() else K[0]
+    has = {kind: (folder / f"{name}_{kind}").is_dir() for kind in KINDS}
+    return CameraView(
+        camera=Camera(intrinsics, extrinsics @ FLIP, *size),
+        # Kept for a moment: a writer compares an edited frame with the recorded one.
+        rgb=lru_cache(KEPT_FRAMES)(lambda t: files.decode_png(folder / f"{name}_rgb" / f"{t}.png")),
+        depth=lru_cache(KEPT_FRAMES)(
+            lambda t: _metres(read_code(folder / f"{name}_depth" / f"{t}.png"), near[t], far[t])
+        )
+        if has["depth"]
+        else None,
+        ids=lru_cache(KEPT_FRAMES)(
+            lambda t: read_code(folder / f"{name}_mask" / f"{t}.png", low_first=True)
+        )
+        if has["mask"]
+        else None,
+    )
+
+
+def _check_images(folder: Path, name: str, length: int) -> tuple[int, int]:
+    """(width, height) of one camera's images after every one of them was found whole and of its kind."""
+    size = None
+    for kind in KINDS:
+        images = folder / f"{name}_{kind}"
+        if not images.is_dir():
+            continue
+        count = sum(entry.name.endswith(".png") for entry in os.scandir(images))
+        for t in range(length):
+            path = images / f"{t}.png"
+            header = files.check_png(path, files.read_bytes(path))
+            if header.bits != 8 or (kind != "mask" and header.channels != 3):
+                wanted = "8 bits, 1 or 3 channels" if kind == "mask" else "8 bits, 3 channels"
+                found = f"{header.bits} bits, {header.channels} channel(s)"
+                raise BadInput(path, "kind of image", found=found, expected=wanted)
+            here = header.width, header.height
+            size = size or here
+            if here != size:
+                first = f"{size[0]}x{size[1]} as in the camera's first image"
+                raise BadInput(path, "size", found=f"{here[0]}x{here[1]}", expected=first)
+        if count != length:
+            raise BadInput(
+                images, "frames", found=f"{count} images", expected=f"{length}, as {LOW_DIM} holds"
+            )
+    assert size is not None  # the rgb folder exists and length >= 1
+    return size
+
+
+def read_code(path: Path, low_first: bool = False) -> Int32[np.ndarray, "h w"]:
+    """The integer that an image's channels hold; a single-channel image is that integer."""
+    image = files.decode_png(path).astype(np.int32)
+    if image.ndim == 2:
+        return image
+    first, middle, last = (0, 1, 2) if low_first else (2, 1, 0)
+    return image[..., first] + (image[..., middle] << 8) + (image[..., last] << 16)
+
+
+def _metres(code: Int32[np.ndarray, "h w"], near: float, far: float) -> Float32[np.ndarray, "h w"]:
+    return (near + code / DEPTH_STEPS * (far - near)).astype(np.float32)

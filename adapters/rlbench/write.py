@@ -1,0 +1,231 @@
+"""Writing an RLBench episode: what was recorded, with only what changed encoded anew."""
+
+import copy
+import os
+import shutil
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32, Int32
+from rpaug_adapters.rlbench.pickles import Demo, Observation, dump
+from rpaug_adapters.rlbench.read import (
+    DEPTH_STEPS,
+    DESCRIPTIONS,
+    EXTRAS,
+    FLIP,
+    KINDS,
+    LOW_DIM,
+    RLBenchSource,
+    read_code,
+)
+from rpaug_adapters.shared.folders import write_files
+
+from rpaug import Episode, Unsupported, files, geometry
+
+NUMBER = "variation_number.pkl"
+NEAR, FAR = 0.01, 10.0  # metres: depth range of cameras that were not recorded by CoppeliaSim
+THREADS = 2
+OLD_NUMPY_LACKS = b"numpy._core"  # RVT and RLBench run numpy <= 1.24
+Image = Callable[[int], np.ndarray]
+IMAGES = [
+    f"{camera}_{kind}"
+    for camera in ("left_shoulder", "right_shoulder", "overhead", "wrist", "front")
+    for kind in ("rgb", "depth", "mask", "point_cloud")
+]
+
+
+def write_episode(
+    episode: Episode, recorded: RLBenchSource | None, work: Path, *, with_descriptions: bool
+) -> None:
+    """Fill a folder with the episode, beginning with what was recorded if anything was."""
+    if recorded is None:
+        made = _fresh_pickles(episode)
+    else:
+        _copy_unknown(recorded, episode, work)
+        demo, made = _edited_demo(recorded, episode), {}
+        if demo is not recorded.demo or OLD_NUMPY_LACKS in (work / LOW_DIM).read_bytes():
+            made[LOW_DIM] = dump(demo)
+        if with_descriptions or episode.descriptions != recorded.descriptions:
+            made[DESCRIPTIONS] = dump(list(episode.descriptions))
+    _write_images(episode, recorded, work)
+    write_files(work, made)
+
+
+def _copy_unknown(recorded: RLBenchSource, episode: Episode, work: Path) -> None:
+    """Everything but the images we write ourselves; a report of an earlier augmentation stays behind."""
+    ours = {f"{name}_{kind}" for name in episode.views for kind in KINDS}
+    for entry in os.scandir(recorded.folder):
+        if entry.name in ours or entry.name.startswith("rpaug"):
+            continue
+        if entry.is_dir():
+            shutil.copytree(entry.path, work / entry.name)
+        else:
+            shutil.copyfile(entry.path, work / entry.name)
+
+
+def _edited_demo(recorded: RLBenchSource, episode: Episode) -> Demo:
+    """The recorded demo; only the poses of cameras that moved are new."""
+    moved = {
+        name: view.camera.cam_to_world @ FLIP
+        for name, view in episode.views.items()
+        if view.camera is not recorded.views[name].camera
+    }
+    if not moved:
+        return recorded.demo
+    demo = copy.copy(recorded.demo)
+    demo._observations = [copy.copy(o) for o in demo._observations]  # type: ignore[attr-defined]
+    for t, observation in enumerate(demo._observations):  # type: ignore[attr-defined]
+        poses = {f"{name}_camera_extrinsics": pose[t] for name, pose in moved.items()}
+        observation.misc = {**observation.misc, **poses}
+    return demo
+
+
+def _fresh_pickles(episode: Episode) -> dict[str, bytes]:
+    """The three pickles of an episode that no RLBench simulation recorded."""
+    robot, misc = episode.robot, []
+    if robot.gripper_to_world is None or robot.gripper_open is None:
+        reason = (
+            "RLBench needs the gripper's pose and opening; the source does not say which they are"
+        )
+        raise Unsupported(f"{episode.key}: {reason} (cameras.yaml may)")
+    velocities = robot.joint_velocities
+    if not velocities.shape[1]:
+        velocities = np.zeros_like(robot.joint_positions)
+    for t in range(episode.length):
+        here: dict[str, Any] = {}
+        for name, view in episode.views.items():
+            K = view.camera.K.copy()
+            K[[0, 1], [0, 1]] *= -1
+            here[f"{name}_camera_extrinsics"] = view.camera.cam_to_world[t] @ FLIP
+            here[f"{name}_camera_intrinsics"] = K
+            here[f"{name}_camera_near"], here[f"{name}_camera_far"] = NEAR, FAR
+        misc.append(here)
+    demo = Demo()
+    demo.__dict__ = {"_observations": [], "random_seed": None, "variation_number": 0}
+    for t in range(episode.length):
+        observation = Observation()
+        observation.__dict__ = dict.fromkeys(IMAGES) | {
+            "joint_velocities": velocities[t],
+            "joint_positions": robot.joint_positions[t],
+            "joint_forces": None,
+            "gripper_open": float(robot.gripper_open[t]),
+            "gripper_pose": np.concatenate(
+                [
+                    robot.gripper_to_world[t, :3, 3],
+                    geometry.quaternion_of(robot.gripper_to_world[t]),
+                ]
+            ),
+            "gripper_matrix": robot.gripper_to_world[t],
+            "gripper_joint_positions": None,
+            "gripper_touch_forces": None,
+            "task_low_dim_state": None,
+            "ignore_collisions": np.array(1.0),
+            "misc": misc[t],
+        }
+        observation.__dict__ |= {
+            name: track[t] for name, track in robot.extra.items() if name in EXTRAS
+        }
+        demo._observations.append(observation)  # type: ignore[attr-defined]
+    return {LOW_DIM: dump(demo), DESCRIPTIONS: dump(list(episode.descriptions)), NUMBER: dump(0)}
+
+
+def _write_images(episode: Episode, recorded: RLBenchSource | None, work: Path) -> None:
+    """All frames, a few at a time in threads: decoding and encoding release the interpreter."""
+    with ThreadPoolExecutor(THREADS) as pool:
+        jobs = []
+        for name in episode.views:
+            planes = _planes(recorded, name, episode.length)
+            kinds = _kinds(episode, recorded, name)
+            for kind, _, _ in kinds:
+                (work / f"{name}_{kind}").mkdir()
+            jobs += [
+                pool.submit(_write_frame, kinds, recorded, work, name, t, planes[t])
+                for t in range(episode.length)
+            ]
+        for job in jobs:
+            job.result()
+
+
+def _kinds(
+    episode: Episode, recorded: RLBenchSource | None, name: str
+) -> list[tuple[str, Image, Image | None]]:
+    """Kind, new and recorded accessor of the images a camera has."""
+    new, old = episode.views[name], recorded.views[name] if recorded else None
+    accessors = [
+        ("rgb", new.rgb, old and old.rgb),
+        ("depth", new.depth, old and old.depth),
+        ("mask", new.ids, old and old.ids),
+    ]
+    return [(kind, image, before) for kind, image, before in accessors if image is not None]
+
+
+def _write_frame(
+    kinds: list[tuple[str, Image, Image | None]],
+    recorded: RLBenchSource | None,
+    work: Path,
+    name: str,
+    t: int,
+    planes: tuple[float, float],
+) -> None:
+    for kind, new, old in kinds:
+        file = Path(f"{name}_{kind}") / f"{t}.png"
+        _write_image(
+            kind,
+            t,
+            new,
+            old,
+            recorded.folder / file if recorded and old else None,
+            work / file,
+            planes,
+        )
+
+
+def _planes(recorded: RLBenchSource | None, name: str, length: int) -> list[tuple[float, float]]:
+    """Near and far plane of a camera at each frame, in metres."""
+    if recorded is None:
+        return [(NEAR, FAR)] * length
+    observations = recorded.demo._observations  # type: ignore[attr-defined]
+    return [
+        (float(o.misc[f"{name}_camera_near"]), float(o.misc[f"{name}_camera_far"]))
+        for o in observations
+    ]
+
+
+def _write_image(
+    kind: str,
+    t: int,
+    new_image: Image,
+    old_image: Image | None,
+    recorded: Path | None,
+    target: Path,
+    planes: tuple[float, float],
+) -> None:
+    """One PNG: a copy of the recorded file where nothing changed, so that its bytes stay."""
+    if recorded and new_image is old_image:
+        shutil.copyfile(recorded, target)
+        return
+    image = new_image(t)
+    if recorded and old_image:
+        before = old_image(t)
+        if np.array_equal(image, before):
+            shutil.copyfile(recorded, target)
+            return
+    if kind == "depth":
+        code = _steps(image, *planes)
+        if recorded and old_image:
+            # float32 holds a code only to within one step
+            code = np.where(image == before, read_code(recorded), code)
+        image = np.stack([code >> 16, code >> 8 & 255, code & 255], -1).astype(np.uint8)
+    elif kind == "mask" and not (
+        recorded and files.check_png(recorded, files.read_bytes(recorded)).channels == 1
+    ):
+        image = np.stack([image & 255, image >> 8 & 255, image >> 16 & 255], -1).astype(np.uint8)
+    target.write_bytes(files.encode_png(image.astype(np.uint8)))
+
+
+def _steps(depth: Float32[np.ndarray, "h w"], near: float, far: float) -> Int32[np.ndarray, "h w"]:
+    share = (depth.astype(np.float64) - near) / (far - near)
+    return np.rint(np.clip(share, 0.0, 1.0) * DEPTH_STEPS).astype(np.int32)

@@ -1,0 +1,231 @@
+"""Where the records of an RLDS dataset lie: packed in shards as TFDS lays them out, or one file each while it grows.
+
+A finished dataset has `dataset_info.json` and `<name>-<split>.tfrecord-<i>-of-<n>`. Until then each episode is a folder
+`<split>/<number>/` with one record in `episode.tfrecord`, so that it can appear by one rename; `pack` gathers them.
+"""
+
+import json
+import math
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rpaug_adapters.rlds import tfrecord
+from rpaug_adapters.shared.folders import staged
+from rpaug_adapters.shared.texts import read_json
+
+from rpaug import BadInput, files
+
+INFO = "dataset_info.json"
+STAGED = "episode.tfrecord"
+LONGEST = 200  # bytes of a file's name
+MOST = 2**20  # episodes of a split: more is taken for damage, before any is listed
+USUAL = 256  # records of a shard where no source says
+TEMPLATE = "{DATASET}-{SPLIT}.{FILEFORMAT}-{SHARD_X_OF_Y}"
+
+
+@dataclass(frozen=True)
+class Split:
+    """One split of a finished dataset: how many records each of its files holds."""
+
+    name: str
+    paths: tuple[Path, ...]
+    lengths: tuple[int, ...]
+
+    def find(self, number: int) -> tuple[Path, int]:
+        """The file of a record and its place there. Raises BadInput where file and `dataset_info.json` differ."""
+        for path, length in zip(self.paths, self.lengths, strict=True):
+            if number < length:
+                held = len(tfrecord.places(path))
+                if held != length:
+                    raise BadInput(
+                        path, "records", found=str(held), expected=f"{length}, as {INFO} says"
+                    )
+                return path, number
+            number -= length
+        raise IndexError(number)
+
+
+def info(folder: Path) -> dict[str, Any]:
+    """What `dataset_info.json` says. Raises BadInput."""
+    path = folder / INFO
+    described = read_json(path, "a description by TFDS")
+    if not isinstance(described, dict) or not isinstance(described.get("splits"), list):
+        raise BadInput(path, "splits", found="none", expected="a list of splits")
+    kind = described.get("fileFormat", "tfrecord")
+    if kind != "tfrecord":
+        raise BadInput(path, "fileFormat", found=str(kind), expected="tfrecord")
+    return described
+
+
+def splits(folder: Path) -> dict[str, Split]:
+    """The packed splits of a dataset; none while it grows. Raises BadInput."""
+    if not (folder / INFO).is_file():
+        return {}
+    described, found = info(folder), {}
+    for entry in described["splits"]:
+        name, lengths = _named(folder, entry)
+        template = str(entry.get("filepathTemplate") or TEMPLATE)
+        paths = tuple(
+            folder / _file(template, str(described.get("name")), name, i, len(lengths))
+            for i in range(len(lengths))
+        )
+        found[name] = Split(name, paths, lengths)
+    return found
+
+
+def _named(folder: Path, entry: Any) -> tuple[str, tuple[int, ...]]:
+    name = entry.get("name") if isinstance(entry, dict) else None
+    try:
+        lengths = tuple(int(length) for length in entry["shardLengths"])
+    except (KeyError, TypeError, ValueError, OverflowError):
+        lengths = (-1,)
+    wrong = (
+        not isinstance(name, str)
+        or not name
+        or set("/\\\0") & set(name)
+        or name[0] == "."
+        or len(name) > LONGEST // 4
+    )
+    if wrong or any(length < 0 for length in lengths) or sum(lengths) > MOST:
+        expected = "a name and shardLengths"
+        raise BadInput(folder / INFO, "splits", found=str(entry)[:80], expected=expected)
+    assert isinstance(name, str)
+    return name, lengths
+
+
+def _file(template: str, dataset: str, split: str, i: int, count: int) -> str:
+    fields = {
+        "DATASET": dataset,
+        "SPLIT": split,
+        "FILEFORMAT": "tfrecord",
+        "SHARD_INDEX": f"{i:05d}",
+        "NUM_SHARDS": f"{count:05d}",
+        "SHARD_X_OF_Y": f"{i:05d}-of-{count:05d}",
+    }
+    name = template
+    for field, value in fields.items():
+        name = name.replace("{" + field + "}", value)
+    plain = Path(name.replace("\0", "")).name.encode(errors="replace")[:LONGEST]
+    return plain.decode(errors="ignore") or "-"  # never outside the dataset's folder
+
+
+def faults(folder: Path) -> Iterator[str]:
+    """Where the shards of a packed dataset hold other records, or bytes of records, than its description says."""
+    if not (folder / INFO).is_file():
+        return
+    given = {entry["name"]: entry.get("numBytes") for entry in info(folder)["splits"]}
+    for name, split in splits(folder).items():
+        held = [[length for _, length in tfrecord.places(path)] for path in split.paths]
+        if tuple(map(len, held)) != split.lengths:
+            lengths = (
+                f"found {list(split.lengths)}; expected {[*map(len, held)]}, as the shards hold"
+            )
+            yield f"{folder / INFO}: {name}: shardLengths: {lengths}"
+        total = sum(map(sum, held))
+        if given[name] is not None and str(given[name]) != str(total):
+            counts = f"found {given[name]}; expected {total}, as the records have"
+            yield f"{folder / INFO}: {name}: numBytes: {counts}"
+
+
+def record(folder: Path, split: str, number: int) -> tuple[str, bytes]:
+    """What to call an episode's record, and its bytes. Raises BadInput."""
+    path = folder / split / str(number) / STAGED
+    place = 0
+    if not path.is_file():
+        path, place = splits(folder)[split].find(number)
+    return f"{path}: record {place}", tfrecord.read(path, place)
+
+
+def pack(source: Path, folder: Path) -> None:
+    """Gather an output's episodes into shards like its source's and describe them, then drop the single files.
+
+    With as many episodes as the source's the shards are divided alike. Killed at any point, every record is still
+    there, packed or not.
+    """
+    numbers = staged(folder, STAGED)
+    if not numbers:
+        return
+    if (folder / INFO).is_file():
+        _unpack(folder)
+        numbers = staged(folder, STAGED)
+    packed = (source / INFO).is_file()
+    described = info(source) if packed else _described(folder, numbers)
+    like = splits(source) if packed else {name: Split(name, (), ()) for name in numbers}
+    entries = []
+    for entry in described["splits"]:
+        split = like[entry["name"]]
+        if split.name in numbers:
+            entries.append(entry | _shards(described, entry, split, folder, numbers[split.name]))
+    data = json.dumps(described | {"splits": entries}, indent=2).encode()
+    same = entries == described["splits"]
+    files.write_atomic(folder / INFO, files.read_bytes(source / INFO) if packed and same else data)
+    _drop(folder, numbers)
+
+
+def _described(folder: Path, numbers: dict[str, list[int]]) -> dict[str, Any]:
+    """A dataset that was none of TFDS's before: called after its folder, `<name>/<version>`."""
+    return {
+        "fileFormat": "tfrecord",
+        "name": folder.parent.name,
+        "splits": [{"filepathTemplate": TEMPLATE, "name": name} for name in numbers],
+        "version": folder.name,
+    }
+
+
+def _shards(
+    described: dict[str, Any], entry: dict[str, Any], like: Split, folder: Path, numbers: list[int]
+) -> dict[str, Any]:
+    lengths = _divided(len(numbers), like.lengths)
+    total, rest = 0, iter(numbers)
+    template = str(entry.get("filepathTemplate") or TEMPLATE)
+    for i, length in enumerate(lengths):
+        name = _file(template, str(described.get("name")), like.name, i, len(lengths))
+        work = folder / f".{name}{files.PART}"
+        with work.open("wb") as shard:
+            for _ in range(length):
+                path = folder / like.name / str(next(rest)) / STAGED
+                total += path.stat().st_size - tfrecord.FRAME
+                with path.open("rb") as stream:
+                    shutil.copyfileobj(stream, shard, 2**20)
+        os.replace(work, folder / name)
+    return {"numBytes": str(total), "shardLengths": [str(length) for length in lengths]}
+
+
+def _divided(count: int, like: Sequence[int]) -> list[int]:
+    """How many records each shard gets: as in the source, or even shards of about its size."""
+    if count == sum(like):
+        return list(like)
+    usual = math.ceil(sum(like) / len(like)) if sum(like) else USUAL
+    shards = max(1, math.ceil(count / usual))
+    return [count // shards + (i < count % shards) for i in range(shards)]
+
+
+def _unpack(folder: Path) -> None:
+    """Back to one file an episode: a finished output is to grow."""
+    packed = splits(folder)
+    for split in packed.values():
+        for number in range(sum(split.lengths)):
+            path = folder / split.name / str(number) / STAGED
+            if not path.exists():
+                data = tfrecord.read(*split.find(number))
+                files.write_atomic(path, tfrecord.frame(data))
+    (folder / INFO).unlink()
+    for split in packed.values():
+        for path in split.paths:
+            path.unlink()
+
+
+def _drop(folder: Path, numbers: dict[str, list[int]]) -> None:
+    """Remove the single files, and their folders where nothing lies beside them."""
+    for split, held in numbers.items():
+        for number in held:
+            path = folder / split / str(number) / STAGED
+            path.unlink()
+            if not any(path.parent.iterdir()):
+                path.parent.rmdir()
+        if not any((folder / split).iterdir()):
+            (folder / split).rmdir()

@@ -1,0 +1,1 @@
+"""What several layouts read and write in the same way."""

@@ -1,0 +1,67 @@
+"""Encoded images of an episode, one a step: looked at before they are believed, decoded when asked for, encoded anew.
+
+`blobs` are the images of one camera; `place(t)` says where in the dataset each lies.
+"""
+
+from collections.abc import Callable, Sequence
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from rpaug import BadInput, CameraView, files
+
+JPEG = b"\xff\xd8"
+Place = Callable[[int], str]
+Frame = Callable[[int], np.ndarray]
+
+
+def image_size(blobs: Sequence[bytes], place: Place) -> tuple[int, int]:
+    """Width and height that all images of a camera share; there is at least one. Raises BadInput."""
+    sizes = [files.check_image(place(t), data) for t, data in enumerate(blobs)]
+    odd = next((t for t, one in enumerate(sizes) if one != sizes[0]), None)
+    if odd is not None:
+        found, first = ("{}x{}".format(*sizes[t]) for t in (odd, 0))
+        raise BadInput(place(odd), "size", found=found, expected=f"{first} as in the first")
+    return sizes[0]
+
+
+def lazy_colors(
+    blobs: Sequence[bytes], place: Place
+) -> Callable[[int], UInt8[np.ndarray, "h w 3"]]:
+    """A camera's images as they are asked for, grey ones with three equal channels."""
+
+    def decoded(t: int) -> UInt8[np.ndarray, "h w 3"]:
+        image = files.decode_image(place(t), blobs[t])
+        return image if image.ndim == 3 else np.repeat(image[..., None], 3, 2)
+
+    return decoded
+
+
+def lazy_depth(stored: Frame, unit: float) -> Callable[[int], Float32[np.ndarray, "h w"]]:
+    """Depth in metres, 0 where the sensor saw nothing; `unit` is metres of one that is stored."""
+
+    def metres(t: int) -> Float32[np.ndarray, "h w"]:
+        values = np.asarray(stored(t)).astype(np.float32) * np.float32(unit)
+        return np.nan_to_num(values, posinf=0, neginf=0)
+
+    return metres
+
+
+def reencoded(blobs: Sequence[bytes], view: CameraView, before: CameraView) -> list[bytes]:
+    """A camera's images with those that changed encoded anew, as they were encoded."""
+    images = list(blobs)
+    for t, data in enumerate(blobs):
+        image = view.rgb(t)
+        if not np.array_equal(image, before.rgb(t)):
+            images[t] = files.encode_jpeg(image) if data[:2] == JPEG else _like_png(image, data)
+    return images
+
+
+def _like_png(image: UInt8[np.ndarray, "h w 3"], data: bytes) -> bytes:
+    """A PNG with the channels of the recorded one: transparency stays as it was."""
+    whole = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if whole.ndim == 3 and whole.shape[2] == 4:
+        whole[..., :3] = image[..., ::-1]
+        return cv2.imencode(".png", whole)[1].tobytes()
+    return files.encode_png(image)

@@ -1,0 +1,175 @@
+"""Videos of one camera, Ego4D's among them: one view called `ego`, moving, its place unknown until it is worked out.
+
+`<root>/[v1|v2]/{full_scale,clips}/<uid>.mp4`, `ego4d.json` there or above, `annotations/`; or just videos in folders,
+or one file. A `clips.yaml` in the folder of the videos says what to cut. What rpaug writes is `<key>/video.mp4` with
+its annotations and report; at the end of a run videos become `<key>.mp4`, the annotations Ego4D's own files. Traps:
+
+- no camera poses are recorded, and none are made up: cameras are `assumed` until they are worked out from the images;
+- clips have an uid of their own and hold part of a video, whose narrations are timed by the video;
+- rates vary, and phones store portrait videos on their side: frames keep their times and the header its rotation.
+"""
+
+import os
+import re
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import ClassVar
+
+import numpy as np
+from rpaug_adapters.shared import cameras
+from rpaug_adapters.shared.folders import natural, write_files
+from rpaug_adapters.shared.texts import json_bytes
+from rpaug_adapters.video import cuts, ego4d, encode
+from rpaug_adapters.video.ego4d import Notes
+from rpaug_adapters.video.stream import Video
+
+from rpaug import Adapter, BadInput, CameraView, Episode, Robot, Side, Unsupported, files
+
+ENDINGS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi")
+STAGED, ANNOTATIONS = "video", "annotations.json"
+VIEW = "ego"
+FOREIGN = ("meta/info.json",)  # datasets that hold videos and are not made of them
+
+
+@dataclass(frozen=True)
+class VideoSource:
+    """Where an episode came from: the video, its view as read, and what is said of it."""
+
+    video: Video
+    view: CameraView
+    notes: Notes
+    beside: cameras.Beside
+    descriptions: tuple[str, ...]
+
+
+class Videos(Adapter):
+    """Reads and writes videos of one camera that someone wears or carries."""
+
+    name: ClassVar[str] = "video"
+    loose: ClassVar[bool] = True
+
+    def episodes(self, root: Path) -> Sequence[str]:
+        if root.is_file():
+            return [root.stem] if root.suffix.lower() in ENDINGS else []
+        keys = []
+        for folder, subfolders, names in os.walk(root):
+            here = Path(folder)
+            if any((here / name).exists() for name in FOREIGN):
+                subfolders.clear()
+                continue
+            subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
+            parts = cuts.load(here)
+            for name in sorted(names):
+                path = here / name
+                if path.suffix.lower() not in ENDINGS or name.startswith("."):
+                    continue
+                at = here if path.stem == STAGED and here != root else path.with_suffix("")
+                key = at.relative_to(root).as_posix()
+                mine = [n for n, cut in enumerate(parts) if cut.video == path.stem]
+                keys += [f"{key}/cut_{n}" for n in mine] or [key]
+        return sorted(set(keys), key=natural)
+
+    def read(self, root: Path, key: str) -> Episode:
+        path, cut = _place(root, key)
+        whole = Video(path)
+        notes = _notes(root, path)
+        video = whole if cut is None else cuts.part(whole, notes, *cut)
+        if cut is not None:
+            times = whole.facts.seconds
+            last = times[video.first + video.length - 1]
+            stop = float(last) + 1e-6
+            start = float(times[video.first])
+            notes = notes.cut(start, stop, video.first, video.first + video.length)
+        folders = (root / key, path.parent)
+        beside = cameras.load(folders)
+        width, height = video.size
+        camera = cameras.camera(beside, VIEW, (width, height), video.length, {})
+        boxes = {t: of for t, of in notes.boxes.items() if 0 <= t < video.length}
+        view = CameraView(camera, video.rgb, hands=boxes)
+        still = np.zeros((video.length, 0))
+        at = video.facts.seconds[video.first : video.first + video.length]
+        robot = Robot(still, still, None, None, {"seconds": (at - at[0])[:, None]})
+        stated = notes.descriptions
+        source = VideoSource(video, view, notes, beside, stated)
+        return Episode(key, {VIEW: view}, robot, stated, video.length, source)
+
+    def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
+        recorded = episode.source
+        if not isinstance(recorded, VideoSource):
+            reason = "the layout holds videos as they were recorded, and this is none"
+            raise Unsupported(f"{episode.key}: {reason}")
+        if any((root / key).with_suffix(ending).exists() for ending in ENDINGS):
+            raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
+        view, video = episode.views[VIEW], recorded.video
+        with files.atomic_folder(root / key) as work:
+            path = work / (STAGED + video.path.suffix.lower())
+            if view.rgb is recorded.view.rgb and video.whole:
+                shutil.copyfile(video.path, path)
+            else:
+                encode.write(path, video, view.rgb)
+            stated = recorded.notes.described()
+            if episode.descriptions != recorded.descriptions:
+                stated["narrations"] = ego4d.reworded(recorded.notes, episode.descriptions)
+            extra = {ANNOTATIONS: json_bytes(stated)}
+            if _is_measured(view, recorded):
+                extra |= cameras.moved(episode, {VIEW: recorded.view}, recorded.beside)
+            write_files(work, {**extra, **side()})
+
+    def key_at(self, like: str, index: int) -> str:
+        parts = PurePosixPath(like).parts
+        above = parts[:-2] if re.fullmatch(r"cut_\d+", parts[-1]) else parts[:-1]
+        if above and above[-1] == "full_scale" and above != parts[:-1]:
+            above = (*above[:-1], "clips")
+        return PurePosixPath(*above, f"video_{index}").as_posix()
+
+    def finish(self, source: Path, target: Path) -> None:
+        """Videos out of their folders, and the annotations of each folder of videos in Ego4D's own files."""
+        homes: dict[Path, list[str]] = {}
+        for key in self.episodes(target):
+            folder = target / key
+            for path in folder.glob(f"{STAGED}.*"):
+                os.replace(path, folder.with_suffix(path.suffix))
+            homes.setdefault(ego4d.home_of(target, folder), []).append(key)
+        for home, keys in homes.items():
+            given = [
+                (Path(key).name, ego4d.own(stated), Video(_place(target, key)[0]))
+                for key in keys
+                if (stated := target / key / ANNOTATIONS).is_file()
+            ]
+            for name, held in ego4d.merged(given).items():
+                files.write_atomic(home / name, json_bytes(held))
+
+
+def _place(root: Path, key: str) -> tuple[Path, tuple[Path, int] | None]:
+    """The file of an episode, and which cut of it. Raises BadInput."""
+    if root.is_file():
+        return root, None
+    for held in (root / key / STAGED, root / key):
+        for ending in ENDINGS:
+            for path in (
+                held.with_name(held.name + ending),
+                held.with_name(held.name + ending.upper()),
+            ):
+                if path.is_file():
+                    return path, None
+    above, _, last = key.rpartition("/")
+    if above and re.fullmatch(r"cut_\d+", last):
+        path, _ = _place(root, above)
+        return path, (path.parent, int(last.removeprefix("cut_")))
+    raise BadInput(root / key, "video", found="none", expected="a video file")
+
+
+def _notes(root: Path, path: Path) -> Notes:
+    """What is said of a video: in its own file, as rpaug writes it, or in Ego4D's."""
+    for stated in (path.parent / ANNOTATIONS, path.with_suffix("") / ANNOTATIONS):
+        if stated.is_file():
+            return ego4d.own(stated)
+    top = root.parent if root.is_file() else root
+    return ego4d.library(ego4d.home_of(top, path)).of(path.stem)
+
+
+def _is_measured(view: CameraView, recorded: VideoSource) -> bool:
+    """Whether the view's camera is known by now and was not as recorded."""
+    return view.camera is not recorded.view.camera and not view.camera.assumed

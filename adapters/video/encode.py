@@ -1,0 +1,129 @@
+"""Writing a video like another: its codec, size, rate, times and rotation, with some frames new.
+
+What no edit touched is taken from the recorded frame as decoded, not through RGB and back: in frames that changed, too,
+for planes of 8 bits with halved chroma, where only the blocks of changed pixels are new. Sound of a whole video is
+copied as it is.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from av.error import FFmpegError
+from av.video.frame import VideoFrame
+from jaxtyping import Bool, UInt8
+from rpaug_adapters.shared.video import HEVC_LEAST
+from rpaug_adapters.video import boxes
+from rpaug_adapters.video.stream import Facts, Video, matrix
+
+from rpaug import Unsupported
+
+ENCODERS = {
+    "h264": ("libx264", {"crf": "12", "preset": "medium"}),
+    "hevc": ("libx265", {"crf": "12", "preset": "medium", "x265-params": "log-level=error"}),
+    "mpeg4": ("mpeg4", {"qscale": "2"}),
+    "mjpeg": ("mjpeg", {"qscale": "2"}),
+    "vp9": ("libvpx-vp9", {"crf": "12", "b": "0"}),
+    "av1": ("libsvtav1", {"crf": "12"}),
+    "ffv1": ("ffv1", {}),
+}  # by the name of the decoder: near lossless (docs/why/video.md)
+PLANAR = ("yuv420p", "yuvj420p")
+Seen = Callable[[int], UInt8[np.ndarray, "h w 3"]]
+
+
+def write(target: Path, video: Video, shown: Seen) -> None:
+    """Write `shown` into a file like the video's. Frames equal to the recorded ones keep their planes.
+
+    Raises Unsupported where nothing here encodes the codec.
+    """
+    given = video.facts
+    codec = given.codec.removeprefix("lib").replace("dav1d", "av1").replace("vpx-", "")
+    if codec not in ENCODERS or ENCODERS[codec][0] not in av.codecs_available:
+        known = ", ".join(ENCODERS)
+        raise Unsupported(f"{video.path}: {given.codec} cannot be written; these can: {known}")
+    if codec == "hevc" and min(given.width, given.height) < HEVC_LEAST:
+        size = f"{given.width}x{given.height}"
+        raise Unsupported(
+            f"{video.path}: {size} in HEVC; its encoder takes {HEVC_LEAST} pixels a side or more"
+        )
+    name, options = ENCODERS[codec]
+    timescale = {"video_track_timescale": str(given.time_base.denominator)}
+    mp4 = target.suffix in (".mp4", ".mov", ".m4v")
+    try:
+        with (
+            av.open(str(video.path)) as source,
+            av.open(str(target), "w", options=timescale if mp4 else {}) as made,
+        ):
+            stream: Any = made.add_stream(name, rate=given.rate, options=options)
+            _like(stream, source.streams.video[0], given)
+            sound = [
+                (one, made.add_stream_from_template(one))
+                for one in source.streams.audio
+                if video.whole
+            ]
+            _pictures(made, stream, video, shown)
+            for heard, copied in sound:
+                source.seek(0)
+                for packet in source.demux(heard):
+                    if packet.dts is not None:
+                        packet.stream = copied
+                        made.mux(packet)
+    except FFmpegError as error:
+        if getattr(error, "errno", None) == 28:  # a full disk is told as one
+            raise OSError(28, "No space left on device") from None
+        raise Unsupported(f"{video.path}: {given.codec} cannot be written: {error}") from None
+    if mp4:
+        boxes.copy_matrix(video.path, target)
+
+
+def _like(stream: Any, recorded: Any, given: Facts) -> None:
+    context, before = stream.codec_context, recorded.codec_context
+    context.width, context.height, context.pix_fmt = given.width, given.height, given.pixels
+    context.time_base = given.time_base
+    stream.time_base = given.time_base
+    context.thread_count = 1  # the same pixels give the same bytes, whatever the machine
+    for name in ("color_range", "color_primaries", "color_trc", "colorspace"):
+        setattr(context, name, getattr(before, name))
+    if before.sample_aspect_ratio:
+        context.sample_aspect_ratio = before.sample_aspect_ratio
+
+
+def _pictures(made: Any, stream: Any, video: Video, shown: Seen) -> None:
+    times = video.times()
+    gaps = np.append(np.diff(times), int(np.median(np.diff(times))) if len(times) > 1 else 1)
+    for t, (when, gap) in enumerate(zip(times.tolist(), gaps.tolist(), strict=True)):
+        frame = changed(video, t, shown(t))
+        frame.pts, frame.time_base, frame.duration = when, video.facts.time_base, gap
+        frame.pict_type = 0  # the encoder's to choose
+        for packet in stream.encode(frame):
+            made.mux(packet)
+    for packet in stream.encode():
+        made.mux(packet)
+
+
+def changed(video: Video, t: int, image: UInt8[np.ndarray, "h w 3"]) -> VideoFrame:
+    """Frame t of the video, showing the image."""
+    given, recorded = video.facts, video.frame(t)
+    differs = np.rot90((image != video.rgb(t)).any(-1), -given.quarter_turns)
+    lay = np.ascontiguousarray(np.rot90(image, -given.quarter_turns))
+    wanted = recorded.format.name
+    new = VideoFrame.from_ndarray(lay, format="rgb24").reformat(
+        format=wanted, dst_colorspace=matrix(given, recorded)
+    )
+    new.color_range = recorded.color_range
+    if wanted in PLANAR and given.width % 2 == 0 and given.height % 2 == 0:
+        before, after = recorded.to_ndarray(), new.to_ndarray()
+        new = VideoFrame.from_ndarray(np.where(_planes(differs), after, before), format=wanted)
+    elif not differs.any():
+        new = recorded.reformat(format=wanted)
+    return new
+
+
+def _planes(differs: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h3 w"]:
+    """Which samples of the three planes, stacked as PyAV does, show one of the pixels."""
+    height, width = differs.shape
+    blocks = differs.reshape(height // 2, 2, width // 2, 2).any((1, 3))
+    chroma = np.concatenate([blocks.ravel(), blocks.ravel()]).reshape(-1, width)
+    return np.concatenate([differs, chroma])

@@ -1,0 +1,139 @@
+"""Write one copy with its report, and write again what a report describes."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rpaug.core.errors import Rejected
+from rpaug.core.files import REJECTED
+from rpaug.core.interfaces import Adapter
+from rpaug.physics import verdict
+from rpaug.pipeline import gates as gating
+from rpaug.pipeline import report
+from rpaug.pipeline.copies import ORIGINAL, Known, Made, PreparedEpisode, draw_copy
+from rpaug.pipeline.prepare import prepare_scene
+from rpaug.pipeline.recipe import build as build_recipe
+
+
+@dataclass(frozen=True)
+class CopyPlace:
+    """Which copy of which recorded episode is written, and where: as `key` in the dataset at `root`."""
+
+    source: str
+    copy: int
+    root: Path
+    key: str
+
+    @property
+    def rejected(self) -> "CopyPlace":
+        """The same copy among the rejected ones."""
+        return CopyPlace(self.source, self.copy, self.root / REJECTED, self.key)
+
+
+def write_copy(
+    adapter: Adapter, prepared: PreparedEpisode, place: CopyPlace, seconds: Mapping[str, float]
+) -> CopyPlace:
+    """Draw a copy and write it while its images are rendered; return where it is: what is faulty is kept apart.
+
+    `seconds` are those of the stages before. Raises RpaugError.
+    """
+
+    def judge(made: Made) -> Sequence[str]:
+        try:
+            write(adapter, made, prepared.recipe.source, place, seconds, strict=True)
+        except Rejected:
+            return made.judged()
+        return ()
+
+    made = draw_copy(prepared, place.copy, judge)
+    if made.faults:
+        place = place.rejected
+        write(adapter, made, prepared.recipe.source, place, seconds)
+    return place
+
+
+def write(
+    adapter: Adapter,
+    made: Made,
+    recipe: Mapping[str, Any],
+    place: CopyPlace,
+    seconds: Mapping[str, float],
+    strict: bool = False,
+) -> None:
+    """Write one copy with its report; images are rendered as the adapter asks for them.
+
+    Raises Rejected, before anything appears, if it is `strict` and the copy is faulty.
+    """
+    start = time.perf_counter()
+
+    def side() -> Mapping[str, bytes]:
+        if strict and (faults := made.judged()):
+            raise Rejected("; ".join(faults))
+        return side_files(made, recipe, place.source, place.copy, seconds, start)
+
+    adapter.write(made.recorded, place.root, place.key, side)
+
+
+def side_files(
+    made: Made,
+    recipe: Mapping[str, Any],
+    source: str,
+    copy: int,
+    seconds: Mapping[str, float],
+    start: float,
+) -> Mapping[str, bytes]:
+    """The report of a copy whose images are rendered, and its hole masks. It was begun to be written at `start`."""
+    spent = {"render": made.tally.seconds, "write": time.perf_counter() - start}
+    judged = made.judged()
+    gates = gating.described(made.figures, judged, made.attempt) if made.gates or judged else None
+    return report.side_files(
+        source=source,
+        copy=copy,
+        synthetic=copy != ORIGINAL,
+        recipe=dict(recipe),
+        draws=[draw.describe() for draw in made.draws],
+        plan=made.plan.describe(),
+        tally=made.tally,
+        surfels=drawn(made),
+        gaussians=len(made.scene.gaussians or ()),
+        gates=gates,
+        words=_words(made),
+        physics=verdict.described(made.scene.simulated),
+        seconds={**seconds, "draw": made.seconds, **spent},
+    )
+
+
+def _words(made: Made) -> dict[str, Any] | None:
+    """The instructions before and after, where an edit made them other ones."""
+    before, after = made.scene.episode.descriptions, made.episode.descriptions
+    return None if before == after else {"recorded": list(before), "written": list(after)}
+
+
+def drawn(made: Made) -> int:
+    """Recorded pixels that stand for surfaces in this copy."""
+    return sum(
+        view.camera.width * view.camera.height * made.episode.length
+        for name, view in made.episode.views.items()
+        if made.plan.representations[name] < 3
+    )
+
+
+def replay(
+    adapter: Adapter, source: Path, described: Mapping[str, Any], target: Path, key: str
+) -> None:
+    """Write again the episode that a report describes, from the recorded one. Raises RpaugError."""
+    recipe = build_recipe(described["recipe"])
+    plan, judged = described["plan"], described.get("gates") or {}
+    episode = adapter.read(source, described["source"])
+    lender = plan.get("fit", {}).get("founder")
+    donor = partial(adapter.read, source, lender) if lender else None
+    scene, made_plan = prepare_scene(episode, recipe, plan["tier"], donor=donor)
+    kept = not any(fault.startswith(verdict.INVALID) for fault in judged.get("faults", ()))
+    known = Known(judged.get("attempt", 0), described["draws"])
+    prepared = PreparedEpisode(scene, made_plan, recipe, keep_invalid=kept)
+    made = draw_copy(prepared, described["copy"], known=known)
+    place = CopyPlace(described["source"], described["copy"], target, key)
+    write(adapter, made, described["recipe"], place, {})

@@ -1,0 +1,252 @@
+"""LeRobot datasets: slices of shared files, copied where nothing changed; words, splits and statistics kept right."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+
+import pyarrow.parquet as pq
+from lerobot_samples import WORDS, dataset, episode, halved, picture
+from rpaug_adapters.lerobot import LeRobot, fresh, stats
+from rpaug_adapters.lerobot.tables import filled
+from rpaug_adapters.shared import video
+from rpaug_adapters.shared.folders import unlike
+
+from rpaug import BadInput, MissingExtra, Unsupported
+from rpaug.core import registry
+from rpaug.pipeline.contracts import AdapterContract
+
+KEY = "toy/train/1"
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return dataset(tmp_path_factory.mktemp("lerobot") / "in")
+
+
+class TestContract(AdapterContract):
+    @pytest.fixture(autouse=True)
+    def _recorded(self, recorded: Path) -> None:
+        self.recorded = recorded
+
+    def adapter(self) -> LeRobot:
+        return LeRobot()
+
+    def dataset(self, folder: Path) -> Path:
+        return Path(shutil.copytree(self.recorded, folder))
+
+
+def test_splits_are_slices_of_one_list(recorded: Path) -> None:
+    adapter = LeRobot()
+    assert adapter.episodes(recorded) == ["toy/train/0", "toy/train/1", "toy/val/0"]
+    assert not (recorded / "toy/train/0/episode.parquet").exists()
+    assert [adapter.read(recorded, key).length for key in adapter.episodes(recorded)] == [5, 3, 4]
+    info = json.loads((recorded / "toy/meta/info.json").read_text())
+    assert info["splits"] == {"train": "0:2", "val": "2:3"}
+    assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (3, 12, 2)
+    assert len(list((recorded / "toy/data").rglob("*.parquet"))) == 3  # as small as was told
+
+
+def test_everything_comes_back(recorded: Path) -> None:
+    made, read = episode(51, 3), LeRobot().read(recorded, KEY)
+    assert read.descriptions == WORDS
+    assert np.array_equal(read.views["front"].depth(1), made.views["front"].depth(1))
+    assert np.array_equal(read.views["front"].ids(2), made.views["front"].ids(2))
+    assert np.array_equal(read.views["image"].rgb(2), picture(2, 0))
+    for name in ("front", "wrist"):
+        assert np.abs(read.views[name].rgb(2).astype(int) - made.views[name].rgb(2)).mean() < 3
+        assert np.array_equal(
+            read.views[name].camera.cam_to_world, made.views[name].camera.cam_to_world
+        )
+    assert np.allclose(read.robot.joint_positions, made.robot.joint_positions, atol=1e-6)
+    assert np.allclose(read.robot.gripper_to_world, made.robot.gripper_to_world, atol=1e-6)
+
+
+def test_frames_come_in_any_order(recorded: Path) -> None:
+    view = LeRobot().read(recorded, "toy/train/0").views["wrist"]
+    ordered = [view.rgb(t) for t in range(5)]
+    again = LeRobot().read(recorded, "toy/train/0").views["wrist"]
+    for t in (4, 0, 3, 3, 1, 2):
+        assert np.array_equal(again.rgb(t), ordered[t])
+
+
+def test_an_edit_changes_its_camera_alone(recorded: Path, tmp_path: Path) -> None:
+    adapter = LeRobot()
+    for number, key in enumerate(["toy/train/0", KEY, KEY]):
+        read = adapter.read(recorded, key)
+        if number == 2:
+            views = {**read.views, "front": halved(read.views["front"])}
+            read = replace(read, views=views, descriptions=("take it", "put it down"))
+        adapter.write(read, tmp_path, f"toy/train/{number}", lambda: {"note.txt": b"hello"})
+    adapter.finish(recorded, tmp_path)
+    before, after = adapter.read(recorded, KEY), adapter.read(tmp_path, "toy/train/2")
+    assert after.descriptions == ("take it", "put it down")
+    for t in range(3):
+        dark = after.views["front"].rgb(t).astype(int)
+        assert np.abs(dark - before.views["front"].rgb(t) // 2).mean() < 3
+        for name in ("wrist", "image"):
+            assert np.array_equal(after.views[name].rgb(t), before.views[name].rgb(t))
+    given = json.loads((tmp_path / "toy/meta/stats.json").read_text())
+    values = [adapter.read(tmp_path, f"toy/train/{i}").robot.extra["action"] for i in range(3)]
+    assert np.allclose(given["action"]["mean"], np.concatenate(values).mean(0))
+    assert np.allclose(given["action"]["std"], np.concatenate(values).std(0))
+    tables = sorted((tmp_path / "toy/data").rglob("*.parquet"))
+    held = [row for path in tables for row in pq.read_table(path).to_pylist()]
+    assert [row["index"] for row in held] == list(range(11))
+    assert [row["note"] for row in held[8:]] == ["0!", "1!", "2!"]
+    assert (tmp_path / "toy/train/2/note.txt").read_bytes() == b"hello"
+
+
+def test_a_finished_dataset_can_grow(recorded: Path, tmp_path: Path) -> None:
+    adapter = LeRobot()
+    adapter.write(adapter.read(recorded, KEY), tmp_path, "toy/train/0", dict)
+    adapter.finish(recorded, tmp_path)
+    first = [adapter.read(tmp_path, "toy/train/0").views["front"].rgb(t) for t in range(3)]
+    adapter.write(adapter.read(recorded, "toy/val/0"), tmp_path, "toy/val/0", dict)
+    assert adapter.episodes(tmp_path) == ["toy/train/0", "toy/val/0"]
+    adapter.finish(recorded, tmp_path)
+    assert adapter.episodes(tmp_path) == ["toy/train/0", "toy/val/0"]
+    again = adapter.read(tmp_path, "toy/train/0").views["front"]
+    assert all(np.array_equal(again.rgb(t), first[t]) for t in range(3))
+
+
+def test_another_kind_of_episode_is_refused(recorded: Path, tmp_path: Path) -> None:
+    adapter = LeRobot()
+    adapter.write(adapter.read(recorded, KEY), tmp_path, "toy/train/0", dict)
+    with pytest.raises(Unsupported, match="one kind"):
+        adapter.write(episode(0, 3), tmp_path, "toy/train/1", dict)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"codebase_version": "v2.1"}, "convert_dataset_v21_to_v30"),
+        ({"fps": 0}, "fps"),
+        ({"splits": {"train": "0:2", "val": "1:3"}}, "in two"),
+        ({"splits": {"train": "0:9"}}, "within"),
+        ({"data_path": "../{chunk_index:99999999999d}.parquet"}, "a file of the dataset"),
+        ({"total_episodes": -1}, "total_episodes"),
+        ({"features": {"../x": {"dtype": "video", "shape": [1]}}}, "plain name"),
+    ],
+)
+def test_a_wrong_description_is_named(
+    recorded: Path, tmp_path: Path, change: dict, words: str
+) -> None:
+    root = Path(shutil.copytree(recorded, tmp_path / "in"))
+    path = root / "toy/meta/info.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(BadInput, match=words):
+        LeRobot().read(root, LeRobot().episodes(root)[0])
+
+
+def test_a_video_that_ends_early_is_named(recorded: Path, tmp_path: Path) -> None:
+    root = Path(shutil.copytree(recorded, tmp_path / "in"))
+    path = next((root / "toy/videos/observation.images.front").rglob("*.mp4"))
+    short = tmp_path / "short.mp4"
+    assert video.cut(video.Span(path, 0, 9, 10), short) in (True, False)
+    video.encode(iter([picture(0, 0)] * 6), short, 10, path)
+    shutil.move(short, path)
+    with pytest.raises(BadInput, match=r"frame 1: found none at 0\.6"):
+        LeRobot().read(root, KEY)
+
+
+def large(seed: int, t: int) -> np.ndarray:
+    return np.tile(picture(seed, t), (2, 2, 1))
+
+
+@pytest.mark.parametrize("codec", ["h264", "av1", "vp9"])
+def test_cuts_and_joins_lose_nothing(codec: str, tmp_path: Path) -> None:
+    import av
+
+    like = tmp_path / "like.mp4"
+    with av.open(str(like), "w") as made:
+        stream = made.add_stream(video.ENCODERS[codec], rate=10)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+        made.start_encoding()
+        frame = av.VideoFrame.from_ndarray(large(0, 0), format="rgb24")
+        made.mux([*stream.encode(frame), *stream.encode()])
+    files = [tmp_path / f"{i}.mp4" for i in range(3)]
+    for i, path in enumerate(files):
+        video.encode((large(i, t) for t in range(3 + i)), path, 10, like)
+    whole = tmp_path / "whole.mp4"
+    parts = video.joined(files, whole)
+    for i, (start, end) in enumerate(parts):
+        assert abs(end - start - (3 + i) / 10) < 1e-4
+        span = video.Span(whole, start, 3 + i, 10)
+        assert video.check(span) == (96, 64)
+        assert video.cut(span, tmp_path / "part.mp4")
+        alone = video.Frames(video.Span(files[i], 0, 3 + i, 10))
+        part = video.Frames(video.Span(tmp_path / "part.mp4", 0, 3 + i, 10))
+        shared = video.Frames(span)
+        for t in range(3 + i):
+            assert np.array_equal(shared(t), alone(t))
+            assert np.array_equal(part(t), alone(t))
+
+
+def test_statistics_of_parts_are_those_of_the_whole() -> None:
+    values = np.random.default_rng(0).normal(size=(30, 4))
+    parts = [{"a": stats.of_numbers(values[s])} for s in (slice(7), slice(7, 30))]
+    both, whole = stats.together(parts)["a"], stats.of_numbers(values)
+    for name in ("min", "max", "mean", "std", "count"):
+        assert np.allclose(both[name], whole[name])
+    assert np.array_equal(both["q01"], np.minimum(*(part["a"]["q01"] for part in parts)))
+    assert np.array_equal(both["q99"], np.maximum(*(part["a"]["q99"] for part in parts)))
+
+
+def test_without_pyarrow_the_extra_is_named(
+    recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingExtra, match=r"rpaug\[lerobot\]"):
+        LeRobot().read(recorded, KEY)
+
+
+def test_paths_are_filled_without_being_run() -> None:
+    assert filled("a-{n:03d}/{name}", {"n": 7, "name": "x"}) == "a-007/x"
+    assert filled("{n.__class__}{n!r}", {"n": 7}) == "{n.__class__}{n!r}"
+
+
+def test_the_rate_is_the_videos_own(tmp_path: Path) -> None:
+    recorded = episode(0, 4)
+    assert fresh.rate(recorded) == fresh.RATE
+    times = np.array([[0.0], [1 / 29.97], [2 / 29.97], [3 / 29.97]])
+    filmed = replace(recorded, robot=replace(recorded.robot, extra={"seconds": times}))
+    assert fresh.rate(filmed) == 30
+    still = replace(recorded, robot=replace(recorded.robot, extra={"seconds": 0 * times}))
+    assert fresh.rate(still) == fresh.RATE
+    assert fresh.described(filmed)["fps"] == 30
+    LeRobot().write(recorded, tmp_path, "toy/train/0", dict)
+    with pytest.raises(Unsupported, match="30 frames a second, and the episodes before it have 10"):
+        LeRobot().write(filmed, tmp_path, "toy/train/1", dict)
+
+
+def test_a_dataset_without_its_description_is_not_taken_for_videos(
+    recorded: Path, tmp_path: Path
+) -> None:
+    half = Path(shutil.copytree(recorded, tmp_path / "half"))
+    (info,) = half.rglob("info.json")
+    info.unlink()
+    with pytest.raises(
+        BadInput, match=r"info\.json: file: found nothing; expected a whole lerobot"
+    ):
+        registry.adapter_for(half)
+
+
+def test_what_differs_between_episodes_is_named() -> None:
+    one = {"observation.images.front": {"dtype": "video", "shape": [2, 2, 3], "info": {}}}
+    two = one | {"action": {"dtype": "float32", "shape": [7]}}
+    assert unlike(one, two) == "it has action, and the episodes before it have not"
+    assert unlike(two, one) == "it lacks action, which the episodes before it have"
+    tree = {"featuresDict": {"features": {"image": {"image": {"shape": {"dimensions": ["2"]}}}}}}
+    assert unlike({"pythonClassName": "x"}, {"pythonClassName": "x"} | tree).startswith(
+        "it has image,"
+    )
+    wide = {"observation.images.front": {"dtype": "video", "shape": [2, 4, 3], "info": {}}}
+    assert "observation.images.front is of another kind or size" in unlike(one, wide)
