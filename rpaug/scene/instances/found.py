@@ -37,12 +37,12 @@ class FoundInstances:
 
 
 class InstanceFinder(Protocol):
-    """One source of instances: recorded masks, motion, colour images alone, or a moving camera's video.
+    """One source of instances: recorded masks, motion, colour images alone, or a moving camera's video."""
 
-    Where a source with `gives_way` raises Unsupported, the next one is tried.
-    """
-
-    gives_way: bool
+    @property
+    def gives_way(self) -> bool:
+        """Whether another source is tried where this one fails."""
+        ...
 
     def suits(self, episode: Episode) -> bool:
         """Whether the episode has what this source reads, and nothing better."""
