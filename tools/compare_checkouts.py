@@ -34,12 +34,9 @@ MANIPULATED = {"role": "manipulated"}
 RECOLOR = {"op": "recolor", "target": MANIPULATED, "color": "blue"}
 LIGHT = {"op": "light_color", "range": [[0.3, 0.3, 0.3], [0.5, 0.5, 0.5]]}
 CAMERA = {"op": "camera_pose", "camera": "front", "shift": 0.05}
-ONE = (
-    "--set",
-    "select.limit=1",
-    "--set",
-    "copies=1",
-)  # of a shipped recipe, one copy of one episode
+ONE = ("--set", "select.limit=1", "--set", "copies=1")  # of a shipped recipe
+SMALL_VIDEO = {"width": 320, "features": 800, "overlap": 5}
+CLIP = "version: 1\nclips:\n  - {video: video_0, start: 0.0, end: 0.8}\n"  # long enough to find its camera
 
 
 @dataclass(frozen=True)
@@ -60,7 +57,7 @@ def edits(*steps: dict[str, Any], **keys: Any) -> dict[str, Any]:
 
 
 MAIN_JOB = Pair("real_recolor", "real/rlbench_open_drawer", edits(RECOLOR, select={"limit": 1}))
-# Datasets are `sample`, `real/FOLDER` of the real recordings, or the output of BEFORE for an earlier pair.
+# Datasets are `sample`, `clip` (of a real video), `real/FOLDER` of the real recordings, or BEFORE's output of a pair.
 PAIRS = (
     Pair("to_rdt", "sample", None, ("--to", "rdt")),
     Pair("to_lerobot", "sample", None, ("--to", "lerobot")),
@@ -134,7 +131,7 @@ PAIRS = (
     Pair("lerobot_demo", "to_lerobot", "demo"),
     Pair("lerobot_remove", "to_lerobot", "remove"),
     Pair("video_light", "real/ego_lavila", edits(LIGHT, {"op": "sensor_exposure"}, copies=2)),
-    Pair("video_table", "real/ego_lavila", edits({"op": "table_color"})),
+    Pair("video_table", "clip", edits({"op": "table_color"}, video=SMALL_VIDEO)),
 )
 
 
@@ -286,7 +283,8 @@ class Side:
         with (self.outputs / f"{pair.name}.log").open("wb") as log:
             code, seconds, _ = measured(command, self.outputs, self.environment, log)
         done = {**wanted, "exit_code": code, "seconds": round(seconds, 1)}
-        marker.write_text(json.dumps(done))
+        if code in (0, 1):
+            marker.write_text(json.dumps(done))
         return {**done, "kept": False}
 
 
@@ -301,12 +299,25 @@ def measured(
 
 
 def _dataset(pair: Pair, inputs: Path) -> str:
-    if pair.dataset == "sample":
-        return str(inputs / "sample")
-    if not pair.dataset.startswith("real/"):
+    if pair.dataset.startswith("real/"):
+        return str(_recordings() / pair.dataset.removeprefix("real/"))
+    if any(pair.dataset == earlier.name for earlier in PAIRS):
         return str(inputs.parent / "before" / pair.dataset)
-    root = os.environ.get("RPAUG_TEST_DATA") or _stop("RPAUG_TEST_DATA names no real recordings")
-    return str(Path(root) / pair.dataset.removeprefix("real/"))
+    return str(inputs / pair.dataset)
+
+
+def _recordings() -> Path:
+    folder = os.environ.get("RPAUG_TEST_DATA")
+    return Path(folder) if folder else _stop("RPAUG_TEST_DATA names no folder of real recordings")
+
+
+def _lay_out(inputs: Path, before: Path) -> None:
+    """The datasets that both sides read: the sample of BEFORE, and a clip of a video that moves."""
+    if not (inputs / "sample").is_dir():
+        shutil.copytree(before / "rpaug" / "sample", inputs / "sample")
+    (inputs / "clip").mkdir(exist_ok=True)
+    shutil.copy(_recordings() / "ego_hawor" / "video_0.mp4", inputs / "clip")
+    (inputs / "clip" / "clips.yaml").write_text(CLIP)
 
 
 def _digest_of_files(checkout: Path) -> str:
@@ -334,23 +345,22 @@ def _stop(why: str) -> NoReturn:
 
 
 def prepared(before: Side, pair: Pair, inputs: Path) -> dict[str, Any]:
-    """The run of BEFORE, after that of the pair which makes its dataset. Raises SystemExit if it made nothing."""
+    """The run of BEFORE, after that of the pair which makes its dataset."""
     for earlier in PAIRS:
         if earlier.name == pair.dataset:
             prepared(before, earlier, inputs)
-    done = before.run(pair, inputs, again=False)
-    if not list((before.outputs / pair.name).rglob("rpaug.json")):
-        _stop(f"{pair.name}: BEFORE made nothing; {before.outputs / pair.name}.log says why")
-    return done
+    return before.run(pair, inputs, again=False)
 
 
 def compared(before: Side, after: Side, pair: Pair, inputs: Path) -> dict[str, Any]:
-    """Both outputs of a pair, and what differs."""
+    """Both outputs of a pair, and what differs. Two outputs without an episode prove nothing and count as differing."""
     one, other = prepared(before, pair, inputs), after.run(pair, inputs, again=True)
     found = compare(before.outputs / pair.name, after.outputs / pair.name)
     if one["exit_code"] != other["exit_code"]:
         codes = f"{one['exit_code']} before, {other['exit_code']} after"
         found.insert(0, Difference("exit code", codes))
+    if not any(after.outputs.glob(f"{pair.name}/**/rpaug.json")):
+        found.insert(0, Difference("episodes", f"none after; {pair.name}.log says why"))
     return {
         "pair": pair.name,
         "kept": one["kept"],
@@ -399,8 +409,7 @@ def main() -> int:
     before = Side.of(told.before, work / "before")
     after = Side.of(told.after, work / "after") if told.after else None
     inputs = work / "inputs"
-    if not (inputs / "sample").is_dir():
-        shutil.copytree(before.checkout / "rpaug" / "sample", inputs / "sample")
+    _lay_out(inputs, before.checkout)
     if told.timing:
         result = timed(before, after or before, inputs, told.timing)
         print(json.dumps(result, indent=1) if told.json else _timing_table(result))
