@@ -404,20 +404,20 @@ def main() -> int:
     parser.add_argument("--only", action="append", help="Names of pairs; all by default.")
     parser.add_argument("--timing", type=int, metavar="N", help="Measure the main job N times.")
     parser.add_argument("--json", action="store_true")
-    told = parser.parse_args()
-    work = told.work.resolve()
-    before = Side.of(told.before, work / "before")
-    after = Side.of(told.after, work / "after") if told.after else None
+    arguments = parser.parse_args()
+    work = arguments.work.resolve()
+    before = Side.of(arguments.before, work / "before")
+    after = Side.of(arguments.after, work / "after") if arguments.after else None
     inputs = work / "inputs"
     _lay_out(inputs, before.checkout)
-    if told.timing:
-        result = timed(before, after or before, inputs, told.timing)
-        print(json.dumps(result, indent=1) if told.json else _timing_table(result))
+    if arguments.timing:
+        result = timed(before, after or before, inputs, arguments.timing)
+        print(json.dumps(result, indent=1) if arguments.json else _timing_table(result))
         return 0
-    unknown = set(told.only or ()) - {pair.name for pair in PAIRS}
+    unknown = set(arguments.only or ()) - {pair.name for pair in PAIRS}
     if unknown:
         _stop(f"--only {', '.join(sorted(unknown))}: no such pair")
-    pairs = [pair for pair in PAIRS if not told.only or pair.name in told.only]
+    pairs = [pair for pair in PAIRS if not arguments.only or pair.name in arguments.only]
     if after is None:
         for pair in pairs:
             done = prepared(before, pair, inputs)
@@ -426,10 +426,10 @@ def main() -> int:
     results = []
     for pair in pairs:
         results.append(compared(before, after, pair, inputs))
-        if not told.json:
+        if not arguments.json:
             print(_line(results[-1]), flush=True)
     differing = [result["pair"] for result in results if not result["same"]]
-    if told.json:
+    if arguments.json:
         print(json.dumps({"pairs": results, "differing": differing}, indent=1))
     else:
         print(f"{len(results)} pairs, {len(differing)} differ {' '.join(differing)}".rstrip())
