@@ -7,6 +7,8 @@ imported when it is first used: `import rpaug` alone costs nothing.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rpaug.core.version import __version__
+
 if TYPE_CHECKING:
     from rpaug.core import files as files
     from rpaug.core import geometry as geometry
@@ -52,7 +54,6 @@ if TYPE_CHECKING:
     from rpaug.scene.targets.targets import Target as Target
     from rpaug.scene.targets.targets import find as find_target  # noqa: F401
 
-__version__ = "0.1.0"
 
 # Every public name, its module, and its name there where that is another.
 _EXPORTS = {

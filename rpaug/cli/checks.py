@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from rpaug import __version__
 from rpaug.core import registry
+from rpaug.core.version import __version__
 
 REQUIRED = (
     "numpy",

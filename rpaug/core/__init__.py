@@ -1,1 +1,23 @@
 """Values, contracts, geometry, colour, metrics, files and caches: what every other folder may import."""
+
+__all__ = [
+    "cache",
+    "colors",
+    "errors",
+    "files",
+    "geometry",
+    "image_cache",
+    "interfaces",
+    "jit",
+    "keyframes",
+    "memo",
+    "metrics",
+    "phrases",
+    "pixels",
+    "registry",
+    "safe_yaml",
+    "sampling",
+    "splits",
+    "types",
+    "validation",
+]

@@ -15,6 +15,10 @@ __all__ = [
     "Measured",
     "Rollout",
     "diagnose",
+    "loop",
+    "page",
     "read",
+    "reference",
+    "vision",
     "write",
 ]

@@ -1,1 +1,26 @@
 """Gaussians fitted to an episode: static, moving, semantic, stylised, stored."""
+
+__all__ = [
+    "cached",
+    "carrying",
+    "descent",
+    "fill_gaussians",
+    "fit",
+    "fit4",
+    "fit_static_rgb",
+    "fit_video",
+    "flowing",
+    "frame_fit",
+    "frame_residuals",
+    "gaussian_view",
+    "gaussians",
+    "harmonics",
+    "nnfm",
+    "painting",
+    "parts",
+    "ply",
+    "seeds",
+    "sharing",
+    "shots",
+    "store",
+]

@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
-import rpaug
 from rpaug.core import splits
+from rpaug.core.version import __version__
 
 NAME = "README.md"
 LICENCE = re.compile(r"(licen[sc]e|copying)([._-].*)?", re.IGNORECASE)  # names of their files
@@ -42,7 +42,7 @@ def text(
         "synthetic": synthetic > 0,
         "license": licence,
         "source_datasets": [called(source)],
-        "generator": f"rpaug {rpaug.__version__}",
+        "generator": f"rpaug {__version__}",
         "episodes": {"recorded": len(reports) - synthetic, "synthetic": synthetic},
         **({"ratio": ratio} if ratio else {}),
     }
@@ -76,7 +76,7 @@ def _augmented(layout: str, recipe: Mapping[str, Any], rejected: int) -> tuple[s
     return (
         "augmented",
         (
-            f"Edited copies of recorded episodes in the layout `{layout}`, made by rpaug {rpaug.__version__}. "
+            f"Edited copies of recorded episodes in the layout `{layout}`, made by rpaug {__version__}. "
             "Images are synthetic where an edit changed them; actions and robot states are the recorded ones, bit for "
             "bit. Each episode's `rpaug.json` says what was drawn and whether the episode is synthetic.",
         ),
@@ -93,7 +93,7 @@ def _converted(layout: str, before: str) -> tuple[str, Lines, Lines]:
     return (
         f"in the layout `{layout}`",
         (
-            f"The episodes of a dataset in the layout `{before}`, written as `{layout}` by rpaug {rpaug.__version__}; "
+            f"The episodes of a dataset in the layout `{before}`, written as `{layout}` by rpaug {__version__}; "
             "nothing was edited. Each episode's `rpaug.json` names the one that it was made from and says whether that "
             "was synthetic.",
         ),

@@ -7,10 +7,10 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import rpaug
 from rpaug.core import registry
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.core.files import apart, write_atomic
+from rpaug.core.version import __version__
 from rpaug.pipeline import card, report
 
 SILENT = "the source has no instruction: the words that policies are trained on are empty"
@@ -41,7 +41,7 @@ def named(dataset: Path, key: str) -> str:
 def converted(source: Path, key: str, layout: str) -> dict[str, Any]:
     """The report of an episode in another layout: what it was made from, and whether that was synthetic."""
     synthetic = report.synthetic(source, key)
-    given = {"rpaug": rpaug.__version__, "synthetic": synthetic, "source": key}
+    given = {"rpaug": __version__, "synthetic": synthetic, "source": key}
     return given | {"converted": layout, "draws": []}
 
 

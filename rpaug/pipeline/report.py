@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, UInt8
 
-import rpaug
+from rpaug.core.version import __version__
 
 NAME = "rpaug.json"
 HOLES = "rpaug_holes.npz"
@@ -125,7 +125,7 @@ def side_files(
     is part of `write`.
     """
     described = {
-        "rpaug": rpaug.__version__,
+        "rpaug": __version__,
         "synthetic": synthetic,
         "source": source,
         "copy": copy,

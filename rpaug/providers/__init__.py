@@ -2,3 +2,17 @@
 
 Nothing here downloads anything unasked. Providers know images and words, never scenes.
 """
+
+__all__ = [
+    "clip",
+    "depth",
+    "detect",
+    "features",
+    "grabcut",
+    "harmonise",
+    "inpaint",
+    "language",
+    "poses",
+    "segment",
+    "words",
+]

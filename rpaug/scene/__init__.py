@@ -4,3 +4,5 @@ Who moves how (`tracking`), who is who (`naming`, `semantic`, `segmentation`, `r
 shown again (`recorded`, `splats`, `four`), its light (`lighting`), what edits bring in (`placement`, `added`,
 `simulated`, `painted`).
 """
+
+__all__ = ["build", "sampled_frames"]

@@ -7,10 +7,10 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-import rpaug
 from rpaug.core import registry
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Episode, Scene
+from rpaug.core.version import __version__
 from rpaug.gaussians import store
 from rpaug.pipeline import prepare
 from rpaug.pipeline.copies import PreparedEpisode
@@ -100,7 +100,7 @@ class Scenes:
         if self.folder is None:
             return key
         asked = {
-            "rpaug": rpaug.__version__,
+            "rpaug": __version__,
             "key": key,
             "recipe": self.recipe.source,
             "tier": self.tier,

@@ -25,9 +25,11 @@ __all__ = [
     "Settings",
     "Splats",
     "View",
+    "autograd",
     "render",
     "shared",
     "warm",
+    "workers",
 ]
 
 

@@ -1,1 +1,3 @@
 """How each instance moves: static, with the gripper, as a link of the arm, or aligned by depth."""
+
+__all__ = ["agreement", "arms", "bodies", "calibration", "chain", "jaws", "slide", "touch"]

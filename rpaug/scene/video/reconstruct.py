@@ -118,6 +118,21 @@ def develop(
     for k, mask in enumerate(masks) if view.hands else ():
         masks[k] = _with_boxes(view, int(model.times[k]), look(k), mask)
 
+    video = _standing(episode, model, lens, depths, masks, image, contradicted, asked.fit_width)
+    return scaled(video, asked)
+
+
+def _standing(
+    episode: Episode,
+    model: Reconstruction,
+    lens: Lens,
+    depths: list[Float32[np.ndarray, "h w"]],
+    masks: list[Bool[np.ndarray, "h w"]],
+    image: Callable[[int], UInt8[np.ndarray, "h w 3"]],
+    contradicted: tuple[int, ...],
+    fit_width: int,
+) -> VideoScene:
+    """The video as a scene whose z is up, with the instances of its still world, in the unit that its depth suggests."""
     factor = world.unit(depths)
     model = model.moved(np.eye(4), factor)
     depths = [np.asarray(factor * depth, np.float32) for depth in depths]
@@ -131,10 +146,9 @@ def develop(
     found = instances.find(looks)
     if level is not None:
         found = instances.with_support(found, looks, level)
-    video = VideoScene(
-        episode, model, tuple(depths), found, RELATIVE, tuple(masks), contradicted, asked.fit_width
+    return VideoScene(
+        episode, model, tuple(depths), found, RELATIVE, tuple(masks), contradicted, fit_width
     )
-    return scaled(video, asked)
 
 
 @dataclass(frozen=True)
