@@ -15,6 +15,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = {"rpaug": "rpaug", "rpaug_adapters": "adapters", "rpaug_recipes": "recipes"}
+LABELS = {
+    "rpaug": "import rpaug\nthe public names",
+    "tools/bench": "tools/bench/\nmay import all",
+    "recipes": "recipes/\ndata",
+}
 Graph = dict[str, set[str]]
 
 
@@ -121,6 +126,7 @@ def draw(out: Path) -> None:
         row = list(dict.fromkeys(part.split(".")[0] for part in layer))
         rows.append([name for name in row if not any(name in other for other in rows)])
     rows = [row for row in rows if row]
+    rows[1].append("rpaug")
     rows[-1].append("recipes")  # data, read by name
     places = {}
     figure, axes = plt.subplots(figsize=(11, 1.05 * len(rows)))
@@ -128,8 +134,8 @@ def draw(out: Path) -> None:
         for number, name in enumerate(row):
             x, y = (number - (len(row) - 1) / 2) * 2.6, 1.0 * height
             places[name] = (x, y)
-            label = f"{name}/\n{lines[name]:,} lines" if name in lines else f"{name}/"
-            colour = "#e8eef7" if name not in ("adapters", "tools/bench", "recipes") else "#f3eee2"
+            label = LABELS.get(name) or f"{name}/\n{lines[name]:,} lines"
+            colour = "#e8eef7" if name not in ("adapters", *LABELS) else "#f3eee2"
             box = {"boxstyle": "round,pad=0.45", "facecolor": colour, "edgecolor": "#556"}
             axes.text(x, y, label, ha="center", va="center", fontsize=9, bbox=box, zorder=3)
     for name, others in reduced(

@@ -95,8 +95,8 @@ def bench(
     )
     show(out, rows, COLUMNS, {}, as_json, unbeaten=best)
     if not as_json:
-        for views_of, front in best.items():
-            say(f"{views_of}: nothing is both faster and nearer than {', '.join(front)}")
+        for views_of, unbeaten in best.items():
+            say(f"{views_of}: nothing is both faster and nearer than {', '.join(unbeaten)}")
     return 0
 
 

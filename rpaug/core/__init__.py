@@ -20,4 +20,5 @@ __all__ = [
     "splits",
     "types",
     "validation",
+    "version",
 ]

@@ -7,13 +7,13 @@ from rpaug.twin.tasks import TASKS
 from rpaug.twin.truth import Laid, Truth
 
 __all__ = [
-    "LAMPS",
-    "RIG",
-    "TASKS",
     "Bump",
     "Cover",
+    "LAMPS",
     "Laid",
     "Look",
+    "RIG",
+    "TASKS",
     "Take",
     "Truth",
     "TwinLamp",

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from rpaug.cli.console import AsJson, guarded, print_json, progress_bar, warn
 from rpaug.core.files import atomic_folder
-from rpaug.pipeline.pareto import as_csv
+from rpaug.pipeline import pareto
 from tools.bench.harness import edits as measured
 from tools.bench.harness import perceptual, sheets
 
@@ -63,9 +63,9 @@ def edits(
         if plot:
             images.append(sheets.plot(folder / "edits.png", found))
         flat = [row.flat() for row in rows]
-        document = as_json(asdict(setting), flat, skipped=skipped, summary=found)
+        document = pareto.as_json(asdict(setting), flat, skipped=skipped, summary=found)
         (folder / "edits.json").write_bytes(document)
-        (folder / "edits.csv").write_bytes(as_csv(flat))
+        (folder / "edits.csv").write_bytes(pareto.as_csv(flat))
         sheets.page(folder, found, images)
     if as_json:
         print_json({"out": str(out), "skipped": skipped, "summary": found})

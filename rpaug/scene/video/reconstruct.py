@@ -132,7 +132,7 @@ def _standing(
     contradicted: tuple[int, ...],
     fit_width: int,
 ) -> VideoScene:
-    """The video as a scene whose z is up, with the instances of its still world, in the unit that its depth suggests."""
+    """The video as a scene whose z is up, with the instances of its still world, in its depth's own unit."""
     factor = world.unit(depths)
     model = model.moved(np.eye(4), factor)
     depths = [np.asarray(factor * depth, np.float32) for depth in depths]
