@@ -7,13 +7,13 @@ from rpaug.twin.tasks import TASKS
 from rpaug.twin.truth import Laid, Truth
 
 __all__ = [
-    "Bump",
-    "Cover",
     "LAMPS",
-    "Laid",
-    "Look",
     "RIG",
     "TASKS",
+    "Bump",
+    "Cover",
+    "Laid",
+    "Look",
     "Take",
     "Truth",
     "TwinLamp",
