@@ -5,6 +5,7 @@ few frames: PyAV decodes while it reads.
 """
 
 import errno
+import os
 import threading
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator
@@ -252,9 +253,25 @@ def encode(
                 stream.height, stream.width = image.shape[:2]
                 stream.pix_fmt = pixels
                 stream.codec_context.thread_count = 1
-                made.start_encoding()  # the header first: an encoder that was emptied may have lost what it says
+                open_encoders(
+                    made
+                )  # the header first: an encoder that was emptied may have lost what it says
             frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
             frame.pts, frame.time_base = t, 1 / frequency
             made.mux(stream.encode(frame))
         if stream is not None:
             made.mux(stream.encode())
+
+
+def open_encoders(made: av.container.OutputContainer) -> None:
+    """Open the encoders of a new file and write its header.
+
+    SVT-AV1 makes every thread of a process of root's a real-time one (SCHED_FIFO), its own and ours, and leaves it so:
+    nothing else on the machine would run beside it. They become ordinary again.
+    """
+    ordinary = hasattr(os, "sched_getscheduler") and os.sched_getscheduler(0) != os.SCHED_FIFO
+    made.start_encoding()
+    if ordinary:
+        for thread in map(int, os.listdir("/proc/self/task")):
+            if os.sched_getscheduler(thread) == os.SCHED_FIFO:
+                os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))

@@ -14,7 +14,7 @@ import numpy as np
 from av.error import FFmpegError
 from av.video.frame import VideoFrame
 from jaxtyping import Bool, UInt8
-from rpaug_adapters.shared.video import HEVC_LEAST
+from rpaug_adapters.shared.video import HEVC_LEAST, open_encoders
 from rpaug_adapters.video import boxes
 from rpaug_adapters.video.stream import Facts, Video, matrix
 
@@ -63,6 +63,7 @@ def write(target: Path, video: Video, shown: Seen) -> None:
                 for one in source.streams.audio
                 if video.whole
             ]
+            open_encoders(made)
             _pictures(made, stream, video, shown)
             for heard, copied in sound:
                 source.seek(0)
