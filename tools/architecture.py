@@ -135,8 +135,8 @@ def draw(out: Path) -> None:
             x, y = (number - (len(row) - 1) / 2) * 2.6, 1.0 * height
             places[name] = (x, y)
             label = LABELS.get(name) or f"{name}/\n{lines[name]:,} lines"
-            colour = "#e8eef7" if name not in ("adapters", *LABELS) else "#f3eee2"
-            box = {"boxstyle": "round,pad=0.45", "facecolor": colour, "edgecolor": "#556"}
+            color = "#e8eef7" if name not in ("adapters", *LABELS) else "#f3eee2"
+            box = {"boxstyle": "round,pad=0.45", "facecolor": color, "edgecolor": "#556"}
             axes.text(x, y, label, ha="center", va="center", fontsize=9, bbox=box, zorder=3)
     for name, others in reduced(
         {name: {other for other in arrows.get(name, ()) if other in places} for name in places}

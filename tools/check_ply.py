@@ -20,7 +20,7 @@ from rpaug.core.types import Gaussians
 from rpaug.gaussians import ply
 from rpaug.render.splat import render
 
-AGREE = 1e-4  # of full colour: float32 through logarithms and logits
+AGREE = 1e-4  # of full color: float32 through logarithms and logits
 
 
 def some(bands: int, count: int = 200) -> Gaussians:
@@ -36,7 +36,7 @@ def some(bands: int, count: int = 200) -> Gaussians:
 
 
 def check(tool: Path, bands: int, folder: Path) -> tuple[float, float]:
-    """The largest difference of any colour, and how much the higher harmonics matter in this picture."""
+    """The largest difference of any color, and how much the higher harmonics matter in this picture."""
     ours, theirs = folder / f"ours{bands}.ply", folder / f"theirs{bands}.ply"
     given = some(bands)
     ply.write(ours, given)
@@ -51,9 +51,9 @@ def check(tool: Path, bands: int, folder: Path) -> tuple[float, float]:
     ].T
     K, eye = np.array([[120, 0, 63.5], [0, 120, 63.5], [0, 0, 1.0]]), np.eye(4)
     eye[2, 3] = 1.5
-    first = render(given, K, eye, 128, 128, background=0.5).colour
-    second = render(back, K, eye @ np.linalg.inv(moved), 128, 128, background=0.5).colour
-    plain = render(replace(given, sh=given.sh[:, :1]), K, eye, 128, 128, background=0.5).colour
+    first = render(given, K, eye, 128, 128, background=0.5).color
+    second = render(back, K, eye @ np.linalg.inv(moved), 128, 128, background=0.5).color
+    plain = render(replace(given, sh=given.sh[:, :1]), K, eye, 128, 128, background=0.5).color
     return float(np.abs(first - second).max()), float(np.abs(first - plain).max())
 
 

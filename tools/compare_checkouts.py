@@ -14,7 +14,7 @@ for people: their differences are listed and do not count.
 
 Exit code: 0 the same, 1 something differs, 2 a checkout could not run.
 
---timing measures the main job instead: one real episode, one recolour, one copy, one worker, on both checkouts in turn.
+--timing measures the main job instead: one real episode, one recolor, one copy, one worker, on both checkouts in turn.
 """
 
 import argparse

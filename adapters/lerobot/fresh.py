@@ -1,6 +1,6 @@
 """A LeRobot episode from another source: the features it gets, and its rows.
 
-Colour is video; depth is a float image in metres and handles are whole numbers, so that both come back exactly; other
+Color is video; depth is a float image in metres and handles are whole numbers, so that both come back exactly; other
 numbers are float32. A video says how many frames it has a second, and the nearest whole number is taken; no other
 source does, and ten are.
 """

@@ -134,7 +134,7 @@ def _length(where: str, rows: Any, given: Any) -> int:
 
 
 def _found(about: Info, beside: Beside) -> dict[str, str]:
-    """The features of colour by the names of their views."""
+    """The features of color by the names of their views."""
     found, among = {}, about.of_kind("image", "video")
     for key in among:
         if not _is_depth(about.features[key]):

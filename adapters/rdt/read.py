@@ -72,7 +72,7 @@ def read_episode(path: Path, key: str) -> Episode:
 
     def view(name: str, camera: Camera) -> CameraView:
         depth = None if name not in depths else _depth(path, *depths[name])
-        return CameraView(camera, _colours(path, images[name], encoded[name]), depth)
+        return CameraView(camera, _colors(path, images[name], encoded[name]), depth)
 
     def recorded(views: dict[str, CameraView]) -> RDTSource:
         return RDTSource(path, views, images, encoded, depths, words, beside, descriptions)
@@ -159,7 +159,7 @@ def _depths(
     return found
 
 
-def _colours(
+def _colors(
     path: Path, where: str, images: list[bytes] | None
 ) -> Callable[[int], UInt8[np.ndarray, "h w 3"]]:
     def from_file(t: int) -> UInt8[np.ndarray, "h w 3"]:

@@ -1,6 +1,6 @@
 """An RLDS episode from another source: a record of everything the episode holds, and the features that describe it.
 
-Colour is PNG and depth a float image of TFDS, so that both come back exactly; numbers are float32, as all numbers in an
+Color is PNG and depth a float image of TFDS, so that both come back exactly; numbers are float32, as all numbers in an
 Example are. The action is where the gripper is in the next step: position, quaternion (x, y, z, w), opening.
 """
 

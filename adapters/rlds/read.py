@@ -73,7 +73,7 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
 def _found(
     folder: Path, example: Example, known: dict[str, Leaf], beside: Beside
 ) -> dict[str, Leaf]:
-    """Colour images by the name of their view: the last part of the key, or all of it where two share that."""
+    """Color images by the name of their view: the last part of the key, or all of it where two share that."""
     found = [
         leaf
         for leaf in known.values()

@@ -139,7 +139,7 @@ def known(beside: Beside, field: str, name: str, among: Iterable[str]) -> None:
 def chosen(
     beside: Beside, found: Mapping[str, Named], among: Mapping[str, Named]
 ) -> dict[str, Named]:
-    """Features of colour by view: those `found`, as the side file names and picks them `among` all. Raises BadInput."""
+    """Features of color by view: those `found`, as the side file names and picks them `among` all. Raises BadInput."""
     views = dict(found)
     for name, key in beside.images.items():
         known(beside, f"images.{name}", key, among)

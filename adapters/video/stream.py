@@ -1,7 +1,7 @@
 """Frames of a video, each exactly the one asked for, decoded as a stream with a few of them kept.
 
 Frames are numbered in the order they are shown in, whatever their timestamps: a variable rate changes nothing. A video
-with a rotation in its header is shown upright, as players do. Colours follow the file's matrix; where it names none,
+with a rotation in its header is shown upright, as players do. Colors follow the file's matrix; where it names none,
 that of BT.709 from 720 rows on and BT.601 below, which is what players assume.
 """
 
@@ -198,7 +198,7 @@ class Video:
 
 
 def matrix(given: Facts, frame: VideoFrame) -> Colorspace:
-    """The colour matrix of a frame."""
+    """The color matrix of a frame."""
     assumed = Colorspace.ITU709 if given.height >= HIGH_DEFINITION else Colorspace.ITU601
     return NAMED.get(int(frame.colorspace), assumed)
 

@@ -1,4 +1,4 @@
-"""The library of things to insert: what ships, and what its user added, found by category, colour and size."""
+"""The library of things to insert: what ships, and what its user added, found by category, color and size."""
 
 import io
 import json
@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from rpaug.assets import picture, shapes, shipped
-from rpaug.core import colors as colours
+from rpaug.core import color_space
 from rpaug.core.errors import BadInput, RpaugError, TargetError
 from rpaug.core.files import read_bytes, write_atomic
 from rpaug.core.types import Gaussians, Mesh
 
 FOLDER = "RPAUG_ASSETS"  # environment variable: where added things are kept
 ENDING = ".asset.npz"
-COARSE = 24  # of 255: colours nearer than this vote alike
+COARSE = 24  # of 255: colors nearer than this vote alike
 PARTS = ("points", "normals", "uv", "faces", "image")
 OUTLINED = "outlined"
 SPLATS = "splats_"  # before the names of Gaussians' arrays
@@ -26,14 +26,14 @@ SPLATS = "splats_"  # before the names of Gaussians' arrays
 
 @dataclass(frozen=True)
 class Asset:
-    """One thing: `size` are its extents in metres along the axes of its own frame, `colour` a colour word.
+    """One thing: `size` are its extents in metres along the axes of its own frame, `color` a color word.
 
     `gaussians` is how many it is shown by, 0 for a mesh. `provenance` says how a generated thing came to be.
     """
 
     name: str
     category: str
-    colour: str
+    color: str
     size: tuple[float, float, float]
     source: str  # "shipped", or the file it was added from
     gaussians: int = 0
@@ -58,25 +58,27 @@ def assets() -> tuple[Asset, ...]:
 
 def find(
     category: str | None = None,
-    colour: str | None = None,
+    color: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> tuple[Asset, ...]:
-    """Those of a category, a colour word and a longest side in metres between two. Raises TargetError if none fits."""
+    """Those of a category, a color word and a longest side in metres between two. Raises TargetError if none fits."""
     known = assets()
-    word = colours.canonical(colour) if colour else None
-    if colour and word is None:
-        raise TargetError(f"no such colour word: {colour!r}; there are: {', '.join(colours.NAMES)}")
+    word = color_space.canonical(color) if color else None
+    if color and word is None:
+        raise TargetError(
+            f"no such colour word: {color!r}; there are: {', '.join(color_space.NAMES)}"
+        )
     found = tuple(
         asset
         for asset in known
         if (category is None or asset.category == category)
-        and (word is None or colours.means(word, asset.colour))
+        and (word is None or color_space.means(word, asset.color))
         and (size is None or size[0] <= asset.largest <= size[1])
     )
     if not found:
         kinds = ", ".join(sorted({asset.category for asset in known}))
         raise TargetError(
-            f"no asset fits category {category}, colour {colour}, size {size}; categories are: {kinds}"
+            f"no asset fits category {category}, colour {color}, size {size}; categories are: {kinds}"
         )
     return found
 
@@ -148,7 +150,7 @@ def add(
         gaussians=0 if splats is None else len(splats),
         provenance=dict(provenance or {}),
     )
-    kept = ("category", "colour", "size", "source", "gaussians", "provenance")
+    kept = ("category", "color", "size", "source", "gaussians", "provenance")
     facts = {key: getattr(asset, key) for key in kept}
     out = io.BytesIO()
     parts = {part: getattr(thing, part) for part in PARTS}
@@ -177,7 +179,7 @@ def _added() -> Iterator[Asset]:
             yield Asset(
                 path.name.removesuffix(ENDING),
                 facts["category"],
-                facts["colour"],
+                facts["color"],
                 (x, y, z),
                 facts["source"],
                 facts.get("gaussians", 0),
@@ -191,18 +193,18 @@ def _added() -> Iterator[Asset]:
 
 def _described(name: str, category: str, thing: Mesh, source: str) -> Asset:
     x, y, z = np.ptp(thing.points, axis=0).tolist()
-    return Asset(name, category, _main_colour(thing), (x, y, z), source)
+    return Asset(name, category, _main_color(thing), (x, y, z), source)
 
 
-def _main_colour(thing: Mesh) -> str:
-    """The colour word that covers most of what is seen of it from the front and from behind."""
+def _main_color(thing: Mesh) -> str:
+    """The color word that covers most of what is seen of it from the front and from behind."""
     seen = np.concatenate([_albedo(thing, side) for side in (1.0, -1.0)])
     if not len(seen):
         raise RpaugError("this mesh has no surface")
     tones, count = np.unique((255 * seen).astype(np.uint8) // COARSE, axis=0, return_counts=True)
     votes: dict[str, int] = {}
     for tone, times in zip(tones, count.tolist(), strict=True):
-        word = colours.nearest((COARSE * tone + COARSE / 2) / 255.0)
+        word = color_space.nearest((COARSE * tone + COARSE / 2) / 255.0)
         votes[word] = votes.get(word, 0) + times
     return max(votes, key=lambda word: votes[word])
 

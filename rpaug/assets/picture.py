@@ -15,8 +15,8 @@ def portrait(thing: Mesh, side: int = 256) -> UInt8[np.ndarray, "side side 3"]:
     seen = drawn(thing, side)
     shade = 0.45 + 0.55 * np.maximum(seen.normals @ LIGHT, 0)
     image = np.full((side, side, 3), BACKDROP, np.uint8)
-    colour = np.clip(seen.albedo * shade[..., None], 0, 1)
-    image[seen.hit] = np.rint(255 * colour[seen.hit]).astype(np.uint8)
+    color = np.clip(seen.albedo * shade[..., None], 0, 1)
+    image[seen.hit] = np.rint(255 * color[seen.hit]).astype(np.uint8)
     return image
 
 

@@ -52,7 +52,7 @@ def _solid(path: Path, found: Gaussians) -> Gaussians:
 
 
 def _upright(splats: Gaussians, scale: float, turn: Float[np.ndarray, "3 3"]) -> Gaussians:
-    """Gaussians scaled and turned, their colours along."""
+    """Gaussians scaled and turned, their colors along."""
     motion = np.eye(4)
     motion[:3, :3] = turn
     there = moved(splats, motion)
@@ -83,7 +83,7 @@ def _checked(path: Path, thing: Mesh, scale: float, turn: Float[np.ndarray, "3 3
 
 
 def discs(gaussians: Gaussians) -> Mesh:
-    """Gaussians as squares across their shortest axis, in their even colour: how far a thing reaches, and its hue."""
+    """Gaussians as squares across their shortest axis, in their even color: how far a thing reaches, and its hue."""
     keep = gaussians.opacities > FAINT
     means, scales = gaussians.means[keep].astype(float), gaussians.scales[keep].astype(float)
     xyzw = gaussians.quats[keep][:, [1, 2, 3, 0]].astype(float)
@@ -100,19 +100,19 @@ def discs(gaussians: Gaussians) -> Mesh:
     normals = np.repeat(normal * np.where(outwards == 0, 1.0, outwards), 4, 0)
     corners = np.array([[0, 1, 2], [0, 2, 3]])
     faces = (4 * rows[:, None, None] + corners).reshape(-1, 3).astype(np.int32)
-    colour = np.clip(0.5 + EVEN * gaussians.sh[keep][:, 0], 0, 1)
-    image, uv = palette(np.rint(colour * 255).astype(np.uint8))
+    color = np.clip(0.5 + EVEN * gaussians.sh[keep][:, 0], 0, 1)
+    image, uv = palette(np.rint(color * 255).astype(np.uint8))
     return Mesh(points, normals, np.repeat(uv, 4, 0), faces, image)
 
 
 def palette(
-    colours: UInt8[np.ndarray, "n 3"],
+    colors: UInt8[np.ndarray, "n 3"],
 ) -> tuple[UInt8[np.ndarray, "h w 3"], Float[np.ndarray, "n 2"]]:
-    """An image with one texel a colour, and where each lies."""
-    side = max(1, int(np.ceil(np.sqrt(len(colours)))))
+    """An image with one texel a color, and where each lies."""
+    side = max(1, int(np.ceil(np.sqrt(len(colors)))))
     image = np.zeros((side * side, 3), np.uint8)
-    image[: len(colours)] = colours
-    rows, columns = np.divmod(np.arange(len(colours)), side)
+    image[: len(colors)] = colors
+    rows, columns = np.divmod(np.arange(len(colors)), side)
     uv = np.stack([(columns + 0.5) / side, 1 - (rows + 0.5) / side], -1)
     return image.reshape(side, side, 3), uv
 
@@ -136,7 +136,7 @@ def _triangles(path: Path) -> Mesh:
 
 
 def _picture(loaded) -> tuple[np.ndarray, np.ndarray]:
-    """The image on a mesh and where its vertices lie in it; a palette where it has colours and no image."""
+    """The image on a mesh and where its vertices lie in it; a palette where it has colors and no image."""
     import cv2
 
     visual, count = loaded.visual, len(loaded.vertices)
@@ -156,5 +156,5 @@ def _picture(loaded) -> tuple[np.ndarray, np.ndarray]:
         if material is None
         else getattr(material, "main_color", None)
     )
-    colour = np.asarray(plain if plain is not None else (160, 160, 160, 255))[:3].astype(np.uint8)
-    return np.tile(colour, (2, 2, 1)), np.full((count, 2), 0.5)
+    color = np.asarray(plain if plain is not None else (160, 160, 160, 255))[:3].astype(np.uint8)
+    return np.tile(color, (2, 2, 1)), np.full((count, 2), 0.5)

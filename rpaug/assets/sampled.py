@@ -1,4 +1,4 @@
-"""A mesh as Gaussians: points drawn evenly from its surface, each a flat disc in the colour of its texture."""
+"""A mesh as Gaussians: points drawn evenly from its surface, each a flat disc in the color of its texture."""
 
 import numpy as np
 from jaxtyping import Float64
@@ -29,14 +29,14 @@ def gaussians(thing: Mesh, count: int = COUNT) -> Gaussians:
     points = (thing.points[chosen] * share[..., None]).sum(1)
     size = np.full(count, SPREAD * np.sqrt(area.sum() / count))
     texels = triangles.texels(thing)[face] * size
-    colour = triangles.look_up(thing, (thing.uv[chosen] * share[..., None]).sum(1), texels)
+    color = triangles.look_up(thing, (thing.uv[chosen] * share[..., None]).sum(1), texels)
     flat = across[face] / np.maximum(2 * area[face], 1e-15)[:, None]
     return Gaussians(
         means=points.astype(np.float32),
         quats=quaternions(_frames(flat)).astype(np.float32),
         scales=np.stack([size, size, THIN * size], -1).astype(np.float32),
         opacities=np.full(count, OPACITY, np.float32),
-        sh=((colour - 0.5) / SH0)[:, None].astype(np.float32),
+        sh=((color - 0.5) / SH0)[:, None].astype(np.float32),
         ids=np.zeros(count, np.int32),
     )
 

@@ -12,7 +12,7 @@ from rpaug.assets import shapes as s
 from rpaug.assets.textures import shipped as textures
 
 SIDE = 128  # texels of a picture
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 Picture = UInt8[np.ndarray, "n n 3"]
 Pieces = list[s.Piece]
 
@@ -32,14 +32,14 @@ ORANGE, BROWN, GREY, TEAL = (
 PINK, PURPLE, STEEL = (0.90, 0.55, 0.62), (0.42, 0.20, 0.52), (0.68, 0.69, 0.71)
 
 
-def plain(colour: Colour, grain: float = 0.025) -> Picture:
-    """One colour with a little grain, the same for the same colour."""
-    rng = _generator(f"plain {colour}")
+def plain(color: Color, grain: float = 0.025) -> Picture:
+    """One color with a little grain, the same for the same color."""
+    rng = _generator(f"plain {color}")
     field = cv2.GaussianBlur(rng.standard_normal((SIDE, SIDE)), (0, 0), 2)
-    return _bytes(np.array(colour) * (1 + grain * field / field.std())[..., None])
+    return _bytes(np.array(color) * (1 + grain * field / field.std())[..., None])
 
 
-def banded(ground: Colour, band: Colour, low: float, high: float, lines: int = 0) -> Picture:
+def banded(ground: Color, band: Color, low: float, high: float, lines: int = 0) -> Picture:
     """A band between two heights, as a label lies, with dark lines of print on it."""
     rows = 1 - (np.arange(SIDE) + 0.5) / SIDE
     inside = (rows > low) & (rows < high)
@@ -55,7 +55,7 @@ def banded(ground: Colour, band: Colour, low: float, high: float, lines: int = 0
     return _bytes(image)
 
 
-def striped(first: Colour, second: Colour, count: int, upright: bool = False) -> Picture:
+def striped(first: Color, second: Color, count: int, upright: bool = False) -> Picture:
     """Stripes around, or up and down."""
     place = (np.arange(SIDE) * count * 2 // SIDE) % 2
     image = np.where(place[:, None, None] == 0, np.array(first), np.array(second))
@@ -63,13 +63,13 @@ def striped(first: Colour, second: Colour, count: int, upright: bool = False) ->
     return _bytes(whole.transpose(1, 0, 2) if upright else whole)
 
 
-def spotted(ground: Colour, spot: Colour, count: int, size: float) -> Picture:
+def spotted(ground: Color, spot: Color, count: int, size: float) -> Picture:
     """Round spots on a ground."""
     rng = _generator(f"spots {ground} {spot} {count}")
     image = plain(ground)
     for x, y in rng.integers(0, SIDE, (count, 2)):
-        colour = tuple(int(255 * c) for c in spot)
-        cv2.circle(image, (int(x), int(y)), max(1, int(size * SIDE)), colour, -1, cv2.LINE_AA)
+        color = tuple(int(255 * c) for c in spot)
+        cv2.circle(image, (int(x), int(y)), max(1, int(size * SIDE)), color, -1, cv2.LINE_AA)
     return image
 
 
@@ -131,14 +131,14 @@ def _handle(
     return s.bent(path, thick, picture)
 
 
-def _mug(colour: Colour) -> Pieces:
+def _mug(color: Color) -> Pieces:
     return [
-        *_vessel(0.038, 0.040, 0.095, 0.003, plain(colour), plain(WHITE)),
-        _handle(0.039, 0.022, 0.075, 0.026, 0.005, plain(colour)),
+        *_vessel(0.038, 0.040, 0.095, 0.003, plain(color), plain(WHITE)),
+        _handle(0.039, 0.022, 0.075, 0.026, 0.005, plain(color)),
     ]
 
 
-def _bottle(glass: Colour, label: Colour, cap: Colour) -> Pieces:
+def _bottle(glass: Color, label: Color, cap: Color) -> Pieces:
     body = [
         (0.0, 0.0),
         (0.032, 0.0),
@@ -156,16 +156,16 @@ def _bottle(glass: Colour, label: Colour, cap: Colour) -> Pieces:
     ]
 
 
-def _can(colour: Colour, band: Colour) -> Pieces:
+def _can(color: Color, band: Color) -> Pieces:
     side = [(0.028, 0.0), (0.033, 0.006), (0.033, 0.110), (0.028, 0.118)]
     return [
         s.turned([(0.0, 0.0), (0.028, 0.0)], plain(STEEL)),
-        s.turned(side, banded(colour, band, 0.35, 0.7, 3)),
+        s.turned(side, banded(color, band, 0.35, 0.7, 3)),
         s.turned([(0.028, 0.118), (0.026, 0.115), (0.0, 0.115)], plain(STEEL)),
     ]
 
 
-def _jar(inside: Colour, lid: Colour) -> Pieces:
+def _jar(inside: Color, lid: Color) -> Pieces:
     body = [(0.0, 0.0), (0.036, 0.0), (0.040, 0.005), (0.040, 0.080), (0.034, 0.090)]
     return [
         s.turned(body, banded(inside, WHITE, 0.35, 0.8, 5)),
@@ -173,7 +173,7 @@ def _jar(inside: Colour, lid: Colour) -> Pieces:
     ]
 
 
-def _book(cover: Colour, width: float, depth: float, thick: float) -> Pieces:
+def _book(cover: Color, width: float, depth: float, thick: float) -> Pieces:
     board, t = plain(cover), 0.003
     return [
         s.box((width, depth, t), board),
@@ -207,10 +207,10 @@ def _remote() -> Pieces:
     return [s.box((0.045, 0.160, 0.018), spotted(BLACK, GREY, 30, 0.035))]
 
 
-def _stack(*sizes: tuple[tuple[float, float, float], Colour]) -> Pieces:
+def _stack(*sizes: tuple[tuple[float, float, float], Color]) -> Pieces:
     pieces, foot = [], 0.0
-    for size, colour in sizes:
-        pieces.append(s.box(size, plain(colour), foot=foot))
+    for size, color in sizes:
+        pieces.append(s.box(size, plain(color), foot=foot))
         foot += size[2]
     return pieces
 

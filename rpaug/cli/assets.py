@@ -149,6 +149,4 @@ def _added(asset, as_json: bool) -> int:
 
 def _line(asset) -> str:
     x, y, z = (100 * side for side in asset.size)
-    return (
-        f"{asset.name:16} {asset.category:10} {asset.colour:10} {x:5.1f} x {y:4.1f} x {z:4.1f} cm"
-    )
+    return f"{asset.name:16} {asset.category:10} {asset.color:10} {x:5.1f} x {y:4.1f} x {z:4.1f} cm"

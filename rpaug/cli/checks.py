@@ -25,9 +25,9 @@ REQUIRED = (
 )
 
 FEATURES = (0, 16)
-"""Blended beside the colours: none, and an identity encoding. Each count has kernels of its own."""
+"""Blended beside the colors: none, and an identity encoding. Each count has kernels of its own."""
 
-COLOUR_AND_DEPTH = 4
+COLOR_AND_DEPTH = 4
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def warm(
     ]
     for count in features:
         name = f"Gaussians, {count} features" if count else "Gaussians, colour and depth"
-        jobs.append((name, COLOUR_AND_DEPTH + count, partial(splat_kernels, count)))
+        jobs.append((name, COLOR_AND_DEPTH + count, partial(splat_kernels, count)))
     for number, (name, channels, job) in enumerate(jobs):
         progress(number, len(jobs))
         wall, cpu = time.perf_counter(), time.process_time()
@@ -149,7 +149,7 @@ def warm(
 
 
 def _edit_the_sample() -> None:
-    """One frame of the sample through every kernel of the main job: recoloured, and seen from a moved camera."""
+    """One frame of the sample through every kernel of the main job: recolored, and seen from a moved camera."""
     from rpaug.pipeline import plan, prepare, recipe
     from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 

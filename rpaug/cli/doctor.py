@@ -39,9 +39,9 @@ def doctor(
         given = [asdict(finding) for finding in findings]
         print_json({"warmed": warmed, "findings": given} if warm else given)
     else:
-        colour = {"ok": "green", "note": "yellow", "bad": "bold red"}
+        color = {"ok": "green", "note": "yellow", "bad": "bold red"}
         for finding in findings:
-            mark = f"[{colour[finding.level]}]{finding.level:4}[/]"
+            mark = f"[{color[finding.level]}]{finding.level:4}[/]"
             Console().print(
                 f"{mark} {finding.topic}: {plain(finding.message)}",
                 highlight=False,

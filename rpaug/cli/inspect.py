@@ -26,7 +26,7 @@ def inspect(
     arm: Arms = None,
     as_json: AsJson = False,
 ) -> int:
-    """Show cameras, frames, instruction and every instance: instance id, role, colour, size, motion.
+    """Show cameras, frames, instruction and every instance: instance id, role, color, size, motion.
 
     Example: [bold]rpaug inspect data/train/open_drawer --html instances.html[/]
     """
@@ -69,6 +69,6 @@ def inspect(
         motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion
         size = " x ".join(f"{side:.1f}" for side in row.size_cm) if any(row.size_cm) else "unknown"
         body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
-        line = f"{row.instance_id:>8}  {row.role:12}{row.colour_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
+        line = f"{row.instance_id:>8}  {row.role:12}{row.color_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
         say(f"{line}{row.frames:8d}  {body}")
     return 0

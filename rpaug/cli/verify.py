@@ -54,8 +54,8 @@ def verify(
         print_json(verdict.describe())
     else:
         for finding in verdict.findings:
-            colour = {"bad": "bold red", "note": "yellow"}[finding.level]
-            line = f"[{colour}]{finding.level:4}[/] {plain(f'{finding.episode}: {finding.topic}: {finding.message}')}"
+            color = {"bad": "bold red", "note": "yellow"}[finding.level]
+            line = f"[{color}]{finding.level:4}[/] {plain(f'{finding.episode}: {finding.topic}: {finding.message}')}"
             console.print(line, highlight=False, soft_wrap=True)
         for name, figures in verdict.statistics.items():
             if figures:

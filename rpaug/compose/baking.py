@@ -1,4 +1,4 @@
-"""Appearance edits laid into the Gaussians themselves, so that each blends with its neighbours in its new colour."""
+"""Appearance edits laid into the Gaussians themselves, so that each blends with its neighbours in its new color."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,9 +19,9 @@ class Elsewhere:
     instance_ids: frozenset[int] | None
 
     def __call__(
-        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+        self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
-        return self.edit(colour, surface)
+        return self.edit(color, surface)
 
 
 def painted(scene: Scene) -> frozenset[int]:
@@ -37,9 +37,9 @@ def painted(scene: Scene) -> frozenset[int]:
 
 
 def baked(scene: Scene) -> Scene:
-    """The scene with that paint in its Gaussians' own colours, and no longer among its appearance edits.
+    """The scene with that paint in its Gaussians' own colors, and no longer among its appearance edits.
 
-    A Gaussian takes the colour of the edit at its middle; harmonics beyond the constant one and residuals of single
+    A Gaussian takes the color of the edit at its middle; harmonics beyond the constant one and residuals of single
     times are scaled alike.
     """
     instance_ids, gaussians = painted(scene), scene.gaussians
@@ -56,7 +56,7 @@ def baked(scene: Scene) -> Scene:
     appearance = [_without(edit, instance_ids) for edit in first]
     later = scene.appearance[len(first) :]
     kept = tuple(edit for edit in appearance if edit is not None)
-    return replace(scene, gaussians=_coloured(gaussians, old, new), appearance=(*kept, *later))
+    return replace(scene, gaussians=_colored(gaussians, old, new), appearance=(*kept, *later))
 
 
 def _first(appearance: Sequence[Appearance]) -> tuple[Appearance, ...]:
@@ -77,7 +77,7 @@ def _without(edit: Appearance, instance_ids: frozenset[int]) -> Appearance | Non
     return Elsewhere(edit, left) if left else None
 
 
-def _coloured(
+def _colored(
     gaussians: Gaussians, old: Float32[np.ndarray, "n 3"], new: Float32[np.ndarray, "n 3"]
 ) -> Gaussians:
     rows = np.flatnonzero((new != old).any(1))

@@ -15,7 +15,7 @@ OUTLINE = 2  # pixels around what was edited that are judged too: Gaussians spil
 
 @dataclass(frozen=True)
 class Goal:
-    """One recorded view with the edits made: colours in 0..1, depth in metres.
+    """One recorded view with the edits made: colors in 0..1, depth in metres.
 
     `weight` is 0 where the image was invented; `judged` marks what was edited, and its outline.
     """
@@ -63,5 +63,5 @@ def _at(
         hole = invented.get((name, t))
         weight = np.ones(depth.shape, np.float32) if hole is None else 1 - hole.astype(np.float32)
         judged = grown(np.isin(ids, list(instance_ids)), OUTLINE) & (weight > 0)
-        colour = rgb.astype(np.float32) / 255
-        yield Goal(cameras[name], name, t, colour, depth, weight, judged)
+        color = rgb.astype(np.float32) / 255
+        yield Goal(cameras[name], name, t, color, depth, weight, judged)

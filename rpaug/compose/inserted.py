@@ -6,8 +6,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
-from rpaug.core import colors as colours
-from rpaug.core import geometry
+from rpaug.core import color_space, geometry
 from rpaug.core.types import Ambience, Body, Camera, Mesh, Scene
 from rpaug.render import mesh
 from rpaug.render.pinhole import NEAR
@@ -28,7 +27,7 @@ def bodies(scene: Scene) -> tuple[Body, ...]:
 
 
 def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
-    """Colour, depth in metres (0: nothing there) and instance ids once all that has a shape of its own stands there
+    """Color, depth in metres (0: nothing there) and instance ids once all that has a shape of its own stands there
     too.
     """
     rgb, depth, ids = before
@@ -62,7 +61,7 @@ def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
 
 def _splatted(scene: Scene, body: Body, camera: Camera, t: int, before: Image) -> Image:
     """The same for a body of Gaussians: blended with what lies behind where the recording's outlines are smooth, cut
-    at its surface where they are sharp. Its light is in its colours. The surface is its mesh's, if that is known."""
+    at its surface where they are sharp. Its light is in its colors. The surface is its mesh's, if that is known."""
     from rpaug.compose import splatted  # only here: it brings the rasteriser
 
     picture = splatted.draw(body, camera, t, sharp_edges=not scene.antialiased)
@@ -84,11 +83,11 @@ def _splatted(scene: Scene, body: Body, camera: Camera, t: int, before: Image) -
     seen &= (depth[at] <= 0) | (near < depth[at])
     surface = seen & (picture.depth > 0)
     if scene.antialiased:
-        colour = picture.colour + (1 - picture.alpha[..., None]) * rgb[at].astype(np.float32) / 255
+        color = picture.color + (1 - picture.alpha[..., None]) * rgb[at].astype(np.float32) / 255
     else:
         seen = surface
-        colour = picture.colour / np.maximum(picture.alpha, splatted.FAINT)[..., None]
-    rgb[at][seen] = np.rint(np.clip(colour[seen], 0, 1) * 255).astype(np.uint8)
+        color = picture.color / np.maximum(picture.alpha, splatted.FAINT)[..., None]
+    rgb[at][seen] = np.rint(np.clip(color[seen], 0, 1) * 255).astype(np.uint8)
     (instance_id,) = body.instance_ids
     depth[at][surface], ids[at][surface] = picture.depth[surface], instance_id
     return rgb, depth, ids
@@ -97,10 +96,10 @@ def _splatted(scene: Scene, body: Body, camera: Camera, t: int, before: Image) -
 def lit(
     albedo: Float32[np.ndarray, "n 3"], normals: Float32[np.ndarray, "n 3"], ambience: Ambience
 ) -> Float32[np.ndarray, "n 3"]:
-    """Colours in 0..1 of surfaces under the scene's light, within the colours that the recording reaches."""
+    """Colors in 0..1 of surfaces under the scene's light, within the colors that the recording reaches."""
     shade = irradiance.shading(irradiance.basis(normals), np.array(ambience.light))
-    colour = np.clip(albedo * shade[:, None] * np.array(ambience.tint, np.float32), 0, 1)
-    return colour if ambience.gamut is None else _within(colour, ambience.gamut)
+    color = np.clip(albedo * shade[:, None] * np.array(ambience.tint, np.float32), 0, 1)
+    return color if ambience.gamut is None else _within(color, ambience.gamut)
 
 
 def _piece(body: Body, camera: Camera, t: int) -> Window | None:
@@ -151,13 +150,13 @@ def _blended(
     fine: mesh.MeshView,
     ambience: Ambience,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The colours with each pixel's share of the thing, as an anti-aliased recording would show it."""
+    """The colors with each pixel's share of the thing, as an anti-aliased recording would show it."""
     behind = depth.repeat(SAMPLES, 0).repeat(SAMPLES, 1)
     front = fine.hit & ((behind <= 0) | (fine.depth < behind))
-    colour = np.zeros((*front.shape, 3), np.float32)
-    colour[front] = _lit(fine.albedo[front], fine.normals[front], ambience)
+    color = np.zeros((*front.shape, 3), np.float32)
+    color[front] = _lit(fine.albedo[front], fine.normals[front], ambience)
     share = _pooled(front.astype(np.float32)[..., None])
-    mixed = _pooled(colour) + (1 - share) * rgb
+    mixed = _pooled(color) + (1 - share) * rgb
     return np.where(share > 0, np.rint(mixed).astype(np.uint8), rgb)
 
 
@@ -173,16 +172,16 @@ def _lit(
 
 
 def _within(
-    colour: Float32[np.ndarray, "n 3"], gamut: tuple[float, float, float]
+    color: Float32[np.ndarray, "n 3"], gamut: tuple[float, float, float]
 ) -> Float32[np.ndarray, "n 3"]:
-    """Lightness and chroma held within what was recorded (CIELAB); colours inside stay as they are."""
+    """Lightness and chroma held within what was recorded (CIELAB); colors inside stay as they are."""
     low, high, strongest = gamut
-    lab = colours.to_lab(colour)
+    lab = color_space.to_lab(color)
     chroma = np.hypot(lab[:, 1], lab[:, 2])
     outside = (lab[:, 0] < low) | (lab[:, 0] > high) | (chroma > strongest)
     if not outside.any():
-        return colour
+        return color
     lab[:, 0] = np.clip(lab[:, 0], low, high)
     lab[:, 1:] *= np.minimum(1.0, strongest / np.maximum(chroma, 1e-6))[:, None]
-    held = np.clip(colours.from_lab(lab), 0, 1)
-    return np.where(outside[:, None], held, colour).astype(np.float32)
+    held = np.clip(color_space.from_lab(lab), 0, 1)
+    return np.where(outside[:, None], held, color).astype(np.float32)

@@ -14,7 +14,7 @@ Image = tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.n
 
 
 def draw(gaussians: Gaussians, antialiased: bool, camera: Camera, t: int, before: Image) -> Image:
-    """Colour, depth in metres (0: nothing there) and instance ids once the Gaussians stand there too.
+    """Color, depth in metres (0: nothing there) and instance ids once the Gaussians stand there too.
 
     Where a recording's outlines are smooth, a pixel shows as much of the thing as covers it; where they are sharp, all
     or nothing.
@@ -33,10 +33,10 @@ def draw(gaussians: Gaussians, antialiased: bool, camera: Camera, t: int, before
     if not front.any():
         return before
     if antialiased:
-        mixed = 255 * np.clip(drawn.colour, 0, 1) + (1 - share[..., None]) * rgb
+        mixed = 255 * np.clip(drawn.color, 0, 1) + (1 - share[..., None]) * rgb
         rgb = np.where(front[..., None], np.rint(np.clip(mixed, 0, 255)), rgb).astype(np.uint8)
     else:
-        whole = 255 * np.clip(drawn.colour / np.maximum(share, SOLID)[..., None], 0, 1)
+        whole = 255 * np.clip(drawn.color / np.maximum(share, SOLID)[..., None], 0, 1)
         rgb = np.where(solid[..., None], np.rint(whole), rgb).astype(np.uint8)
     names = now.ids[np.maximum(drawn.surface_index, 0)]
     return (

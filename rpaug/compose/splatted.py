@@ -1,4 +1,4 @@
-"""An inserted thing of Gaussians, drawn into a finished view: its colour is blended, its depth is one surface's."""
+"""An inserted thing of Gaussians, drawn into a finished view: its color is blended, its depth is one surface's."""
 
 from dataclasses import dataclass, replace
 
@@ -23,19 +23,19 @@ SAME_FACE = 0.7  # cosine between normals of one face, and of a curved one's nei
 class SplatImage:
     """A thing alone, in a piece of a camera's image whose first pixel is (`row`, `column`).
 
-    `colour` is 0..1, already multiplied by `alpha`, the share of light that the thing takes. `depth` in metres is that
+    `color` is 0..1, already multiplied by `alpha`, the share of light that the thing takes. `depth` in metres is that
     of the surface at which half of the light is gone, 0 where it never is; never a mean over surfaces.
     """
 
     row: int
     column: int
-    colour: Float32[np.ndarray, "h w 3"]
+    color: Float32[np.ndarray, "h w 3"]
     alpha: Float32[np.ndarray, "h w"]
     depth: Float32[np.ndarray, "h w"]
 
 
 def standing(splats: Gaussians, to_world: Float64[np.ndarray, "4 4"]) -> Gaussians:
-    """Gaussians of a body's frame in the world, their colours turned along."""
+    """Gaussians of a body's frame in the world, their colors turned along."""
     there = gaussians.moved(splats, to_world)
     return replace(there, sh=harmonics.turned(splats.sh, to_world[:3, :3]))
 
@@ -61,13 +61,13 @@ def draw(body: Body, camera: Camera, t: int, sharp_edges: bool = False) -> Splat
     splats = Splats.of(there)
     drawn = Rasteriser(small(splats)).forward(splats, view_of(piece, t))
     depth = plane_depth(drawn, splats, piece, t)[samples // 2 :: samples, samples // 2 :: samples]
-    colour, alpha = _pooled(drawn.colour, samples), _pooled(drawn.alpha, samples)
+    color, alpha = _pooled(drawn.color, samples), _pooled(drawn.alpha, samples)
     if sharp_edges and samples > 1:
         face = _one_face(outward(there, piece, t), drawn.surface_index, samples)
         light = _pooled(drawn.alpha * face, samples)
-        own = _pooled(drawn.colour * face[..., None], samples) / np.maximum(light, FAINT)[..., None]
-        colour = np.where((light > FAINT)[..., None], own * alpha[..., None], colour)
-    return SplatImage(row, column, colour, alpha, depth)
+        own = _pooled(drawn.color * face[..., None], samples) / np.maximum(light, FAINT)[..., None]
+        color = np.where((light > FAINT)[..., None], own * alpha[..., None], color)
+    return SplatImage(row, column, color, alpha, depth)
 
 
 def _one_face(

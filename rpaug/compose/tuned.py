@@ -1,7 +1,7 @@
-"""Colours of an inserted thing's Gaussians, brought to the light of the scene that it stands in.
+"""Colors of an inserted thing's Gaussians, brought to the light of the scene that it stands in.
 
 Each of a ring of views is rendered as the thing comes and refined: lit by the scene's light and held within its
-colours. Then the harmonics alone are stepped until the Gaussians show the refined views; their shapes stay.
+colors. Then the harmonics alone are stepped until the Gaussians show the refined views; their shapes stay.
 """
 
 from dataclasses import replace
@@ -24,11 +24,11 @@ AWAY = 2.2  # of the thing's diagonal: how far off the views are taken
 PASSES = 3  # over all views
 RATES = Rates(means=0, quats=0, scales=0, opacities=0, sh=0.12, sh_rest=0.01)
 SMOOTH = 5  # pixels: Gaussians of a fit turn a little at random, their surface does not
-FAINT = 0.02  # share of a pixel below which a colour says nothing
+FAINT = 0.02  # share of a pixel below which a color says nothing
 
 
 def tuned(splats: Gaussians, to_world: Float64[np.ndarray, "4 4"], ambience: Ambience) -> Gaussians:
-    """The Gaussians, in their own frame, with the colours that they have at that place in that light."""
+    """The Gaussians, in their own frame, with the colors that they have at that place in that light."""
     there = standing(splats, to_world)
     cameras = ring(there)
     goals = [refined(there, camera, ambience) for camera in cameras]
@@ -71,7 +71,7 @@ def refined(there: Gaussians, camera: Camera, ambience: Ambience) -> Float32[np.
     faces[known] = outward(there, camera, 0)[drawn.surface_index[known]]
     faces = np.asarray(cv2.blur(faces, (SMOOTH, SMOOTH)), np.float32)
     faces = faces / np.maximum(np.linalg.norm(faces, axis=-1, keepdims=True), 1e-6)
-    colour = np.clip(drawn.colour[shown] / drawn.alpha[shown][:, None], 0, 1)
-    out = np.zeros_like(drawn.colour)
-    out[shown] = lit(colour, faces[shown], ambience) * drawn.alpha[shown][:, None]
+    color = np.clip(drawn.color[shown] / drawn.alpha[shown][:, None], 0, 1)
+    out = np.zeros_like(drawn.color)
+    out[shown] = lit(color, faces[shown], ambience) * drawn.alpha[shown][:, None]
     return out

@@ -1,4 +1,4 @@
-"""Values, contracts, geometry, colour, metrics, files and caches: what every other folder may import."""
+"""Values, contracts, geometry, color, metrics, files and caches: what every other folder may import."""
 
 __all__ = [
     "cache",

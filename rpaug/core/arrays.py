@@ -23,7 +23,7 @@ def by_camera(given: Any) -> Mapping[str, Any]:
 
 
 def colors(where: str, field: str, given: Any) -> UInt8[np.ndarray, "t h w 3"]:
-    """Colour images, display sRGB 0..255. Raises BadInput."""
+    """Color images, display sRGB 0..255. Raises BadInput."""
     array = np.asarray(given)
     if array.dtype != np.uint8 or array.ndim != 4 or array.shape[3] != 3 or not array.size:
         raise BadInput(where, field, found=_kind(array), expected="uint8 of shape (t, h, w, 3)")

@@ -47,7 +47,7 @@ CHANNELS = {
     3: (3, 1),
     4: (1, 2),
     6: (3, 4),
-}  # by colour type: decoded, stored
+}  # by color type: decoded, stored
 MAX_SIDE = 16384  # pixels: a larger header is taken for damage, before anything is allocated
 
 
@@ -124,14 +124,14 @@ def _chunks(path: Path | str, data: bytes) -> Iterator[tuple[bytes, int, int]]:
 
 
 def _header(path: Path | str, data: bytes, at: int) -> Png:
-    width, height, bits, colour, _, _, interlaced = struct.unpack_from(">IIBBBBB", data, at)
+    width, height, bits, color, _, _, interlaced = struct.unpack_from(">IIBBBBB", data, at)
     if not all(0 < side <= MAX_SIDE for side in (width, height)):
         raise BadInput(
             path, "size", found=f"{width}x{height}", expected=f"1 to {MAX_SIDE} pixels a side"
         )
-    if colour not in CHANNELS:
-        raise BadInput(path, "colour type", found=str(colour), expected="one that PNG knows")
-    decoded, stored = CHANNELS[colour]
+    if color not in CHANNELS:
+        raise BadInput(path, "colour type", found=str(color), expected="one that PNG knows")
+    decoded, stored = CHANNELS[color]
     return Png(width, height, bits, decoded, stored, bool(interlaced))
 
 

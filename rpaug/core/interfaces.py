@@ -38,7 +38,7 @@ class Needs:
 
 @dataclass(frozen=True)
 class Painted:
-    """Recorded instances look different now. `word` is the colour or pattern they go by, None where none fits."""
+    """Recorded instances look different now. `word` is the color or pattern they go by, None where none fits."""
 
     instance_ids: frozenset[int]
     word: str | None
@@ -46,7 +46,7 @@ class Painted:
 
 @dataclass(frozen=True)
 class Added:
-    """A thing was put in: its kind ("mug"), its name with words joined by "_", and its colour word."""
+    """A thing was put in: its kind ("mug"), its name with words joined by "_", and its color word."""
 
     kind: str
     name: str
@@ -88,7 +88,7 @@ class Operator(metaclass=Validated):
         """The edited scene; the one passed in is left as it was."""
 
     def says(self, edit: Edit) -> Sequence[Change]:
-        """What an instruction must follow. An instance with more appearances than `Painted` has no true colour word."""
+        """What an instruction must follow. An instance with more appearances than `Painted` has no true color word."""
         return ()
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, Int32, UInt8
 
-from rpaug.core import colors
+from rpaug.core import color_space
 
 LEAST_ERROR = 1e-4  # squared grey levels: equal images score 88 dB, not infinity
 FITTED_ERROR = 1e-6  # squared grey levels: fits are told apart up to 108 dB
@@ -21,7 +21,7 @@ def psnr(squared_error: float, least: float = LEAST_ERROR) -> float:
 
 
 def decibels(squared_error: float, least: float = LEAST_SHARE) -> float:
-    """Decibels of a mean squared error of colours in 0..1; `least` stands for any smaller one."""
+    """Decibels of a mean squared error of colors in 0..1; `least` stands for any smaller one."""
     return -10 * float(np.log10(max(squared_error, least)))
 
 
@@ -41,8 +41,10 @@ def ssim(
 def difference(
     first: UInt8[np.ndarray, "n 3"], second: UInt8[np.ndarray, "n 3"]
 ) -> Float64[np.ndarray, "n"]:
-    """CIEDE2000 between display colours of 0..255."""
-    return colors.ciede2000(colors.to_lab(first / 255.0), colors.to_lab(second / 255.0))
+    """CIEDE2000 between display colors of 0..255."""
+    return color_space.ciede2000(
+        color_space.to_lab(first / 255.0), color_space.to_lab(second / 255.0)
+    )
 
 
 def mean_iou(pairs: Iterable[tuple[Int32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]]) -> float:

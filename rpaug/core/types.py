@@ -3,7 +3,7 @@
 Conventions, everywhere: metres, radians, seconds; right-handed world; cameras look along +z with x to
 the right and y down (OpenCV); **pixel centres lie at integer coordinates**, so pixel (0, 0) covers
 [-0.5, 0.5] x [-0.5, 0.5] and a point projects by `K @ p / p_z` without any half-pixel shift. Depth is
-the z coordinate in the camera's frame, not the ray's length. Colours are display sRGB: uint8 in images,
+the z coordinate in the camera's frame, not the ray's length. Colors are display sRGB: uint8 in images,
 float in 0..1 elsewhere. Arrays are never written to after they were handed over.
 """
 
@@ -85,7 +85,7 @@ class CameraView:
     `ids(t)` (h, w) int32 instance ids, 0 for nothing. `depth` and `ids` are None where a source has none.
     Views that share an accessor share its images: a writer may then copy the recorded file. `inferred` instance ids
     were
-    not recorded but found by motion or colour: a scene may use them, and no dataset gets them. So it is with
+    not recorded but found by motion or color: a scene may use them, and no dataset gets them. So it is with
     `stand_in`. `hands` are boxes (left, top, right, bottom; pixels) that annotators drew around hands, by frame.
     """
 
@@ -290,7 +290,7 @@ class Body:
 
 
 class Surface(Protocol):
-    """Where some colours lie, row by row; every part is worked out only when it is asked for.
+    """Where some colors lie, row by row; every part is worked out only when it is asked for.
 
     `points` are metres in the frame of the row's own body (`Body.to_world` at that time undone), `normals` unit
     vectors there, towards whoever looks; `facing` are the same normals in the world. `footprint` is the width in
@@ -311,9 +311,9 @@ class Surface(Protocol):
 
 
 class Appearance(Protocol):
-    """A function on surfaces: recorded colour in, edited colour out.
+    """A function on surfaces: recorded color in, edited color out.
 
-    `instance_ids` are the instances it applies to, None for all. It is called with colours in display sRGB 0..1 and
+    `instance_ids` are the instances it applies to, None for all. It is called with colors in display sRGB 0..1 and
     with where they lie, and must treat every row alone, so that any carrier (pixels, surfels, Gaussians) can use it.
     What depends on `surface.points` and `surface.normals` alone is the same in all cameras and at all times.
     """
@@ -322,7 +322,7 @@ class Appearance(Protocol):
     def instance_ids(self) -> frozenset[int] | None: ...
 
     def __call__(
-        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+        self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]: ...
 
 
@@ -362,7 +362,7 @@ class Gaussians:
 
     `quats` are (w, x, y, z), of any length but zero. `scales` are standard deviations in metres along the
     Gaussian's own axes. `opacities` are in 0..1. `sh` holds real spherical-harmonics coefficients in 3DGS
-    order: colour = 0.5 + 0.28209479 * sh[:, 0] for degree 0. `ids` are instance ids (0: none).
+    order: color = 0.5 + 0.28209479 * sh[:, 0] for degree 0. `ids` are instance ids (0: none).
     `moments[t]` is how they differ at time t alone; `moments.at` applies it.
     """
 
@@ -406,10 +406,10 @@ class Gaussians4:
 
 @dataclass(frozen=True)
 class Ambience:
-    """The light that inserted things are shown in, and how far colours reach in the recording.
+    """The light that inserted things are shown in, and how far colors reach in the recording.
 
-    `light` are the nine terms of `rpaug.scene.lighting.irradiance`, 1 on a face that looks up, and `tint` its colour.
-    `gamut` is the darkest and brightest lightness and the strongest chroma recorded (CIELAB), None to leave colours be.
+    `light` are the nine terms of `rpaug.scene.lighting.irradiance`, 1 on a face that looks up, and `tint` its color.
+    `gamut` is the darkest and brightest lightness and the strongest chroma recorded (CIELAB), None to leave colors be.
     """
 
     light: tuple[float, ...]

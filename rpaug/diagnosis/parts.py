@@ -1,6 +1,6 @@
 """Regions of an image, parted where two things touch: each part is compact and of one hue.
 
-A pattern is not parted, since its colours interleave: what is parted must be nearly all of the region, in pieces that
+A pattern is not parted, since its colors interleave: what is parted must be nearly all of the region, in pieces that
 fill their convex outlines.
 """
 
@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
 LEAST = 14  # pixels of a region
-APART = 22.0  # in hue: two colours that are nearer are one thing's
+APART = 22.0  # in hue: two colors that are nearer are one thing's
 SOLID = 0.8  # share of their convex outlines that parts must fill
 NEARLY = 0.75  # share of a region that its parts must cover
 DEEPEST = 4  # times that a region is parted
@@ -17,7 +17,7 @@ DIM = 20.0  # of lightness + 16: what is darker has no hue to speak of
 
 
 def hue(lab: Float32[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w 2"]:
-    """What of a colour shading leaves as it is.
+    """What of a color shading leaves as it is.
 
     L + 16, a and b of CIELAB are all proportional to the cube root of the light, so that their ratios do not depend
     on it.

@@ -52,7 +52,7 @@ class ReferenceCamera:
 
     @cached_property
     def mean(self) -> Float32[np.ndarray, "h w 3"]:
-        """Mean colour, 0..255."""
+        """Mean color, 0..255."""
         return np.asarray(np.mean([one.image for one in self.firsts], 0), np.float32)
 
     def usually(self, role: str, share: float = OFTEN) -> Bool[np.ndarray, "h w"]:

@@ -38,7 +38,7 @@ class SightCamera:
     within: Bool[np.ndarray, "h w"]
     table: Bool[np.ndarray, "h w"]
     background: Bool[np.ndarray, "h w"]
-    palette: Float32[np.ndarray, "n 3"]  # colours of all but the thing to act on
+    palette: Float32[np.ndarray, "n 3"]  # colors of all but the thing to act on
     rosters: tuple[things.Roster, ...] = ()
     given: tuple[
         things.Roster, ...
@@ -68,7 +68,7 @@ def _known(first: First) -> frozenset[int]:
 
 
 def _others(first: First, within: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray, "n 3"]:
-    """The colours of what else stood in a recording's first frame, its outlines left out."""
+    """The colors of what else stood in a recording's first frame, its outlines left out."""
     mask = within & ~np.isin(first.ids, [0, *_known(first)])
     inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     return _lab(first.image.astype(np.float32))[inner]
@@ -83,9 +83,9 @@ def _given(first: First, made: SightCamera) -> things.Roster:
 
 
 def roster(first: First, made: SightCamera) -> things.Roster:
-    """What stood in a recording's first frame: found by colour as in any image, the target told by its mask."""
+    """What stood in a recording's first frame: found by color as in any image, the target told by its mask."""
     lab = _lab(first.image.astype(np.float32))
-    found, _ = things.by_colour(lab, made.within, made.palette)
+    found, _ = things.by_color(lab, made.within, made.palette)
     target = first.mask("manipulated")
     shared = [int((one.mask & target).sum()) for one in found]
     if not shared or max(shared) < parts.LEAST:
@@ -130,7 +130,7 @@ def measured(
     )
     if target is not None:
         out["object position"] = target.place.astype(np.float64)
-        out["object colour"] = target.colour.astype(np.float64)
+        out["object colour"] = target.color.astype(np.float64)
         out["object size"] = np.array([target.size])
         out["object texture"] = _print(lab, target.mask)
     return out
@@ -148,7 +148,7 @@ def _things(
     within = made.within & aligned.valid
     if ids is None:
         rosters = [one for k, one in enumerate(made.rosters) if k != without]
-        target, strange = things.recognised(*things.by_colour(lab, within, made.palette), rosters)
+        target, strange = things.recognised(*things.by_color(lab, within, made.palette), rosters)
         return target, list(strange)
     given = things.by_ids(aligned.warp(ids), within, lab)
     mine = roles.get(MINE, frozenset())
@@ -164,7 +164,7 @@ def _camera(aligned: Aligned) -> Float64[np.ndarray, "4"]:
 
 
 def _light(aligned: Aligned, plate: ReferenceCamera) -> tuple[Float32[np.ndarray, "3"], float]:
-    """By how much the robot is brighter than usual, per channel, and how unevenly: the robot keeps its own colours."""
+    """By how much the robot is brighter than usual, per channel, and how unevenly: the robot keeps its own colors."""
     region = cv2.erode(plate.robot.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     region &= aligned.valid
     if region.sum() < 20:

@@ -1,9 +1,9 @@
 """What stands on the table in an image without a mask, and which of it the robot is to act on.
 
-The table is what the commonest, most spread-out colours show; the rest are things. Each training recording is a
+The table is what the commonest, most spread-out colors show; the rest are things. Each training recording is a
 roster of what usually stands there. The one to act on is told by elimination: it is where such a thing usually is, or
-looks like it, and nothing else that the recordings show explains it. So it is found also when its colour, size or place
-have changed. Where it touches other things, it may be what is left without their colours.
+looks like it, and nothing else that the recordings show explains it. So it is found also when its color, size or place
+have changed. Where it touches other things, it may be what is left without their colors.
 """
 
 from collections.abc import Sequence
@@ -15,30 +15,32 @@ from jaxtyping import Bool, Float32, Int32
 from rpaug.diagnosis import parts
 
 CLUSTERS = 8
-SPREAD = 0.30  # share of the cells in which a colour is found, if it is the table's
+SPREAD = 0.30  # share of the cells in which a color is found, if it is the table's
 CELLS = 8  # a side
-CLOSE = 11.0  # Lab units: as near as this to a colour of the table is table
-EXPLAINED = 9.0  # Lab units, lightness halved: as near as this to a colour of other things, it may be theirs
+CLOSE = 11.0  # Lab units: as near as this to a color of the table is table
+EXPLAINED = (
+    9.0  # Lab units, lightness halved: as near as this to a color of other things, it may be theirs
+)
 DARKENED = np.array([0.5, 1, 1], np.float32)
-COLOURS = 600  # that stand for all of the other things
+COLORS = 600  # that stand for all of the other things
 MOST = 0.9  # share of a region: more than this is the region itself
 FULL = 0.7  # share of its convex outline that a piece must fill
-COLOUR, SIZE, PLACE = (
+COLOR, SIZE, PLACE = (
     14.0,
     0.35,
     0.07,
 )  # usual differences: Lab units, logarithm, share of the width
 WORST = 3.0  # in usual differences: what is further off counts no more
-LIKE = 2.75  # of colour and size together: what is less like is another thing
-LOOKS = 0.6  # what colour and size of the thing to act on count for, beside its place: they may have changed
+LIKE = 2.75  # of color and size together: what is less like is another thing
+LOOKS = 0.6  # what color and size of the thing to act on count for, beside its place: they may have changed
 
 
 @dataclass(frozen=True)
 class TableInstance:
-    """Something on the table: its pixels, mean Lab colour, logarithm of its area's root, and middle."""
+    """Something on the table: its pixels, mean Lab color, logarithm of its area's root, and middle."""
 
     mask: Bool[np.ndarray, "h w"]
-    colour: Float32[np.ndarray, "3"]
+    color: Float32[np.ndarray, "3"]
     size: float
     place: Float32[np.ndarray, "2"]  # right and down, shares of the width
 
@@ -64,14 +66,14 @@ def by_ids(
     }
 
 
-def by_colour(
+def by_color(
     lab: Float32[np.ndarray, "h w 3"],
     within: Bool[np.ndarray, "h w"],
     known: Float32[np.ndarray, "n 3"],
 ) -> tuple[list[TableInstance], list[TableInstance]]:
-    """Connected regions that differ from the table's colours, parted where two things touch; and what else of them may
+    """Connected regions that differ from the table's colors, parted where two things touch; and what else of them may
     be one thing: those that were parted, whole, since they may be patterned, and what is left of each without the
-    colours of the recordings' other things."""
+    colors of the recordings' other things."""
     found, others = [], []
     for whole in parts.regions(parts.opened(within & ~table(lab, within))):
         pieces = [one for one in parts.parted(whole, lab) if not parts.thin(one)]
@@ -81,8 +83,8 @@ def by_colour(
     return found, others
 
 
-def palette(pixels: Float32[np.ndarray, "n 3"], most: int = COLOURS) -> Float32[np.ndarray, "k 3"]:
-    """Some of many colours, evenly taken, lightness halved: it changes most as a thing turns in the light."""
+def palette(pixels: Float32[np.ndarray, "n 3"], most: int = COLORS) -> Float32[np.ndarray, "k 3"]:
+    """Some of many colors, evenly taken, lightness halved: it changes most as a thing turns in the light."""
     return pixels[:: max(1, len(pixels) // most)] * DARKENED
 
 
@@ -91,12 +93,12 @@ def _unexplained(
     lab: Float32[np.ndarray, "h w 3"],
     known: Float32[np.ndarray, "n 3"],
 ) -> list[Bool[np.ndarray, "h w"]]:
-    """The compact pieces of a region that are of no known colour, if others of it are."""
+    """The compact pieces of a region that are of no known color, if others of it are."""
     if not len(known):
         return []
-    colours = lab[whole] * DARKENED
+    colors = lab[whole] * DARKENED
     left = np.zeros_like(whole)
-    left[whole] = np.linalg.norm(colours[:, None] - known, axis=2).min(1) > EXPLAINED
+    left[whole] = np.linalg.norm(colors[:, None] - known, axis=2).min(1) > EXPLAINED
     return [
         one
         for one in parts.regions(parts.opened(left))
@@ -107,10 +109,10 @@ def _unexplained(
 def table(
     lab: Float32[np.ndarray, "h w 3"], within: Bool[np.ndarray, "h w"]
 ) -> Bool[np.ndarray, "h w"]:
-    """Pixels of a region that show its commonest, most spread-out colours.
+    """Pixels of a region that show its commonest, most spread-out colors.
 
-    What passes for table is looked at once more by itself: among all colours of the picture, a thing of nearly the
-    table's colour falls into one cluster with it.
+    What passes for table is looked at once more by itself: among all colors of the picture, a thing of nearly the
+    table's color falls into one cluster with it.
     """
     return _common(lab, _common(lab, within))
 
@@ -118,7 +120,7 @@ def table(
 def _common(
     lab: Float32[np.ndarray, "h w 3"], within: Bool[np.ndarray, "h w"]
 ) -> Bool[np.ndarray, "h w"]:
-    """Pixels of a region in clusters of colour that are found in many places of it, or near to such a cluster."""
+    """Pixels of a region in clusters of color that are found in many places of it, or near to such a cluster."""
     pixels = lab[within]
     if len(pixels) < 50 * CLUSTERS:
         return np.zeros_like(within)
@@ -200,6 +202,6 @@ def _as_other(one: TableInstance, others: Sequence[TableInstance]) -> float:
 
 
 def _unlike(a: TableInstance, b: TableInstance) -> float:
-    """How unlike two things look, in usual differences of colour and size."""
-    colour = min(WORST, float(np.linalg.norm(a.colour - b.colour)) / COLOUR)
-    return colour + min(WORST, abs(a.size - b.size) / SIZE)
+    """How unlike two things look, in usual differences of color and size."""
+    color = min(WORST, float(np.linalg.norm(a.color - b.color)) / COLOR)
+    return color + min(WORST, abs(a.size - b.size) / SIZE)

@@ -53,7 +53,7 @@ def _rotate(motion, array, i):
 
 @kernel
 def carry(rows, motion, turn, light, means, quats, sh):
-    """Means and quaternions by the body's motion, constant colours by the light on where they then face."""
+    """Means and quaternions by the body's motion, constant colors by the light on where they then face."""
     terms = np.empty(TERMS)
     for i in rows:
         _rotate(motion, means, i)

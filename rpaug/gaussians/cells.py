@@ -1,4 +1,4 @@
-"""A grid of colours around one thing, read alike by its Gaussians and by the pixels that show it, with gradients."""
+"""A grid of colors around one thing, read alike by its Gaussians and by the pixels that show it, with gradients."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from rpaug.core.types import Gaussians
 from rpaug.gaussians.painting import corners, places
 from rpaug.gaussians.windows import TargetWindow
 
-BLOTCH = 4.0  # cells between the colours that a pattern begins with
+BLOTCH = 4.0  # cells between the colors that a pattern begins with
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class Gather:
 
 @dataclass(frozen=True)
 class Cells:
-    """Corners of a grid around the target: what is optimised, so that neighbours are of one colour.
+    """Corners of a grid around the target: what is optimised, so that neighbours are of one color.
 
-    Free colours for each Gaussian would let every view have its own, since each sees others in front. `gaussians` and
+    Free colors for each Gaussian would let every view have its own, since each sees others in front. `gaussians` and
     `pixels` (of each view's target) read the same corners: the two carriers of one surface.
     """
 
@@ -66,12 +66,12 @@ class Cells:
         return cls(ids, points, width, gathers[0], tuple(gathers[1:]))
 
     def blotches(
-        self, rng: np.random.Generator, colours: Float32[np.ndarray, "p 3"]
+        self, rng: np.random.Generator, colors: Float32[np.ndarray, "p 3"]
     ) -> Float32[np.ndarray, "m 3"]:
-        """Colours drawn at random a few cells apart and blended in between: what a pattern grows from."""
+        """Colors drawn at random a few cells apart and blended in between: what a pattern grows from."""
         instance_ids = np.unique(self.ids)
         keys, shares = corners(instance_ids, self.ids, self.points, BLOTCH * self.width)
         unique, where = np.unique(keys, return_inverse=True)
-        drawn = colours[rng.integers(len(colours), size=len(unique))]
+        drawn = colors[rng.integers(len(colors), size=len(unique))]
         blended = (drawn[where.reshape(keys.shape)] * shares[..., None]).sum(0)
         return blended.astype(np.float32)

@@ -30,7 +30,7 @@ class FitSettings:
     batch: int = 2
     threads: int = 2
     train_frames: int = 40  # at most, spread over the episode; the frames between them are held out
-    depth_weight: float = 3.0  # of squared relative depth error, beside squared colour error
+    depth_weight: float = 3.0  # of squared relative depth error, beside squared color error
     checked_frames: int = 16  # at most, of those trained on and of those held out each
     last_rate: float = 0.03  # share of the rates left at the end (cosine schedule)
     refine: bool = True  # let tracks and moving cameras give way,
@@ -54,7 +54,7 @@ def settings_for(
 
 @dataclass(frozen=True)
 class TargetView:
-    """One recorded view, ready to be compared: colours in 0..1, depth in metres or 0."""
+    """One recorded view, ready to be compared: colors in 0..1, depth in metres or 0."""
 
     camera: str
     t: int

@@ -92,7 +92,7 @@ class Descent4:
     def bridge(self, crops: Sequence[Crop], gap: float, factor: float) -> None:
         """One step of the ways of what other frames gave, which are asked to show this frame without its own.
 
-        `gap` is the number of frames between fitted ones. That is what they do between two frames; colours and
+        `gap` is the number of frames between fitted ones. That is what they do between two frames; colors and
         opacities stay, and the nearest of them count in full.
         """
         g, t = self.gaussians, crops[0].t
@@ -232,7 +232,7 @@ def drawn(gaussians: Gaussians4, cut: gaussians4.Slice, rest: Splats) -> Splats:
 
 
 def _own(pull: Gradients, m: int) -> tuple[np.ndarray, ...]:
-    """What a picture asks of the slice's middles, covariances, opacities and colours."""
+    """What a picture asks of the slice's middles, covariances, opacities and colors."""
     assert pull.covariances is not None
     return pull.means[:m], pull.covariances[:m], pull.opacities[:m], pull.sh[:m]
 

@@ -148,9 +148,9 @@ def _fitted(new: Gaussians, others: Splats, near: list[_Near], steps: int) -> Ga
     adam, engine = Adam(Splats.of(new), RATES), Rasteriser(sharp(others))
     goals = [goal for goal in map(_goal, near) if goal is not None]
     for step in range(steps):
-        view, colour, depth, weight = goals[step % len(goals)]
+        view, color, depth, weight = goals[step % len(goals)]
         engine.forward(_beside(others, adam.splats), view, surface=False)
-        _, slopes = engine.backward_loss(LOSS, colour, weight, depth)
+        _, slopes = engine.backward_loss(LOSS, color, weight, depth)
         adam.step(_last(slopes, len(new)), 1 - 0.9 * step / steps)
     made = {name: getattr(adam.splats, name) for name in NAMES}
     return replace(new, **made)
@@ -160,15 +160,15 @@ NAMES = ("means", "opacities", "sh", "quats", "scales")
 
 
 def _goal(one: _Near) -> tuple[View, np.ndarray, np.ndarray, np.ndarray] | None:
-    """View, colour, depth and weights of a window on the hole."""
+    """View, color, depth and weights of a window on the hole."""
     shown, pose = one.picture, one.camera.cam_to_world[0]
     piece = window.around(shown.use, shown.K, pose)
     if piece is None:
         return None
     at = np.s_[piece.rows, piece.columns]
     view = View(piece.own, geometry.inverse(pose), *piece.size)
-    colour = shown.rgb[at].astype(np.float32) / 255
-    return view, colour, np.ascontiguousarray(shown.depth[at]), shown.use[at].astype(np.float32)
+    color = shown.rgb[at].astype(np.float32) / 255
+    return view, color, np.ascontiguousarray(shown.depth[at]), shown.use[at].astype(np.float32)
 
 
 def _beside(others: Splats, new: Splats) -> Splats:

@@ -69,7 +69,7 @@ def fit(
 ) -> tuple[Gaussians, FitReport]:
     """Gaussians in their bodies' frames that show the scene as recorded, and how well they do.
 
-    Loss: squared colour error and, weighted, squared relative error of the expected depth; Adam; views in an
+    Loss: squared color error and, weighted, squared relative error of the expected depth; Adam; views in an
     order drawn from `seed`. Tracks of bodies and poses of moving cameras give way too: the Gaussians belong
     to the report's `bodies`, `drift` and `irradiance`, and `fitted` puts all into a scene. `progress` is told the
     share done. With the `fidelity` stop, moments at all recorded times follow until the target is met. `begun` is

@@ -23,7 +23,7 @@ Progress = Callable[[float], None]
 FAR_OFF = 2.0  # widths of a pixel
 GAIN = 0.5  # decibels that an instance must gain to be shown in space and time
 COVERED = 0.7  # of the light stopped: less is a hole
-UNLIKE = 0.08  # difference in display colour that shows something else there
+UNLIKE = 0.08  # difference in display color that shows something else there
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -294,7 +294,7 @@ def _crops(scene: Scene, instance_ids: frozenset[int], t: int, margin: int) -> I
         K = whole.K - np.array([[0, 0, left], [0, 0, top], [0, 0, 0]])
         cut = View(K, whole.world_to_camera, inside.shape[1], inside.shape[0])
         near = seen_by(rest, cut)
-        alone = engine.forward(near, cut, surface=False).colour
+        alone = engine.forward(near, cut, surface=False).color
         recorded = view.rgb(t)[window].astype(np.float32) / 255
         depth = np.nan_to_num(view.depth(t)[window], nan=0.0, posinf=0.0, neginf=0.0)
         unlike = np.abs(recorded - alone).max(-1) > UNLIKE

@@ -80,7 +80,7 @@ def _windows(
     """One for each view that shows something moving: all of it if the camera moves."""
     assert scene.gaussians is not None
     instance_ids = np.unique(scene.gaussians.ids[moving])
-    # Grey, for colours below black pass no gradient: it tells how much of each splat is seen.
+    # Grey, for colors below black pass no gradient: it tells how much of each splat is seen.
     grey, eye = replace(then, sh=np.zeros_like(then.sh)), Rasteriser(sharp(then))
     for name, recorded in scene.episode.views.items():
         assert recorded.ids is not None

@@ -1,4 +1,4 @@
-"""Gaussians of a scene of colour images alone: fitted to what rests, on a model's depth or on the stage's.
+"""Gaussians of a scene of color images alone: fitted to what rests, on a model's depth or on the stage's.
 
 What moves is left out of the fit and shown as each frame has it (`rpaug.gaussians.untracked_gaussians`).
 """
@@ -53,7 +53,7 @@ def fitted(scene: Scene, fit: Fit) -> tuple[Scene, Mapping[str, Any]]:
 
 
 def _at_rest(view: CameraView, length: int, moving: frozenset[int]) -> CameraView:
-    """The view as if nothing ever moved in it: middle colours of what rests, painted where that was never seen."""
+    """The view as if nothing ever moved in it: middle colors of what rests, painted where that was never seen."""
     assert view.ids is not None
     depth = view.proxy.depth if view.proxy else None
     if depth is None:
@@ -62,8 +62,8 @@ def _at_rest(view: CameraView, length: int, moving: frozenset[int]) -> CameraVie
     shown = np.stack([view.rgb(t) for t in times])
     ids = np.stack([view.ids(t) for t in times])
     hidden = np.isin(ids, sorted(moving))
-    colours = np.ma.masked_array(shown, np.repeat(hidden[..., None], 3, -1))
-    image = np.ma.median(colours, axis=0).filled(0).astype(np.uint8)
+    colors = np.ma.masked_array(shown, np.repeat(hidden[..., None], 3, -1))
+    image = np.ma.median(colors, axis=0).filled(0).astype(np.uint8)
     # The instance id seen most often; where none was, that of the nearest pixel is as good as any.
     names = np.unique(ids[~hidden])
     votes = np.stack([((ids == name) & ~hidden).sum(0) for name in names])

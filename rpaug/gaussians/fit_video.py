@@ -1,7 +1,7 @@
 """Gaussians of a video: of its still world, from its points and swept depth, and of its hands in space and time.
 
 The still ones start on the model's points and on every frame's depth where earlier frames left a gap, and descend on
-colour and, weakly, on depth, over images made small; some frames are kept back to judge by. What moves by itself is
+color and, weakly, on depth, over images made small; some frames are kept back to judge by. What moves by itself is
 left out of them, and fitted over them with a time of its own (`rpaug.scene.four`).
 """
 
@@ -186,7 +186,7 @@ def seeds(video: VideoScene, shots: list[TargetImage], settings: SplatSettings) 
         use = np.zeros(shot.depth.shape, bool)
         use[:: settings.stride, :: settings.stride] = True
         use &= ~shot.held
-        image = np.rint(shot.colour * 255).astype(np.uint8)
+        image = np.rint(shot.color * 255).astype(np.uint8)
         ids = np.full(shot.depth.shape, BACKGROUND, np.int32)
         picture = LiftedImage(image, shot.depth, ids, shot.view.K, model.cam_to_world[k], use)
         part = lifted(picture, settings.stride)
@@ -210,7 +210,7 @@ def _points(video: VideoScene) -> Gaussians:
         quats=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
         scales=size.astype(np.float32),
         opacities=np.full(count, 0.5, np.float32),
-        sh=((model.colours.astype(np.float32) / 255 - 0.5) / SH0)[:, None],
+        sh=((model.colors.astype(np.float32) / 255 - 0.5) / SH0)[:, None],
         ids=np.full(count, BACKGROUND, np.int32),
     )
 

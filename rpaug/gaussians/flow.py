@@ -4,30 +4,30 @@ import numpy as np
 from jaxtyping import Float64
 
 ROUNDS = 8
-COLOUR = 4.0  # spacings that a whole step of colour (0 to 1) is as far as
+COLOR = 4.0  # spacings that a whole step of color (0 to 1) is as far as
 STIFF = (6.0, 1.5)  # spacings within which neighbours move together, at first and at last
 MOST = 450  # points a flow is worked out on
 
 
 def flow(
     points: Float64[np.ndarray, "n 3"],
-    colours: Float64[np.ndarray, "n 3"],
+    colors: Float64[np.ndarray, "n 3"],
     other: Float64[np.ndarray, "m 3"],
-    other_colours: Float64[np.ndarray, "m 3"],
+    other_colors: Float64[np.ndarray, "m 3"],
     guess: Float64[np.ndarray, "n 3"],
     spacing: float,
 ) -> Float64[np.ndarray, "n 3"]:
-    """Displacements in metres that lay `points` on `other` ones, near `guess`; colours are in 0..1.
+    """Displacements in metres that lay `points` on `other` ones, near `guess`; colors are in 0..1.
 
-    Each round takes every point's nearest neighbour in space and colour and averages the displacements over ever
+    Each round takes every point's nearest neighbour in space and color and averages the displacements over ever
     smaller neighbourhoods (non-rigid iterative closest points, Amberg et al. 2007, with averaging for stiffness).
     `spacing` is the distance between neighbouring points in metres.
     """
     few = _few(len(points))
-    near, tint, moved = points[few], colours[few], guess[few]
+    near, tint, moved = points[few], colors[few], guess[few]
     spacing = spacing * max(1.0, (len(points) / len(near)) ** 0.5)
-    weight = COLOUR * spacing
-    targets = np.concatenate([other, weight * other_colours], 1)
+    weight = COLOR * spacing
+    targets = np.concatenate([other, weight * other_colors], 1)
     apart = _squared(near, near)
     for k in range(ROUNDS):
         reach = spacing * STIFF[0] * (STIFF[1] / STIFF[0]) ** (k / (ROUNDS - 1))

@@ -162,7 +162,7 @@ class _Crew:
 
         def one(at: int) -> Gradients:
             shot = self._shots[at]
-            given = (shot.view, loss, shot.colour, self._weights[at], shot.depth)
+            given = (shot.view, loss, shot.color, self._weights[at], shot.depth)
             return self._workers[at].pull(splats, *given)[1]
 
         first, *rest = pool.map(one, chosen)
@@ -179,8 +179,8 @@ class _Crew:
 
         def one(at: int) -> np.ndarray:
             shot = self._shots[at]
-            colour = np.clip(self._workers[at].look(splats, shot.view), 0, 1)
-            error = ((colour.astype(np.float64) - shot.colour) ** 2).mean(-1)
+            color = np.clip(self._workers[at].look(splats, shot.view), 0, 1)
+            error = ((color.astype(np.float64) - shot.color) ** 2).mean(-1)
             fitted = ~shot.held
             sums = (error[fitted].sum(), fitted.sum(), error[shot.judged].sum(), shot.judged.sum())
             return np.array(sums, np.float64)

@@ -1,4 +1,4 @@
-"""Gaussians at single times: residuals added where one rigid shape and colour cannot show a recorded view."""
+"""Gaussians at single times: residuals added where one rigid shape and color cannot show a recorded view."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

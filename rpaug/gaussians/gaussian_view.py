@@ -1,4 +1,4 @@
-"""What a camera sees of a scene's Gaussians: colour by blending, depth and instance id from one surface."""
+"""What a camera sees of a scene's Gaussians: color by blending, depth and instance id from one surface."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -100,7 +100,7 @@ def seen(
     if then is not unedited:
         opened = _opened(drawn, before, eye, t)
         depth, ids = np.where(opened, 0, depth), np.where(opened, 0, ids)
-    return to_bytes(drawn.colour), depth, ids.astype(np.int32), drawn.surface_index
+    return to_bytes(drawn.color), depth, ids.astype(np.int32), drawn.surface_index
 
 
 def _opened(drawn: Rendering, before: Splats, eye: Camera, t: int) -> Bool[np.ndarray, "h w"]:
@@ -142,9 +142,9 @@ def view_of(camera: Camera, t: int) -> View:
     return View(camera.K, pose, camera.width, camera.height)
 
 
-def to_bytes(colour: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
-    """Display colours 0..1 as 8-bit pixels."""
-    return (np.clip(colour, 0, 1) * 255 + 0.5).astype(np.uint8)
+def to_bytes(color: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Display colors 0..1 as 8-bit pixels."""
+    return (np.clip(color, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
 def plane_depth(

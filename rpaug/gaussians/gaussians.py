@@ -107,7 +107,7 @@ def normals(quats: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3"]:
 
 
 def moved(gaussians: Gaussians, motion: Float[np.ndarray, "4 4"]) -> Gaussians:
-    """The same Gaussians carried by one rigid motion (constant colours stay as they are)."""
+    """The same Gaussians carried by one rigid motion (constant colors stay as they are)."""
     by = quaternions(motion[None, :3, :3])[0]
     means = geometry.transform(motion, gaussians.means.astype(np.float64))
     return replace(

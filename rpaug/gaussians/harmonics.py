@@ -1,4 +1,4 @@
-"""Spherical harmonics of turned Gaussians: colours that depend on direction turn along (PhysGaussian, section 3.3)."""
+"""Spherical harmonics of turned Gaussians: colors that depend on direction turn along (PhysGaussian, section 3.3)."""
 
 from functools import cache
 
@@ -16,7 +16,7 @@ SAMPLES = 64  # directions that the turned coefficients are told from, exactly
 def turned(
     sh: Float[np.ndarray, "n k 3"], rotation: Float[np.ndarray, "*n 3 3"]
 ) -> Float[np.ndarray, "n k 3"]:
-    """Coefficients whose colour in direction R d is what it was in direction d, with one R for all or one for each."""
+    """Coefficients whose color in direction R d is what it was in direction d, with one R for all or one for each."""
     terms = sh.shape[1]
     if terms == 1:
         return sh

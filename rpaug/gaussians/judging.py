@@ -34,7 +34,7 @@ def judged(
             drawn = Rasteriser(sharp(placed)).forward(placed, view_of(eye, t))
             depth = plane_depth(drawn, placed, eye, t)
             off = np.abs(depth - shot.depth)[(depth > 0) & (shot.depth > 0)]
-            truth, image = to_bytes(shot.rgb), to_bytes(drawn.colour)
+            truth, image = to_bytes(shot.rgb), to_bytes(drawn.color)
             wrong = float(np.median(off)) if len(off) else 0.0
             found.append((psnr(image, truth), ssim(image, truth), wrong))
         return found

@@ -1,6 +1,6 @@
 """Stylise one thing by nearest neighbour feature matching (ARF, Zhang et al. 2022, arXiv 2206.06360), in 3D.
 
-As in RoboPearls (arXiv 2506.22756): only the colours of the target's own Gaussians are optimised. Each step renders one
+As in RoboPearls (arXiv 2506.22756): only the colors of the target's own Gaussians are optimised. Each step renders one
 recorded view and shows its target to VGG16; every feature there is drawn to the most similar one of the style's
 picture, while another term holds the pixels outside the target to what was recorded.
 """
@@ -19,7 +19,7 @@ from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Scene
 from rpaug.gaussians.cells import Cells
 from rpaug.gaussians.painting import Painting
-from rpaug.gaussians.windows import TargetWindow, colours_of, render, samples, windows
+from rpaug.gaussians.windows import TargetWindow, colors_of, render, samples, windows
 from rpaug.providers.features import LEAST, VGG16
 
 LAYERS = ("conv3_1", "conv3_2", "conv3_3")  # ARF's choice
@@ -28,14 +28,14 @@ BROAD = 6.0  # pixels over which the old brightness is taken for light
 LIT = 0.9  # quantile of the old brightness that is taken for full light
 DARKEST = 0.1  # of full light
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-DIRECTIONS = 8  # on which colours are compared with the palette, a step
+DIRECTIONS = 8  # on which colors are compared with the palette, a step
 
 
 @dataclass(frozen=True, kw_only=True)
 class StyleSettings:
     """How a target is stylised.
 
-    `light` is the share (a power) of the old brightness, smoothed, that the new colours keep. `size` is what the
+    `light` is the share (a power) of the old brightness, smoothed, that the new colors keep. `size` is what the
     target's longer side is enlarged to, and `picture` the style's, in pixels, before VGG16 sees them. The weights stand
     beside the matching term, which is a mean cosine distance.
     """
@@ -44,10 +44,10 @@ class StyleSettings:
     size: int = 128
     picture: int = 192
     frames: int = 2  # times that each camera is looked at
-    rate: float = 0.05  # of colours in 0..1, in a step of Adam
+    rate: float = 0.05  # of colors in 0..1, in a step of Adam
     last_rate: float = 0.1  # share of it left at the end (cosine schedule)
     outside: float = 30.0  # weight of the mean squared error outside the target
-    palette: float = 8.0  # weight of the squared distance to the style's distribution of colours
+    palette: float = 8.0  # weight of the squared distance to the style's distribution of colors
     light: float = 0.7
 
 
@@ -62,25 +62,25 @@ class StyleLoss:
 
 @dataclass(frozen=True)
 class Styled:
-    """What came of it: `old` and `new` give the colours 0..1 of a place on the bodies, as they look in even light.
+    """What came of it: `old` and `new` give the colors 0..1 of a place on the bodies, as they look in even light.
 
-    `colours` are the new ones of the Gaussians `rows`. `losses` are those of each step.
+    `colors` are the new ones of the Gaussians `rows`. `losses` are those of each step.
     """
 
     old: Painting
     new: Painting
     rows: Int[np.ndarray, "m"]
-    colours: Float32[np.ndarray, "m 3"]
+    colors: Float32[np.ndarray, "m 3"]
     windows: tuple[TargetWindow, ...]
     losses: tuple[StyleLoss, ...]
 
 
 @dataclass(frozen=True)
 class Style:
-    """What the target is drawn to: unit features of the picture, and its colours in order along any direction."""
+    """What the target is drawn to: unit features of the picture, and its colors in order along any direction."""
 
     features: Float[Tensor, "c n"]
-    colours: Float[Tensor, "p 3"]
+    colors: Float[Tensor, "p 3"]
 
 
 def stylise(
@@ -91,7 +91,7 @@ def stylise(
     seed: int,
     settings: StyleSettings | None = None,
 ) -> Styled:
-    """New colours of the target's Gaussians. The seed draws where the pattern begins and the order of the views.
+    """New colors of the target's Gaussians. The seed draws where the pattern begins and the order of the views.
 
     Raises Unsupported for a scene without Gaussians, TargetError where no camera shows enough of the target.
     """
@@ -107,7 +107,7 @@ def stylise(
     old, before = _before(scene, looked, rows, cells)
     light = torch.from_numpy(before**settings.light)[:, None]
     rng = np.random.default_rng(seed)
-    free = torch.from_numpy(cells.blotches(rng, style.colours.numpy())).requires_grad_()
+    free = torch.from_numpy(cells.blotches(rng, style.colors.numpy())).requires_grad_()
     adam = torch.optim.Adam([free], settings.rate)
     losses: list[StyleLoss] = []
     order: list[int] = []
@@ -121,7 +121,7 @@ def stylise(
         seen = _within(network, looked[number], image, surface, settings.size)
         match, outside = matching(seen, style.features), _outside(looked[number], image)
         directions = torch.from_numpy(rng.standard_normal((3, DIRECTIONS)).astype(np.float32))
-        apart = palette(free, style.colours, directions)
+        apart = palette(free, style.colors, directions)
         adam.zero_grad()
         (match + settings.outside * outside + settings.palette * apart).backward()
         adam.step()
@@ -130,9 +130,9 @@ def stylise(
         losses.append(StyleLoss(*(float(term.detach()) for term in (match, outside, apart))))
     with torch.no_grad():
         new = free * light
-        colours = cells.gaussians(new).numpy()
+        colors = cells.gaussians(new).numpy()
     painted = Painting.of(cells.ids, cells.points, new.numpy(), cells.width)
-    return Styled(old, painted, rows, colours, tuple(looked), tuple(losses))
+    return Styled(old, painted, rows, colors, tuple(looked), tuple(losses))
 
 
 def matching(seen: Float[Tensor, "c n"], wanted: Float[Tensor, "c m"]) -> Float[Tensor, ""]:
@@ -144,11 +144,11 @@ def matching(seen: Float[Tensor, "c n"], wanted: Float[Tensor, "c m"]) -> Float[
 
 
 def palette(
-    colours: Float[Tensor, "n 3"], wanted: Float[Tensor, "p 3"], directions: Float[Tensor, "3 d"]
+    colors: Float[Tensor, "n 3"], wanted: Float[Tensor, "p 3"], directions: Float[Tensor, "3 d"]
 ) -> Float[Tensor, ""]:
-    """Squared Wasserstein distance between distributions of colours, sliced along directions (Rabin et al. 2011)."""
+    """Squared Wasserstein distance between distributions of colors, sliced along directions (Rabin et al. 2011)."""
     unit = directions / directions.norm(dim=0, keepdim=True)
-    mine, other = (colours @ unit).sort(0).values, (wanted @ unit).sort(0).values
+    mine, other = (colors @ unit).sort(0).values, (wanted @ unit).sort(0).values
     at = (torch.arange(len(mine)) + 0.5) * (len(other) / len(mine))
     return ((mine - other[at.long()]) ** 2).mean()
 
@@ -203,15 +203,15 @@ def resized(image: Float[Tensor, "1 c h w"], size: int) -> Float[Tensor, "1 c y 
 def _before(
     scene: Scene, looked: Sequence[TargetWindow], rows: Int[np.ndarray, "m"], cells: Cells
 ) -> tuple[Painting, Float32[np.ndarray, "m"]]:
-    """The old colours of places on the target, and the light at each cell: the old brightness around it, 1 at most."""
+    """The old colors of places on the target, and the light at each cell: the old brightness around it, 1 at most."""
     assert scene.gaussians is not None
-    ids, points, colours = samples(looked, rows, colours_of(scene.gaussians.sh[rows]))
-    bright = np.maximum(colours @ LUMINANCE, 1e-3)
+    ids, points, colors = samples(looked, rows, colors_of(scene.gaussians.sh[rows]))
+    bright = np.maximum(colors @ LUMINANCE, 1e-3)
     wide = Painting.of(ids, points, bright[:, None], BROAD * cells.width)
     found, weight = wide.at(cells.ids, cells.points, np.zeros(len(cells.points), np.float32))
     full = float(np.quantile(bright, LIT))
     light = np.clip(np.where(weight > 0, found[:, 0], full) / full, DARKEST, 1)
-    return Painting.of(ids, points, colours, cells.width), light.astype(np.float32)
+    return Painting.of(ids, points, colors, cells.width), light.astype(np.float32)
 
 
 def cosine(done: float, last: float) -> float:

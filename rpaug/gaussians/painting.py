@@ -1,4 +1,4 @@
-"""Colours kept where they lie on bodies: a sparse volume of cells, with coarser copies for whoever stands far away.
+"""Colors kept where they lie on bodies: a sparse volume of cells, with coarser copies for whoever stands far away.
 
 Each cell corner averages the samples around it, weighted trilinearly, and a point reads the eight corners around it the
 same way. Every level has cells twice as wide as the one before: a pixel reads the coarsest level whose cells are no

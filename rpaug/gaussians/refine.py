@@ -1,7 +1,7 @@
 """Poses that give way during a fit: bodies and moving cameras settle where the images agree best.
 
 A correction is a twist (turn, shift) in world axes about the middle of what moves. Only frames that are
-fitted have one of their own; in between it is interpolated. None goes further than what is known to be off: colours of
+fitted have one of their own; in between it is interpolated. None goes further than what is known to be off: colors of
 one frame ask for more than is true, and what they are given there is wrong in between.
 """
 

@@ -30,7 +30,7 @@ class _SeedSurface:
         return self.seen.means.astype(np.float64)
 
     @property
-    def colours(self) -> Float64[np.ndarray, "n 3"]:
+    def colors(self) -> Float64[np.ndarray, "n 3"]:
         return 0.5 + SH0 * self.seen.sh[:, 0].astype(np.float64)
 
 
@@ -147,8 +147,7 @@ def _velocities(
             frames = there.t - here.t
             guess = np.tile(before * frames, (len(here.points), 1))
             moved = (
-                flow(here.points, here.colours, there.points, there.colours, guess, spacing)
-                / frames
+                flow(here.points, here.colors, there.points, there.colors, guess, spacing) / frames
             )
             before = np.median(moved, 0)
             total[a] += moved

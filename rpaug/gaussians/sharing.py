@@ -24,10 +24,10 @@ from rpaug.scene.recorded import surfels
 from rpaug.scene.recorded.plates import Plate
 
 SAME_DEPTH = 0.02  # of depth: nearer than that is one surface
-ALIKE = 0.05  # of display colour, mean over 3x3 pixels: the founder's fit shows its own plates to about 0.01
+ALIKE = 0.05  # of display color, mean over 3x3 pixels: the founder's fit shows its own plates to about 0.01
 COVERED = 0.98  # of the light stopped: less is a gap to be filled
 SMOOTH = (
-    0.02  # of display colour: borrowed Gaussians without their neighbours are darker at their rims
+    0.02  # of display color: borrowed Gaussians without their neighbours are darker at their rims
 )
 RIM = 2  # pixels around what disagrees where nothing is borrowed: Gaussians there reach over
 PIXELS, METRES = 1e-3, 1e-5  # to which cameras of one place agree
@@ -51,8 +51,8 @@ def borrowed(scene: Scene, key: str, donor: Scene) -> Borrowed:
     """The founder's static Gaussians that what the fixed cameras recorded here confirms and nothing contradicts.
 
     `founder` is the other scene as fitted, stored under `key`. A camera confirms a Gaussian where its plate shows
-    that surface in the colour that the founder's render has; it contradicts one whose surface has another
-    colour here, or that it looks through. Instance ids are those of the plates, since they differ between episodes.
+    that surface in the color that the founder's render has; it contradicts one whose surface has another
+    color here, or that it looks through. Instance ids are those of the plates, since they differ between episodes.
     """
     assert donor.gaussians is not None
     static = frozenset().union(*(b.instance_ids for b in donor.bodies if b.motion == "static"))
@@ -119,13 +119,13 @@ class _Seen:
 def _agrees(
     gaussians: Gaussians, plate: Plate, camera: Camera, alike: float
 ) -> tuple[Bool[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
-    """Where a render of the Gaussians shows the plate's surface in its colours, and how much light they stop."""
+    """Where a render of the Gaussians shows the plate's surface in its colors, and how much light they stop."""
     splats = Splats.of(gaussians)
     drawn = Rasteriser(sharp(splats)).forward(splats, view_of(camera, 0))
     depth = plane_depth(drawn, splats, camera, 0)
     known = plate.known & (depth > 0)
     near = np.abs(depth - plate.depth) < SAME_DEPTH * plate.depth
-    off = np.abs(drawn.colour - plate.rgb.astype(np.float32) / 255).max(-1)
+    off = np.abs(drawn.color - plate.rgb.astype(np.float32) / 255).max(-1)
     # Over the neighbours that are of one surface: single pixels are noise, and outlines are no contradiction.
     weight = cv2.blur((known & near).astype(np.float32), (3, 3))
     mean = cv2.blur(np.where(known & near, off, 0).astype(np.float32), (3, 3)) / np.maximum(

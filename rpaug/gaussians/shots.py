@@ -16,13 +16,13 @@ SAME_DEPTH = 0.01  # relative difference up to which two cameras see the same po
 
 @dataclass(frozen=True)
 class TargetImage:
-    """One image to fit: colours in 0..1; depth in metres, 0 where unknown, None where there is none.
+    """One image to fit: colors in 0..1; depth in metres, 0 where unknown, None where there is none.
 
     `held` marks pixels that are never fitted; `judged` those of them that tell how well unseen pixels are shown.
     """
 
     view: View
-    colour: Float32[np.ndarray, "h w 3"]
+    color: Float32[np.ndarray, "h w 3"]
     depth: Float32[np.ndarray, "h w"] | None
     held: Bool[np.ndarray, "h w"]
     judged: Bool[np.ndarray, "h w"]

@@ -1,4 +1,4 @@
-"""Recorded views of one thing, cut out around it, and its Gaussians rendered into them in colours of one's own."""
+"""Recorded views of one thing, cut out around it, and its Gaussians rendered into them in colors of one's own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from rpaug.scene.recorded import surface
 MARGIN = 8  # pixels around the target
 LEAST = 48  # pixels of the target that make a view worth a look
 LOOKED = 16  # times among which those that show most of it are found
-OPAQUE = 0.3  # alpha of the target alone, below which its colour is not known
+OPAQUE = 0.3  # alpha of the target alone, below which its color is not known
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,7 @@ class TargetWindow:
     corner: tuple[int, int]
     view: View
     splats: Splats  # of the whole scene, in the world at t
-    lit: Float32[
-        np.ndarray, "m"
-    ]  # how bright even-light colours of the target's Gaussians are at t
+    lit: Float32[np.ndarray, "m"]  # how bright even-light colors of the target's Gaussians are at t
     mask: Bool[np.ndarray, "h w"]
     recorded: Float32[np.ndarray, "h w 3"]
     ids: Int32[np.ndarray, "p"]  # of the mask's pixels, row by row
@@ -77,7 +75,7 @@ def _cut(
     splats = Splats.of(frame_residuals.at(gaussians, t))
     placement = Placement.of(gaussians.ids, scene.bodies, scene.irradiance)
     white = replace(splats, sh=np.full_like(splats.sh, 0.5 / SH0))
-    lit = colours_of(placement.place(white, t).sh[rows])[:, 0]
+    lit = colors_of(placement.place(white, t).sh[rows])[:, 0]
     size = width.stop - width.start, height.stop - height.start
     where = surface.of_view(view, t, scene.bodies, view.ids(t))(np.flatnonzero(mask))
     return TargetWindow(
@@ -100,41 +98,41 @@ def _span(used: Bool[np.ndarray, "n"]) -> slice:
     return slice(max(0, int(where[0]) - MARGIN), min(len(used), int(where[-1]) + 1 + MARGIN))
 
 
-def colours_of(sh: Float32[np.ndarray, "m k 3"]) -> Float32[np.ndarray, "m 3"]:
-    """The constant colour of each Gaussian."""
+def colors_of(sh: Float32[np.ndarray, "m k 3"]) -> Float32[np.ndarray, "m 3"]:
+    """The constant color of each Gaussian."""
     return (0.5 + SH0 * sh[:, 0]).astype(np.float32)
 
 
 def render(
-    window: TargetWindow, rows: Int[np.ndarray, "m"], colours: Float[Tensor, "m 3"]
+    window: TargetWindow, rows: Int[np.ndarray, "m"], colors: Float[Tensor, "m 3"]
 ) -> Float[Tensor, "h w 3"]:
-    """The whole scene in the window, the target's Gaussians `rows` in these colours, lit as they were then."""
+    """The whole scene in the window, the target's Gaussians `rows` in these colors, lit as they were then."""
     s = window.splats
     sh = torch.from_numpy(s.sh).clone()
-    sh[torch.from_numpy(rows), 0] = (colours * torch.from_numpy(window.lit)[:, None] - 0.5) / SH0
-    return _drawn(s, np.arange(len(s)), sh, window.view).colour
+    sh[torch.from_numpy(rows), 0] = (colors * torch.from_numpy(window.lit)[:, None] - 0.5) / SH0
+    return _drawn(s, np.arange(len(s)), sh, window.view).color
 
 
 def samples(
     looked: Sequence[TargetWindow],
     rows: Int[np.ndarray, "m"],
-    colours: Float32[np.ndarray, "m 3"],
+    colors: Float32[np.ndarray, "m 3"],
 ) -> tuple[
     Int32[np.ndarray, "n"],
     Float32[np.ndarray, "n 3"],
     Float32[np.ndarray, "n 3"],
 ]:
-    """What the target's pixels would show if its Gaussians had these colours and nothing else were mixed in.
+    """What the target's pixels would show if its Gaussians had these colors and nothing else were mixed in.
 
-    Instance ids, points in the bodies' frames, and colours, all windows together.
+    Instance ids, points in the bodies' frames, and colors, all windows together.
     """
-    sh = torch.from_numpy((colours - 0.5) / SH0)[:, None]
+    sh = torch.from_numpy((colors - 0.5) / SH0)[:, None]
     found = []
     for window in looked:
         images = _drawn(window.splats, rows, sh, window.view)
         alpha = images.alpha.numpy().reshape(window.mask.shape)[window.mask]
         known = alpha > OPAQUE
-        own = images.colour.numpy()[window.mask][known] / alpha[known, None]
+        own = images.color.numpy()[window.mask][known] / alpha[known, None]
         found.append((window.ids[known], window.points[known], own))
     ids, points, own = (np.concatenate(part) for part in zip(*found, strict=True))
     return ids, points, own

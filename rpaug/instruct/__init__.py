@@ -1,6 +1,6 @@
 """The instruction follows the edit: what was "the red cup" is "the blue cup" once it is blue, and only then.
 
-A word of an instruction is changed where the thing it tells of was changed as a whole: a colour word where it was
+A word of an instruction is changed where the thing it tells of was changed as a whole: a color word where it was
 painted, a size word where it is the largest now that was the smallest. Where that cannot be told, where the thing is no
 longer there, or where the words would now fit another thing as well, the copy is rejected rather than written with
 words that lie.

@@ -12,7 +12,7 @@ from rpaug.core.types import Body, Scene
 
 @dataclass(frozen=True)
 class Changes:
-    """By recorded instance id: the word for the colour or pattern of what was painted, None where there is none; the
+    """By recorded instance id: the word for the color or pattern of what was painted, None where there is none; the
     factor by which it was resized; what was moved, copied, taken out. `added` are the new things."""
 
     words: Mapping[int, str | None] = field(default_factory=dict)
@@ -57,7 +57,7 @@ def _seen(scene: Scene) -> tuple[Body, ...]:
 
 
 def rearranged(scene: Scene) -> Scene:
-    """What is left of the recorded things, as large as they are now and where they stand now, in their old colours."""
+    """What is left of the recorded things, as large as they are now and where they stand now, in their old colors."""
     known = frozenset().union(*(body.instance_ids for body in _seen(scene)))
     left = tuple(body for body in scene.bodies if not body.copy_of and body.instance_ids <= known)
     there = frozenset().union(*(body.instance_ids for body in left))

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from functools import cached_property
 
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.core.errors import RpaugError, TargetError
 from rpaug.core.interfaces import Added
 from rpaug.core.types import Scene
@@ -55,7 +55,7 @@ class Judge:
                 new.append((phrase.rank, word))
             name = self._becomes(phrase)
             self._clear(phrase, name)
-            if phrase.tint and name != phrase.colour:
+            if phrase.tint and name != phrase.color:
                 new.append((phrase.tint, name or ""))
         for place, word in sorted(new, key=lambda entry: -entry[0].start):
             text = changed(text, place, word)
@@ -99,7 +99,7 @@ class Judge:
         if named is None:
             self._doubt(phrase, frozenset(scales), "was resized")
             return rank.text
-        for kind in (replace(phrase, colour=None, tint=None), phrase):
+        for kind in (replace(phrase, color=None, tint=None), phrase):
             if (
                 phrase.ranked is None
                 or not kind.nouns
@@ -107,7 +107,7 @@ class Judge:
             ):
                 continue
             if self._named(kind) != named:
-                continue  # smaller than others of its colour alone
+                continue  # smaller than others of its color alone
             if self._named(kind, after=True) == named:
                 return rank.text
             if opposite and self._named(kind, after=True, rank=opposite) == named:
@@ -119,33 +119,33 @@ class Judge:
         return rank.text
 
     def _becomes(self, phrase: InstructionPhrase) -> str | None:
-        """The colour word that is true after the edits, None where there is none and none is needed. Raises Untrue."""
+        """The color word that is true after the edits, None where there is none and none is needed. Raises Untrue."""
         words = self._changes.words
-        if phrase.colour is None or not words:
-            return phrase.colour
+        if phrase.color is None or not words:
+            return phrase.color
         named = self._named(phrase)
         if named is None:
-            doubtful = [h for h in self._loose() if colors.means(phrase.colour, self._was(h))]
+            doubtful = [h for h in self._loose() if color_space.means(phrase.color, self._was(h))]
             if doubtful:
                 raise Untrue(
                     f"it cannot be told whether {phrase.text!r} is handle {doubtful[0]}, which was painted"
                 )
-            return phrase.colour
-        new = {words.get(instance_id, phrase.colour) for instance_id in named}
+            return phrase.color
+        new = {words.get(instance_id, phrase.color) for instance_id in named}
         if None in new and self._alone(phrase, named):
             return None
         if None in new:
             raise Untrue(f"{phrase.text!r} has another pattern now, and no one colour")
         names = {str(name) for name in new}
-        if all(colors.means(phrase.colour, name) for name in names):
-            return phrase.colour
+        if all(color_space.means(phrase.color, name) for name in names):
+            return phrase.color
         if len(names) > 1:
             raise Untrue(f"{phrase.text!r} is {' and '.join(sorted(names))} now")
         return names.pop()
 
     def _alone(self, phrase: InstructionPhrase, named: frozenset[int]) -> bool:
-        """Do a phrase's nouns say the same without its colour: "the button", where there is but one?"""
-        plain = replace(phrase, colour=None, tint=None)
+        """Do a phrase's nouns say the same without its color: "the button", where there is but one?"""
+        plain = replace(phrase, color=None, tint=None)
         return bool(phrase.nouns) and self._named(plain) == named
 
     def _clear(self, phrase: InstructionPhrase, name: str | None) -> None:
@@ -158,18 +158,18 @@ class Judge:
             if (
                 instance_id not in own
                 and new
-                and colors.means(str(name), new)
+                and color_space.means(str(name), new)
                 and self._fits(phrase, instance_id)
             ):
                 raise Untrue(f"handle {instance_id} was painted {new}: {stated} could be it too")
-        if name is not None and colors.canonical(name) is None:  # a pattern, not a colour
+        if name is not None and color_space.canonical(name) is None:  # a pattern, not a color
             for instance_id in self._others(phrase):
                 if not albedo.plain(self._recorded.episode, instance_id):
                     raise Untrue(
                         f"handle {instance_id} has a pattern of its own: {stated} could be it too"
                     )
         for one in self._changes.added:
-            if (name is None or colors.means(name, one.color)) and _goes_by(one, phrase.nouns):
+            if (name is None or color_space.means(name, one.color)) and _goes_by(one, phrase.nouns):
                 raise Untrue(f"a {one.color} {one.kind} was put in: {stated} could be it too")
 
     def _others(self, phrase: InstructionPhrase) -> list[int]:
@@ -193,12 +193,12 @@ class Judge:
         """See that none of these could be meant by a phrase that nothing was found for. Raises Untrue.
 
         `alone`: the robot was seen to leave them alone, or the edit would have been refused. So they are not "the
-        handle" of "grip the handle"; a colour that fits them is doubted all the same.
+        handle" of "grip the handle"; a color that fits them is doubted all the same.
         """
-        if alone and phrase.handled and phrase.colour is None:
+        if alone and phrase.handled and phrase.color is None:
             return
         for instance_id in sorted(instance_ids):
-            alike = phrase.colour is None or colors.means(phrase.colour, self._was(instance_id))
+            alike = phrase.color is None or color_space.means(phrase.color, self._was(instance_id))
             if (
                 alike
                 and self._rows[instance_id].role not in targets.APART
@@ -215,7 +215,7 @@ class Judge:
         told.
         """
         noun = phrase.nouns[-1] if phrase.nouns else None
-        if phrase.colour is None and noun and noun not in ANYTHING and not self._meanings(noun):
+        if phrase.color is None and noun and noun not in ANYTHING and not self._meanings(noun):
             return None  # known without a look at any image
         return self._found(phrase.stated(rank or phrase.ranked), after)
 
@@ -255,7 +255,7 @@ class Judge:
         return [h for h in sorted(words) if self._rows[h].role not in targets.APART]
 
     def _was(self, instance_id: int) -> str:
-        return self._rows[instance_id].colour_name
+        return self._rows[instance_id].color_name
 
 
 def _goes_by(thing: Added, nouns: tuple[str, ...]) -> bool:

@@ -1,11 +1,11 @@
-"""The phrases of an instruction that name things: their colour word, their size or place word, and their nouns."""
+"""The phrases of an instruction that name things: their color word, their size or place word, and their nouns."""
 # ruff: noqa: E501  # lists of words are easiest to read whole
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rpaug.core import colors as colours
+from rpaug.core import color_space
 from rpaug.scene.targets import relations
 from rpaug.scene.targets.nouns import HANDLING, TOWARDS, VERBS
 
@@ -79,21 +79,21 @@ class Word:
 
 @dataclass(frozen=True)
 class InstructionPhrase:
-    """A thing in an instruction's words. `colour` is the colour's own name, `tint` the word for it.
+    """A thing in an instruction's words. `color` is the color's own name, `tint` the word for it.
 
     `rank` is a word for its size or its place. `handled` is what a verb such as "grip" or "push" acts on.
     """
 
-    colour: str | None
+    color: str | None
     nouns: tuple[str, ...]
     tint: Word | None = None
     rank: Word | None = None
     handled: bool = False
 
     def stated(self, rank: str | None = None) -> str:
-        """The phrase as a target's words: colour, `rank`, and what else tells it."""
-        nouns = self.nouns if self.colour else self.nouns[-1:]
-        return " ".join([*filter(None, (rank, self.colour)), *(nouns or ("thing",))])
+        """The phrase as a target's words: color, `rank`, and what else tells it."""
+        nouns = self.nouns if self.color else self.nouns[-1:]
+        return " ".join([*filter(None, (rank, self.color)), *(nouns or ("thing",))])
 
     @property
     def text(self) -> str:
@@ -110,7 +110,7 @@ def phrases(text: str) -> Iterator[InstructionPhrase]:
     """Every phrase that names a thing, in order."""
     kind: tuple[str, ...] = ()
     for group in _groups(text):
-        for part in _by_colour(group):
+        for part in _by_color(group):
             phrase = _phrase(part)
             if phrase is None:
                 continue
@@ -118,7 +118,7 @@ def phrases(text: str) -> Iterator[InstructionPhrase]:
             if phrase.nouns[-1:] in (("one",), ("ones",)):  # "the small cup into the large one"
                 phrase = replace(phrase, nouns=kind)
             kind = phrase.nouns[-1:] or kind
-            if phrase.nouns or phrase.colour:
+            if phrase.nouns or phrase.color:
                 yield phrase
 
 
@@ -146,8 +146,8 @@ def _groups(text: str) -> Iterator[list[Word]]:
 
 
 def _named(word: Word, between: str) -> bool:
-    """Does a thing begin here, whatever stands before: with a colour, or after a number?"""
-    return colours.canonical(word.text) is not None or bool(re.search(r"\d", between))
+    """Does a thing begin here, whatever stands before: with a color, or after a number?"""
+    return color_space.canonical(word.text) is not None or bool(re.search(r"\d", between))
 
 
 def _handled(before: str) -> bool:
@@ -157,27 +157,27 @@ def _handled(before: str) -> bool:
     return bool(stated) and stated[-1] in HANDLING
 
 
-def _by_colour(group: Sequence[Word]) -> Iterator[list[Word]]:
-    """A run of words, cut before every colour word but the first."""
-    cuts = [k for k, word in enumerate(group) if colours.canonical(word.text)][1:]
+def _by_color(group: Sequence[Word]) -> Iterator[list[Word]]:
+    """A run of words, cut before every color word but the first."""
+    cuts = [k for k, word in enumerate(group) if color_space.canonical(word.text)][1:]
     for start, stop in zip([0, *cuts], [*cuts, len(group)], strict=True):
         yield list(group[start:stop])
 
 
 def _phrase(words: Sequence[Word]) -> InstructionPhrase | None:
-    tint = next((word for word in words if colours.canonical(word.text)), None)
+    tint = next((word for word in words if color_space.canonical(word.text)), None)
     ranks = [word for word in words if word.text in SIZES or word.text in PLACES]
     nouns = tuple(word.text for word in words if word is not tint and word not in ranks)
     while nouns and nouns[-1] in NOWHERE:
         nouns = nouns[:-1]
-    colour = colours.canonical(tint.text) if tint else None
+    color = color_space.canonical(tint.text) if tint else None
     rank = ranks[0] if ranks else None
     # "the orange on the plate" is a fruit, and "the orange" alone has no noun.
-    if colour == "orange" and not nouns:
+    if color == "orange" and not nouns:
         return InstructionPhrase(None, ("orange",), None, rank)
-    if not nouns and colour is None:
+    if not nouns and color is None:
         return None
-    return InstructionPhrase(colour, nouns, tint, rank)
+    return InstructionPhrase(color, nouns, tint, rank)
 
 
 def changed(text: str, word: Word, new: str) -> str:

@@ -5,7 +5,7 @@ import re
 from typing import Any
 
 from rpaug.assets import library
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.core.errors import MissingExtra
 from rpaug.language import slots
 from rpaug.language.grammar import NotThis, Said, done, refuse, rule
@@ -22,8 +22,8 @@ NEW = Mention(kind="new")
 MOST = 30
 
 
-@rule(rf"(?:(?:<ADD>|scatter|sprinkle|distribute|spread|use) )?(?:(?P<many>{MANY}) )?(?:more )?(?:(?P<tint>{slots.ONE_COLOUR}) )?{CLUTTER}{HERE}{SIZES}",
-      rf"(?:clutter|fill|litter|populate|mess up|distract) (?:up )?(?:the )?(?:table|scene|desk|workspace)(?: up)?(?: with (?:(?P<many>{MANY}) )?(?:(?P<tint>{slots.ONE_COLOUR}) )?{CLUTTER})?{SIZES}",
+@rule(rf"(?:(?:<ADD>|scatter|sprinkle|distribute|spread|use) )?(?:(?P<many>{MANY}) )?(?:more )?(?:(?P<tint>{slots.ONE_COLOR}) )?{CLUTTER}{HERE}{SIZES}",
+      rf"(?:clutter|fill|litter|populate|mess up|distract) (?:up )?(?:the )?(?:table|scene|desk|workspace)(?: up)?(?: with (?:(?P<many>{MANY}) )?(?:(?P<tint>{slots.ONE_COLOR}) )?{CLUTTER})?{SIZES}",
       rf"(?:<ADD> )(?:some |more )?clutter{HERE}")  # fmt: skip
 def distractors(stated: Said) -> Meant:
     edit: Entry = {"op": "distractors"}
@@ -31,7 +31,7 @@ def distractors(stated: Said) -> Meant:
     if many not in (None, "some", "more", "a few", "few"):
         edit["count"] = 2 if "couple" in (many or "") else _count(many or "")
     if stated.get("tint"):
-        edit["color"] = slots.colour(stated["tint"])
+        edit["color"] = slots.color(stated["tint"])
     if stated.get("length"):
         edit["size"] = [slots.length(stated["length"]), slots.length(stated["least"])]
     return done(edit, mention=NEW)
@@ -98,7 +98,7 @@ def asset(words: str, generates: bool = False) -> tuple[int, dict[str, Any], lis
     if named:
         return number, {"asset": named}, []
     first, _, rest = words.partition(" ")
-    tint = colors.canonical(first) if rest else None
+    tint = color_space.canonical(first) if rest else None
     kind = _singular(rest if tint else words)
     categories = sorted({one.category for one in library.assets()})
     notes: list[str] = []
@@ -142,8 +142,8 @@ def _named(words: str) -> str | None:
 
 
 def _tinted(parts: list[str]) -> bool:
-    """Is one of the words a colour? Then kind and colour are asked for rather than one name."""
-    return any(colors.canonical(part) for part in parts)
+    """Is one of the words a color? Then kind and color are asked for rather than one name."""
+    return any(color_space.canonical(part) for part in parts)
 
 
 def _singular(words: str) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.language import slots, spelling
 from rpaug.language.grammar import NotThis, Said
 from rpaug.language.messages import Mention, NotUnderstood
@@ -130,7 +130,7 @@ def _check(words: str) -> None:
     if any(re.fullmatch(r"[a-z]{3,}ed", noun) for noun in _nouns(phrase)):
         raise NotThis  # "the mug tinted" is more than a thing
     for noun in _nouns(phrase):
-        if tint := _nearly_a_colour(noun):
+        if tint := _nearly_a_color(noun):
             raise NotUnderstood(f"{words!r}: {noun!r} is no colour ({noun!r} may be {tint!r})")
     for part in _segments(words.replace("-", " ").split()):
         kinds = [_kind(word) for word in part]
@@ -139,11 +139,11 @@ def _check(words: str) -> None:
 
 
 @cache
-def _nearly_a_colour(noun: str) -> str | None:
-    """The colour that a noun looks misspelt from, if it is no known thing."""
+def _nearly_a_color(noun: str) -> str | None:
+    """The color that a noun looks misspelt from, if it is no known thing."""
     if len(noun) < 4 or noun in shapes.WORDS or noun.removesuffix("s") in shapes.WORDS:
         return None
-    return spelling.nearest(noun, colors.NAMES)
+    return spelling.nearest(noun, color_space.NAMES)
 
 
 def _kind(word: str) -> int:
@@ -156,7 +156,7 @@ def _kind(word: str) -> int:
         word in relations.RANKS
         or word in relations.ORDINALS
         or word == "most"
-        or colors.canonical(word) is not None
+        or color_space.canonical(word) is not None
     )
     return 1 if describing else 2
 

@@ -43,7 +43,7 @@ def any_light(stated: Said) -> Meant:
     r"(?:use |shine |add |have )?(?:a )?{tint} <LIGHT>(?: (?:on|over|in) (?:it|the scene|everything|the table))?",
 )
 def tinted(stated: Said) -> Meant:
-    tint = slots.rgb(slots.colour(stated["tint"]))
+    tint = slots.rgb(slots.color(stated["tint"]))
     return _lit(tuple(slots.rounded(RECORDED * (0.5 + 0.5 * v)) for v in tint))
 
 
@@ -250,5 +250,5 @@ def _level(value: float, stated: Said) -> Meant:
     return _lit((slots.rounded(value),) * 3)
 
 
-def _lit(colour: tuple[float, ...]) -> Meant:
-    return done({"op": "light_color", "range": [list(colour), list(colour)]}, mention=LIGHT)
+def _lit(color: tuple[float, ...]) -> Meant:
+    return done({"op": "light_color", "range": [list(color), list(color)]}, mention=LIGHT)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from rpaug.assets import generate, library
 from rpaug.assets.library import Asset
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.core.errors import RpaugError, TargetError
 from rpaug.language.messages import Entry, Trace
 
@@ -64,7 +64,7 @@ class Maker:
 
 
 def lacking(edit: Entry) -> bool:
-    """Does an edit put in a kind of thing, or a colour of it, that the library has not?"""
+    """Does an edit put in a kind of thing, or a color of it, that the library has not?"""
     if edit.get("op") != "insert" or edit.get("asset"):
         return False
     try:
@@ -78,7 +78,7 @@ def named(edit: Entry) -> tuple[str, str]:
     """What to make for such an edit, in words, and the name that it gets."""
     words = [word for word in (edit.get("color"), edit.get("category")) if isinstance(word, str)]
     slug = "_".join(re.findall(r"[a-z0-9]+", " ".join([*words[1:], *words[:1]]).lower()))
-    first = colors.canonical(words[0]) or words[0]
+    first = color_space.canonical(words[0]) or words[0]
     article = "an" if first[:1] in "aeiou" else "a"
     return f"{article} {' '.join(words)}", f"{MADE}_{slug}"
 

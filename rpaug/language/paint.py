@@ -1,4 +1,4 @@
-"""Rules for colours, textures and styles."""
+"""Rules for colors, textures and styles."""
 # ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
@@ -10,8 +10,8 @@ from rpaug.language.grounding import Target, thing, things
 from rpaug.language.messages import Entry, Meant, Mention
 
 TABLE = {"role": "table"}
-ONE_OF = rf"(?P<one>{slots.ONE_COLOUR})(?P<more>(?:, ?{slots.ONE_COLOUR})*,? or (?:an? )?{slots.ONE_COLOUR}(?:,? or (?:an? )?{slots.ONE_COLOUR})*)"
-DARKER, LIGHTER = 0.6, 0.4  # of a colour's rgb; of its way to white
+ONE_OF = rf"(?P<one>{slots.ONE_COLOR})(?P<more>(?:, ?{slots.ONE_COLOR})*,? or (?:an? )?{slots.ONE_COLOR}(?:,? or (?:an? )?{slots.ONE_COLOR})*)"
+DARKER, LIGHTER = 0.6, 0.4  # of a color's rgb; of its way to white
 KINDS = {
     **dict.fromkeys(("wood", "wooden", "timber", "woody"), "wood"),
     **dict.fromkeys(("stone", "rock", "rocky", "stony"), "stone"),
@@ -28,15 +28,15 @@ COVER = r"(?:cover|wrap|texture|re-?texture|line|coat|clad|drape|dress|skin|plas
 HUES = r"(?: (?:paint|colou?r|colou?ring|coat|coat of paint|tint|shade|hue|finish))?"
 
 
-@rule(rf"<PAINT> {{thing}} (?:(?:to|to be|into|in|with|as) )?(?:(?:a )?(?:coat|shade|layer) of )?{{colour}}{HUES}(?P<contrast>,? (?:and )?(?:not|rather than|instead of) {slots.ONE_COLOUR})?",
-      r"(?:<VARY>|set|turn|make|paint|switch) (?:the )?colou?r of {thing} (?:to|into|for|with|to be)? ?{colour}",
-      r"(?:<VARY>|set|turn|make|switch) {thing}(?:'s|')? colou?r (?:to|into|for|with|to be)? ?{colour}",
-      rf"give {{thing}} (?:a |an |the |some )?(?:(?:coat|shade|layer|colou?r) (?:of )?)?{{colour}}{HUES}",
-      rf"(?:use |have |choose |draw |pick )?(?:an? )?{{colour}}{HUES} (?:for|on) {{thing}}", r"{thing} in {colour}",
-      r"{colour} is (?:the colou?r )?(?:that )?(?:i want |i'd like |we want )?for {thing}", rf"(?:put|add|use|apply) (?:some |a )?(?:(?:coat|shade|layer) of )?{{colour}}{HUES} (?:on|onto|to|for) {{thing}}",
-      rf"(?:change|turn|switch) {{thing}} from {slots.ONE_COLOUR} (?:to|into) {{colour}}", rf"(?:change|turn|switch) (?:the )?colou?r of {{thing}} from {slots.ONE_COLOUR} (?:to|into) {{colour}}")  # fmt: skip
-def recolour(stated: Said) -> Meant:
-    tint = slots.colour(stated["colour"])
+@rule(rf"<PAINT> {{thing}} (?:(?:to|to be|into|in|with|as) )?(?:(?:a )?(?:coat|shade|layer) of )?{{color}}{HUES}(?P<contrast>,? (?:and )?(?:not|rather than|instead of) {slots.ONE_COLOR})?",
+      r"(?:<VARY>|set|turn|make|paint|switch) (?:the )?colou?r of {thing} (?:to|into|for|with|to be)? ?{color}",
+      r"(?:<VARY>|set|turn|make|switch) {thing}(?:'s|')? colou?r (?:to|into|for|with|to be)? ?{color}",
+      rf"give {{thing}} (?:a |an |the |some )?(?:(?:coat|shade|layer|colou?r) (?:of )?)?{{color}}{HUES}",
+      rf"(?:use |have |choose |draw |pick )?(?:an? )?{{color}}{HUES} (?:for|on) {{thing}}", r"{thing} in {color}",
+      r"{color} is (?:the colou?r )?(?:that )?(?:i want |i'd like |we want )?for {thing}", rf"(?:put|add|use|apply) (?:some |a )?(?:(?:coat|shade|layer) of )?{{color}}{HUES} (?:on|onto|to|for) {{thing}}",
+      rf"(?:change|turn|switch) {{thing}} from {slots.ONE_COLOR} (?:to|into) {{color}}", rf"(?:change|turn|switch) (?:the )?colou?r of {{thing}} from {slots.ONE_COLOR} (?:to|into) {{color}}")  # fmt: skip
+def recolor(stated: Said) -> Meant:
+    tint = slots.color(stated["color"])
     where = things(stated)
     if tint == {"sample": "colosseum"} and where == [TABLE]:
         return done({"op": "table_color"}, mention=Mention(kind="target", target=TABLE))
@@ -48,17 +48,17 @@ def recolour(stated: Said) -> Meant:
       r"(?:<VARY>|choose|pick|draw) (?:what |which |the )?colou?r (?:the )?{thing} (?:is|are|has|have)",
       r"(?:re-?colou?r|re-?paint) {thing}",
       r"(?:a |use a |some )?(?:random|new|different|another|other) colou?rs? (?:for|on) {thing}")  # fmt: skip
-def any_colour(stated: Said) -> Meant:
-    return recolour(Said({**stated.slots, "colour": "a random color"}, stated.wish))
+def any_color(stated: Said) -> Meant:
+    return recolor(Said({**stated.slots, "color": "a random color"}, stated.wish))
 
 
 @rule(rf"<PAINT> {{thing}} (?:to |into |in |with |an? )?(?:either |one of )?{ONE_OF}(?: colou?r)?",
       rf"(?:<VARY>|set|make) (?:the )?colou?r of {{thing}} (?:to |into )?(?:either |one of )?{ONE_OF}", rf"(?:<VARY>|set|make) {{thing}}(?:'s|')? colou?r (?:to |into )?(?:either |one of )?{ONE_OF}",
       rf"(?:use |choose )?(?:either )?{ONE_OF} (?:for|on) {{thing}}")  # fmt: skip
-def one_of_colours(stated: Said) -> Meant:
+def one_of_colors(stated: Said) -> Meant:
     where = thing(stated)
     tints = [stated["one"], *re.split(r",? or (?:an? )?|, ?", stated["more"])[1:]]
-    options = [{"op": "recolor", "target": where, "color": slots.colour(tint)} for tint in tints]
+    options = [{"op": "recolor", "target": where, "color": slots.color(tint)} for tint in tints]
     return done({"one_of": options}, mention=Mention(kind="target", target=where))
 
 

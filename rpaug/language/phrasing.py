@@ -102,7 +102,7 @@ ROWS: tuple[tuple[str, Callable[[re.Match[str]], Iterator[str]]], ...] = (
     (rf"(?P<far>(?:by|from) (?:up to )?{AMOUNT}),? (?P<order>[a-z]+ .+)", _template("{order} {far}")),
     (r"(?P<verb>[a-z]{2,})ing (?P<rest>.+)", lambda match: iter([f"{verb} {match['rest']}" for verb in _verbs(f"{match['verb']}ed")])),
     # A slight change of what was said before.
-    (rf"(?P<order>.+) (?:instead|rather)(?: of {slots.ONE_COLOUR})?", _template("{order}")),
+    (rf"(?P<order>.+) (?:instead|rather)(?: of {slots.ONE_COLOR})?", _template("{order}")),
     (r"(?:instead|rather),? (?P<order>.+)", _template("{order}")),
 )  # fmt: skip
 COMPILED = tuple((re.compile(pattern), make) for pattern, make in ROWS)

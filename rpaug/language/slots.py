@@ -1,10 +1,10 @@
-"""Numbers, units, colours and directions in English, as patterns and as values."""
+"""Numbers, units, colors and directions in English, as patterns and as values."""
 
 import math
 import re
 from collections.abc import Mapping
 
-from rpaug.core import colors as colours
+from rpaug.core import color_space
 from rpaug.language.messages import NotUnderstood
 
 WORDS: dict[str, float] = {
@@ -48,10 +48,10 @@ POINT = rf"\(? ?{DIGITS} ?, ?{DIGITS} ?\)?"
 TRIPLE = rf"\(? ?{DIGITS} ?, ?{DIGITS} ?, ?{DIGITS} ?\)?"
 
 SHADES = {"dark": "dark", "deep": "dark", "light": "light", "pale": "light", "bright": ""}
-ONE_COLOUR = rf"(?:(?:{any_of(SHADES)} )?{any_of({**colours.NAMES, **colours.ALIASES})})"
-TINT = rf"(?:{ONE_COLOUR}|rgb ?{TRIPLE}|#[0-9a-f]{{6}})"
-ANY_COLOUR = r"(?:(?:a |any |some |another )?(?:random|other|different|new)? ?colou?r)"
-COLOUR = rf"(?:(?:an? )?{TINT}(?: colou?r)?|{ANY_COLOUR})"
+ONE_COLOR = rf"(?:(?:{any_of(SHADES)} )?{any_of({**color_space.NAMES, **color_space.ALIASES})})"
+TINT = rf"(?:{ONE_COLOR}|rgb ?{TRIPLE}|#[0-9a-f]{{6}})"
+ANY_COLOR = r"(?:(?:a |any |some |another )?(?:random|other|different|new)? ?colou?r)"
+COLOR = rf"(?:(?:an? )?{TINT}(?: colou?r)?|{ANY_COLOR})"
 
 
 def number(text: str) -> float:
@@ -105,9 +105,9 @@ def numbers(text: str) -> list[float]:
     return [int(v) if v == int(v) else v for v in (float(d) for d in re.findall(DIGITS, text))]
 
 
-def colour(text: str) -> str | dict[str, object]:
-    """A recipe's colour for what matched `COLOUR`. Raises NotUnderstood."""
-    if re.fullmatch(ANY_COLOUR, text):
+def color(text: str) -> str | dict[str, object]:
+    """A recipe's color for what matched `COLOR`. Raises NotUnderstood."""
+    if re.fullmatch(ANY_COLOR, text):
         return {"sample": "colosseum"}
     text = re.sub(r"^an? | colou?r$", "", text)
     if text.startswith("#"):
@@ -119,7 +119,7 @@ def colour(text: str) -> str | dict[str, object]:
             raise NotUnderstood(f"{text!r}: rgb values lie within 0..1 or 0..255")
         return {"rgb": [round(v / scale, 3) for v in values]}
     shade, _, name = text.rpartition(" ")
-    name = colours.canonical(name) or name
+    name = color_space.canonical(name) or name
     if SHADES.get(shade, "") == "dark":
         return {"rgb": darker(name, 0.5)}
     if SHADES.get(shade, "") == "light":
@@ -128,19 +128,19 @@ def colour(text: str) -> str | dict[str, object]:
 
 
 def darker(tint: str | dict[str, object], factor: float) -> list[float]:
-    """A colour's rgb times a factor."""
+    """A color's rgb times a factor."""
     return [round(factor * v, 3) for v in rgb(tint)]
 
 
 def lighter(tint: str | dict[str, object], part: float) -> list[float]:
-    """A colour's rgb taken a part of the way to white."""
+    """A color's rgb taken a part of the way to white."""
     return [round(v + part * (1 - v), 3) for v in rgb(tint)]
 
 
 def rgb(tint: str | dict[str, object]) -> list[float]:
-    """The display sRGB of a recipe's colour. Raises NotUnderstood for one that is drawn."""
+    """The display sRGB of a recipe's color. Raises NotUnderstood for one that is drawn."""
     if isinstance(tint, str):
-        return list(colours.rgb(tint))
+        return list(color_space.rgb(tint))
     values = tint.get("rgb")
     if not isinstance(values, list):
         raise NotUnderstood("its colour is drawn at random, so it has no darker or lighter one")

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from functools import cache
 
 from rpaug.assets import library
-from rpaug.core import colors, registry
+from rpaug.core import color_space, registry
 from rpaug.language.grammar import RULES
 from rpaug.language.slots import METRES, RADIANS, WORDS
 from rpaug.scene.targets import shapes
@@ -38,7 +38,7 @@ def nearest(word: str, known: Collection[str]) -> str | None:
 
 @cache
 def vocabulary() -> tuple[str, ...]:
-    """All words that rules, colours, units, shapes and the library know."""
+    """All words that rules, colors, units, shapes and the library know."""
     patterns = " ".join(one.pattern for rule in RULES for one in rule.patterns)
     bare = re.sub(r"\(\?P<\w+>|\\[a-z]", " ", patterns)
     phrases = " ".join(
@@ -46,5 +46,5 @@ def vocabulary() -> tuple[str, ...]:
     )
     things = " ".join(one.category for one in library.assets())
     bare = f"{bare} {phrases} the all"
-    known = f"{bare} {things} {' '.join((*METRES, *RADIANS, *WORDS, *shapes.WORDS, *ROLES, *colors.NAMES))}"
+    known = f"{bare} {things} {' '.join((*METRES, *RADIANS, *WORDS, *shapes.WORDS, *ROLES, *color_space.NAMES))}"
     return tuple(sorted({word for word in re.findall(r"[a-z]+", known) if len(word) >= SHORTEST}))

@@ -15,7 +15,7 @@ from rpaug.language.messages import Meant, Mention
 from rpaug.language.renderer import cameras
 
 VALUES: Mapping[str, tuple[str, Callable[[str], Any]]] = {
-    "color": (SLOTS["colour"], slots.colour),
+    "color": (SLOTS["color"], slots.color),
     "share": (SLOTS["share"], slots.share),
     "count": (SLOTS["number"], slots.count),
     "number": (SLOTS["number"], lambda words: slots.tidy(slots.number(words))),

@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from rpaug.core import colors as colour
+from rpaug.core import color_space as color
 
 Unit = Annotated[float, Field(ge=0, le=1)]
 RGB = tuple[Unit, Unit, Unit]
@@ -31,12 +31,12 @@ def seed(rng: np.random.Generator) -> int:
 
 @dataclass(frozen=True)
 class Palette:
-    """One or more display sRGB colours of which one is drawn."""
+    """One or more display sRGB colors of which one is drawn."""
 
     colors: tuple[tuple[float, float, float], ...]
 
     def draw(self, rng: np.random.Generator) -> list[float]:
-        """One colour, each as likely."""
+        """One color, each as likely."""
         return list(self.colors[int(rng.integers(len(self.colors)))])
 
 
@@ -44,19 +44,19 @@ def _palette(value: Any) -> Palette:
     if isinstance(value, Palette):
         return value
     if isinstance(value, str):
-        name = colour.canonical(value)
+        name = color.canonical(value)
         if name is None:
-            raise ValueError(f"no such colour word; there are: {', '.join(colour.NAMES)}")
-        return Palette((colour.NAMES[name],))
+            raise ValueError(f"no such colour word; there are: {', '.join(color.NAMES)}")
+        return Palette((color.NAMES[name],))
     if isinstance(value, dict) and len(value) == 1:
         ((kind, content),) = value.items()
         if kind == "sample" and content == "colosseum":
-            return Palette(tuple(colour.RLBENCH.values()))
+            return Palette(tuple(color.RLBENCH.values()))
         if kind == "rgb":
             return Palette((_triple(content, [(0, 1)] * 3),))
         if kind == "lab":
             lab = _triple(content, [(0, 100), (-128, 128), (-128, 128)])
-            red, green, blue = np.clip(colour.from_lab(np.array(lab)), 0, 1)
+            red, green, blue = np.clip(color.from_lab(np.array(lab)), 0, 1)
             return Palette(((float(red), float(green), float(blue)),))
     raise ValueError(
         "expected a colour word, {rgb: [r, g, b]} in 0..1, {lab: [L, a, b]} or {sample: colosseum}"
@@ -83,7 +83,7 @@ Color = Annotated[
     WithJsonSchema(
         {
             "oneOf": [
-                {"enum": list(colour.NAMES)},
+                {"enum": list(color.NAMES)},
                 *(
                     {
                         "type": "object",

@@ -46,7 +46,7 @@ Sizes = Annotated[Interval[float], AfterValidator(_metres)]
 
 @dataclass(frozen=True, kw_only=True)
 class Insert(Operator):
-    """Insert one thing of the library: by name, or drawn from a category, a colour word and a longest side in metres.
+    """Insert one thing of the library: by name, or drawn from a category, a color word and a longest side in metres.
 
     It stands at rest on a free place of the table, or at `at`: 5 cm away from other things and from all that moves. It
     is lit by the light that the recording shows, unless `harmonise` is off. With `near` its place is drawn from those
@@ -150,7 +150,7 @@ def light(scene: Scene) -> Edit:
 
 
 def suited(scene: Scene, edit: Edit, harmoniser: str) -> Edit:
-    """The edit, its light's colour as a harmoniser would have it: the typical factor by channel over all views."""
+    """The edit, its light's color as a harmoniser would have it: the typical factor by channel over all views."""
     if harmoniser == harmonise.SCENE:
         return edit
     after = inserted(scene, edit)
@@ -191,7 +191,7 @@ def inserted(scene: Scene, edit: Edit) -> Scene:
 def added(edit: Edit) -> tuple[Added, ...]:
     """What an edit put in, as the library calls it."""
     assets = [library.get(thing["asset"]) for thing in edit["things"]]
-    return tuple(Added(asset.category, asset.name, asset.colour) for asset in assets)
+    return tuple(Added(asset.category, asset.name, asset.color) for asset in assets)
 
 
 def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:

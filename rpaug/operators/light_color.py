@@ -1,4 +1,4 @@
-"""Turn the scene's lamps to another colour, as COLOSSEUM's `light_color` does."""
+"""Turn the scene's lamps to another color, as COLOSSEUM's `light_color` does."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
@@ -12,33 +12,33 @@ from rpaug.core.types import Effect, Scene, Surface
 from rpaug.scene.lighting import light
 
 Unit = Annotated[float, Field(ge=0, le=1)]
-Colour = tuple[Unit, Unit, Unit]
+Color = tuple[Unit, Unit, Unit]
 
 
 @dataclass(frozen=True)
 class Gain:
-    """Every surface's colour times one gain per channel: light is a factor of what a matte surface shows."""
+    """Every surface's color times one gain per channel: light is a factor of what a matte surface shows."""
 
     gain: tuple[float, float, float]
     instance_ids: frozenset[int] | None = None
 
     def __call__(
-        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+        self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
-        return np.minimum(colour * np.array(self.gain, np.float32), np.float32(1))
+        return np.minimum(color * np.array(self.gain, np.float32), np.float32(1))
 
 
 @dataclass(frozen=True, kw_only=True)
 class LightColor(Operator):
-    """Draw the lamps' colour uniformly from `range` and scale every pixel by new over recorded.
+    """Draw the lamps' color uniformly from `range` and scale every pixel by new over recorded.
 
-    `recorded` is the colour the episode was lit with, in the same unit: COLOSSEUM's lamps have (0.5, 0.5, 0.5), and
+    `recorded` is the color the episode was lit with, in the same unit: COLOSSEUM's lamps have (0.5, 0.5, 0.5), and
     `estimate` keeps that brightness and reads the chromaticity off grey surfaces. `ambient` is the share of the
     recorded light that does not come from the lamps and stays. One draw for all cameras and frames.
     """
 
-    range: tuple[Colour, Colour] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
-    recorded: Colour | Literal["estimate"] = "estimate"
+    range: tuple[Color, Color] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
+    recorded: Color | Literal["estimate"] = "estimate"
     ambient: Unit = 0.0
 
     effect: ClassVar[Effect] = Effect.RGB

@@ -36,13 +36,13 @@ class Relight:
     instance_ids: frozenset[int] | None = None
 
     def __call__(
-        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+        self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
         facing = surface.facing
         was = self.old.shading(facing)
-        doubtful = colour @ GREY > ROOM * self._most(surface.ids) * was
+        doubtful = color @ GREY > ROOM * self._most(surface.ids) * was
         gain = np.minimum(self.new.shading(facing) / was, np.where(doubtful, 1.0, MOST_GAIN))
-        return np.clip(colour * gain[:, None], 0, 1).astype(np.float32)
+        return np.clip(color * gain[:, None], 0, 1).astype(np.float32)
 
     def _most(self, ids: Int32[np.ndarray, "n"]) -> Float32[np.ndarray, "n"]:
         known, most = self._table

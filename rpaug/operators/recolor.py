@@ -1,4 +1,4 @@
-"""Give a thing another colour and leave its shading, texture, highlights and outline as they were."""
+"""Give a thing another color and leave its shading, texture, highlights and outline as they were."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from jaxtyping import Float32
 
-from rpaug.core import colors as colours
+from rpaug.core import color_space
 from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB, Color
@@ -34,17 +34,17 @@ class AlbedoRatio:
 
     @property
     def asked(self) -> tuple[float, float, float]:
-        """The colour it was asked for, by which gates judge it."""
+        """The color it was asked for, by which gates judge it."""
         return self.new
 
     def __call__(
-        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+        self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
         old, new = np.array(self.old, np.float32), np.array(self.new, np.float32)
         highlight = (
-            albedo.highlight(colour, old) if self.plain else np.zeros((len(colour), 1), np.float32)
+            albedo.highlight(color, old) if self.plain else np.zeros((len(color), 1), np.float32)
         )
-        matte = colour - highlight
+        matte = color - highlight
         shading = matte @ old / max(float(old @ old), 1e-6)
         gain = new / np.maximum(old, np.float32(1e-6))
         trust = np.clip((UNSAFE_GAIN - gain) / (UNSAFE_GAIN - SAFE_GAIN), 0, 1)
@@ -54,7 +54,7 @@ class AlbedoRatio:
 
 @dataclass(frozen=True)
 class LabShift:
-    """RoboPearls' way: chroma becomes the new colour's, lightness is scaled by new over old (CIELAB)."""
+    """RoboPearls' way: chroma becomes the new color's, lightness is scaled by new over old (CIELAB)."""
 
     instance_ids: frozenset[int]
     old: tuple[float, float, float]
@@ -62,24 +62,24 @@ class LabShift:
 
     @property
     def asked(self) -> tuple[float, float, float]:
-        """The colour it was asked for, by which gates judge it."""
+        """The color it was asked for, by which gates judge it."""
         return self.new
 
     def __call__(
-        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+        self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
-        old, new = colours.to_lab(np.array(self.old)), colours.to_lab(np.array(self.new))
-        lab = colours.to_lab(colour)
+        old, new = color_space.to_lab(np.array(self.old)), color_space.to_lab(np.array(self.new))
+        lab = color_space.to_lab(color)
         lab[:, 0] = np.clip(lab[:, 0] * new[0] / max(old[0], 1.0), 0, 100)
         lab[:, 1:] = new[1:]
-        return np.clip(colours.from_lab(lab), 0, 1).astype(np.float32)
+        return np.clip(color_space.from_lab(lab), 0, 1).astype(np.float32)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recolor(Operator):
     """Paint `target` in `color`. Depth, masks and every other pixel stay as recorded.
 
-    `albedo` is the old colour where it is known (a simulation's material); else it is estimated from the pixels of
+    `albedo` is the old color where it is known (a simulation's material); else it is estimated from the pixels of
     each instance. `mode: lab` is the paper's shift in CIELAB, kept for comparison.
     """
 
@@ -115,6 +115,6 @@ class Recolor(Operator):
 
 
 def named(edit: Edit) -> tuple[Painted, ...]:
-    """The colour word of an edit that paints surfaces in one colour."""
+    """The color word of an edit that paints surfaces in one color."""
     painted = frozenset(surface["handle"] for surface in edit["surfaces"])
-    return (Painted(painted, colours.nearest(np.array(edit["color"]))),)
+    return (Painted(painted, color_space.nearest(np.array(edit["color"]))),)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import UInt8
 from pydantic import Field
 
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.core.interfaces import Edit, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval
@@ -28,8 +28,8 @@ class Exposure:
 
     @cached_property
     def _table(self) -> UInt8[np.ndarray, "256"]:
-        light = colors.to_linear(np.arange(256) / 255.0) * 2.0**self.stops
-        return np.rint(255 * np.clip(colors.from_linear(light), 0, 1)).astype(np.uint8)
+        light = color_space.to_linear(np.arange(256) / 255.0) * 2.0**self.stops
+        return np.rint(255 * np.clip(color_space.from_linear(light), 0, 1)).astype(np.uint8)
 
 
 @dataclass(frozen=True, kw_only=True)

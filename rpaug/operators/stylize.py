@@ -19,14 +19,14 @@ from rpaug.scene.targets import targets
 SHADE = (
     0.3,
     1.7,
-)  # how much darker or brighter than on average a recorded pixel may make the new colour
+)  # how much darker or brighter than on average a recorded pixel may make the new color
 
 
 @dataclass(frozen=True)
 class Stylised:
-    """Pixel = new colour x shading, where shading is how bright the recorded pixel is beside the old colour.
+    """Pixel = new color x shading, where shading is how bright the recorded pixel is beside the old color.
 
-    Old and new colours are those of the fitted Gaussians, in even light, at the pixel's place on its body.
+    Old and new colors are those of the fitted Gaussians, in even light, at the pixel's place on its body.
     """
 
     instance_ids: frozenset[int]
@@ -34,21 +34,21 @@ class Stylised:
     new: Painting
 
     def __call__(
-        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+        self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
         place = surface.ids, surface.points, surface.footprint
         (old, known), (new, painted) = self.old.at(*place), self.new.at(*place)
-        shade = (colour * old).sum(-1) / np.maximum((old * old).sum(-1), 1e-3)
+        shade = (color * old).sum(-1) / np.maximum((old * old).sum(-1), 1e-3)
         styled = new * np.clip(shade, *SHADE)[:, None]
-        out = np.where(((known > 0) & (painted > 0))[:, None], styled, colour)
+        out = np.where(((known > 0) & (painted > 0))[:, None], styled, color)
         return np.clip(out, 0, 1).astype(np.float32)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stylize(Operator):
-    """Draw a picture, and optimise the colours of the target's Gaussians until they look like it to VGG16.
+    """Draw a picture, and optimise the colors of the target's Gaussians until they look like it to VGG16.
 
-    What comes of it is a colour for each place on the body: fixed cameras show it inside the target's mask and stay
+    What comes of it is a color for each place on the body: fixed cameras show it inside the target's mask and stay
     bit for bit outside. Needs fitted Gaussians, and VGG16's weights
     (`weights`, the path of an ImageNet state dict; torchvision's in torch's cache if not given).
     """

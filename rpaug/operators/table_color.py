@@ -15,9 +15,9 @@ from rpaug.scene.targets import targets
 
 @dataclass(frozen=True, kw_only=True)
 class TableColor(Operator):
-    """Draw the table's colour uniformly from `range` and swap its albedo for it; its grain and shadows stay.
+    """Draw the table's color uniformly from `range` and swap its albedo for it; its grain and shadows stay.
 
-    `albedo` is the old colour where it is known; else it is estimated from the pixels of each instance.
+    `albedo` is the old color where it is known; else it is estimated from the pixels of each instance.
     """
 
     target: targets.Target = targets.TABLE

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from rpaug.assets.textures import folder, shipped
 from rpaug.assets.textures.mapping import Mapping, Texture
-from rpaug.core import colors, geometry
+from rpaug.core import color_space, geometry
 from rpaug.core.errors import BadInput, TargetError
 from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
@@ -20,8 +20,8 @@ from rpaug.scene.lighting import albedo, shading
 from rpaug.scene.targets import targets
 
 Triple = tuple[float, float, float]
-COARSE = 32  # texels a side at which a texture's colours are counted
-MOSTLY = 0.9  # of them in one colour, and people call it by that
+COARSE = 32  # texels a side at which a texture's colors are counted
+MOSTLY = 0.9  # of them in one color, and people call it by that
 
 
 class Sample(BaseModel):
@@ -88,15 +88,15 @@ class Textured:
     smooth: shading.Smooth | None
 
     def __call__(
-        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+        self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
         new = self._albedo(surface)
         old = np.array(self.old, np.float32)
         if self.plain and self.smooth is None:
-            highlight = albedo.highlight(colour, old)
+            highlight = albedo.highlight(color, old)
         else:
-            highlight = np.zeros((len(colour), 1), np.float32)
-        shade = (colour - highlight) @ old / max(float(old @ old), 1e-4)
+            highlight = np.zeros((len(color), 1), np.float32)
+        shade = (color - highlight) @ old / max(float(old @ old), 1e-4)
         if self.smooth is not None:
             shade = self.smooth.of(shade, surface.points, surface.facing)
         return np.clip(new * shade[:, None] + highlight, 0, 1).astype(np.float32)
@@ -207,9 +207,9 @@ def _pyramid(where: Path | None, name: str, digest: str | None, mirror: bool) ->
 
 
 def _prevailing(texture: Texture) -> str | None:
-    """The colour word for nearly all of an image, None for a pattern of several."""
+    """The color word for nearly all of an image, None for a pattern of several."""
     start, rows, columns = next(size for size in texture.sizes if max(size[1:]) <= COARSE)
     texels = texture.texels[start : start + rows * columns] / 255.0
-    named = [colors.nearest(texel) for texel in texels]
+    named = [color_space.nearest(texel) for texel in texels]
     name = max(sorted(set(named)), key=named.count)
     return name if named.count(name) >= MOSTLY * len(named) else None

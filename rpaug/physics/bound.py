@@ -66,7 +66,7 @@ def bind(
 ) -> Bound:
     """Bind surface Gaussians to particles `spacing` metres apart, each to so many of the nearest ones.
 
-    With `inside` the particles below the surface get Gaussians too, in the colour of the nearest surface: what flows
+    With `inside` the particles below the surface get Gaussians too, in the color of the nearest surface: what flows
     apart shows them.
     """
     every = surface

@@ -67,7 +67,7 @@ def _gathered(scene: Scene, instance_ids: frozenset[int]) -> tuple[Gaussians, In
 def _unmixed(
     rgb: UInt8[np.ndarray, "h w 3"], use: Bool[np.ndarray, "h w"]
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The image with pixels on the outline, which have some of the background in them, in the colour just inside."""
+    """The image with pixels on the outline, which have some of the background in them, in the color just inside."""
     deep = cv2.erode(use.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1) > 0
     weight = cv2.boxFilter(deep.astype(np.float32), -1, (3, 3), normalize=False)[..., None]
     total = cv2.boxFilter(rgb * deep[..., None].astype(np.float32), -1, (3, 3), normalize=False)

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Int32, UInt8
 from pydantic import BaseModel, ConfigDict, Field
 
 from rpaug.compose import views
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.core.pixels import grown
 from rpaug.core.types import CameraView, Episode, Scene
 from rpaug.scene.lighting import albedo
@@ -57,7 +57,7 @@ class Figures:
     `reprojection` is the median distance in millimetres between the points of one camera and the surface the next one
     sees there. `holes` is the share of invented pixels in the moved camera that has most. `flicker` is by how many
     grey levels more than in the recording fixed cameras' pixels change between two frames in which they show the
-    same place. `color` is the CIEDE2000 difference between the colour a thing was to take and the one it shows, its
+    same place. `color` is the CIEDE2000 difference between the color a thing was to take and the one it shows, its
     brightness apart, which shading decides.
     """
 
@@ -74,7 +74,7 @@ class Figures:
 
 @runtime_checkable
 class Paint(Protocol):
-    """An appearance that gives its instance ids one colour, display sRGB 0..1."""
+    """An appearance that gives its instance ids one color, display sRGB 0..1."""
 
     @property
     def instance_ids(self) -> frozenset[int]: ...
@@ -208,7 +208,7 @@ def _difference(
     got, wanted = np.array(albedo.estimate(seen).rgb), np.array(asked)
     if got.max() > FAINT:
         got = np.clip(got * (wanted @ got) / (got @ got), 0, 1)
-    return float(colors.ciede2000(colors.to_lab(wanted), colors.to_lab(got)))
+    return float(color_space.ciede2000(color_space.to_lab(wanted), color_space.to_lab(got)))
 
 
 def described(figures: Figures, faults: Iterable[str], attempt: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What an episode holds: cameras, frames, words, and every instance with its role, colour, size and motion."""
+"""What an episode holds: cameras, frames, words, and every instance with its role, color, size and motion."""
 
 import base64
 import html
@@ -69,8 +69,8 @@ def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummar
     """The same as an HTML page with a thumbnail of every instance."""
     lines = "".join(
         f"<tr><td>{_thumbnail(episode, row)}<td>{row.instance_id}<td>{row.role or '–'}"
-        f"<td><span style='background:rgb({','.join(str(round(255 * c)) for c in row.colour)})'></span> "
-        f"{row.colour_name}<td>{' × '.join(f'{side:.1f}' for side in row.size_cm) if any(row.size_cm) else 'unknown'}"
+        f"<td><span style='background:rgb({','.join(str(round(255 * c)) for c in row.color)})'></span> "
+        f"{row.color_name}<td>{' × '.join(f'{side:.1f}' for side in row.size_cm) if any(row.size_cm) else 'unknown'}"
         f"<td>{row.motion}{' (ambiguous)' if row.ambiguous else ''}<td>{row.residual_mm:.2f}"
         f"<td>{row.frames} ({row.first_frame}–{row.last_frame})"
         for row in rows

@@ -67,7 +67,7 @@ def plot(
     label: str,
     within: str | None = None,
 ) -> Path:
-    """A panel beside another: a colour for each value of `group`, the front's rows ringed, joined and labelled.
+    """A panel beside another: a color for each value of `group`, the front's rows ringed, joined and labelled.
 
     With `within`, only rows that agree in it are compared, so that each of its values has a front of its own.
     Rows that lack one of a panel's two figures, or that its logarithm cannot show, are left out of it. Raises

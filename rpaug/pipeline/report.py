@@ -41,7 +41,7 @@ class Tally:
         after: UInt8[np.ndarray, "h w 3"],
         seconds: float,
     ) -> None:
-        """Count the pixels of one frame whose colour changed, once however often it is rendered, and add up the
+        """Count the pixels of one frame whose color changed, once however often it is rendered, and add up the
         thread seconds."""
         differs = int((before != after).any(-1).sum())
         with self.lock:

@@ -111,7 +111,7 @@ def _there_and_back(
 def _errors(
     view: CameraView, t: int, image: UInt8[np.ndarray, "h w 3"], depth: Float32[np.ndarray, "h w"]
 ) -> tuple[Float64[np.ndarray, "n"], Float64[np.ndarray, "n"], Int32[np.ndarray, "n"]]:
-    """Each recorded pixel's squared colour error of full scale 1, depth error in metres, and instance id."""
+    """Each recorded pixel's squared color error of full scale 1, depth error in metres, and instance id."""
     assert view.depth is not None
     true = view.depth(t)
     squared = ((image / 255.0 - view.rgb(t) / 255.0) ** 2).mean(-1)

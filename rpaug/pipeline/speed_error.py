@@ -132,7 +132,7 @@ def by_moments(made: Prepared, sight: Sight) -> TierView:
     drawn = Rasteriser(gaussian_view.sharp(splats)).forward(splats, view)
     depth = gaussian_view.plane_depth(drawn, splats, camera, sight.t)
     ids = (drawn.surface_index >= 0).astype(np.int32)
-    return _filled(gaussian_view.to_bytes(drawn.colour), depth, ids)
+    return _filled(gaussian_view.to_bytes(drawn.color), depth, ids)
 
 
 def _filled(

@@ -36,7 +36,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """All findings, how many episodes were compared, and colour statistics of both datasets, 0 to 255.
+    """All findings, how many episodes were compared, and color statistics of both datasets, 0 to 255.
 
     Images were compared in `frames` frames of each episode, None for all.
     """
@@ -323,7 +323,7 @@ def _merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 
 class _FoundTally:
-    """Mean and spread of colours, summed up image by image; one all black stands for a camera that is not there."""
+    """Mean and spread of colors, summed up image by image; one all black stands for a camera that is not there."""
 
     def __init__(self) -> None:
         self._count, self._sum, self._squares = 0, np.zeros(3), np.zeros(3)

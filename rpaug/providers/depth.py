@@ -18,7 +18,7 @@ class DepthModel(Protocol):
 
 
 class TorchScript:
-    """A model saved by `torch.jit`: takes (1, 3, h, w) colours in 0..1 and gives as many depths, in any leading shape.
+    """A model saved by `torch.jit`: takes (1, 3, h, w) colors in 0..1 and gives as many depths, in any leading shape.
 
     With `inverse` it gives 1 / depth up to a factor, as models of relative depth do. Raises Unsupported for a file
     that holds none, and for answers of another size.

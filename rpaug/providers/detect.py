@@ -1,6 +1,6 @@
 """Detectors: an image and a few words, and boxes around what the words mean.
 
-The offline default knows roles, colours, shapes and relations and needs a scene: `rpaug.scene.targets.targets`.
+The offline default knows roles, colors, shapes and relations and needs a scene: `rpaug.scene.targets.targets`.
 `GroundingDino` and `Owlv2` are the real models, loaded from a folder that you name.
 """
 

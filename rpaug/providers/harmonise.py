@@ -38,7 +38,7 @@ def ready(method: str) -> None:
 def harmonised(
     method: str, picture: UInt8[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The picture with what the mask marks in colours that suit the rest. Raises RpaugError."""
+    """The picture with what the mask marks in colors that suit the rest. Raises RpaugError."""
     network = _network(method.removeprefix(LIBCOM))
     # libcom takes OpenCV's order of channels and masks of 0 and 255.
     made = network(np.ascontiguousarray(picture[..., ::-1]), mask.astype(np.uint8) * 255)

@@ -35,7 +35,7 @@ class Poses(Protocol):
 class FromFile:
     """A model saved by `torch.jit.save` (`torchscript`) or `torch.export.save` (`export`).
 
-    It takes (n, 3, h, w) colours in 0..1 and gives camera-to-world (n, 4, 4), K (n, 3, 3), points (n, h, w, 3) and,
+    It takes (n, 3, h, w) colors in 0..1 and gives camera-to-world (n, 4, 4), K (n, 3, 3), points (n, h, w, 3) and,
     if it has any, confidence (n, h, w), as `Posed` has them. Raises Unsupported for a file that holds none, and for
     answers of another kind.
     """

@@ -32,7 +32,7 @@ class Segmenter(Protocol):
 class GrabCut:
     """GrabCut (Rother et al. 2004) in the box and a margin around it, enlarged so that small things have pixels.
 
-    What lies in the box is foreground if its colours are unlike those around the box. The same input gives the
+    What lies in the box is foreground if its colors are unlike those around the box. The same input gives the
     same mask.
     """
 

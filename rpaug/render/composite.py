@@ -1,8 +1,8 @@
 """Appearance edits in a fixed camera: only the pixels an edit covers change, the rest keep their bytes.
 
-Where the source is anti-aliased, a pixel on an object's outline is a mixture a F + (1 - a) B of the object's colour
+Where the source is anti-aliased, a pixel on an object's outline is a mixture a F + (1 - a) B of the object's color
 F and what lies behind, B. There the share a is found from the nearest pixels that are wholly inside and wholly
-outside, and the edit adds a (F' - F), so that no rim of the old colour is left and B stays what it was. Such a pixel
+outside, and the edit adds a (F' - F), so that no rim of the old color is left and B stays what it was. Such a pixel
 lies where its nearest pixel inside lies: what is recorded at the pixel itself may be the depth of B.
 """
 
@@ -27,53 +27,53 @@ def composite(
     surfaces: Surfaces,
 ) -> UInt8[np.ndarray, "h w 3"]:
     """The recorded image with appearance edits applied in order. Pixels no edit covers come back bit for bit."""
-    colour = rgb.astype(np.float32) / np.float32(255)
+    color = rgb.astype(np.float32) / np.float32(255)
     touched = np.zeros(rgb.shape[:2], bool)
     for edit in appearance:
         if edit.instance_ids is None:
             everywhere = surfaces(np.arange(touched.size))
-            colour = edit(colour.reshape(-1, 3), everywhere).reshape(colour.shape)
+            color = edit(color.reshape(-1, 3), everywhere).reshape(color.shape)
             touched[:] = True
         elif ids is not None:
             inside = _among(ids, np.array(sorted(edit.instance_ids), ids.dtype))
             if inside.any():
-                touched |= _apply(edit, colour, inside, antialiased, surfaces)
-    return _quantised(rgb, colour, touched)
+                touched |= _apply(edit, color, inside, antialiased, surfaces)
+    return _quantised(rgb, color, touched)
 
 
 def _apply(
     edit: Appearance,
-    colour: Float32[np.ndarray, "h w 3"],
+    color: Float32[np.ndarray, "h w 3"],
     inside: Bool[np.ndarray, "h w"],
     antialiased: bool,
     surfaces: Surfaces,
 ) -> Bool[np.ndarray, "h w"]:
-    """Edit `colour` in place where `inside`, and on the outline by its mixture; the pixels touched."""
+    """Edit `color` in place where `inside`, and on the outline by its mixture; the pixels touched."""
     if not antialiased:
-        colour[inside] = edit(colour[inside], surfaces(np.flatnonzero(inside)))
+        color[inside] = edit(color[inside], surfaces(np.flatnonzero(inside)))
         return inside
-    share, foreground = matte(colour, inside)
+    share, foreground = matte(color, inside)
     whole, mixed = share == 1, (share > 0) & (share < 1)
     front = foreground[mixed]
     change = edit(front, surfaces(_nearest(inside, np.flatnonzero(mixed)))) - front
-    colour[whole] = edit(colour[whole], surfaces(_nearest(inside, np.flatnonzero(whole))))
-    colour[mixed] += share[mixed, None] * change
+    color[whole] = edit(color[whole], surfaces(_nearest(inside, np.flatnonzero(whole))))
+    color[mixed] += share[mixed, None] * change
     return whole | mixed
 
 
 @kernel
 def _quantised(
     rgb: UInt8[np.ndarray, "h w 3"],
-    colour: Float32[np.ndarray, "h w 3"],
+    color: Float32[np.ndarray, "h w 3"],
     touched: Bool[np.ndarray, "h w"],
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The image with the colours of touched pixels rounded to its levels."""
+    """The image with the colors of touched pixels rounded to its levels."""
     out = rgb.copy()
     for y in range(rgb.shape[0]):
         for x in range(rgb.shape[1]):
             if touched[y, x]:
                 for k in range(3):
-                    value = min(max(colour[y, x, k], np.float32(0)), np.float32(1))
+                    value = min(max(color[y, x, k], np.float32(0)), np.float32(1))
                     out[y, x, k] = np.uint8(np.rint(value * np.float32(255)))
     return out
 

@@ -1,4 +1,4 @@
-"""Colours of one image made to match another's, thing by thing, where both show the same points.
+"""Colors of one image made to match another's, thing by thing, where both show the same points.
 
 What two cameras record of one point differs by what depends on where one looks from: highlights, a lamp on the camera,
 exposure. A factor per thing and channel, the median over the points that both see, takes most of it away, so that no
@@ -20,7 +20,7 @@ DARKEST = 8  # of 255: darker channels say nothing about a factor
 
 
 def matched(source: Source, like: Source, tolerance: float) -> Source:
-    """`source` with gains, per thing, that bring its colours to what `like` shows of the same points.
+    """`source` with gains, per thing, that bring its colors to what `like` shows of the same points.
 
     Points are the same where depths agree to `tolerance` of depth and ids are equal. Both sources are lifted.
     """
@@ -53,7 +53,7 @@ def _medians(instance_ids, ratios, known):
 
 @kernel
 def _ratios(near, use, ids, rgb, lens, pose, like_near, like_ids, like_rgb, like_lens, tolerance):
-    """Handle, and colour there / colour here of each point that both images show."""
+    """Handle, and color there / color here of each point that both images show."""
     most = ((near.shape[0] + STRIDE - 1) // STRIDE) * ((near.shape[1] + STRIDE - 1) // STRIDE)
     instance_ids, ratios = np.zeros(most, np.int32), np.zeros((most, 3), np.float32)
     count = 0

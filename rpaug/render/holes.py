@@ -15,13 +15,13 @@ from rpaug.core.jit import kernel
 from rpaug.render.zbuffer import Rendered
 
 FARNESS = 4  # a surface half as far must be 2**4 times closer in the image to be preferred
-SAME_LAYER = 0.03  # of 1/z: walks that end on planes this close blend their colours
+SAME_LAYER = 0.03  # of 1/z: walks that end on planes this close blend their colors
 VOTES, REACH = 3, 3  # rounds of voting, and the pixels on each side that vote
 AXES = ((0, 1), (1, 0), (1, 1), (1, -1))  # rows and columns of a step
 
 
 def fill(view: Rendered) -> Rendered:
-    """The view with its holes filled in colour, depth and ids; `hole` and `source` stay as they were.
+    """The view with its holes filled in color, depth and ids; `hole` and `source` stay as they were.
 
     A view in which nothing was drawn stays black with depth 0.
     """
@@ -147,7 +147,7 @@ def _cheapest(ids, ends, away, plane, instance_id):
 
 @kernel
 def _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen):
-    """Write the chosen surfaces into the images, colours blended over walks to the same one."""
+    """Write the chosen surfaces into the images, colors blended over walks to the same one."""
     for n in range(len(rows)):
         if chosen[n] < 0:
             continue

@@ -1,4 +1,4 @@
-"""Colours of drawn pixels, looked up where their points were recorded."""
+"""Colors of drawn pixels, looked up where their points were recorded."""
 
 import numpy as np
 
@@ -6,16 +6,16 @@ from rpaug.core.jit import inlined, kernel
 from rpaug.render.pinhole import NEAR, map_pixel
 
 ENOUGH = 0.3  # of the taps' weight must be on the same thing, or its nearest pixel counts alone
-BLENDED = 3  # sources whose colours are averaged at most, where the first does not show the place
-ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel's colour unblended
+BLENDED = 3  # sources whose colors are averaged at most, where the first does not show the place
+ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel's color unblended
 
 
 @kernel
-def add_colour(
+def add_color(
     rgb, ids, near, use, instance_ids, factors, lens, back, target, index, tolerance, nearest, source, pixel, won, out,
     total,
 ):  # fmt: skip
-    """Add this source's colour to each pixel that it won, or that another but the first won and it shows too."""
+    """Add this source's color to each pixel that it won, or that another but the first won and it shows too."""
     across, along, found = np.empty(4), np.empty(4), np.empty(3)
     height, width = ids.shape
     for v in range(nearest.shape[0]):
@@ -55,7 +55,7 @@ def add_colour(
 
 @kernel
 def _between(rgb, ids, x, y, row, column, across, along, found):
-    """Colour in 0..1 at (x, y) between pixels, from those of the same thing as pixel (row, column) alone."""
+    """Color in 0..1 at (x, y) between pixels, from those of the same thing as pixel (row, column) alone."""
     height, width = ids.shape
     j, i = int(np.floor(x)), int(np.floor(y))
     _cubic(x - j, across)
@@ -65,7 +65,7 @@ def _between(rgb, ids, x, y, row, column, across, along, found):
         for b in range(4):
             r, c = i - 1 + a, j - 1 + b
             if not (0 <= r < height and 0 <= c < width) or ids[r, c] != ids[row, column]:
-                continue  # another thing's colour would make a halo
+                continue  # another thing's color would make a halo
             weight = along[a] * across[b]
             total += weight
             red += weight * rgb[r, c, 0]

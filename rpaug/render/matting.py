@@ -1,6 +1,6 @@
-"""How much of each outline pixel an anti-aliased object covers, and in what colour it does.
+"""How much of each outline pixel an anti-aliased object covers, and in what color it does.
 
-There a pixel is a mixture a F + (1 - a) B of the object's colour F and what lies behind, B. All three are unknown;
+There a pixel is a mixture a F + (1 - a) B of the object's color F and what lies behind, B. All three are unknown;
 F and B are taken from pixels nearby (sampling matting, Wang and Cohen 2007), and the mask says where a half is likely.
 """
 
@@ -9,14 +9,14 @@ from jaxtyping import Bool, Float32
 
 from rpaug.core.jit import kernel
 
-REACH = 4  # pixels: how far to look for unmixed colours
+REACH = 4  # pixels: how far to look for unmixed colors
 MOST = 10  # of them, on each side
 MIXED = 6  # pixels of the outline itself, on each side
 BLUR = 0.001  # cost of a sample that may itself be mixed
-HUES = 4  # colours that stand for all of the object's
-LEAST_HUE = 0.01  # squared colour distance between two of them
-PAIR = 0.0003  # cost of taking the object's part for a mixture of two of its own colours
-TEXTURE = 0.02  # colour distance by which neighbouring pixels of one surface differ
+HUES = 4  # colors that stand for all of the object's
+LEAST_HUE = 0.01  # squared color distance between two of them
+PAIR = 0.0003  # cost of taking the object's part for a mixture of two of its own colors
+TEXTURE = 0.02  # color distance by which neighbouring pixels of one surface differ
 DOUBT = 0.35  # of a pixel: how far a share may well be from what the mask suggests
 WEIGHT = (TEXTURE / DOUBT) ** 2
 SHADING = 0.03  # how much a difference in light between neighbouring faces costs
@@ -25,20 +25,20 @@ UNMIXED = 0.008  # cost of taking a pixel on the outline for unmixed though a mi
 
 @kernel
 def matte(
-    colour: Float32[np.ndarray, "h w 3"], inside: Bool[np.ndarray, "h w"]
+    color: Float32[np.ndarray, "h w 3"], inside: Bool[np.ndarray, "h w"]
 ) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h w 3"]]:
-    """The object's share a of each pixel, 0..1, and its own colour F there.
+    """The object's share a of each pixel, 0..1, and its own color F there.
 
-    Only pixels with one of their 8 neighbours across the outline can be mixed. For those, every pair of unmixed colours
+    Only pixels with one of their 8 neighbours across the outline can be mixed. For those, every pair of unmixed colors
     (F, B) nearby proposes a share, and the pair that explains the pixel best is taken (sampling matting, Wang and
     Cohen 2007). How much of the 3 x 3 neighbourhood is inside serves as the prior share, which alone decides where both
     sides look alike. What the pair leaves unexplained is split between F and B.
     """
     height, width = inside.shape
     share = np.zeros((height, width), np.float32)
-    foreground = colour.copy()
+    foreground = color.copy()
     rim = _rim(inside)
-    palette, hues = _palette(colour, inside, rim)
+    palette, hues = _palette(color, inside, rim)
     for y in range(height):
         for x in range(width):
             share[y, x] = 1.0 if inside[y, x] else 0.0
@@ -50,17 +50,17 @@ def matte(
             least = WEIGHT * (share[y, x] - prior) ** 2 + UNMIXED
             for f in range(fronts):
                 for b in range(backs):
-                    cost, part, light = _explain(colour, y, x, front[f], back[b], prior)
+                    cost, part, light = _explain(color, y, x, front[f], back[b], prior)
                     cost += BLUR * (rim[front[f, 0], front[f, 1]] + rim[back[b, 0], back[b, 1]])
                     if cost < least:
                         least = cost
                         share[y, x] = part
-                        _own_colour(colour, y, x, front[f], back[b], part, light, foreground)
+                        _own_color(color, y, x, front[f], back[b], part, light, foreground)
             for p in range(hues):
                 for q in range(p):
                     for b in range(backs):
                         one, other = palette[p], palette[q]
-                        cost, a, c = _explain_two(colour, y, x, one, other, back[b], prior)
+                        cost, a, c = _explain_two(color, y, x, one, other, back[b], prior)
                         if cost < least:
                             least = cost
                             share[y, x] = a + c
@@ -70,8 +70,8 @@ def matte(
 
 
 @kernel
-def _palette(colour: np.ndarray, inside: np.ndarray, rim: np.ndarray) -> tuple[np.ndarray, int]:
-    """Up to `HUES` colours of the object that differ most: each the farthest from those before it."""
+def _palette(color: np.ndarray, inside: np.ndarray, rim: np.ndarray) -> tuple[np.ndarray, int]:
+    """Up to `HUES` colors of the object that differ most: each the farthest from those before it."""
     height, width = inside.shape
     palette = np.zeros((HUES, 3), np.float32)
     count = 0
@@ -85,20 +85,20 @@ def _palette(colour: np.ndarray, inside: np.ndarray, rim: np.ndarray) -> tuple[n
                 for p in range(count):
                     away = 0.0
                     for c in range(3):
-                        away += (colour[y, x, c] - palette[p, c]) ** 2
+                        away += (color[y, x, c] - palette[p, c]) ** 2
                     nearest = min(nearest, away)
                 if nearest > best:
                     best, at_y, at_x = nearest, y, x
         if at_y < 0:
             break
-        palette[count] = colour[at_y, at_x]
+        palette[count] = color[at_y, at_x]
         count += 1
     return palette, count
 
 
 @kernel
 def _explain_two(
-    colour: np.ndarray,
+    color: np.ndarray,
     y: int,
     x: int,
     one: np.ndarray,
@@ -106,11 +106,11 @@ def _explain_two(
     back: np.ndarray,
     prior: float,
 ) -> tuple[float, float, float]:
-    """Cost and shares a, c of the best mixture of two colours of the object and one behind; infinite if none is."""
+    """Cost and shares a, c of the best mixture of two colors of the object and one behind; infinite if none is."""
     aa = ac = cc = da = dc = 0.0
     for k in range(3):
-        b = colour[back[0], back[1], k]
-        f, g, rest = one[k] - b, other[k] - b, colour[y, x, k] - b
+        b = color[back[0], back[1], k]
+        f, g, rest = one[k] - b, other[k] - b, color[y, x, k] - b
         aa, ac, cc, da, dc = aa + f * f, ac + f * g, cc + g * g, da + f * rest, dc + g * rest
     aa, ac, cc = aa + WEIGHT, ac + WEIGHT, cc + WEIGHT
     da, dc = da + WEIGHT * prior, dc + WEIGHT * prior
@@ -122,8 +122,8 @@ def _explain_two(
         return np.inf, 0.0, 0.0
     cost = WEIGHT * (a + c - prior) ** 2 + PAIR
     for k in range(3):
-        mixed = a * one[k] + c * other[k] + (1.0 - a - c) * colour[back[0], back[1], k]
-        cost += (colour[y, x, k] - mixed) ** 2
+        mixed = a * one[k] + c * other[k] + (1.0 - a - c) * color[back[0], back[1], k]
+        cost += (color[y, x, k] - mixed) ** 2
     return cost, a, c
 
 
@@ -160,7 +160,7 @@ def _candidates(
 ) -> tuple[np.ndarray, int]:
     """The nearest pixels of one side as (row, column), and how many: `MOST` unmixed, then `MIXED` on the outline.
 
-    A thing so thin that all of it is outline, or a part of another colour, shows on the outline only.
+    A thing so thin that all of it is outline, or a part of another color, shows on the outline only.
     """
     height, width = inside.shape
     found = np.zeros((MOST + MIXED, 2), np.int64)
@@ -188,16 +188,16 @@ def _candidates(
 
 @kernel
 def _explain(
-    colour: np.ndarray, y: int, x: int, front: np.ndarray, back: np.ndarray, prior: float
+    color: np.ndarray, y: int, x: int, front: np.ndarray, back: np.ndarray, prior: float
 ) -> tuple[float, float, float]:
-    """Cost, share a and light s of the best mixture a s F + (1 - a) B of two colours.
+    """Cost, share a and light s of the best mixture a s F + (1 - a) B of two colors.
 
     Least squares in (a s, a), held to the prior share and to s = 1: a face turned another way is darker or brighter.
     """
     ff = fb = bb = fd = bd = 0.0
     for c in range(3):
-        f, b = colour[front[0], front[1], c], colour[back[0], back[1], c]
-        rest = colour[y, x, c] - b
+        f, b = color[front[0], front[1], c], color[back[0], back[1], c]
+        rest = color[y, x, c] - b
         ff, fb, bb, fd, bd = ff + f * f, fb + f * b, bb + b * b, fd + f * rest, bd + b * rest
     steady = SHADING * ff + 1e-6
     own, cross, other = ff + steady, fb + steady, bb + steady + WEIGHT
@@ -207,14 +207,14 @@ def _explain(
     lit = min(2.0 * part, max(0.0, (fd + cross * part) / own))
     cost = WEIGHT * (part - prior) ** 2 + steady * (lit - part) ** 2
     for c in range(3):
-        mixed = lit * colour[front[0], front[1], c] + (1.0 - part) * colour[back[0], back[1], c]
-        cost += (colour[y, x, c] - mixed) ** 2
+        mixed = lit * color[front[0], front[1], c] + (1.0 - part) * color[back[0], back[1], c]
+        cost += (color[y, x, c] - mixed) ** 2
     return cost, part, lit / part if part > 0 else 1.0
 
 
 @kernel
-def _own_colour(
-    colour: np.ndarray,
+def _own_color(
+    color: np.ndarray,
     y: int,
     x: int,
     front: np.ndarray,
@@ -223,9 +223,9 @@ def _own_colour(
     light: float,
     out: np.ndarray,
 ) -> None:
-    """The object's colour at the pixel: the sampled one, moved by its part of what the mixture leaves over."""
+    """The object's color at the pixel: the sampled one, moved by its part of what the mixture leaves over."""
     for c in range(3):
-        f, b = light * colour[front[0], front[1], c], colour[back[0], back[1], c]
-        left = colour[y, x, c] - part * f - (1.0 - part) * b
+        f, b = light * color[front[0], front[1], c], color[back[0], back[1], c]
+        left = color[y, x, c] - part * f - (1.0 - part) * b
         own = f + left * part / (part**2 + (1.0 - part) ** 2)
         out[y, x, c] = min(1.0, max(0.0, own))

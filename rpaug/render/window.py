@@ -10,8 +10,8 @@ from rpaug.render.outlines import RADIUS, Footprints
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 from rpaug.render.zbuffer import Source, nearness
 
-RIM = RADIUS + 1  # pixels more on each side: outlines and colours are told by neighbours
-AROUND = 16  # pixels around what is drawn anew, by which recordings are matched in colour
+RIM = RADIUS + 1  # pixels more on each side: outlines and colors are told by neighbours
+AROUND = 16  # pixels around what is drawn anew, by which recordings are matched in color
 
 
 @dataclass(frozen=True)

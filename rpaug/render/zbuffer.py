@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int16, Int32, UInt8
 
 from rpaug.core.jit import inlined, kernel
-from rpaug.render.lookup import add_colour
+from rpaug.render.lookup import add_color
 from rpaug.render.outlines import BEFORE, BEHIND, HALF, INSIDE, WIDE, Footprints, footprints
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 
@@ -29,7 +29,7 @@ BEYOND = 1 << 16  # added to the rank of what reaches past its own pixel: later 
 
 @dataclass(frozen=True)
 class Gains:
-    """Factors on the colours of some instance ids."""
+    """Factors on the colors of some instance ids."""
 
     instance_ids: Int32[np.ndarray, "n"]
     factors: Float32[np.ndarray, "n 3"]
@@ -45,7 +45,7 @@ class Source:
     `depth` is in metres, 0 or non-finite where the sensor saw nothing. `use` picks the pixels to draw (None: all);
     `distant` also draws those without depth, as infinitely far; `carved` drops what the witness saw through.
     `before` draws it as if it came earlier than all that are not. `lifted` are the footprints, if they were worked out
-    before (with `lift`), and `gains` factors on its colours.
+    before (with `lift`), and `gains` factors on its colors.
     """
 
     K: Float64[np.ndarray, "3 3"]
@@ -82,12 +82,12 @@ class Rendered:
 
     @property
     def image(self) -> UInt8[np.ndarray, "h w 3"]:
-        """The colours as 8-bit pixels."""
+        """The colors as 8-bit pixels."""
         return to_bytes(self.rgb)
 
 
 def to_bytes(rgb: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
-    """Colours in 0..1 as 8-bit pixels; undoes a division by 255 exactly."""
+    """Colors in 0..1 as 8-bit pixels; undoes a division by 255 exactly."""
     return np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
 
 
@@ -136,7 +136,7 @@ def render(
     for index, each in enumerate(lifted):
         assert each.lifted is not None
         use = np.ones(each.ids.shape, bool) if each.use is None else each.use
-        add_colour(
+        add_color(
             each.rgb, each.ids, each.lifted.near, use, each.gains.instance_ids, each.gains.factors, intrinsics(each.K),
             relative(cam_to_world, each.cam_to_world), target, index, tolerance, nearest, source, pixel, ids, rgb,
             weight,

@@ -5,14 +5,14 @@ import numpy as np
 from rpaug.core import sampling
 from rpaug.core.types import Episode
 
-STRONG = 0.04  # squared colour step of an edge worth judging
-FLAT = 0.003  # squared colour step within one side that still counts as flat
+STRONG = 0.04  # squared color step of an edge worth judging
+FLAT = 0.003  # squared color step within one side that still counts as flat
 MIXED_SHARE = 0.25  # 4x multisampling mixes three edges in four; textures alone mix few
 LEAST_EDGES = 30
 
 
 def detect(episode: Episode, count: int = 4) -> bool:
-    """True if outline pixels are mixtures of the colours on either side.
+    """True if outline pixels are mixtures of the colors on either side.
 
     Looks at runs of six pixels across an outline: two of each side away from it must be flat, and the two that
     meet are judged by where they lie between the sides.

@@ -1,6 +1,6 @@
 """From an episode to the scene that a plan asks for: its instances come from the first of four sources that suits it.
 
-A video of a moving camera (`rpaug.scene.video`), colour images alone, motion of what has depth but no masks, and masks
+A video of a moving camera (`rpaug.scene.video`), color images alone, motion of what has depth but no masks, and masks
 that were recorded. They share what they are asked and what they answer (`rpaug.scene.instances.found`), and no method:
 what each makes of its pixels stays in its own module. Single images of rollouts, which belong to no episode, are
 compared by `rpaug.diagnosis.things`.
@@ -34,7 +34,7 @@ def build(
     """The recorded scene. Bodies and roles are found only where an edit needs to know them.
 
     `arms` are those whose links are looked for; `arms.read` adds one from a URDF or MJCF file. Where
-    instances are needed and an episode has depth but no masks, they are told by motion; without depth, by colour too,
+    instances are needed and an episode has depth but no masks, they are told by motion; without depth, by color too,
     and the model that `depth` names guesses it (`rpaug.providers.depth`).
     """
     if not with_bodies:
@@ -44,7 +44,7 @@ def build(
 
 @dataclass(frozen=True)
 class ByImages:
-    """Colour images alone; the model that `depth` names guesses depth (`rpaug.providers.depth`)."""
+    """Color images alone; the model that `depth` names guesses depth (`rpaug.providers.depth`)."""
 
     depth: str | None = None
     gives_way: bool = False

@@ -32,7 +32,7 @@ KINDS = (*CHANNELS, "K", "cam_to_world")
 
 
 class Wrapper:
-    """Puts edited images into samples. `cameras` says where: per camera of the recording, the key of its colour image,
+    """Puts edited images into samples. `cameras` says where: per camera of the recording, the key of its color image,
     or a mapping of kinds to keys; `a/b` is key b of what stands at key a, unless `a/b` is a key itself."""
 
     def __init__(

@@ -25,7 +25,7 @@ SLICES = 28  # of a cylinder, as MuJoCo's own
 class Cover:
     """An image that repeats every `side` metres: one of `textures.KINDS`, drawn from `seed`.
 
-    It takes the place of a part's colours, texture and tint; a tint given in the look multiplies it.
+    It takes the place of a part's colors, texture and tint; a tint given in the look multiplies it.
     """
 
     kind: str

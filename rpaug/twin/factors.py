@@ -18,7 +18,7 @@ from rpaug.twin.look import Bump, Look, TwinLamp
 from rpaug.twin.staging import StagedTask
 from rpaug.twin.world import Vector, World
 
-BRIGHTEST_LAMP = 0.5  # COLOSSEUM draws the lamps' diffuse colour from U[0, 0.5]^3
+BRIGHTEST_LAMP = 0.5  # COLOSSEUM draws the lamps' diffuse color from U[0, 0.5]^3
 DARKEST_TABLE = 0.25  # and the table's from U[0.25, 1]^3
 FURTHEST_SHIFT = 0.1  # metres, each way along each axis
 FURTHEST_TURN = 0.05  # radians
@@ -59,7 +59,7 @@ def texture(smallest: float, largest: float) -> "Change":
 
 
 def light_color(look: Look, names: Names, value: Any, rng: np.random.Generator) -> Look:
-    """Another diffuse colour (r, g, b) for every lamp; the ambient light follows."""
+    """Another diffuse color (r, g, b) for every lamp; the ambient light follows."""
     return replace(look, light=_vector(value, rng, 0.0, BRIGHTEST_LAMP))
 
 

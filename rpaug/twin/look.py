@@ -11,7 +11,7 @@ from rpaug.twin.covers import Cover
 from rpaug.twin.world import Vector
 
 # At this brightness an upward face is lit to 1.0: a lamp that COLOSSEUM's light factor changes only gets darker,
-# so that OpenGL never clips the lit colour and the truth is a plain ratio.
+# so that OpenGL never clips the lit color and the truth is a plain ratio.
 LAMPS: Vector = (0.5, 0.5, 0.5)
 
 
@@ -62,9 +62,9 @@ class Extra:
 class Look:
     """How the world looks.
 
-    `tints` replaces the colour that multiplies a part's albedo, by part name. `light` is the
-    diffuse colour of every lamp; the ambient light goes with it. `bumps` moves cameras by name.
-    `antialias` smooths the colour images, never depth or ids. `texture_seed` draws the textures;
+    `tints` replaces the color that multiplies a part's albedo, by part name. `light` is the
+    diffuse color of every lamp; the ambient light goes with it. `bumps` moves cameras by name.
+    `antialias` smooths the color images, never depth or ids. `texture_seed` draws the textures;
     None takes the recording's own seed. `covers` lays images on parts, by name; `lamps` says where
     the light comes from. `headlight` is the brightness of a lamp on the camera itself. Parts named in `absent` are not
     there; `scales` makes parts larger or smaller about their foot. `extras` are meshes that stand there as well.

@@ -190,7 +190,7 @@ def _add_part(asset: Xml.Element, body: Xml.Element, part: Part, look: Look) -> 
             asset,
             "material",
             name=name,
-            rgba=_text((*(tint if cover else np.multiply(tint, geom.colour)), 1)),
+            rgba=_text((*(tint if cover else np.multiply(tint, geom.color)), 1)),
             specular="0.5" if look.specular else "0",
             shininess="0.2",
         )

@@ -97,8 +97,8 @@ def bodies(base: Float[np.ndarray, "4 4"]) -> tuple[TwinBody, ...]:
     out.append(TwinBody("hand", (Part("hand", _HAND),), HAND, "link7"))
     for name, side in (("finger_left", 1.0), ("finger_right", -1.0)):
         finger = (
-            Geom("box", (0.010, 0.006, 0.016), (0, side * 0.009, 0.016), colour=_SHELL),
-            Geom("box", (0.009, 0.006, 0.014), (0, side * 0.006, 0.040), colour=_RUBBER),
+            Geom("box", (0.010, 0.006, 0.016), (0, side * 0.009, 0.016), color=_SHELL),
+            Geom("box", (0.009, 0.006, 0.014), (0, side * 0.006, 0.040), color=_RUBBER),
         )
         out.append(
             TwinBody(name, (Part(name, finger),), _lift(0.0584), "hand", ("slide", (0, side, 0)))
@@ -136,12 +136,12 @@ _ORIGINS = tuple(_joint_origin(*step) for step in DH)
 HAND = _lift(FLANGE) @ _turn(HAND_TURN)
 
 
-def _tube(radius: float, start: Vector, end: Vector, colour: Vector = _SHELL) -> Geom:
-    return Geom("capsule", (radius,), start, end, colour)
+def _tube(radius: float, start: Vector, end: Vector, color: Vector = _SHELL) -> Geom:
+    return Geom("capsule", (radius,), start, end, color)
 
 
-def _drum(radius: float, start: Vector, end: Vector, colour: Vector = _JOINT) -> Geom:
-    return Geom("cylinder", (radius,), start, end, colour)
+def _drum(radius: float, start: Vector, end: Vector, color: Vector = _JOINT) -> Geom:
+    return Geom("cylinder", (radius,), start, end, color)
 
 
 _BASE = (
@@ -169,6 +169,6 @@ _LINKS = (
     ),
 )
 _HAND = (
-    Geom("box", (0.020, 0.095, 0.024), (0, 0, 0.028), colour=_SHELL),
-    Geom("box", (0.016, 0.085, 0.006), (0, 0, 0.054), colour=_JOINT),
+    Geom("box", (0.020, 0.095, 0.024), (0, 0, 0.028), color=_SHELL),
+    Geom("box", (0.016, 0.085, 0.006), (0, 0, 0.054), color=_JOINT),
 )

@@ -210,7 +210,7 @@ def _views(
 
 
 def _blank(length: int, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Room for colour, depth and handles of a whole episode in one camera."""
+    """Room for color, depth and handles of a whole episode in one camera."""
     shape = (length, size, size)
     return np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32)
 

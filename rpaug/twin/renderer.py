@@ -1,4 +1,4 @@
-"""Pictures of the world by OpenGL in software: colour, depth in metres, and the handle under each pixel."""
+"""Pictures of the world by OpenGL in software: color, depth in metres, and the handle under each pixel."""
 
 import os
 from collections.abc import Mapping
@@ -53,9 +53,9 @@ class Renderer:
         self._option.flags[mujoco.mjtVisFlag.mjVIS_FLEXSKIN] = True
         self._whole = mujoco.MjrRect(0, 0, size, size)
         self._gl = open_gl(size)
-        self._colour = self._buffer(4 if look.antialias else 0)
+        self._color = self._buffer(4 if look.antialias else 0)
         # Depth and ids must name one surface per pixel, so they never share a multisampled buffer.
-        self._exact = self._buffer(0) if look.antialias else self._colour
+        self._exact = self._buffer(0) if look.antialias else self._color
         self._rgb = np.empty((size, size, 3), np.uint8)
         self._depth = np.empty((size, size), np.float32)
 
@@ -89,13 +89,13 @@ class Renderer:
         )
 
     def render(self, camera: Camera, t: int, near: float, far: float) -> Frame:
-        """Colour, depth (0 where nothing is) and handles (0 there) as `camera` sees the posed world at t."""
+        """Color, depth (0 where nothing is) and handles (0 there) as `camera` sees the posed world at t."""
         self._aim(camera, t, near, far)
-        return self._draw_colour(), *self._draw_surfaces(near, far)
+        return self._draw_color(), *self._draw_surfaces(near, far)
 
     def close(self) -> None:
         """Free the OpenGL context."""
-        self._colour.free()
+        self._color.free()
         self._exact.free()
         self._gl.free()
 
@@ -121,9 +121,9 @@ class Renderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
         mujoco.mjr_render(self._whole, self._scene, context)
 
-    def _draw_colour(self) -> UInt8[np.ndarray, "h w 3"]:
-        self._draw(self._colour)
-        mujoco.mjr_readPixels(self._rgb, None, self._whole, self._colour)
+    def _draw_color(self) -> UInt8[np.ndarray, "h w 3"]:
+        self._draw(self._color)
+        mujoco.mjr_readPixels(self._rgb, None, self._whole, self._color)
         return self._rgb[::-1].copy()
 
     def _draw_surfaces(

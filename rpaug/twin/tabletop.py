@@ -159,9 +159,9 @@ def _stove(pose: Float[np.ndarray, "4 4"]) -> TwinBody:
     """A cooktop with one hot plate, and two knobs on its far edge that have handles of their own."""
     x, y, height = STOVE
     at, radius, thick = PLATE
-    steel = Geom("box", (x, y, height / 2), (0, 0, height / 2), colour=(0.80, 0.81, 0.83))
+    steel = Geom("box", (x, y, height / 2), (0, 0, height / 2), color=(0.80, 0.81, 0.83))
     plate = Geom(
-        "cylinder", (radius,), (at, 0, height), (at, 0, height + thick), colour=(0.16, 0.15, 0.15)
+        "cylinder", (radius,), (at, 0, height), (at, 0, height + thick), color=(0.16, 0.15, 0.15)
     )
     knobs = tuple(
         Part(

@@ -71,7 +71,7 @@ def open_drawer(rng: np.random.Generator) -> StagedTask:
 def pick_block(rng: np.random.Generator) -> StagedTask:
     """Take a block, lift it and set it down on the pad."""
     variation = int(rng.integers(2))
-    name, colour = (("block_plain", "red"), ("block_two_coloured", "red and yellow"))[variation]
+    name, color = (("block_plain", "red"), ("block_two_coloured", "red and yellow"))[variation]
     cabinet = upright(
         0.34 + rng.uniform(-0.02, 0.02), 0.26, 0.0, np.deg2rad(-75.0) + rng.uniform(-0.1, 0.1)
     )
@@ -105,8 +105,8 @@ def pick_block(rng: np.random.Generator) -> StagedTask:
         script,
         name,
         (
-            f"put the {colour} block on the pad",
-            f"pick up the {colour} block and set it down on the pad",
+            f"put the {color} block on the pad",
+            f"pick up the {color} block and set it down on the pad",
         ),
         variation,
         "pad",

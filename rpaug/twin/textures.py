@@ -25,32 +25,32 @@ def noise(
 
 
 def grain(
-    rng: np.random.Generator, colour: tuple[float, float, float], stretch: float, contrast: float
+    rng: np.random.Generator, color: tuple[float, float, float], stretch: float, contrast: float
 ) -> UInt8[np.ndarray, "n n 3"]:
-    """`colour` with fibres `stretch` times longer than wide (1: plaster, 12: wood), in five octaves."""
+    """`color` with fibres `stretch` times longer than wide (1: plaster, 12: wood), in five octaves."""
     shade = sum(
         0.75**octave * noise(rng, (wavelength, wavelength * stretch))
         for octave, wavelength in enumerate((64, 32, 16, 8, 4))
     )
     shade = 1 + contrast * (shade / np.std(shade) + 0.3 * noise(rng, (1, stretch)))
-    return _image(np.asarray(colour) * shade[..., None])
+    return _image(np.asarray(color) * shade[..., None])
 
 
 def tiles(
-    rng: np.random.Generator, colour: tuple[float, float, float], count: int
+    rng: np.random.Generator, color: tuple[float, float, float], count: int
 ) -> UInt8[np.ndarray, "n n 3"]:
     """`count` x `count` tiles, each of its own shade, with grout between and plaster-like grain."""
     cell = np.arange(SIDE) * count // SIDE
     shade = (1 + 0.06 * rng.standard_normal((count, count)))[cell[:, None], cell]
     edge = (np.arange(SIDE) * count % SIDE) < 3 * count
     shade = np.where(edge[:, None] | edge, 0.72, shade)
-    return _image(grain(rng, colour, 1, 0.025) / 255.0 * shade[..., None])
+    return _image(grain(rng, color, 1, 0.025) / 255.0 * shade[..., None])
 
 
 def halves(
     first: tuple[float, float, float], second: tuple[float, float, float]
 ) -> UInt8[np.ndarray, "n n 3"]:
-    """Two plain colours, side by side."""
+    """Two plain colors, side by side."""
     left = np.arange(SIDE)[None, :, None] < SIDE // 2
     return _image(np.where(left, first, second) * np.ones((SIDE, 1, 1)))
 
@@ -60,7 +60,7 @@ def marble(
     first: tuple[float, float, float],
     second: tuple[float, float, float],
 ) -> UInt8[np.ndarray, "n n 3"]:
-    """Veins of one colour through another."""
+    """Veins of one color through another."""
     vein = np.sin(2.5 * noise(rng, (120, 120)) + 0.8 * noise(rng, (40, 40)))
     mix = 0.5 + 0.45 * vein + 0.04 * noise(rng, (4, 4))
     return _image(np.asarray(first) + np.clip(mix, 0, 1)[..., None] * np.subtract(second, first))
@@ -69,7 +69,7 @@ def marble(
 def checks(
     first: tuple[float, float, float], second: tuple[float, float, float], count: int
 ) -> UInt8[np.ndarray, "n n 3"]:
-    """`count` x `count` squares of two colours in turn; an even count repeats without a seam."""
+    """`count` x `count` squares of two colors in turn; an even count repeats without a seam."""
     cell = np.arange(SIDE) * count // SIDE
     odd = (cell[:, None] + cell) % 2 == 1
     return _image(np.where(odd[..., None], first, second))
@@ -80,19 +80,19 @@ def spots(
     first: tuple[float, float, float],
     second: tuple[float, float, float],
 ) -> UInt8[np.ndarray, "n n 3"]:
-    """Blotches of one colour on another, with soft rims."""
+    """Blotches of one color on another, with soft rims."""
     mix = 0.5 + 0.5 * np.tanh(3 * (noise(rng, (70, 70)) - 0.6))
     return _image(np.asarray(second) + mix[..., None] * np.subtract(first, second))
 
 
 @lru_cache(32)  # one picture covers several parts
 def picture(kind: str, seed: int) -> UInt8[np.ndarray, "n n 3"]:
-    """One of the `KINDS` in colours and details that the seed draws."""
+    """One of the `KINDS` in colors and details that the seed draws."""
     rng = np.random.default_rng(seed)
-    return _PICTURES[kind](rng, _colour(rng), _colour(rng))
+    return _PICTURES[kind](rng, _color(rng), _color(rng))
 
 
-def _colour(rng: np.random.Generator) -> tuple[float, float, float]:
+def _color(rng: np.random.Generator) -> tuple[float, float, float]:
     red, green, blue = rng.uniform(0.2, 0.95, 3)
     return float(red), float(green), float(blue)
 
@@ -108,5 +108,5 @@ _PICTURES: Mapping[str, Callable[..., UInt8[np.ndarray, "n n 3"]]] = {
 KINDS = tuple(_PICTURES)
 
 
-def _image(colour: Float[np.ndarray, "n n 3"]) -> UInt8[np.ndarray, "n n 3"]:
-    return np.clip(np.round(colour * 255), 0, 255).astype(np.uint8)
+def _image(color: Float[np.ndarray, "n n 3"]) -> UInt8[np.ndarray, "n n 3"]:
+    return np.clip(np.round(color * 255), 0, 255).astype(np.uint8)

@@ -56,7 +56,7 @@ class Truth:
 
     @property
     def light(self) -> tuple[Vector, Vector]:
-        """The lamps' diffuse colour, old and new."""
+        """The lamps' diffuse color, old and new."""
         return self.old.light, self.new.light
 
     @property
@@ -69,7 +69,7 @@ class Truth:
         }
 
     def describe(self) -> dict[str, Any]:
-        """The facts as plain values; colours are display values, lengths metres, angles radians.
+        """The facts as plain values; colors are display values, lengths metres, angles radians.
 
         A receiver, changed handles, covers and a distance to roam are left out where there are none.
         """
@@ -98,14 +98,14 @@ def changed_tints(world: World, old: Look, new: Look) -> dict[int, tuple[Vector,
 
 
 def mean_albedos(world: World, look: Look) -> dict[int, Vector]:
-    """Tint times the mean of colour and texture over a part's shapes, rounded to 1e-6, by handle."""
+    """Tint times the mean of color and texture over a part's shapes, rounded to 1e-6, by handle."""
     out = {}
     for part in (part for body in world.bodies for part in body.parts):
         cover = look.covers.get(part.name) or (part.flex.printed if part.flex else None)
         if cover:
             mean, tint = cover.image.mean((0, 1)) / 255, look.tints.get(part.name, WHITE)
         else:
-            mean, tint = _own_colour(world, part), look.tints.get(part.name, part.tint)
+            mean, tint = _own_color(world, part), look.tints.get(part.name, part.tint)
         red, green, blue = mean * tint
         out[world.handles[part.name]] = (
             round(float(red), 6),
@@ -130,10 +130,10 @@ def laid(
     return out
 
 
-def _own_colour(world: World, part: Part) -> Float[np.ndarray, "3"]:
+def _own_color(world: World, part: Part) -> Float[np.ndarray, "3"]:
     plain = np.full((1, 1, 3), 255, np.uint8)
     shapes = [
-        world.textures.get(geom.texture or "", plain).mean((0, 1)) / 255 * geom.colour
+        world.textures.get(geom.texture or "", plain).mean((0, 1)) / 255 * geom.color
         for geom in part.geoms
     ]
     return np.mean(shapes, 0)

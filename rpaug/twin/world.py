@@ -21,14 +21,14 @@ class Geom:
 
     `size` is MuJoCo's: half extents of a box or a plane in metres, the radius of the others. A
     capsule or cylinder runs from `start` to `end`; the others sit at `start`, a box turned by `yaw`
-    about z. Its albedo is tint of the part * `colour` * texture.
+    about z. Its albedo is tint of the part * `color` * texture.
     """
 
     shape: Literal["box", "plane", "sphere", "capsule", "cylinder"]
     size: tuple[float, ...]
     start: Vector = (0.0, 0.0, 0.0)
     end: Vector | None = None
-    colour: Vector = WHITE
+    color: Vector = WHITE
     texture: str | None = None
     yaw: float = 0.0
 

@@ -63,7 +63,7 @@ def test_what_cannot_stand_falls():
 def test_search():
     assert {asset.name for asset in library.find(category="mug")} == {"mug_red", "mug_blue"}
     assert all(asset.largest >= 0.2 for asset in library.find(size=(0.2, 1.0)))
-    assert "can_red" in {asset.name for asset in library.find(colour="red")} | {"can_red"}
+    assert "can_red" in {asset.name for asset in library.find(color="red")} | {"can_red"}
     with pytest.raises(TargetError, match="categories are: ball"):
         library.find(category="piano")
 
@@ -76,7 +76,7 @@ def test_a_mesh_is_added_found_and_not_overwritten(tmp_path):
     asset = library.add("crate", "box", thing, "crate.ply")
     assert asset.size == pytest.approx((0.1, 0.2, 0.3))
     assert library.get("crate") == asset
-    assert asset.colour == "blue"
+    assert asset.color == "blue"
     np.testing.assert_array_equal(library.mesh("crate").faces, thing.faces)
     with pytest.raises(BadInput, match="a name that is free"):
         library.add("crate", "box", thing, "crate.ply")
@@ -119,7 +119,7 @@ def test_people_bring_meshes_of_every_kind(tmp_path, ending):
         cv2.imwrite(str(tmp_path / "clay.png"), np.full((4, 4, 3), (30, 60, 200), np.uint8))
     else:
         mesh = trimesh.creation.box((20, 10, 8))
-        if ending != "stl":  # which knows no colours
+        if ending != "stl":  # which knows no colors
             mesh.visual.vertex_colors = np.tile([200, 60, 30, 255], (8, 1))
         mesh.export(file)
     words = ["assets", "add", str(file), "--category", "brick", "--scale", "0.01", "--json"]
@@ -129,7 +129,7 @@ def test_people_bring_meshes_of_every_kind(tmp_path, ending):
     assert asset["name"] == "old_brick"
     assert asset["size"] == pytest.approx([0.2, 0.1, 0.08])
     if ending != "stl":
-        assert asset["colour"] in ("red", "orange", "brown", "maroon")
+        assert asset["color"] in ("red", "orange", "brown", "maroon")
     assert CliRunner().invoke(app, words).exit_code == 2  # nothing is overwritten
     words = [*words[:2], str(file), "--name", "cloud", "--scale", "0.01", "--gaussians", "500"]
     assert CliRunner().invoke(app, words).exit_code == 0
@@ -166,7 +166,7 @@ def test_the_library_is_searched_and_shown(tmp_path):
     assert CliRunner().invoke(app, ["assets", "show", "no_such_thing"]).exit_code == 2
 
 
-def test_gaussians_become_squares_of_their_colour(tmp_path):
+def test_gaussians_become_squares_of_their_color(tmp_path):
     rng = np.random.default_rng(0)
     count = 50
     means = rng.normal(0, 0.05, (count, 3)).astype(np.float32)

@@ -17,18 +17,18 @@ def test_lab_paints_the_mask_and_nothing_else():
     recorded = episode()
     view = recorded.views["front"]
     instance_id = int(view.ids(0).max())
-    colour = (0.2, 0.3, 0.8)
-    made = baselines.lab(recorded, {instance_id: ((0.5, 0.5, 0.5), colour)}).views["front"]
+    color = (0.2, 0.3, 0.8)
+    made = baselines.lab(recorded, {instance_id: ((0.5, 0.5, 0.5), color)}).views["front"]
     mine = view.ids(0) == instance_id
     np.testing.assert_array_equal(made.rgb(0)[~mine], view.rgb(0)[~mine])
     assert (made.rgb(0)[mine] != view.rgb(0)[mine]).any()
-    # A pixel that has the old colour gets the new one.
+    # A pixel that has the old color gets the new one.
     flat = replace(view, rgb=lambda t: np.full_like(view.rgb(t), 128))
     painted = baselines.lab(
-        replace(recorded, views={"front": flat}), {instance_id: ((128 / 255,) * 3, colour)}
+        replace(recorded, views={"front": flat}), {instance_id: ((128 / 255,) * 3, color)}
     )
     found = painted.views["front"].rgb(0)[mine]
-    assert np.abs(found - 255 * np.array(colour)).max() <= 1
+    assert np.abs(found - 255 * np.array(color)).max() <= 1
 
 
 def test_lab_of_the_whole_image_turns_white_into_the_new_light():

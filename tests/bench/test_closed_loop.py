@@ -126,10 +126,10 @@ def test_a_policy_learns_one_sample_by_heart() -> None:
     rng = np.random.default_rng(0)
     points = np.concatenate([views.metres(rng.uniform((0, 0, 3), (64, 64, 4), (20_000, 3)))])
     pose = geometry.rigid(np.array([np.pi, 0.0, 0.3]), views.metres(np.array([40.3, 20.6, 9.8])))
-    colours = rng.integers(0, 256, (len(points), 3)).astype(np.uint8)
-    sample = samples.Sample(points.astype(np.float32), colours, 0, 0, pose, True)
+    colors = rng.integers(0, 256, (len(points), 3)).astype(np.uint8)
+    sample = samples.Sample(points.astype(np.float32), colors, 0, 0, pose, True)
     trained = training.train([sample], [], tasks=1, most=1, steps=80, seed=0)
-    action = policy.decide(trained, views.project(sample.points, sample.colours), 0)
+    action = policy.decide(trained, views.project(sample.points, sample.colors), 0)
     assert np.linalg.norm(action.pose[:3, 3] - pose[:3, 3]) < 0.02
     assert action.pose[:3, 2] @ pose[:3, 2] > 0.95
     assert abs(action.pose[:3, 1] @ pose[:3, 1]) > 0.95
@@ -138,8 +138,8 @@ def test_a_policy_learns_one_sample_by_heart() -> None:
 
 def test_things_are_seen_under_the_arm() -> None:
     cells = np.array([[10.5, 20.5, 4.5], [10.5, 20.5, 9.5], [10.5, 20.5, 40.5], [70.0, 5.0, 5.0]])
-    colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]], np.uint8)
-    image = views.project(views.metres(cells).astype(np.float32), colours)
+    colors = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]], np.uint8)
+    image = views.project(views.metres(cells).astype(np.float32), colors)
     np.testing.assert_array_equal(image[:3, 20, 10], [0, 1, 0])  # the higher of those that are low
     assert np.isclose(image[3, 20, 10] * views.UNDER, 9.5 * views.SIDE / views.GRID)
     assert np.isclose(image[5, 20, 10], 40.5 / views.GRID)

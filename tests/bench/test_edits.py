@@ -91,7 +91,7 @@ def test_what_an_operator_is_asked_is_plain(factor, tmp_path):
     for ask in asks:
         json.dumps([ask.steps, ask.edit])
     for known in (True, False):
-        for old, new in (case.colours(recorded, true, known) if case.colours else {}).values():
+        for old, new in (case.colors(recorded, true, known) if case.colors else {}).values():
             assert np.shape(old) == np.shape(new) == (3,)
     if true.truth.covers:
         fields = asks[0].steps[0]

@@ -17,9 +17,9 @@ SMALL = renders.RenderSetting(sizes=((24, 16),), counts=(50,), engines=renders.E
 def test_the_kernels_stay_close_to_the_reference_and_the_reference_to_itself() -> None:
     rows, skipped = renders.run(SMALL, renders.strewn_scenes(SMALL))
     found = {row.engine: row for row in rows}
-    assert found["numba/float32"].colour_worst < 1e-4
+    assert found["numba/float32"].color_worst < 1e-4
     assert found["numba/float32"].gradient_error < 1e-4
-    assert found["reference/float64"].colour_worst == found["reference/float64"].gradient_error == 0
+    assert found["reference/float64"].color_worst == found["reference/float64"].gradient_error == 0
     assert set(skipped) | set(found) == set(renders.ENGINES)
     if "gsplat/float32" in skipped:
         assert "gsplat" in skipped["gsplat/float32"]
@@ -30,7 +30,7 @@ def test_what_the_reference_cannot_afford_is_not_timed(monkeypatch: pytest.Monke
     rows, _ = renders.run(SMALL, renders.strewn_scenes(SMALL))
     found = {row.engine: row for row in rows}
     assert found["reference/float64"].forward_ms is None
-    assert found["numba/float32"].colour_worst < 1e-4  # on a crop
+    assert found["numba/float32"].color_worst < 1e-4  # on a crop
 
 
 def test_lifted_gaussians_are_as_many_as_the_pixels_taken() -> None:

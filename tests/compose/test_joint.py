@@ -31,13 +31,13 @@ def sample() -> Scene:
 
 @dataclass(frozen=True)
 class Paint:
-    """Stripes by place: what one colour a Gaussian cannot show at first."""
+    """Stripes by place: what one color a Gaussian cannot show at first."""
 
     instance_ids: frozenset[int] | None
 
-    def __call__(self, colour, surface):
+    def __call__(self, color, surface):
         stripe = (np.floor(surface.points[:, :1] / 0.05) % 2).astype(np.float32)
-        return colour * np.array([0.2, 0.3, 1.0], np.float32) + 0.3 * stripe
+        return color * np.array([0.2, 0.3, 1.0], np.float32) + 0.3 * stripe
 
 
 def painted(scene: Scene) -> Scene:

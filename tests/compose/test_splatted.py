@@ -29,7 +29,7 @@ def body(name="mug_red", pose=None, count=20_000):
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
-def test_colours_turn_with_the_thing(degree):
+def test_colors_turn_with_the_thing(degree):
     rng = np.random.default_rng(degree)
     turn = geometry.rotation(rng.normal(size=3))
     sh = rng.normal(size=(5, (degree + 1) ** 2, 3)).astype(np.float32)
@@ -54,9 +54,9 @@ def test_a_mesh_as_gaussians_looks_like_the_mesh(name):
         shown = np.zeros((SIZE, SIZE), bool)
         shown[at] = seen.depth > 0
         both = (shown & true.hit)[at]
-        colour = seen.colour / np.maximum(seen.alpha, 1e-3)[..., None]
+        color = seen.color / np.maximum(seen.alpha, 1e-3)[..., None]
         overlap.append(both.sum() / (shown | true.hit).sum())
-        decibels.append(-10 * np.log10(((colour - true.albedo[at])[both] ** 2).mean()))
+        decibels.append(-10 * np.log10(((color - true.albedo[at])[both] ** 2).mean()))
         off.append(np.median(np.abs(seen.depth - true.depth[at])[both]))
     assert np.mean(overlap) > 0.97
     assert np.mean(decibels) > 23
@@ -96,7 +96,7 @@ def test_where_its_mesh_is_known_that_is_its_surface():
     np.testing.assert_array_equal(known[2], solid[2])
     np.testing.assert_allclose(known[1], solid[1], atol=1e-6)
     both = (splats[2] == 900) & (solid[2] == 900)
-    np.testing.assert_array_equal(known[0][both], splats[0][both])  # the colours are the Gaussians'
+    np.testing.assert_array_equal(known[0][both], splats[0][both])  # the colors are the Gaussians'
 
 
 def test_harmonics_are_tuned_to_the_light_of_the_scene():
@@ -110,7 +110,7 @@ def test_harmonics_are_tuned_to_the_light_of_the_scene():
     for camera in tuned.ring(there, 64)[1::5]:
         goal = tuned.refined(there, camera, ambience)
         splats = Splats.of(lit)
-        made = Rasteriser(splatted.small(splats)).forward(splats, view_of(camera, 0)).colour
+        made = Rasteriser(splatted.small(splats)).forward(splats, view_of(camera, 0)).color
         worst.append(-10 * np.log10(((goal - made) ** 2).mean()))
     assert min(worst) > 28
     for part in ("means", "quats", "scales", "opacities"):

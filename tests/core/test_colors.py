@@ -1,4 +1,4 @@
-"""Colour conversions against published values and as inverses of one another; names of shades."""
+"""Color conversions against published values and as inverses of one another; names of shades."""
 
 import cv2
 import numpy as np
@@ -6,54 +6,56 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug.core import colors
+from rpaug.core import color_space
 
 channel = st.floats(0.0, 1.0)
 
 
 @given(st.tuples(channel, channel, channel))
 def test_lab_and_back(srgb: tuple[float, float, float]) -> None:
-    np.testing.assert_allclose(colors.from_lab(colors.to_lab(np.array(srgb))), srgb, atol=1e-6)
+    np.testing.assert_allclose(
+        color_space.from_lab(color_space.to_lab(np.array(srgb))), srgb, atol=1e-6
+    )
 
 
 def test_lab_is_opencvs() -> None:
     grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 6)] * 3), -1).reshape(1, -1, 3)
     theirs = cv2.cvtColor(grid.astype(np.float32), cv2.COLOR_RGB2LAB)
     # OpenCV interpolates the transfer curves from tables.
-    np.testing.assert_allclose(colors.to_lab(grid), theirs, atol=0.3)
+    np.testing.assert_allclose(color_space.to_lab(grid), theirs, atol=0.3)
 
 
 def test_white_is_white() -> None:
-    np.testing.assert_allclose(colors.to_lab(np.ones(3)), [100.0, 0.0, 0.0], atol=0.02)
+    np.testing.assert_allclose(color_space.to_lab(np.ones(3)), [100.0, 0.0, 0.0], atol=0.02)
 
 
-@pytest.mark.parametrize("name", sorted(colors.NAMES))
+@pytest.mark.parametrize("name", sorted(color_space.NAMES))
 def test_a_name_is_its_own_nearest(name: str) -> None:
-    assert colors.nearest(np.array(colors.rgb(name))) == name
-    assert colors.means(name, name)
+    assert color_space.nearest(np.array(color_space.rgb(name))) == name
+    assert color_space.means(name, name)
 
 
-def test_rlbench_has_twenty_colours() -> None:
-    assert len(colors.RLBENCH) == 20
-    assert colors.RLBENCH["azure"] == (0.0, 0.5, 1.0)
+def test_rlbench_has_twenty_colors() -> None:
+    assert len(color_space.RLBENCH) == 20
+    assert color_space.RLBENCH["azure"] == (0.0, 0.5, 1.0)
 
 
 def test_plain_words_cover_their_shades() -> None:
-    assert colors.means("red", "maroon")
-    assert not colors.means("maroon", "red")
-    assert colors.canonical("Grey") == "gray"
-    assert colors.canonical("cup") is None
+    assert color_space.means("red", "maroon")
+    assert not color_space.means("maroon", "red")
+    assert color_space.canonical("Grey") == "gray"
+    assert color_space.canonical("cup") is None
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(KeyError, match="there are: azure"):
-        colors.rgb("mauve-ish")
+        color_space.rgb("mauve-ish")
 
 
 def test_typical_leaves_out_highlights_and_shadows() -> None:
     pixels = np.full((100, 3), (200, 10, 10), np.uint8)
     pixels[:20], pixels[80:] = 255, 0
-    np.testing.assert_allclose(colors.typical(pixels), np.array([200, 10, 10]) / 255)
+    np.testing.assert_allclose(color_space.typical(pixels), np.array([200, 10, 10]) / 255)
 
 
 # Sharma, Wu, Dalal: The CIEDE2000 Color-Difference Formula (2005), table 1.
@@ -97,5 +99,9 @@ SHARMA = """
 
 def test_ciede2000_of_the_published_pairs():
     rows = np.array(SHARMA.split(), float).reshape(34, 7)
-    np.testing.assert_allclose(colors.ciede2000(rows[:, :3], rows[:, 3:6]), rows[:, 6], atol=5e-5)
-    np.testing.assert_allclose(colors.ciede2000(rows[:, 3:6], rows[:, :3]), rows[:, 6], atol=5e-5)
+    np.testing.assert_allclose(
+        color_space.ciede2000(rows[:, :3], rows[:, 3:6]), rows[:, 6], atol=5e-5
+    )
+    np.testing.assert_allclose(
+        color_space.ciede2000(rows[:, 3:6], rows[:, :3]), rows[:, 6], atol=5e-5
+    )

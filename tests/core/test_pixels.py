@@ -29,9 +29,9 @@ def test_the_nearest_known_pixel_is_known_and_about_as_near_as_any(window, slack
 def test_filled_keeps_what_is_known_in_any_shape_and_type():
     known = np.zeros((4, 6), bool)
     known[1, 1] = known[2, 4] = True
-    colours = np.arange(72, dtype=np.uint8).reshape(4, 6, 3)
-    out = pixels.filled(colours, known)
+    colors = np.arange(72, dtype=np.uint8).reshape(4, 6, 3)
+    out = pixels.filled(colors, known)
     assert out.dtype == np.uint8
-    np.testing.assert_array_equal(out[known], colours[known])
-    np.testing.assert_array_equal(out[0, 0], colours[1, 1])
-    np.testing.assert_array_equal(pixels.filled(colours[..., 0], known, 3)[3, 5], colours[2, 4, 0])
+    np.testing.assert_array_equal(out[known], colors[known])
+    np.testing.assert_array_equal(out[0, 0], colors[1, 1])
+    np.testing.assert_array_equal(pixels.filled(colors[..., 0], known, 3)[3, 5], colors[2, 4, 0])

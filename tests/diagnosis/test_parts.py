@@ -17,8 +17,8 @@ def lab(image: np.ndarray) -> np.ndarray:
 def canvas(*squares: tuple[int, int, tuple[float, float, float]]) -> tuple[np.ndarray, np.ndarray]:
     """A picture with squares of 16 pixels, and where they are."""
     image, mask = np.zeros((64, 64, 3)), np.zeros((64, 64), bool)
-    for y, x, colour in squares:
-        image[y : y + 16, x : x + 16] = colour
+    for y, x, color in squares:
+        image[y : y + 16, x : x + 16] = color
         mask[y : y + 16, x : x + 16] = True
     return image, mask
 
@@ -47,14 +47,14 @@ def test_a_pattern_is_one_thing() -> None:
     st.tuples(*[st.floats(0.2, 1.0)] * 3),
     st.floats(0.4, 1.0),
 )
-def test_shading_leaves_the_hue(colour: tuple[float, float, float], light: float) -> None:
-    linear = np.array(colour)
+def test_shading_leaves_the_hue(color: tuple[float, float, float], light: float) -> None:
+    linear = np.array(color)
     both = np.stack([linear, light * linear])
     shown = np.where(both <= 0.0031308, 12.92 * both, 1.055 * both ** (1 / 2.4) - 0.055)
     first, second = parts.hue(lab(shown[None]))[0]
     assert (
         np.abs(first - second).max() < 1.5
-    )  # OpenCV's table of cube roots; two colours are 22 apart
+    )  # OpenCV's table of cube roots; two colors are 22 apart
 
 
 def test_opening_leaves_a_thing_where_it_is() -> None:

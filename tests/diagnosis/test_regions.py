@@ -1,4 +1,4 @@
-"""Things are told from a table of nearly their colour, and from other things that they touch."""
+"""Things are told from a table of nearly their color, and from other things that they touch."""
 
 import numpy as np
 
@@ -13,8 +13,8 @@ NOTHING = np.empty((0, 3), np.float32)
 def picture(rng: np.random.Generator) -> np.ndarray:
     """A wooden table with loud things at its far side, in Lab."""
     lab = np.array(WOOD, np.float32) + rng.normal(0, 3, (64, 64, 3)).astype(np.float32)
-    for k, colour in enumerate(LOUD):
-        lab[4:14, 2 + 12 * k : 12 + 12 * k] = colour
+    for k, color in enumerate(LOUD):
+        lab[4:14, 2 + 12 * k : 12 + 12 * k] = color
     return lab
 
 
@@ -28,10 +28,10 @@ def square(y: int, x: int) -> np.ndarray:
     return mask
 
 
-def test_a_thing_of_nearly_the_tables_colour_is_told() -> None:
+def test_a_thing_of_nearly_the_tables_color_is_told() -> None:
     lab, mine = picture(np.random.default_rng(0)), square(34, 26)
     lab[mine] = BLOCK
-    found, _ = things.by_colour(lab, np.ones((64, 64), bool), NOTHING)
+    found, _ = things.by_color(lab, np.ones((64, 64), bool), NOTHING)
     assert max(overlap(one.mask, mine) for one in found) > 0.9
 
 
@@ -42,9 +42,9 @@ def test_a_thing_that_touches_a_patterned_one_is_told_by_what_the_other_explains
     lab[other] = np.where(rng.random((64, 64, 1)) < 0.5, BLUE, GREY)[other]
     within = np.ones((64, 64), bool)
     known = things.palette(np.array([BLUE, GREY], np.float32))
-    without, _ = things.by_colour(lab, within, NOTHING)
+    without, _ = things.by_color(lab, within, NOTHING)
     assert max(overlap(one.mask, mine) for one in without) < 0.6
-    found, left = things.by_colour(lab, within, known)
+    found, left = things.by_color(lab, within, known)
     assert max(overlap(one.mask, mine) for one in left) > 0.9
     assert len(found) == len(without)  # what usually stands there is told as before
 
@@ -53,5 +53,5 @@ def test_a_thing_by_itself_is_not_cut() -> None:
     lab, mine = picture(np.random.default_rng(2)), square(34, 26)
     lab[mine] = BLUE
     known = things.palette(np.array([BLUE, GREY], np.float32))
-    _, left = things.by_colour(lab, np.ones((64, 64), bool), known)
+    _, left = things.by_color(lab, np.ones((64, 64), bool), known)
     assert not any((one.mask & mine).any() for one in left)

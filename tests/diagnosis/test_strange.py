@@ -8,10 +8,10 @@ from rpaug.diagnosis.things import Roster, TableInstance, recognised
 RED, BLUE, GREEN, WHITE = (40, 60, 45), (30, 20, -60), (50, -45, 35), (90, 0, 0)
 
 
-def thing(colour: tuple[float, ...], x: float, y: float, size: float = 2.5) -> TableInstance:
+def thing(color: tuple[float, ...], x: float, y: float, size: float = 2.5) -> TableInstance:
     mask = np.zeros((64, 64), bool)
     mask[int(64 * y) :, int(64 * x) :][:6, :6] = True
-    return TableInstance(mask, np.array(colour, np.float32), size, np.array([x, y], np.float32))
+    return TableInstance(mask, np.array(color, np.float32), size, np.array([x, y], np.float32))
 
 
 USUAL = [

@@ -31,7 +31,7 @@ def test_halves_stand_for_the_whole(frame):
     np.testing.assert_array_equal(split, np.sort(np.argsort(-motion)[:count]))
     middles = [made.means[parents == row].mean(0) for row in split]
     np.testing.assert_allclose(middles, splats.means[split], atol=1e-6)
-    before, after = (Rasteriser().forward(s, shot.view).colour for s in (splats, made))
+    before, after = (Rasteriser().forward(s, shot.view).color for s in (splats, made))
     assert np.abs(before - after).mean() < 0.01
     everything_else = np.delete(np.arange(len(splats)), split)
     np.testing.assert_array_equal(made.means[everything_else], splats.means[everything_else])
@@ -63,7 +63,7 @@ def test_another_unit_splits_the_same(frame, unit):
         (scaled, dataclasses.replace(shot.view, world_to_camera=pose)),
     ):
         hand = worker(settings=settings if given is scaled else None)
-        slopes = hand.pull(given, view, Loss(), 1 - shot.colour)[1]
+        slopes = hand.pull(given, view, Loss(), 1 - shot.color)[1]
         chosen.append(densified(given, slopes.image_motion, Densify())[1])
     same = len(np.intersect1d(chosen[0][len(splats) :], chosen[1][len(splats) :]))
     assert same > 0.95 * (len(chosen[0]) - len(splats))
@@ -74,7 +74,7 @@ def test_torch_tells_about_the_same_motion(frame):
     splats, shot = frame
     few, _ = densified(splats, np.zeros(len(splats)), Densify())
     found, expected = (
-        worker(backend).pull(few, shot.view, Loss(), 1 - shot.colour)[1].image_motion
+        worker(backend).pull(few, shot.view, Loss(), 1 - shot.color)[1].image_motion
         for backend in ("reference", "numba")
     )
     assert np.corrcoef(found, expected)[0, 1] > 0.95
@@ -83,7 +83,7 @@ def test_torch_tells_about_the_same_motion(frame):
 def test_moments_go_with_their_gaussians(frame):
     splats, shot = frame
     hand = worker()
-    slopes = hand.pull(splats, shot.view, Loss(), 1 - shot.colour)[1]
+    slopes = hand.pull(splats, shot.view, Loss(), 1 - shot.color)[1]
     plain, other = Adam(splats), Adam(splats)
     plain.step(slopes)
     other.step(slopes)

@@ -29,9 +29,7 @@ def test_pixels_kept_back_seed_nothing_and_teach_nothing(frame):
     assert 0.85 * len(every) < len(splats) < 0.95 * len(every)
     assert all((shot.held | ~shot.judged).all() for shot in shots)
     spoilt = [
-        dataclasses.replace(
-            shot, colour=np.where(shot.held[..., None], np.float32(0.5), shot.colour)
-        )
+        dataclasses.replace(shot, color=np.where(shot.held[..., None], np.float32(0.5), shot.color))
         for shot in shots
     ]
     loss = dataclasses.replace(SHORT, loss=Loss(l1=0.3, ssim=0.1))

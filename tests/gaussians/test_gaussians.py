@@ -156,8 +156,8 @@ def test_appearance_edits_reach_their_handles_only(fitted: tuple[World, Scene, f
     class Red:
         instance_ids = frozenset({BLOCK})
 
-        def __call__(self, colour: np.ndarray, surface: Surface) -> np.ndarray:
-            return np.tile(np.array([1, 0, 0], np.float32), (len(colour), 1))
+        def __call__(self, color: np.ndarray, surface: Surface) -> np.ndarray:
+            return np.tile(np.array([1, 0, 0], np.float32), (len(color), 1))
 
     _, scene, _ = fitted
     before = gaussian_view.render_view(scene, "left", 3)

@@ -131,7 +131,7 @@ def test_depth_with_holes_and_a_mirror(recorded: Scene) -> None:
     assert -10 * np.log10(off.mean() / 255**2) > 20
 
 
-def test_two_things_of_one_colour_keep_apart(recorded: Scene) -> None:
+def test_two_things_of_one_color_keep_apart(recorded: Scene) -> None:
     """Ball and box in one red: an edit of the ball leaves the box red."""
 
     def change(name, t, rgb, depth, ids):
@@ -141,8 +141,8 @@ def test_two_things_of_one_colour_keep_apart(recorded: Scene) -> None:
     class Green:
         instance_ids = frozenset({BALL})
 
-        def __call__(self, colour, surface):
-            return np.tile(np.array([0, 1, 0], np.float32), (len(colour), 1))
+        def __call__(self, color, surface):
+            return np.tile(np.array([0, 1, 0], np.float32), (len(color), 1))
 
     made, _ = fitted(seen_by(recorded, change), settings=SETTINGS)
     rgb, _, _ = render_view(replace(made, appearance=(Green(),)), "front", 4)

@@ -45,12 +45,12 @@ def test_matching_is_the_distance_to_the_nearest():
 
 def test_palette_compares_distributions_not_places():
     generator = torch.Generator().manual_seed(2)
-    colours = torch.rand(60, 3, generator=generator)
+    colors = torch.rand(60, 3, generator=generator)
     directions = torch.eye(3)
-    shuffled = colours[torch.randperm(60, generator=generator)]
-    assert float(nnfm.palette(shuffled, colours, directions)) == 0
-    assert float(nnfm.palette(colours + 0.1, colours, directions)) == pytest.approx(0.01, rel=1e-4)
-    few = colours[:20]  # of other sizes, too
+    shuffled = colors[torch.randperm(60, generator=generator)]
+    assert float(nnfm.palette(shuffled, colors, directions)) == 0
+    assert float(nnfm.palette(colors + 0.1, colors, directions)) == pytest.approx(0.01, rel=1e-4)
+    few = colors[:20]  # of other sizes, too
     assert float(nnfm.palette(few, few.repeat(3, 1), directions)) == pytest.approx(0, abs=1e-9)
 
 
@@ -63,35 +63,35 @@ def test_the_loss_falls(styled):
     assert np.isfinite(match).all()
 
 
-def test_only_the_target_s_gaussians_have_new_colours(styled):
+def test_only_the_target_s_gaussians_have_new_colors(styled):
     scene = with_gaussians()
     assert set(scene.gaussians.ids[styled.rows].tolist()) == {BOX}
     assert len(styled.rows) == (scene.gaussians.ids == BOX).sum()
-    assert styled.colours.shape == (len(styled.rows), 3)
-    assert styled.colours.min() >= 0
-    assert styled.colours.max() <= 1
+    assert styled.colors.shape == (len(styled.rows), 3)
+    assert styled.colors.min() >= 0
+    assert styled.colors.max() <= 1
     # Red and white: green and blue go together, as in the picture.
-    green, blue = styled.colours[:, 1], styled.colours[:, 2]
+    green, blue = styled.colors[:, 1], styled.colors[:, 2]
     assert np.abs(green - blue).mean() < 0.1
 
 
-def test_gaussians_and_places_are_of_one_colour(styled):
+def test_gaussians_and_places_are_of_one_color(styled):
     scene = with_gaussians()
     ids, means = scene.gaussians.ids[styled.rows], scene.gaussians.means[styled.rows]
     found, weight = styled.new.at(ids, means, np.zeros(len(means), np.float32))
     assert (weight > 0).all()
-    assert np.abs(found - styled.colours).max() < 1e-5
+    assert np.abs(found - styled.colors).max() < 1e-5
 
 
-def test_old_colours_are_those_recorded(styled):
-    """On the box each place was of the colour its own pattern has there."""
+def test_old_colors_are_those_recorded(styled):
+    """On the box each place was of the color its own pattern has there."""
     window = styled.windows[0]
     found, weight = styled.old.at(window.ids, window.points, np.zeros(len(window.ids), np.float32))
     off = np.abs(found - window.recorded[window.mask])[weight > 0]
     assert np.median(off) < 0.03  # Gaussians blur a pattern whose period is ten pixels
 
 
-def test_a_window_in_old_colours_is_the_recording():
+def test_a_window_in_old_colors_is_the_recording():
     scene = with_gaussians()
     rows = np.flatnonzero(scene.gaussians.ids == BOX)
     for window in windows(scene, frozenset({BOX}), rows, 1):
@@ -102,14 +102,14 @@ def test_a_window_in_old_colours_is_the_recording():
 
 
 def test_the_seed_decides(network, styled):
-    def colours(seed: int) -> np.ndarray:
+    def colors(seed: int) -> np.ndarray:
         settings = nnfm.StyleSettings(steps=3, size=32, picture=32)
         return nnfm.stylise(
             with_gaussians(), frozenset({BOX}), stripes(), network, seed, settings
-        ).colours
+        ).colors
 
-    assert np.array_equal(colours(5), colours(5))
-    assert not np.array_equal(colours(5), colours(6))
+    assert np.array_equal(colors(5), colors(5))
+    assert not np.array_equal(colors(5), colors(6))
 
 
 def test_what_cannot_be_stylised_is_refused(network):

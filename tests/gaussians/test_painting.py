@@ -1,4 +1,4 @@
-"""Colours on bodies: what went in comes out, near, far and in between, and never on another thing."""
+"""Colors on bodies: what went in comes out, near, far and in between, and never on another thing."""
 
 import numpy as np
 from hypothesis import given, settings

@@ -33,7 +33,7 @@ def first_scene() -> Scene:
 
 
 def second_scene() -> Scene:
-    """The same place, but its table has another handle and its box another colour."""
+    """The same place, but its table has another handle and its box another color."""
 
     def change(name, t, rgb, depth, ids):
         rgb[ids == BOX] = (30, 200, 40)

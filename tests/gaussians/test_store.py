@@ -136,5 +136,5 @@ def test_the_key_follows_content_settings_and_seed_only() -> None:
     links = (Body(frozenset({boxes.OTHER}), np.tile(np.eye(4), (2, 1, 1)), "link"),)
     assert name(boxes.still(2), plain, 0, links) != first  # an arm's file that explains it
     painted = boxes.still(2)
-    box = replace(painted.boxes[boxes.OTHER], colour=(201, 0, 0))
+    box = replace(painted.boxes[boxes.OTHER], color=(201, 0, 0))
     assert name(replace(painted, boxes={**painted.boxes, boxes.OTHER: box}), plain) != first

@@ -44,8 +44,8 @@ def test_things_a_millimetre_from_the_lens_are_seen() -> None:
         assert small.gaussians is not None
         rows = np.flatnonzero(small.gaussians.ids == BOX)
         (first, _) = windows.windows(small, frozenset({BOX}), rows, 1)
-        colours = torch.from_numpy(windows.colours_of(small.gaussians.sh[rows]))
-        image = windows.render(first, rows, colours).numpy().reshape(first.recorded.shape)
+        colors = torch.from_numpy(windows.colors_of(small.gaussians.sh[rows]))
+        image = windows.render(first, rows, colors).numpy().reshape(first.recorded.shape)
         assert np.abs(image - first.recorded)[first.mask].mean() < 0.05
         shown.append(image)
     np.testing.assert_allclose(shown[0], shown[1], atol=0.02)

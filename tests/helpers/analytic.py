@@ -30,7 +30,7 @@ def pinhole(width: int = 96, height: int = 80, focal: float = 110.0) -> np.ndarr
     return np.array([[focal, 0, width / 2 - 0.3], [0, focal * 1.05, height / 2 + 0.2], [0, 0, 1]])
 
 
-def colour(points: np.ndarray, ids: np.ndarray) -> np.ndarray:
+def color(points: np.ndarray, ids: np.ndarray) -> np.ndarray:
     """A smooth pattern on each thing (a period of some ten pixels), and black where nothing is."""
     x, y, z = np.moveaxis(points, -1, 0)
     wave = np.stack([np.sin(31 * x + 9 * z), np.sin(27 * y - 11 * z), np.sin(19 * (x + y + z))], -1)
@@ -71,7 +71,7 @@ def shoot(K, pose, width, height, ball=None, origin=(0.0, 0.0, 0.0)):
     hit = np.isfinite(depth)
     ids = np.where(hit, np.array([TABLE, BOX, BALL])[choices.argmin(-1)], 0).astype(np.int32)
     depth = np.where(hit, depth, 0.0)
-    rgb = colour(eye + depth[..., None] * rays, ids)
+    rgb = color(eye + depth[..., None] * rays, ids)
     return rgb, depth.astype(np.float32), ids
 
 

@@ -16,7 +16,7 @@ class Box:
 
     size: tuple[float, float, float]
     poses: np.ndarray
-    colour: tuple[int, int, int] = (128, 128, 128)
+    color: tuple[int, int, int] = (128, 128, 128)
 
 
 def at(x: float, y: float, z: float) -> np.ndarray:
@@ -52,7 +52,7 @@ class World:
         return poses if poses.ndim == 2 else poses[t]
 
     def cast(self, camera: Camera, t: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Depth, handles and shaded colours of one image."""
+        """Depth, handles and shaded colors of one image."""
         n = self.size
         rays = geometry.unproject(np.ones((n, n)), camera.K) @ camera.cam_to_world[t, :3, :3].T
         eye = camera.cam_to_world[t, :3, 3]
@@ -69,7 +69,7 @@ class World:
             hit = (enter < far.min(-1)) & (enter > 0) & (enter < depth)
             depth[hit], ids[hit] = enter[hit], instance_id
             shade = np.array([0.7, 0.85, 1.0])[near.argmax(-1)][hit]
-            rgb[hit] = (shade[:, None] * box.colour).astype(np.uint8)
+            rgb[hit] = (shade[:, None] * box.color).astype(np.uint8)
         return np.where(np.isinf(depth), 0, depth).astype(np.float32), ids, rgb
 
     def episode(self, *, masks: bool = True) -> Episode:

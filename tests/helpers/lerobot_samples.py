@@ -16,7 +16,7 @@ WORDS = ("pick it up", "put it down")
 
 
 def picture(seed: int, t: int) -> np.ndarray:
-    """Smooth and colourful, and another one in each frame."""
+    """Smooth and colorful, and another one in each frame."""
     image = np.random.default_rng(seed).integers(0, 255, (3, 4, 3), np.uint8)
     return np.roll(cv2.resize(image, (WIDTH, HEIGHT)), 2 * t, 1)
 

@@ -1,4 +1,4 @@
-"""A drawn episode of colour images alone: a blue table on a grey floor, a red block, a dark arm that moves."""
+"""A drawn episode of color images alone: a blue table on a grey floor, a red block, a dark arm that moves."""
 
 import numpy as np
 

@@ -17,7 +17,7 @@ def height(x: np.ndarray, t: int) -> np.ndarray:
 
 
 def cast(camera: Camera, t: int, only: str | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Depth, handles and colours of one image."""
+    """Depth, handles and colors of one image."""
     rays = geometry.unproject(np.ones((SIZE, SIZE)), camera.K) @ camera.cam_to_world[t, :3, :3].T
     eye = camera.cam_to_world[t, :3, 3]
     depth = (0.12 - eye[2]) / rays[..., 2]

@@ -1,4 +1,4 @@
-"""An instruction's colour words follow what is painted, and only that; where they cannot, the copy is rejected."""
+"""An instruction's color words follow what is painted, and only that; where they cannot, the copy is rejected."""
 
 import json
 from dataclasses import replace
@@ -33,9 +33,9 @@ def given(*texts: str) -> Scene:
 
 @pytest.fixture(scope="module")
 def block() -> str:
-    """The colour word of the block that the robot picks up."""
+    """The color word of the block that the robot picks up."""
     (name,) = {
-        row.colour_name
+        row.color_name
         for row in survey(scene().episode, scene().bodies, scene().roles)
         if row.role == "manipulated"
     }
@@ -113,11 +113,11 @@ class TestFollowed:
         with pytest.raises(Untrue, match="another pattern"):
             after(given(f"put the {block} block on the pad"), own)
 
-    def test_a_texture_of_one_colour_is_called_by_it(self, block):
+    def test_a_texture_of_one_color_is_called_by_it(self, block):
         stated = given(f"put the {block} block on the pad")
         assert after(stated, self.patterned("felt_purple")) == ("put the purple block on the pad",)
 
-    def test_a_pattern_needs_no_colour_word_where_the_noun_is_enough(self):
+    def test_a_pattern_needs_no_color_word_where_the_noun_is_enough(self):
         judge = Judge(scene(), scene(), Changes(words={instance_id("pad"): None}))
         pad = frozenset([instance_id("pad")])
         judge._found = lambda stated, after: pad if "pad" in stated else frozenset()  # type: ignore[method-assign]
@@ -165,8 +165,8 @@ class TestFollowed:
         ("put the orange in the drawer", []),
     ],
 )
-def test_colour_words_are_found_with_their_nouns(text, found):
-    assert [(one.colour, one.nouns) for one in instruct.phrases(text) if one.colour] == found
+def test_color_words_are_found_with_their_nouns(text, found):
+    assert [(one.color, one.nouns) for one in instruct.phrases(text) if one.color] == found
 
 
 @gl
@@ -199,11 +199,11 @@ def test_it_is_written_and_reported(tmp_path, block):
     assert not [one for one in findings if one.topic == "instruction"], findings
 
 
-def test_numbers_are_no_colours():
+def test_numbers_are_no_colors():
     assert np.all([not list(instruct.phrases(text)) for text in ("", "slide 3 times", "PUSH!")])
 
 
-# What RLBench's tasks say, and the phrases in it that name a thing: colour, word for size or place, nouns.
+# What RLBench's tasks say, and the phrases in it that name a thing: color, word for size or place, nouns.
 RLBENCH = {
     "open the top drawer": [(None, None, ("top", "drawer"))],
     "screw in the blue light bulb": [("blue", None, ("light", "bulb"))],
@@ -237,7 +237,7 @@ RLBENCH = {
 
 @pytest.mark.parametrize("text", RLBENCH)
 def test_phrases_of_variation_descriptions(text: str) -> None:
-    found = [(p.colour, p.rank.text if p.rank else None, p.nouns) for p in instruct.phrases(text)]
+    found = [(p.color, p.rank.text if p.rank else None, p.nouns) for p in instruct.phrases(text)]
     assert found == RLBENCH[text]
 
 
@@ -328,7 +328,7 @@ class TestGone:
         gone = edited(scene(), instance_id("cylinder"), stated)
         assert instruct.followed(gone, []) == gone.descriptions
 
-    def test_a_colour_tells_more_than_the_verb(self):
+    def test_a_color_tells_more_than_the_verb(self):
         with pytest.raises(Untrue, match="was taken out"):
             instruct.followed(edited(scene(), instance_id("cylinder"), "grip the green gizmo"), [])
 

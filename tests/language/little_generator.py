@@ -1,4 +1,4 @@
-"""A little generator of things from words: a ball of Gaussians in the colour that the words name.
+"""A little generator of things from words: a ball of Gaussians in the color that the words name.
 
 python little_generator.py OUT TEXT
 """
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.core.types import Gaussians
 from rpaug.gaussians import ply
 from rpaug.gaussians.carrying import SH0
@@ -18,8 +18,8 @@ def ball(text: str) -> bytes:
     """The .ply of a ball, 8 cm across."""
     if "nothing" in text:
         raise SystemExit("I have no idea what that is")
-    words = [word for word in text.split() if colors.canonical(word)]
-    tint = np.array(colors.rgb(words[0]) if words else (0.5, 0.5, 0.5), np.float32)
+    words = [word for word in text.split() if color_space.canonical(word)]
+    tint = np.array(color_space.rgb(words[0]) if words else (0.5, 0.5, 0.5), np.float32)
     way = np.random.default_rng(0).normal(size=(300, 3))
     count, means = len(way), 0.04 * way / np.linalg.norm(way, axis=1, keepdims=True)
     return ply.encoded(

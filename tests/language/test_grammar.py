@@ -92,7 +92,7 @@ def test_what_is_taken_for_granted_is_told() -> None:
     assert any("takes the place of" in note for note in after.notes)
 
 
-def test_a_colour_belongs_to_what_it_was_said_of() -> None:
+def test_a_color_belongs_to_what_it_was_said_of() -> None:
     wish = "make the table brown and the walls white"
     assert said_after(wish, (), WishContext()).edits == (
         {"op": "recolor", "target": {"role": "table"}, "color": "brown"},

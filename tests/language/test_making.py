@@ -69,7 +69,7 @@ def test_a_command_makes_what_the_library_lacks() -> None:
     ]
     made = library.get(name)
     assert (made.category, made.gaussians, made.source) == ("marble", 300, "generated")
-    assert made.colour == "blue"
+    assert made.color == "blue"
     assert made.provenance["text"] == "a blue marble"
     done = [one.output["made"] for one in asked.trace if one.stage == "assets" and one.prompt]
     assert done == [True, False]  # once for both

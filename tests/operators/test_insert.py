@@ -89,7 +89,7 @@ def test_a_query_draws_only_what_fits():
 
 
 def test_a_thing_can_be_painted_after_it_was_inserted(edited):
-    assert library.get("mug_red").colour in ("red", "maroon", "crimson")
+    assert library.get("mug_red").color in ("red", "maroon", "crimson")
     new = [instance_id for body in inserted.bodies(edited) for instance_id in body.instance_ids]
     assert edited.instance_ids >= set(new)
 

@@ -1,4 +1,4 @@
-"""Light that changes colour scales every surface alike."""
+"""Light that changes color scales every surface alike."""
 
 import numpy as np
 import pytest

@@ -20,7 +20,7 @@ RECORDED = RECORDED / np.linalg.norm(RECORDED)
 
 
 def lit(direction: np.ndarray, ambient: float = 0.3) -> Scene:
-    """The analytic scene in plain colours under one lamp."""
+    """The analytic scene in plain colors under one lamp."""
     recorded = scene(EYES, length=2)
     lamp = Lamp(tuple(direction), ambient, 1.0)
 

@@ -1,4 +1,4 @@
-"""Recolouring against what a truly repainted surface would show."""
+"""Recoloring against what a truly repainted surface would show."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.targets.targets import Target
 
 UNIT = st.floats(0.15, 1.0)
-COLOUR = st.tuples(UNIT, UNIT, UNIT)
+COLOR = st.tuples(UNIT, UNIT, UNIT)
 
 
 def small() -> Scene:
@@ -37,7 +37,7 @@ class TestContractOfTheLabMode(TestContract):
         return Recolor(target=Target(handle=BALL), color=Palette(((0.0, 0.0, 1.0),)), mode="lab")
 
 
-def test_what_was_never_recorded_has_no_colour_to_change() -> None:
+def test_what_was_never_recorded_has_no_color_to_change() -> None:
     recorded = small()
     unseen = replace(recorded.bodies[0], instance_ids=frozenset({999}))
     paint = Recolor(target=Target(handle=999), color=Palette(((0.0, 0.0, 1.0),)))
@@ -46,12 +46,12 @@ def test_what_was_never_recorded_has_no_colour_to_change() -> None:
 
 
 def edited(old, new, plain: bool = True):  # type: ignore[no-untyped-def]
-    """The repainting as a function of colour alone: it does not ask where a pixel lies."""
+    """The repainting as a function of color alone: it does not ask where a pixel lies."""
     ratio = AlbedoRatio(frozenset({1}), tuple(old), tuple(new), plain)
-    return lambda colour: ratio(colour, None)
+    return lambda color: ratio(color, None)
 
 
-@given(COLOUR, COLOUR)
+@given(COLOR, COLOR)
 def test_a_shaded_plain_surface_keeps_its_shading(old, new) -> None:  # type: ignore[no-untyped-def]
     shading = np.linspace(0.05, 1, 50)[:, None]
     out = edited(old, new)((shading * old).astype(np.float32))

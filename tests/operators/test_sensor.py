@@ -80,7 +80,7 @@ def test_moved_cameras_have_the_same_sensor() -> None:
 
 
 def test_an_exposure_of_one_stop_doubles_the_light() -> None:
-    from rpaug.core.colors import to_linear
+    from rpaug.core.color_space import to_linear
 
     image = RNG.integers(20, 120, (50, 50, 3)).astype(np.uint8)
     brighter = Exposure(1.0)(image, RNG)

@@ -69,8 +69,8 @@ def test_outside_the_target_every_pixel_stays(styled):
         assert changed[view.ids(1) == BOX].mean() > 0.9
 
 
-def test_one_place_is_of_one_colour_in_both_cameras(styled):
-    """A point's colour beside its old one depends on the place alone: the pattern is the same from both sides."""
+def test_one_place_is_of_one_color_in_both_cameras(styled):
+    """A point's color beside its old one depends on the place alone: the pattern is the same from both sides."""
     after = shown(styled)
     front, side = (recorded().episode.views[name] for name in ("front", "side"))
     points = geometry.world_points(front.depth(0), front.camera, 0)
@@ -89,7 +89,7 @@ def test_one_place_is_of_one_colour_in_both_cameras(styled):
     also = side.rgb(0)[row[same], column[same]].astype(float)
     # Points are up to 2 mm apart, of pixels that are 13 mm wide: the pattern changes by a little over that.
     assert np.median(np.abs(mine - other)) <= np.median(np.abs(was - also)) + 6
-    assert np.median(np.abs(mine - was)) > 20  # and it is another colour
+    assert np.median(np.abs(mine - was)) > 20  # and it is another color
 
 
 def test_gaussians_alone_show_it_too(styled):

@@ -1,4 +1,4 @@
-"""The table takes the drawn colour and nothing else does."""
+"""The table takes the drawn color and nothing else does."""
 
 from dataclasses import replace
 

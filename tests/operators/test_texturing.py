@@ -68,29 +68,29 @@ def edited(recorded: Scene, operator: Retexture):  # type: ignore[no-untyped-def
 
 
 @pytest.mark.parametrize("instance_id", [BALL, TABLE])
-def test_one_point_has_one_colour_in_all_cameras_and_frames(instance_id: int) -> None:
+def test_one_point_has_one_color_in_all_cameras_and_frames(instance_id: int) -> None:
     recorded = small(grey=True)
     smooth = Retexture(
         target=Target(handle=instance_id), texture="clouds", scale=0.8, albedo=(0.5,) * 3
     )
     after = edited(recorded, smooth)
     body = next(body for body in recorded.bodies if instance_id in body.instance_ids)
-    points, colours = [], []
+    points, colors = [], []
     for view in after.views.values():
         for t in (0, LENGTH - 1):
             rows = view.ids(t) == instance_id  # type: ignore[misc]
             world = geometry.world_points(view.depth(t), view.camera, t)[rows]  # type: ignore[misc]
             points.append(geometry.transform(geometry.inverse(body.to_world[t]), world))
-            colours.append(view.rgb(t)[rows].astype(float))
+            colors.append(view.rgb(t)[rows].astype(float))
     step = max(1, len(points[0]) // 500)
-    reference, of_reference = points[0][::step], colours[0][::step]
-    for other, of_other in zip(points[1:], colours[1:], strict=True):
+    reference, of_reference = points[0][::step], colors[0][::step]
+    for other, of_other in zip(points[1:], colors[1:], strict=True):
         away = np.linalg.norm(other[:, None] - reference[None], axis=-1)
         pairs = away.argmin(1)
         near = away.min(1) < 0.006
         assert near.sum() > 10
         assert np.abs(of_other[near] - of_reference[pairs[near]]).mean() < 4
-    assert np.concatenate(colours).std(0).max() > 10
+    assert np.concatenate(colors).std(0).max() > 10
 
 
 def test_a_known_mapping_gives_the_true_picture() -> None:

@@ -60,7 +60,7 @@ def test_a_turn_is_what_a_rigid_motion_does() -> None:
 
 
 @pytest.mark.parametrize("terms", [1, 4, 9, 16])
-def test_a_turned_colour_is_seen_in_the_turned_direction(terms: int) -> None:
+def test_a_turned_color_is_seen_in_the_turned_direction(terms: int) -> None:
     rng = np.random.default_rng(1)
     sh, turn = rng.normal(size=(3, terms, 3)), geometry.rotation(np.array([0.4, 1.0, -0.2]))
     directions = rng.normal(size=(7, 3))

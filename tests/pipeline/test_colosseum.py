@@ -8,12 +8,12 @@ import rpaug_recipes
 import yaml
 
 from rpaug import BadRecipe
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.pipeline import recipe
 
 ROOT = Path(rpaug_recipes.__file__).parent / "colosseum"
 
-# Factors on things that a task defines and enables: colour and texture of what moves (mc, mt) and receives (rc, rt).
+# Factors on things that a task defines and enables: color and texture of what moves (mc, mt) and receives (rc, rt).
 TASKS = {
     "basketball_in_hoop": "mc mt rc",
     "close_box": "mc",
@@ -78,9 +78,9 @@ def test_a_task_has_its_own_factors(task: str) -> None:
     assert found >= EVERY
 
 
-def test_the_twenty_colours_are_rlbenchs() -> None:
-    assert len(colors.RLBENCH) == 20
-    assert colors.RLBENCH["azure"] == (0.0, 0.5, 1.0)
+def test_the_twenty_colors_are_rlbenchs() -> None:
+    assert len(color_space.RLBENCH) == 20
+    assert color_space.RLBENCH["azure"] == (0.0, 0.5, 1.0)
 
 
 @pytest.mark.parametrize("factor", ["object_mass", "object_friction"])

@@ -45,17 +45,17 @@ def painted(scene: Scene) -> Scene:
 
 @dataclass(frozen=True)
 class Restless:
-    """Its colour depends on where the surface is in the world: a moving thing crawls, a still one does not."""
+    """Its color depends on where the surface is in the world: a moving thing crawls, a still one does not."""
 
     instance_ids: frozenset[int]
     calls: list[int]
 
-    def __call__(self, colour, surface):  # type: ignore[no-untyped-def]
+    def __call__(self, color, surface):  # type: ignore[no-untyped-def]
         self.calls.append(0)
-        return np.clip(colour + 0.1 * (len(self.calls) % 2), 0, 1).astype(np.float32)
+        return np.clip(color + 0.1 * (len(self.calls) % 2), 0, 1).astype(np.float32)
 
 
-def test_a_good_recolouring_passes_every_gate() -> None:
+def test_a_good_recoloring_passes_every_gate() -> None:
     found = figures(painted(recorded()))
     assert found.outside == 0
     assert found.holes is None
@@ -67,7 +67,7 @@ def test_a_good_recolouring_passes_every_gate() -> None:
     assert not Gates().faults(found)
 
 
-def test_a_colour_that_was_not_asked_for_is_told() -> None:
+def test_a_color_that_was_not_asked_for_is_told() -> None:
     @dataclass(frozen=True)
     class Mistaken(AlbedoRatio):
         @property

@@ -70,7 +70,7 @@ def run(installed: Path, code: str, argument: str) -> str:
 
 @pytest.fixture(scope="module")
 def done(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What came of each command over the sample, whose instruction calls a thing by its colour."""
+    """What came of each command over the sample, whose instruction calls a thing by its color."""
     folder = tmp_path_factory.mktemp("used")
     shutil.copytree(SAMPLE, folder / "data")
     (told,) = (folder / "data").rglob("variation_descriptions.pkl")

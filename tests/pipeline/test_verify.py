@@ -85,7 +85,7 @@ def spoil_report(episode: Path) -> None:
     (episode / "rpaug.json").write_text("{")
 
 
-def spoil_colours(episode: Path) -> None:
+def spoil_colors(episode: Path) -> None:
     for path in sorted(episode.glob("*_rgb"))[0].glob("*.png"):
         cv2.imwrite(str(path), 255 - cv2.imread(str(path)))
 
@@ -113,7 +113,7 @@ def test_what_augment_writes_passes(augmented: Path, template: Path) -> None:
         (change_source, "source"),
         (lose_report, "report"),
         (spoil_report, "report"),
-        (spoil_colours, "images beyond the report"),
+        (spoil_colors, "images beyond the report"),
         (leave_gap, "numbering"),
     ],
 )

@@ -129,7 +129,7 @@ def real() -> features.VGG16:
 
 
 def test_real_filters_are_vgg_s(real):
-    """Colour blobs and edges: half of the first filters are opponent in colour or in space."""
+    """Color blobs and edges: half of the first filters are opponent in color or in space."""
     kernels = real.convolutions["conv1_1"][0].numpy()
     assert kernels.shape == (64, 3, 3, 3)
     assert real.convolutions["conv5_3"][0].shape == (512, 512, 3, 3)
@@ -137,11 +137,11 @@ def test_real_filters_are_vgg_s(real):
     for axis in (2, 3):
         first, second = np.split(kernels, [2], axis)[0], np.split(kernels, [1], axis)[1]
         assert np.corrcoef(first.ravel(), second.ravel())[0, 1] > 0.3
-    # Grey answers hardly differ between channels; blobs of one colour do.
+    # Grey answers hardly differ between channels; blobs of one color do.
     grey = np.abs(kernels.mean(1)).mean((1, 2))
-    colour = kernels.std(1).mean((1, 2))
-    assert (colour > 1.5 * grey).sum() >= 10
-    assert (grey > 1.5 * colour).sum() >= 10
+    color = kernels.std(1).mean((1, 2))
+    assert (color > 1.5 * grey).sum() >= 10
+    assert (grey > 1.5 * color).sum() >= 10
 
 
 def test_real_features_tell_textures_apart(real):

@@ -1,4 +1,4 @@
-"""What the rdt adapter writes is read by RDT's own dataset class, in its own process, in the right colours."""
+"""What the rdt adapter writes is read by RDT's own dataset class, in its own process, in the right colors."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -80,7 +80,7 @@ def test_an_unedited_copy_is_equal_in_every_bit(read, source, tmp_path):
     assert stated["differs"] == {}
 
 
-def test_edited_colours_change_nothing_else(read, source, tmp_path):
+def test_edited_colors_change_nothing_else(read, source, tmp_path):
     adapter = registry.adapter("rlbench")
     episode = adapter.read(source, KEYS[0])
     front = episode.views["front"]
@@ -138,7 +138,7 @@ edits:
 
 
 def test_the_main_job(read, source, tmp_path):
-    """Both recordings, recoloured and relit by the command: only colours differ, for each episode as recorded."""
+    """Both recordings, recolored and relit by the command: only colors differ, for each episode as recorded."""
     (tmp_path / "recipe.yaml").write_text(RECIPE)
     given = ["augment", str(source), "--recipe", "recipe.yaml", "--out", "out"]
     subprocess.run(
@@ -148,5 +148,5 @@ def test_the_main_job(read, source, tmp_path):
         stated = read(source, recorded, tmp_path / "out", f"all_variations/episodes/{key}")
         assert_same_demo(stated)
         cameras = ("front", "left_shoulder", "right_shoulder", "wrist")
-        colours = {f"{prefix}{camera}_rgb" for camera in cameras for prefix in ("", "extract_obs.")}
-        assert set(stated["differs"]) == colours
+        colors = {f"{prefix}{camera}_rgb" for camera in cameras for prefix in ("", "extract_obs.")}
+        assert set(stated["differs"]) == colors

@@ -42,7 +42,7 @@ def test_an_edited_dataset_differs_in_its_images_alone(read, samples: Path, tmp_
     assert all(stated["mean_difference"][name] > 3 for name in images)
 
 
-def test_edits_that_colour_images_alone_allow_leave_all_else(
+def test_edits_that_color_images_alone_allow_leave_all_else(
     read, samples: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "in").mkdir()

@@ -62,20 +62,20 @@ def one(
     scale: float | tuple[float, float, float] = 0.1,
     opacity: float = 0.8,
     quat: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
-    colour: tuple[float, float, float] = (0.9, 0.5, 0.2),
+    color: tuple[float, float, float] = (0.9, 0.5, 0.2),
 ) -> Splats:
     """A single Gaussian."""
-    return together_of([(mean, scale, opacity, quat, colour)])
+    return together_of([(mean, scale, opacity, quat, color)])
 
 
 def together_of(parts: list[tuple]) -> Splats:
-    """Splats from (mean, scale, opacity, quat, colour) tuples."""
-    means, scales, opacities, quats, colours = zip(*parts, strict=True)
+    """Splats from (mean, scale, opacity, quat, color) tuples."""
+    means, scales, opacities, quats, colors = zip(*parts, strict=True)
     spread = [np.broadcast_to(scale, 3) for scale in scales]
     return Splats(
         np.array(means, np.float32),
         np.array(opacities, np.float32),
-        ((np.array(colours, np.float32) - 0.5) / 0.28209479)[:, None, :].astype(np.float32),
+        ((np.array(colors, np.float32) - 0.5) / 0.28209479)[:, None, :].astype(np.float32),
         np.array(quats, np.float32),
         np.array(spread, np.float32),
     )
@@ -95,7 +95,7 @@ def pulls(at: View, features: int = 0, seed: int = 7) -> dict[str, np.ndarray | 
     """Random image gradients: a loss that is linear in every image."""
     rng = np.random.default_rng(seed)
     shape = (at.height, at.width)
-    images = {"colour": (*shape, 3), "depth": shape, "alpha": shape, "features": (*shape, features)}
+    images = {"color": (*shape, 3), "depth": shape, "alpha": shape, "features": (*shape, features)}
     return {
         name: rng.normal(size=size).astype(np.float32) if 0 not in size else None
         for name, size in images.items()
@@ -122,7 +122,7 @@ def gradients(
     made = rasterise(*positional, at, **tensors, settings=settings, backend=backend)
     loss = sum(
         (image * torch.as_tensor(images[name], **kind)).sum()
-        for name, image in zip(("colour", "depth", "alpha", "features"), made, strict=True)
+        for name, image in zip(("color", "depth", "alpha", "features"), made, strict=True)
         if image is not None and images[name] is not None
     )
     loss.backward()
@@ -137,7 +137,7 @@ def relative(found: np.ndarray, expected: np.ndarray) -> float:
     return float(np.linalg.norm(found - expected) / max(np.linalg.norm(expected), 1e-12))
 
 
-LARGEST_FLIP = 4 / 255  # one splat at the alpha floor, times the brightest colour of these scenes
+LARGEST_FLIP = 4 / 255  # one splat at the alpha floor, times the brightest color of these scenes
 
 
 def assert_close(
@@ -147,11 +147,11 @@ def assert_close(
 
     A pixel flips where a splat lies on a threshold (alpha floor, end of light) or two lie at one depth to
     within rounding; there the images differ by what one splat adds at that threshold, at most 1/255 of its
-    colour or the light that was left.
+    color or the light that was left.
     """
-    assert np.isfinite(found.colour).all()
+    assert np.isfinite(found.color).all()
     assert np.isfinite(found.depth_expected).all()
-    error = np.abs(found.colour - expected.colour).max(-1)
+    error = np.abs(found.color - expected.color).max(-1)
     error = np.maximum(error, np.abs(found.alpha - expected.alpha))
     far = error > atol
     assert far.mean() <= flips, f"{far.sum()} of {far.size} pixels differ"
@@ -168,7 +168,7 @@ def composited_alike(
     given: Splats, at: View, settings: Settings | None = None
 ) -> tuple[float, int]:
     """Compositing alone, from the very records the kernels made, against the reference: the largest error of
-    a colour, but for flipped pixels, and how many flipped.
+    a color, but for flipped pixels, and how many flipped.
     """
     engine = Rasteriser(settings)
     found = engine.forward(given, at)
@@ -180,7 +180,7 @@ def composited_alike(
         values[:, 3], values[:, :3], 0,
     )  # fmt: skip
     expected = _reference.composite(seen, values[:, :3], at.width, at.height, engine.settings)
-    error = np.abs(found.colour - expected.values.numpy()).max(-1)
+    error = np.abs(found.color - expected.values.numpy()).max(-1)
     assert error.max(initial=0) <= LARGEST_FLIP
     return float(error[error <= 1e-4].max(initial=0)), int((error > 1e-4).sum())
 

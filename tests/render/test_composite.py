@@ -24,13 +24,13 @@ LABELS = arrays(np.int32, (9, 11), elements=st.integers(0, 3))
 
 @dataclass(frozen=True)
 class Paint:
-    """A flat colour."""
+    """A flat color."""
 
     instance_ids: frozenset[int] | None
-    colour: tuple[float, float, float] = (0.0, 0.5, 1.0)
+    color: tuple[float, float, float] = (0.0, 0.5, 1.0)
 
-    def __call__(self, colour: np.ndarray, surface: object) -> np.ndarray:
-        return np.broadcast_to(np.array(self.colour, np.float32), colour.shape)
+    def __call__(self, color: np.ndarray, surface: object) -> np.ndarray:
+        return np.broadcast_to(np.array(self.color, np.float32), color.shape)
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class Same:
 
     instance_ids: frozenset[int] | None
 
-    def __call__(self, colour: np.ndarray, surface: object) -> np.ndarray:
-        return colour
+    def __call__(self, color: np.ndarray, surface: object) -> np.ndarray:
+        return color
 
 
 @settings(deadline=None)
@@ -57,7 +57,7 @@ def test_pixels_outside_keep_their_bytes(
 
 @settings(deadline=None)
 @given(IMAGES, LABELS, st.booleans())
-def test_an_edit_that_changes_no_colour_changes_no_pixel(
+def test_an_edit_that_changes_no_color_changes_no_pixel(
     rgb: np.ndarray, ids: np.ndarray, antialiased: bool
 ) -> None:
     edits = [Same(frozenset({1, 2})), Same(None)]
@@ -81,8 +81,8 @@ def test_edits_apply_in_order_and_are_rounded_once() -> None:
         instance_ids: frozenset[int] | None
         factor: float
 
-        def __call__(self, colour: np.ndarray, surface: object) -> np.ndarray:
-            return colour * np.float32(self.factor)
+        def __call__(self, color: np.ndarray, surface: object) -> np.ndarray:
+            return color * np.float32(self.factor)
 
     out = composite(rgb, ids, [Scale(None, 1 / 3), Scale(frozenset({1}), 3.0)], antialiased=False)
     assert (out[0, 0] == 100).all()
@@ -99,12 +99,12 @@ def disc(factor: int = 8) -> tuple[np.ndarray, np.ndarray]:
     return coverage, mask
 
 
-def test_an_antialiased_outline_mixes_the_new_colour_as_the_old_one_was_mixed() -> None:
+def test_an_antialiased_outline_mixes_the_new_color_as_the_old_one_was_mixed() -> None:
     coverage, mask = disc()
     front, back, paint = np.array([0.8, 0.2, 0.1]), np.array([0.1, 0.6, 0.3]), (0.1, 0.2, 0.9)
 
-    def picture(colour: np.ndarray) -> np.ndarray:
-        mixed = coverage[..., None] * colour + (1 - coverage[..., None]) * back
+    def picture(color: np.ndarray) -> np.ndarray:
+        mixed = coverage[..., None] * color + (1 - coverage[..., None]) * back
         return np.rint(mixed * 255).astype(np.uint8)
 
     ids = np.where(mask, 5, 1).astype(np.int32)
@@ -118,16 +118,16 @@ def test_an_antialiased_outline_mixes_the_new_colour_as_the_old_one_was_mixed() 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (2, 2)])
 def test_small_and_full_masks_have_a_share(shape: tuple[int, int]) -> None:
-    colour = np.random.default_rng(0).random((*shape, 3), np.float32)
+    color = np.random.default_rng(0).random((*shape, 3), np.float32)
     for inside in (
         np.zeros(shape, bool),
         np.ones(shape, bool),
         np.arange(np.prod(shape)).reshape(shape) % 2 == 0,
     ):
-        share, foreground = matte(colour, inside)
+        share, foreground = matte(color, inside)
         assert np.isfinite(share).all()
         assert np.array_equal(share, inside)
-        assert np.array_equal(foreground, colour)
+        assert np.array_equal(foreground, color)
 
 
 def test_nothing_to_tell_instances_apart_means_only_global_edits() -> None:
@@ -148,10 +148,10 @@ def test_each_row_is_told_its_own_pixel_and_mixed_ones_outside_the_nearest_insid
     class Ask:
         instance_ids: frozenset[int] | None = frozenset({5})
 
-        def __call__(self, colour: np.ndarray, surface: np.ndarray) -> np.ndarray:
-            assert len(colour) == len(surface)
+        def __call__(self, color: np.ndarray, surface: np.ndarray) -> np.ndarray:
+            assert len(color) == len(surface)
             given.extend((int(row) // 32, int(row) % 32) for row in surface)
-            return 1 - colour
+            return 1 - color
 
     rgb = np.rint(255 * (0.2 + 0.6 * coverage[..., None].repeat(3, 2))).astype(np.uint8)
     out = composite(rgb, np.where(mask, 5, 1).astype(np.int32), [Ask()], antialiased)

@@ -1,4 +1,4 @@
-"""Colours of one image brought to another's, thing by thing."""
+"""Colors of one image brought to another's, thing by thing."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ def test_what_is_not_shared_stays():
     assert not gains(matched(apart, one, 0.006))
 
 
-def test_drawn_colours_take_on_the_first_ones_light():
+def test_drawn_colors_take_on_the_first_ones_light():
     one, other = seen((0.0, -0.8, 0.7)), seen((0.25, -0.75, 0.75), factors=(0.8, 1.2))
     pose = look((0.1, -0.78, 0.72), (0.0, 0.0, 0.1))
     plain, _, ids = shoot(pinhole(), pose, 96, 80)
@@ -54,7 +54,7 @@ def test_drawn_colours_take_on_the_first_ones_light():
 
 
 def test_several_that_show_a_place_are_averaged_where_the_first_does_not():
-    """The first keeps its own colours; elsewhere three of four greys are averaged, in order of trust."""
+    """The first keeps its own colors; elsewhere three of four greys are averaged, in order of trust."""
     K, pose = pinhole(16, 12), np.eye(4)
 
     def wall(grey, use=None):

@@ -1,4 +1,4 @@
-"""Triangles against rays shot at them: depth, normals, colours and which is in front."""
+"""Triangles against rays shot at them: depth, normals, colors and which is in front."""
 
 import numpy as np
 from analytic import look, pinhole

@@ -23,7 +23,7 @@ def fit(given: Splats, target: np.ndarray, at: View, settings: Settings, steps: 
 @pytest.mark.parametrize("unit", [1e-3, 1e3])
 def test_a_scene_in_another_unit_converges_alike(unit):
     at, steps = view(), 40
-    target = Rasteriser().forward(splats(150, 1), at).colour
+    target = Rasteriser().forward(splats(150, 1), at).color
     start = splats(150, 2)
     plain = fit(start, target, at, Settings(), steps)
     scaled = dataclasses.replace(

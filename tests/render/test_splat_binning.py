@@ -78,7 +78,7 @@ def test_a_kept_order_gives_the_same_image_of_the_same_splats():
     scene, at, kept = splats(300, 3), view(90, 70), Rasteriser(keep_order=3)
     expected = Rasteriser().forward(scene, at)
     for _ in range(7):
-        np.testing.assert_array_equal(kept.forward(scene, at).colour, expected.colour)
+        np.testing.assert_array_equal(kept.forward(scene, at).color, expected.color)
 
 
 def test_a_kept_order_is_dropped_when_it_cannot_serve():
@@ -94,7 +94,7 @@ def test_a_kept_order_is_dropped_when_it_cannot_serve():
         (other, view(90, 70)),
     ):
         np.testing.assert_array_equal(
-            kept.forward(given_, at).colour, Rasteriser().forward(given_, at).colour
+            kept.forward(given_, at).color, Rasteriser().forward(given_, at).color
         )
 
 
@@ -107,7 +107,7 @@ def test_errors_of_a_stale_order_are_bounded(seed):
     scene, at, kept = splats(300, seed), view(90, 70), Rasteriser(keep_order=2)
     kept.forward(scene, at)
     moved, fresh = nudged(scene, 0.03, seed), Rasteriser()
-    found, expected = kept.forward(moved, at).colour, fresh.forward(moved, at).colour
+    found, expected = kept.forward(moved, at).color, fresh.forward(moved, at).color
     error = np.abs(found - expected).max(-1)
     assert 0 < error.max() < 0.15
     assert (error > 1e-2).mean() < 0.02
@@ -126,6 +126,6 @@ def test_splats_that_went_out_of_sight_leave_a_kept_order_without_a_trace():
     gone[1] = True
     rest = {name: a[~gone] for name, a in vars(scene).items() if a is not None}
     expected = Rasteriser().forward(dataclasses.replace(scene, **rest), at)
-    np.testing.assert_array_equal(found.colour, expected.colour)
-    slopes = kept.backward(colour=np.ones_like(found.colour))
+    np.testing.assert_array_equal(found.color, expected.color)
+    slopes = kept.backward(color=np.ones_like(found.color))
     assert all(not a[gone].any() for a in vars(slopes).values() if a is not None)

@@ -43,7 +43,7 @@ def same_as_reference(
         draw(given, at, backend, settings),
         gradients(given, at, backend, settings, images),
     )
-    assert np.isfinite(picture.colour).all()
+    assert np.isfinite(picture.color).all()
     assert np.isfinite(picture.depth_expected).all()
     assert finite(found)
     if backend == "reference":
@@ -135,8 +135,8 @@ def test_crop_of_a_render_is_the_render_of_the_crop(backend):
     whole, shifted = view(), view().K.copy()
     shifted[:2, 2] -= x, y
     part = View(shifted, np.eye(4), width, height)
-    cropped = draw(small, whole, backend).colour[y : y + height, x : x + width]
-    np.testing.assert_allclose(draw(small, part, backend).colour, cropped, atol=2e-5)
+    cropped = draw(small, whole, backend).color[y : y + height, x : x + width]
+    np.testing.assert_allclose(draw(small, part, backend).color, cropped, atol=2e-5)
 
 
 @backends
@@ -223,10 +223,10 @@ def test_alpha_at_the_floor(backend):
 @backends
 def test_equal_depths_blend_in_the_order_given(backend):
     red, blue = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-    parts = [((0.0, 0.0, 2.0), 0.2, 0.8, PLAIN_QUAT, colour) for colour in (red, blue)]
+    parts = [((0.0, 0.0, 2.0), 0.2, 0.8, PLAIN_QUAT, color) for color in (red, blue)]
     middle = (19, 24)
-    first = draw(together_of(parts), view(), backend).colour[middle]
-    second = draw(together_of(parts[::-1]), view(), backend).colour[middle]
+    first = draw(together_of(parts), view(), backend).color[middle]
+    second = draw(together_of(parts[::-1]), view(), backend).color[middle]
     assert first[0] > 0.7 > 0.2 > first[2]
     assert second[2] > 0.7 > 0.2 > second[0]
 
@@ -257,7 +257,7 @@ def test_one_bad_splat_changes_nothing_else(backend, name, value):
     )
     found, expected = draw(bad, at, backend), draw(without, at, backend)
     same = {"rtol": 1e-4 if backend == "gsplat" else 0, "atol": 1e-6 if backend == "gsplat" else 0}
-    np.testing.assert_allclose(found.colour, expected.colour, **same)
+    np.testing.assert_allclose(found.color, expected.color, **same)
     np.testing.assert_allclose(found.features, expected.features, **same)
     assert (found.nonfinite, expected.nonfinite) == (1, 0)
     slopes, truth = gradients(bad, at, backend), gradients(without, at, backend)
@@ -279,7 +279,7 @@ def none_at_all() -> Splats:
 def test_nothing_to_draw(backend, given):
     picture = draw(given, view(), backend, background=(0.1, 0.2, 0.3))
     np.testing.assert_allclose(
-        picture.colour, np.broadcast_to(np.float32([0.1, 0.2, 0.3]), (40, 48, 3))
+        picture.color, np.broadcast_to(np.float32([0.1, 0.2, 0.3]), (40, 48, 3))
     )
     assert not picture.alpha.any()
     assert not picture.depth_expected.any()
@@ -304,6 +304,6 @@ def test_far_away_origin(backend):
     moved = dataclasses.replace(given, means=given.means.astype(np.float64) + far)
     there = View(at.K, pose, at.width, at.height)
     here = draw(given, at, backend)
-    np.testing.assert_allclose(draw(moved, there, backend).colour, here.colour, atol=1e-5)
+    np.testing.assert_allclose(draw(moved, there, backend).color, here.color, atol=1e-5)
     found, truth = gradients(moved, there, backend), gradients(given, at, backend)
     assert relative(found["means"], truth["means"]) < (1e-3 if backend == "gsplat" else 1e-5)

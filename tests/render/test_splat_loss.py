@@ -55,13 +55,13 @@ def truth(loss: Loss, given, at) -> tuple[float, dict[str, np.ndarray]]:
         **leaves, view=at, settings=Rasteriser().settings, background=torch.as_tensor(BACKGROUND)
     )
     share = 1 / depth.numel()
-    error = images.colour - target
+    error = images.color - target
     per_pixel = loss.l2 * (error**2).mean(-1) + loss.l1 * error.abs().mean(-1)
     counted = (depth > 0) & (images.alpha >= 0.5)
     off = (images.depth - depth) / torch.where(depth > 0, depth, 1.0)
     per_pixel = per_pixel + loss.depth * off**2 * counted
-    seen = torch.where(weight[..., None] > 0, images.colour, images.colour.detach())
-    wanted = torch.where(weight[..., None] > 0, target, images.colour.detach())
+    seen = torch.where(weight[..., None] > 0, images.color, images.color.detach())
+    wanted = torch.where(weight[..., None] > 0, target, images.color.detach())
     per_pixel = per_pixel + loss.ssim * (1 - similarity(seen, wanted)).mean(-1)
     value = (weight * per_pixel).sum() * share
     value.backward()
@@ -86,7 +86,7 @@ def test_an_exact_image_has_no_error_and_no_gradient():
     given, at = splats(60, 3), view()
     engine = Rasteriser()
     picture = engine.forward(given, at)
-    errors, slopes = engine.backward_loss(Loss(l1=1, ssim=1), picture.colour)
+    errors, slopes = engine.backward_loss(Loss(l1=1, ssim=1), picture.color)
     assert (errors.l2, errors.l1) == (0, 0)
     assert abs(errors.ssim) < 1e-6
     assert np.abs(slopes.means).max() < 1e-5
@@ -109,9 +109,9 @@ def test_squared_error_alone_is_the_same_loss():
     target, weight, depth = case()
     engine = Rasteriser()
     engine.forward(given, at)
-    colour, relative_depth, slopes = engine.backward_squared_error(target, weight, depth, 0.3)
+    color, relative_depth, slopes = engine.backward_squared_error(target, weight, depth, 0.3)
     errors, same = engine.backward_loss(Loss(depth=0.3), target, weight, depth)
-    assert (colour, relative_depth) == (errors.l2, errors.depth)
+    assert (color, relative_depth) == (errors.l2, errors.depth)
     np.testing.assert_array_equal(slopes.means, same.means)
 
 

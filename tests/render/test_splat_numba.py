@@ -50,14 +50,14 @@ def test_images_end_to_end(harmonics, antialiased):
     )
     found, expected = (draw(given, at, name, settings) for name in ("numba", "reference"))
     assert_close(found, expected, atol=1e-4, flips=0)
-    error = np.abs(found.colour - expected.colour).max(-1)
+    error = np.abs(found.color - expected.color).max(-1)
     assert (error <= 1e-5).mean() >= 0.999
     assert (found.surface_index == expected.surface_index).mean() >= 0.999
     same = found.surface_index == expected.surface_index
     np.testing.assert_allclose(found.depth_surface[same], expected.depth_surface[same], rtol=1e-6)
 
 
-def test_colour_given_the_same_projection():
+def test_color_given_the_same_projection():
     """Compositing alone, from the very records the kernels made: 1e-5, threshold flips counted apart."""
     given, at = splats(400, 4), view(64, 64)
     error, flips = composited_alike(given, at)
@@ -93,7 +93,7 @@ def test_covariances_instead_of_quaternions_and_scales():
     given, at = splats(150, 6), posed(view())
     other = covariances_of(given)
     np.testing.assert_allclose(
-        draw(other, at, "numba").colour, draw(given, at, "numba").colour, atol=1e-4
+        draw(other, at, "numba").color, draw(given, at, "numba").color, atol=1e-4
     )
     found, expected = (gradients(other, at, name) for name in ("numba", "reference"))
     for name in ("means", "covariances", "opacities", "sh"):
@@ -123,9 +123,7 @@ def test_order_of_input_does_not_matter():
         given, **{n: a[shuffle] for n, a in vars(given).items() if a is not None}
     )
     found, expected = Rasteriser(), Rasteriser()
-    np.testing.assert_array_equal(
-        found.forward(mixed, at).colour, expected.forward(given, at).colour
-    )
+    np.testing.assert_array_equal(found.forward(mixed, at).color, expected.forward(given, at).color)
     slopes, truth = found.backward(**pulls(at)), expected.backward(**pulls(at))
     np.testing.assert_array_equal(slopes.means, truth.means[shuffle])
 
@@ -141,20 +139,20 @@ def test_squared_error_is_the_gradient_of_its_own_number():
     background = np.array([0.2, 0.4, 0.6])
     engine = Rasteriser()
     picture = engine.forward(given, at, background)
-    colour_error, depth_error, slopes = engine.backward_squared_error(target, weight, depth, 0.3)
+    color_error, depth_error, slopes = engine.backward_squared_error(target, weight, depth, 0.3)
     counted = (depth > 0) & (picture.alpha >= 0.5)
-    expected_colour = (weight[..., None] * (picture.colour - target) ** 2).mean()
+    expected_color = (weight[..., None] * (picture.color - target) ** 2).mean()
     relative_depth = (picture.depth_expected - depth) / np.where(depth > 0, depth, 1)
     expected_depth = (weight * relative_depth**2 * counted).sum() / weight.size
-    assert colour_error == pytest.approx(expected_colour, rel=1e-4)
+    assert color_error == pytest.approx(expected_color, rel=1e-4)
     assert depth_error == pytest.approx(expected_depth, rel=1e-4)
 
     engine.forward(given, at, background)
-    d_colour = 2 * weight[..., None] * (picture.colour - target) / target.size
+    d_color = 2 * weight[..., None] * (picture.color - target) / target.size
     d_depth = (
         0.3 * 2 * weight * relative_depth * counted / np.where(depth > 0, depth, 1) / depth.size
     )
-    truth = engine.backward(d_colour.astype(np.float32), d_depth.astype(np.float32))
+    truth = engine.backward(d_color.astype(np.float32), d_depth.astype(np.float32))
     for name in ("means", "opacities", "sh", "scales"):
         assert relative(getattr(slopes, name), getattr(truth, name)) < 1e-4, name
 
@@ -163,12 +161,12 @@ def test_buffers_do_not_leak_between_views():
     """A large scene, then a small one: the second is as from a new object, and the first's arrays stay."""
     engine, at = Rasteriser(), view()
     before = engine.forward(splats(300, 1), at)
-    kept = before.colour.copy()
+    kept = before.color.copy()
     small = splats(20, 2)
     np.testing.assert_array_equal(
-        engine.forward(small, at).colour, Rasteriser().forward(small, at).colour
+        engine.forward(small, at).color, Rasteriser().forward(small, at).color
     )
-    np.testing.assert_array_equal(before.colour, kept)
+    np.testing.assert_array_equal(before.color, kept)
 
 
 def test_read_only_and_strided_arrays_are_taken():
@@ -179,8 +177,8 @@ def test_read_only_and_strided_arrays_are_taken():
             locked[name] = np.repeat(array, 2, 0)[::2]
             locked[name].flags.writeable = False
     np.testing.assert_array_equal(
-        draw(dataclasses.replace(given, **locked), at, "numba").colour,
-        draw(given, at, "numba").colour,
+        draw(dataclasses.replace(given, **locked), at, "numba").color,
+        draw(given, at, "numba").color,
     )
 
 

@@ -38,7 +38,7 @@ def test_gradcheck(harmonics, antialiased):
             settings,
             torch.zeros(3).double(),
         )
-        return made.colour, made.depth, made.alpha, made.features
+        return made.color, made.depth, made.alpha, made.features
 
     assert torch.autograd.gradcheck(images, inputs, eps=1e-7, atol=1e-4, rtol=1e-3)
 
@@ -52,7 +52,7 @@ def test_a_lone_splat_has_the_closed_form():
     alpha = 0.8 * np.exp(-square / (2 * ((50 * 0.1 / 2) ** 2 + 0.3)))
     alpha[alpha < 1 / 255] = 0
     np.testing.assert_allclose(picture.alpha, alpha, atol=1e-6)
-    np.testing.assert_allclose(picture.colour[9, 12], 0.8 * np.array([0.9, 0.5, 0.2]), atol=1e-6)
+    np.testing.assert_allclose(picture.color[9, 12], 0.8 * np.array([0.9, 0.5, 0.2]), atol=1e-6)
     np.testing.assert_allclose(picture.depth_expected[alpha > 0], 2.0, atol=1e-6)
     assert picture.surface_index[9, 12] == 0
     assert picture.surface_index[0, 0] == -1

@@ -26,7 +26,7 @@ def psnr(a, b) -> float:
 
 @pytest.mark.parametrize("size", [(96, 80), (61, 131)])
 def test_moved_camera_agrees_with_the_closed_form(size):
-    """Depth is exact on planes, colour as good as cubic interpolation of a pattern of ten-pixel period."""
+    """Depth is exact on planes, color as good as cubic interpolation of a pattern of ten-pixel period."""
     K = pinhole(*size, focal=120.0)
     pose = look(EYE, AT) @ geometry.rigid(
         np.array([0.03, -0.04, 0.05]), np.array([0.06, -0.05, 0.08])
@@ -83,7 +83,7 @@ def test_the_world_origin_does_not_matter():
     np.testing.assert_allclose(there.depth, here.depth, atol=1e-6)  # 1e4 m * 2**-52, magnified
     assert (
         there.image == here.image
-    ).mean() > 0.999  # a colour may fall on the other side of a half
+    ).mean() > 0.999  # a color may fall on the other side of a half
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
@@ -122,7 +122,7 @@ def test_nearest_wins_and_the_earlier_source_within_the_tolerance():
     assert (behind.ids == 20).all()  # hidden is not carved
 
 
-def test_colours_never_cross_ids():
+def test_colors_never_cross_ids():
     """A red thing on a black one, moved by half a pixel: no pixel is a mixture."""
     K, depth = pinhole(16, 16), np.full((16, 16), 1.0, np.float32)
     ids = np.where(np.arange(16) < 8, 1, 2) * np.ones((16, 1), np.int32)

@@ -30,7 +30,7 @@ def recipe_file(folder: Path, *edits: dict[str, Any]) -> Path:
 
 
 class Theirs:
-    """One frame a sample, as RVT's replay buffer gives it: channels first, colours in -1..1, points in the world."""
+    """One frame a sample, as RVT's replay buffer gives it: channels first, colors in -1..1, points in the world."""
 
     def __init__(self, root: Path) -> None:
         self.root = root

@@ -93,7 +93,7 @@ def covered() -> twin.Take:
 
 @pytest.fixture(scope="module")
 def grey() -> twin.Take:
-    """The same parts, each of one known colour."""
+    """The same parts, each of one known color."""
     laid = {name: _Plain(kind="plain", seed=0, side=1.0) for name in SIDES}
     look = twin.Look(covers=laid, tints=dict.fromkeys(SIDES, (0.8, 0.8, 0.8)))
     return twin.perform("open_drawer", 2, frames=11, size=256, look=look)

@@ -76,7 +76,7 @@ def test_light_color_scales_everything_alike(drawer):
         for kind in ("depth", "ids"):
             np.testing.assert_array_equal(frames(drawer, name, kind), frames(changed, name, kind))
         before, after = frames(drawer, name, "rgb"), frames(changed, name, "rgb").astype(float)
-        # Colours are rounded to 8 bits in both images, and a little in the rasteriser's interpolation.
+        # Colors are rounded to 8 bits in both images, and a little in the rasteriser's interpolation.
         off = np.abs(after - before * ratio)
         assert off.max() <= 1 + ratio.max()
         assert off.mean() < 0.5
@@ -116,9 +116,9 @@ def test_a_given_value_is_taken(drawer):
     handle = take.truth.handles["block_plain"]
     assert take.truth.tints == {handle: (red, blue)}
     mine = frames(take, "right_shoulder", "ids") == handle
-    colours = frames(take, "right_shoulder", "rgb")[mine]
-    assert (colours[:, :2] == 0).all()
-    assert (colours[:, 2] > 60).all()
+    colors = frames(take, "right_shoulder", "rgb")[mine]
+    assert (colors[:, :2] == 0).all()
+    assert (colors[:, 2] > 60).all()
 
 
 def test_light_direction_turns_every_lamp(drawer):

@@ -93,7 +93,7 @@ def test_a_pixel_names_one_part(antialias):
             assert (view.depth(t) > 0).all()
 
 
-def test_antialiasing_touches_edges_of_colour_only():
+def test_antialiasing_touches_edges_of_color_only():
     hard, soft = (
         twin.perform("open_drawer", 1, frames=11, look=twin.Look(antialias=on)).episode.views[
             "front"

@@ -32,10 +32,10 @@ def test_it_is_what_is_recorded_now(tmp_path: Path):
     for name, view in made.episode.views.items():
         for t in range(made.episode.length):
             old = shipped.views[name]
-            # Other versions of the software rasteriser may round a colour by a level or two and give an edge
+            # Other versions of the software rasteriser may round a color by a level or two and give an edge
             # pixel to the other side.
             same = old.ids(t) == view.ids(t)
             assert same.mean() > 0.995, (name, t)
-            colour = np.abs(old.rgb(t).astype(int) - view.rgb(t)).max(-1)
-            assert np.quantile(colour, 0.99) <= 3, (name, t)
+            color = np.abs(old.rgb(t).astype(int) - view.rgb(t)).max(-1)
+            assert np.quantile(color, 0.99) <= 3, (name, t)
             assert np.quantile(np.abs(old.depth(t) - view.depth(t))[same], 0.99) < 1e-4, (name, t)

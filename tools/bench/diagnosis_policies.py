@@ -1,7 +1,7 @@
 """Small policies that find a block in a picture, each with a weakness of its own, and whether their grasp is right.
 
 What a policy is good at it does by the simulator's ids (a perfect segmenter); what it is weak at it does by pixels, in
-the way such policies do: thresholds on a colour, on brightness, region growing, nearest neighbours, a fixed camera.
+the way such policies do: thresholds on a color, on brightness, region growing, nearest neighbours, a fixed camera.
 Nothing of `rpaug.diagnosis` is used here.
 """
 
@@ -42,12 +42,12 @@ class Trained:
 
     @cached_property
     def white(self) -> np.ndarray:
-        """The robot's usual colour."""
+        """The robot's usual color."""
         return np.mean([one.rgb[one.mask(*ROBOT)].mean(0) for one in self.pictures], 0)
 
     @cached_property
     def chroma(self) -> np.ndarray:
-        """The block's usual colour, whatever the light's strength."""
+        """The block's usual color, whatever the light's strength."""
         return np.mean(
             [_chroma(one.rgb[one.mask("block_plain")].mean(0)) for one in self.pictures], 0
         )
@@ -100,8 +100,8 @@ def robust(seen: Seen, usual: float | None = None) -> np.ndarray:
     return guess
 
 
-def by_colour(seen: Seen, trained: Trained, bar: float) -> bool:
-    """Takes the thing whose colour is nearest to the block's, if it is near."""
+def by_color(seen: Seen, trained: Trained, bar: float) -> bool:
+    """Takes the thing whose color is nearest to the block's, if it is near."""
     image = trained.balanced(seen)
     apart = {
         n: np.linalg.norm(_chroma(image[m].mean(0)) - trained.chroma)
@@ -112,7 +112,7 @@ def by_colour(seen: Seen, trained: Trained, bar: float) -> bool:
 
 
 def by_growing(seen: Seen, trained: Trained, bar: float) -> bool:
-    """Grows a region of like colour from the block's middle; a patch of a pattern is not the block."""
+    """Grows a region of like color from the block's middle; a patch of a pattern is not the block."""
     image = np.clip(trained.balanced(seen), 0, 255)
     mask = seen.mask("block_plain")
     chroma = np.stack([_chroma(row) for row in image])
@@ -138,7 +138,7 @@ def by_brightness(seen: Seen, trained: Trained, bar: float) -> bool:
 
 
 def by_table(seen: Seen, trained: Trained, bar: float) -> bool:
-    """Tells the block from a table of the usual colours."""
+    """Tells the block from a table of the usual colors."""
     image = trained.balanced(seen)
     table = seen.mask("table")
     usual = _like(image[table], trained.table, 26 * bar)
@@ -146,7 +146,7 @@ def by_table(seen: Seen, trained: Trained, bar: float) -> bool:
 
 
 def by_wall(seen: Seen, trained: Trained, bar: float) -> bool:
-    """Finds the edge of the table under a wall of the usual colours."""
+    """Finds the edge of the table under a wall of the usual colors."""
     image = trained.balanced(seen)
     return _like(image[seen.mask("wall_back")], trained.wall, 30 * bar).mean() > 0.6
 
@@ -180,7 +180,7 @@ def by_fixed_camera(seen: Seen, trained: Trained, bar: float) -> bool:
 
 WEAK: Mapping[str, Callable[[Seen, Trained, float], bool]] = {
     "object position": by_memory,
-    "object colour": by_colour,
+    "object colour": by_color,
     "object texture": by_growing,
     "object size": by_width,
     "lighting": by_brightness,
@@ -241,8 +241,8 @@ def _middle(mask: np.ndarray) -> np.ndarray:
     return np.array([columns.mean(), rows.mean()])
 
 
-def _chroma(colour: np.ndarray) -> np.ndarray:
-    return colour / np.maximum(np.sum(colour, -1, keepdims=True), 1)
+def _chroma(color: np.ndarray) -> np.ndarray:
+    return color / np.maximum(np.sum(color, -1, keepdims=True), 1)
 
 
 def _width(seen: Seen) -> float:

@@ -1,10 +1,10 @@
 """Seconds of edits on a large recording: one camera, 1920x1080, 121 frames, read to written.
 
-    python tools/bench/large.py [--frames 121] [--width 1920] [--height 1080] [--edit colour] [--json]
+    python tools/bench/large.py [--frames 121] [--width 1920] [--height 1080] [--edit color] [--json]
 
 The recording is made once: a table seen by one fixed camera, a ball that rolls over it and one that lies beside, depth
 and masks, in RLBench's format. Each edit is then a process of its own (`rpaug augment`), so start-up counts; kernels
-are compiled beforehand. RoboPearls reports 1 minute for a colour, 5 for a texture and 6 for a removal or an insertion.
+are compiled beforehand. RoboPearls reports 1 minute for a color, 5 for a texture and 6 for a removal or an insertion.
 """
 
 import argparse

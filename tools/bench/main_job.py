@@ -2,7 +2,7 @@
 
     python tools/bench/main_job.py [--dataset FOLDER] [--repeat 5] [--json]
 
-The recipe has two tier-0 edits: the manipulated object's colour and the light. Each run is a process of its own, so
+The recipe has two tier-0 edits: the manipulated object's color and the light. Each run is a process of its own, so
 start-up and kernel loading count; the first run is left out, since it may compile kernels. Peak memory is the largest
 resident set of the process (getrusage). Without --dataset the embedded sample is used.
 """

@@ -67,13 +67,13 @@ def vanilla(
     settings: nnfm.StyleSettings,
     seed: int,
 ) -> tuple[Scene, list[float]]:
-    """ARF as published, in every Gaussian's colour: features of whole views, nothing held to the recording."""
+    """ARF as published, in every Gaussian's color: features of whole views, nothing held to the recording."""
     assert scene.gaussians is not None
     style = nnfm.style_of(network, picture, settings.picture)
     placement = Placement.of(scene.gaussians.ids, scene.bodies, scene.irradiance)
     splats = Splats.of(scene.gaussians)
     old = 0.5 + SH0 * scene.gaussians.sh[:, 0]
-    free = torch.from_numpy(transferred(old, style.colours.numpy())).requires_grad_()
+    free = torch.from_numpy(transferred(old, style.colors.numpy())).requires_grad_()
     adam = torch.optim.Adam([free], settings.rate)
     rng, order, losses = np.random.default_rng(seed), [], []
     for step in range(settings.steps):
@@ -90,7 +90,7 @@ def vanilla(
         eye = view_of(standing(scene, name), t)
         image = rasterise(
             means, opacities, sh, eye, quats=quats, scales=scales, settings=SHARP
-        ).colour.permute(2, 0, 1)[None]
+        ).color.permute(2, 0, 1)[None]
         found = network.features(nnfm.resized(image, settings.size), nnfm.LAYERS)
         seen = torch.cat([found[layer] for layer in nnfm.LAYERS], 1)[0].flatten(1)
         loss = nnfm.matching(seen, style.features)
@@ -106,7 +106,7 @@ def vanilla(
 
 
 def transferred(old: np.ndarray, palette: np.ndarray) -> np.ndarray:
-    """ARF's colour transfer: an affine map that gives the colours the palette's mean and covariance."""
+    """ARF's color transfer: an affine map that gives the colors the palette's mean and covariance."""
 
     def root(matrix: np.ndarray, power: float) -> np.ndarray:
         values, vectors = np.linalg.eigh(matrix)
@@ -135,7 +135,7 @@ def errors(
 def agreement(
     before: Episode, after: Episode, views: list[tuple[str, int]], instance_ids: frozenset[int]
 ) -> tuple[float, float]:
-    """Median difference of one place's colour in two cameras, in grey levels: recorded, and edited."""
+    """Median difference of one place's color in two cameras, in grey levels: recorded, and edited."""
     recorded, edited = [], []
     for name, t in views:
         for other in before.views:
@@ -196,7 +196,7 @@ def measure(
         laid = Stylised(instance_ids, styled.old, styled.new)
         assert scene.gaussians is not None
         sh = scene.gaussians.sh.copy()
-        sh[styled.rows, 0] = (styled.colours - 0.5) / SH0
+        sh[styled.rows, 0] = (styled.colors - 0.5) / SH0
         made[method] = replace(scene, gaussians=replace(scene.gaussians, sh=sh))
         after = shown(replace(scene, appearance=(laid,)))
         changed = sum(

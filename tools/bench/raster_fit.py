@@ -75,7 +75,7 @@ def main() -> None:
         given.json.write_text(json.dumps({"rows": rows, "stopped": fit.stopped}, indent=1))
     if given.png:
         pairs = [
-            np.vstack([shot.colour, Rasteriser().forward(fit.splats, shot.view).colour])
+            np.vstack([shot.color, Rasteriser().forward(fit.splats, shot.view).color])
             for shot in shots
         ]
         picture = (np.clip(np.hstack(pairs), 0, 1) * 255 + 0.5).astype(np.uint8)

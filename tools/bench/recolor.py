@@ -1,6 +1,6 @@
-"""Recolouring against the truth: how far an edited recording is from one whose material truly changed.
+"""Recoloring against the truth: how far an edited recording is from one whose material truly changed.
 
-For every object, colour and seed the twin records an episode, the `recolor` operator edits it, and the twin records
+For every object, color and seed the twin records an episode, the `recolor` operator edits it, and the twin records
 the same motion with the object's tint truly changed. Errors are PSNR in dB (higher is better; 255 levels, all
 cameras and frames pooled):
 
@@ -121,7 +121,7 @@ def rows(seeds: int, frames: int, size: int, specular: bool) -> Iterator[dict[st
                 (instance_id,) = truth.truth.tints
                 old, new = (take.truth.albedos[instance_id] for take in (recorded, truth))
                 for source, error in errors.items():
-                    edited = recolour(scene, instance_id, old if source == "given" else None, new)
+                    edited = recolor(scene, instance_id, old if source == "given" else None, new)
                     errors[source] = error + measure(scene, edited, truth.episode, instance_id)
             for source, error in errors.items():
                 yield {
@@ -133,7 +133,7 @@ def rows(seeds: int, frames: int, size: int, specular: bool) -> Iterator[dict[st
                 }
 
 
-def recolour(
+def recolor(
     scene: Scene,
     instance_id: int,
     old: tuple[float, float, float] | None,

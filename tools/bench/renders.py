@@ -63,7 +63,7 @@ def render(
     write(out, "render", asked, plain_rows, renders.PANELS, drawn)
     columns = {
         "scene": "scene", "engine": "engine", "forward_ms": "forward ms", "both_ms": "with backward",
-        "both_cpu_ms": "processor ms", "colour_worst": "colour error", "colour_over": "over 1e-5",
+        "both_cpu_ms": "processor ms", "color_worst": "color error", "color_over": "over 1e-5",
         "gradient_error": "gradients",
     }  # fmt: skip
     show(out, plain_rows, columns, skipped, as_json)

@@ -1,14 +1,14 @@
-"""What colour images alone are enough for: the twin's recordings with depth, masks and calibration hidden.
+"""What color images alone are enough for: the twin's recordings with depth, masks and calibration hidden.
 
     python tools/bench/rgb_only.py [--seeds 4] [--size 128] [--frames 17] [--factor F] [--uncut] [--json]
 
-Of each seed's recording only the fixed cameras' colours are kept. Edits made from those are held against the truly
+Of each seed's recording only the fixed cameras' colors are kept. Edits made from those are held against the truly
 changed recording: dB inside the truly changed pixels and outside them, beside the unedited images'. `IoU` is that of
 the mask an edit went by with the true one; `handle` asks for the thing's handle that fits best, `words` for the
-colour's name, `role` for what is manipulated. `things` is the mean over all true things beside the robot, each by its
+color's name, `role` for what is manipulated. `things` is the mean over all true things beside the robot, each by its
 best handle over all cameras, and `thing in a camera` by its best handle there; nothing is edited. `--uncut` leaves
 GrabCut out.
-The background's texture lies in another place than the true one: dB are of its mean colour there.
+The background's texture lies in another place than the true one: dB are of its mean color there.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from jaxtyping import Bool
 from pydantic import TypeAdapter
 
 from rpaug import Camera, CameraView, twin
-from rpaug.core import colors, registry
+from rpaug.core import color_space, registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.metrics import psnr
 from rpaug.core.types import Episode, Scene
@@ -43,7 +43,7 @@ FOCAL = 1.2  # longest sides, as adapters assume
 
 
 def bare(episode: Episode) -> Episode:
-    """The fixed cameras' colours, and nothing else."""
+    """The fixed cameras' colors, and nothing else."""
 
     def stripped(view: CameraView) -> CameraView:
         w, h = view.camera.width, view.camera.height
@@ -150,7 +150,7 @@ def asked(
         if manipulated := scene.roles.get("manipulated"):
             target = {"handle": sorted(manipulated)}
             yield "object by role", manipulated, "recolor", fields | {"target": target}
-        word = colors.nearest(np.array(recorded.truth.albedos[changed[0]]))
+        word = color_space.nearest(np.array(recorded.truth.albedos[changed[0]]))
         target = {"text": f"the {word} thing", "all": True}
         try:
             instance_ids = targets.find(scene, targets.Target(**target))

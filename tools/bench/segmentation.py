@@ -109,14 +109,14 @@ def overlaps(
 
 def picture(episode: Episode, found: by_motion.Segmentation) -> np.ndarray:
     """Images over found instances: two cameras, five times."""
-    colours = np.random.default_rng(4).integers(60, 255, (1000, 3)).astype(np.uint8)
-    colours[0], colours[1] = 0, 60
+    colors = np.random.default_rng(4).integers(60, 255, (1000, 3)).astype(np.uint8)
+    colors[0], colors[1] = 0, 60
     times = np.linspace(0, episode.length - 1, 5).round().astype(int).tolist()
     rows = []
     for name in list(episode.views)[:2]:
         view = episode.views[name]
         rows.append(
-            np.hstack([np.vstack([view.rgb(t), colours[found.ids(name, t)]]) for t in times])
+            np.hstack([np.vstack([view.rgb(t), colors[found.ids(name, t)]]) for t in times])
         )
     return np.vstack(rows)
 

@@ -4,7 +4,7 @@
     python tools/bench/sharing.py --twin open_drawer --steps 300
 
 The dataset's first two episodes of one place, or the twin's recording of one layout and the same with the moved thing
-in another colour. The first lends. Prints, for the second fitted by itself, by itself in as many steps as a borrower
+in another color. The first lends. Prints, for the second fitted by itself, by itself in as many steps as a borrower
 takes, and borrowing: Gaussians of its own, processor seconds of the fit (the lender's apart), PSNR at held-out times
 over all cameras and at all looked-at times over the fixed ones, and megabytes in the store.
 """

@@ -1,6 +1,6 @@
 """Videos: frames registered, trajectory error, processor seconds, and how well Gaussians show frames kept back.
 
-python tools/bench/video.py walk FOLDER     # RGB-D frames with poses (7-Scenes layout), their colours made a video
+python tools/bench/video.py walk FOLDER     # RGB-D frames with poses (7-Scenes layout), their colors made a video
 python tools/bench/video.py clip VIDEO      # any video: registered or refused, and why
 Add --gaussians for the fit, --edit RECIPE for an edited copy at tier 4 in a folder that is thrown away (or --keep OUT),
 --json for one JSON value. But for --edit nothing is taken from or left in the user's cache.
@@ -116,7 +116,7 @@ def _given(path: Path) -> list[object]:
 
 
 def as_video(folder: Path, path: Path) -> Path:
-    """The colour images of a folder as an MP4 of three frames a second."""
+    """The color images of a folder as an MP4 of three frames a second."""
     images = sorted(folder.glob("*.color.*"))
     with av.open(str(path), "w") as made:
         stream = made.add_stream("libx264", rate=3, options={"crf": "10"})

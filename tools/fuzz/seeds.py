@@ -18,7 +18,7 @@ STEPS, SIDE = 2, 8
 
 
 def episode() -> Episode:
-    """Two cameras with colour, depth and handles."""
+    """Two cameras with color, depth and handles."""
     rng = np.random.default_rng(0)
     pose = np.tile(np.eye(4), (STEPS, 1, 1))
     pose[:, 0, 3] = np.arange(STEPS)

@@ -57,7 +57,7 @@ class Texture:
         scale: float,
         mapping: Mapping,
     ) -> Float32[np.ndarray, "n 3"]:
-        """Colours 0..1 at points of the texture's frame; `scale` is the metres that the image is wide.
+        """Colors 0..1 at points of the texture's frame; `scale` is the metres that the image is wide.
 
         `triplanar` blends the three axes' pictures by the normal, `box` takes the one the normal is nearest to,
         `planar` always the one along z.

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 SIDE = 512  # texels drawn, then averaged down: edges come out smooth
 
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 Field = Float[np.ndarray, "side side"]
 Picture = Float[np.ndarray, "side side 3"]
 
@@ -30,7 +30,7 @@ def octaves(rng: np.random.Generator, wavelength: float, stretch: float = 1.0) -
 
 
 def wood(
-    rng: np.random.Generator, light: Colour, dark: Colour, rings: int = 5, planks: int = 1
+    rng: np.random.Generator, light: Color, dark: Color, rings: int = 5, planks: int = 1
 ) -> Picture:
     """Growth rings cut along the trunk, with pores; `planks` boards side by side, each its own piece."""
     down = np.arange(SIDE)[:, None] / SIDE
@@ -48,15 +48,15 @@ def wood(
     return out
 
 
-def marble(rng: np.random.Generator, ground: Colour, vein: Colour, turns: float = 1.6) -> Picture:
-    """Thin veins of one colour through another."""
+def marble(rng: np.random.Generator, ground: Color, vein: Color, turns: float = 1.6) -> Picture:
+    """Thin veins of one color through another."""
     field = octaves(rng, 200)
     lines = np.exp(-np.abs(np.sin(turns * field + 0.6 * octaves(rng, 90))) * 7)
     return mix(ground, vein, 0.8 * lines + 0.08 * octaves(rng, 24))
 
 
-def speckle(rng: np.random.Generator, ground: Colour, grains: Sequence[Colour]) -> Picture:
-    """Granite: grains of several colours in a ground."""
+def speckle(rng: np.random.Generator, ground: Color, grains: Sequence[Color]) -> Picture:
+    """Granite: grains of several colors in a ground."""
     out = mix(ground, (0.0, 0.0, 0.0), 0.05 * octaves(rng, 40))
     for grain in grains:
         share = np.clip((noise(rng, 7) - 0.9) * 4, 0, 1)
@@ -64,7 +64,7 @@ def speckle(rng: np.random.Generator, ground: Colour, grains: Sequence[Colour]) 
     return out
 
 
-def layers(rng: np.random.Generator, first: Colour, second: Colour, count: int = 4) -> Picture:
+def layers(rng: np.random.Generator, first: Color, second: Color, count: int = 4) -> Picture:
     """Bands of sediment: sandstone, slate."""
     down = np.arange(SIDE)[:, None] / SIDE
     band = np.sin(2 * np.pi * count * down + 1.2 * noise(rng, 180, 2))
@@ -72,7 +72,7 @@ def layers(rng: np.random.Generator, first: Colour, second: Colour, count: int =
 
 
 def cells(
-    rng: np.random.Generator, stones: Sequence[Colour], gap: Colour, count: int, width: float
+    rng: np.random.Generator, stones: Sequence[Color], gap: Color, count: int, width: float
 ) -> Picture:
     """Cobbles or terrazzo: about `count` cells around random points, `width` texels of gap between (Worley 1996)."""
     spots = rng.random((count, 2)) * SIDE
@@ -86,41 +86,41 @@ def cells(
         owner[closer] = index
         nearest[1] = np.where(closer, nearest[0], np.minimum(nearest[1], away))
         nearest[0] = np.minimum(nearest[0], away)
-    colour = np.asarray(stones)[rng.integers(0, len(stones), count)]
+    color = np.asarray(stones)[rng.integers(0, len(stones), count)]
     shade = 1 + 0.08 * rng.standard_normal(count)
-    body = (colour * shade[:, None])[owner] * (1 + 0.06 * octaves(rng, 20))[..., None]
+    body = (color * shade[:, None])[owner] * (1 + 0.06 * octaves(rng, 20))[..., None]
     inside = np.clip((nearest[1] - nearest[0] - width) / 4, 0, 1)[..., None]
     return np.asarray(gap) * (1 - inside) + body * inside
 
 
 def grain(
     rng: np.random.Generator,
-    ground: Colour,
-    other: Colour,
+    ground: Color,
+    other: Color,
     wavelength: float,
     contrast: float = 0.25,
 ) -> Picture:
-    """Cloudy noise between two colours: plaster, concrete, rust, moss."""
+    """Cloudy noise between two colors: plaster, concrete, rust, moss."""
     return mix(ground, other, 0.4 + contrast * octaves(rng, wavelength))
 
 
-def patches(rng: np.random.Generator, colours: Sequence[Colour], wavelength: float) -> Picture:
-    """Patches of plain colours with soft edges: camouflage, paint."""
-    out = np.ones((SIDE, SIDE, 3)) * np.asarray(colours[0])
-    for colour in colours[1:]:
+def patches(rng: np.random.Generator, colors: Sequence[Color], wavelength: float) -> Picture:
+    """Patches of plain colors with soft edges: camouflage, paint."""
+    out = np.ones((SIDE, SIDE, 3)) * np.asarray(colors[0])
+    for color in colors[1:]:
         share = np.clip((noise(rng, wavelength) - 0.45) * 14, 0, 1)
-        out = out + share[..., None] * (np.asarray(colour) - out)
+        out = out + share[..., None] * (np.asarray(color) - out)
     return out * (1 + 0.03 * noise(rng, 3))[..., None]
 
 
 def weave(
     rng: np.random.Generator,
-    warp: Sequence[Colour],
-    weft: Sequence[Colour],
+    warp: Sequence[Color],
+    weft: Sequence[Color],
     threads: int,
     twill: int = 1,
 ) -> Picture:
-    """Cloth of `threads` threads each way, coloured in turn; `twill` threads are passed over at a time."""
+    """Cloth of `threads` threads each way, colored in turn; `twill` threads are passed over at a time."""
     position = np.arange(SIDE) * threads / SIDE
     number = position.astype(int)
     over = ((number[:, None] + number[None]) // twill) % 2 == 0
@@ -131,8 +131,8 @@ def weave(
     return np.where(over[..., None], tall, wide) * fuzz
 
 
-def checker(rng: np.random.Generator, first: Colour, second: Colour, count: int = 4) -> Picture:
-    """`count` x `count` squares of two colours."""
+def checker(rng: np.random.Generator, first: Color, second: Color, count: int = 4) -> Picture:
+    """`count` x `count` squares of two colors."""
     cell = np.arange(SIDE) * count // SIDE
     second_ = (cell[:, None] + cell) % 2 == 1
     return np.where(second_[..., None], second, first) * (1 + 0.02 * octaves(rng, 20))[..., None]
@@ -140,8 +140,8 @@ def checker(rng: np.random.Generator, first: Colour, second: Colour, count: int 
 
 def bricks(
     rng: np.random.Generator,
-    brick: Colour,
-    mortar: Colour,
+    brick: Color,
+    mortar: Color,
     rows: int,
     columns: int,
     bond: float = 0.5,
@@ -163,7 +163,7 @@ def bricks(
     return np.where(inside[..., None], body, joint)
 
 
-def dots(rng: np.random.Generator, ground: Colour, dot: Colour, count: int = 4) -> Picture:
+def dots(rng: np.random.Generator, ground: Color, dot: Color, count: int = 4) -> Picture:
     """`count` x `count` discs, every other row set off by half."""
     y = np.arange(SIDE)[:, None] * count / SIDE
     x = np.arange(SIDE)[None] * count / SIDE + 0.5 * (y.astype(int) % 2)
@@ -171,8 +171,8 @@ def dots(rng: np.random.Generator, ground: Colour, dot: Colour, count: int = 4) 
     return np.where(inside[..., None], dot, ground) * (1 + 0.02 * octaves(rng, 20))[..., None]
 
 
-def mix(first: Colour, second: Colour, share: Field) -> Picture:
-    """From one colour to another as `share` goes from 0 to 1."""
+def mix(first: Color, second: Color, share: Field) -> Picture:
+    """From one color to another as `share` goes from 0 to 1."""
     return np.asarray(first) + np.clip(share, 0, 1)[..., None] * np.subtract(second, first)
 
 

@@ -162,7 +162,7 @@ KINDS: Mapping[str, Mapping[str, Draw]] = {
         ),
         "camouflage": partial(
             p.patches,
-            colours=[
+            colors=[
                 (0.45, 0.46, 0.30),
                 (0.27, 0.31, 0.19),
                 (0.35, 0.26, 0.17),
@@ -172,7 +172,7 @@ KINDS: Mapping[str, Mapping[str, Draw]] = {
         ),
         "paint": partial(
             p.patches,
-            colours=[
+            colors=[
                 (0.95, 0.93, 0.88),
                 (0.90, 0.25, 0.20),
                 (0.15, 0.45, 0.75),

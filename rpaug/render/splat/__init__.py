@@ -46,8 +46,8 @@ def warm(features: int = 0) -> None:
     )
     engine = Rasteriser()
     picture = engine.forward(splats, View(np.eye(3), np.eye(4), 1, 1))
-    engine.backward_loss(Loss(), picture.colour)
-    Adam(splats).step(engine.backward(picture.colour))
+    engine.backward_loss(Loss(), picture.color)
+    Adam(splats).step(engine.backward(picture.color))
 
 
 def render(
@@ -65,7 +65,7 @@ def render(
 ) -> Rendering:
     """Images of Gaussians given in world coordinates, from one camera.
 
-    OpenCV axes, pixel centres at integer coordinates, metres. `features` are blended like colours and replace
+    OpenCV axes, pixel centres at integer coordinates, metres. `features` are blended like colors and replace
     those of `Splats`. `backend` is "numba" (also "auto": arrays live on the CPU), "reference" (float64, slow)
     or "gsplat" (CUDA). `threads` defaults to all cores; give 1 when views are rendered side by side.
     """

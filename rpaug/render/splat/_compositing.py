@@ -237,11 +237,11 @@ def forward_kernel(channels: int) -> Callable[..., Any]:
                             _, _, visible, drawn, weight, rest = blend(u, v, opacity, before, rules)
                             store(state, at, rest)
                             # Read here and not before: registers are too few to keep them.
-                            colours = broadcast_bank(values, i, channels)
+                            colors = broadcast_bank(values, i, channels)
                             store_bank(
                                 state,
                                 at + WIDTH,
-                                bank_fma(weight, colours, load_bank(state, at + WIDTH, channels)),
+                                bank_fma(weight, colors, load_bank(state, at + WIDTH, channels)),
                             )
                             if bits(visible):
                                 touched |= 1 << block

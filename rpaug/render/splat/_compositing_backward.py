@@ -90,7 +90,7 @@ def backward_kernel(channels: int) -> Callable[..., Any]:
                 opacity = records[i, OPACITY]
                 slope_u, slope_v = slopes(records, i)
                 m = mu = mv = muu = muv = mvv = broadcast(ZERO)
-                d_colours = bank_of_zeros(channels)
+                d_colors = bank_of_zeros(channels)
                 for window in range(windows * windows):
                     inside = (touched >> (window * WIDTH)) & 0xFFFF
                     if inside == 0:
@@ -110,7 +110,7 @@ def backward_kernel(channels: int) -> Callable[..., Any]:
                         store(state, at, rest)
                         pulls = load_bank(state, at + 2 * WIDTH, channels)
                         pull = bank_dot(pulls, broadcast_bank(values, i, channels))
-                        d_colours = bank_fma(weight, pulls, d_colours)
+                        d_colors = bank_fma(weight, pulls, d_colors)
                         behind = load(state, at + WIDTH) - weight * pull
                         store(state, at + WIDTH, behind)
                         d_alpha = before * pull - behind / (ONE - alpha)
@@ -121,6 +121,6 @@ def backward_kernel(channels: int) -> Callable[..., Any]:
                         ds_u, ds_v = ds * u, ds * v
                         m, mu, mv = m + ds, mu + ds_u, mv + ds_v
                         muu, muv, mvv = fma(ds_u, u, muu), fma(ds_u, v, muv), fma(ds_v, v, mvv)
-                store_totals(slots, slot_of[entry] * stride, (m, mu, mv, muu, muv, mvv), d_colours)
+                store_totals(slots, slot_of[entry] * stride, (m, mu, mv, muu, muv, mvv), d_colors)
 
     return kernel(composite_backward)

@@ -79,8 +79,8 @@ def rasterise(
     turn[:3, :3] = pose[:3, :3]
     direction = offset / offset.norm(dim=1, keepdim=True).clamp(min=1e-12)
     basis = _reference.harmonics(direction, sh.shape[1])
-    colour = (0.5 + (basis[:, :, None] * sh[rows]).sum(1)).clamp(min=0.0)
-    values = colour if features is None else torch.cat([colour, features[rows]], 1)
+    color = (0.5 + (basis[:, :, None] * sh[rows]).sum(1)).clamp(min=0.0)
+    values = color if features is None else torch.cat([color, features[rows]], 1)
     K = torch.as_tensor(view.K, **kind).clone()
     K[:2, 2] += 0.5
     shape: dict[str, Tensor | None] = {"quats": None, "scales": None}
@@ -125,12 +125,12 @@ def render(splats: Splats, view: View, settings: Settings, background: np.ndarra
     }
     with torch.no_grad():
         made = rasterise(**tensors, view=view, settings=settings, background=background)
-    colour, depth, alpha, features = (
+    color, depth, alpha, features = (
         np.zeros(0, np.float32) if image is None else image.cpu().numpy() for image in made
     )
     usable = _usable(tensors.pop("scales"), *tensors.values())
     return Rendering(
-        colour=colour,
+        color=color,
         depth_expected=depth,
         depth_surface=np.zeros_like(depth),
         surface_index=np.full(depth.shape, -1, np.int32),

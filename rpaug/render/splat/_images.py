@@ -10,16 +10,14 @@ HALF_COVERED = 0.5  # alpha from which a pixel's expected depth is compared with
 
 
 @kernel
-def assemble(out, left_over, background, colour, depth, alpha):
-    """Fill the colour over its background, the expected depth and alpha."""
+def assemble(out, left_over, background, color, depth, alpha):
+    """Fill the color over its background, the expected depth and alpha."""
     height, width = left_over.shape
     for row in range(height):
         for column in range(width):
             left = left_over[row, column]
             for channel in range(3):
-                colour[row, column, channel] = (
-                    out[row, column, channel] + left * background[channel]
-                )
+                color[row, column, channel] = out[row, column, channel] + left * background[channel]
             alpha[row, column] = np.float32(1) - left
             depth[row, column] = out[row, column, DEPTH_CHANNEL] / max(
                 alpha[row, column], np.float32(SMALLEST_ALPHA)
@@ -28,9 +26,9 @@ def assemble(out, left_over, background, colour, depth, alpha):
 
 @kernel
 def channel_gradients(
-    out, left_over, background, d_colour, d_depth, d_alpha, d_features, d_out, d_left_over
+    out, left_over, background, d_color, d_depth, d_alpha, d_features, d_out, d_left_over
 ):  # fmt: skip
-    """Fill `d_out` and `d_left_over` from the gradients by colour, expected depth, alpha and features.
+    """Fill `d_out` and `d_left_over` from the gradients by color, expected depth, alpha and features.
 
     A gradient whose array is empty is zero.
     """
@@ -41,10 +39,10 @@ def channel_gradients(
             d_left = np.float32(0)
             if len(d_alpha):
                 d_left -= d_alpha[row, column]
-            if len(d_colour):
+            if len(d_color):
                 for channel in range(3):
-                    d_out[row, column, channel] = d_colour[row, column, channel]
-                    d_left += d_colour[row, column, channel] * background[channel]
+                    d_out[row, column, channel] = d_color[row, column, channel]
+                    d_left += d_color[row, column, channel] * background[channel]
             if len(d_depth):
                 alpha = np.float32(1) - left_over[row, column]
                 if alpha > SMALLEST_ALPHA:
@@ -64,12 +62,12 @@ def pixel_errors(
     out, left_over, background, target, weight, depth, by_square, by_size, by_depth, structure, d_out,
     d_left_over,
 ):  # fmt: skip
-    """Mean squared and mean absolute colour error, mean squared relative depth error; the loss's gradient.
+    """Mean squared and mean absolute color error, mean squared relative depth error; the loss's gradient.
 
     `weight` (h, w) scales a pixel's errors; empty means 1 everywhere. Depth counts where `depth` > 0 and at least
     half is drawn, as (expected - depth) / depth so that it has no unit; an empty `depth` means none. The gradient
     by the channels is that of the three errors times `by_square`, `by_size` and `by_depth`, plus `structure`, a
-    gradient by the colour, if not empty.
+    gradient by the color, if not empty.
     """
     height, width = left_over.shape
     share = 1.0 / (width * height)

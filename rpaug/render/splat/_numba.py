@@ -31,7 +31,7 @@ CHANNELS = (
     20,
     36,
     68,
-)  # colour, depth and features are padded to one of these: few kernels
+)  # color, depth and features are padded to one of these: few kernels
 
 CACHE_LINE = 64  # bytes
 STALE_MARGIN = (
@@ -104,7 +104,7 @@ class Rasteriser:
 
     def backward(
         self,
-        colour: Float32[np.ndarray, "h w 3"] | None = None,
+        color: Float32[np.ndarray, "h w 3"] | None = None,
         depth: Float32[np.ndarray, "h w"] | None = None,
         alpha: Float32[np.ndarray, "h w"] | None = None,
         features: Float32[np.ndarray, "h w f"] | None = None,
@@ -113,7 +113,7 @@ class Rasteriser:
         d_out, d_left_over = self._channel_buffers()
         _images.channel_gradients(
             self._out, self._left_over, self._background,
-            np.zeros((0, 0, 0), np.float32) if colour is None else plain(colour, 0), plain(depth, 0),
+            np.zeros((0, 0, 0), np.float32) if color is None else plain(color, 0), plain(depth, 0),
             plain(alpha, 0), np.zeros((0, 0, 0), np.float32) if features is None else plain(features, 0),
             d_out, d_left_over,
         )  # fmt: skip
@@ -145,7 +145,7 @@ class Rasteriser:
         depth: Float32[np.ndarray, "h w"] | None = None,
         depth_weight: float = 0.0,
     ) -> tuple[float, float, Gradients]:
-        """`backward_loss` of squared errors: that of colour, that of depth, and the gradients."""
+        """`backward_loss` of squared errors: that of color, that of depth, and the gradients."""
         loss = Loss(depth=depth_weight)
         errors, gradients = self.backward_loss(loss, target, weight, depth)
         return errors.l2, errors.depth, gradients
@@ -267,16 +267,16 @@ class Rasteriser:
 
     def _rendering(self, surface: bool, nonfinite: int) -> Rendering:
         shape, features = self._left_over.shape, self._arrays[-1].shape[1]
-        colour = np.empty((*shape, 3), np.float32)
+        color = np.empty((*shape, 3), np.float32)
         expected, alpha = np.empty(shape, np.float32), np.empty(shape, np.float32)
-        _images.assemble(self._out, self._left_over, self._background, colour, expected, alpha)
+        _images.assemble(self._out, self._left_over, self._background, color, expected, alpha)
         index = self._surface.copy() if surface else np.full(shape, -1, np.int32)
         depth = np.zeros(shape, np.float32)
         if surface:
             drawn = index >= 0
             depth[drawn] = self._depths[index[drawn]]
         more = self._out[..., DEPTH_CHANNEL + 1 :][..., :features].copy() if features else None
-        return Rendering(colour, expected, depth, index, alpha, more, nonfinite)
+        return Rendering(color, expected, depth, index, alpha, more, nonfinite)
 
     def _channel_buffers(self) -> tuple[np.ndarray, np.ndarray]:
         return self._buffer("d_out", self._out.shape), self._buffer(

@@ -142,7 +142,7 @@ def project(
             records[i, HALF_WIDTH] = math.sqrt(2 * farthest * wide)
             depths[i] = z
             offset = (lanes[X + lane], lanes[Y + lane], lanes[Z + lane])
-            _colours(i, offset, sh, count, harmonic, values)
+            _colors(i, offset, sh, count, harmonic, values)
             values[i, DEPTH_CHANNEL] = z
             for k in range(features.shape[1]):
                 values[i, DEPTH_CHANNEL + 1 + k] = features[i, k]
@@ -150,7 +150,7 @@ def project(
 
 
 @inlined
-def _colours(i, offset, sh, count, harmonic, values):
+def _colors(i, offset, sh, count, harmonic, values):
     """Red, green and blue of Gaussian i as seen along `offset`, not below zero."""
     if count == 1:
         for channel in range(3):
@@ -159,7 +159,7 @@ def _colours(i, offset, sh, count, harmonic, values):
     east, south, far, _ = direction(offset, count)
     _harmonics.basis(east, south, far, count, harmonic)
     for channel in range(3):
-        colour = 0.5
+        color = 0.5
         for k in range(count):
-            colour += harmonic[k] * sh[i, k, channel]
-        values[i, channel] = max(colour, 0.0)
+            color += harmonic[k] * sh[i, k, channel]
+        values[i, channel] = max(color, 0.0)

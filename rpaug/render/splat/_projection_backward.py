@@ -155,7 +155,7 @@ def _shapes_backward(lanes):
 
 
 @inlined
-def _colour_backward(sh, i, offset, gradient, at, harmonic, weight, d_sh):
+def _color_backward(sh, i, offset, gradient, at, harmonic, weight, d_sh):
     """Write the gradient by the harmonics' coefficients; returns that by the offset to the camera."""
     count = sh.shape[1]
     x, y, z, near = direction(offset, count)
@@ -163,10 +163,10 @@ def _colour_backward(sh, i, offset, gradient, at, harmonic, weight, d_sh):
     for k in range(count):
         weight[k] = 0.0
     for channel in range(3):
-        colour = 0.5
+        color = 0.5
         for k in range(count):
-            colour += harmonic[k] * sh[i, k, channel]
-        pull = float(gradient[at + MOMENTS + channel]) if colour >= 0.0 else 0.0  # black is clamped
+            color += harmonic[k] * sh[i, k, channel]
+        pull = float(gradient[at + MOMENTS + channel]) if color >= 0.0 else 0.0  # black is clamped
         for k in range(count):
             d_sh[i, k, channel] = pull * harmonic[k]
             weight[k] += pull * sh[i, k, channel]
@@ -252,7 +252,7 @@ def project_backward(
                 for k in range(3):
                     d_scales[seen, k] = lanes[D_SX + k * CHUNK + lane]
             offset = (lanes[X + lane], lanes[Y + lane], lanes[Z + lane])
-            ex, ey, ez = _colour_backward(sh, seen, offset, totals, at, harmonic, weight, d_sh)
+            ex, ey, ez = _color_backward(sh, seen, offset, totals, at, harmonic, weight, d_sh)
             d_means[seen, 0] = lanes[D_X + lane] + ex
             d_means[seen, 1] = lanes[D_Y + lane] + ey
             d_means[seen, 2] = lanes[D_Z + lane] + ez

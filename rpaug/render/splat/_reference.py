@@ -28,7 +28,7 @@ class Projected:
     factor: Float[Tensor, "m 3"]
     opacity: Float[Tensor, "m"]
     depth: Float[Tensor, "m"]
-    colour: Float[Tensor, "m 3"]
+    color: Float[Tensor, "m 3"]
     nonfinite: int
 
 
@@ -157,7 +157,7 @@ def project(
 
     direction = offset / offset.norm(dim=1, keepdim=True)
     basis = harmonics(direction, sh.shape[1])
-    colour = (0.5 + (basis[:, :, None] * sh[rows]).sum(1)).clamp(min=0.0)
+    color = (0.5 + (basis[:, :, None] * sh[rows]).sum(1)).clamp(min=0.0)
 
     keep = torch.nonzero(drawn)[:, 0]
     a, b, c, determinant = a[keep], b[keep], c[keep], determinant[keep]
@@ -168,7 +168,7 @@ def project(
         factor * 0.5**0.5,
         opacity[keep],
         z[keep],
-        colour[keep],
+        color[keep],
         int((~finite).sum() + (~sane).sum()),
     )
 
@@ -209,7 +209,7 @@ def composite(
 class Images(NamedTuple):
     """Images as tensors, differentiable by whatever the Gaussians' tensors depend on."""
 
-    colour: Float[Tensor, "h w 3"]
+    color: Float[Tensor, "h w 3"]
     depth: Float[Tensor, "h w"]
     alpha: Float[Tensor, "h w"]
     features: Float[Tensor, "h w f"] | None
@@ -230,13 +230,13 @@ def rasterise(
     """Project and composite; depth is the expected one. Also the surface's index, and what was drawn."""
     seen = project(means, opacities, sh, quats, scales, covariances, features, view, settings)
     extra = [] if features is None else [features[seen.rows]]
-    values = torch.cat([seen.colour, seen.depth[:, None], *extra], 1)
+    values = torch.cat([seen.color, seen.depth[:, None], *extra], 1)
     done = composite(seen, values, view.width, view.height, settings)
     alpha = 1 - done.transmittance
-    colour = done.values[..., :3] + done.transmittance[..., None] * background
+    color = done.values[..., :3] + done.transmittance[..., None] * background
     depth = done.values[..., 3] / alpha.clamp(min=1e-10)
     more = None if features is None else done.values[..., 4:]
-    return Images(colour, depth, alpha, more), done.surface, seen
+    return Images(color, depth, alpha, more), done.surface, seen
 
 
 def render(splats: Splats, view: View, settings: Settings, background: np.ndarray) -> Rendering:
@@ -245,12 +245,12 @@ def render(splats: Splats, view: View, settings: Settings, background: np.ndarra
         name: None if array is None else torch.as_tensor(np.asarray(array, np.float64))
         for name, array in vars(splats).items()
     }
-    colour = torch.as_tensor(background, dtype=torch.float64)
-    images, surface, seen = rasterise(**wide, view=view, settings=settings, background=colour)
+    color = torch.as_tensor(background, dtype=torch.float64)
+    images, surface, seen = rasterise(**wide, view=view, settings=settings, background=color)
     depths = torch.zeros(len(splats) + 1, dtype=torch.float64)  # the last one stands for index -1
     depths[seen.rows] = seen.depth
     return Rendering(
-        colour=_image(images.colour),
+        color=_image(images.color),
         depth_expected=_image(images.depth),
         depth_surface=_image(depths[surface]),
         surface_index=surface.numpy().astype(np.int32),

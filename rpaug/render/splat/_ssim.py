@@ -11,7 +11,7 @@ import numpy as np
 from rpaug.core.jit import inlined, kernel
 
 REACH, SIGMA = 5, 1.5  # pixels: a window is 11 x 11
-C1, C2 = np.float32(0.01**2), np.float32(0.03**2)  # of colours in 0..1
+C1, C2 = np.float32(0.01**2), np.float32(0.03**2)  # of colors in 0..1
 
 
 @inlined
@@ -67,10 +67,10 @@ def _compare(x, mean_x, mean_y, xx, yy, xy, weight, scale):
 
 @kernel
 def structural_error(
-    start, step, out, left_over, background, target, weight, factor, d_colour, shortfall
+    start, step, out, left_over, background, target, weight, factor, d_color, shortfall
 ):
-    """Of colour channels start, start + step, ...: `shortfall`, whose sum over channels is the mean of 1 - SSIM,
-    and `factor` times its gradient by the colour.
+    """Of color channels start, start + step, ...: `shortfall`, whose sum over channels is the mean of 1 - SSIM,
+    and `factor` times its gradient by the color.
 
     `weight` scales each pixel's share (no rows: 1). A pixel of weight 0 counts as exactly right: it adds
     no difference to its neighbours' windows and gets no pull.
@@ -106,7 +106,7 @@ def structural_error(
         for row in range(height):
             for column in range(width):
                 known = not len(weight) or weight[row, column] > 0
-                d_colour[row, column, channel] = (
+                d_color[row, column, channel] = (
                     product[row, column]
                     + 2 * x[row, column] * mean_y[row, column]
                     + y[row, column] * yy[row, column]

@@ -28,7 +28,7 @@ class Rates:
     quats: float = 1.2e-2
     scales: float = 3e-2
     opacities: float = 0.12
-    sh: float = 3.5e-2  # 1e-2 of a colour: the constant harmonic is 0.28
+    sh: float = 3.5e-2  # 1e-2 of a color: the constant harmonic is 0.28
     sh_rest: float = 1.75e-3  # higher degrees
     covariances: float = 0.0
     features: float = 1e-2

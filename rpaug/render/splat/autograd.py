@@ -46,7 +46,7 @@ class _NativeFunction(torch.autograd.Function):
         ]
         images = ctx.rasteriser.forward(Splats(**arrays), view, background, surface=False)
         dtype, device = ctx.kinds[0]
-        pictures = (images.colour, images.depth_expected, images.alpha, images.features)
+        pictures = (images.color, images.depth_expected, images.alpha, images.features)
         return tuple(None if p is None else torch.as_tensor(p).to(device, dtype) for p in pictures)
 
     @staticmethod
@@ -75,7 +75,7 @@ def rasterise(
     backend: str = "auto",
     threads: int = 1,
 ) -> Images:
-    """Render tensors into tensors: colour, expected depth, alpha, features; gradients flow back.
+    """Render tensors into tensors: color, expected depth, alpha, features; gradients flow back.
 
     Shapes, units and conventions are those of `Splats` and `Rendering`. `backend` is "numba", "reference",
     "gsplat", or "auto": gsplat for tensors on a CUDA device, numba otherwise. Raises MissingExtra or
@@ -91,8 +91,8 @@ def rasterise(
 
         return _gsplat.rasterise(*tensors, view, settings, fill)
     if backend == "reference":
-        colour = torch.as_tensor(fill, dtype=means.dtype)
-        return _reference.rasterise(*tensors, view, settings, colour)[0]
+        color = torch.as_tensor(fill, dtype=means.dtype)
+        return _reference.rasterise(*tensors, view, settings, color)[0]
     if backend != "numba":
         raise ValueError(f"backend is {backend!r}; expected auto, numba, reference or gsplat")
     return Images(*_NativeFunction.apply(view, settings, fill, threads, *tensors))

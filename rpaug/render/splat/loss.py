@@ -14,7 +14,7 @@ class Loss:
     """What a fit lowers: l2 * mean squared error + l1 * mean absolute error + ssim * (1 - mean SSIM)
     + depth * mean squared relative depth error.
 
-    Colours are in 0..1. SSIM is Wang et al.'s (2004; 11 x 11 Gaussian, zeros beyond the image); 3DGS's loss is
+    Colors are in 0..1. SSIM is Wang et al.'s (2004; 11 x 11 Gaussian, zeros beyond the image); 3DGS's loss is
     (l2=0, l1=0.8, ssim=0.2). Depth is compared where it is given and at least half of the pixel is covered.
     """
 

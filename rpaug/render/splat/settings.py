@@ -63,7 +63,7 @@ class Splats:
     """Gaussians as the rasteriser takes them; shape by `quats` and `scales`, or by `covariances`.
 
     Units and orders are those of `rpaug.core.types.Gaussians`. `covariances` holds (xx, xy, xz, yy, yz, zz) in
-    square metres, world axes. `features` are K more channels, blended like colours. Means may be float64:
+    square metres, world axes. `features` are K more channels, blended like colors. Means may be float64:
     they are taken relative to the camera before anything is rounded.
     """
 
@@ -118,7 +118,7 @@ class Rendering:
     that were left out because a parameter was NaN, infinite or overflowed on the way to the image.
     """
 
-    colour: Float32[np.ndarray, "h w 3"]
+    color: Float32[np.ndarray, "h w 3"]
     depth_expected: Float32[np.ndarray, "h w"]
     depth_surface: Float32[np.ndarray, "h w"]
     surface_index: Int32[np.ndarray, "h w"]

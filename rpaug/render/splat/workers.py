@@ -69,7 +69,7 @@ class _NativeBackend:
         self._engine = Rasteriser(settings, threads, keep_order)
 
     def look(self, splats: Splats, view: View) -> Float32[np.ndarray, "h w 3"]:
-        return self._engine.forward(splats, view, surface=False).colour
+        return self._engine.forward(splats, view, surface=False).color
 
     def pull(
         self,
@@ -95,7 +95,7 @@ class _Torch:
     def look(self, splats: Splats, view: View) -> Float32[np.ndarray, "h w 3"]:
         with torch.no_grad():
             images = self._images({name: self._leaf(splats, name) for name in NAMES}, view)
-        return images.colour.cpu().numpy().astype(np.float32)
+        return images.color.cpu().numpy().astype(np.float32)
 
     def pull(
         self,
@@ -110,7 +110,7 @@ class _Torch:
         images = self._images(leaves, view)
         known = torch.zeros_like(images.alpha) if depth is None else self._tensor(depth)
         share = torch.ones_like(images.alpha) if weight is None else self._tensor(weight)
-        off = images.colour - self._tensor(target)
+        off = images.color - self._tensor(target)
         counted = (known > 0) & (images.alpha >= HALF_COVERED)
         far = (images.depth - known) / torch.where(known > 0, known, 1.0)
         parts = {
@@ -120,9 +120,9 @@ class _Torch:
             "depth": torch.where(counted, far, 0.0) ** 2,
         }
         if loss.ssim > 0:
-            seen = images.colour.detach()
+            seen = images.color.detach()
             fitted = (share > 0)[..., None]
-            x = torch.where(fitted, images.colour, seen)
+            x = torch.where(fitted, images.color, seen)
             y = torch.where(fitted, self._tensor(target), seen)
             parts["ssim"] = 1 - similarity(x, y)
         means = {name: (share * part).mean() for name, part in parts.items()}

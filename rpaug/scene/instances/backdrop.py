@@ -42,7 +42,7 @@ class Backdrop:
 def distance(
     one: UInt8[np.ndarray, "h w 3"], other: UInt8[np.ndarray, "h w 3"]
 ) -> Float32[np.ndarray, "h w"]:
-    """How far apart the colours of two images are, pixel by pixel, in weighted Lab."""
+    """How far apart the colors of two images are, pixel by pixel, in weighted Lab."""
     return np.linalg.norm(weighted(one) - weighted(other), axis=-1).astype(np.float32)
 
 

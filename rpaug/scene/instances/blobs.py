@@ -11,17 +11,17 @@ from rpaug.scene.instances.color_clusters import ColorClusters, weighted
 
 LEAST = 0.0035  # share of the image: smaller patches belong to what is around them
 SMALL = (
-    0.0012  # share of the image that is enough for a patch whose colour is far from that around it
+    0.0012  # share of the image that is enough for a patch whose color is far from that around it
 )
 LOUD = 30.0  # of the weighted Lab distance from which it is
 
 
 @dataclass(frozen=True)
 class Blob:
-    """One patch: its tint, mean weighted Lab colour, pixels, and share of its outline that lies on the image's edge."""
+    """One patch: its tint, mean weighted Lab color, pixels, and share of its outline that lies on the image's edge."""
 
     cluster: int
-    colour: Float32[np.ndarray, "3"]
+    color: Float32[np.ndarray, "3"]
     mask: Bool[np.ndarray, "h w"]
     edge: float
 
@@ -36,7 +36,7 @@ def find(
 ) -> list[Blob]:
     """The patches of a labelled image, largest first; together they cover it.
 
-    Those that are small or no more than a thin line (outlines mix two colours into a third) go to the neighbour that
+    Those that are small or no more than a thin line (outlines mix two colors into a third) go to the neighbour that
     they share most of their outline with.
     """
     pieces = _absorbed(_pieces(label), label, clusters)
@@ -45,8 +45,8 @@ def find(
     for number in np.unique(pieces):
         mask = pieces == number
         cluster = int(np.bincount(label[mask], minlength=len(clusters)).argmax())
-        colour = np.median(shown[mask & (label == cluster)], 0).astype(np.float32)
-        found.append(Blob(cluster, colour, mask, _edge(mask)))
+        color = np.median(shown[mask & (label == cluster)], 0).astype(np.float32)
+        found.append(Blob(cluster, color, mask, _edge(mask)))
     return sorted(found, key=lambda blob: -blob.area)
 
 

@@ -55,8 +55,8 @@ class Segmentation:
     def ids(self, camera: str, t: int) -> Int32[np.ndarray, "h w"]:
         """Handles of one image; 0 where depth is unknown."""
         view = self.episode.views[camera]
-        depth, colour = images(view, t)
-        labels = labelled(self.sights, self.motions, view, t, depth, colour)
+        depth, color = images(view, t)
+        labels = labelled(self.sights, self.motions, view, t, depth, color)
         instance_ids = np.where(depth > 0, labels + 1, 0).astype(np.int32)
         odd = labels == UNEXPLAINED
         if odd.any():
@@ -109,17 +109,17 @@ def labelled(
     view: CameraView,
     t: int,
     depth: Float32[np.ndarray, "h w"],
-    colour: Float32[np.ndarray, "h w 3"],
+    color: Float32[np.ndarray, "h w 3"],
 ) -> Int[np.ndarray, "h w"]:
     """Number of the motion that explains each pixel, UNEXPLAINED where none does; rest where nothing is known."""
     labels = np.zeros(depth.shape, int)
     look = depth > 0
     if view.camera.fixed:
-        look &= ~_at_rest(sights, view, depth, colour)
+        look &= ~_at_rest(sights, view, depth, color)
     if not look.any():
         return labels
     points = geometry.world_points(depth, thin(view), t)[look]
-    alone = scores(points, colour[look], ways(motions, sights, t), sights)
+    alone = scores(points, color[look], ways(motions, sights, t), sights)
     labels[look] = _best(_together(alone, look, depth))
     return labels
 
@@ -164,7 +164,7 @@ def _at_rest(
     sights: Sights,
     view: CameraView,
     depth: Float32[np.ndarray, "h w"],
-    colour: Float32[np.ndarray, "h w 3"],
+    color: Float32[np.ndarray, "h w 3"],
 ) -> Bool[np.ndarray, "h w"]:
     """Pixels whose own camera shows the same there whenever it does not show something nearer: surely static."""
     same = [
@@ -181,7 +181,7 @@ def _at_rest(
     foot = depth / sights.K[same[0], 0, 0]
     through = (near > 0) & (depth < near - foot)
     agrees = (near > 0) & (depth >= near - foot) & (depth <= far + foot)
-    off = np.maximum(dark - colour, colour - light).max(-1)
+    off = np.maximum(dark - color, color - light).max(-1)
     return ~through.any(0) & ((agrees & (off < 0.1)).sum(0) >= 0.6 * len(near))
 
 
@@ -206,12 +206,12 @@ def _ranked(
     for t in sights.frames.tolist():
         for name in sights.cameras:
             view = episode.views[name]
-            depth, colour = images(view, t)
-            moving = (depth > 0) & ~_at_rest(sights, view, depth, colour)
+            depth, color = images(view, t)
+            moving = (depth > 0) & ~_at_rest(sights, view, depth, color)
             some = np.flatnonzero(moving)[:: max(1, int(moving.sum()) // RANKED)]
             points = geometry.world_points(depth, thin(view), t).reshape(-1, 3)[some]
-            colours = colour.reshape(-1, 3)[some]
-            found.append(scores(points, colours, ways(motions, sights, t), sights))
+            colors = color.reshape(-1, 3)[some]
+            found.append(scores(points, colors, ways(motions, sights, t), sights))
     score = np.concatenate(found)
     explains = (score >= score.max(1, keepdims=True) - AS_GOOD) & (score >= ENOUGH)
     order, open_rows = [STATIC], ~explains[:, STATIC]
@@ -230,18 +230,18 @@ def _ranked(
 def _unexplained(
     episode: Episode, sights: Sights, motions: Sequence[MotionHypothesis]
 ) -> list[tuple[int, Float64[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"]]]:
-    """Frame, points and colours of what no motion explains, in each fixed camera and sampled frame."""
+    """Frame, points and colors of what no motion explains, in each fixed camera and sampled frame."""
     found = []
     for t in sights.frames.tolist():
         for name in sights.cameras:
             view = episode.views[name]
-            depth, colour = images(view, t)
-            odd = labelled(sights, motions, view, t, depth, colour) == UNEXPLAINED
+            depth, color = images(view, t)
+            odd = labelled(sights, motions, view, t, depth, color) == UNEXPLAINED
             # Lone pixels are edges, where depth belongs to neither side.
             odd &= cv2.filter2D(odd.astype(np.float32), -1, regions.WINDOW) > 5
             if odd.any():
                 points = geometry.world_points(depth, thin(view), t)[odd]
-                found.append((t, points, colour[odd]))
+                found.append((t, points, color[odd]))
     return found
 
 
@@ -287,8 +287,8 @@ def _most_explaining(
     """The span in which being carried by the gripper explains most points, and their share."""
     trial = [MotionHypothesis("", carried(gripper, a, b)) for a, b in spans]
     total, count = np.zeros(len(trial)), 0
-    for t, points, colours in odd:
-        found = scores(points, colours, ways(trial, sights, t), sights)
+    for t, points, colors in odd:
+        found = scores(points, colors, ways(trial, sights, t), sights)
         total += np.where(found >= ENOUGH, found, 0).sum(0)
         count += len(points)
     best = int(total.argmax())

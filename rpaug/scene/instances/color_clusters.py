@@ -1,4 +1,4 @@
-"""The few colours that an episode's images are made of, and which of them each pixel shows.
+"""The few colors that an episode's images are made of, and which of them each pixel shows.
 
 Lightness counts less than hue and chroma, so that a thing and its own shade are one tint. All cameras share the tints:
 a thing has the same one wherever it is seen.
@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float32, Int, UInt8
 LIGHTNESS = 0.45  # weight of lightness beside the two chroma axes (CIELAB)
 MOST = 14  # tints looked for
 APART = 11.0  # of the weighted Lab distance: nearer tints are one
-LOUD = 25.0  # of the weighted Lab distance from every tint from which a colour has none yet
-RARE = 0.0008  # share of the pixels that such colours must have
+LOUD = 25.0  # of the weighted Lab distance from every tint from which a color has none yet
+RARE = 0.0008  # share of the pixels that such colors must have
 RARER = 3  # further tints, at most, that they get
 SAMPLES = 20_000  # pixels that tints are found from
 TOGETHER = 60.0  # squared distance that a pixel gives up to be of its neighbours' tint
@@ -28,7 +28,7 @@ ColorClusters = Float32[np.ndarray, "k 3"]
 
 
 def weighted(image: UInt8[np.ndarray, "*n 3"]) -> Float32[np.ndarray, "*n 3"]:
-    """Colours in the space in which tints are told apart: CIELAB with less lightness."""
+    """Colors in the space in which tints are told apart: CIELAB with less lightness."""
     flat = np.asarray(image, np.uint8).reshape(1, -1, 3).astype(np.float32) / np.float32(255)
     lab = cv2.cvtColor(flat, cv2.COLOR_RGB2Lab).reshape(image.shape)
     return lab * np.array([LIGHTNESS, 1, 1], np.float32)
@@ -37,7 +37,7 @@ def weighted(image: UInt8[np.ndarray, "*n 3"]) -> Float32[np.ndarray, "*n 3"]:
 def find(images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> ColorClusters:
     """Middles of the tints of some images: k-means (Lloyd 1982), then the nearest pairs merged until all are apart.
 
-    Means settle where pixels are many; what is far from all of them, a small thing of a loud colour, gets its own.
+    Means settle where pixels are many; what is far from all of them, a small thing of a loud color, gets its own.
     """
     pixels = np.concatenate([weighted(cv2.medianBlur(one, 3)).reshape(-1, 3) for one in images])
     pixels = np.ascontiguousarray(pixels[:: max(1, len(pixels) // SAMPLES)])
@@ -81,14 +81,14 @@ def _merged(found: Float32[np.ndarray, "k 3"], weights: Float32[np.ndarray, "k"]
 def shaded(
     one: Float32[np.ndarray, "*n 3"], other: Float32[np.ndarray, "*n 3"], darker: float = SHADES
 ) -> Bool[np.ndarray, "*n"]:
-    """Are two colours one in more and in less light? A matte surface in shade moves on a line towards black.
+    """Are two colors one in more and in less light? A matte surface in shade moves on a line towards black.
 
     Neither is more than `darker` times farther from black. Greys have no shades: they differ in lightness alone.
     """
     far, known = np.linalg.norm(one, axis=-1), np.linalg.norm(other, axis=-1)
     along = (one * other).sum(-1) >= np.cos(ASIDE) * far * known
     near = np.maximum(far, known) < darker * np.maximum(np.minimum(far, known), 1e-6)
-    chroma = [np.linalg.norm(colour[..., 1:], axis=-1) for colour in (one, other)]
+    chroma = [np.linalg.norm(color[..., 1:], axis=-1) for color in (one, other)]
     return np.asarray(along & near & (np.minimum(*chroma) > CHROMATIC))
 
 

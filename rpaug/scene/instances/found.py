@@ -12,7 +12,7 @@ from rpaug.scene import antialias
 class FoundInstances:
     """An episode whose views have instance ids, its bodies and its roles.
 
-    `photographed` says that a lens mixed the colours on both sides of every outline. `back` brings an edited episode
+    `photographed` says that a lens mixed the colors on both sides of every outline. `back` brings an edited episode
     back into the recording where that shows other frames (`Scene.back`). `notes` say which sources failed before.
     """
 
@@ -37,7 +37,7 @@ class FoundInstances:
 
 
 class InstanceFinder(Protocol):
-    """One source of instances: recorded masks, motion, colour images alone, or a moving camera's video."""
+    """One source of instances: recorded masks, motion, color images alone, or a moving camera's video."""
 
     @property
     def gives_way(self) -> bool:

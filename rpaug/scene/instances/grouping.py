@@ -17,7 +17,7 @@ MOVING, SUPPORT, AROUND = (
 ALIKE = 9.0  # weighted Lab: patches of two cameras that differ by more are two things
 SIZES = 6.0  # times larger, at most, that a thing is in another camera
 SIDES = 1.9  # times darker, at most, that a thing's side in the shade is
-COLOURFUL = 22.0  # chroma from which a patch beside the support is a thing, and not wall or floor
+COLORFUL = 22.0  # chroma from which a patch beside the support is a thing, and not wall or floor
 
 
 def grouped(
@@ -145,7 +145,7 @@ def by_cluster(
 def _dull(blob: Blob) -> bool:
     """Is a patch beside the support rather wall or floor than a thing?"""
     large = blob.area > standing.LARGE * blob.mask.size and blob.edge > 0
-    return large or bool(np.linalg.norm(blob.colour[1:]) < COLOURFUL)
+    return large or bool(np.linalg.norm(blob.color[1:]) < COLORFUL)
 
 
 def _gap(
@@ -160,12 +160,12 @@ def _gap(
     for name, other in members.items():
         mate = cameras[name].blobs[other]
         ratio = (blob.area / blob.mask.size) / (mate.area / mate.mask.size)
-        off = float(np.linalg.norm(blob.colour - mate.colour))
+        off = float(np.linalg.norm(blob.color - mate.color))
         same = mate.cluster == blob.cluster and off < ALIKE
         # A camera that looks from elsewhere sees more of a thing's sides in the shade.
         lit = same or (
             (_sides(known[mate.cluster], known[blob.cluster]) or mate.cluster == blob.cluster)
-            and _sides(mate.colour, blob.colour)
+            and _sides(mate.color, blob.color)
         )
         if not lit or not 1 / SIZES < ratio < SIZES:
             return None

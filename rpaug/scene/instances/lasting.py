@@ -1,4 +1,4 @@
-"""Things of the colours of what is around them: no tint tells them, but where they went the change lasts.
+"""Things of the colors of what is around them: no tint tells them, but where they went the change lasts.
 
 A drawer of its cabinet's wood is what covers the table at the end and did not at the start. Which end shows the thing
 and which what lies behind it is told by the outline of the change: what lies behind goes on across it. Where the thing
@@ -17,7 +17,7 @@ from rpaug.scene.instances.backdrop import DIFFERS, LEAST, Backdrop, distance
 from rpaug.scene.instances.resting import Resting
 from rpaug.scene.instances.watched import Watched
 
-CLEAR = 1.25  # times as far that colours must jump across the outline where the thing is seen
+CLEAR = 1.25  # times as far that colors must jump across the outline where the thing is seen
 SHADE = 2.0  # times darker or brighter that a place may become and show the same
 
 
@@ -74,7 +74,7 @@ def _differs(
 def _lasts(
     first: ends.End, last: ends.End, limit: float, watched: Watched, seen: Resting
 ) -> Bool[np.ndarray, "h w"]:
-    """Where the two ends differ in colours that other resting patches have too, in pieces that are no outlines."""
+    """Where the two ends differ in colors that other resting patches have too, in pieces that are no outlines."""
     rest = {blob.cluster for k, blob in enumerate(seen.blobs) if k not in seen.robot}
     mask = first.known & last.known & _differs(first.image, last.image, limit)
     for end in (first, last):
@@ -89,7 +89,7 @@ def _lasts(
 
 
 def _jump(image: UInt8[np.ndarray, "h w 3"], where: Bool[np.ndarray, "h w"]) -> float:
-    """How far colours differ across the outline of a mask: mean weighted Lab distance of the pixels on both sides."""
+    """How far colors differ across the outline of a mask: mean weighted Lab distance of the pixels on both sides."""
     shown, off = color_clusters.weighted(image), []
     for axis in (0, 1):
         ahead = np.roll(where, -1, axis)

@@ -1,4 +1,4 @@
-"""Small things that the instruction names by colour: "push the red button" tells that a few red pixels are a thing."""
+"""Small things that the instruction names by color: "push the red button" tells that a few red pixels are a thing."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.scene.instances import blobs, color_clusters, ends
 from rpaug.scene.instances.resting import Resting
 from rpaug.scene.instances.watched import Watched
@@ -28,16 +28,16 @@ class Small:
 
 
 def asked(words: Iterable[str], known: color_clusters.ColorClusters) -> frozenset[int]:
-    """The tints that go by a colour's name which is among the words."""
+    """The tints that go by a color's name which is among the words."""
     names = {
         name
         for text in words
         for word in text.lower().split()
-        if (name := colors.canonical(word.strip(".,;:!"))) is not None
+        if (name := color_space.canonical(word.strip(".,;:!"))) is not None
     }
-    near = [colors.nearest(_rgb(cluster)) for cluster in known]
+    near = [color_space.nearest(_rgb(cluster)) for cluster in known]
     return frozenset(
-        k for k, one in enumerate(near) if any(one == n or colors.means(n, one) for n in names)
+        k for k, one in enumerate(near) if any(one == n or color_space.means(n, one) for n in names)
     )
 
 

@@ -1,4 +1,4 @@
-"""Outlines of things, cut anew by GrabCut: tints find a thing's middle, its own colours find where it ends."""
+"""Outlines of things, cut anew by GrabCut: tints find a thing's middle, its own colors find where it ends."""
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ AROUND_IT = 1.0  # of its size: how far what is behind it is learned from
 ROUNDS = 2
 ACROSS = 48  # pixels that a small thing is enlarged to, at most twice
 LESS, MORE = 0.6, 2.0  # times its pixels that a thing may come to, or it is left as it was
-FEWEST = 12  # pixels: of smaller things no colours are learned
+FEWEST = 12  # pixels: of smaller things no colors are learned
 
 
 def cut(
@@ -21,10 +21,10 @@ def cut(
     only: frozenset[int] | None = None,
     rim: float = 0.0,
 ) -> Int32[np.ndarray, "h w"]:
-    """The instance ids of an image with every thing, or `only` these, ended where its colours do.
+    """The instance ids of an image with every thing, or `only` these, ended where its colors do.
 
     A thing grows over support, walls and floor, and gives back to whatever lies beside it. `rim` is how deep into a
-    thing its colours may not be its own, as a share of its size; a pixel at least.
+    thing its colors may not be its own, as a share of its size; a pixel at least.
     """
     out = ids.copy()
     for instance_id in np.unique(ids):

@@ -15,8 +15,8 @@ from rpaug.scene.instances.watched import Watched
 TOUCHES = (
     0.08  # share of a resting patch's outline that lies beside what moves, if it is part of that
 )
-BARELY = 0.02  # the same, where it has the very colour of what moves
-SAME = 4.0  # weighted Lab: colours that differ by less are the same
+BARELY = 0.02  # the same, where it has the very color of what moves
+SAME = 4.0  # weighted Lab: colors that differ by less are the same
 CUT = 0.32  # share of a patch's outline that lies on the image's edge, from which it is no arm
 RESTLESS = 0.5  # share of a patch that ever changed, from which it moves wherever it is
 ISLAND = 0.9  # share of a patch's outline that lies on what never moves, if it stands there alone
@@ -69,9 +69,9 @@ class Resting:
                 continue
             near = self.active[ring(blob.mask) | blob.mask].mean()
             # A wall of the robot's tint is cut off by the image on most sides, an arm on one; and where both have the
-            # very same colour nothing tells them apart, so that both are left alone.
+            # very same color nothing tells them apart, so that both are left alone.
             shade = self.shades.get(blob.cluster)
-            same = shade is not None and float(np.linalg.norm(blob.colour - shade)) < SAME
+            same = shade is not None and float(np.linalg.norm(blob.color - shade)) < SAME
             arm = (near > TOUCHES and blob.edge < CUT) or (near > BARELY and same)
             if arm or self.active[blob.mask].mean() > RESTLESS:
                 found.add(k)

@@ -1,4 +1,4 @@
-"""Scenes of colour images alone: what an episode without depth and masks shows, told by colour and motion.
+"""Scenes of color images alone: what an episode without depth and masks shows, told by color and motion.
 
 Instance ids are found, never recorded, and a stage stands in for depth: both serve the scene, and neither is written.
 """

@@ -16,7 +16,7 @@ from rpaug.scene.instances.named import Small
 
 REACH = 0.05  # of the image's width: an uncovered pixel is not farther from the patch it belongs to
 SHADOW = 2.0  # times darker or brighter that a pixel may become and be the same thing
-NAMED = 99_999  # instance id of a small thing of the colour that the instruction names
+NAMED = 99_999  # instance id of a small thing of the color that the instruction names
 LOCAL = 10.0  # weighted Lab: an uncovered pixel looks like the nearest pixel of its patch
 
 

@@ -1,4 +1,4 @@
-"""What an episode of colour images alone shows: a support, things on it, what lies around, and what moves.
+"""What an episode of color images alone shows: a support, things on it, what lies around, and what moves.
 
 In a camera that stands still the median over time is the backdrop, cut into patches of one tint. Where a frame differs
 from it something moves: the robot, or a thing that left its place, told by tint. Patches that look alike in several

@@ -15,10 +15,10 @@ BLOCK = np.ones((3, 3), np.uint8)
 
 @dataclass(frozen=True)
 class Sights:
-    """Depth and colour of `frames` (ascending) from every fixed camera that has depth, thinned to one size.
+    """Depth and color of `frames` (ascending) from every fixed camera that has depth, thinned to one size.
 
     `depth` is in metres, 0 where unknown; `nearest` and `farthest` are the same over each pixel and those of
-    its eight neighbours that are known; `darkest` and `brightest` the colours there in 0..1.
+    its eight neighbours that are known; `darkest` and `brightest` the colors there in 0..1.
     Smaller images are padded with unknown depth.
     """
 
@@ -39,7 +39,7 @@ def step_of(view: CameraView) -> int:
 
 
 def images(view: CameraView, t: int) -> tuple[np.ndarray, np.ndarray]:
-    """Thinned depth (0 where unknown) and colour in 0..1."""
+    """Thinned depth (0 where unknown) and color in 0..1."""
     assert view.depth is not None
     step = step_of(view)
     depth = np.nan_to_num(view.depth(t)[::step, ::step], nan=0.0, posinf=0.0, neginf=0.0)
@@ -72,7 +72,7 @@ def see(episode: Episode, frames: Sequence[int]) -> Sights:
         K[c] = np.diag([1 / step, 1 / step, 1.0]) @ view.camera.K
         poses[c] = np.linalg.inv(view.camera.cam_to_world[0])
         for s, t in enumerate(frames):
-            depth, colour = images(view, t)
+            depth, color = images(view, t)
             h, w = depth.shape
             known = depth > 0
             near = cv2.erode(np.where(known, depth, np.inf).astype(np.float32), BLOCK)
@@ -80,8 +80,8 @@ def see(episode: Episode, frames: Sequence[int]) -> Sights:
             nearest[s, c, :h, :w] = np.where(known, near, 0)
             farthest[s, c, :h, :w] = np.where(known, cv2.dilate(depth, BLOCK), 0)
             darkest[s, c, :h, :w], brightest[s, c, :h, :w] = (
-                cv2.erode(colour, BLOCK),
-                cv2.dilate(colour, BLOCK),
+                cv2.erode(color, BLOCK),
+                cv2.dilate(color, BLOCK),
             )
     return Sights(
         np.array(frames), tuple(views), K, poses, depths, nearest, farthest, darkest, brightest

@@ -12,8 +12,8 @@ from rpaug.scene.instances.resting import Resting
 
 SPREAD = 0.35  # of the image: how far from its middle the support is looked for
 ALIKE = 9.0  # weighted Lab: patches of one tint that differ by more are not one support
-PIECE = 0.02  # of the largest patch's pixels: smaller ones of its colour are none of the support
-GRAIN = 0.08  # share of a patch's outline on the support from which it is its grain, if its colour is a shade of it
+PIECE = 0.02  # of the largest patch's pixels: smaller ones of its color are none of the support
+GRAIN = 0.08  # share of a patch's outline on the support from which it is its grain, if its color is a shade of it
 WITHIN = 0.8  # share of a thing inside the support's outline, if it stands there
 CUT = 0.1  # share of a thing's outline on the image's edge from which the image cuts it off
 LARGE = 0.05  # share of the image from which what the image cuts off is wall or floor
@@ -54,7 +54,7 @@ def _of(part: Resting, best: int, shades: set[int]) -> frozenset[int]:
     found = {
         k
         for k in same
-        if np.linalg.norm(part.blobs[k].colour - first.colour) < ALIKE
+        if np.linalg.norm(part.blobs[k].color - first.color) < ALIKE
         and part.blobs[k].area > PIECE * first.area
     }
     left = {

@@ -42,7 +42,7 @@ class Watched:
         return np.any(self.changed, axis=0)
 
     def shades(self, mobile: Iterable[int]) -> Mapping[int, Float[np.ndarray, "3"]]:
-        """The middle colour, in weighted Lab, of what changed in each of these tints."""
+        """The middle color, in weighted Lab, of what changed in each of these tints."""
         found = {}
         for cluster in mobile:
             some = self.shown[self.changed & (self.labels == cluster)]
@@ -64,9 +64,9 @@ class Watched:
         known = robot & (times >= max(2.0, OPEN * len(self.shown))) & (spread < STEADY)
         if not known.any():
             return self
-        colours = np.ma.masked_array(self.shown, seen.mask)
+        colors = np.ma.masked_array(self.shown, seen.mask)
         image = self.backdrop.image.copy()
-        image[known] = np.ma.median(colours, axis=0).filled(0)[known].astype(np.uint8)
+        image[known] = np.ma.median(colors, axis=0).filled(0)[known].astype(np.uint8)
         drop = replace(self.backdrop, image=image)
         changed = np.stack([drop.changed(one) for one in self.shown])
         return replace(

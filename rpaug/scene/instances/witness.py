@@ -1,7 +1,7 @@
 """How well each supposed motion of a point agrees with what the cameras saw at other times.
 
 A point is carried along by the motion and looked up in every fixed camera of every sampled frame. It may lie on the
-surface there, with the right colour or a wrong one; it may be hidden, which says nothing; or the camera may have seen
+surface there, with the right color or a wrong one; it may be hidden, which says nothing; or the camera may have seen
 through the place, which speaks against it.
 """
 
@@ -12,7 +12,7 @@ from rpaug.core.jit import kernel
 from rpaug.scene.instances.sights import Sights
 
 FOOTPRINTS = 0.6  # widths of a pixel that a point may lie in front of or behind a surface
-COLOUR = 0.12  # difference in display colour that halves what a hit counts, about
+COLOR = 0.12  # difference in display color that halves what a hit counts, about
 AGAINST = 3.0  # hits that one look through the place outweighs
 DOUBT = 1.5  # hits' worth of not knowing
 EDGE = (
@@ -22,17 +22,17 @@ EDGE = (
 
 def scores(
     points: Float64[np.ndarray, "n 3"],
-    colours: Float32[np.ndarray, "n 3"],
+    colors: Float32[np.ndarray, "n 3"],
     motions: Float64[np.ndarray, "k s 4 4"],
     sights: Sights,
 ) -> Float32[np.ndarray, "n k"]:
-    """From -AGAINST (seen through wherever looked) over 0 (nothing known) to 1 (always on a surface of its colour).
+    """From -AGAINST (seen through wherever looked) over 0 (nothing known) to 1 (always on a surface of its color).
 
     `motions[k, s]` carries a point from where it is seen to where hypothesis k has it in sampled frame s.
     """
     out = np.zeros((len(points), len(motions)), np.float32)
     _scores(
-        np.ascontiguousarray(points), np.ascontiguousarray(colours), np.ascontiguousarray(motions),
+        np.ascontiguousarray(points), np.ascontiguousarray(colors), np.ascontiguousarray(motions),
         sights.K, sights.world_to_camera, sights.depth, sights.nearest, sights.farthest, sights.darkest,
         sights.brightest, out,
     )  # fmt: skip
@@ -40,7 +40,7 @@ def scores(
 
 
 @kernel
-def _scores(points, colours, motions, K, poses, depth, nearest, farthest, darkest, brightest, out):
+def _scores(points, colors, motions, K, poses, depth, nearest, farthest, darkest, brightest, out):
     frames, cameras, height, width = nearest.shape
     p = np.zeros(3)
     for k in range(len(motions)):
@@ -79,9 +79,9 @@ def _scores(points, colours, motions, K, poses, depth, nearest, farthest, darkes
                     ):
                         off = 0.0
                         for i in range(3):
-                            low = darkest[s, c, row, column, i] - colours[n, i]
-                            high = colours[n, i] - brightest[s, c, row, column, i]
+                            low = darkest[s, c, row, column, i] - colors[n, i]
+                            high = colors[n, i] - brightest[s, c, row, column, i]
                             off = max(off, low, high)
-                        hits += 1.0 / (1.0 + (off / COLOUR) ** 2)
+                        hits += 1.0 / (1.0 + (off / COLOR) ** 2)
                         looks += 1.0
             out[n, k] = (hits - AGAINST * through) / (looks + DOUBT)

@@ -1,4 +1,4 @@
-"""What colour a thing has under its shading: read off its pixels, or fitted to a given one."""
+"""What color a thing has under its shading: read off its pixels, or fitted to a given one."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,21 +17,21 @@ DARK, BRIGHT = (
     0.98,
 )  # of the brightest channel: darker pixels are noise, brighter ones are clipped
 HIGHLIGHT = 0.05  # least whitish part of a plain surface's pixel that is taken for a highlight
-LIT = 0.98  # quantile of shading that counts as fully lit: a new colour must not be clipped where the old was not
-PLAIN = 0.03  # colour distance within which a pixel is explained by one albedo and its shading
+LIT = 0.98  # quantile of shading that counts as fully lit: a new color must not be clipped where the old was not
+PLAIN = 0.03  # color distance within which a pixel is explained by one albedo and its shading
 PLAIN_SHARE = 0.8
 
 
 @dataclass(frozen=True)
 class Albedo:
-    """A display colour, and whether it alone explains the surface (`plain`) or is the mean of a pattern."""
+    """A display color, and whether it alone explains the surface (`plain`) or is the mean of a pattern."""
 
     rgb: tuple[float, float, float]
     plain: bool
 
 
 def pixels(episode: Episode, instance_id: int, count: int = 6) -> Float64[np.ndarray, "n 3"]:
-    """Recorded colours of an instance, 0..1, away from its outline where it is large enough for that."""
+    """Recorded colors of an instance, 0..1, away from its outline where it is large enough for that."""
     inner: list[np.ndarray] = []
     outer: list[np.ndarray] = []
     for looked in (count, episode.length):  # a camera that moves may show it in others alone
@@ -47,18 +47,18 @@ def pixels(episode: Episode, instance_id: int, count: int = 6) -> Float64[np.nda
     return whole / 255.0
 
 
-def estimate(colour: Float64[np.ndarray, "n 3"]) -> Albedo:
+def estimate(color: Float64[np.ndarray, "n 3"]) -> Albedo:
     """The albedo of a surface from its pixels: the direction of their mean, as bright as its well-lit part.
 
-    Shading scales a matte colour and leaves its direction, so the direction is the mean's; how bright an albedo is
+    Shading scales a matte color and leaves its direction, so the direction is the mean's; how bright an albedo is
     cannot be told from shading, and its best-lit pixels are taken to show it.
     """
-    high = colour.max(1)
-    good = colour[(high > DARK) & (high < BRIGHT)]
+    high = color.max(1)
+    good = color[(high > DARK) & (high < BRIGHT)]
     if len(good) < LEAST_PIXELS:
-        good = colour
+        good = color
     mean = good.mean(0)
-    for _ in range(3):  # leave highlights out if what remains is one colour
+    for _ in range(3):  # leave highlights out if what remains is one color
         inliers = good[_explained(good, mean)]
         if len(inliers) < PLAIN_SHARE * len(good):
             break
@@ -66,7 +66,7 @@ def estimate(colour: Float64[np.ndarray, "n 3"]) -> Albedo:
     if mean.max() < 1e-3:
         return Albedo((0.0, 0.0, 0.0), True)
     shading = (
-        colour[high > DARK] @ mean / (mean @ mean)
+        color[high > DARK] @ mean / (mean @ mean)
     )  # clipped pixels too: they are the brightest
     red, green, blue = np.minimum(mean * np.quantile(shading, LIT), 1.0).tolist()
     return Albedo((red, green, blue), bool(_explained(good, mean).mean() >= PLAIN_SHARE))
@@ -89,7 +89,7 @@ def describe(
 
 
 def plain(episode: Episode, instance_id: int) -> bool:
-    """Whether one colour, under any light, explains what is seen of an instance."""
+    """Whether one color, under any light, explains what is seen of an instance."""
     return _estimated(episode, instance_id).plain
 
 
@@ -105,7 +105,7 @@ def _estimated(episode: Episode, instance_id: int) -> Albedo:
 
 
 def highlight(
-    colour: Float32[np.ndarray, "n 3"], old: Float32[np.ndarray, "3"]
+    color: Float32[np.ndarray, "n 3"], old: Float32[np.ndarray, "3"]
 ) -> Float32[np.ndarray, "n 1"]:
     """The white part s of each pixel = d * old + s * (1, 1, 1), d and s >= 0; 0 where it may be noise.
 
@@ -115,17 +115,17 @@ def highlight(
     a, b, c = float(old @ old), float(old @ white), 3.0
     determinant = a * c - b * b
     if determinant <= 0.05 * a * c:
-        return np.zeros((len(colour), 1), np.float32)
-    on_old, on_white = colour @ old, colour @ white
-    part = np.minimum((a * on_white - b * on_old) / determinant, colour.min(1))
+        return np.zeros((len(color), 1), np.float32)
+    on_old, on_white = color @ old, color @ white
+    part = np.minimum((a * on_white - b * on_old) / determinant, color.min(1))
     return np.where(part > HIGHLIGHT, part, 0).astype(np.float32)[:, None]
 
 
 def _explained(
-    colour: Float64[np.ndarray, "n 3"], albedo: Float64[np.ndarray, "3"]
+    color: Float64[np.ndarray, "n 3"], albedo: Float64[np.ndarray, "3"]
 ) -> Bool[np.ndarray, "n"]:
-    shading = colour @ albedo / max(float(albedo @ albedo), 1e-9)
-    return np.linalg.norm(colour - shading[:, None] * albedo, axis=1) < PLAIN
+    shading = color @ albedo / max(float(albedo @ albedo), 1e-9)
+    return np.linalg.norm(color - shading[:, None] * albedo, axis=1) < PLAIN
 
 
 def _eroded(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

@@ -1,11 +1,10 @@
-"""The light a new thing has to be shown in: how bright faces are by where they turn, and of which colour."""
+"""The light a new thing has to be shown in: how bright faces are by where they turn, and of which color."""
 
 import cv2
 import numpy as np
 from jaxtyping import Float64, Int
 
-from rpaug.core import colors as colours
-from rpaug.core import sampling
+from rpaug.core import color_space, sampling
 from rpaug.core.errors import Unsupported
 from rpaug.core.memo import once
 from rpaug.core.types import Ambience, Episode
@@ -24,7 +23,7 @@ ENDS = (
 CAST = 0.12  # difference between channels below which light counts as white: walls are as yellow as that
 UP = np.array([[0.0, 0.0, 1.0]], np.float32)
 WHITE = 0.9  # albedo of the whitest things that rooms hold
-STEP = 7  # pixels, of which one is looked at for its colour
+STEP = 7  # pixels, of which one is looked at for its color
 
 
 @once
@@ -90,12 +89,12 @@ def _seen(
         names = np.zeros(rgb.shape[:2], np.int32) if ids is None else ids
         around = np.ones((3, 3), np.uint8)
         high, low = (each(names.astype(np.float32), around) for each in (cv2.dilate, cv2.erode))
-        colour = rgb / 255.0
+        color = rgb / 255.0
         use = (view.depth(t) > 0) & (high == low)
-        use &= (colour.max(-1) > DARK) & (colour.max(-1) < CLIPPED)
+        use &= (color.max(-1) > DARK) & (color.max(-1) < CLIPPED)
         rows = np.flatnonzero(use)
         rows = rows[:: max(1, len(rows) // light.PIXELS)]
-        shown = colour.reshape(-1, 3)[rows]
+        shown = color.reshape(-1, 3)[rows]
         chroma = np.rint(shown[:, :2] / shown.sum(1, keepdims=True) / HUE).astype(int)
         normals.append(surface.of_view(view, t, (), ids)(rows).facing.astype(float))
         levels.append(shown.mean(1))
@@ -118,7 +117,7 @@ def _telling(
 def _gamut(episode: Episode) -> tuple[float, float, float]:
     lab = np.concatenate(
         [
-            colours.to_lab(rgb.reshape(-1, 3)[::STEP] / 255.0)
+            color_space.to_lab(rgb.reshape(-1, 3)[::STEP] / 255.0)
             for _, _, rgb, _ in sampling.images(episode, FRAMES)
         ]
     )

@@ -1,6 +1,6 @@
 """Light that a turning surface meets: irradiance as a quadratic in its normal (Ramamoorthi and Hanrahan 2001).
 
-A link that turns under fixed lamps is lit anew at every frame, so one colour a Gaussian cannot show it. The light is
+A link that turns under fixed lamps is lit anew at every frame, so one color a Gaussian cannot show it. The light is
 the scene's: eight numbers for all bodies and times, relative to a face lit evenly.
 """
 

@@ -1,4 +1,4 @@
-"""The light an episode was recorded in: its colour, read off grey surfaces, and where its lamp stands."""
+"""The light an episode was recorded in: its color, read off grey surfaces, and where its lamp stands."""
 
 from dataclasses import dataclass
 
@@ -11,8 +11,8 @@ from rpaug.core.memo import once
 from rpaug.core.types import Episode
 from rpaug.scene.recorded import surface
 
-LAMP = 0.5  # COLOSSEUM's scenes: each lamp's diffuse colour is (0.5, 0.5, 0.5) before it is varied
-GREY = 0.12  # saturation up to which a surface may be taken for grey under coloured light
+LAMP = 0.5  # COLOSSEUM's scenes: each lamp's diffuse color is (0.5, 0.5, 0.5) before it is varied
+GREY = 0.12  # saturation up to which a surface may be taken for grey under colored light
 LEAST_SHARE = 0.02
 
 DIRECTIONS = 300
@@ -23,18 +23,18 @@ WELL_LIT = 0.98  # quantile of a thing's pixels
 
 @once
 def estimate(episode: Episode, count: int = 3) -> Float64[np.ndarray, "3"]:
-    """The lamps' colour, in COLOSSEUM's unit where white recorded light is (0.5, 0.5, 0.5).
+    """The lamps' color, in COLOSSEUM's unit where white recorded light is (0.5, 0.5, 0.5).
 
     The median chromaticity of near-grey pixels of middling brightness; robots and walls mostly are. White where
     too few of them are seen. Only the chromaticity is measured: a brightness cannot be told from albedos.
     """
     chroma, total = [], 0
     for _, _, rgb, _ in sampling.images(episode, count):
-        colour = rgb.reshape(-1, 3)[::3] / 255.0
-        high, low = colour.max(1), colour.min(1)
+        color = rgb.reshape(-1, 3)[::3] / 255.0
+        high, low = color.max(1), color.min(1)
         grey = (high > 0.2) & (high < 0.97) & (high - low < GREY * high)
-        chroma.append(colour[grey] / colour[grey].mean(1, keepdims=True))
-        total += len(colour)
+        chroma.append(color[grey] / color[grey].mean(1, keepdims=True))
+        total += len(color)
     grey_pixels = np.concatenate(chroma)
     if len(grey_pixels) < LEAST_SHARE * total:
         return np.full(3, LAMP)
@@ -106,10 +106,10 @@ def seen(
         known = np.flatnonzero(view.depth(t) > 0)
         rows = known[:: max(1, len(known) // PIXELS)]
         here = surface.of_view(view, t, (), ids)(rows)
-        colour = rgb.reshape(-1, 3)[rows] / 255.0
-        good = (colour.max(1) > 0.03) & (colour.max(1) < 0.97)
+        color = rgb.reshape(-1, 3)[rows] / 255.0
+        good = (color.max(1) > 0.03) & (color.max(1) < 0.97)
         normals.append(here.facing[good].astype(float))
-        light.append(colour.mean(1)[good])
+        light.append(color.mean(1)[good])
         things.append(here.ids[good])
     if not normals or not sum(map(len, light)):
         raise Unsupported("light is told by surfaces, and this source has no depth to know them by")

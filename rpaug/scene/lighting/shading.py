@@ -1,7 +1,7 @@
 """How light falls on a thing, told apart from the pattern that was on it: what a new texture is lit by.
 
 A pixel is albedo times shading, and the pixel alone does not say which of the two a dark spot is. On a thing of one
-colour everything that varies is shading. On a patterned one, shading is taken to be smooth: a quadratic in the normal
+color everything that varies is shading. On a patterned one, shading is taken to be smooth: a quadratic in the normal
 (all that a matte surface keeps of distant light: Ramamoorthi and Hanrahan 2001) and, only if that explains most of what
 is left and falls off all around as the light of a near lamp does, in the place: else the broad parts of a pattern would
 pass for light. What is then darker than the old pattern's contrast explains is a shadow, and stays.
@@ -45,7 +45,7 @@ PASSES = 6  # of the robust fit
 class ShadedPixels:
     """Some pixels of one thing from several cameras and frames, 0..1, and where they lie in its body's frame."""
 
-    colour: Float32[np.ndarray, "n 3"]
+    color: Float32[np.ndarray, "n 3"]
     points: Float32[np.ndarray, "n 3"]
     normals: Float32[np.ndarray, "n 3"]
     facing: Float32[np.ndarray, "n 3"]
@@ -71,8 +71,8 @@ def sample(
             rows = rows[:: max(1, len(rows) // MOST_PIXELS)]
             if len(rows):
                 here = at(rows)
-                colour = rgb.reshape(-1, 3)[rows].astype(np.float32) / 255
-                parts[instance_id].append((colour, here.points, here.normals, here.facing))
+                color = rgb.reshape(-1, 3)[rows].astype(np.float32) / 255
+                parts[instance_id].append((color, here.points, here.normals, here.facing))
     return {
         instance_id: ShadedPixels(*(np.concatenate(part) for part in zip(*found, strict=True)))
         for instance_id, found in parts.items()
@@ -147,20 +147,20 @@ def _described(
 
 
 def fit(
-    samples: ShadedPixels, colour: tuple[float, float, float], known: bool = True
+    samples: ShadedPixels, color: tuple[float, float, float], known: bool = True
 ) -> Smooth | None:
     """The smooth shading of a patterned thing, or None if its brightness varies no more than its shading does.
 
-    `colour` is the thing's albedo. Unless it is `known`, its brightness is a guess, and the best-lit part is taken to
+    `color` is the thing's albedo. Unless it is `known`, its brightness is a guess, and the best-lit part is taken to
     be fully lit.
     """
-    old = np.array(colour)
-    high = samples.colour.max(1)
+    old = np.array(color)
+    high = samples.color.max(1)
     good = (high > DARK) & (high < BRIGHT)
     if good.sum() < 60 or old.max() < DARK:
         return None
     points, facing = samples.points[good], samples.facing[good]
-    shade = samples.colour[good] @ old / (old @ old)
+    shade = samples.color[good] @ old / (old @ old)
     low, top = np.percentile(points, [1, 99], axis=0)
     middle, extent = (low + top) / 2, max(float((top - low).max()), 1e-3)
     basis = _basis(points, facing, middle, extent).astype(float)

@@ -46,21 +46,21 @@ SKY = 0.8  # of the light that a thing keeps away is lost: the rest comes off it
 
 @dataclass(frozen=True)
 class Shade:
-    """A factor on the colours of the support by place: cell (row, column) is about `origin + CELL * (column, row)`."""
+    """A factor on the colors of the support by place: cell (row, column) is about `origin + CELL * (column, row)`."""
 
     instance_ids: frozenset[int]
     origin: tuple[float, float]
     gain: Float32[np.ndarray, "r c"]
 
     def __call__(
-        self, colour: Float32[np.ndarray, "n 3"], surface: Surface
+        self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
         at = (surface.points[:, :2] - np.array(self.origin, np.float32)) / np.float32(CELL)
         rest = -len(at) % ROW
         x, y = np.pad(at.T.astype(np.float32), ((0, 0), (0, rest))).reshape(2, -1, ROW)
         found = cv2.remap(self.gain, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         factor = found.ravel()[: len(at)]
-        return np.clip(colour * factor[:, None], 0, 1).astype(np.float32)
+        return np.clip(color * factor[:, None], 0, 1).astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def plate(
     count = np.zeros(size, np.int64)
     ids = np.zeros(size, np.int32)
     depths = np.zeros((PLATE_SAMPLES, *size), np.float32)
-    colours = np.zeros((PLATE_SAMPLES, *size, 3), np.uint8)
+    colors = np.zeros((PLATE_SAMPLES, *size, 3), np.uint8)
     for t in spread(length):
         wanted = count < PLATE_SAMPLES
         if view.ids is not None:  # told by the mask alone, most frames need not be looked at
@@ -82,13 +82,13 @@ def plate(
         rows, columns = np.nonzero(good & ((count == 0) | agrees))
         slot = count[rows, columns]
         depths[slot, rows, columns] = now.depth[rows, columns]
-        colours[slot, rows, columns] = now.rgb[rows, columns]
+        colors[slot, rows, columns] = now.rgb[rows, columns]
         ids[rows, columns] = now.ids[rows, columns]
         count[rows, columns] += 1
         if (count == PLATE_SAMPLES).all():
             break
     middle = np.maximum(count - 1, 0) // 2
-    depth, rgb = _ranked(depths, count, middle), _ranked(colours, count, middle)
+    depth, rgb = _ranked(depths, count, middle), _ranked(colors, count, middle)
     depth = smooth(depth, ids, noise)
     known = count > 0
     source = Source(

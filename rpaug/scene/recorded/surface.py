@@ -15,7 +15,7 @@ from rpaug.core.types import Body, Camera, CameraView, Gaussians
 GRAZING = 0.1  # cosine: a surface seen at a smaller angle is sampled as if at this one
 LONE = 0.5  # of its step: what a side of one pixel counts as bent, since none can see how straight it is
 SMOOTH = 0.5  # radians, about: a surface that turns by less within one pixel has no crease there
-EXTENT = 2.0  # standard deviations of a Gaussian that its one colour stands for
+EXTENT = 2.0  # standard deviations of a Gaussian that its one color stands for
 
 Depth = Callable[[], Float32[np.ndarray, "h w"]]
 

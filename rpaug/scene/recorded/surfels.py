@@ -160,7 +160,7 @@ def _noise(scene: Scene) -> float:
 def view(surfels: Surfels, scene: Scene, camera_name: str, t: int) -> Rendered:
     """What `scene.cameras[camera_name]` sees at time t, drawn from recorded pixels, holes filled.
 
-    Colours are as recorded: appearance edits are functions of colour and id, and are applied to the result. Where
+    Colors are as recorded: appearance edits are functions of color and id, and are applied to the result. Where
     the camera stands as recorded, what no edited body hides or uncovers is the recorded image bit for bit. Raises
     TargetError.
     """

@@ -86,7 +86,7 @@ def background(
 
 
 def _painted(view: Background, method: str, tolerance: float) -> Source:
-    """The view's hole as a recording: depth and instance ids continued, colours painted thing by thing."""
+    """The view's hole as a recording: depth and instance ids continued, colors painted thing by thing."""
     filled = holes.fill(view.drawn)
     known = ~view.drawn.hole & (view.drawn.depth > 0)
     depth = filled.depth.copy()
@@ -139,8 +139,8 @@ def _texture(
 ) -> UInt8[np.ndarray, "h w 3"]:
     """The hole painted from what is seen of the same thing alone.
 
-    Other things, and a frame around the image, take its nearest colours first, so that no hole lies at a border; and no
-    colour is painted that is not seen.
+    Other things, and a frame around the image, take its nearest colors first, so that no hole lies at a border; and no
+    color is painted that is not seen.
     """
     wide = [np.pad(plane, MARGIN) for plane in (hole, same)]
     rows, columns = np.nonzero(pixels.grown(wide[0], MARGIN))
@@ -148,9 +148,9 @@ def _texture(
     gap, known = (plane[window] for plane in wide)
     if not known.any():
         return rgb
-    colours = np.pad(rgb, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)))[window]
-    painted = paint(method, pixels.filled(colours, known), gap)
-    low, high = colours[known].min(0), colours[known].max(0)
+    colors = np.pad(rgb, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)))[window]
+    painted = paint(method, pixels.filled(colors, known), gap)
+    low, high = colors[known].min(0), colors[known].max(0)
     out = rgb.copy()
     out[hole] = np.clip(painted[gap], low, high)
     return out

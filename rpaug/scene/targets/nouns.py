@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.core.errors import MissingExtra
 from rpaug.providers.words import synonym
 from rpaug.scene.targets import shapes
@@ -92,4 +92,4 @@ def named(descriptions: Sequence[str]) -> dict[str, str]:
 
 def _is_noun(word: str) -> bool:
     taken = FILLERS | ANYTHING | VERBS | TOWARDS | set(RANKS) | set(ORDINALS)
-    return word not in taken and colors.canonical(word) is None
+    return word not in taken and color_space.canonical(word) is None

@@ -10,7 +10,7 @@ Directions are the robot's own: in front of something is on the robot's side of 
 import re
 from dataclasses import dataclass, field
 
-from rpaug.core import colors as colours
+from rpaug.core import color_space
 from rpaug.scene.targets import roles
 
 FILLERS = frozenset(
@@ -62,12 +62,12 @@ class Relation:
 
 @dataclass(frozen=True)
 class Phrase:
-    """A thing in words. `nouns` are what is neither colour, role, rank nor filler, the head noun last.
+    """A thing in words. `nouns` are what is neither color, role, rank nor filler, the head noun last.
 
     `rank` sorts what else fits, and `ordinal` says which of the sorted is meant, 0 the first.
     """
 
-    colour: str | None = None
+    color: str | None = None
     role: str | None = None
     nouns: tuple[str, ...] = ()
     rank: str | None = None
@@ -124,7 +124,7 @@ def _phrase(words: list[str], text: str) -> tuple[Phrase, list[str]]:
 
 
 def _spells_anchor(own: list[str]) -> bool:
-    """Has the phrase a noun, a colour or a role before its relation?"""
+    """Has the phrase a noun, a color or a role before its relation?"""
     return any(word not in FILLERS and word not in ORDINALS for word in own)
 
 
@@ -153,7 +153,7 @@ def _attributes(
     words: list[str], text: str, rank: str | None, relations: tuple[Relation, ...]
 ) -> Phrase:
     words = [word for word in words if word not in FILLERS]
-    tints = {name for word in words if (name := colours.canonical(word))}
+    tints = {name for word in words if (name := color_space.canonical(word))}
     tasks = {word for word in words if word in roles.NAMES}
     ranks = {RANKS[word] for word in words if word in RANKS} | ({rank} if rank else set())
     if len(tints) > 1 or len(tasks) > 1:
@@ -164,7 +164,7 @@ def _attributes(
         raise ValueError(f"{text!r}: {' and '.join(sorted(ranks))} at once; give one of them")
     which = [ORDINALS[word] for word in words if word in ORDINALS]
     taken = tasks | set(RANKS) | set(ORDINALS) | ANYTHING
-    nouns = tuple(w for w in words if w not in taken and not colours.canonical(w))
+    nouns = tuple(w for w in words if w not in taken and not color_space.canonical(w))
     plain = any(word in ANYTHING for word in words)
     if not (tints or tasks or ranks or nouns or plain):
         raise ValueError(f"{text!r} names no thing: give a colour, a role or a noun")

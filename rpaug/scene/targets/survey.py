@@ -7,29 +7,28 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug.core import colors as colours
-from rpaug.core import sampling
+from rpaug.core import color_space, sampling
 from rpaug.core.memo import once
 from rpaug.core.types import Body, Episode
 from rpaug.scene.sampled_frames import SampledFrames, look
 from rpaug.scene.targets.roles import NAMES, surface
 
-COLOUR_FRAMES = 6  # looked at for colour: it hardly changes
+COLOR_FRAMES = 6  # looked at for color: it hardly changes
 
 
 @dataclass(frozen=True)
 class InstanceSummary:
     """One instance id. `role` is "" where none is known; `motion` and `ambiguous` are its body's.
 
-    `colour` is display sRGB in 0..1, `size_cm` length, width (the tightest upright box) and height of what
+    `color` is display sRGB in 0..1, `size_cm` length, width (the tightest upright box) and height of what
     was seen, `residual_mm` the track's median distance, `body` the instance ids that move with it. `pixels` counts
     pixels per camera over all frames, `first_frame` to `last_frame` with `frames` of them showing it.
     """
 
     instance_id: int
     role: str
-    colour: tuple[float, float, float]
-    colour_name: str
+    color: tuple[float, float, float]
+    color_name: str
     size_cm: tuple[float, float, float]
     motion: str
     ambiguous: bool
@@ -48,8 +47,8 @@ class InstanceSummary:
         length, width, height = self.size_cm
         role = f", {self.role}" if self.role else ""
         if not any(self.size_cm):
-            return f"{self.instance_id} ({self.colour_name}{role})"
-        return f"{self.instance_id} ({self.colour_name}{role}, {length:.0f} x {width:.0f} x {height:.0f} cm)"
+            return f"{self.instance_id} ({self.color_name}{role})"
+        return f"{self.instance_id} ({self.color_name}{role}, {length:.0f} x {width:.0f} x {height:.0f} cm)"
 
 
 @once
@@ -66,9 +65,9 @@ def survey(
     instance_ids = sorted(body_of)
     seen = _seen(episode, np.array(instance_ids, np.int32))
     tints = (
-        _colours(episode, sampled, instance_ids)
+        _colors(episode, sampled, instance_ids)
         if sampled.cameras
-        else _colours_alone(episode, instance_ids)
+        else _colors_alone(episode, instance_ids)
     )
     rows = []
     for i, instance_id in enumerate(instance_ids):
@@ -79,7 +78,7 @@ def survey(
                 instance_id,
                 role_of.get(instance_id, ""),
                 tint,
-                colours.nearest(np.array(tint)),
+                color_space.nearest(np.array(tint)),
                 size_cm(surface(sampled, instance_id, body)[0]),
                 body.motion,
                 body.ambiguous,
@@ -125,12 +124,12 @@ def _seen(episode: Episode, instance_ids: np.ndarray) -> np.ndarray:
     return out
 
 
-def _colours_alone(
+def _colors_alone(
     episode: Episode, instance_ids: Iterable[int]
 ) -> dict[int, tuple[float, float, float]]:
-    """Typical colours over a few frames of all cameras, where no depth is looked at."""
+    """Typical colors over a few frames of all cameras, where no depth is looked at."""
     found: dict[int, list[np.ndarray]] = {instance_id: [] for instance_id in instance_ids}
-    for _, _, rgb, ids in sampling.images(episode, COLOUR_FRAMES):
+    for _, _, rgb, ids in sampling.images(episode, COLOR_FRAMES):
         if ids is None:
             continue
         flat, image = ids.reshape(-1), rgb.reshape(-1, 3)
@@ -141,16 +140,16 @@ def _colours_alone(
                 found[instance_id].append(image[rows])
     out = {}
     for instance_id, pixels in found.items():
-        tint = colours.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
+        tint = color_space.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
         out[instance_id] = (float(tint[0]), float(tint[1]), float(tint[2]))
     return out
 
 
-def _colours(
+def _colors(
     episode: Episode, sampled: SampledFrames, instance_ids: Iterable[int]
 ) -> dict[int, tuple[float, float, float]]:
-    """Typical colours over a few frames and all cameras; over more where that shows nothing."""
-    spread = np.unique(np.linspace(0, len(sampled.frames) - 1, COLOUR_FRAMES).round().astype(int))
+    """Typical colors over a few frames and all cameras; over more where that shows nothing."""
+    spread = np.unique(np.linspace(0, len(sampled.frames) - 1, COLOR_FRAMES).round().astype(int))
     found: dict[int, list[np.ndarray]] = {instance_id: [] for instance_id in instance_ids}
     for chosen in (spread, np.setdiff1d(np.arange(len(sampled.frames)), spread)):
         missing = [instance_id for instance_id, pixels in found.items() if not pixels]
@@ -168,6 +167,6 @@ def _colours(
                     found[instance_id].append(image[inside == instance_id])
     out = {}
     for instance_id, pixels in found.items():
-        tint = colours.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
+        tint = color_space.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
         out[instance_id] = (float(tint[0]), float(tint[1]), float(tint[2]))
     return out

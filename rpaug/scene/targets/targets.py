@@ -15,7 +15,7 @@ from pydantic import (
     model_validator,
 )
 
-from rpaug.core import colors as colours
+from rpaug.core import color_space
 from rpaug.core.errors import TargetError
 from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import SampledFrames, look
@@ -29,7 +29,7 @@ APART = (
     "table",
     "background",
 )  # roles that a phrase with a place in it means only by name
-TOUCH = 0.5  # of the strongest chroma that fits a colour word: weaker ones are not meant beside it
+TOUCH = 0.5  # of the strongest chroma that fits a color word: weaker ones are not meant beside it
 
 
 class TargetPart(BaseModel):
@@ -69,7 +69,7 @@ class Target(BaseModel):
 
     `text` says what the thing is and where ("the red receiver", "the cup closest to the drawer", "the second
     largest block left of the bowl"): the grammar is that of `relations`, nouns mean what `nouns` says. A noun
-    that means nothing here is taken only beside a colour word, and then the colour decides alone. A plain string
+    that means nothing here is taken only beside a color word, and then the color decides alone. A plain string
     is a `text`. With a `part` only that part of the thing is meant. Where several things fit, `all` takes them;
     a body of several instance ids that move as one is one thing.
     """
@@ -151,7 +151,7 @@ def _by_words(scene: Scene, target: Target) -> frozenset[int]:
 
 class _Finder:
     """Finds what a phrase and the phrases inside it mean. A thing is a group of instance ids: those of a role together,
-    else those of a body. Images are looked at only if a colour, a shape or a place is asked for."""
+    else those of a body. Images are looked at only if a color, a shape or a place is asked for."""
 
     def __init__(self, scene: Scene, stated: str) -> None:
         self._scene, self._stated = scene, stated
@@ -171,10 +171,10 @@ class _Finder:
         return found
 
     def _described(self, phrase: Phrase) -> list[frozenset[int]]:
-        """Things with the phrase's role, colour and noun, wherever they are."""
+        """Things with the phrase's role, color and noun, wherever they are."""
         role = phrase.role
         for word in phrase.nouns[:-1]:
-            if phrase.colour is None:
+            if phrase.color is None:
                 raise TargetError(
                     f"{self._stated}: {word!r} is nothing that masks and depth can tell"
                 )
@@ -188,20 +188,20 @@ class _Finder:
                 fits = []
             else:
                 shaped = [row for row in self._movable() if self._shape(row) in meaning.shapes]
-                fits = _bodies(self._coloured(phrase, shaped))
+                fits = _bodies(self._colored(phrase, shaped))
             if fits:
                 return fits
-        if meanings and phrase.colour is None:
+        if meanings and phrase.color is None:
             return []
-        return _bodies(self._coloured(phrase, self._movable() if phrase.spatial else self._rows))
+        return _bodies(self._colored(phrase, self._movable() if phrase.spatial else self._rows))
 
     def _meanings(self, phrase: Phrase) -> list[Meaning]:
-        """What the head noun means here. Raises TargetError if it means nothing and there is no colour to go by."""
+        """What the head noun means here. Raises TargetError if it means nothing and there is no color to go by."""
         if not phrase.nouns:
             return []
         noun = phrase.nouns[-1]
         found = understood(noun, self._scene.descriptions, self._scene.roles)
-        if not found and phrase.colour is None:
+        if not found and phrase.color is None:
             raise TargetError(
                 f"{self._stated}: {noun!r} is no role, no shape and not in the instruction: such nouns need a detector"
                 f" (the extra rpaug[words] brings synonyms). Roles: {', '.join(roles.NAMES)}; "
@@ -210,33 +210,33 @@ class _Finder:
         return found
 
     def _playing(self, role: str, phrase: Phrase) -> list[frozenset[int]]:
-        """What has that role and the phrase's colour, as one thing."""
+        """What has that role and the phrase's color, as one thing."""
         known = self._scene.roles.get(role)
         if not known:
             raise TargetError(f"{self._stated}: {_why(self._scene, role)}; {_there_is(self._rows)}")
-        if phrase.colour is None:
+        if phrase.color is None:
             return [known & self._scene.instance_ids] if known & self._scene.instance_ids else []
-        rows = self._coloured(phrase, [row for row in self._rows if row.instance_id in known])
+        rows = self._colored(phrase, [row for row in self._rows if row.instance_id in known])
         return [frozenset(row.instance_id for row in rows)] if rows else []
 
     def _movable(self) -> list[InstanceSummary]:
         """All but robot, table and background, which are meant only by name."""
         return [row for row in self._rows if row.role not in APART]
 
-    def _coloured(
+    def _colored(
         self, phrase: Phrase, rows: Sequence[InstanceSummary]
     ) -> Sequence[InstanceSummary]:
-        colour = phrase.colour
-        if colour is None:
+        color = phrase.color
+        if color is None:
             return rows
-        exact = [row for row in rows if row.colour_name == colour]
-        exact = exact or [row for row in rows if colours.means(colour, row.colour_name)]
+        exact = [row for row in rows if row.color_name == color]
+        exact = exact or [row for row in rows if color_space.means(color, row.color_name)]
         if not any(view.proxy for view in self._scene.episode.views.values()):
             return exact
-        # A camera alone shows colours washed out: their hue says more than the nearest name.
+        # A camera alone shows colors washed out: their hue says more than the nearest name.
         # Beside a thing that has much of it, what has a touch of it is not meant.
-        chroma = [float(np.hypot(*colours.to_lab(np.array(row.colour))[1:])) for row in rows]
-        given = [k for k, row in enumerate(rows) if colours.hued(colour, np.array(row.colour))]
+        chroma = [float(np.hypot(*color_space.to_lab(np.array(row.color))[1:])) for row in rows]
+        given = [k for k, row in enumerate(rows) if color_space.hued(color, np.array(row.color))]
         strongest = max((chroma[k] for k in given), default=0.0)
         return [rows[k] for k in given if chroma[k] > TOUCH * strongest] or exact
 

@@ -183,7 +183,7 @@ def _model(found: Any) -> Reconstruction:
         width=camera.width,
         height=camera.height,
         points=np.array([xyz for xyz, _, _ in points]).reshape(-1, 3),
-        colours=np.array([colour for _, colour, _ in points], np.uint8).reshape(-1, 3),
+        colors=np.array([color for _, color, _ in points], np.uint8).reshape(-1, 3),
         seen=seen,
     )
 

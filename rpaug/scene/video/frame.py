@@ -1,4 +1,4 @@
-"""One frame of a video with its pose, and its segments: parts of even colour, cut where colours change."""
+"""One frame of a video with its pose, and its segments: parts of even color, cut where colors change."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +12,7 @@ from rpaug.core import geometry
 SCALE = 150.0  # larger segments for larger values
 LEAST = 2.3e-4  # share of the image of the smallest segment
 BLUR = 0.6  # pixels
-TINT, LIGHT = 1.6, 0.6  # of chroma and lightness: shade divides a thing less than another colour
+TINT, LIGHT = 1.6, 0.6  # of chroma and lightness: shade divides a thing less than another color
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """Instances of a video's still world: segments of its frames, joined where they lie on each other.
 
-What a segment is in one image is told by colour alone, so that its outline is the image's own; which segments of
+What a segment is in one image is told by color alone, so that its outline is the image's own; which segments of
 several images are one thing is told by where they are.
 """
 
@@ -41,7 +41,7 @@ REACH = 2**20  # cells
 
 @dataclass(frozen=True, eq=False)
 class InstanceMap:
-    """Handles by cell of the world, `names` of each instance id's colour, and the support: its instance ids and its
+    """Handles by cell of the world, `names` of each instance id's color, and the support: its instance ids and its
     height.
     """
 
@@ -85,7 +85,7 @@ class InstanceMap:
         return out
 
     def _ended(self, look: PosedFrame, named: np.ndarray) -> np.ndarray:
-        """Small things cut anew where their own colours end: segments of blurred images take what is around."""
+        """Small things cut anew where their own colors end: segments of blurred images take what is around."""
         first = grouping.AROUND + 1
         known = np.arange(FIRST + self.count, dtype=np.int32) + first
         known[[BACKGROUND]] = grouping.AROUND

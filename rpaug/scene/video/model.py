@@ -39,7 +39,7 @@ class Reconstruction:
     width: int
     height: int
     points: Float64[np.ndarray, "p 3"]
-    colours: UInt8[np.ndarray, "p 3"]
+    colors: UInt8[np.ndarray, "p 3"]
     seen: Bool[np.ndarray, "m p"]
     facts: dict[str, Any] = field(default_factory=dict)
 
@@ -69,7 +69,7 @@ class Reconstruction:
         kept = seen.sum(0) >= 2
         return replace(
             self, times=self.times[rows], cam_to_world=self.cam_to_world[rows],
-            points=self.points[kept], colours=self.colours[kept], seen=seen[:, kept],
+            points=self.points[kept], colors=self.colors[kept], seen=seen[:, kept],
         )  # fmt: skip
 
     def angle(self) -> float:
@@ -133,7 +133,7 @@ def load(path: Path) -> Reconstruction | None:
             return Reconstruction(
                 held["times"], held["cam_to_world"], float(held["focal"]), (x, y),
                 float(held["radial"]), int(held["width"]), int(held["height"]), held["points"],
-                held["colours"], held["seen"], json.loads(str(held["facts"])),
+                held["colors"], held["seen"], json.loads(str(held["facts"])),
             )  # fmt: skip
     except (OSError, ValueError, KeyError, EOFError):
         return None

@@ -1,4 +1,4 @@
-"""Connected patches of one colour name in an image."""
+"""Connected patches of one color name in an image."""
 
 from functools import cache
 
@@ -6,20 +6,20 @@ import cv2
 import numpy as np
 from jaxtyping import Int32, UInt8
 
-from rpaug.core import colors as colours
+from rpaug.core import color_space
 from rpaug.core.pixels import filled
 
-LEVELS = 16  # of each colour channel, in the table of names
+LEVELS = 16  # of each color channel, in the table of names
 LEAST = 0.002  # share of an image: smaller patches belong to what is around them
 BLUR = 5  # pixels: a median that noise does not outlive
 
 
 @cache
 def _palette() -> np.ndarray:
-    """The number of the name of each coarse colour."""
+    """The number of the name of each coarse color."""
     steps = (np.arange(LEVELS) + 0.5) / LEVELS
     grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3)
-    named = [colours.nearest(colour) for colour in grid]
+    named = [color_space.nearest(color) for color in grid]
     order = sorted(set(named))
     return np.array([order.index(name) for name in named]).reshape((LEVELS,) * 3)
 
@@ -30,7 +30,7 @@ def named(rgb: UInt8[np.ndarray, "h w 3"]) -> np.ndarray:
 
 
 def patches(rgb: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
-    """Connected patches of one colour name, numbered; small ones go to what surrounds them."""
+    """Connected patches of one color name, numbered; small ones go to what surrounds them."""
     called = named(rgb)
     out, count = np.zeros(called.shape, np.int32), 0
     for name in np.unique(called):

@@ -138,6 +138,6 @@ def _model(
     return Reconstruction(
         times=np.array(times, np.int32), cam_to_world=posed.cam_to_world,
         focal=float((K[0, 0] + K[1, 1]) / 2), middle=(float(K[0, 2]), float(K[1, 2])), radial=0.0,
-        width=width, height=height, points=points, colours=images[chosen], seen=seen,
+        width=width, height=height, points=points, colors=images[chosen], seen=seen,
         facts={"mapper": "pose model"},
     )  # fmt: skip

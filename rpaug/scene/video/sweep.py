@@ -2,7 +2,7 @@
 
 Plane sweeping after Collins (1996), with normalised cross-correlation of 5x5 windows; the better half of the
 neighbours counts, so that what hides a place in some of them does no harm (Kang, Szeliski and Chai 2001). Depth that
-neighbours contradict is dropped. Gaps are closed by weighted least squares along colour edges (Min et al. 2014).
+neighbours contradict is dropped. Gaps are closed by weighted least squares along color edges (Min et al. 2014).
 """
 
 from collections.abc import Callable, Sequence
@@ -212,7 +212,7 @@ def flattened(
 def filled(
     rgb: UInt8[np.ndarray, "h w 3"], depth: np.ndarray, trust: Float32[np.ndarray, "h w"]
 ) -> Float32[np.ndarray, "h w"]:
-    """Depth everywhere: what is trusted, spread along surfaces of one colour."""
+    """Depth everywhere: what is trusted, spread along surfaces of one color."""
     inverse = np.where(trust > 0, 1 / np.maximum(depth, 1e-9), 0).astype(np.float32)
     unit = float(np.median(inverse[trust > 0])) if (trust > 0).any() else 1.0
     spread = cv2.ximgproc.createFastGlobalSmootherFilter(rgb, 900.0, SMOOTH / 4)

@@ -1,4 +1,4 @@
-"""RDT's HDF5 files: colours as its reader takes them, storage kept, nothing followed out of a file."""
+"""RDT's HDF5 files: colors as its reader takes them, storage kept, nothing followed out of a file."""
 
 import json
 import struct
@@ -22,7 +22,7 @@ WORDS = "expanded_instruction_gpt-4-turbo.json"
 
 
 def picture(seed: int) -> np.ndarray:
-    """Smooth and colourful: what is stored must be told from its mirror in red and blue."""
+    """Smooth and colorful: what is stored must be told from its mirror in red and blue."""
     rng = np.random.default_rng(seed)
     return cv2.resize(rng.integers(0, 255, (3, 3, 3), np.uint8), (WIDTH, HEIGHT))
 
@@ -78,7 +78,7 @@ def halved(view: CameraView) -> CameraView:
     return replace(view, rgb=lambda t: view.rgb(t) // 2 if t == 1 else view.rgb(t))
 
 
-def test_colours_are_what_opencv_decodes_unturned(tmp_path: Path) -> None:
+def test_colors_are_what_opencv_decodes_unturned(tmp_path: Path) -> None:
     episode = RDT().read(dataset(tmp_path), KEY)
     for name, view in episode.views.items():
         shown = view.rgb(2).astype(int)
@@ -225,7 +225,7 @@ def test_a_robot_without_joints_cannot_be_written(template: Path, tmp_path: Path
     assert not list(tmp_path.rglob("*.hdf5"))
 
 
-def test_colours_that_lie_elsewhere_are_named_by_the_side_file(tmp_path: Path) -> None:
+def test_colors_that_lie_elsewhere_are_named_by_the_side_file(tmp_path: Path) -> None:
     root = dataset(tmp_path)
     path = root / "pour/episode_0.hdf5"
     with h5py.File(path, "r+") as file:

@@ -43,7 +43,7 @@ def test_from_afar_an_image_is_its_mean() -> None:
 
 @settings(deadline=None)
 @given(st.floats(0, 4), st.floats(-1, 1), st.floats(-1, 1))
-def test_colours_stay_within_the_image(footprint: float, x: float, y: float) -> None:
+def test_colors_stay_within_the_image(footprint: float, x: float, y: float) -> None:
     out = at(Texture.of(IMAGE), [x, y, 0.0], footprint=footprint)
     assert out.min() >= 0
     assert out.max() <= 1 + 1e-6

@@ -1,4 +1,4 @@
-"""Gaussians of colour images alone: on the stage, and on the depth that a scripted network gives."""
+"""Gaussians of color images alone: on the stage, and on the depth that a scripted network gives."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ MOVE = {"op": "camera_pose", "camera": ["image_0"], "shift": 0.02, "turn": 0.01}
 
 
 class Net(torch.nn.Module):
-    """A small convolutional network, scripted: rows farther up are farther, whatever the colours say."""
+    """A small convolutional network, scripted: rows farther up are farther, whatever the colors say."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Outlines of things, cut anew by their colours."""
+"""Outlines of things, cut anew by their colors."""
 
 import cv2
 import numpy as np
@@ -25,7 +25,7 @@ def iou(one: np.ndarray, other: np.ndarray) -> float:
     return (one & other).sum() / (one | other).sum()
 
 
-def test_a_thing_is_ended_where_its_colours_do() -> None:
+def test_a_thing_is_ended_where_its_colors_do() -> None:
     image, true = scene()
     small = cv2.erode(true.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     ids = np.where(small, THING, SUPPORT).astype(np.int32)
@@ -46,7 +46,7 @@ def test_what_was_too_much_is_given_back_and_what_moves_is_never_taken() -> None
     assert np.array_equal(cut == MOVING, ids == MOVING)
 
 
-def test_a_thing_of_its_surroundings_colour_is_left_as_it_was() -> None:
+def test_a_thing_of_its_surroundings_color_is_left_as_it_was() -> None:
     image = np.full((40, 40, 3), 120, np.uint8)
     ids = np.full((40, 40), SUPPORT, np.int32)
     ids[10:20, 10:20] = THING

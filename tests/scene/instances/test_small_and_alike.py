@@ -1,4 +1,4 @@
-"""What no tint of its own tells: a small thing that the instruction names, and one of its surroundings' colours."""
+"""What no tint of its own tells: a small thing that the instruction names, and one of its surroundings' colors."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -38,7 +38,7 @@ def dotted(words: str) -> Scene:
 
 
 def slid() -> Scene:
-    """A drawer of the plate's colour comes out of it from the sixth frame on."""
+    """A drawer of the plate's color comes out of it from the sixth frame on."""
 
     def paint(out: np.ndarray, t: int) -> None:
         out[44:54, 40 - 2 * max(0, t - 4) : 40] = PLATE
@@ -46,7 +46,7 @@ def slid() -> Scene:
     return build(drawn("open it", paint), with_bodies=True)
 
 
-def test_a_named_colour_makes_a_few_pixels_a_thing() -> None:
+def test_a_named_color_makes_a_few_pixels_a_thing() -> None:
     scene = dotted("push the red button")
     ids = scene.episode.views["image_0"].ids(0)
     (instance_id,) = scene.roles["manipulated"]
@@ -56,7 +56,7 @@ def test_a_named_colour_makes_a_few_pixels_a_thing() -> None:
 
 
 @pytest.mark.parametrize("words", ["push the button", "push the blue button"])
-def test_a_colour_that_is_not_named_makes_none(words: str) -> None:
+def test_a_color_that_is_not_named_makes_none(words: str) -> None:
     assert "manipulated" not in dotted(words).roles
 
 
@@ -69,7 +69,7 @@ def test_of_several_none_is_guessed() -> None:
     assert "manipulated" not in scene.roles
 
 
-def test_what_has_its_surroundings_colours_is_refused_with_the_reason() -> None:
+def test_what_has_its_surroundings_colors_is_refused_with_the_reason() -> None:
     scene = slid()
     with pytest.raises(TargetError, match="what was moved has its surroundings' colours"):
         find(scene, Target(role="manipulated"))

@@ -1,4 +1,4 @@
-"""What a drawn table shows, told by colour and motion alone."""
+"""What a drawn table shows, told by color and motion alone."""
 
 import numpy as np
 import pytest
@@ -16,8 +16,8 @@ def scene():
     return build(episode(), with_bodies=True)
 
 
-def truth(colour, t: int, **given) -> np.ndarray:
-    return np.abs(image(t, noise=0, **given).astype(int) - colour).max(-1) == 0
+def truth(color, t: int, **given) -> np.ndarray:
+    return np.abs(image(t, noise=0, **given).astype(int) - color).max(-1) == 0
 
 
 def iou(a: np.ndarray, b: np.ndarray) -> float:
@@ -44,8 +44,8 @@ def test_support_things_and_what_moves_are_told_apart(scene, t: int) -> None:
     ids = scene.episode.views["image_0"].ids(t)
     assert iou(np.isin(ids, list(scene.roles["table"])), truth(TABLE, t)) > 0.95
     assert iou(np.isin(ids, list(scene.roles["robot"])), truth((15, 15, 18), t)) > 0.9
-    for words, colour in (("the red thing", BLOCK), ("the green plate", PLATE)):
-        assert iou(np.isin(ids, list(find(scene, Target(text=words)))), truth(colour, t)) > 0.95
+    for words, color in (("the red thing", BLOCK), ("the green plate", PLATE)):
+        assert iou(np.isin(ids, list(find(scene, Target(text=words)))), truth(color, t)) > 0.95
 
 
 def test_what_is_carried_keeps_its_handle() -> None:
@@ -63,7 +63,7 @@ def test_a_thing_has_one_handle_in_all_cameras() -> None:
         assert (view.ids(3) == instance_id).sum() > 40
 
 
-def test_two_things_of_one_colour_are_asked_about(scene) -> None:
+def test_two_things_of_one_color_are_asked_about(scene) -> None:
     with pytest.raises(TargetError, match="no role, no shape"):
         find(scene, Target(text="the carrot"))
     with pytest.raises(TargetError, match="nothing fits"):
@@ -78,7 +78,7 @@ def test_the_labels_are_the_same_whenever_they_are_asked_for() -> None:
         )
 
 
-def test_a_camera_that_moves_is_seen_to_and_goes_by_colour() -> None:
+def test_a_camera_that_moves_is_seen_to_and_goes_by_color() -> None:
     bare = episode()
     shaken = CameraView(still(12), lambda t: np.roll(image(t), (5 * t, 9 * t), (0, 1)))
     drop = backdrop.find(shaken, 12)

@@ -51,7 +51,7 @@ def placement(light: np.ndarray) -> Placement:
     return Placement((np.arange(4),), (quarter[None],), (turn,), light)
 
 
-def test_colours_of_placed_splats_are_shaded_by_their_faces_in_the_world() -> None:
+def test_colors_of_placed_splats_are_shaded_by_their_faces_in_the_world() -> None:
     light = np.array([1, 0.3, -0.2, 0.1, 0.05, 0, 0.1, -0.1, 0.02])
     own = splats()
     there = placement(light).place(own, 0)

@@ -23,8 +23,8 @@ def board(
     shadow = (np.abs(points[:, 0] - 0.2) < 0.1) & (points[:, 1] > 0)
     light = np.where(shadow, 0.3 * light, light)
     grain = np.exp(pattern * RNG.standard_normal(count))
-    colour = np.clip((light * grain)[:, None] * np.array(ALBEDO), 0, 1).astype(np.float32)
-    return ShadedPixels(colour, points, normals, normals), light, shadow
+    color = np.clip((light * grain)[:, None] * np.array(ALBEDO), 0, 1).astype(np.float32)
+    return ShadedPixels(color, points, normals, normals), light, shadow
 
 
 def test_a_plain_surface_keeps_its_measured_shading() -> None:
@@ -38,7 +38,7 @@ def test_a_pattern_goes_and_light_and_shadow_stay(pattern: float, fall: float) -
     assert smooth is not None
     assert smooth.spread == pytest.approx(pattern, rel=0.25)
     old = np.array(ALBEDO)
-    measured = samples.colour @ old / (old @ old)
+    measured = samples.color @ old / (old @ old)
     out = smooth.of(measured, samples.points, samples.facing)
     assert np.median(np.abs(out / light - 1)[~shadow]) < 0.06
     assert np.std(np.log(out / light)[~shadow]) < 0.4 * pattern + 0.02
@@ -50,7 +50,7 @@ def test_only_what_falls_off_all_around_is_taken_for_light(bend: float) -> None:
     """A lamp's pool is brightest in one spot; broad grain may as well be darkest there."""
     samples, *_ = board(0.05)
     curve = 1 + bend * (samples.points[:, :1] ** 2 + samples.points[:, 1:2] ** 2)
-    smooth = shading.fit(replace(samples, colour=samples.colour * curve), ALBEDO)
+    smooth = shading.fit(replace(samples, color=samples.color * curve), ALBEDO)
     assert smooth is not None
     assert any(smooth.weights[shading.BY_NORMAL :]) == (bend < 0)
 
@@ -76,7 +76,7 @@ def test_broad_grain_is_no_light() -> None:
     samples, light, shadow = board(0.05)
     grain = 1 + 0.2 * np.sin(9 * samples.points[:, :1])
     smooth = shading.fit(
-        ShadedPixels(samples.colour * grain, samples.points, samples.normals, samples.facing),
+        ShadedPixels(samples.color * grain, samples.points, samples.normals, samples.facing),
         ALBEDO,
     )
     assert smooth is not None
@@ -89,7 +89,7 @@ def test_the_best_lit_part_is_fully_lit_where_the_albedo_is_a_guess() -> None:
     guess = (0.4, 0.3, 0.2)  # half as bright as it is
     smooth = shading.fit(samples, guess, known=False)
     assert smooth is not None
-    measured = samples.colour @ np.array(guess) / np.dot(guess, guess)
+    measured = samples.color @ np.array(guess) / np.dot(guess, guess)
     out = smooth.of(measured, samples.points, samples.facing)
     assert np.median(out[~shadow]) == pytest.approx(1, abs=0.03)
     assert out[shadow].mean() < 0.75

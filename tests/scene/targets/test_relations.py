@@ -82,7 +82,7 @@ def test_parsing_ends_in_a_phrase_or_a_reason(text: str) -> None:
     found: Phrase | None = None
     with contextlib.suppress(ValueError):
         found = parse(text)
-    assert found is None or found.nouns or found.rank or found.colour or found.role or text
+    assert found is None or found.nouns or found.rank or found.color or found.role or text
 
 
 @pytest.mark.parametrize("spelling", [s for spellings in RELATIONS.values() for s in spellings])

@@ -138,7 +138,7 @@ def test_survey(placed: tuple[World, Scene]) -> None:
     rows = {row.instance_id: row for row in survey(scene.episode, scene.bodies, scene.roles)}
     assert sorted(rows) == sorted(world.boxes)
     block = rows[BLOCK]
-    assert (block.role, block.colour_name, block.moving) == ("manipulated", "green", True)
+    assert (block.role, block.color_name, block.moving) == ("manipulated", "green", True)
     # Seen from three sides at 1 cm per pixel.
     assert block.size_cm == pytest.approx((7.0, 7.0, 7.0), abs=1.5)
     assert block.frames == len(world.gripper)
@@ -156,4 +156,4 @@ def test_survey_of_a_real_recording(real: Scene) -> None:
     )  # as its front and depth measure
     frame = max(real.roles["receiver"], key=lambda h: rows[h].size_cm[2])
     assert rows[frame].size_cm == pytest.approx((38, 38, 37), abs=2)
-    assert rows[frame].colour_name == "tan"
+    assert rows[frame].color_name == "tan"

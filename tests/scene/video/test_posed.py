@@ -46,7 +46,7 @@ def truth(length: int) -> Posed:
 
 
 class Told(torch.nn.Module):
-    """Knows the walk by heart, and finds the frames that it is shown in it by their mean colours."""
+    """Knows the walk by heart, and finds the frames that it is shown in it by their mean colors."""
 
     def __init__(self, images: np.ndarray, known: Posed) -> None:
         super().__init__()

@@ -162,7 +162,7 @@ def _line(one: trials.Trial, name: str, out: Path) -> jsonl.Line:
 
 
 def _code(view: View) -> UInt8[np.ndarray, "h w 3"]:
-    """Handles as colours: R + 256 G + 65536 B."""
+    """Handles as colors: R + 256 G + 65536 B."""
     assert view.ids is not None
     return np.stack([view.ids >> shift & 255 for shift in (0, 8, 16)], -1).astype(np.uint8)
 

@@ -28,7 +28,7 @@ LONGEST = 2.5  # seconds for one leg
 
 @dataclass(frozen=True)
 class View:
-    """One camera's picture: colour, depth in metres, K and pose (OpenCV axes), and handles where they are known."""
+    """One camera's picture: color, depth in metres, K and pose (OpenCV axes), and handles where they are known."""
 
     rgb: UInt8[np.ndarray, "h w 3"]
     depth: Float32[np.ndarray, "h w"]

@@ -62,7 +62,7 @@ def mixed(
         factor = factors.find(name)
         parts = factors.parts(factor, None, world, job)
         if name == "object_color":
-            look = _coloured(look, (job.manipulated, job.receiver), rng)
+            look = _colored(look, (job.manipulated, job.receiver), rng)
         elif name == "distractor":
             look = replace(look, extras=_distractors(world, job, use, rng))
         elif name == "object_size":
@@ -74,7 +74,7 @@ def mixed(
     return look
 
 
-def _coloured(look: Look, names: tuple[str | None, ...], rng: np.random.Generator) -> Look:
+def _colored(look: Look, names: tuple[str | None, ...], rng: np.random.Generator) -> Look:
     for name in filter(None, names):
         look = factors.FACTORS["object_color"].change(look, (name,), None, rng)
     return look

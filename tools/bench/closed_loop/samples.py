@@ -21,7 +21,7 @@ class Sample:
     """A point cloud, the task and the number of the key pose that comes next, and that pose (gripper to world)."""
 
     points: Float32[np.ndarray, "n 3"]
-    colours: UInt8[np.ndarray, "n 3"]
+    colors: UInt8[np.ndarray, "n 3"]
     task: int
     key: int
     pose: Float[np.ndarray, "4 4"]

@@ -20,7 +20,7 @@ SHIFT, TURN = (0.05, 0.05, 0.02), 0.3  # metres and radians: RVT's own augmentat
 JITTER = {"hue": 90.0, "saturation": 0.6, "brightness": 0.5, "contrast": 0.5}
 
 Tell = Callable[[int, float], None]
-Colours = UInt8[np.ndarray, "n 3"]
+Colors = UInt8[np.ndarray, "n 3"]
 
 
 def train(
@@ -37,7 +37,7 @@ def train(
 ) -> Policy:
     """A policy after `steps` steps; `share` of each batch comes from `made`, where there is any.
 
-    `jitter` changes all of a sample's colours by one random hue, saturation, brightness and contrast.
+    `jitter` changes all of a sample's colors by one random hue, saturation, brightness and contrast.
     """
     torch.manual_seed(seed)
     rng = np.random.default_rng([seed, 1])
@@ -86,14 +86,14 @@ def _moved(
     middle = LOW + SIDE / 2
     motion = geometry.rigid(np.array([0, 0, rng.uniform(-TURN, TURN)]), np.zeros(3))
     motion[:3, 3] = middle - motion[:3, :3] @ middle + rng.uniform(-1, 1, 3) * SHIFT
-    colours = _jittered(sample.colours, rng) if jitter else sample.colours
+    colors = _jittered(sample.colors, rng) if jitter else sample.colors
     points = geometry.transform(motion, sample.points).astype(np.float32)
-    return project(points, colours), motion @ sample.pose
+    return project(points, colors), motion @ sample.pose
 
 
-def _jittered(colours: Colours, rng: np.random.Generator) -> Colours:
+def _jittered(colors: Colors, rng: np.random.Generator) -> Colors:
     """Hue, saturation, brightness and contrast changed alike for all pixels."""
-    hsv = cv2.cvtColor(colours[None].astype(np.float32) / 255, cv2.COLOR_RGB2HSV)[0]
+    hsv = cv2.cvtColor(colors[None].astype(np.float32) / 255, cv2.COLOR_RGB2HSV)[0]
     hsv[:, 0] = (hsv[:, 0] + rng.uniform(-1, 1) * JITTER["hue"]) % 360
     hsv[:, 1] = np.clip(hsv[:, 1] * (1 + rng.uniform(-1, 1) * JITTER["saturation"]), 0, 1)
     rgb = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2RGB)[0]

@@ -1,4 +1,4 @@
-"""What people do without a scene: nothing, colours in the mask or the whole image, pictures painted, scaled, pasted."""
+"""What people do without a scene: nothing, colors in the mask or the whole image, pictures painted, scaled, pasted."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
-from rpaug.core import colors
+from rpaug.core import color_space
 from rpaug.core.pixels import filled
 from rpaug.core.types import CameraView, Episode, Mesh
 from rpaug.providers import inpaint
@@ -21,7 +21,7 @@ STRENGTH, HUE = 0.3, 0.05  # torchvision's usual ColorJitter for robot policies
 
 
 def lab(episode: Episode, old_to_new: Mapping[int | None, tuple[Any, Any]]) -> Episode:
-    """Each instance id's pixels take the new colour's a and b, their L scaled by new over old.
+    """Each instance id's pixels take the new color's a and b, their L scaled by new over old.
 
     The instance id None stands for all pixels, whose a and b are shifted by new minus old.
     """
@@ -57,7 +57,7 @@ def jitter(episode: Episode, seed: int) -> Episode:
 
 
 def painted(episode: Episode, gone: frozenset[int]) -> Episode:
-    """Each picture's masks of these instance ids inpainted by themselves, colour and depth; instance ids from
+    """Each picture's masks of these instance ids inpainted by themselves, color and depth; instance ids from
     beside.
     """
     return _each(episode, lambda view, t: _painted(_planes(view, t), gone))
@@ -90,7 +90,7 @@ def scaled(episode: Episode, instance_id: int, scale: float) -> Episode:
 
 
 def pasted(episode: Episode, extras: Sequence[Extra]) -> Episode:
-    """Things drawn where they truly stand, in the colours they come in, over whatever is there."""
+    """Things drawn where they truly stand, in the colors they come in, over whatever is there."""
 
     def edit(view: CameraView, t: int) -> Planes:
         rgb, depth, ids = (plane.copy() for plane in _planes(view, t))
@@ -139,12 +139,12 @@ def _each(episode: Episode, edit: Callable[[CameraView, int], Planes]) -> Episod
 
 
 def _shifted(image: Any, old: Any, new: Any, chroma: float) -> Any:
-    """L scaled by new over old; a and b the new colour's, with `chroma` of what set them apart from the old one's."""
-    before, after = colors.to_lab(np.array(old)), colors.to_lab(np.array(new))
-    pixels = colors.to_lab(image)
+    """L scaled by new over old; a and b the new color's, with `chroma` of what set them apart from the old one's."""
+    before, after = color_space.to_lab(np.array(old)), color_space.to_lab(np.array(new))
+    pixels = color_space.to_lab(image)
     pixels[..., 0] = np.clip(pixels[..., 0] * after[0] / max(before[0], 1.0), 0, 100)
     pixels[..., 1:] = after[1:] + chroma * (pixels[..., 1:] - before[1:])
-    return np.clip(colors.from_lab(pixels), 0, 1)
+    return np.clip(color_space.from_lab(pixels), 0, 1)
 
 
 def _quantised(image: Any) -> UInt8[np.ndarray, "h w 3"]:

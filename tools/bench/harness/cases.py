@@ -23,8 +23,8 @@ from tools.bench.harness import baselines
 TOLD, ESTIMATED = "rpaug", "rpaug, estimated"
 
 
-Colours = dict[int | None, tuple[Any, Any]]
-"""Old and new colour by instance id; None stands for all pixels."""
+Colors = dict[int | None, tuple[Any, Any]]
+"""Old and new color by instance id; None stands for all pixels."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Ask:
 class FactorCase:
     """A factor's operator, what it is asked, and which parts are changed under which lamps.
 
-    `ask` gets the recording, its truly changed version, and a folder for images. `colours` gives what a 2D recolouring
+    `ask` gets the recording, its truly changed version, and a folder for images. `colors` gives what a 2D recoloring
     goes by, old and new by handle: the old ones known, or read off the recording as `rpaug, estimated` does.
     `targets` are taken in turn. `value` draws the true change where the twin does not, and `baseline` is what is done
     to single pictures by those who know as much.
@@ -49,7 +49,7 @@ class FactorCase:
 
     operator: str
     ask: Callable[[Take, Take, Path], tuple[Ask, ...]]
-    colours: Callable[[Take, Take, bool], Colours] | None = None
+    colors: Callable[[Take, Take, bool], Colors] | None = None
     lamps: tuple[TwinLamp, ...] = RIG
     targets: tuple[str | None, ...] = (None,)
     value: Callable[[Take], Any] | None = None
@@ -158,7 +158,7 @@ def _distractors(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     return (Ask(TOLD, ({},), {"things": things, **found}),)
 
 
-def _albedos(recorded: Take, true: Take, known: bool) -> Colours:
+def _albedos(recorded: Take, true: Take, known: bool) -> Colors:
     old, new = recorded.truth.albedos, true.truth.albedos
     shown = [
         instance_id for instance_id in true.truth.changed if known or instance_id in _seen(recorded)
@@ -176,7 +176,7 @@ def _guess(recorded: Take, instance_id: int) -> tuple[float, float, float]:
     return albedo.estimate(albedo.pixels(recorded.episode, instance_id)).rgb
 
 
-def _lights(recorded: Take, true: Take, known: bool) -> Colours:
+def _lights(recorded: Take, true: Take, known: bool) -> Colors:
     """What a white surface, fully lit, looks like before and after."""
     old, new = true.truth.light
     if not known:

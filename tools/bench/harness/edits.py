@@ -232,8 +232,8 @@ def _methods(
     for ask in asks:
         yield ask.method, partial(_edited, episode, case, ask, 0)
     yield NONE, lambda: (episode, {})
-    if case.colours is not None:
-        given, guessed = (case.colours(recorded, true, known) for known in (True, False))
+    if case.colors is not None:
+        given, guessed = (case.colors(recorded, true, known) for known in (True, False))
         yield LAB, lambda: (_held(baselines.lab(episode, given)), {})
         yield LAB_ESTIMATED, lambda: (_held(baselines.lab(episode, guessed)), {})
     if case.baseline is not None:

@@ -29,7 +29,7 @@ PATIENCE = 2.0  # seconds after which a timing is not repeated again
 UNEVEN = 1e-3  # of depth, by which lifted Gaussians are put apart
 CLOSE = 1e-5  # of full scale: the share of values farther off is told
 PANELS = (
-    Panel("forward", "forward_ms", "colour_worst", "ms, forward",
+    Panel("forward", "forward_ms", "color_worst", "ms, forward",
           "largest colour error", higher=False, logarithmic=True),
     Panel("forward and backward", "both_ms", "gradient_error", "ms, forward + backward",
           "gradients' error, relative L2", higher=False, logarithmic=True),
@@ -57,7 +57,7 @@ class RenderSetting:
 class RenderRow:
     """One backend on one scene; milliseconds are the fastest of the repeats, on the wall and of all threads.
 
-    Errors are those to the float64 reference, on a crop that the reference can afford: colours of full scale 1,
+    Errors are those to the float64 reference, on a crop that the reference can afford: colors of full scale 1,
     the share of values that are off by more than 1e-5, and the relative L2 distance of the gradients of the one
     parameter (means, opacities, ...) that is worst. None: not affordable.
     """
@@ -73,8 +73,8 @@ class RenderRow:
     both_ms: float | None
     forward_cpu_ms: float | None
     both_cpu_ms: float | None
-    colour_worst: float | None
-    colour_over: float | None
+    color_worst: float | None
+    color_over: float | None
     gradient_error: float | None
 
 
@@ -194,7 +194,7 @@ class _RenderTruth:
         self.image, self.gradients = engine.both(self.pull)
 
     def errors(self, engine: Engine) -> tuple[float, float, float]:
-        """Largest colour error, share of values over `CLOSE`, relative L2 of the worst parameter's gradients."""
+        """Largest color error, share of values over `CLOSE`, relative L2 of the worst parameter's gradients."""
         image, gradients = engine.both(self.pull)
         off = np.abs(image.astype(np.float64) - self.image)
         apart = [
@@ -231,7 +231,7 @@ def _engine(splats: Splats, view: View, name: str, threads: int) -> Engine:
     kernels = Rasteriser(threads=threads)
 
     def forward() -> np.ndarray:
-        return kernels.forward(splats, view, surface=False).colour
+        return kernels.forward(splats, view, surface=False).color
 
     def both(pull: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         image = forward()
@@ -253,7 +253,7 @@ def _tensors(splats: Splats, view: View, backend: str, dtype: str, threads: int)
     }
 
     def images() -> torch.Tensor:
-        return rasterise(**tensors, view=view, backend=backend, threads=threads).colour  # type: ignore[arg-type]
+        return rasterise(**tensors, view=view, backend=backend, threads=threads).color  # type: ignore[arg-type]
 
     def forward() -> np.ndarray:
         with torch.no_grad():

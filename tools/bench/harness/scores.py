@@ -12,8 +12,8 @@ from rpaug.scene.tracking import agreement
 from rpaug.twin import Take
 
 FAR = 0.02  # metres of depth error that count as another surface
-MIXED = 2  # pixels an anti-aliased outline may mix colours over
-STRIDE = 4  # every so many frames are compared across cameras, and by SSIM and colour difference
+MIXED = 2  # pixels an anti-aliased outline may mix colors over
+STRIDE = 4  # every so many frames are compared across cameras, and by SSIM and color difference
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def measure(
     seconds: float,
 ) -> Scores:
     """The figures of one episode, all cameras and frames pooled; `holes` are masks by camera/frame."""
-    squares, alike, colour, deep, flicker, invented = [], [], [], [], [], []
+    squares, alike, color, deep, flicker, invented = [], [], [], [], [], []
     products = np.zeros(3)  # edit x edit, edit x truth, truth x truth
     outside, masks = 0, []
     before: dict[str, _Seen] = {}
@@ -101,7 +101,7 @@ def measure(
         invented.append(holes.get(f"{name}/{t}", np.zeros_like(inside))[inside])
         if t % STRIDE == 0:
             alike.append(metrics.ssim(image, goal)[inside])
-            colour.append(metrics.difference(image[inside], goal[inside]))
+            color.append(metrics.difference(image[inside], goal[inside]))
         deep.append(_depths(mine, truly, t)[inside])
         assert mine.ids is not None
         assert truly.ids is not None
@@ -114,7 +114,7 @@ def measure(
         holes=float(hole.mean()),
         ssim=_mean(alike),
         iou=metrics.mean_iou(masks),
-        ciede2000=_mean(colour),
+        ciede2000=_mean(color),
         depth=float(1000 * np.median(depth)),
         depth_far=float((depth > FAR).mean()),
         outside=float(outside),

@@ -69,7 +69,7 @@ def page(folder: Path, summary: Sequence[Mapping[str, Any]], images: Sequence[Pa
 
 
 def plot(path: Path, summary: Sequence[Mapping[str, Any]]) -> Path:
-    """PSNR in the changed region against CPU seconds, a colour a factor. Raises MissingExtra without matplotlib."""
+    """PSNR in the changed region against CPU seconds, a color a factor. Raises MissingExtra without matplotlib."""
     try:
         import matplotlib as mpl
     except ImportError:
@@ -81,10 +81,10 @@ def plot(path: Path, summary: Sequence[Mapping[str, Any]]) -> Path:
     factors = list(dict.fromkeys(entry["factor"] for entry in summary))
     for entry in summary:
         ours = entry["method"] not in BASELINES
-        colour = f"C{factors.index(entry['factor'])}"
+        color = f"C{factors.index(entry['factor'])}"
         at = max(entry["seconds"], 1e-3)
-        axes.plot([at, at], [entry["psnr_worst"], entry["psnr"]], color=colour, lw=1)
-        axes.plot(at, entry["psnr"], "o" if ours else "x", color=colour, ms=8 if ours else 6)
+        axes.plot([at, at], [entry["psnr_worst"], entry["psnr"]], color=color, lw=1)
+        axes.plot(at, entry["psnr"], "o" if ours else "x", color=color, ms=8 if ours else 6)
         label = entry["factor"] if ours else entry["method"]
         axes.annotate(
             label, (at, entry["psnr"]), fontsize=7, xytext=(5, 3), textcoords="offset points"

@@ -1,11 +1,11 @@
-"""Colour names, the Lab space in which colours are compared, and the typical colour of some pixels."""
+"""Color names, the Lab space in which colors are compared, and the typical color of some pixels."""
 
 from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float, Float64, UInt8
 
-# RLBench's task colours are COLOSSEUM's too; values are display sRGB.
+# RLBench's task colors are COLOSSEUM's too; values are display sRGB.
 RLBENCH: Mapping[str, tuple[float, float, float]] = {
     "red": (1.0, 0.0, 0.0),
     "maroon": (0.5, 0.0, 0.0),
@@ -68,8 +68,8 @@ TO_XYZ = np.array(
 )
 FROM_XYZ = np.linalg.inv(TO_XYZ)
 BEND = 6.0 / 29.0
-COLOURLESS = 8.0  # chroma below which a colour has no hue to go by
-KINDRED = 50.0  # degrees of hue within which a colour goes by a word's name
+COLORLESS = 8.0  # chroma below which a color has no hue to go by
+KINDRED = 50.0  # degrees of hue within which a color goes by a word's name
 RIVAL = 16.0  # degrees by which another word may fit better
 
 # Names whose hues are those of the plain words for hues.
@@ -119,7 +119,7 @@ def from_lab(lab: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
 def ciede2000(
     first: Float[np.ndarray, "*n 3"], second: Float[np.ndarray, "*n 3"]
 ) -> Float64[np.ndarray, "*n"]:
-    """Colour difference of CIELAB colours, all weights 1 (CIE 142-2001, as Sharma, Wu and Dalal 2005 state it)."""
+    """Color difference of CIELAB colors, all weights 1 (CIE 142-2001, as Sharma, Wu and Dalal 2005 state it)."""
     (l1, a1, b1), (l2, a2, b2) = (np.moveaxis(np.asarray(c, float), -1, 0) for c in (first, second))
     chroma = (np.hypot(a1, b1) + np.hypot(a2, b2)) / 2
     stretch = 1.5 - 0.5 * np.sqrt(chroma**7 / (chroma**7 + 25.0**7))
@@ -155,18 +155,18 @@ def canonical(word: str) -> str | None:
 
 
 def rgb(name: str) -> tuple[float, float, float]:
-    """The display sRGB of a colour name. Raises KeyError listing the known ones."""
+    """The display sRGB of a color name. Raises KeyError listing the known ones."""
     known = canonical(name)
     if known is None:
         raise KeyError(f"no colour is called {name!r}; there are: {', '.join(sorted(NAMES))}")
     return NAMES[known]
 
 
-def nearest(colour: Float[np.ndarray, "3"]) -> str:
-    """The name whose colour is nearest in CIELAB (CIE 1976 distance)."""
+def nearest(color: Float[np.ndarray, "3"]) -> str:
+    """The name whose color is nearest in CIELAB (CIE 1976 distance)."""
     names = list(NAMES)
     table = to_lab(np.array([NAMES[name] for name in names]))
-    return names[int(np.argmin(((table - to_lab(np.asarray(colour, float))) ** 2).sum(-1)))]
+    return names[int(np.argmin(((table - to_lab(np.asarray(color, float))) ** 2).sum(-1)))]
 
 
 def means(name: str, shade: str) -> bool:
@@ -174,30 +174,30 @@ def means(name: str, shade: str) -> bool:
     return shade == name or shade in SHADES.get(name, ())
 
 
-def hued(name: str, colour: Float[np.ndarray, "3"]) -> bool:
-    """Would a person call a washed-out colour by a colour word? Never so for greys, which have no hue (CIELAB).
+def hued(name: str, color: Float[np.ndarray, "3"]) -> bool:
+    """Would a person call a washed-out color by a color word? Never so for greys, which have no hue (CIELAB).
 
     Cameras show few things as pure as their names: a sink that people call blue is nearest to grey. So hues are
     compared, and a word fits if hardly another fits better.
     """
     known = canonical(name)
-    if known is None or np.hypot(*to_lab(np.asarray(colour, float))[1:]) < COLOURLESS:
+    if known is None or np.hypot(*to_lab(np.asarray(color, float))[1:]) < COLORLESS:
         return False
-    off = _turn(known, colour)
-    return off < min(KINDRED, min(_turn(word, colour) for word in HUES) + RIVAL)
+    off = _turn(known, color)
+    return off < min(KINDRED, min(_turn(word, color) for word in HUES) + RIVAL)
 
 
-def _turn(name: str, colour: Float[np.ndarray, "3"]) -> float:
-    """Degrees of hue between a colour and a word, inf for a word without hue."""
+def _turn(name: str, color: Float[np.ndarray, "3"]) -> float:
+    """Degrees of hue between a color and a word, inf for a word without hue."""
     shades = np.array([NAMES[word] for word in HUES.get(name, (name,))])
     a, b = np.moveaxis(to_lab(shades), -1, 0)[1:]
-    c, d = to_lab(np.asarray(colour, float))[1:]
+    c, d = to_lab(np.asarray(color, float))[1:]
     off = np.abs((np.degrees(np.arctan2(b, a) - np.arctan2(d, c)) + 180) % 360 - 180)
-    return float(np.where(np.hypot(a, b) < COLOURLESS, np.inf, off).min())
+    return float(np.where(np.hypot(a, b) < COLORLESS, np.inf, off).min())
 
 
 def typical(pixels: UInt8[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
-    """The colour of a thing from its pixels, in 0..1: their mean without the darkest and lightest quarter."""
+    """The color of a thing from its pixels, in 0..1: their mean without the darkest and lightest quarter."""
     light = pixels @ np.array([0.299, 0.587, 0.114])
     low, high = np.percentile(light, [25, 75])
     return pixels[(light >= low) & (light <= high)].mean(0) / 255.0
