@@ -2,7 +2,7 @@
 
 __all__ = [
     "cache",
-    "colors",
+    "color_space",
     "errors",
     "files",
     "geometry",
