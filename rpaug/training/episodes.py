@@ -60,7 +60,7 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
             raise Unsupported(
                 "Gaussians are fitted before training: tier 3 needs `scenes`, a folder filled by `rpaug fit`"
             )
-        root, folder = inputs.dataset(dataset), Path(scenes) if scenes else None
+        root, folder = registry.dataset(dataset), Path(scenes) if scenes else None
         held = Scenes(root, inputs.recipe(recipe), tier, folder, keep_invalid)
         self.draws = Draws(held, schedule or Schedule())
         self.keys, self.frames, self.cameras = self.draws.keys, frames, cameras

@@ -182,7 +182,7 @@ def wrap(
             known = ", ".join(KINDS)
             raise Unsupported(f"cameras: {camera}: found {unknown[0]!r}; expected some of: {known}")
     held = Scenes(
-        inputs.dataset(recordings),
+        registry.dataset(recordings),
         inputs.recipe(recipe),
         inputs.tier(tier),
         Path(scenes) if scenes else None,

@@ -5,26 +5,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import boxes
 import numpy as np
 import pytest
 import rpaug_recipes
-from analytic import BOX, ball_at, scene
 from rpaug_adapters.rlbench import RLBench
 from runs import augment
 
-from rpaug import CameraView, Episode, Recipe, Robot
+from rpaug import Episode, Recipe
 from rpaug.core.files import REJECTED
 from rpaug.core.registry import SAMPLE
 from rpaug.pipeline import copies, inputs, report
 from rpaug.training import AugmentedEpisodes, drawing
 
-CAMERAS = {
-    "front": (1.4, 0.3, 1.0),
-    "left_shoulder": (0.1, -1.2, 1.2),
-    "right_shoulder": (-0.9, -0.8, 1.1),
-}
-LENGTH = 4
-LIFT = np.array([0, 0, 0.1])  # of the gripper over the ball, metres
+EYES = dict(zip(("front", "left_shoulder", "right_shoulder"), boxes.EYES.values(), strict=True))
+FRAMES = [0, 12, 31]  # before the grasp, carried, let go
 STEP = 1e-6  # metres: RLBench's depth has 2^24 steps from 1 cm to 10 m
 FOLDER = Path(rpaug_recipes.__file__).parent
 SHIPPED = sorted(
@@ -36,36 +31,12 @@ PAINT = {"op": "recolor", "target": {"role": "manipulated"}, "color": {"sample":
 BUMP = {"op": "camera_pose", "camera": "front", "shift": 0.15, "turn": 0.05}
 
 
-def blue_box(view: CameraView) -> CameraView:
-    """The view, in which the box that nobody touches is blue."""
-    ids = view.ids
-    assert ids is not None
-    tint = np.array([0.3, 0.4, 1.2])
-
-    def rgb(t: int) -> np.ndarray:
-        image = view.rgb(t)
-        painted = (image * tint).clip(0, 255).astype(np.uint8)
-        return np.where((ids(t) == BOX)[..., None], painted, image)
-
-    return replace(view, rgb=rgb)
-
-
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One short episode, seen by three cameras of RLBench's: a ball is carried past a blue box."""
-    recorded = scene(CAMERAS, length=LENGTH).episode
-    gripper = np.tile(np.eye(4), (LENGTH, 1, 1))
-    gripper[:, :3, 3] = [ball_at(t, LENGTH) + LIFT for t in range(LENGTH)]
-    robot = Robot(
-        joint_positions=np.tile(np.linspace(0, 1, LENGTH)[:, None], (1, 7)),
-        joint_velocities=np.full((LENGTH, 7), 0.2),
-        gripper_to_world=gripper,
-        gripper_open=(np.arange(LENGTH) < 1).astype(float),
-    )
-    views = {name: blue_box(view) for name, view in recorded.views.items()}
-    episode = Episode("episode0", views, robot, ("roll the ball",), LENGTH)
-    root = tmp_path_factory.mktemp("short")
-    RLBench().write(episode, root, "roll_ball/all_variations/episodes/episode0", dict)
+    """One small episode with a manipulated thing, a receiver, and cameras called as RLBench's."""
+    episode = replace(boxes.pick_and_place(), eyes=EYES).episode()
+    root = tmp_path_factory.mktemp("placed")
+    RLBench().write(episode, root, "place_box/all_variations/episodes/episode0", dict)
     return root
 
 
@@ -127,7 +98,7 @@ def compare(dataset: Path, recipe: Recipe, out: Path, **how: Any) -> list[dict]:
 def test_an_epoch_is_the_copy_with_every_shipped_recipe(
     dataset: Path, tmp_path: Path, name: str
 ) -> None:
-    compare(dataset, with_copies(name, 2), tmp_path / "out", frames=[0, LENGTH - 1])
+    compare(dataset, with_copies(name, 2), tmp_path / "out", frames=FRAMES)
 
 
 def test_an_epoch_is_the_copy_of_the_sample(tmp_path: Path) -> None:
