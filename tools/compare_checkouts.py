@@ -123,9 +123,14 @@ PAIRS = (
     Pair(
         "rlds_paint",
         "real/rlds_bridge",
-        edits({"op": "table_color"}, {"op": "background_texture"}, {"op": "sensor_noise"}),
+        edits(
+            {"op": "table_color"},
+            {"op": "background_texture"},
+            {"op": "sensor_noise"},
+            select={"limit": 2},
+        ),
     ),
-    Pair("rlds_insert", "real/rlds_bridge", edits({"op": "distractors", "count": 1})),
+    Pair("rlds_recolor", "real/rlds_bridge", edits(RECOLOR)),  # some episodes move nothing
     Pair("rdt_demo", "to_rdt", "demo"),
     Pair("rdt_camera", "to_rdt", edits(CAMERA, LIGHT, keep_originals=True)),
     Pair("lerobot_demo", "to_lerobot", "demo"),
