@@ -9,7 +9,7 @@ from arm_files import panda_mjcf, panda_urdf
 from typer.testing import CliRunner
 
 from rpaug.cli import app
-from rpaug.cli.checks import SAMPLE
+from rpaug.core.registry import SAMPLE
 from rpaug.scene.tracking import arms
 
 EDIT = "{version: 1, edits: [{op: recolor, target: {role: robot}, color: blue}]}"

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from rpaug.cli import app
-from rpaug.cli.checks import SAMPLE
 from rpaug.core.errors import BadInput, RpaugError
+from rpaug.core.registry import SAMPLE
 from rpaug.diagnosis import loop
 
 COPY = ("--copies", "1", "--json")
