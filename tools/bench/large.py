@@ -24,7 +24,7 @@ from rpaug import Camera, CameraView, Episode, Robot
 from rpaug.core import geometry, registry
 
 EDITS: dict[str, dict[str, Any]] = {
-    "colour": {"op": "recolor", "target": {"handle": 2}, "color": "blue"},
+    "color": {"op": "recolor", "target": {"handle": 2}, "color": "blue"},
     "texture": {"op": "retexture", "target": {"handle": 2}, "texture": "oak"},
     "table's texture": {"op": "retexture", "target": {"handle": 1}, "texture": "oak"},
     "light": {"op": "light_color"},
