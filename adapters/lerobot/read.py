@@ -143,7 +143,7 @@ def _found(about: Info, beside: Beside) -> dict[str, str]:
     views = cameras.chosen(beside, found, {key: key for key in among})
     if not views:
         where = about.folder / INFO
-        raise BadInput(where, "features", found="no images", expected="a colour image a step")
+        raise BadInput(where, "features", found="no images", expected="a color image a step")
     return views
 
 
@@ -252,7 +252,7 @@ def _metric(
     if depth.metres is None:
         frames = Frames(spans[depth.key], "gray12le")
         if video.check(spans[depth.key]) != shape[::-1]:
-            found, expected = "another size", f"{shape[1]}x{shape[0]}, as the colour"
+            found, expected = "another size", f"{shape[1]}x{shape[0]}, as the color"
             raise BadInput(spans[depth.key].path, "size", found=found, expected=expected)
         given = RANGE | (about.features[depth.key].get("info") or {})
         return lambda t: _unpacked(frames(t), given)
@@ -266,7 +266,7 @@ def one_channel(where: str, data: bytes, shape: tuple[int, int]) -> np.ndarray:
     """A TIFF or PNG of one channel, of any number type. Raises BadInput."""
     size = tiff.size(where, data) if tiff.is_one(data) else files.check_image(where, data)
     if size != shape[::-1]:
-        found, expected = f"{size[0]}x{size[1]}", f"{shape[1]}x{shape[0]}, as the colour"
+        found, expected = f"{size[0]}x{size[1]}", f"{shape[1]}x{shape[0]}, as the color"
         raise BadInput(where, "size", found=found, expected=expected)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None or image.shape != shape:

@@ -87,7 +87,7 @@ def _found(
     }
     views = cameras.chosen(beside, views, _stepwise(known))
     if not views:
-        raise BadInput(folder / FEATURES, "images", found="none", expected="a colour image a step")
+        raise BadInput(folder / FEATURES, "images", found="none", expected="a color image a step")
     return views
 
 

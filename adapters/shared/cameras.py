@@ -91,7 +91,7 @@ class Beside(StrictModel):
     joints: Name | None = None
     joint_velocities: Name | None = None
     language: Name | None = None
-    images: dict[Name, Name] = Field(default={}, description="features of colour, by their views")
+    images: dict[Name, Name] = Field(default={}, description="features of color, by their views")
     views: list[str] | None = None
     _where: Path = PrivateAttr(Path(NAME))
 

@@ -66,7 +66,7 @@ def find(
     word = color_space.canonical(color) if color else None
     if color and word is None:
         raise TargetError(
-            f"no such colour word: {color!r}; there are: {', '.join(color_space.NAMES)}"
+            f"no such color word: {color!r}; there are: {', '.join(color_space.NAMES)}"
         )
     found = tuple(
         asset
@@ -78,7 +78,7 @@ def find(
     if not found:
         kinds = ", ".join(sorted({asset.category for asset in known}))
         raise TargetError(
-            f"no asset fits category {category}, colour {color}, size {size}; categories are: {kinds}"
+            f"no asset fits category {category}, color {color}, size {size}; categories are: {kinds}"
         )
     return found
 

@@ -23,7 +23,7 @@ COMMANDS = {
     "validate-recipe": ("recipes", "Check a recipe without touching any data."),
     "inspect": (
         "inspect",
-        "Show cameras, frames, instruction and every instance: instance id, role, colour, size, motion.",
+        "Show cameras, frames, instruction and every instance: instance id, role, color, size, motion.",
     ),
     "fit": (
         "fit",

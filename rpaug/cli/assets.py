@@ -11,7 +11,7 @@ from rpaug.cli.console import AsJson, console, print_json, say
 
 def ls(
     category: Annotated[str | None, typer.Option(help="Only of this category.")] = None,
-    color: Annotated[str | None, typer.Option(help="Only of this colour word.")] = None,
+    color: Annotated[str | None, typer.Option(help="Only of this color word.")] = None,
     smallest: Annotated[float, typer.Option(min=0, help="Longest side in metres, at least.")] = 0.0,
     largest: Annotated[float, typer.Option(min=0, help="Longest side in metres, at most.")] = 10.0,
     as_json: AsJson = False,

@@ -138,7 +138,7 @@ def warm(
         ("recorded pixels and surfels", None, _edit_the_sample)
     ]
     for count in features:
-        name = f"Gaussians, {count} features" if count else "Gaussians, colour and depth"
+        name = f"Gaussians, {count} features" if count else "Gaussians, color and depth"
         jobs.append((name, COLOR_AND_DEPTH + count, partial(splat_kernels, count)))
     for number, (name, channels, job) in enumerate(jobs):
         progress(number, len(jobs))

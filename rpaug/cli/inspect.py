@@ -63,7 +63,7 @@ def inspect(
         say("no instances: that takes masks, or several frames")
         return 0
     say(
-        f"{'handle':>8}  {'role':12}{'colour':9}{'size, cm':22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
+        f"{'handle':>8}  {'role':12}{'color':9}{'size, cm':22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
     )
     for row in rows:
         motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion

@@ -126,7 +126,7 @@ def export(
         missing = set(instance_id) - set(np.unique(placed.ids).tolist())
         if missing:
             known = ", ".join(map(str, np.unique(placed.ids).tolist()))
-            raise RpaugError(f"no Gaussian has handle {sorted(missing)}; there are: {known}")
+            raise RpaugError(f"no Gaussian has instance id {sorted(missing)}; there are: {known}")
         placed = gaussians.chosen(placed, np.isin(placed.ids, instance_id))
     ply.write(out, placed)
     described = {"ply": str(out), "gaussians": len(placed), "frame": frame}

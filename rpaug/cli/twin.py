@@ -33,7 +33,7 @@ def record(
     episodes: Annotated[int, typer.Option(min=1)] = 1,
     frames: Annotated[int, typer.Option(min=2)] = 60,
     size: Annotated[int, typer.Option(min=8, help="Pixels a side.")] = 128,
-    antialias: Annotated[bool, typer.Option(help="Anti-alias the colour images.")] = False,
+    antialias: Annotated[bool, typer.Option(help="Anti-alias the color images.")] = False,
     specular: Annotated[bool, typer.Option(help="Give surfaces highlights.")] = False,
     shadows: Annotated[bool, typer.Option(help="Let the lamps cast shadows.")] = False,
     roam: Annotated[

@@ -158,7 +158,7 @@ def rgb(name: str) -> tuple[float, float, float]:
     """The display sRGB of a color name. Raises KeyError listing the known ones."""
     known = canonical(name)
     if known is None:
-        raise KeyError(f"no colour is called {name!r}; there are: {', '.join(sorted(NAMES))}")
+        raise KeyError(f"no color is called {name!r}; there are: {', '.join(sorted(NAMES))}")
     return NAMES[known]
 
 

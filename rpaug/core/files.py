@@ -130,7 +130,7 @@ def _header(path: Path | str, data: bytes, at: int) -> Png:
             path, "size", found=f"{width}x{height}", expected=f"1 to {MAX_SIDE} pixels a side"
         )
     if color not in CHANNELS:
-        raise BadInput(path, "colour type", found=str(color), expected="one that PNG knows")
+        raise BadInput(path, "color type", found=str(color), expected="one that PNG knows")
     decoded, stored = CHANNELS[color]
     return Png(width, height, bits, decoded, stored, bool(interlaced))
 

@@ -30,7 +30,9 @@ def adopted(scene: Scene, gaussians: Gaussians, t: int = 0) -> Scene:
             if view.ids is not None
         ]
         if not pictures:
-            raise Unsupported("these Gaussians have no handles and the episode no masks to vote on")
+            raise Unsupported(
+                "these Gaussians have no instance ids and the episode no masks to vote on"
+            )
         gaussians = replace(gaussians, ids=vote(bare, pictures))
     parts, rest = [], np.ones(len(gaussians), bool)
     for body in scene.bodies:
@@ -59,7 +61,7 @@ def added(
     taken = scene.instance_ids | set(np.unique(scene.gaussians.ids).tolist())
     number = max(taken, default=0) + 1 if instance_id is None else instance_id
     if number in taken:
-        raise TargetError(f"handle {number} is taken; {max(taken) + 1} is free")
+        raise TargetError(f"instance id {number} is taken; {max(taken) + 1} is free")
     placed = moved(asset, pose)
     bands = max(scene.gaussians.sh.shape[1], placed.sh.shape[1])
     named = replace(placed, ids=np.full(len(placed), number, np.int32), sh=_bands(placed.sh, bands))

@@ -86,7 +86,7 @@ def tell_apart(
     segmenter = segmenter or GrabCut()
     fresh = max(scene.instance_ids) + 1 if instance_id is None else instance_id
     if fresh in scene.instance_ids:
-        raise TargetError(f"handle {fresh} is taken; {max(scene.instance_ids) + 1} is free")
+        raise TargetError(f"instance id {fresh} is taken; {max(scene.instance_ids) + 1} is free")
     masks = _masks(scene, stage, retrieved, body, prompt, segmenter)
     pictures = tuple(
         Labelled(name, t, np.where(part, fresh, np.where(seen, number, UNKNOWN)).astype(np.int32))
@@ -200,7 +200,7 @@ def _body(scene: Scene, whole: frozenset[int]) -> Body:
     for body in scene.bodies:
         if whole and whole <= body.instance_ids:
             return body
-    raise TargetError(f"handles {sorted(whole)} are not one rigid body: a part belongs to one")
+    raise TargetError(f"instances {sorted(whole)} are not one rigid body: a part belongs to one")
 
 
 def _shown(

@@ -25,7 +25,7 @@ CHECKED = 6  # frames that the fitted scene is held against
 def fitted(scene: Scene, fit: Fit) -> tuple[Scene, Mapping[str, Any]]:
     """The scene with what `fit` makes of it, and the report of that, decibels being those against recorded frames.
 
-    Raises Unsupported for a camera that moves, which has no stage, and for several whose places are unknown.
+    Raises Unsupported for a camera that moves, which has no ground plane, and for several whose places are unknown.
     """
     if not any(view.proxy for view in scene.episode.views.values()):
         return fit(scene)
@@ -57,7 +57,7 @@ def _at_rest(view: CameraView, length: int, moving: frozenset[int]) -> CameraVie
     assert view.ids is not None
     depth = view.proxy.depth if view.proxy else None
     if depth is None:
-        raise Unsupported("Gaussians need depth, and a camera that moves has no stage")
+        raise Unsupported("Gaussians need depth, and a camera that moves has no ground plane")
     times = sampling.frames(length, FRAMES)
     shown = np.stack([view.rgb(t) for t in times])
     ids = np.stack([view.ids(t) for t in times])

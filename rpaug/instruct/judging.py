@@ -128,14 +128,14 @@ class Judge:
             doubtful = [h for h in self._loose() if color_space.means(phrase.color, self._was(h))]
             if doubtful:
                 raise Untrue(
-                    f"it cannot be told whether {phrase.text!r} is handle {doubtful[0]}, which was painted"
+                    f"it cannot be told whether {phrase.text!r} is instance {doubtful[0]}, which was painted"
                 )
             return phrase.color
         new = {words.get(instance_id, phrase.color) for instance_id in named}
         if None in new and self._alone(phrase, named):
             return None
         if None in new:
-            raise Untrue(f"{phrase.text!r} has another pattern now, and no one colour")
+            raise Untrue(f"{phrase.text!r} has another pattern now, and no one color")
         names = {str(name) for name in new}
         if all(color_space.means(phrase.color, name) for name in names):
             return phrase.color
@@ -161,12 +161,12 @@ class Judge:
                 and color_space.means(str(name), new)
                 and self._fits(phrase, instance_id)
             ):
-                raise Untrue(f"handle {instance_id} was painted {new}: {stated} could be it too")
+                raise Untrue(f"instance {instance_id} was painted {new}: {stated} could be it too")
         if name is not None and color_space.canonical(name) is None:  # a pattern, not a color
             for instance_id in self._others(phrase):
                 if not albedo.plain(self._recorded.episode, instance_id):
                     raise Untrue(
-                        f"handle {instance_id} has a pattern of its own: {stated} could be it too"
+                        f"instance {instance_id} has a pattern of its own: {stated} could be it too"
                     )
         for one in self._changes.added:
             if (name is None or color_space.means(name, one.color)) and _goes_by(one, phrase.nouns):
@@ -205,7 +205,7 @@ class Judge:
                 and self._fits(phrase, instance_id)
             ):
                 raise Untrue(
-                    f"it cannot be told whether {phrase.text!r} is handle {instance_id}, which {what}"
+                    f"it cannot be told whether {phrase.text!r} is instance {instance_id}, which {what}"
                 )
 
     def _named(

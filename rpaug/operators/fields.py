@@ -46,7 +46,7 @@ def _palette(value: Any) -> Palette:
     if isinstance(value, str):
         name = color.canonical(value)
         if name is None:
-            raise ValueError(f"no such colour word; there are: {', '.join(color.NAMES)}")
+            raise ValueError(f"no such color word; there are: {', '.join(color.NAMES)}")
         return Palette((color.NAMES[name],))
     if isinstance(value, dict) and len(value) == 1:
         ((kind, content),) = value.items()
@@ -59,7 +59,7 @@ def _palette(value: Any) -> Palette:
             red, green, blue = np.clip(color.from_lab(np.array(lab)), 0, 1)
             return Palette(((float(red), float(green), float(blue)),))
     raise ValueError(
-        "expected a colour word, {rgb: [r, g, b]} in 0..1, {lab: [L, a, b]} or {sample: colosseum}"
+        "expected a color word, {rgb: [r, g, b]} in 0..1, {lab: [L, a, b]} or {sample: colosseum}"
     )
 
 

@@ -91,7 +91,7 @@ def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummar
         "td span{display:inline-block;width:1em;height:1em;border:1px solid #889;vertical-align:-.15em}</style>"
         f"<h1>{html.escape(described['episode'])}</h1><p>“{html.escape(described['instruction'])}”, "
         f"{described['frames']} frames, key frames {', '.join(map(str, described['key_frames']))}</p>"
-        f"<ul>{cameras}{assumed}</ul><table><tr><th><th>handle<th>role<th>colour<th>size, cm<th>motion"
+        f"<ul>{cameras}{assumed}</ul><table><tr><th><th>handle<th>role<th>color<th>size, cm<th>motion"
         f"<th>residual, mm<th>seen in frames</tr>{lines}</table></html>"
     ).encode()
 

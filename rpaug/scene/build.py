@@ -111,7 +111,7 @@ def find(episode: Episode, among: Iterable[InstanceFinder]) -> FoundInstances:
         except Unsupported as error:
             if not source.gives_way:
                 raise
-            notes.append(f"{error}; its images alone are gone by")
+            notes.append(f"{error}; rpaug falls back to images only")
     raise Unsupported("no source tells this episode's instances")
 
 

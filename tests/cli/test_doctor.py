@@ -58,7 +58,7 @@ def test_more_features_than_the_rasteriser_takes_are_refused():
 
 
 def test_the_command_gives_seconds_and_findings(monkeypatch):
-    made = checks.Warmed("Gaussians, colour and depth", 4, 2.0, 1.5)
+    made = checks.Warmed("Gaussians, color and depth", 4, 2.0, 1.5)
     monkeypatch.setattr(checks, "warm", lambda progress: iter([made]))
     monkeypatch.setattr(checks, "examine", lambda: [checks.Check("ok", "rpaug", "here")])
     result = CliRunner().invoke(app, ["doctor", "--warm", "--json"])

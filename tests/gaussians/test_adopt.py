@@ -43,7 +43,7 @@ def test_an_exported_scene_comes_back(
 def test_gaussians_without_handles_need_masks(placed: tuple[World, Scene]) -> None:
     bare = replace(placed[1], episode=placed[0].episode(masks=False))
     plain = replace(some(5), ids=np.zeros(5, np.int32))
-    with pytest.raises(Unsupported, match="no handles and the episode no masks"):
+    with pytest.raises(Unsupported, match="no instance ids and the episode no masks"):
         semantic.adopted(bare, plain)
 
 

@@ -122,7 +122,7 @@ def test_what_cannot_be_told_says_why(scene: Scene, fine: Episode) -> None:
         semantic.tell_apart(scene, frozenset([OTHER]), lid)
     with pytest.raises(TargetError, match="not one rigid body"):
         semantic.tell_apart(scene, frozenset([PAD, OTHER]), lid)
-    with pytest.raises(TargetError, match=f"handle {OTHER} is taken"):
+    with pytest.raises(TargetError, match=f"instance id {OTHER} is taken"):
         semantic.tell_apart(scene, frozenset([PAD]), lid, instance_id=OTHER)
 
 

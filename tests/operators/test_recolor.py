@@ -41,7 +41,7 @@ def test_what_was_never_recorded_has_no_color_to_change() -> None:
     recorded = small()
     unseen = replace(recorded.bodies[0], instance_ids=frozenset({999}))
     paint = Recolor(target=Target(handle=999), color=Palette(((0.0, 0.0, 1.0),)))
-    with pytest.raises(Unsupported, match="handle 999 cannot be painted: no recorded image"):
+    with pytest.raises(Unsupported, match="instance 999 cannot be painted: no recorded image"):
         paint.sample(replace(recorded, bodies=(*recorded.bodies, unseen)), np.random.default_rng(0))
 
 

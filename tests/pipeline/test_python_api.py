@@ -128,7 +128,7 @@ def test_arrays_make_an_episode_that_is_augmented_inspected_and_written(tmp_path
     assert np.allclose(again.views["front"].depth(0), given["depth"][0], atol=1e-6)
 
 
-def test_colours_alone_make_an_episode() -> None:
+def test_colors_alone_make_an_episode() -> None:
     rgb = arrays()["rgb"]
     episode = rpaug.Episode.from_arrays({"left": rgb, "right": rgb})
     assert episode.views["right"].depth is None

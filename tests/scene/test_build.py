@@ -59,7 +59,7 @@ def test_arms_are_not_read_where_a_video_is_taken() -> None:
 
 def test_a_source_that_gives_way_is_noted_and_the_next_one_tells() -> None:
     found = find(episode(depth=None), [Refusing(gives_way=True), ByMasks(())])
-    assert found.notes == ("nothing is seen; its images alone are gone by",)
+    assert found.notes == ("nothing is seen; rpaug falls back to images only",)
     assert {body.motion for body in found.bodies} == {"unknown"}
     assert found.scene().bodies == found.bodies
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 KEPT = 64  # labelled frames of one camera
 UNTOLD = (
-    "what was moved has its surroundings' colours, and nothing tells its outline where it rested: it is no target and "
+    "what was moved has its surroundings' colors, and nothing tells its outline where it rested: it is no target and "
     "is left alone; record depth or masks"
 )
 
@@ -81,7 +81,7 @@ def _view(episode: Episode, seen: CameraInstanceMap, name: str) -> CameraView:
         proxy = ProxyGeometry(view.camera, None, given, blank=True)
     elif not drop.still:
         proxy = ProxyGeometry(
-            view.camera, None, ("moves, so that things in it are told by their colour alone",)
+            view.camera, None, ("moves, so that things in it are told by their color alone",)
         )
     else:
         support = np.isin(part.resting, list(seen.support))
@@ -150,7 +150,7 @@ def _modelled(
 
 
 def _assumed(camera: Camera, length: int) -> tuple[str, ...]:
-    given = [f"instances told by colour, and by motion against the median of {length} frames"]
+    given = [f"instances are found by color, and by motion against the median of {length} frames"]
     if camera.assumed:
         given.append(
             f"focal length of {camera.K[0, 0]:.0f} px assumed; cameras.yaml takes K or field_of_view"

@@ -83,7 +83,7 @@ def describe(
     rgb = found.rgb if known is None else known
     if max(rgb) < BLACK:
         raise Unsupported(
-            f"handle {instance_id} is black: no shading can be read off it to paint with"
+            f"instance {instance_id} is black: no shading can be read off it to paint with"
         )
     return {"handle": instance_id, "albedo": list(rgb), "plain": found.plain}
 
@@ -98,8 +98,8 @@ def _estimated(episode: Episode, instance_id: int) -> Albedo:
     seen = pixels(episode, instance_id)
     if not len(seen):
         raise Unsupported(
-            f"handle {instance_id} cannot be painted: no recorded image shows it "
-            "(what an edit put in has its colour there)"
+            f"instance {instance_id} cannot be painted: no recorded image shows it "
+            "(what an edit put in has its color there)"
         )
     return estimate(seen)
 

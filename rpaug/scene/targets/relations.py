@@ -158,7 +158,7 @@ def _attributes(
     ranks = {RANKS[word] for word in words if word in RANKS} | ({rank} if rank else set())
     if len(tints) > 1 or len(tasks) > 1:
         raise ValueError(
-            f"{text!r} names several colours or several roles for one thing; give one of each at most"
+            f"{text!r} names several colors or several roles for one thing; give one of each at most"
         )
     if len(ranks) > 1:
         raise ValueError(f"{text!r}: {' and '.join(sorted(ranks))} at once; give one of them")
@@ -167,7 +167,7 @@ def _attributes(
     nouns = tuple(w for w in words if w not in taken and not color_space.canonical(w))
     plain = any(word in ANYTHING for word in words)
     if not (tints or tasks or ranks or nouns or plain):
-        raise ValueError(f"{text!r} names no thing: give a colour, a role or a noun")
+        raise ValueError(f"{text!r} names no thing: give a color, a role or a noun")
     if which and not ranks:
         raise ValueError(f"{text!r}: the {words[0]} in which order? e.g. second leftmost")
     return Phrase(

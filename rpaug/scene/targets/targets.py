@@ -260,7 +260,7 @@ class _Finder:
             if group in where:
                 continue
             raise TargetError(
-                f"{self._stated}: no camera shows handle {_numbers(group)} with depth"
+                f"{self._stated}: no camera shows instance {_numbers(group)} with depth"
             )
         left = [where[group] for group in found]
         for relation, some in zip(phrase.relations, anchors, strict=True):

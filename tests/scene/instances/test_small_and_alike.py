@@ -71,7 +71,7 @@ def test_of_several_none_is_guessed() -> None:
 
 def test_what_has_its_surroundings_colors_is_refused_with_the_reason() -> None:
     scene = slid()
-    with pytest.raises(TargetError, match="what was moved has its surroundings' colours"):
+    with pytest.raises(TargetError, match="what was moved has its surroundings' colors"):
         find(scene, Target(role="manipulated"))
     last = scene.episode.views["image_0"].ids(LENGTH - 1)[WAY]
     assert (last == MOVING).mean() > 0.6

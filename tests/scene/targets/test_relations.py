@@ -64,7 +64,7 @@ def test_relations_nest_to_the_right_and_between_takes_two() -> None:
         ("the cup left of", "'left of' of what?"),
         ("left of the cup", "names no thing"),
         ("the thing between the cup", "between what and what"),
-        ("the red blue cup", "several colours"),
+        ("the red blue cup", "several colors"),
         ("the robot table", "several roles"),
         ("the largest leftmost cup", "largest and leftmost at once"),
         ("the second cup", "in which order"),

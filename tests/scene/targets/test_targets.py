@@ -123,7 +123,7 @@ def test_an_unknown_role_says_why() -> None:
         ({"handle": 1, "role": "robot"}, "exactly one"),
         ({"role": "cup"}, "no role is called 'cup'; there are: manipulated"),
         ({"text": "the cup left of"}, "'left of' of what"),
-        ({"text": "the red blue thing"}, "several colours"),
+        ({"text": "the red blue thing"}, "several colors"),
         ({"handle": []}, "at least one handle"),
         ({"handel": 3}, "handel"),
     ],
