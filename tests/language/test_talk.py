@@ -83,7 +83,7 @@ def test_a_wrong_edit_is_mended_when_it_is_told_why() -> None:
         {"edits": [{"op": "recolor", "target": "cup", "color": "blue"}]},
     )
     assert answer.edits == ({"op": "recolor", "target": "cup", "color": "blue"},)
-    assert "no such colour word" in seen[2][1]["messages"][-1]["content"]
+    assert "no such color word" in seen[2][1]["messages"][-1]["content"]
 
 
 @pytest.mark.parametrize(
