@@ -108,7 +108,7 @@ PAIRS = (
             {**RECOLOR, "color": {"sample": "colosseum"}},
             {**CAMERA, "camera": "static"},
             copies=3,
-            gates={"tries": 3, "color": 1.5, "holes": 0.02},
+            gates={"tries": 3, "color": 1.5, "holes": 0.07},
         ),
     ),
     Pair("sample_ratio", "sample", edits(RECOLOR), ("--ratio", "1:2")),
