@@ -83,9 +83,9 @@ def _fitted(
         return known(scene, found), found.report, found.borrowed
     donated, begun, shorter = None, None, settings
     if donor is not None:
-        donor_adapter = store.key(donor, settings, seed)
+        donor_key = store.key(donor, settings, seed)
         donated = sharing.borrowed(
-            scene, donor_adapter, fitted(donor, folder, settings=settings, seed=seed)[0]
+            scene, donor_key, fitted(donor, folder, settings=settings, seed=seed)[0]
         )
         begun = fit.Begun(sharing.begun(scene, donated), len(donated))
         spared = SPARED * len(donated) / max(len(begun.gaussians), 1)
@@ -94,7 +94,7 @@ def _fitted(
     facts = {
         name: value
         for name, value in vars(full).items()
-        if name not in ("bodies", "drift", "irradiance")
+        if name not in ("bodies", "pose_correction", "irradiance")
     }
     if donated is not None and donor is not None:
         assert made.gaussians is not None
@@ -118,8 +118,8 @@ def name_of(
 ) -> str:
     """The key under which a scene fitted so is stored."""
     rigid = settings.rigid if isinstance(settings, Both) else settings
-    donor_adapter = "" if donor is None else store.key(donor, rigid, seed)
-    return store.key(scene, settings, seed, donor_adapter)
+    donor_key = "" if donor is None else store.key(donor, rigid, seed)
+    return store.key(scene, settings, seed, donor_key)
 
 
 def keep(

@@ -70,7 +70,8 @@ class FourReport:
             }
             for name in ("rigid_db", "db")
         }
-        return {**vars(self), "handles": list(self.instance_ids), **by_instance_id}
+        facts = vars(self) | by_instance_id
+        return {"handles": list(facts.pop("instance_ids")), **facts}
 
 
 def fitted(

@@ -38,7 +38,7 @@ class Borrowed:
     here.
     """
 
-    donor_adapter: str
+    donor_key: str
     rows: Int32[np.ndarray, "m"]
     gaussians: Gaussians
 
@@ -49,7 +49,7 @@ class Borrowed:
         """The same but for some instances."""
         keep = ~np.isin(self.gaussians.ids, list(instance_ids))
         arrays = {name: getattr(self.gaussians, name)[keep] for name in Gaussians.ARRAYS}
-        return Borrowed(self.donor_adapter, self.rows[keep], Gaussians(**arrays))
+        return Borrowed(self.donor_key, self.rows[keep], Gaussians(**arrays))
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,10 @@ class Stored:
     borrowed: Borrowed | None = None
 
 
-def key(scene: Scene, settings: Any, seed: int, donor_adapter: str = "") -> str:
+def key(scene: Scene, settings: Any, seed: int, donor_key: str = "") -> str:
     """Hash of all that a fit depends on: every recorded image, cameras, gripper, bodies, settings, seed, and the key
     of the scene that lends it Gaussians."""
-    digest = hashlib.sha256(f"{FORMAT} {VERSION} {seed} {donor_adapter}".encode())
+    digest = hashlib.sha256(f"{FORMAT} {VERSION} {seed} {donor_key}".encode())
     digest.update(json.dumps(_plain(settings), sort_keys=True).encode())
     for body in scene.bodies:
         digest.update(f"{sorted(body.instance_ids)} {body.motion} {body.reference}".encode())
@@ -123,7 +123,7 @@ def save(
                 getattr(scene.gaussians, n)[:count], getattr(borrowed.gaussians, n)
             )
             assert same, f"borrowed {n} were changed"
-        facts["borrowed"] = {"lender": borrowed.donor_adapter, "gaussians": count}
+        facts["borrowed"] = {"lender": borrowed.donor_key, "gaussians": count}
         arrays |= {"borrowed/rows": borrowed.rows, "borrowed/ids": borrowed.gaussians.ids}
     residuals = frame_residuals.packed(scene.gaussians.frame_residuals)
     arrays |= {f"moments/{n}": array for n, array in residuals.items()}
@@ -259,16 +259,14 @@ def load(folder: Path, name: str) -> Stored | None:
 
 def _borrowed(folder: Path, where: Path, group: zarr.Group, facts: Mapping[str, Any]) -> Borrowed:
     """What another scene of the store lends this one. Raises BadInput if that is gone, or damaged."""
-    donor_adapter = facts["borrowed"]["lender"]
-    found = load(folder, donor_adapter)
+    donor_key = facts["borrowed"]["lender"]
+    found = load(folder, donor_key)
     if found is None:
-        raise BadInput(
-            where, "borrowed", found=f"no scene {donor_adapter} in the store", expected="it"
-        )
+        raise BadInput(where, "borrowed", found=f"no scene {donor_key} in the store", expected="it")
     rows = _read(where, group, "borrowed/rows", facts["sha256"])
     donated = {n: getattr(found.gaussians, n)[rows] for n in Gaussians.ARRAYS}
     donated["ids"] = _read(where, group, "borrowed/ids", facts["sha256"])
-    return Borrowed(donor_adapter, rows, Gaussians(**donated))
+    return Borrowed(donor_key, rows, Gaussians(**donated))
 
 
 def _open(where: Path) -> tuple[zarr.Group, dict[str, Any]]:
@@ -322,5 +320,5 @@ def _plain(value: Any) -> Any:
     return {
         f.name: _plain(getattr(value, f.name))
         for f in fields(value)
-        if f.name not in ("bodies", "drift", "irradiance")
+        if f.name not in ("bodies", "pose_correction", "irradiance")
     }

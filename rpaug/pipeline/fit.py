@@ -41,11 +41,11 @@ def fit_episode(
     def built(one: Episode) -> Scene:
         return build(one, with_bodies=True, arms=arms.for_robot(files, one.robot))
 
-    scene, donor_adapter = built(episode), None if donor is None else built(donor)
+    scene, borrowed_from = built(episode), None if donor is None else built(donor)
     stored: list[tuple[Path, bool]] = []
 
     def fit(one: Scene) -> tuple[Scene, cached.Facts]:
-        path = store.path_of(folder, cached.name_of(one, settings, seed, donor_adapter))
+        path = store.path_of(folder, cached.name_of(one, settings, seed, borrowed_from))
         stored.append((path, path.is_dir()))
         return cached.fitted(
             one,
@@ -53,7 +53,7 @@ def fit_episode(
             settings=settings,
             seed=seed,
             progress=lambda share: progress(round(100 * share), 100),
-            donor=donor_adapter,
+            donor=borrowed_from,
         )
 
     made, facts = fit_static_rgb.fitted(scene, fit)

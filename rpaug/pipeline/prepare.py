@@ -93,8 +93,8 @@ def prepare_scene(
     if not plan.gaussians:
         return _with_parts(scene, plan), plan
     with watch("fit"):
-        donor_adapter = _lender(donor, recipe)
-        scene, facts = _with_gaussians(scene, plan, scenes, donor_adapter)
+        donor_scene = _donor_scene(donor, recipe)
+        scene, facts = _with_gaussians(scene, plan, scenes, donor_scene)
         risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
         measured = residuals.of_gaussians(scene, risen)
     return _with_parts(scene, plan), planning.fitted(plan, facts, measured)
@@ -183,7 +183,7 @@ def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -
     return _with_parts(scene, plan)
 
 
-def _lender(donor: Callable[[], Episode] | None, recipe: Recipe) -> Scene | None:
+def _donor_scene(donor: Callable[[], Episode] | None, recipe: Recipe) -> Scene | None:
     if donor is None:
         return None
     episode = donor()
@@ -191,7 +191,7 @@ def _lender(donor: Callable[[], Episode] | None, recipe: Recipe) -> Scene | None
 
 
 def _with_gaussians(
-    scene: Scene, plan: planning.Plan, scenes: Path | None, donor_adapter: Scene | None = None
+    scene: Scene, plan: planning.Plan, scenes: Path | None, donor_scene: Scene | None = None
 ) -> tuple[Scene, Mapping[str, Any]]:
     if isinstance(scene.back, VideoScene):
         from rpaug.gaussians import fit_video  # only here: it brings torch and the rasteriser
@@ -200,7 +200,7 @@ def _with_gaussians(
     from rpaug.gaussians import cached  # only here: it brings torch and the rasteriser
 
     fitted = cached.fitted_in_time if plan.tier >= 4 else cached.fitted
-    return fit_static_rgb.fitted(scene, lambda one: fitted(one, scenes, donor=donor_adapter))
+    return fit_static_rgb.fitted(scene, lambda one: fitted(one, scenes, donor=donor_scene))
 
 
 def donors(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str]:
@@ -221,9 +221,9 @@ def donors(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str]:
         if where is None:
             continue
         # Pixels of one split never come into another.
-        donor_adapter = first.setdefault((splits.kind(key), where), key)
-        if donor_adapter != key and key in wanted:
-            found[key] = donor_adapter
+        first_key = first.setdefault((splits.kind(key), where), key)
+        if first_key != key and key in wanted:
+            found[key] = first_key
     return found
 
 

@@ -128,8 +128,8 @@ def replay(
     recipe = build_recipe(described["recipe"])
     plan, judged = described["plan"], described.get("gates") or {}
     episode = adapter.read(source, described["source"])
-    lender = plan.get("fit", {}).get("founder")
-    donor = partial(adapter.read, source, lender) if lender else None
+    donor_key = plan.get("fit", {}).get("founder")
+    donor = partial(adapter.read, source, donor_key) if donor_key else None
     scene, made_plan = prepare_scene(episode, recipe, plan["tier"], donor=donor)
     kept = not any(fault.startswith(verdict.INVALID) for fault in judged.get("faults", ()))
     known = Known(judged.get("attempt", 0), described["draws"])

@@ -144,7 +144,7 @@ def test_a_fidelity_fit_stops_at_its_target(placed: tuple[World, Scene]) -> None
         settings = settings_for("fidelity", target=target, steps=40)
         settings = replace(settings, train_frames=4, checked_frames=2, moment_steps=4)
         _, found = fitted(placed[1], settings=settings)
-        return found.frame_residuals, found.fixed_db
+        return found.moments, found.fixed_db
 
     moments_easy, easy = report(20.0)
     moments_hard, hard = report(easy + 0.5)

@@ -57,7 +57,7 @@ def main() -> None:
     settings = settings_for(given.stop, target=given.target, steps=given.steps)
     settings = replace(settings, threads=given.threads)
     shown, report = fit.fitted(used, settings=settings, seed=given.seed)
-    kept_out = ("bodies", "drift", "irradiance")
+    kept_out = ("bodies", "pose_correction", "irradiance")
     facts = {n: v for n, v in vars(report).items() if n not in kept_out and v is not None}
     facts["wall_seconds"] = time.perf_counter() - start
     facts["cpu_seconds"] = time.process_time() - cpu
@@ -109,7 +109,7 @@ def _pictures(scene: Scene, folder: Path) -> None:
 def _table(facts: dict) -> str:
     lines = [
         f"{facts['gaussians']} Gaussians, {facts['steps']} steps, {facts['wall_seconds']:.1f} s wall, "
-        f"{facts['cpu_seconds']:.1f} s CPU, {facts['frame_residuals']} moments, peak {facts['peak_mb']:.0f} MB",
+        f"{facts['cpu_seconds']:.1f} s CPU, {facts['moments']} moments, peak {facts['peak_mb']:.0f} MB",
         f"fitted times {facts['train_db']:.2f} dB, held-out times {facts.get('held_out_db', 0.0):.2f} dB, "
         f"all cameras {facts['all_cameras_db']:.2f} dB, fixed cameras {facts['fixed_cameras_db']:.2f} dB, "
         f"SSIM {facts['fixed_cameras_ssim']:.3f}",
