@@ -167,7 +167,7 @@ def test_cuts_and_joins_lose_nothing(codec: str, tmp_path: Path) -> None:
     with av.open(str(like), "w") as made:
         stream = made.add_stream(video.ENCODERS[codec], rate=10)
         stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
-        made.start_encoding()
+        video.open_encoders(made)
         frame = av.VideoFrame.from_ndarray(large(0, 0), format="rgb24")
         made.mux([*stream.encode(frame), *stream.encode()])
     files = [tmp_path / f"{i}.mp4" for i in range(3)]
