@@ -41,8 +41,8 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if box.poses.ndim == 3
     }
     painted = {
-        boxes.PAD: replace(world.boxes[boxes.PAD], colour=(200, 0, 0)),
-        boxes.OTHER: replace(world.boxes[boxes.OTHER], colour=(0, 0, 200)),
+        boxes.PAD: replace(world.boxes[boxes.PAD], color=(200, 0, 0)),
+        boxes.OTHER: replace(world.boxes[boxes.OTHER], color=(0, 0, 200)),
     }
     world = replace(
         world,
