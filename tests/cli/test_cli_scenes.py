@@ -80,7 +80,7 @@ def test_export(folder: Path, lifted: Scene, tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (("--frame", "2"), "this scene has frames 0 to 1"),
-        (("--handle", "4"), "no Gaussian has handle"),
+        (("--handle", "4"), "no Gaussian has instance id"),
     ],
 )
 def test_export_says_what_is_wrong(
