@@ -418,6 +418,18 @@ class Ambience:
 
 
 @dataclass(frozen=True)
+class Belief:
+    """What a role is taken to mean: its instance ids, how sure that is (0..1), and why, in sentences.
+
+    A belief below a bound is kept for people to look at, and is no role of the scene.
+    """
+
+    instance_ids: frozenset[int]
+    confidence: float
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Scene:
     """An episode rebuilt: bodies with pose tracks, cameras, and how their surfaces look.
 
@@ -434,6 +446,7 @@ class Scene:
     `ambience` is the light that inserted bodies are shown in. `simulated` says, in plain values, what each simulation
     came to; `actions_valid` is false in it where the recorded actions would no longer do what they did.
     `back` brings what the scene shows back into the recording, where that is no set of pinhole images: None leaves it.
+    `roles` holds what is believed firmly enough, `beliefs` each role that was thought of with its reasons.
     """
 
     episode: Episode
@@ -453,6 +466,7 @@ class Scene:
     ambience: Ambience | None = None
     simulated: tuple[Mapping[str, Any], ...] = ()
     back: Callable[[Episode], Episode] | None = None
+    beliefs: Mapping[str, Belief] = field(default_factory=dict)
 
     @property
     def actions_valid(self) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from rpaug.core.types import Body, Episode, Scene
+from rpaug.core.types import Belief, Body, Episode, Scene
 from rpaug.scene import antialias
 
 
@@ -22,6 +22,7 @@ class FoundInstances:
     photographed: bool = False
     back: Callable[[Episode], Episode] | None = None
     notes: tuple[str, ...] = ()
+    beliefs: Mapping[str, Belief] = field(default_factory=dict)
 
     def scene(self) -> Scene:
         """The recorded scene, with nothing edited."""
@@ -33,6 +34,7 @@ class FoundInstances:
             antialiased=self.photographed or antialias.detect(self.episode),
             descriptions=self.episode.descriptions,
             back=self.back,
+            beliefs=dict(self.beliefs),
         )
 
 
