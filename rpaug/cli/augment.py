@@ -96,7 +96,7 @@ def augment(
     if as_json:
         print_json(described)
     else:
-        _print_summary(described, run.adapter.after)
+        _print_summary(described, summary.lacked, run.adapter.after)
     return code
 
 
@@ -156,6 +156,8 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
         )
         for line in [*lines[one["episode"]], *one.get("assumed", [])]:
             say(f"  {line}")
+        for line in one.get("warnings", []):
+            warn("  warning", line)
     for key, reason in failed.items():
         warn("would skip", f"{key}: {reason}")
     say(
@@ -165,12 +167,14 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
     return 2 if not plans else 1 if failed else 0
 
 
-def _print_summary(described: dict[str, Any], hint: str) -> None:
+def _print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> None:
     for key, reason in described["failures"].items():
         warn("skipped", f"{key}: {reason}")
     for key, warnings in described["warnings"].items():
         for warning in warnings:
             warn("warning", f"{key}: {warning}")
+    for words in lacked:
+        warn("left out", words)
     for key, reason in described["rejected"].items():
         warn("rejected", f"{key}: {reason}")
     if described["aborted"]:

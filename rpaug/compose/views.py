@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
 from rpaug.compose import inserted
-from rpaug.core.errors import Unsupported
+from rpaug.core.errors import SourceLacks
 from rpaug.core.image_cache import shelved
 from rpaug.core.types import CameraView, Episode, Scene, Sensor
 from rpaug.render import holes
@@ -156,7 +156,7 @@ def _recorded(scene: Scene, name: str, t: int) -> Frame:
     view = scene.episode.views[name]
     depth = surface.depth_of(view, t)
     if depth is None:
-        raise Unsupported(
+        raise SourceLacks(
             f"{name}: inserting things needs recorded depth, and this source has none"
         )
     rgb = view.rgb(t)

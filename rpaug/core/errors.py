@@ -37,6 +37,14 @@ class Unsupported(RpaugError):
     """What was asked for cannot be done on this input, with the reason."""
 
 
+class SourceLacks(Unsupported):
+    """What was asked for takes a kind of data that this source has not (depth, poses): no draw would do better."""
+
+
+class Missing(RpaugError):
+    """An episode lacks what an edit is made of, and the recipe says `on_missing: fail`: the run ends."""
+
+
 class Rejected(RpaugError):
     """A copy is faulty: it fails its gates, its instruction cannot be kept true, or its actions no longer hold."""
 

@@ -138,7 +138,7 @@ def _round(loop: Loop, number: int, data: Sequence[Path], tell: Tell) -> LoopRou
     copies = 0
     if given.recipe is not None:
         tell(f"round {number}: augmenting")
-        copies = clock("augment", lambda: _augmented(loop, home / "data", given))
+        copies = clock("augment", lambda: _augmented(loop, home / "data", given, tell))
     return replace(this, verdict=given.verdict, causes=causes, copies=copies)
 
 
@@ -238,7 +238,7 @@ def _diagnosed(loop: Loop, home: Path, found: Evaluation) -> Diagnosis:
     return given
 
 
-def _augmented(loop: Loop, made: Path, given: Diagnosis) -> int:
+def _augmented(loop: Loop, made: Path, given: Diagnosis, tell: Tell) -> int:
     written = recipe.build(given.recipe, name="the diagnosed recipe")
     asked = augment.Run(loop.dataset, written, made)
     summary = augment.execute(asked, workers=loop.workers, resume=made.exists())
@@ -246,6 +246,8 @@ def _augmented(loop: Loop, made: Path, given: Diagnosis) -> int:
         raise RpaugError(
             f"{made}: no copy could be made: {next(iter(summary.failures.values()), '')}"
         )
+    for words in summary.lacked:
+        tell(f"left out: {words}")
     return summary.copies
 
 

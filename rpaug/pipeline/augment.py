@@ -68,7 +68,7 @@ def execute(
     for outcome in _outcomes(_staged(run, todo), workers):
         finished += len(outcome.reports)
         if outcome.fatal:
-            summary.aborted = outcome.error
+            summary.aborted, summary.missing = outcome.error, outcome.missing
         elif outcome.error and outcome.job.copies:  # who borrows from it says so too
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)

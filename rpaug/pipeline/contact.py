@@ -96,13 +96,17 @@ def _section(
         for name, image in sheet(before, after, frames).items()
     ]
     draws = "".join(
-        f"<tr><th>{html.escape(draw.get('op', 'skipped'))}<td><code>{html.escape(json.dumps(draw.get('edit')))}</code>"
+        f"<tr><th>{html.escape(draw.get('op', 'skipped'))}<td><code>{html.escape(_came_to(draw))}</code>"
         for draw in described["draws"]
     )
     return (
         f"<h2>{html.escape(key)}</h2><p>from {html.escape(described['source'])}, copy {described['copy']}: "
         f"“{html.escape(after.instruction)}”</p><table>{draws}</table>{''.join(figures)}"
     )
+
+
+def _came_to(draw: dict[str, Any]) -> str:
+    return draw.get("left_out") or json.dumps(draw.get("edit"))
 
 
 def _embedded(image: UInt8[np.ndarray, "h w 3"]) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 
 from rpaug import instruct
 from rpaug.compose import views
+from rpaug.core.errors import Missing, TargetError, Unsupported
 from rpaug.core.types import Episode, Scene
 from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
@@ -41,22 +42,23 @@ class PreparedEpisode:
 
 @dataclass(frozen=True)
 class Draw:
-    """What one step of the recipe came to: an operator with its edit, or nothing."""
+    """What one step of the recipe came to: an operator with its edit, or nothing.
+
+    `left_out` says why an operator that was drawn has no edit: the episode lacks what it would be made of.
+    """
 
     step: int
     option: Option | None
     edit: dict[str, Any] | None
+    left_out: str = ""
 
     def describe(self) -> dict[str, Any]:
         """Plain values, enough to apply the edit again."""
         if self.option is None:
             return {"step": self.step, "skipped": True}
-        return {
-            "step": self.step,
-            "op": self.option.name,
-            "fields": self.option.fields,
-            "edit": self.edit,
-        }
+        came_to = {"left_out": self.left_out} if self.left_out else {"edit": self.edit}
+        chosen = {"op": self.option.name, "fields": self.option.fields}
+        return {"step": self.step, **chosen, **came_to}
 
 
 @dataclass(frozen=True)
@@ -64,8 +66,9 @@ class Made:
     """One copy; its images are rendered when they are asked for, and `tally` counts what changes meanwhile.
 
     `attempt` numbers its draws from 0; `seconds` went into this draw and those before it. `known` are the faults that
-    show before anything is rendered: an instruction that cannot be kept true, actions that no longer hold. `faults` say
-    why the copy is rejected; a copy without any is kept.
+    show before anything is rendered: an instruction that cannot be kept true, actions that no longer hold, an edit that
+    was left out though the recipe says `on_missing: skip_copy`. `faults` say why the copy is rejected; a copy without
+    any is kept.
     """
 
     episode: Episode
@@ -131,7 +134,7 @@ def draw_copy(
     """Copy number `copy`: the first of its draws without a fault, else the last one, with its faults.
 
     It is drawn as often as its gates allow, once without gates; draws that came before are not judged twice. A `known`
-    draw is made again, whatever it came to. Raises TargetError, Unsupported, BadRecipe.
+    draw is made again, whatever it came to. Raises Missing, BadRecipe.
     """
     if copy == ORIGINAL:
         prepared = replace(prepared, recipe=replace(prepared.recipe, steps=(), gates=None))
@@ -161,24 +164,39 @@ def _made(prepared: PreparedEpisode, scene: Scene, draws: tuple[Draw, ...], atte
     made = render(scene, draws, prepared.plan, gates is not None, prepared.surfels)
     known = [made.untrue] if made.untrue else []
     known += [] if prepared.keep_invalid else verdict.invalid(scene.simulated)
+    if prepared.recipe.on_missing == "skip_copy":
+        known += [
+            f"{draw.option.name}: {draw.left_out}"
+            for draw in draws
+            if draw.option and draw.left_out
+        ]
     return replace(made, gates=gates, attempt=attempt, known=tuple(known))
 
 
 def draw(
     scene: Scene, recipe: Recipe, copy: int, attempt: int = 0
 ) -> tuple[Scene, tuple[Draw, ...]]:
-    """The scene after this copy's edits, and what was drawn. Raises TargetError."""
-    draws = []
+    """The scene after this copy's edits, and what was drawn.
+
+    An edit that the scene has nothing for is left out: each step draws from a stream of its own, so that the others
+    are drawn as they would be with it. Raises Missing where the recipe says `on_missing: fail`.
+    """
+    draws: list[Draw] = []
     for number, step in enumerate(recipe.steps):
         first, rng = (recipe.generator(scene.episode.key, copy, number, n) for n in (0, attempt))
         # What is drawn again is how an edit is done, not whether: else what often fails is done less than asked.
         chance, _ = first.random(), rng.random()
         chosen = step.draw(chance, rng)
-        edit = None
+        edit, left_out = None, ""
         if chosen:
-            edit = json.loads(json.dumps(chosen.operator.sample(scene, rng)))
-            scene = chosen.operator.apply(scene, edit)
-        draws.append(Draw(number, chosen, edit))
+            try:
+                edit = json.loads(json.dumps(chosen.operator.sample(scene, rng)))
+                scene = chosen.operator.apply(scene, edit)
+            except (TargetError, Unsupported) as error:
+                if recipe.on_missing == "fail":
+                    raise Missing(f"{scene.episode.key}: {chosen.name}: {error}") from None
+                edit, left_out = None, str(error)
+        draws.append(Draw(number, chosen, edit, left_out))
     return scene, tuple(draws)
 
 
@@ -190,7 +208,7 @@ def redraw(scene: Scene, described: Sequence[Mapping[str, Any]]) -> tuple[Scene,
         edit = entry.get("edit")
         if chosen and edit is not None:
             scene = chosen.operator.apply(scene, edit)
-        draws.append(Draw(entry["step"], chosen, edit))
+        draws.append(Draw(entry["step"], chosen, edit, entry.get("left_out", "")))
     return scene, tuple(draws)
 
 

@@ -2,13 +2,14 @@
 
 import os
 import shutil
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from rpaug.core import splits
 from rpaug.core.errors import BadInput
 from rpaug.core.files import PART, REJECTED, write_atomic
-from rpaug.pipeline import card, report
+from rpaug.pipeline import card, plan, report
 from rpaug.pipeline.run import Run, Summary, group_of
 
 
@@ -65,10 +66,11 @@ def close_gaps(run: Run) -> None:
 
 def total(summary: Summary, run: Run) -> None:
     """Fill in what the reports in the target say."""
-    made = list(reports(run).values())
+    made, rejected = list(reports(run).values()), reports(run, REJECTED)
     summary.copies = len(made)
-    for key, described in reports(run, REJECTED).items():
+    for key, described in rejected.items():
         summary.rejected[key] = "; ".join(described["gates"]["faults"])
+    summary.left_out = _left_out(run, [*made, *rejected.values()])
     for described in made:
         if found := described["plan"].get("warnings"):
             summary.warnings[described["source"]] = list(found)
@@ -78,6 +80,35 @@ def total(summary: Summary, run: Run) -> None:
         shares = [described["changed_share"].get(name, 0.0) for described in made]
         summary.changed_share[name] = round(sum(shares) / len(shares), 6)
     _sources_warned(run, summary)
+
+
+def _left_out(run: Run, made: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Each edit that some episodes had nothing for: in how many of those that drew it, in how many copies, and the
+    first reason."""
+    found = []
+    for number, step in enumerate(run.recipe.steps):
+        for option in step.options:
+            drawn = [
+                (one["source"], draw.get("left_out"))
+                for one in made
+                for draw in one["draws"]
+                if draw["step"] == number
+                and (draw.get("op"), draw.get("fields")) == (option.name, option.fields)
+            ]
+            reasons = [(source, reason) for source, reason in drawn if reason]
+            if reasons:
+                of = ", ".join(map(str, plan.targets(option.operator)))
+                found.append(
+                    {
+                        "step": number,
+                        "edit": f"{option.name} of {of}" if of else option.name,
+                        "episodes": len({source for source, _ in reasons}),
+                        "drawn_in": len({source for source, _ in drawn}),
+                        "copies": len(reasons),
+                        "reason": reasons[0][1],
+                    }
+                )
+    return found
 
 
 def write_card(run: Run) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rpaug.core.errors import Unsupported
+from rpaug.core.errors import SourceLacks
 from rpaug.core.interfaces import Operator
 from rpaug.core.types import Effect, Episode, Scene
 from rpaug.pipeline.recipe import Accuracy
@@ -173,13 +173,13 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
     recording may lack: tier 1. Assets (tier 2) are shown by the surfels' z-buffer. `tier` is the least one wanted.
     """
     geometry = any(operator.effect & GEOMETRY for operator in operators)
-    targets = [target for operator in operators for target in _targets(operator)]
-    parts = tuple(target for target in targets if target.part is not None)
+    edited = [target for operator in operators for target in targets(operator)]
+    parts = tuple(target for target in edited if target.part is not None)
     representation = _representation(geometry, tier)
     representations = dict.fromkeys(episode.views, representation)
     modelled = any(operator.needs.gaussians for operator in operators)
     wanted = any(operator.needs.bodies for operator in operators)
-    bodies = bool(targets) or wanted or modelled or representation > 0
+    bodies = bool(edited) or wanted or modelled or representation > 0
     parts = tuple(dict.fromkeys(parts))
     return Plan(
         tier, representations, bodies, _whole(representations), parts=parts, modelled=modelled
@@ -187,12 +187,12 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
 
 
 def check(operator: Operator, scene: Scene) -> None:
-    """See that the recording has what an operator declares. Raises Unsupported."""
+    """See that the recording has what an operator declares. Raises SourceLacks."""
     if operator.needs.depth and all(view.depth is None for view in scene.episode.views.values()):
-        raise Unsupported("it needs recorded depth, and this source has none")
+        raise SourceLacks("it needs recorded depth, and this source has none")
 
 
-def _targets(operator: Operator) -> Iterator[Target]:
+def targets(operator: Operator) -> Iterator[Target]:
     """The things that an operator edits, as its fields name them."""
     for name in operator.needs.targets:
         value = getattr(operator, name)

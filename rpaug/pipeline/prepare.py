@@ -3,6 +3,7 @@
 import json
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rpaug.core import splits
-from rpaug.core.errors import RpaugError, Unsupported
+from rpaug.core.errors import Missing, RpaugError, SourceLacks, TargetError, Unsupported
 from rpaug.core.interfaces import Adapter, Edit, Operator
 from rpaug.core.types import Camera, Effect, Episode, Scene
 from rpaug.gaussians import fit_static_rgb
@@ -34,23 +35,33 @@ def operators(recipe: Recipe) -> list[Operator]:
     return [option.operator for step in recipe.steps for option in step.options]
 
 
-def ground(scene: Scene, recipe: Recipe) -> None:
-    """See that the scene has what every edit of the recipe asks for. Raises TargetError, Unsupported.
+def ground(scene: Scene, recipe: Recipe) -> tuple[str, ...]:
+    """The edits of the recipe that the scene has nothing for, each with its reason: copies leave them out.
 
-    What an episode without depth cannot give is refused here, naming operator, reason, and how to give it.
+    What a source cannot give (no depth) no other episode of it would: such an edit is refused for the whole episode,
+    naming operator, reason, and how to give it. Raises SourceLacks; TargetError where every edit of the recipe is
+    missing, since its copies would be the recording; Missing where the recipe says `on_missing: fail`.
     """
-    for step in recipe.steps:
-        for option in step.options:
-            try:
-                planning.check(option.operator, scene)
-                edit = option.operator.sample(scene, np.random.default_rng(0))
-                _showable(scene, option.operator, edit)
-            except Unsupported as error:
-                raise Unsupported(f"{option.name}: {error}{_how(scene, str(error))}") from None
+    missing = []
+    options = [option for step in recipe.steps for option in step.options]
+    for option in options:
+        try:
+            planning.check(option.operator, scene)
+            edit = option.operator.sample(scene, np.random.default_rng(0))
+            _showable(scene, option.operator, edit)
+        except SourceLacks as error:
+            raise SourceLacks(f"{option.name}: {error}{_how(scene, str(error))}") from None
+        except (TargetError, Unsupported) as error:
+            missing.append(f"{option.name}: {error}")
+    if missing and recipe.on_missing == "fail":
+        raise Missing(f"{scene.episode.key}: {missing[0]}")
+    if missing and len(missing) == len(options):
+        raise TargetError("; ".join(dict.fromkeys(missing)))
+    return tuple(missing)
 
 
 def _showable(scene: Scene, operator: Operator, edit: Edit) -> None:
-    """See that every camera can show what the edit comes to. Raises Unsupported."""
+    """See that every camera can show what the edit comes to. Raises SourceLacks."""
     flat = [name for name, view in scene.episode.views.items() if view.depth is None]
     if not flat or not operator.effect & planning.GEOMETRY:
         return
@@ -60,7 +71,7 @@ def _showable(scene: Scene, operator: Operator, edit: Edit) -> None:
     ).representations
     for name in flat:
         if representations[name] > 0:
-            raise Unsupported(
+            raise SourceLacks(
                 f"{name} would show what its images hide, and that takes depth, which this source lacks"
             )
 
@@ -85,19 +96,19 @@ def prepare_scene(
 ) -> tuple[Scene, planning.Plan]:
     """Plan and build: errors are measured if the recipe states an accuracy, Gaussians fitted if the plan has any.
 
-    `founder` reads the episode whose static Gaussians are borrowed.
+    `donor` reads the episode whose static Gaussians are borrowed. A part that is not there is a warning of the plan.
     """
     watch = watch or report.Stopwatch()
     with watch("build"):
         scene, plan = build_and_plan(episode, recipe, tier)
     if not plan.gaussians:
-        return _with_parts(scene, plan), plan
+        return _with_parts(scene, plan)
     with watch("fit"):
         donor_scene = _donor_scene(donor, recipe)
         scene, facts = _with_gaussians(scene, plan, scenes, donor_scene)
         risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
         measured = residuals.of_gaussians(scene, risen)
-    return _with_parts(scene, plan), planning.fitted(plan, facts, measured)
+    return _with_parts(scene, planning.fitted(plan, facts, measured))
 
 
 def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planning.Plan]:
@@ -153,14 +164,15 @@ def told_of(key: str) -> reconstruct.Progress:
 
 def planned(episode: Episode, recipe: Recipe, tier: int) -> planning.Plan:
     """The plan, with no more work than it takes: images are looked at only where the recipe asks for an accuracy, and
-    where nothing but images tells what there is; then what cannot be done is refused as it would be later."""
+    where nothing but images tells what there is; then what cannot be done is refused as it would be later, and what
+    copies would leave out is a warning."""
     made = planning.make(operators(recipe), episode, tier)
     alone = made.bodies and rgb_episode.lacking(episode)
     if recipe.accuracy is None and not alone:
         return made
     scene, made = build_and_plan(episode, recipe, tier)
     if alone:
-        ground(scene, recipe)
+        made = replace(made, warnings=(*made.warnings, *ground(scene, recipe)))
     return made
 
 
@@ -169,8 +181,9 @@ def _moved(scene: Scene, recipe: Recipe) -> Iterator[tuple[str, Camera]]:
     edited = scene
     for operator in operators(recipe):
         if operator.effect & Effect.CAMERA:
-            edit = operator.sample(scene, np.random.default_rng(0))
-            edited = operator.apply(edited, json.loads(json.dumps(edit)))
+            with suppress(TargetError):  # the episode has no such camera: copies leave the edit out
+                edit = operator.sample(scene, np.random.default_rng(0))
+                edited = operator.apply(edited, json.loads(json.dumps(edit)))
     for name, camera in edited.cameras.items():
         if camera is not scene.cameras[name]:
             yield name, camera
@@ -180,7 +193,7 @@ def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -
     """The recorded scene with what the plan asks for, Gaussians among it: from the store `scenes`, or fitted."""
     scene = build(episode, with_bodies=plan.bodies)
     scene = _with_gaussians(scene, plan, scenes)[0] if plan.gaussians else scene
-    return _with_parts(scene, plan)
+    return _with_parts(scene, plan)[0]
 
 
 def _donor_scene(donor: Callable[[], Episode] | None, recipe: Recipe) -> Scene | None:
@@ -227,10 +240,16 @@ def donors(adapter: Adapter, root: Path, keys: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _with_parts(scene: Scene, plan: planning.Plan) -> Scene:
-    """The scene in which targets finer than the masks have instance ids of their own."""
+def _with_parts(scene: Scene, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
+    """The scene in which targets finer than the masks have instance ids; the plan warns of missing ones."""
     if not plan.parts:
-        return scene
+        return scene, plan
     from rpaug.gaussians import parts  # only here: it brings torch and the rasteriser
 
-    return parts.given(scene, plan.parts)
+    lacking: list[str] = []
+    for part in plan.parts:
+        try:
+            scene = parts.given(scene, [part])
+        except TargetError as error:
+            lacking.append(str(error))
+    return scene, replace(plan, warnings=(*plan.warnings, *lacking))

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
@@ -21,6 +21,8 @@ from rpaug.pipeline.recipe_yaml import Path_, kind_of, override, parse
 from rpaug.scene.video.settings import VideoSettings
 
 MAX_BYTES = 2**20
+OnMissing = Literal["skip_edit", "skip_copy", "fail"]
+"""Where an episode has nothing for an edit: leave the edit out, leave its copy out, or end the run."""
 
 
 class Select(BaseModel):
@@ -61,6 +63,7 @@ class _Top(BaseModel):
     depth_model: str | None = None
     video: VideoSettings = VideoSettings()
     refine: Annotated[int, Field(ge=0, le=10_000, strict=True)] = 0
+    on_missing: OnMissing = "skip_edit"
     edits: list[dict[str, Any]] = []
     gates: Gates | None = None
 
@@ -122,6 +125,7 @@ class Recipe:
     depth_model: str | None = None  # for episodes without depth
     video: VideoSettings = field(default_factory=VideoSettings)  # for videos of one moving camera
     refine: int = 0  # steps of the joint fine-tune, where Gaussians show all
+    on_missing: OnMissing = "skip_edit"
 
     @classmethod
     def from_yaml(cls, path: Path | str) -> "Recipe":
@@ -179,6 +183,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         depth_model=top.depth_model,
         video=top.video,
         refine=top.refine,
+        on_missing=top.on_missing,
     )
 
 

@@ -101,13 +101,24 @@ class Summary:
     seconds: dict[str, float] = field(default_factory=dict)
     changed_share: dict[str, float] = field(default_factory=dict)
     warnings: dict[str, list[str]] = field(default_factory=dict)  # by source episode
+    left_out: list[dict[str, Any]] = field(default_factory=list)  # edits: where, how often, why
+    missing: bool = False  # aborted since an episode lacked what an edit is made of
+
+    @property
+    def lacked(self) -> list[str]:
+        """One sentence for each edit that was left out somewhere."""
+        return [
+            f"{one['edit']}: {one['episodes']} of {one['drawn_in']} episodes lacked it: {one['reason']}"
+            for one in self.left_out
+        ]
 
     @property
     def exit_code(self) -> int:
-        """0: all done; 1: some episodes were skipped, or copies rejected; 2: nothing was made."""
+        """0: all done; 1: some episodes were skipped, or copies rejected, or the recipe's `on_missing: fail` ended the
+        run; 2: nothing was made."""
         if not self.failures and not self.aborted and not self.rejected:
             return 0
-        return 1 if self.copies or self.rejected else 2
+        return 1 if self.copies or self.rejected or self.missing else 2
 
 
 def group_of(adapter: Adapter, key: str) -> str:

@@ -186,7 +186,7 @@ def _allowed(given: dict[str, Any]) -> Effect:
     """All that the edits of a report may change."""
     allowed = Effect.NONE
     for draw in given["draws"]:
-        if not draw.get("skipped"):
+        if "edit" in draw:
             allowed |= registry.operator(draw["op"]).effect
     return allowed
 

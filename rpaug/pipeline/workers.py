@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any
 
-from rpaug.core.errors import RpaugError
+from rpaug.core.errors import Missing, RpaugError
 from rpaug.pipeline.job import Job, augment
 
 THREAD_VARIABLES = (
@@ -25,12 +25,17 @@ DIED = "a worker died (out of memory?); fewer workers need less"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one job: the reports of the copies it wrote, and what stopped it if anything did."""
+    """What came of one job: the reports of the copies it wrote, and what stopped it if anything did.
+
+    After a `fatal` error it is no use going on: the machine's fault (a full disk), or `missing` what an edit is made of
+    where the recipe says `on_missing: fail`.
+    """
 
     job: Job
     reports: list[dict[str, Any]]
     error: str | None = None
-    fatal: bool = False  # the machine's fault (a full disk): no use going on
+    fatal: bool = False
+    missing: bool = False
 
 
 def run(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
@@ -62,6 +67,8 @@ def attempt(job: Job) -> Outcome:
     try:
         for described in augment(job):
             reports.append(described)  # noqa: PERF402  # what was written before a failure counts
+    except Missing as error:
+        return Outcome(job, reports, str(error), fatal=True, missing=True)
     except RpaugError as error:
         return Outcome(job, reports, str(error))
     except MemoryError:

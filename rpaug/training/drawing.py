@@ -27,7 +27,8 @@ class Draws:
     """Copies of the selected episodes; in epochs they are left out of, the episodes as recorded.
 
     So comes a copy that `rpaug augment` rejects, and, with a warning that names it, an episode that `rpaug augment`
-    skips: one without a target, say.
+    skips: one that has nothing for any edit, say. An edit that is left out of a copy is named by a warning too. Where
+    the recipe says `on_missing: fail`, what an edit lacks is raised (`Missing`).
     """
 
     def __init__(self, scenes: Scenes, schedule: Schedule) -> None:
@@ -59,6 +60,10 @@ class Draws:
         made, faults = self._judged(ready, epoch + 1)
         if made is None:
             return _as_recorded(ready, "; ".join(faults))
+        for draw in made.draws:
+            if draw.option and draw.left_out:
+                words = f"{key}: {draw.option.name} is left out: {draw.left_out}"
+                warnings.warn(words, stacklevel=2)
         return Drawn(made.recorded, [draw.describe() for draw in made.draws])
 
     def _judged(self, ready: Ready, copy: int) -> tuple[Made | None, tuple[str, ...]]:

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from rpaug.core import color_space, sampling
-from rpaug.core.errors import Unsupported
+from rpaug.core.errors import SourceLacks
 from rpaug.core.memo import once
 from rpaug.core.types import Ambience, Episode
 from rpaug.scene.lighting import irradiance, light
@@ -31,7 +31,7 @@ def estimate(episode: Episode) -> Ambience:
     """The irradiance that explains best how each thing's brightness depends on where its faces turn, 1 on level ones.
 
     Every hue of a thing has one albedo, fitted along; pixels that the fit leaves far off count less, and so do things
-    that face one way alone. Raises Unsupported without depth.
+    that face one way alone. Raises SourceLacks without depth.
     """
     if all(view.depth is None and view.proxy for view in episode.views.values()):
         return _unseen(episode)
@@ -100,7 +100,7 @@ def _seen(
         levels.append(shown.mean(1))
         hues.append((names.ravel()[rows] * HUES + chroma[:, 0]) * HUES + chroma[:, 1])
     if not normals or not sum(map(len, levels)):
-        raise Unsupported("light is told by surfaces, and this source has no depth to know them by")
+        raise SourceLacks("light is told by surfaces, and this source has no depth to know them by")
     return np.concatenate(normals), np.concatenate(levels), np.concatenate(hues)
 
 

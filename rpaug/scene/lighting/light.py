@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int
 
 from rpaug.core import sampling
-from rpaug.core.errors import Unsupported
+from rpaug.core.errors import SourceLacks
 from rpaug.core.memo import once
 from rpaug.core.types import Episode
 from rpaug.scene.recorded import surface
@@ -65,7 +65,7 @@ def dominant(episode: Episode, count: int = 3) -> Lamp:
     """The one lamp that explains best how things' brightness depends on where their faces turn (Lambert's law).
 
     Every direction of a grid over the upper half space is tried with several shares of ambient light; each thing has
-    one albedo, fitted along. Raises Unsupported without depth.
+    one albedo, fitted along. Raises SourceLacks without depth.
     """
     facing, level, things = seen(episode, count)
     _, owner = np.unique(things, return_inverse=True)
@@ -97,7 +97,7 @@ def brightest(episode: Episode, lamp: Lamp, count: int = 3) -> dict[int, float]:
 def seen(
     episode: Episode, count: int
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-    """World normals, brightness and instance id of some pixels. Raises Unsupported without depth."""
+    """World normals, brightness and instance id of some pixels. Raises SourceLacks without depth."""
     normals, light, things = [], [], []
     for name, t, rgb, ids in sampling.images(episode, count):
         view = episode.views[name]
@@ -112,7 +112,7 @@ def seen(
         light.append(color.mean(1)[good])
         things.append(here.ids[good])
     if not normals or not sum(map(len, light)):
-        raise Unsupported("light is told by surfaces, and this source has no depth to know them by")
+        raise SourceLacks("light is told by surfaces, and this source has no depth to know them by")
     return np.concatenate(normals), np.concatenate(light), np.concatenate(things)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from rpaug.core import memo, sampling
-from rpaug.core.errors import Unsupported
+from rpaug.core.errors import SourceLacks
 from rpaug.core.jit import kernel
 from rpaug.core.types import Body, Episode, Scene
 from rpaug.scene.lighting import albedo
@@ -55,9 +55,9 @@ class ShadedPixels:
 def sample(
     episode: Episode, bodies: tuple[Body, ...], wanted: tuple[int, ...]
 ) -> dict[int, ShadedPixels]:
-    """Pixels of each of the `wanted` instance ids that is seen at all. Raises Unsupported if no camera has depth."""
+    """Pixels of each of the `wanted` instance ids that is seen at all. Raises SourceLacks if no camera has depth."""
     if all(surface.depth_of(view, 0) is None for view in episode.views.values()):
-        raise Unsupported("a texture needs recorded depth to lie on, and this source has none")
+        raise SourceLacks("a texture needs recorded depth to lie on, and this source has none")
     parts: dict[int, list[tuple[np.ndarray, ...]]] = {
         instance_id: [] for instance_id in sorted(wanted)
     }

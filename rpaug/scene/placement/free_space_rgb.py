@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from rpaug.core import geometry, sampling
-from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.errors import SourceLacks, TargetError
 from rpaug.core.types import Camera, CameraView, Scene
 from rpaug.scene.instances.ground_plane import rays_of, seen_at
 from rpaug.scene.placement.free_space import CELL, SWEEPS, FreeSpace
@@ -19,7 +19,7 @@ FARTHEST = 1.5  # metres around the middle of the support
 
 
 def find_free_space(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
-    """The room on the support. Raises Unsupported where cameras' places are not known to one another."""
+    """The room on the support. Raises SourceLacks where cameras' places are not known to one another."""
     views = together(scene, "a new thing")
     support = scene.roles.get("table", frozenset())
     covered = {
@@ -50,20 +50,20 @@ def find_free_space(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
 
 
 def together(scene: Scene, what: str) -> dict[str, CameraView]:
-    """The cameras that can show a thing in one world. Raises Unsupported, saying `what` they cannot share."""
+    """The cameras that can show a thing in one world. Raises SourceLacks, saying `what` they cannot share."""
     able = {}
     for name, view in scene.episode.views.items():
         proxy = view.proxy
         if proxy is None or proxy.depth is not None:
             able[name] = view
         elif not proxy.blank:
-            raise Unsupported(
+            raise SourceLacks(
                 f"{name} moves, and nothing says where it is: give its depth and poses in cameras.yaml, "
                 f"or leave it out there (views: [...])"
             )
     lost = [n for n, v in able.items() if v.proxy is not None and not v.proxy.camera.placed]
     if len(able) > 1 and lost:
-        raise Unsupported(
+        raise SourceLacks(
             f"nothing says where {', '.join(lost)} stand to one another, so {what} could not be shown in all "
             f"of them alike: give cam_to_world for each in cameras.yaml (z up, the support at z = 0), or name the "
             f"one camera to edit there (views: [{lost[0]}])"

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
 
 from rpaug.core import geometry, sampling
-from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.errors import SourceLacks, TargetError
 from rpaug.core.memo import bare, once
 from rpaug.core.types import Body, CameraView, Scene
 from rpaug.scene.placement import free_space_rgb
@@ -116,7 +116,7 @@ def _support(scene: Scene, support: frozenset[int]) -> Float64[np.ndarray, "n 3"
     found = []
     for name, view in scene.episode.views.items():
         if view.depth is None or view.ids is None:
-            raise Unsupported(f"{name}: finding room needs recorded depth and masks")
+            raise SourceLacks(f"{name}: finding room needs recorded depth and masks")
         sampled = ROUNDS if all_move else STILLS if view.camera.fixed else 1
         for t in sampling.frames(scene.episode.length, sampled):
             depth = view.depth(t)

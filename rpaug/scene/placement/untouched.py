@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from rpaug.core.errors import Unsupported
+from rpaug.core.errors import SourceLacks, Unsupported
 from rpaug.core.memo import once
 from rpaug.core.types import Episode, Scene
 from rpaug.scene.sampled_frames import look
@@ -45,10 +45,11 @@ def check(scene: Scene, instance_ids: frozenset[int], target: object, doing: str
 
 
 def check_seen(scene: Scene, target: object, doing: str) -> None:
-    """Raises Unsupported unless every camera has depth and masks, over more than one frame."""
-    whole = all(view.depth and view.ids for view in scene.episode.views.values())
-    if not whole or scene.episode.length < 2:
-        raise Unsupported(f"{doing} {target}: needs recorded depth, masks and more than one frame")
+    """Raises SourceLacks unless every camera has depth and masks, Unsupported unless there is more than one frame."""
+    if not all(view.depth and view.ids for view in scene.episode.views.values()):
+        raise SourceLacks(f"{doing} {target}: needs recorded depth and masks")
+    if scene.episode.length < 2:
+        raise Unsupported(f"{doing} {target}: needs more than one frame")
 
 
 def _touched(scene: Scene, instance_ids: frozenset[int], acted: frozenset[int]) -> frozenset[int]:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int, Int32
 
 from rpaug.core import geometry
-from rpaug.core.errors import Unsupported
+from rpaug.core.errors import SourceLacks
 from rpaug.core.jit import kernel
 from rpaug.core.types import Body, Camera, CameraView, Gaussians
 
@@ -83,7 +83,7 @@ def of_view(
     def depth() -> Float32[np.ndarray, "h w"]:
         known = depth_of(view, t)
         if known is None:
-            raise Unsupported("this edit needs recorded depth, and this source has none")
+            raise SourceLacks("this edit needs recorded depth, and this source has none")
         return known
 
     return of_image(depth, ids, view.camera, t, bodies)

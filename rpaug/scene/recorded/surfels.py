@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Bool, Int32
 
 from rpaug.core import geometry
-from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.errors import SourceLacks, TargetError
 from rpaug.core.pixels import grown
 from rpaug.core.types import Camera, CameraView, Scene
 from rpaug.render import denoise, holes, window, zbuffer
@@ -77,7 +77,7 @@ def build(scene: Scene, kept: Surfels | None = None) -> Surfels:
 def recorded(scene: Scene) -> Surfels:
     """Plates of the fixed cameras, history of the moving ones, and what was seen of moving bodies whose track holds.
 
-    Edits do not change it: all copies of an episode share it. Keeps a few images in memory. Raises Unsupported if a
+    Edits do not change it: all copies of an episode share it. Keeps a few images in memory. Raises SourceLacks if a
     source has no depth.
     """
     static = frozenset().union(
@@ -86,7 +86,7 @@ def recorded(scene: Scene) -> Surfels:
     views, length = scene.episode.views, scene.episode.length
     for name, view in views.items():
         if view.depth is None:
-            raise Unsupported(
+            raise SourceLacks(
                 f"{name}: moving a camera needs recorded depth, and this source has none"
             )
     noise = _noise(scene)

@@ -122,7 +122,7 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
     """
     if target.part is not None:
         if target.part.instance_id not in scene.instance_ids:
-            raise TargetError(f"{target}: its part was not told apart before: `parts.told` does it")
+            raise TargetError(f"{target}: its part was not told apart in this episode")
         return frozenset([target.part.instance_id])
     if target.handle is not None:
         wanted = frozenset([target.handle] if isinstance(target.handle, int) else target.handle)
