@@ -1,0 +1,113 @@
+"""The bench of foreign worlds, where it needs no simulator: halves, grades, shares, and the way into datasets."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpaug.core import registry
+from tools.bench.foreign import convert, neutral, roles, scoring
+
+NAMES = [f"task-{k}" for k in range(9)]
+IDS = st.sets(st.integers(1, 6))
+WEIGHTS = dict.fromkeys(range(1, 7), 100)
+
+
+def test_halves_depend_on_names_alone_and_are_even() -> None:
+    halves = {name: neutral.half(name, NAMES) for name in NAMES}
+    assert halves == {name: neutral.half(name, NAMES[::-1]) for name in NAMES}
+    assert sorted(map(list(halves.values()).count, neutral.HALVES)) == [4, 5]
+
+
+@given(must=IDS, may=IDS)
+def test_the_truth_is_right_with_and_without_what_it_may_hold(must: set, may: set) -> None:
+    truth = {"must": must, "may": may}
+    assert scoring.grade(truth, must, WEIGHTS) == scoring.RIGHT
+    assert scoring.grade(truth, must | may, WEIGHTS) == scoring.RIGHT
+
+
+@given(must=IDS, may=IDS, found=IDS)
+def test_a_role_is_right_only_if_nothing_seen_is_missing_or_added(
+    must: set, may: set, found: set
+) -> None:
+    grade = scoring.grade({"must": must, "may": may}, found, WEIGHTS)
+    fits = must <= found <= must | may
+    if must and found:
+        assert (grade == scoring.RIGHT) == fits
+    elif must:
+        assert grade == scoring.ABSENT
+    else:
+        assert grade == (scoring.RIGHT if found <= may else scoring.INVENTED)
+
+
+def test_what_no_camera_shows_weighs_nothing() -> None:
+    truth = {"must": [1, 2], "may": []}
+    assert scoring.grade(truth, [1], {1: 990, 2: 10}) == scoring.RIGHT
+    assert scoring.grade(truth, [1], {1: 900, 2: 100}) == scoring.WRONG
+    assert scoring.grade(truth, [1, 3], {1: 500, 2: 5, 3: 100}) == scoring.WRONG
+    assert scoring.grade({"must": [9], "may": []}, [], {1: 5}) == scoring.RIGHT
+
+
+def test_a_share_knows_that_tasks_differ() -> None:
+    alike = scoring.share([[True, False]] * 10)
+    apart = scoring.share([[True, True]] * 5 + [[False, False]] * 5)
+    assert alike.percent == apart.percent == 50
+    assert apart.high - apart.low > alike.high - alike.low > 0
+    assert np.isnan(scoring.share([]).percent)
+
+
+@pytest.fixture
+def task(tmp_path: Path) -> Path:
+    """Two tiny episodes as a simulator leaves them: a table, something on it, and sky."""
+    rng = np.random.default_rng(0)
+    for seed in (7, 10):
+        ids = np.zeros((3, 8, 8), np.int32)
+        ids[:, 4:], ids[:, 5:, 2:4] = 2, 1
+        depth = rng.uniform(0.5, 2, ids.shape).astype(np.float32) * (ids > 0)
+        film = {
+            "rgb": rng.integers(0, 256, (*ids.shape, 3), np.uint8), "depth": depth, "ids": ids,
+            "K": np.array([[8.0, 0, 3.5], [0, 8, 3.5], [0, 0, 1]]), "cam_to_world": np.stack([np.eye(4)] * 3),
+        }  # fmt: skip
+        robot = {
+            "gripper_to_world": np.stack([np.eye(4)] * 3), "gripper_open": np.array([1.0, 1, 0]),
+            "joint_positions": rng.normal(size=(3, 7)), "actions": np.zeros((3, 4)),
+        }  # fmt: skip
+        facts = {
+            "seed": seed, "instruction": "push it", "cameras": {"front": {}}, "ids": {"puck": 1, "top": 2},
+            "roles": {role: {"must": [], "may": []} for role in roles.ROLES},
+        }  # fmt: skip
+        neutral.save(tmp_path / "recorded" / str(seed), facts, {"front": film, "robot": robot})
+    return tmp_path / "recorded"
+
+
+def test_a_neutral_folder_becomes_an_rlbench_dataset_with_its_truth_beside(
+    task: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "data"
+    convert.rlbench(task, out)
+    keys = registry.adapter_for(out).episodes(out)
+    assert list(keys) == list(json.loads((out / convert.TRUTH).read_text()))
+    for key, seed in zip(keys, (7, 10), strict=True):
+        episode, film = registry.read(out, key), neutral.arrays(task / str(seed), "front")
+        view = episode.views["front"]
+        assert episode.instruction == "push it"
+        np.testing.assert_allclose(view.camera.K, film["K"])
+        for t in range(3):
+            seen = film["ids"][t] > 0
+            np.testing.assert_array_equal(view.rgb(t), film["rgb"][t])
+            np.testing.assert_array_equal(view.ids(t), film["ids"][t])
+            np.testing.assert_allclose(view.depth(t)[seen], film["depth"][t][seen], atol=1e-5)
+            assert (view.depth(t)[~seen] == convert.FAR).all()
+        assert episode.robot.gripper_open.tolist() == [1, 1, 0]
+    assert not any("truth" in path.name for path in (out / keys[0]).iterdir())
+
+
+def test_the_roles_told_by_eye_are_complete() -> None:
+    told = json.loads(roles.BY_EYE.read_text())
+    assert set(told) == {f"episode{k}" for k in range(6)}
+    for episode in told.values():
+        taken = [one for role in roles.ROLES for one in episode[role]["must"]]
+        assert len(taken) == len(set(taken))

@@ -1,0 +1,51 @@
+"""The neutral folder of one foreign episode: plain arrays and JSON that both environments read.
+
+    OUT/<world>.<task>/<seed>/
+        episode.json    world, task, seed, instruction, cameras, instance ids by body, true roles
+        robot.npz       gripper_to_world (t, 4, 4), gripper_open (t,), joint_positions (t, j), actions (t, a)
+        <camera>.npz    rgb (t, h, w, 3) uint8, depth (t, h, w) metres, ids (t, h, w), K (3, 3), cam_to_world (t, 4, 4)
+        states.npz      the simulator's state by frame: qpos, qvel, act, mocap_pos, mocap_quat
+        model.npz       the model's fields that differ from its file
+        model.xml       the model, where it has no file
+
+Metres, radians, OpenCV's camera axes, integer pixel centers. It imports nothing but the standard library and numpy.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+CAMERAS = ("front", "left_shoulder", "right_shoulder", "overhead", "wrist")
+HALVES = ("worked", "held")
+
+
+def half(name: str, names: Iterable[str]) -> str:
+    """The half that task `name` of a world belongs to: every second of its tasks in the order of their SHA-256.
+
+    `names` are all tasks of that world. Nothing but the names decides.
+    """
+    order = sorted(names, key=lambda one: hashlib.sha256(one.encode()).hexdigest())
+    return HALVES[order.index(name) % 2]
+
+
+def save(folder: Path, facts: Mapping[str, Any], arrays: Mapping[str, Mapping[str, Any]]) -> None:
+    """Write an episode, its JSON last: a folder without one was not finished."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, fields in arrays.items():
+        np.savez_compressed(folder / f"{name}.npz", **fields)
+    (folder / "episode.json").write_text(json.dumps(facts, indent=1))
+
+
+def facts(folder: Path) -> dict[str, Any]:
+    """What `episode.json` says."""
+    return json.loads((folder / "episode.json").read_text())
+
+
+def arrays(folder: Path, name: str) -> dict[str, np.ndarray]:
+    """The arrays of one file."""
+    with np.load(folder / f"{name}.npz") as kept:
+        return {key: kept[key] for key in kept.files}
