@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rpaug.core import splits as splits
     from rpaug.core.errors import BadInput as BadInput
     from rpaug.core.errors import BadRecipe as BadRecipe
+    from rpaug.core.errors import Missing as Missing
     from rpaug.core.errors import MissingExtra as MissingExtra
     from rpaug.core.errors import Rejected as Rejected
     from rpaug.core.errors import RpaugError as RpaugError
@@ -71,6 +72,7 @@ _EXPORTS = {
     "Effect": "rpaug.core.types",
     "Episode": "rpaug.core.types",
     "Gaussians": "rpaug.core.types",
+    "Missing": "rpaug.core.errors",
     "MissingExtra": "rpaug.core.errors",
     "Needs": "rpaug.core.interfaces",
     "Operator": "rpaug.core.interfaces",

@@ -237,6 +237,7 @@ def _view(
         recorded,
         None if depth is None else _metric(where, about, rows, spans, depth, shape),
         None if ids is None else _whole(where, rows, ids, shape),
+        most_id=CameraView.most_id if ids is None else _most_id(rows.schema.field(ids).type),
     )
 
 
@@ -283,6 +284,15 @@ def _unpacked(codes: np.ndarray, given: dict[str, Any]) -> np.ndarray:
             np.exp(np.log(low + shift) + share * np.log((high + shift) / (low + shift))) - shift
         ).astype(np.float32)
     return (low + share * (high - low)).astype(np.float32)
+
+
+def _most_id(kind: Any) -> int:
+    """The largest id that a column of nested lists of numbers holds."""
+    pa, _ = tables.arrow()
+    while hasattr(kind, "value_type"):
+        kind = kind.value_type
+    bits = kind.bit_width - pa.types.is_signed_integer(kind) if pa.types.is_integer(kind) else 24
+    return min(2**bits - 1, CameraView.most_id)
 
 
 def _whole(where: str, rows: Any, key: str, shape: tuple[int, int]) -> Callable[[int], np.ndarray]:

@@ -203,7 +203,7 @@ def _view(folder: Path, name: str, observations: list[Observation]) -> CameraVie
         raise BadInput(
             path, f"misc['{name}_camera_far']", found="far <= near", expected="near < far"
         )
-    size = _check_images(folder, name, length)
+    size, mask_channels = _check_images(folder, name, length)
     intrinsics = np.abs(K[0]) if (K[0][[0, 1], [0, 1]] < 0).all() else K[0]
     has = {kind: (folder / f"{name}_{kind}").is_dir() for kind in KINDS}
     return CameraView(
@@ -220,12 +220,14 @@ def _view(folder: Path, name: str, observations: list[Observation]) -> CameraVie
         )
         if has["mask"]
         else None,
+        most_id=2 ** (8 * mask_channels) - 1,
     )
 
 
-def _check_images(folder: Path, name: str, length: int) -> tuple[int, int]:
-    """(width, height) of one camera's images after every one of them was found whole and of its kind."""
-    size = None
+def _check_images(folder: Path, name: str, length: int) -> tuple[tuple[int, int], int]:
+    """(width, height) of one camera's images after every one of them was found whole and of its kind, and the fewest
+    channels of a mask."""
+    size, mask_channels = None, 3
     for kind in KINDS:
         images = folder / f"{name}_{kind}"
         if not images.is_dir():
@@ -238,6 +240,7 @@ def _check_images(folder: Path, name: str, length: int) -> tuple[int, int]:
                 wanted = "8 bits, 1 or 3 channels" if kind == "mask" else "8 bits, 3 channels"
                 found = f"{header.bits} bits, {header.channels} channel(s)"
                 raise BadInput(path, "kind of image", found=found, expected=wanted)
+            mask_channels = min(mask_channels, header.channels)
             here = header.width, header.height
             size = size or here
             if here != size:
@@ -248,7 +251,7 @@ def _check_images(folder: Path, name: str, length: int) -> tuple[int, int]:
                 images, "frames", found=f"{count} images", expected=f"{length}, as {LOW_DIM} holds"
             )
     assert size is not None  # the rgb folder exists and length >= 1
-    return size
+    return size, mask_channels
 
 
 def read_code(path: Path, low_first: bool = False) -> Int32[np.ndarray, "h w"]:

@@ -27,6 +27,7 @@ from rpaug import Episode, Unsupported, files, geometry
 
 NUMBER = "variation_number.pkl"
 NEAR, FAR = 0.01, 10.0  # metres: depth range of cameras that were not recorded by CoppeliaSim
+MOST_ID = 2**24 - 1  # in a mask of three channels
 THREADS = 2
 OLD_NUMPY_LACKS = b"numpy._core"  # RVT and RLBench run numpy <= 1.24
 Image = Callable[[int], np.ndarray]
@@ -219,10 +220,15 @@ def _write_image(
             # float32 holds a code only to within one step
             code = np.where(image == before, read_code(recorded), code)
         image = np.stack([code >> 16, code >> 8 & 255, code & 255], -1).astype(np.uint8)
-    elif kind == "mask" and not (
-        recorded and files.check_png(recorded, files.read_bytes(recorded)).channels == 1
-    ):
-        image = np.stack([image & 255, image >> 8 & 255, image >> 16 & 255], -1).astype(np.uint8)
+    elif kind == "mask":
+        plain = recorded and files.check_png(recorded, files.read_bytes(recorded)).channels == 1
+        most = 255 if plain else MOST_ID
+        if image.max() > most:
+            raise Unsupported(
+                f"{target.parent.name}: found id {image.max()}; masks here hold up to {most}"
+            )
+        if not plain:
+            image = np.stack([image & 255, image >> 8 & 255, image >> 16 & 255], -1)
     target.write_bytes(files.encode_png(image.astype(np.uint8)))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from rpaug_adapters.rlds.example import Example
 from rpaug_adapters.rlds.features import Leaf
 
-from rpaug import BadInput, files
+from rpaug import BadInput, CameraView, files
 
 NUMERIC = frozenset(
     ["", "bool", *(f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64))]
@@ -66,6 +66,15 @@ def _unpacked(where: str, leaf: Leaf, shape: tuple[int, int], data: bytes) -> np
     if len(raw) != wanted:
         raise BadInput(where, "data", found="another size, or damage", expected=f"{wanted} bytes")
     return np.frombuffer(raw, leaf.dtype).reshape(shape)
+
+
+def most_id(leaf: Leaf) -> int:
+    """The largest whole number that a feature holds exactly, of those that masks have."""
+    kind = np.dtype(leaf.dtype or "uint16")
+    if kind.kind == "b":
+        return 1
+    most = 2 ** (np.finfo(kind).nmant + 1) if kind.kind == "f" else int(np.iinfo(kind).max)
+    return min(most, CameraView.most_id)
 
 
 def encoded(

@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from rpaug_adapters.rlds import shards
 from rpaug_adapters.rlds.example import Example
 from rpaug_adapters.rlds.features import FEATURES, Leaf, leaves
-from rpaug_adapters.rlds.pixels import decoder
+from rpaug_adapters.rlds.pixels import decoder, most_id
 from rpaug_adapters.shared import cameras, episodes
 from rpaug_adapters.shared.cameras import Beside
 from rpaug_adapters.shared.images import image_size, lazy_colors, lazy_depth
@@ -135,6 +135,7 @@ def _view(
         lazy_colors(example.blobs(leaf.key), lambda t: f"{example.where}, {leaf.key}, step {t}"),
         None if depth is None else lazy_depth(decoder(example, depth[0], shape, length), depth[1]),
         None if ids is None else whole(decoder(example, ids, shape, length)),
+        most_id=CameraView.most_id if ids is None else most_id(ids),
     )
 
 

@@ -38,8 +38,8 @@ class Frame:
 
 @dataclass(frozen=True)
 class RenderedFrame:
-    """A frame rendered anew: what was recorded, what is seen now, its hole mask if it can have one, and the seconds
-    its thread took."""
+    """A frame rendered anew: what was recorded, what is seen now, its hole mask if it can have one, the seconds its
+    thread took, and its mask where that is rendered anew and written."""
 
     camera: str
     t: int
@@ -47,6 +47,7 @@ class RenderedFrame:
     image: UInt8[np.ndarray, "h w 3"]
     hole: Bool[np.ndarray, "h w"] | None
     seconds: float
+    ids: Int32[np.ndarray, "h w"] | None = None
 
 
 Watch = Callable[[RenderedFrame], None]
@@ -140,7 +141,8 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
         made = render(t)
         made = replace(made, rgb=sense(scene.sensor, made.rgb, name, t))
         spent = time.thread_time() - start
-        watch(RenderedFrame(name, t, recorded.rgb(t), made.rgb, made.hole, spent))
+        ids = made.ids if recorded.ids and not recorded.inferred else None
+        watch(RenderedFrame(name, t, recorded.rgb(t), made.rgb, made.hole, spent, ids))
         return made
 
     return CameraView(

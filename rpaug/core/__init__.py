@@ -7,6 +7,7 @@ __all__ = [
     "files",
     "geometry",
     "image_cache",
+    "instance_ids",
     "interfaces",
     "jit",
     "keyframes",

@@ -86,7 +86,8 @@ class CameraView:
     Views that share an accessor share its images: a writer may then copy the recorded file. `inferred` instance ids
     were
     not recorded but found by motion or color: a scene may use them, and no dataset gets them. So it is with
-    `stand_in`. `hands` are boxes (left, top, right, bottom; pixels) that annotators drew around hands, by frame.
+    `stand_in`. `most_id` is the largest id that masks can hold where they are kept.
+    `hands` are boxes (left, top, right, bottom; pixels) that annotators drew around hands, by frame.
     """
 
     camera: Camera
@@ -96,6 +97,7 @@ class CameraView:
     inferred: bool = False
     proxy: ProxyGeometry | None = None
     hands: Mapping[int, tuple[tuple[float, float, float, float], ...]] = field(default_factory=dict)
+    most_id: int = 2**31 - 1
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float64, Int
 
 from rpaug.core import geometry
 from rpaug.core.errors import TargetError
+from rpaug.core.instance_ids import free
 from rpaug.core.sampling import frames
 from rpaug.core.types import Body, Scene
 from rpaug.gaussians.encoding import Identities, Learning, descend, learn, neighbours
@@ -84,9 +85,9 @@ def tell_apart(
     if overlap(_bounds(shown), prompt.box) >= AGREES:
         return Told(scene, number, False, np.flatnonzero(retrieved))
     segmenter = segmenter or GrabCut()
-    fresh = max(scene.instance_ids) + 1 if instance_id is None else instance_id
+    fresh = free(scene, 1)[0] if instance_id is None else instance_id
     if fresh in scene.instance_ids:
-        raise TargetError(f"instance id {fresh} is taken; {max(scene.instance_ids) + 1} is free")
+        raise TargetError(f"instance id {fresh} is taken; {free(scene, 1)[0]} is free")
     masks = _masks(scene, stage, retrieved, body, prompt, segmenter)
     pictures = tuple(
         Labelled(name, t, np.where(part, fresh, np.where(seen, number, UNKNOWN)).astype(np.int32))

@@ -41,6 +41,10 @@ def _with_part(scene: Scene, target: Target) -> Scene:
     if part.camera not in scene.episode.views:
         known = ", ".join(scene.episode.views)
         raise TargetError(f"{target}: no camera is called {part.camera!r}; there are: {known}")
+    if part.instance_id > min(view.most_id for view in scene.episode.views.values()):
+        raise Unsupported(
+            f"{target}: its part would be instance {part.instance_id}, which the masks cannot hold"
+        )
     if part.frame >= scene.episode.length:
         raise TargetError(f"{target}: frame {part.frame} of {scene.episode.length}")
     if not all(view.depth and view.ids for view in scene.episode.views.values()):

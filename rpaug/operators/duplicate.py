@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
+from rpaug.core import instance_ids
 from rpaug.core.errors import Unsupported
 from rpaug.core.interfaces import Edit, Needs, Operator
 from rpaug.core.types import Body, Effect, Scene
@@ -32,11 +33,11 @@ class Duplicate(Operator):
     phrases: ClassVar[tuple[str, ...]] = ("duplicate {target} [{count} times]",)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        instance_ids = untouched.find_untouched(scene, self.target, "duplicating")
+        originals = sorted(untouched.find_untouched(scene, self.target, "duplicating"))
         around = find_free_space(scene)
-        one = standing.thing(scene, instance_ids, around, "duplicating")
+        one = standing.thing(scene, frozenset(originals), around, "duplicating")
         copies: list[Edit] = []
-        free = max(scene.instance_ids) + 1
+        fresh = iter(instance_ids.free(scene, self.count * len(originals)))
         for _ in range(self.count):
             found = standing.settle(one, around, self.turn, rng)
             if found is None:
@@ -45,8 +46,7 @@ class Duplicate(Operator):
                 )
             spot, turn = found
             around = around.with_thing(standing.turned(one.outline, turn) + spot)
-            names = {str(old): free + k for k, old in enumerate(sorted(instance_ids))}
-            free += len(names)
+            names = {str(old): next(fresh) for old in originals}
             copies.append({"handles": names, "motion": one.placing(spot, turn).tolist()})
         return {"copies": copies, "lamps": shadows.lamps(scene)}
 

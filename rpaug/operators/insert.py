@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field
 from rpaug.assets import library, settle
 from rpaug.assets.library import Asset
 from rpaug.compose.inserted import draw as draw_all
-from rpaug.core import geometry
+from rpaug.core import geometry, instance_ids
 from rpaug.core.errors import RpaugError, Unsupported
 from rpaug.core.interfaces import Added, Edit, Needs, Operator
 from rpaug.core.types import Ambience, Body, Effect, Gaussians, Scene
@@ -105,7 +105,7 @@ def draw(
 ) -> tuple[list[Edit], FreeSpace]:
     """So many things at rest in the room, and the room that they leave. Raises Unsupported if one finds no place."""
     things: list[Edit] = []
-    free = max(scene.instance_ids, default=0) + 1
+    fresh = instance_ids.free(scene, count)
     for number in range(count):
         for _ in range(TRIES):
             asset = choices[int(rng.integers(len(choices)))]
@@ -123,7 +123,7 @@ def draw(
         around = around.with_thing(outline + middle)
         pose[:3, 3] += [*middle, around.level]
         things.append(
-            {"asset": asset.name, "scale": scale, "handle": free + number, "pose": pose.tolist()}
+            {"asset": asset.name, "scale": scale, "handle": fresh[number], "pose": pose.tolist()}
         )
     return things, around
 
@@ -154,14 +154,14 @@ def suited(scene: Scene, edit: Edit, harmoniser: str) -> Edit:
     if harmoniser == harmonise.SCENE:
         return edit
     after = inserted(scene, edit)
-    instance_ids = [thing["handle"] for thing in edit["things"]]
+    new = [thing["handle"] for thing in edit["things"]]
     ratios = []
     for view in scene.episode.views.values():
         if view.depth is None:
             continue
         ids = view.ids(0) if view.ids else np.zeros(view.depth(0).shape, np.int32)
         rgb, _, seen = draw_all(after, view.camera, 0, (view.rgb(0), view.depth(0), ids))
-        mask = np.isin(seen, instance_ids)
+        mask = np.isin(seen, new)
         if mask.any():
             made = harmonise.harmonised(harmoniser, rgb, mask)
             ratios.append((made[mask] + 1.0) / (rgb[mask] + 1.0))

@@ -96,8 +96,8 @@ class Recolor(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = sorted(targets.find(scene, self.target))
-        surfaces = shading.describe(scene, instance_ids, self.albedo)
-        return {"color": self.color.draw(rng), "surfaces": surfaces}
+        described = shading.describe(scene, instance_ids, self.albedo)
+        return {"color": self.color.draw(rng), **described}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["color"]

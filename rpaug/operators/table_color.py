@@ -45,8 +45,8 @@ class TableColor(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = sorted(targets.find(scene, self.target))
-        surfaces = shading.describe(scene, instance_ids, self.albedo)
-        return {"color": rng.uniform(*np.array(self.range)).tolist(), "surfaces": surfaces}
+        described = shading.describe(scene, instance_ids, self.albedo)
+        return {"color": rng.uniform(*np.array(self.range)).tolist(), **described}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["color"]

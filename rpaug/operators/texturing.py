@@ -140,14 +140,14 @@ class Texturing(Operator):
         seen = shading.sample(scene.episode, scene.bodies, tuple(instance_ids))
         if not seen:
             raise TargetError(f"{self.target}: no camera shows it at a known depth")
+        described = shading.paintable(seen, lambda one: self._surface(scene, one, seen[one]))
+        painted = {one["handle"]: seen[one["handle"]] for one in described["surfaces"]}
         name = draw(self.texture, self.textures, rng)
         return {
             "texture": name,
             "digest": folder.digest(self.textures, name) if self.textures else None,
-            "to_texture": self._frame(seen).tolist(),
-            "surfaces": [
-                self._surface(scene, instance_id, seen[instance_id]) for instance_id in seen
-            ],
+            "to_texture": self._frame(painted).tolist(),
+            **described,
         }
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:

@@ -235,11 +235,14 @@ def render(
     except instruct.Untrue as error:
         untrue = str(error)
     shown, settled = (scene, settled) if untrue else _refined(scene, settled)
-    tally = report.Tally(list(scene.episode.views))
+    new = [body.instance_ids for body in scene.bodies if body.mesh is not None or body.copy_of]
+    tally = report.Tally(list(scene.episode.views), frozenset().union(*new))
 
     def watch(frame: views.RenderedFrame) -> None:
         camera, t = frame.camera, frame.t
         tally.frame(camera, t, frame.before, frame.image, frame.seconds)
+        if frame.ids is not None:
+            tally.mask(camera, t, frame.ids)
         if frame.hole is not None:
             tally.hole(camera, t, frame.hole)
         elif counted:

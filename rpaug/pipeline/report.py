@@ -12,7 +12,7 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import Bool, Int32, UInt8
 
 from rpaug.core.version import __version__
 
@@ -23,9 +23,15 @@ SUMMARY = "rpaug.summary.json"
 
 @dataclass
 class Tally:
-    """Counts what changes while frames are rendered; safe to use from several threads."""
+    """Counts what changes while frames are rendered; safe to use from several threads.
+
+    `added` are instance ids that edits brought in; of each `shown` keeps, by camera, the frame whose mask has most of
+    it and how many pixels those are.
+    """
 
     cameras: list[str]
+    added: frozenset[int] = frozenset()
+    shown: dict[tuple[int, str], tuple[int, int]] = field(default_factory=dict)
     changed: dict[tuple[str, int], int] = field(default_factory=dict)
     total: dict[tuple[str, int], int] = field(default_factory=dict)
     outside: dict[tuple[str, int], int] = field(default_factory=dict)
@@ -54,8 +60,17 @@ class Tally:
         with self.lock:
             self.holes[f"{camera}/{t}"] = mask
 
+    def mask(self, camera: str, t: int, ids: Int32[np.ndarray, "h w"]) -> None:
+        """Count what the mask of one frame shows of the added instances."""
+        for instance_id in self.added:
+            pixels = int((ids == instance_id).sum())
+            with self.lock:
+                frame, most = self.shown.get((instance_id, camera), (0, 0))
+                if (pixels, -t) > (most, -frame):
+                    self.shown[instance_id, camera] = t, pixels
+
     def summary(self) -> dict[str, Any]:
-        """Changed and invented pixels per camera."""
+        """Changed and invented pixels per camera, and of each added instance where it shows most."""
         changed = {name: _sum(self.changed, name) for name in self.cameras}
         share = {name: round(n / max(_sum(self.total, name), 1), 6) for name, n in changed.items()}
         out: dict[str, Any] = {"changed_pixels": changed, "changed_share": share}
@@ -65,6 +80,15 @@ class Tally:
                 per_camera.setdefault(key.rsplit("/", 1)[0], []).append(float(mask.mean()))
             out["hole_share"] = {
                 k: round(float(np.mean(v)), 6) for k, v in sorted(per_camera.items())
+            }
+        if self.added:
+            out["added"] = {
+                str(instance_id): {
+                    camera: list(self.shown[instance_id, camera])
+                    for camera in self.cameras
+                    if (instance_id, camera) in self.shown
+                }
+                for instance_id in sorted(self.added)
             }
         return out
 

@@ -13,7 +13,7 @@ from rpaug.core.errors import BadInput, RpaugError
 from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
 from rpaug.core.types import CameraView, Effect, Episode
-from rpaug.pipeline import compare_layouts, compare_report, report
+from rpaug.pipeline import compare_layouts, compare_report, plan, recipe, report
 from rpaug.scene.tracking import agreement
 
 LOOKED_AT = 6  # frames of each episode whose images are compared, evenly spread
@@ -166,6 +166,7 @@ def compare(
         yield from (
             Finding(*one) for one in compare_report.compare(key, recorded, made, given, times)
         )
+    yield from _instances(key, recorded, made, given, _times(made.length, frames))
     yield from _agreement(key, recorded, made, _times(made.length, frames))
     if given.get("synthetic") and allowed & Effect.RGB and not _shown(recorded, made, frames):
         words = "no pixel differs in the frames compared, though the episode is called synthetic"
@@ -180,6 +181,43 @@ def _shown(recorded: Episode, made: Episode, frames: int | None) -> bool:
         for name, view in made.views.items()
         for t in _times(made.length, frames)
     )
+
+
+def _instances(
+    key: str, recorded: Episode, made: Episode, given: dict[str, Any], times: Sequence[int]
+) -> Iterator[Finding]:
+    """Do masks show what the report says was put in, and nothing else that was never recorded?"""
+    added = given.get("added", {})
+    for instance_id, where in added.items():
+        if not where:
+            words = f"{instance_id} was put in, and no camera's mask shows it"
+            yield Finding("note", key, "instances", words)
+        for name, (t, pixels) in where.items():
+            ids = made.views[name].ids
+            found = 0 if ids is None else int((ids(t) == int(instance_id)).sum())
+            if found != pixels:
+                words = f"{name}, frame {t}: {found} pixels of {instance_id}; the report counts {pixels}"
+                yield Finding("bad", key, "instances", words)
+    unknown = _ids(made, times) - {0, *map(int, added), *_parts(given)} - _ids(recorded, times)
+    if unknown and (unknown := unknown - _ids(recorded, range(recorded.length))):
+        listed = ", ".join(map(str, sorted(unknown)))
+        words = f"masks hold {listed}: neither recorded nor put in by the report"
+        yield Finding("bad", key, "instances", words)
+
+
+def _ids(episode: Episode, times: Sequence[int]) -> set[int]:
+    """All ids in the masks of these frames."""
+    masks = [view.ids for view in episode.views.values() if view.ids]
+    return {int(one) for ids in masks for t in times for one in np.unique(ids(t))}
+
+
+def _parts(given: dict[str, Any]) -> Iterator[int]:
+    """Instance ids of parts that the edits of a report told apart."""
+    for draw in given["draws"]:
+        if "edit" in draw:
+            for target in plan.targets(recipe.option(draw["op"], draw["fields"]).operator):
+                if target.part is not None:
+                    yield target.part.instance_id
 
 
 def _allowed(given: dict[str, Any]) -> Effect:

@@ -7,7 +7,7 @@ is left and falls off all around as the light of a near lamp does, in the place:
 pass for light. What is then darker than the old pattern's contrast explains is a shadow, and stays.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from rpaug.core import memo, sampling
-from rpaug.core.errors import SourceLacks
+from rpaug.core.errors import SourceLacks, Unsupported
 from rpaug.core.jit import kernel
 from rpaug.core.types import Body, Episode, Scene
 from rpaug.scene.lighting import albedo
@@ -118,27 +118,42 @@ class Smooth:
         }
 
 
-def describe(
-    scene: Scene, instance_ids: Iterable[int], known: RGB | None = None
-) -> list[dict[str, Any]]:
-    """What an edit stores of each thing's surface, as `albedo.describe` does.
+def describe(scene: Scene, instance_ids: Iterable[int], known: RGB | None = None) -> dict[str, Any]:
+    """What an edit stores of each thing's surface (`surfaces`), as `albedo.describe` does; see `paintable`.
 
     An albedo's brightness is that of the best-lit pixels; where depth tells light from pattern, that of the best-lit
-    part of the fit, since the brightest pixels of a patterned thing are its palest spots.
+    part of the fit, since the brightest pixels of a patterned thing are its palest spots. Raises Unsupported.
     """
-    return [
-        dict(one) for one in _described(scene.episode, scene.bodies, tuple(instance_ids), known)
-    ]
+    found = _described(scene.episode, scene.bodies, tuple(instance_ids), known)
+    return found | {"surfaces": [dict(one) for one in found["surfaces"]]}
+
+
+def paintable(
+    instance_ids: Iterable[int], described: Callable[[int], dict[str, Any]]
+) -> dict[str, Any]:
+    """The `surfaces` among these instances, and by instance id why one is `left_out` that cannot be painted.
+
+    Masks may hold ids that fill no surface: stray pixels of the void. Raises Unsupported if nothing can be painted.
+    """
+    surfaces, left_out = [], {}
+    for instance_id in instance_ids:
+        try:
+            surfaces.append(described(instance_id))
+        except Unsupported as error:
+            left_out[str(instance_id)] = str(error)
+    if not surfaces:
+        raise Unsupported("; ".join(left_out.values()))
+    return {"surfaces": surfaces, **({"left_out": left_out} if left_out else {})}
 
 
 @memo.of_episode
 def _described(
     episode: Episode, bodies: tuple[Body, ...], instance_ids: tuple[int, ...], known: RGB | None
-) -> list[dict[str, Any]]:
-    found = [albedo.describe(episode, instance_id, known) for instance_id in instance_ids]
+) -> dict[str, Any]:
+    found = paintable(instance_ids, lambda one: albedo.describe(episode, one, known))
     if known is None and any(view.depth is not None for view in episode.views.values()):
         seen = sample(episode, bodies, instance_ids)
-        for one in found:
+        for one in found["surfaces"]:
             here = seen.get(one["handle"])
             smooth = fit(here, tuple(one["albedo"]), known=False) if here else None
             if smooth:
