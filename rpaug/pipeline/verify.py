@@ -198,8 +198,10 @@ def _instances(
             if found != pixels:
                 words = f"{name}, frame {t}: {found} pixels of {instance_id}; the report counts {pixels}"
                 yield Finding("bad", key, "instances", words)
-    unknown = _ids(made, times) - {0, *map(int, added), *_parts(given)} - _ids(recorded, times)
-    if unknown and (unknown := unknown - _ids(recorded, range(recorded.length))):
+    unknown = _ids(made, times) - {0, *map(int, added)} - _ids(recorded, times)
+    if unknown:  # all of the recording is looked at only then
+        unknown -= {*_parts(given)} | _ids(recorded, range(recorded.length))
+    if unknown:
         listed = ", ".join(map(str, sorted(unknown)))
         words = f"masks hold {listed}: neither recorded nor put in by the report"
         yield Finding("bad", key, "instances", words)
@@ -213,20 +215,23 @@ def _ids(episode: Episode, times: Sequence[int]) -> set[int]:
 
 def _parts(given: dict[str, Any]) -> Iterator[int]:
     """Instance ids of parts that the edits of a report told apart."""
-    for draw in given["draws"]:
-        if "edit" in draw:
-            for target in plan.targets(recipe.option(draw["op"], draw["fields"]).operator):
-                if target.part is not None:
-                    yield target.part.instance_id
+    for draw in _done(given):
+        for target in plan.targets(recipe.option(draw["op"], draw["fields"]).operator):
+            if target.part is not None:
+                yield target.part.instance_id
 
 
 def _allowed(given: dict[str, Any]) -> Effect:
     """All that the edits of a report may change."""
     allowed = Effect.NONE
-    for draw in given["draws"]:
-        if "edit" in draw:
-            allowed |= registry.operator(draw["op"]).effect
+    for draw in _done(given):
+        allowed |= registry.operator(draw["op"]).effect
     return allowed
+
+
+def _done(given: dict[str, Any]) -> list[dict[str, Any]]:
+    """The draws of a report that changed anything."""
+    return [draw for draw in given["draws"] if not draw.get("skipped") and not draw.get("left_out")]
 
 
 def _robot(key: str, recorded: Episode, made: Episode) -> Iterator[Finding]:

@@ -1,4 +1,4 @@
-"""What edits put in has the ids in the masks that the report says, though masks hold stray ids at the end of their range."""
+"""What edits put in has in the masks the ids that the report says, though stray ids end their range."""
 
 import json
 import shutil
