@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rpaug.core import registry
@@ -22,6 +22,7 @@ def test_halves_depend_on_names_alone_and_are_even() -> None:
     assert sorted(map(list(halves.values()).count, neutral.HALVES)) == [4, 5]
 
 
+@settings(max_examples=50, deadline=None)
 @given(must=IDS, may=IDS)
 def test_the_truth_is_right_with_and_without_what_it_may_hold(must: set, may: set) -> None:
     truth = {"must": must, "may": may}
@@ -29,6 +30,7 @@ def test_the_truth_is_right_with_and_without_what_it_may_hold(must: set, may: se
     assert scoring.grade(truth, must | may, WEIGHTS) == scoring.RIGHT
 
 
+@settings(max_examples=50, deadline=None)
 @given(must=IDS, may=IDS, found=IDS)
 def test_a_role_is_right_only_if_nothing_seen_is_missing_or_added(
     must: set, may: set, found: set
