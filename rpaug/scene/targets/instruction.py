@@ -64,7 +64,7 @@ TRAILING = (
 
 
 @dataclass(frozen=True)
-class Mention:
+class StatedNoun:
     """A noun of an instruction. `place` is "handled", "goal", "source", "owner" of the noun before it, or "aside".
 
     `ranks` are its place and size words, as `relations.RANKS` calls them, `qualifiers` the nouns before it.
@@ -84,10 +84,10 @@ class Mention:
 
 
 @dataclass
-class _Reader:
+class _SentenceReader:
     """Where the reading of a sentence stands."""
 
-    found: list[Mention] = field(default_factory=list)
+    found: list[StatedNoun] = field(default_factory=list)
     run: list[str] = field(default_factory=list)
     verb: str = ""
     place: str = "handled"
@@ -102,7 +102,7 @@ class _Reader:
             tints = [name for word in self.run if (name := color_space.canonical(word))]
             before = self.run[: len(self.run) - 1 - self.run[::-1].index(nouns[-1])]
             self.found.append(
-                Mention(
+                StatedNoun(
                     nouns[-1],
                     self._place(),
                     self.verb,
@@ -121,10 +121,10 @@ class _Reader:
         return "aside" if self.verb in UNMOVED and self.place == "handled" else self.place
 
 
-def mentions(text: str) -> list[Mention]:
+def mentions(text: str) -> list[StatedNoun]:
     """The nouns of one instruction, in order."""
     words = re.findall(r"[a-z]+|[,.;]", text.lower().replace("'s ", " "))
-    reader, at, begins = _Reader(), 0, True
+    reader, at, begins = _SentenceReader(), 0, True
     while at < len(words):
         word, rest = words[at], words[at + 1 :]
         at += 1
@@ -142,7 +142,7 @@ def mentions(text: str) -> list[Mention]:
             if (
                 acts in OPENING and goal and words[at : at + 1] == ["it"]
             ):  # "put it in the drawer and close it"
-                reader.found.append(Mention("it", "handled", acts))
+                reader.found.append(StatedNoun("it", "handled", acts))
         elif word in CLAUSES or not word.isalpha():
             reader.close()
             begins = True
@@ -171,7 +171,7 @@ def _is_particle(word: str, rest: list[str], verb: str) -> bool:
     )
 
 
-def _read(reader: _Reader, word: str, rest: list[str]) -> int:
+def _read(reader: _SentenceReader, word: str, rest: list[str]) -> int:
     """Take in a word that is no verb; how many further words were used up."""
     ahead = [w for w in rest[:3] if w not in ARTICLES]
     side = bool(ahead) and ahead[0] in SIDES
@@ -224,7 +224,7 @@ def _continues(word: str) -> bool:
     return word.isalpha() and word not in CLAUSES | LYING | TOWARDS | ASIDE | {"from", "off", "of"}
 
 
-def _lying(reader: _Reader) -> str:
+def _lying(reader: _SentenceReader) -> str:
     """What "on" and "in" lead to after this verb."""
     last = reader.found[-1] if reader.found else None
     of_part = last is not None and last.is_part and last.place == "handled"

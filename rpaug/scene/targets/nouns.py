@@ -14,7 +14,7 @@ from rpaug.scene.targets.instruction import (
     GRIPPING,
     INDIRECT,
     OPENING,
-    Mention,
+    StatedNoun,
     mentions,
 )
 from rpaug.scene.targets.relations import GRIPS, PARTS, singular
@@ -112,7 +112,7 @@ def named(descriptions: tuple[str, ...]) -> dict[str, list[Meaning]]:
     }
 
 
-def _stated(found: Sequence[Mention]) -> list[Meaning]:
+def _stated(found: Sequence[StatedNoun]) -> list[Meaning]:
     """What the nouns of one instruction stand for."""
     scopes = [_scope(k, found) for k in range(len(found))]
     moved = {one.noun for one, (_, scope) in zip(found, scopes, strict=True) if scope == "moved"}
@@ -132,7 +132,7 @@ def _stated(found: Sequence[Mention]) -> list[Meaning]:
     return out
 
 
-def _scope(at: int, found: Sequence[Mention]) -> tuple[str | None, str]:
+def _scope(at: int, found: Sequence[StatedNoun]) -> tuple[str | None, str]:
     """Role and scope of one noun of an instruction."""
     one = found[at]
     match one.place:

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from analysed import analysed
-from boxes import CABINET, DRAWERS, LEGS, Box, World, chest
+from boxes import CABINET, DRAWERS, HAND, LEGS, TABLE, Box, World, chest
 
 from rpaug.core.errors import TargetError
 from rpaug.core.types import Scene
@@ -130,8 +130,16 @@ def test_a_handle_with_a_mask_of_its_own_is_part_of_its_drawer() -> None:
     knob = drawer.copy()
     knob[:, :3, 3] += (-0.13, 0, 0)
     with_knob = replace(world, boxes={**world.boxes, KNOB: Box((0.07, 0.1, 0.05), knob, (0, 0, 0))})
+    known = {
+        "manipulated": frozenset([KNOB, DRAWERS + 1]),
+        "receiver": frozenset([CABINET, LEGS]),
+        "robot": frozenset([HAND]),
+        "table": frozenset([TABLE]),
+    }
     told = replace(
-        analysed(with_knob.episode()), descriptions=("grip the handle and open the drawer",)
+        analysed(with_knob.episode()),
+        roles=known,
+        descriptions=("grip the handle and open the drawer",),
     )
     assert find(told, Target(text="the handle")) == {KNOB}
     assert find(told, Target(text="the middle drawer")) == {KNOB, DRAWERS + 1}
