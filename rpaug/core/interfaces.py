@@ -91,6 +91,10 @@ class Operator(metaclass=Validated):
         """What an instruction must follow. An instance with more appearances than `Painted` has no true color word."""
         return ()
 
+    def falls_short(self, edit: Edit) -> str:
+        """In words, what of the wish the edit does not fulfil for want of room or the like; "" if nothing."""
+        return ""
+
 
 class Adapter(ABC):
     """One dataset layout: where its episodes are, how to read one, how to write one.
