@@ -91,9 +91,9 @@ class Operator(metaclass=Validated):
         """What an instruction must follow. An instance with more appearances than `Painted` has no true color word."""
         return ()
 
-    def falls_short(self, edit: Edit) -> str:
-        """In words, what of the wish the edit does not fulfil for want of room or the like; "" if nothing."""
-        return ""
+    def falls_short(self, edit: Edit) -> Mapping[str, tuple[int, int]]:
+        """What of the wish the edit could not fulfil: in words, and how many of how many things it befell, 0 too."""
+        return {}
 
 
 class Adapter(ABC):

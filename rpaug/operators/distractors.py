@@ -1,7 +1,7 @@
 """Put things onto the table that have nothing to do with the task."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
@@ -46,6 +46,9 @@ def _shares(value: dict[str, float]) -> dict[str, float]:
         raise ValueError(f"the shares come to {sum(value.values())}, more than 1")
     return value
 
+
+Group = Bool[np.ndarray, "r c"] | None
+"""The cells that things of a group stand on so far."""
 
 Shares = Annotated[dict[Literal["path", "target"], Unit], AfterValidator(_shares)]
 
@@ -110,21 +113,18 @@ class Distractors(Operator):
     def says(self, edit: Edit) -> tuple[Added, ...]:
         return added(edit)
 
-    def falls_short(self, edit: Edit) -> str:
-        count = len(edit["things"])
-        return "; ".join(
-            f"{missed} of {count} things found no room {self._where(zone)}"
-            for zone, missed in edit.get("elsewhere", {}).items()
-        )
-
-    def _where(self, zone: str) -> str:
+    def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
         near = f"{100 * self.within:.0f} cm of"
+        words = {
+            "path": f"found no room within {near} the gripper's low path",
+            "target": f"found no room within {near} the target",
+            "beyond": f"found no room in the workspace more than {near} target and path",
+            "anywhere": "found no room in the workspace",
+        }
+        elsewhere = edit.get("elsewhere", {})
         return {
-            "path": f"within {near} the gripper's low path",
-            "target": f"within {near} the target",
-            "beyond": f"in the workspace more than {near} target and path",
-            "anywhere": "in the workspace",
-        }[zone]
+            words[zone]: (elsewhere.get(zone, 0), n) for zone, n in edit.get("asked", {}).items()
+        }
 
     def _stood(self, scene: Scene, choices: tuple[Asset, ...], rng: np.random.Generator) -> Edit:
         """Things where they stand, and of which zones some found no room and stand `elsewhere`."""
@@ -136,20 +136,24 @@ class Distractors(Operator):
         views = policy_views.find(scene.episode, target, self.cameras)
         fresh = instance_ids.free(scene, self.count)
         things: list[Edit] = []
+        asked: Counter[str] = Counter()
         elsewhere: Counter[str] = Counter()
-        group: Bool[np.ndarray, "r c"] | None = None
+        group: Group = None
+        # Chances a step apart, so that the shares hold as nearly as so few things allow.
+        start = float(rng.random())
         for number in range(self.count):
             if number % self.groups == 0:
-                wanted, group = self._wanted(rng), None
+                wanted, group = self._wanted((start + number / self.count) % 1), None
+            asked[wanted] += 1
             alike = self._alike(scene, target, choices, rng)
-            for zone in self._order(wanted):
-                close = MARGIN if zone == "anywhere" and group is None else CLOSE
-                stood = _stood_in(room, found[zone], group, close, alike, views, self.hides, rng)
+            for zone, beside in self._order(wanted, group):
+                close = MARGIN if zone == "anywhere" and beside is None else CLOSE
+                stood = _stood_in(room, found[zone], beside, close, alike, views, self.hides, rng)
                 if stood is not None:
                     break
             else:
                 raise Unsupported(
-                    f"there is no room {self._where(wanted)} for thing {number + 1} of {self.count}"
+                    f"thing {number + 1} of {self.count}: there is no room to stand ({wanted})"
                 )
             if zone != wanted:
                 elsewhere[wanted] += 1
@@ -157,11 +161,10 @@ class Distractors(Operator):
             room = room.with_thing(outline)
             group = room.covered(outline) | (False if group is None else group)
             things.append({"handle": fresh[number], **one})
-        return {"things": things, "elsewhere": dict(elsewhere)}
+        return {"things": things, "asked": dict(asked), "elsewhere": dict(elsewhere)}
 
-    def _wanted(self, rng: np.random.Generator) -> str:
-        """The zone that the next things shall stand in."""
-        chance = float(rng.random())
+    def _wanted(self, chance: float) -> str:
+        """The zone that the next things shall stand in, by a chance in 0..1."""
         if isinstance(self.near, str):
             return self.near
         for zone, share in self.near.items():
@@ -170,13 +173,17 @@ class Distractors(Operator):
             chance -= share
         return "beyond"
 
-    def _order(self, wanted: str) -> tuple[str, ...]:
-        """The zones in which to look for room; beside shares, what finds none in one stands in another."""
+    def _order(self, wanted: str, group: Group) -> Iterator[tuple[str, Group]]:
+        """Zones in which to look for room, each beside the group first. What shares or `anywhere` are asked of may
+        stand in another zone."""
+        zones_ = [wanted]
         if wanted == "anywhere":
-            return "anywhere", "outside"
-        if isinstance(self.near, str):
-            return (wanted,)
-        return tuple(dict.fromkeys((wanted, *self.near, "beyond", "outside")))
+            zones_ += ["outside"]
+        elif not isinstance(self.near, str):
+            zones_ += [*self.near, "beyond", "outside"]
+        for zone in dict.fromkeys(zones_):
+            for beside in (group, None) if group is not None else (None,):
+                yield zone, beside
 
     def _alike(
         self,
@@ -220,7 +227,7 @@ def _shaped(
 def _stood_in(
     room: FreeSpace,
     zone: Bool[np.ndarray, "r c"],
-    group: Bool[np.ndarray, "r c"] | None,
+    group: Group,
     margin: float,
     alike: Alike,
     views: PolicyViews,

@@ -172,7 +172,7 @@ def inserted(scene: Scene, edit: Edit) -> Scene:
         red, green, blue = shown["tint"]
         low, high, chroma = shown["gamut"]
         light = Ambience(tuple(shown["light"]), (red, green, blue), (low, high, chroma))
-    new = tuple(_standing(thing, light, scene.episode.length) for thing in edit["things"])
+    new = tuple(inserted_body(thing, light, scene.episode.length) for thing in edit["things"])
     after = replace(scene, bodies=(*scene.bodies, *new), ambience=light or scene.ambience)
     if light is None:
         return after
@@ -188,7 +188,7 @@ def added(edit: Edit) -> tuple[Added, ...]:
     )
 
 
-def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
+def inserted_body(thing: Edit, light: Ambience | None, length: int) -> Body:
     """One thing where it stands over the whole episode; its Gaussians in the scene's light."""
     name, scale, pose = thing["asset"], thing["scale"], np.array(thing["pose"])
     mesh, splats = library.mesh(name), library.gaussians(name)
