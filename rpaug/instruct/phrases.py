@@ -131,11 +131,10 @@ def _groups(text: str) -> Iterator[list[Word]]:
         word = Word(match.group().lower(), match.start(), match.end())
         between = text[before.end : word.start] if before else ""
         apart = bool(re.search(r"[^\s\d-]", between))
-        stops = word.text in STOPS and not _side_of(word, text)
-        if run and (apart or stops):
+        if run and (apart or word.text in STOPS):
             yield run
             run = []
-        if stops:
+        if word.text in STOPS:
             led = word.text not in ("and", "then", "but", "or")
         elif run or _named(word, between) or (led and not apart):
             run.append(word)
@@ -144,12 +143,6 @@ def _groups(text: str) -> Iterator[list[Word]]:
         before = word
     if run:
         yield run
-
-
-def _side_of(word: Word, text: str) -> bool:
-    """Does "left" or "right" tell a thing that follows: "the left door", not "the left of the door"?"""
-    following = re.match(r"[\s-]+([a-z]+)", text[word.end :].lower())
-    return word.text in ("left", "right") and following is not None and following[1] not in STOPS
 
 
 def _named(word: Word, between: str) -> bool:

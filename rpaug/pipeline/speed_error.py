@@ -141,7 +141,7 @@ def _filled(
     ids: Int32[np.ndarray, "h w"],
 ) -> TierView:
     none = depth == 0
-    drawn = Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none)
+    drawn = Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none, none)
     filled = holes.fill(drawn)
     return TierView(filled.image, filled.depth, none)
 

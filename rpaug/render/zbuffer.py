@@ -2,8 +2,10 @@
 
 Each recorded pixel becomes a *surfel*: the piece of plane that covers exactly the pixel's footprint, at the
 recorded depth. Its slope comes from the depth of its neighbours: 1/z is affine in pixel coordinates on a plane,
-so a plane in the world is three numbers in the image. Nothing is triangulated across two objects, so there are no
-rubber sheets, and nothing is splatted as a disc, so there are no cracks.
+so a plane in the world is three numbers in the image. Where a view stretches that piece, a finer recording of the
+place is preferred, and a streak is not drawn: at grazing angles depth between pixels is a guess. Nothing is
+triangulated across two objects, so there are no rubber sheets, and nothing is splatted as a disc, so there are no
+cracks.
 
 Depth is kept as 1/z in the buffer, and everything is computed in the target camera's own frame in float64, so a
 scene far from the world's origin loses nothing. A recorded pixel without depth shows that nothing is there: it counts
@@ -24,6 +26,10 @@ from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 
 SAME_SURFACE = 0.006  # of depth: closer than this, the earlier source is believed
 TOUCH = 0.05  # of that: so close are what was put elsewhere and what it touches there
+COARSER = (
+    1 << 10
+)  # added to the rank each time a view doubles a recorded pixel's length: later than any source
+STREAK = 2  # doublings of its length at which a pixel at least twice as long as wide is not drawn
 BEYOND = 1 << 16  # added to the rank of what reaches past its own pixel: later than any source
 
 
@@ -71,7 +77,8 @@ class Rendered:
     """One view drawn from surfels: every plane comes from the same winner of the same z-buffer.
 
     `rgb` is display sRGB in 0..1; `depth` metres, 0 where nothing is or all is infinitely far; `ids` instance
-    instance ids; `source` the index of the source that won, -1 where none did, which is where `hole` is set.
+    ids; `source` the index of the source that won, -1 where none did, which is where `hole` is set. `rough` is set
+    where a surfel won that is stretched to twice its length, or reaches past its outline: half a guess.
     """
 
     rgb: Float32[np.ndarray, "h w 3"]
@@ -79,6 +86,7 @@ class Rendered:
     ids: Int32[np.ndarray, "h w"]
     source: Int16[np.ndarray, "h w"]
     hole: Bool[np.ndarray, "h w"]
+    rough: Bool[np.ndarray, "h w"]
 
     @property
     def image(self) -> UInt8[np.ndarray, "h w 3"]:
@@ -101,10 +109,10 @@ def render(
 ) -> Rendered:
     """Draw the sources' surfels as the camera `K`, `cam_to_world` of `size` (width, height) sees them.
 
-    The nearest surfel wins, but within `tolerance` (a share) of its depth an earlier source keeps the pixel; and any
-    source comes before all that only reach past their outline or their own pixel. A `carved` source's surfel is
-    dropped where `witness`, looking the same way at the same time, recorded something farther: what one can see
-    through is not there.
+    The nearest surfel wins, but within `tolerance` (a share) of its depth a less stretched one, and of those an
+    earlier source, keeps the pixel; and any source comes before all that only reach past their outline or their own
+    pixel. A `carved` source's surfel is dropped where `witness`, looking the same way at the same time, recorded
+    something farther: what one can see through is not there.
     """
     width, height = size
     nearest = np.full((height, width), -1.0)
@@ -144,7 +152,7 @@ def render(
     rgb /= np.maximum(weight, 1)[..., None]
     with np.errstate(divide="ignore", over="ignore"):
         depth = np.where(nearest > 0, 1.0 / nearest, 0.0).astype(np.float32)
-    return Rendered(rgb=rgb, depth=depth, ids=ids, source=source, hole=source < 0)
+    return Rendered(rgb, depth, ids, source, hole=source < 0, rough=rank >= COARSER)
 
 
 def _won_ids(
@@ -169,7 +177,7 @@ def nearness(source: Source) -> Float64[np.ndarray, "h w"]:
 
 @kernel
 def _draw(
-    near, slope, edge, line, lens, pose, home, target, index, place, seen, witness, back, tolerance, nearest, rank,
+    near, slope, edge, line, lens, pose, home, target, index, first, seen, witness, back, tolerance, nearest, rank,
     source, pixel,
 ):  # fmt: skip
     """Draw one source's surfels: rasterise each footprint, keep the nearest, leave out what was seen through."""
@@ -191,6 +199,12 @@ def _draw(
             area = (x[1] - x[0]) * (y[3] - y[0]) - (y[1] - y[0]) * (x[3] - x[0])
             if not area > 1e-12:  # seen from behind, edge on, or not a number
                 continue
+            place = first
+            if first >= 0:
+                doublings = _doublings(x, y, half)
+                if doublings < 0:
+                    continue
+                place += COARSER * doublings
             # 1/z is affine in the target's pixels too: take it through three corners.
             dx = ((w[1] - w[0]) * (y[3] - y[0]) - (w[3] - w[0]) * (y[1] - y[0])) / area
             dy = ((w[3] - w[0]) * (x[1] - x[0]) - (w[1] - w[0]) * (x[3] - x[0])) / area
@@ -218,6 +232,20 @@ def _draw(
                     rank[v, u] = order
                     source[v, u] = index
                     pixel[v, u] = row * near.shape[1] + column
+
+
+@inlined
+def _doublings(x, y, half):
+    """How often a recorded pixel's length has doubled on the screen, or -1 for a streak.
+
+    Length and width are the singular values of the map from recorded to drawn pixels.
+    """
+    a, b = (x[1] - x[0]) / (2.0 * half), (x[3] - x[0]) / (2.0 * half)
+    c, d = (y[1] - y[0]) / (2.0 * half), (y[3] - y[0]) / (2.0 * half)
+    both, area = a * a + b * b + c * c + d * d, a * d - b * c
+    square = 0.5 * (both + math.sqrt(max(both * both - 4.0 * area * area, 0.0)))
+    doublings = int(0.5 * math.log2(max(square, 1.0)))
+    return -1 if doublings >= STREAK and square >= 2.0 * area else doublings
 
 
 @inlined

@@ -18,7 +18,7 @@ def tilted(hole: np.ndarray) -> Rendered:
     grey = np.where(hole, 0, 0.5).astype(np.float32)[..., None].repeat(3, 2)
     return Rendered(
         rgb=grey, depth=depth, ids=np.where(hole, 0, 1).astype(np.int32),
-        source=np.where(hole, -1, 0).astype(np.int16), hole=hole,
+        source=np.where(hole, -1, 0).astype(np.int16), hole=hole, rough=hole,
     )  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def unchanged(case: Case) -> Rendered:
     view = case.scene.episode.views[case.name]
     none = np.zeros(view.ids(case.t).shape, bool)
     rgb = (view.rgb(case.t) / 255).astype(np.float32)
-    return Rendered(rgb, view.depth(case.t), view.ids(case.t), none.astype(np.int16), none)
+    return Rendered(rgb, view.depth(case.t), view.ids(case.t), none.astype(np.int16), none, none)
 
 
 def sources(case: Case, kept: surfels.Surfels, count: int | None, carve: bool = True) -> Rendered:
@@ -156,7 +156,9 @@ class PerFrame:
         there = replace(self.prepare(case), cameras={case.name: now})
         rgb, depth, ids = gaussian_view.render_view(there, case.name, 0)
         none = depth == 0
-        return Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none)
+        return Rendered(
+            (rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none, none
+        )
 
 
 class WholeEpisode:
@@ -177,7 +179,9 @@ class WholeEpisode:
         there = replace(self.done, cameras=case.scene.cameras)
         rgb, depth, ids = gaussian_view.render_view(there, case.name, case.t)
         none = depth == 0
-        return Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none)
+        return Rendered(
+            (rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none, none
+        )
 
 
 METHODS: dict[str, Callable[[Case], Rendered]] = {

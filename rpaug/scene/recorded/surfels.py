@@ -200,8 +200,8 @@ def _drawn(
         witness=known[0], tolerance=surfels.tolerance,
     )  # fmt: skip
     filled = holes.fill(drawn)
-    # What patches show was invented as much as what single views are filled with.
-    return drawn, replace(filled, hole=drawn.hole | (drawn.source >= len(known)))
+    # Patches and stretched surfels are invented as much as what single views are filled with.
+    return drawn, replace(filled, hole=drawn.hole | drawn.rough | (drawn.source >= len(known)))
 
 
 def _as_recorded(view: CameraView, t: int) -> Rendered:
@@ -210,7 +210,12 @@ def _as_recorded(view: CameraView, t: int) -> Rendered:
     rgb, ids = view.rgb(t), view.ids(t)
     nowhere = np.zeros(ids.shape, bool)
     return Rendered(
-        rgb.astype(np.float32) / 255, view.depth(t), ids, nowhere.astype(np.int16), nowhere
+        rgb.astype(np.float32) / 255,
+        view.depth(t),
+        ids,
+        nowhere.astype(np.int16),
+        nowhere,
+        nowhere.copy(),
     )
 
 
