@@ -96,6 +96,8 @@ def augment(
     if as_json:
         print_json(described)
     else:
+        for words in summary.shortfalls:
+            warn("fell short", words)
         _print_summary(described, summary.lacked, run.adapter.after)
     return code
 

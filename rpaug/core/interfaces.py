@@ -91,6 +91,10 @@ class Operator(metaclass=Validated):
         """What an instruction must follow. An instance with more appearances than `Painted` has no true color word."""
         return ()
 
+    def falls_short(self, edit: Edit) -> Mapping[str, tuple[int, int]]:
+        """What of the wish the edit could not fulfil: in words, and how many of how many things it befell, 0 too."""
+        return {}
+
 
 class Adapter(ABC):
     """One dataset layout: where its episodes are, how to read one, how to write one.

@@ -66,7 +66,7 @@ def rearranged(scene: Scene) -> Scene:
         for name, instance_ids in scene.roles.items()
         if instance_ids & there
     }
-    return replace(recorded(scene), bodies=left, roles=roles)
+    return replace(recorded(scene), bodies=left, recorded_bodies=_seen(scene), roles=roles)
 
 
 def _words(

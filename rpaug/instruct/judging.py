@@ -42,7 +42,7 @@ class Judge:
 
     def __init__(self, recorded: Scene, after: Scene, changes: Changes) -> None:
         self._recorded, self._after, self._changes = recorded, after, changes
-        self._known: dict[tuple[bool, str], frozenset[int] | None] = {}
+        self._known: dict[tuple[bool, str, bool], frozenset[int] | None] = {}
 
     def rewritten(self, text: str) -> str:
         """The instruction with the words that the edits call for. Raises Untrue."""
@@ -76,10 +76,11 @@ class Judge:
                 raise Untrue(f"{phrase.text!r} {what}")
 
     def _stands(self, phrase: InstructionPhrase, beside: bool) -> None:
-        """See that what is told by its place stands as told. Raises Untrue."""
+        """See that what is told by its place stands as told, among as many of its kind. Raises Untrue."""
         moved = self._changes.moved
         given = phrase.rank is not None and phrase.rank.text in PLACES
-        if not moved or not (given or beside):
+        others = self._changes.removed | self._changes.copied if given else frozenset[int]()
+        if not (moved or others) or not (given or beside):
             return
         named = self._named(phrase)
         if named is None:
@@ -87,7 +88,11 @@ class Judge:
         elif beside and named & moved:
             raise Untrue(f"{phrase.text!r} was moved, and the words say where it stands")
         elif given and self._named(phrase, after=True) != named:
-            raise Untrue(f"{phrase.text!r} is another thing now that things were moved")
+            raise Untrue(
+                f"{phrase.text!r} is another thing now that things were moved or taken out"
+            )
+        elif given and others & self._changes.copied & self._of_kind(phrase):
+            raise Untrue(f"one more thing could be {phrase.text!r} now")
 
     def _sized(self, phrase: InstructionPhrase, rank: Word) -> str:
         """The word for its size that is true after the edits. Raises Untrue."""
@@ -211,23 +216,30 @@ class Judge:
     def _named(
         self, phrase: InstructionPhrase, after: bool = False, rank: str | None = None
     ) -> frozenset[int] | None:
-        """The instance ids that a phrase means, in the recorded scene or in what is left; None if that cannot be
-        told.
+        """The instance ids that a phrase means, in the recorded scene or in what is left.
+
+        The instruction's own thing, or else all that fit; None if that cannot be told.
         """
         noun = phrase.nouns[-1] if phrase.nouns else None
         if phrase.color is None and noun and noun not in ANYTHING and not self._meanings(noun):
             return None  # known without a look at any image
-        return self._found(phrase.stated(rank or phrase.ranked), after)
+        stated = phrase.stated(rank or phrase.ranked)
+        found = self._found(stated, after, every=False)
+        return self._found(stated, after) if found is None else found
 
-    def _found(self, stated: str, after: bool) -> frozenset[int] | None:
-        if (after, stated) not in self._known:
+    def _found(self, stated: str, after: bool, every: bool = True) -> frozenset[int] | None:
+        if (after, stated, every) not in self._known:
             try:
                 scene = self._after if after else self._recorded
-                found = targets.find(scene, targets.Target(text=stated, all=True))
+                found = targets.find(scene, targets.Target(text=stated, all=every))
             except (TargetError, ValueError):
                 found = None
-            self._known[after, stated] = found
-        return self._known[after, stated]
+            self._known[after, stated, every] = found
+        return self._known[after, stated, every]
+
+    def _of_kind(self, phrase: InstructionPhrase) -> frozenset[int]:
+        """All that go by the phrase's noun."""
+        return (self._found(phrase.nouns[-1], False) if phrase.nouns else None) or frozenset()
 
     def _fits(self, phrase: InstructionPhrase, instance_id: int) -> bool:
         """Could a thing be called by the phrase's noun? Where the noun says nothing, any may be."""
@@ -238,11 +250,12 @@ class Judge:
             *(scene.roles.get(one.role or "", frozenset()) for one in meanings)
         )
         if any(one.shapes for one in meanings):
-            return instance_id in (self._found(phrase.nouns[-1], False) or frozenset())
+            return instance_id in self._of_kind(phrase)
         return instance_id in named or not meanings
 
     def _meanings(self, noun: str) -> list[Meaning]:
-        return understood(noun, self._recorded.descriptions, self._recorded.roles)
+        found = understood(noun, self._recorded.descriptions)
+        return [one for one in found if one.shapes or one.role in self._recorded.roles]
 
     @cached_property
     def _rows(self) -> dict[int, InstanceSummary]:

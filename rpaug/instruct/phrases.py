@@ -131,10 +131,11 @@ def _groups(text: str) -> Iterator[list[Word]]:
         word = Word(match.group().lower(), match.start(), match.end())
         between = text[before.end : word.start] if before else ""
         apart = bool(re.search(r"[^\s\d-]", between))
-        if run and (apart or word.text in STOPS):
+        stops = word.text in STOPS and not _side_of(word, text)
+        if run and (apart or stops):
             yield run
             run = []
-        if word.text in STOPS:
+        if stops:
             led = word.text not in ("and", "then", "but", "or")
         elif run or _named(word, between) or (led and not apart):
             run.append(word)
@@ -143,6 +144,12 @@ def _groups(text: str) -> Iterator[list[Word]]:
         before = word
     if run:
         yield run
+
+
+def _side_of(word: Word, text: str) -> bool:
+    """Does "left" or "right" tell a thing that follows: "the left door", not "the left of the door"?"""
+    following = re.match(r"[\s-]+([a-z]+)", text[word.end :].lower())
+    return word.text in ("left", "right") and following is not None and following[1] not in STOPS
 
 
 def _named(word: Word, between: str) -> bool:

@@ -166,7 +166,7 @@ def _segments(words: list[str]) -> list[list[str]]:
     out: list[list[str]] = [[]]
     at = 0
     while at < len(words):
-        size = _relation(words[at:]) or int(words[at] == "and")
+        size = relations.relation_at(words, at)[1] or int(words[at] == "and")
         if size:
             out.append([])
             at += size
@@ -191,13 +191,8 @@ def phrases(value: Target) -> list[str]:
         return []
     words, ends, at = text.split(), [], 0
     while at < len(words):
-        size = _relation(words[at:])
+        size = relations.relation_at(words, at)[1]
         at += size or 1
         ends += [at] if size else []
     anchors = [re.sub(r"^(?:the|a|an) ", "", " ".join(words[end:])) for end in reversed(ends)]
     return [anchor for anchor in anchors if anchor and " and " not in anchor]
-
-
-def _relation(words: list[str]) -> int:
-    """How many words the relation takes that they begin with; 0 if they begin with none."""
-    return next((len(s) for s, _ in relations.SPELLED if words[: len(s)] == s), 0)

@@ -4,13 +4,14 @@ from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, UInt8
 from pydantic import AfterValidator, Field
 
 from rpaug.assets import library, settle
 from rpaug.assets.library import Asset
 from rpaug.compose.inserted import draw as draw_all
 from rpaug.core import geometry, instance_ids
+from rpaug.core.color_space import from_linear, nearest, to_linear
 from rpaug.core.errors import RpaugError, Unsupported
 from rpaug.core.interfaces import Added, Edit, Needs, Operator
 from rpaug.core.types import Ambience, Body, Effect, Gaussians, Scene
@@ -18,7 +19,6 @@ from rpaug.operators.fields import Interval
 from rpaug.providers import harmonise
 from rpaug.scene.lighting import ambience, shadows
 from rpaug.scene.placement import standing
-from rpaug.scene.placement.free_space import FreeSpace
 from rpaug.scene.placement.placing import find_free_space, hull
 from rpaug.scene.targets import targets
 
@@ -81,7 +81,7 @@ class Insert(Operator):
         if self.asset is not None:
             choices = (library.get(self.asset),)
         near = None if self.near is None else (targets.find(scene, self.near), self.within)
-        things, _ = draw(scene, find_free_space(scene), choices, 1, self.scale, rng, self.at, near)
+        things = [_draw(scene, choices, self.scale, rng, self.at, near)]
         if not self.harmonise:
             return {"things": things, **AS_IT_COMES}
         return suited(scene, {"things": things, **light(scene)}, self.harmoniser)
@@ -93,42 +93,33 @@ class Insert(Operator):
         return added(edit)
 
 
-def draw(
+def _draw(
     scene: Scene,
-    around: FreeSpace,
     choices: tuple[Asset, ...],
-    count: int,
     scale: float,
     rng: np.random.Generator,
-    at: tuple[float, float] | None = None,
-    near: tuple[frozenset[int], float] | None = None,
-) -> tuple[list[Edit], FreeSpace]:
-    """So many things at rest in the room, and the room that they leave. Raises Unsupported if one finds no place."""
-    things: list[Edit] = []
-    fresh = instance_ids.free(scene, count)
-    for number in range(count):
-        for _ in range(TRIES):
-            asset = choices[int(rng.integers(len(choices)))]
-            turn = float(rng.uniform(-np.pi, np.pi))
-            pose, outline, top = _at_rest(asset.name, scale, turn)
-            beside = None if near is None else standing.beside(scene, near[0], outline, near[1])
-            middle = np.array(at) if at is not None else around.draw(outline, top, rng, beside)
-            if middle is not None and around.free(outline, top, middle):
-                break
-        else:
-            where = f"at {list(at)}" if at is not None else "there" if near else "on the table"
-            raise Unsupported(
-                f"inserting {asset.name}: there is no room {where} for thing {number + 1} of {count}"
-            )
-        around = around.with_thing(outline + middle)
-        pose[:3, 3] += [*middle, around.level]
-        things.append(
-            {"asset": asset.name, "scale": scale, "handle": fresh[number], "pose": pose.tolist()}
-        )
-    return things, around
+    at: tuple[float, float] | None,
+    near: tuple[frozenset[int], float] | None,
+) -> Edit:
+    """A thing at rest on the table. Raises Unsupported if it finds no place."""
+    around = find_free_space(scene)
+    for _ in range(TRIES):
+        asset = choices[int(rng.integers(len(choices)))]
+        turn = float(rng.uniform(-np.pi, np.pi))
+        pose, outline, top = at_rest(asset.name, scale, turn)
+        beside = None if near is None else standing.beside(scene, near[0], outline, near[1])
+        middle = np.array(at) if at is not None else around.draw(outline, top, rng, beside)
+        if middle is not None and around.free(outline, top, middle):
+            break
+    else:
+        where = f"at {list(at)}" if at is not None else "there" if near else "on the table"
+        raise Unsupported(f"inserting {asset.name}: there is no room {where}")
+    pose[:3, 3] += [*middle, around.level]
+    (fresh,) = instance_ids.free(scene, 1)
+    return {"asset": asset.name, "scale": scale, "handle": fresh, "pose": pose.tolist()}
 
 
-def _at_rest(
+def at_rest(
     name: str, scale: float, turn: float
 ) -> tuple[Float64[np.ndarray, "4 4"], Float64[np.ndarray, "k 2"], float]:
     """Pose, outline around the origin and height of a thing at rest on z = 0 with its middle above the origin."""
@@ -181,7 +172,7 @@ def inserted(scene: Scene, edit: Edit) -> Scene:
         red, green, blue = shown["tint"]
         low, high, chroma = shown["gamut"]
         light = Ambience(tuple(shown["light"]), (red, green, blue), (low, high, chroma))
-    new = tuple(_standing(thing, light, scene.episode.length) for thing in edit["things"])
+    new = tuple(inserted_body(thing, light, scene.episode.length) for thing in edit["things"])
     after = replace(scene, bodies=(*scene.bodies, *new), ambience=light or scene.ambience)
     if light is None:
         return after
@@ -190,16 +181,21 @@ def inserted(scene: Scene, edit: Edit) -> Scene:
 
 def added(edit: Edit) -> tuple[Added, ...]:
     """What an edit put in, as the library calls it."""
-    assets = [library.get(thing["asset"]) for thing in edit["things"]]
-    return tuple(Added(asset.category, asset.name, asset.color) for asset in assets)
+    assets = [(library.get(thing["asset"]), thing.get("color")) for thing in edit["things"]]
+    return tuple(
+        Added(asset.category, asset.name, nearest(np.array(color)) if color else asset.color)
+        for asset, color in assets
+    )
 
 
-def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
+def inserted_body(thing: Edit, light: Ambience | None, length: int) -> Body:
     """One thing where it stands over the whole episode; its Gaussians in the scene's light."""
     name, scale, pose = thing["asset"], thing["scale"], np.array(thing["pose"])
     mesh, splats = library.mesh(name), library.gaussians(name)
     if scale != 1.0:
         mesh = replace(mesh, points=scale * mesh.points)
+    if "color" in thing:
+        mesh = replace(mesh, image=_painted(mesh.image, np.array(thing["color"])))
     if splats is not None:
         size = np.float32(scale)
         splats = replace(splats, means=size * splats.means, scales=size * splats.scales)
@@ -212,6 +208,15 @@ def _standing(thing: Edit, light: Ambience | None, length: int) -> Body:
         splats=splats,
         outlined=library.outlined(name),
     )
+
+
+def _painted(
+    image: UInt8[np.ndarray, "h w 3"], color: Float64[np.ndarray, "3"]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """The picture in one display color, as bright here and there as it was beside its mean."""
+    bright = to_linear(image / 255.0).mean(-1, keepdims=True)
+    shown = from_linear(np.clip(to_linear(color) * bright / max(bright.mean(), 1e-6), 0, 1))
+    return np.rint(255 * shown).astype(np.uint8)
 
 
 def _in_light(splats: Gaussians, pose: Float64[np.ndarray, "4 4"], light: Ambience) -> Gaussians:

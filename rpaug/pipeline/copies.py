@@ -56,9 +56,22 @@ class Draw:
         """Plain values, enough to apply the edit again."""
         if self.option is None:
             return {"step": self.step, "skipped": True}
-        came_to = {"left_out": self.left_out} if self.left_out else {"edit": self.edit}
+        came_to: dict[str, Any] = (
+            {"left_out": self.left_out} if self.left_out else {"edit": self.edit}
+        )
+        if short := self._short():
+            came_to["fell_short"] = short
         chosen = {"op": self.option.name, "fields": self.option.fields}
         return {"step": self.step, **chosen, **came_to}
+
+    def _short(self) -> list[str]:
+        """In sentences, what of the edit's wish could not be had."""
+        if self.option is None or self.edit is None:
+            return []
+        found = self.option.operator.falls_short(self.edit)
+        return [
+            f"{missed} of {asked} {words}" for words, (missed, asked) in found.items() if missed
+        ]
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,7 @@ def total(summary: Summary, run: Run) -> None:
     for key, described in rejected.items():
         summary.rejected[key] = "; ".join(described["gates"]["faults"])
     summary.left_out = _left_out(run, [*made, *rejected.values()])
+    summary.fell_short = _fell_short(run, made)
     for described in made:
         if found := described["plan"].get("warnings"):
             summary.warnings[described["source"]] = list(found)
@@ -108,6 +109,27 @@ def _left_out(run: Run, made: Sequence[Mapping[str, Any]]) -> list[dict[str, Any
                         "reason": reasons[0][1],
                     }
                 )
+    return found
+
+
+def _fell_short(run: Run, made: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """What edits could not do as asked, over all copies: which edit, what, and how many things of how many."""
+    found = []
+    for number, step in enumerate(run.recipe.steps):
+        for option in step.options:
+            total: dict[str, list[int]] = {}
+            for draw in (draw for one in made for draw in one["draws"] if draw["step"] == number):
+                drawn = draw.get("op"), draw.get("fields")
+                if draw.get("edit") is None or drawn != (option.name, option.fields):
+                    continue
+                for words, (missed, asked) in option.operator.falls_short(draw["edit"]).items():
+                    before = total.setdefault(words, [0, 0])
+                    total[words] = [before[0] + missed, before[1] + asked]
+            found += [
+                {"step": number, "edit": option.name, "what": words, "count": missed, "of": asked}
+                for words, (missed, asked) in total.items()
+                if missed
+            ]
     return found
 
 

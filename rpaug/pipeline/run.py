@@ -102,6 +102,9 @@ class Summary:
     changed_share: dict[str, float] = field(default_factory=dict)
     warnings: dict[str, list[str]] = field(default_factory=dict)  # by source episode
     left_out: list[dict[str, Any]] = field(default_factory=list)  # edits: where, how often, why
+    fell_short: list[dict[str, Any]] = field(
+        default_factory=list
+    )  # edits: what, how many of how many
     missing: bool = False  # aborted since an episode lacked what an edit is made of
 
     @property
@@ -110,6 +113,14 @@ class Summary:
         return [
             f"{one['edit']}: {one['episodes']} of {one['drawn_in']} episodes lacked it: {one['reason']}"
             for one in self.left_out
+        ]
+
+    @property
+    def shortfalls(self) -> list[str]:
+        """One sentence for each wish that an edit could not fulfil everywhere."""
+        return [
+            f"{one['edit']}: {one['count']} of {one['of']} things {one['what']}"
+            for one in self.fell_short
         ]
 
     @property

@@ -158,6 +158,42 @@ def push() -> World:
     return World(boxes, poses(hand), np.zeros(len(hand)))
 
 
+CABINET, LEGS = 20, 21
+DRAWERS = 30  # + 3 * column + row, columns from the robot's left, rows from below
+
+
+def chest(columns: int, rows: int, moved: int, shuts: bool = False, reach: float = 0.02) -> World:
+    """A cabinet with drawers of one size; the hand pulls one of them 12 cm out, or pushes it in from there.
+
+    `reach` is how far the hand comes, x in metres.
+    """
+    wide, high = 0.4 / columns, 0.3 / rows
+    grip = (reach, 0.2 - wide * (moved // 3 + 0.5), 0.04 + high * (moved % 3 + 0.5))
+    out = tuple(np.array(grip) - (0.12, 0, 0))
+    start, end = (out, grip) if shuts else (grip, out)
+    above = (-0.15, 0.0, 0.4)
+    hand = path(above, start, steps=4)
+    hand = np.concatenate([hand, np.tile(hand[-1:], (3, 1))])
+    grasp = len(hand) - 2
+    hand = np.concatenate([hand, path(start, end, steps=5)])
+    pulled = np.where(np.arange(len(hand)) >= grasp, hand[:, 0], start[0]) - grip[0]
+    things = furniture() | {
+        CABINET: Box((0.3, 0.4, 0.3), at(0.22, 0, 0.19), (200, 170, 120)),
+        LEGS: Box((0.28, 0.38, 0.04), at(0.22, 0, 0.02), (90, 90, 90)),
+        HAND: Box((0.02, 0.1, 0.04), poses(hand), (230, 230, 230)),
+    }
+    for column in range(columns):
+        for row in range(rows):
+            k = 3 * column + row
+            place = np.array([0.14, 0.2 - wide * (column + 0.5), 0.04 + high * (row + 0.5)])
+            shift = pulled if k == moved else np.zeros(len(hand))
+            track = poses(place + shift[:, None] * [1, 0, 0])
+            size = (0.2, wide - 0.02, high - 0.02)
+            things[DRAWERS + k] = Box(size, track if k == moved else track[0], (140, 140, 140))
+    eyes = EYES | {"ahead": (-0.8, 0.05, 0.5)}
+    return World(things, poses(hand), (np.arange(len(hand)) < grasp).astype(float), 80, eyes)
+
+
 def still(length: int) -> World:
     """Nothing moves at all."""
     boxes = furniture() | {HAND: Box((0.05, 0.12, 0.06), at(0.1, 0, 0.3), (230, 230, 230))}

@@ -4,8 +4,10 @@ import json
 from dataclasses import replace
 from functools import cache
 
+import boxes
 import numpy as np
 import pytest
+from analysed import analysed
 from tabletop import gl, instance_id, scene, take
 
 from rpaug import instruct, twin
@@ -76,7 +78,7 @@ class TestFollowed:
         stated = given("put the blue block on the pad")
         (block,) = scene().roles["manipulated"]
         judge = Judge(scene(), scene(), Changes(words={block: "navy"}))
-        judge._found = lambda stated, after: frozenset([block])  # type: ignore[method-assign]
+        judge._found = lambda *_, **__: frozenset([block])  # type: ignore[method-assign]
         assert judge.rewritten(stated.descriptions[0]) == stated.descriptions[0]
 
     def patterned(self, texture: str) -> dict:
@@ -92,7 +94,7 @@ class TestFollowed:
         ):
             judge = Judge(scene(), scene(), Changes(words={own: "checkered"}))
             known = {"block": other | {own}, f"{block} block": frozenset([own])}
-            judge._found = lambda stated, after, known=known: known.get(stated)  # type: ignore[method-assign]
+            judge._found = lambda stated, *_, known=known, **__: known.get(stated)  # type: ignore[method-assign]
             if told_apart:
                 assert (
                     judge.rewritten(stated.descriptions[0]) == "put the checkered block on the pad"
@@ -120,7 +122,7 @@ class TestFollowed:
     def test_a_pattern_needs_no_color_word_where_the_noun_is_enough(self):
         judge = Judge(scene(), scene(), Changes(words={instance_id("pad"): None}))
         pad = frozenset([instance_id("pad")])
-        judge._found = lambda stated, after: pad if "pad" in stated else frozenset()  # type: ignore[method-assign]
+        judge._found = lambda stated, *_, **__: pad if "pad" in stated else frozenset()  # type: ignore[method-assign]
         assert judge.rewritten("touch the white pad") == "touch the pad"
 
     def test_another_thing_of_that_name_is_refused(self, block):
@@ -205,7 +207,7 @@ def test_numbers_are_no_colors():
 
 # What RLBench's tasks say, and the phrases in it that name a thing: color, word for size or place, nouns.
 RLBENCH = {
-    "open the top drawer": [(None, None, ("top", "drawer"))],
+    "open the top drawer": [(None, "top", ("drawer",))],
     "screw in the blue light bulb": [("blue", None, ("light", "bulb"))],
     "sweep dirt to the short dustpan": [(None, None, ("dirt",)), (None, "short", ("dustpan",))],
     "stack the other cups on top of the red cup": [
@@ -220,12 +222,12 @@ RLBENCH = {
     "put the money away in the safe on the bottom shelf": [
         (None, None, ("money",)),
         (None, None, ("safe",)),
-        (None, None, ("bottom", "shelf")),
+        (None, "bottom", ("shelf",)),
     ],
     "take the steak off the grill": [(None, None, ("steak",)), (None, None, ("grill",))],
     "hang mug on rack": [(None, None, ("mug",)), (None, None, ("rack",))],
     "place 3 cups on the cup holder": [(None, None, ("cups",)), (None, None, ("cup", "holder"))],
-    "turn left tap": [(None, None, ("tap",))],
+    "turn left tap": [(None, "left", ("tap",))],
     "pick up the small cup and put it in the large one": [
         (None, "small", ("cup",)),
         (None, "large", ("cup",)),
@@ -313,7 +315,7 @@ class TestGone:
         assert instruct.followed(stated, []) == stated.descriptions
 
     def test_a_noun_that_means_nothing_here_may_be_what_is_gone(self):
-        stated = "put the block on the gizmo near the pad"
+        stated = "put the block on the pad near the gizmo"
         with pytest.raises(Untrue, match="cannot be told whether 'gizmo'"):
             instruct.followed(edited(scene(), instance_id("cylinder"), stated), [])
 
@@ -343,6 +345,45 @@ class TestGone:
             else:
                 with pytest.raises(Untrue, match="was moved"):
                     instruct.followed(gone, [])
+
+
+class TestParts:
+    """What an instruction tells by its place is told by it still, or the copy is rejected."""
+
+    MIDDLE, TOP = boxes.DRAWERS + 1, boxes.DRAWERS + 2
+    TEXT = "grip the middle handle and pull the middle drawer open"
+
+    @pytest.fixture(scope="class")
+    def chest(self) -> Scene:
+        return analysed(boxes.chest(1, 3, 1).episode())
+
+    def test_its_neighbors_may_change_color(self, chest):
+        told = replace(chest, descriptions=(self.TEXT,))
+        judge = Judge(told, told, Changes(words={self.TOP: "red"}))
+        assert judge.rewritten(self.TEXT) == self.TEXT
+
+    def test_only_the_drawer_that_is_meant_gives_the_color(self, chest):
+        text = "open the gray drawer"
+        told = replace(chest, descriptions=(text,))
+        assert Judge(told, told, Changes(words={self.MIDDLE: "red"})).rewritten(text) == (
+            "open the red drawer"
+        )
+
+    def test_without_its_neighbor_it_is_the_middle_one_no_more(self, chest):
+        with pytest.raises(Untrue, match="another thing now"):
+            instruct.followed(edited(chest, self.TOP, self.TEXT), [])
+
+    def test_a_neighbor_that_is_there_twice_leaves_the_words_unclear(self, chest):
+        told = replace(chest, descriptions=(self.TEXT,))
+        judge = Judge(told, told, Changes(copied=frozenset([self.TOP])))
+        with pytest.raises(Untrue, match="one more thing could be"):
+            judge.rewritten(self.TEXT)
+
+    def test_a_neighbor_that_is_moved_below_makes_it_another(self, chest):
+        (top,) = [body for body in chest.bodies if self.TOP in body.instance_ids]
+        below = top.to_world @ boxes.at(0, 0, -0.3)
+        with pytest.raises(Untrue, match="another thing now"):
+            instruct.followed(edited(chest, self.TOP, self.TEXT, to_world=below), [])
 
 
 @gl

@@ -4,11 +4,13 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64
+from jaxtyping import Bool, Float, Float32, Float64, Int
 
 CELL = 0.01  # metres
+AROUND = (
+    0.2  # metres: what stands with its middle in a part of the room reaches no farther out of it
+)
 MARGIN = 0.05  # metres to other things, as COLOSSEUM keeps them apart
-SWEEPS = 64  # frames looked at for what moves
 
 
 @dataclass(frozen=True)
@@ -25,10 +27,15 @@ class FreeSpace:
     still: Float32[np.ndarray, "r c"]
     swept: Float32[np.ndarray, "r c"]
 
-    def spots(self, outline: Float[np.ndarray, "k 2"], height: float) -> Bool[np.ndarray, "r c"]:
-        """Cells onto which the middle of a thing may be put; `outline` is convex, in metres around that middle."""
-        close = (self.still < height) | (self.swept < height + MARGIN)
-        taken = cv2.dilate(close.astype(np.uint8), disc(MARGIN))
+    def spots(
+        self, outline: Float[np.ndarray, "k 2"], height: float, margin: float = MARGIN
+    ) -> Bool[np.ndarray, "r c"]:
+        """Cells onto which the middle of a thing may be put; `outline` is convex, in metres around that middle.
+
+        It keeps `margin` metres from what stands and from the way of what moves.
+        """
+        close = (self.still < height) | (self.swept < height + margin)
+        taken = cv2.dilate(close.astype(np.uint8), disc(margin))
         shape = _stamp(outline)
         blocked = cv2.dilate(taken, shape, borderValue=1)
         beside = cv2.dilate((~self.seen).astype(np.uint8), shape, borderValue=1)
@@ -41,6 +48,17 @@ class FreeSpace:
         column, row = np.rint((middle - self.origin) / CELL).astype(int)
         inside = 0 <= row < self.seen.shape[0] and 0 <= column < self.seen.shape[1]
         return inside and bool(self.spots(outline, height)[row, column])
+
+    def near(self, points: Float[np.ndarray, "n k"], within: float) -> Bool[np.ndarray, "r c"]:
+        """Cells whose middle is at most so many metres from one of the points, seen from above."""
+        rim = int(np.ceil(within / CELL)) + 1
+        clear = np.ones([side + 2 * rim for side in self.seen.shape], np.uint8)
+        rows, columns, inside = cells_of(points, self.origin - CELL * rim, clear.shape)
+        clear[rows[inside], columns[inside]] = 0
+        if clear.all():
+            return np.zeros(self.seen.shape, bool)
+        away = cv2.distanceTransform(clear, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        return away[rim:-rim, rim:-rim] * CELL <= within
 
     def at(self, cells: np.ndarray) -> Float64[np.ndarray, "n 2"]:
         """World (x, y) of (row, column) cells."""
@@ -62,12 +80,24 @@ class FreeSpace:
             return None
         return self.at(cells[rng.integers(len(cells)), None])[0]
 
-    def with_thing(self, outline: Float[np.ndarray, "k 2"]) -> "FreeSpace":
-        """The room once something stands there; `outline` is convex, in world metres."""
+    def covered(self, outline: Float[np.ndarray, "k 2"]) -> Bool[np.ndarray, "r c"]:
+        """The cells that a thing with a convex outline, in world metres, stands on."""
         corners = np.rint((outline - self.origin) / CELL).astype(np.int32)
         mask = np.zeros(self.seen.shape, np.uint8)
         cv2.fillConvexPoly(mask, corners, 1)
-        return replace(self, still=np.where(mask > 0, np.float32(0), self.still))
+        return mask > 0
+
+    def with_thing(self, outline: Float[np.ndarray, "k 2"]) -> "FreeSpace":
+        """The room once something stands there; `outline` is convex, in world metres."""
+        return replace(self, still=np.where(self.covered(outline), np.float32(0), self.still))
+
+
+def cells_of(
+    points: Float[np.ndarray, "n k"], origin: Float[np.ndarray, "2"], shape: tuple[int, ...]
+) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+    """Rows and columns of the points' cells, and which of them lie in the room."""
+    columns, rows = np.rint((points[:, :2] - origin) / CELL).astype(int).T
+    return rows, columns, (rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1])
 
 
 def _distances(

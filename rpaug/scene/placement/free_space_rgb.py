@@ -11,8 +11,9 @@ from rpaug.core import geometry, sampling
 from rpaug.core.errors import SourceLacks, TargetError
 from rpaug.core.types import Camera, CameraView, Scene
 from rpaug.scene.instances.ground_plane import rays_of, seen_at
-from rpaug.scene.placement.free_space import CELL, SWEEPS, FreeSpace
+from rpaug.scene.placement.free_space import CELL, FreeSpace
 
+SWEEPS = 64  # frames looked at for what moves
 HIGHEST = 0.3  # metres over the support up to which lines of sight are followed
 STEP = 0.01
 FARTHEST = 1.5  # metres around the middle of the support

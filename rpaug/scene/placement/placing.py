@@ -1,8 +1,7 @@
 """Finds the free space on the scene's support: seen, and free of other things and of all that moves, at all times.
 
 The support is looked at from above in cells of a centimetre. What stands still keeps its cells from its foot up.
-What moves keeps the cells it is ever above, from its lowest point there down by `UNDERNEATH`: undersides of arms are
-seldom seen.
+What moves keeps the cells it ever may be above, as `swept` has it.
 """
 
 from collections.abc import Iterable
@@ -16,16 +15,13 @@ from rpaug.core import geometry, sampling
 from rpaug.core.errors import SourceLacks, TargetError
 from rpaug.core.memo import bare, once
 from rpaug.core.types import Body, CameraView, Scene
-from rpaug.scene.placement import free_space_rgb
-from rpaug.scene.placement.free_space import CELL, SWEEPS, FreeSpace, disc
+from rpaug.scene.placement import free_space_rgb, swept
+from rpaug.scene.placement.free_space import CELL, FreeSpace, cells_of
 
 STILLS = 4  # frames looked at for what stands
 ROUNDS = 16  # the same where all cameras move, and each frame shows another part
 TWICE = 2  # of those show a part of the support, at least
 LEVEL = 0.01  # metres: what is nearer to the plane than this is the support
-REACH = 0.06  # metres: radius of an arm's link, whose sides are seen but not its underside
-UNDERNEATH = 0.06  # metres
-FINGERS = 0.06  # metres around the gripper's tip, whether it is seen or not
 CLOSED = 3  # cells: gaps between pixels of the support that count as seen
 
 
@@ -51,7 +47,7 @@ def _room(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
     low, high = points[:, :2].min(0), points[:, :2].max(0)
     shape = tuple((np.ceil((high - low) / CELL).astype(int) + 1)[::-1])
     seen = np.zeros(shape, np.uint8)
-    rows, columns, inside = _cells(points, low, shape)
+    rows, columns, inside = cells_of(points, low, shape)
     seen[rows[inside], columns[inside]] = 1
     seen = cv2.morphologyEx(seen, cv2.MORPH_CLOSE, np.ones((CLOSED, CLOSED), np.uint8))
     showing = seen > 0
@@ -60,7 +56,8 @@ def _room(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
     nothing = np.full(shape, np.inf, np.float32)
     empty = FreeSpace(low, level, showing, nothing, nothing)
     gone = leaving | support
-    return _swept(_standing(empty, scene, gone), scene, gone)
+    standing = _standing(empty, scene, gone)
+    return replace(standing, swept=swept.lowest(standing, scene, gone))
 
 
 def hull(points: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, "k 2"]:
@@ -170,7 +167,7 @@ def _standing(free_space: FreeSpace, scene: Scene, gone: frozenset[int]) -> Free
         own = geometry.transform(geometry.inverse(recorded.to_world[0]), clouds[source])
         points = geometry.transform(body.to_world[0], body.scale * own)
         height = points[:, 2] - free_space.level
-        rows, columns, inside = _cells(points, free_space.origin, still.shape)
+        rows, columns, inside = cells_of(points, free_space.origin, still.shape)
         # Of the support's own kind: a floor below, a wall beside.
         inside &= height > -LEVEL
         if inside.any():
@@ -198,40 +195,6 @@ def _closed(height: Float32[np.ndarray, "r c"]) -> Float32[np.ndarray, "r c"]:
     return np.where(closed < 1e2, closed, np.float32(np.inf))
 
 
-def _swept(free_space: FreeSpace, scene: Scene, gone: frozenset[int]) -> FreeSpace:
-    """What moves takes the cells it is ever above, from its lowest point there, and a little less."""
-    moving = [h for body in scene.tracked if body.motion != "static" for h in body.instance_ids]
-    moving += list(scene.roles.get("robot", ()))
-    whole = scene.roles.get("manipulated", frozenset())
-    swept = np.full(free_space.swept.shape, 1e3, np.float32)
-    for t in sampling.frames(scene.episode.length, SWEEPS) if moving else ():
-        for view in scene.episode.views.values():
-            assert view.depth is not None
-            assert view.ids is not None
-            ids, depth = view.ids(t), view.depth(t)
-            for instance_id in np.intersect1d(ids, moving).tolist():
-                if instance_id in gone:
-                    continue
-                use = (ids == instance_id) & (depth > 0) & np.isfinite(depth)
-                points = _lifted(view, t, depth, use)
-                height = points[:, 2] - free_space.level
-                if instance_id in whole and len(height):
-                    height = np.full_like(height, height.min())
-                rows, columns, inside = _cells(points, free_space.origin, swept.shape)
-                np.minimum.at(
-                    swept, (rows[inside], columns[inside]), height[inside].astype(np.float32)
-                )
-    poses = scene.episode.robot.gripper_to_world
-    if poses is not None:
-        rows, columns, inside = _cells(poses[:, :3, 3], free_space.origin, swept.shape)
-        height = (poses[:, 2, 3] - free_space.level).astype(np.float32)
-        tips = np.full_like(swept, 1e3)
-        np.minimum.at(tips, (rows[inside], columns[inside]), height[inside])
-        swept = np.minimum(swept, cv2.erode(tips, disc(FINGERS)))
-    swept = cv2.erode(swept, disc(REACH)) - np.float32(UNDERNEATH)
-    return replace(free_space, swept=np.where(swept < 1e2, swept, np.float32(np.inf)))
-
-
 def _lifted(
     view: CameraView, t: int, depth: Float32[np.ndarray, "h w"], use: Bool[np.ndarray, "h w"]
 ) -> Float64[np.ndarray, "n 3"]:
@@ -240,11 +203,3 @@ def _lifted(
     z = depth[rows, columns].astype(np.float64)
     local = geometry.lifted(columns, rows, z, view.camera.K)
     return geometry.transform(view.camera.cam_to_world[t], local)
-
-
-def _cells(
-    points: Float[np.ndarray, "n k"], origin: Float[np.ndarray, "2"], shape: tuple[int, ...]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows and columns of the points' cells, and which of them lie in the room."""
-    columns, rows = np.rint((points[:, :2] - origin) / CELL).astype(int).T
-    return rows, columns, (rows >= 0) & (columns >= 0) & (rows < shape[0]) & (columns < shape[1])

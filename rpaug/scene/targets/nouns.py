@@ -3,15 +3,21 @@
 Exact words come first; then, if the extra `words` is installed, a word that means about the same.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
-from rpaug.core import color_space
 from rpaug.core.errors import MissingExtra
 from rpaug.providers.words import synonym
 from rpaug.scene.targets import shapes
-from rpaug.scene.targets.relations import ANYTHING, FILLERS, ORDINALS, RANKS
+from rpaug.scene.targets.instruction import (
+    GRIPPING,
+    INDIRECT,
+    OPENING,
+    StatedNoun,
+    mentions,
+)
+from rpaug.scene.targets.relations import GRIPS, PARTS, singular
 from rpaug.scene.targets.roles import NAMES
 
 ROLES: Mapping[str, str] = {
@@ -33,63 +39,116 @@ HANDLING = frozenset(
 VERBS = HANDLING | {"up", "down", "out", "it", "and", "then", "with", "by", "your"}
 
 
+FURNITURE = frozenset({"cabinet", "cupboard", "dresser", "furniture", "closet", "wardrobe"})
+
+
 @dataclass(frozen=True)
 class Meaning:
-    """What a noun stands for: a role, or the shapes a thing may have. `said` is the word that was understood."""
+    """What a noun stands for: a role, or the shapes a thing may have. `stated` is the word that was understood.
+
+    `scope` says what of a role. "" is all of it; "moved" the one thing that the instruction handles; "goal" where that
+    goes, "part" a part of it; "whole" the piece of furniture; "grip" what the gripper holds of the moved thing;
+    "source" what that stood on at first; "aside" nothing: the noun only says where. `ranks`, `color` and `qualifiers`
+    are the instruction's own words with the noun. `several`: the instruction handles other things as well.
+    """
 
     stated: str
     role: str | None = None
     shapes: frozenset[str] = frozenset()
+    scope: str = ""
+    ranks: tuple[str, ...] = ()
+    color: str | None = None
+    qualifiers: tuple[str, ...] = ()
+    several: bool = False
 
 
-def understood(
-    noun: str, descriptions: Sequence[str], roles: Mapping[str, object]
-) -> list[Meaning]:
+def understood(noun: str, descriptions: Sequence[str]) -> list[Meaning]:
     """The meanings of a noun, the likeliest first; none if it has none here.
 
-    An instruction's nouns stand for the roles of what it names ("open the drawer": the drawer is what is
-    manipulated), if those roles are known.
+    An instruction's nouns stand for the roles of what it names: in "open the drawer" the drawer is manipulated.
     """
-    exact = _exact(noun, descriptions, roles)
+    exact = _exact(noun, descriptions)
     if exact:
         return exact
-    known = sorted({*ROLES, *shapes.WORDS, *named(descriptions), *NAMES})
+    known = sorted({*ROLES, *shapes.WORDS, *named(tuple(descriptions)), *NAMES})
     try:
         other = synonym(noun, known)
     except MissingExtra:
         return []
-    return _exact(other, descriptions, roles) if other else []
+    return _exact(other, descriptions) if other else []
 
 
-def _exact(noun: str, descriptions: Sequence[str], roles: Mapping[str, object]) -> list[Meaning]:
-    singular = noun[:-1] if noun.endswith("s") and not noun.endswith("ss") else noun
-    for word in (noun, singular):
+def _exact(noun: str, descriptions: Sequence[str]) -> list[Meaning]:
+    stated = named(tuple(descriptions))
+    for word in dict.fromkeys((noun, singular(noun))):
         found = []
         if word in NAMES or word in ROLES:
             found.append(Meaning(word, role=ROLES.get(word, word)))
         if word in shapes.WORDS:
             found.append(Meaning(word, shapes=shapes.WORDS[word]))
-        role = named(descriptions).get(word)
-        if role in roles:
-            found.append(Meaning(word, role=role))
+        own = stated.get(singular(word), ())
+        found += own
+        if not own and word in FURNITURE:
+            found.append(Meaning(word, "receiver", scope="whole"))
+        if not own and word in GRIPS:
+            found.append(Meaning(word, "manipulated", scope="grip"))
         if found:
             return found
     return []
 
 
-def named(descriptions: Sequence[str]) -> dict[str, str]:
-    """The nouns of the instructions and the roles they stand for: head nouns only, first instruction first."""
-    out: dict[str, str] = {}
+@cache
+def named(descriptions: tuple[str, ...]) -> dict[str, list[Meaning]]:
+    """What the nouns of the instructions stand for, by their singular; what only says where comes last."""
+    out: dict[str, list[Meaning]] = {}
     for text in descriptions:
-        words = re.findall(r"[a-z]+", text.lower())
-        cut = next((k for k, word in enumerate(words) if word in TOWARDS and k > 1), len(words))
-        for part, role in ((words[:cut], "manipulated"), (words[cut:], "receiver")):
-            nouns = [word for word in part if _is_noun(word)]
-            if nouns:
-                out.setdefault(nouns[-1], role)
+        for meaning in _stated(mentions(text)):
+            known = out.setdefault(singular(meaning.stated), [])
+            if meaning not in known:
+                known.append(meaning)
+    return {
+        noun: [one for one in known if one.scope != "aside"] or known[:1]
+        for noun, known in out.items()
+    }
+
+
+def _stated(found: Sequence[StatedNoun]) -> list[Meaning]:
+    """What the nouns of one instruction stand for."""
+    scopes = [_scope(k, found) for k in range(len(found))]
+    moved = {one.noun for one, (_, scope) in zip(found, scopes, strict=True) if scope == "moved"}
+    out = []
+    for one, (role, scope) in zip(found, scopes, strict=True):
+        if scope == "moved" and one.noun in GRIPS and one.verb in GRIPPING and len(moved) > 1:
+            scope, several = "grip", False
+        else:
+            several = len(moved - GRIPS) > 1
+        out.append(
+            Meaning(
+                one.noun, role, frozenset(), scope, one.ranks, one.color, one.qualifiers, several
+            )
+        )
+        if one.is_part and one.qualifiers and role:  # "the fridge door": the fridge
+            out.append(Meaning(one.qualifiers[-1], role, scope="whole"))
     return out
 
 
-def _is_noun(word: str) -> bool:
-    taken = FILLERS | ANYTHING | VERBS | TOWARDS | set(RANKS) | set(ORDINALS)
-    return word not in taken and color_space.canonical(word) is None
+def _scope(at: int, found: Sequence[StatedNoun]) -> tuple[str | None, str]:
+    """Role and scope of one noun of an instruction."""
+    one = found[at]
+    match one.place:
+        case "handled":
+            indirect = one.verb in INDIRECT or (
+                (one.verb in OPENING or one.switched) and not one.is_part and one.noun != "it"
+            )
+            return "manipulated", "whole" if indirect else "moved"
+        case "goal":
+            owned = one.qualifiers or (at + 1 < len(found) and found[at + 1].place == "owner")
+            return "receiver", "part" if one.noun in PARTS and owned else "goal"
+        case "source":
+            return "manipulated", "source"
+        case "owner" if at and found[at - 1].is_part:
+            if not one.is_part:
+                return _scope(at - 1, found)[0], "whole"
+            if found[at - 1].noun in GRIPS:  # "the handle of the door"
+                return "manipulated", "moved"
+    return None, "aside"

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from rpaug.core import geometry
-from rpaug.core.types import Body, Scene
+from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import SampledFrames
 from rpaug.scene.targets.roles import surface
 
@@ -20,6 +20,7 @@ POINTS = 400  # of each thing, looked at
 SLACK = 0.01  # metres: noise of depth, and outlines cut off by what stands before them
 RESTS = 0.03  # metres of gap that still count as lying on something
 TIE = 0.005  # metres: distances that differ by less are equal
+EVEN = 1.5  # the widest step of a row over its narrowest, from which a part is missing between
 OUTER = 1.0  # percent of the points on each side that do not count for a thing's extent
 
 
@@ -87,15 +88,21 @@ def places(
 def _points(
     scene: Scene, sampled: SampledFrames, instance_ids: Iterable[int]
 ) -> Float64[np.ndarray, "n 3"]:
-    """Surface points in the world at the first frame."""
-    body_of: dict[int, Body] = {h: body for body in scene.bodies for h in body.instance_ids}
-    found = [np.zeros((0, 3))]
-    for instance_id in sorted(instance_ids):
-        if instance_id in body_of:
-            points = surface(sampled, instance_id, body_of[instance_id], POINTS)[0]
-            body = body_of[instance_id]
-            found.append(geometry.transform(body.to_world[0], body.scale * points))
+    """Surface points in the world at the first frame, where edits of the scene put them."""
+    found = [np.zeros((0, 3)), *(stands(scene, sampled, h)[0] for h in sorted(instance_ids))]
     return np.concatenate(found)
+
+
+def stands(
+    scene: Scene, sampled: SampledFrames, instance_id: int, frames: Sequence[int] = (0,)
+) -> list[Float64[np.ndarray, "n 3"]]:
+    """Surface points of an instance in the world at these frames, as recorded or where an edit put and scaled it."""
+    now = next((body for body in scene.bodies if instance_id in body.instance_ids), None)
+    was = next((body for body in scene.tracked if instance_id in body.instance_ids), now)
+    if now is None or was is None:
+        return [np.zeros((0, 3)) for _ in frames]
+    points = now.scale / was.scale * surface(sampled, instance_id, was, POINTS)[0]
+    return [geometry.transform(now.to_world[t], points) for t in frames]
 
 
 def related(
@@ -134,6 +141,8 @@ def _holds(name: str, a: LocatedInstance, anchors: Sequence[LocatedInstance]) ->
         case "in":
             inside = (a.middle[:2] > b.low[:2]) & (a.middle[:2] < b.high[:2])
             return bool(inside.all() and b.low[2] - SLACK < a.low[2] < b.high[2] - SLACK)
+        case "part of":
+            return a.instance_ids <= b.instance_ids
         case "between":
             return _between(a.middle, anchors[0].middle, anchors[1].middle)
     raise ValueError(f"no relation is called {name!r}")
@@ -163,8 +172,15 @@ def gap(a: LocatedInstance, b: LocatedInstance) -> float:
     return float(np.sqrt((apart**2).sum(-1).min()))
 
 
+# Axis of the robot's frame, and which way along it a place word begins to count.
+AXES = {
+    "highest": (2, -1), "lowest": (2, 1), "upper": (2, -1), "lower": (2, 1), "leftmost": (1, -1), "rightmost": (1, 1),
+    "frontmost": (0, 1), "rearmost": (0, -1),
+}  # fmt: skip
+
+
 def ranked(rank: str, candidates: Sequence[LocatedInstance]) -> list[LocatedInstance]:
-    """The candidates from most to least by a rank of `relations.RANKS`."""
+    """The candidates from most to least by a rank of `relations.RANKS`, but for those that `placed` alone can tell."""
     return sorted(candidates, key=lambda one: _key(rank, one))
 
 
@@ -191,3 +207,63 @@ def _key(rank: str, a: LocatedInstance) -> float:
         case "lowest":
             return float(a.low[2])
     raise ValueError(f"no rank is called {rank!r}")
+
+
+def placed(
+    ranks: Sequence[str], ordinal: int, row: Sequence[LocatedInstance]
+) -> list[LocatedInstance]:
+    """The things that place words tell: "top left" those of the top level that are the leftmost there.
+
+    Things that overlap by more than half are on one level. Raises ValueError that says why they settle nothing.
+    """
+    left = list(row)
+    for rank in ranks:
+        if rank == "middle":
+            left = _middle(left)
+        elif rank not in AXES:
+            raise ValueError(f"they are alike in size, so none is the {rank}")
+        else:
+            axis, sign = AXES[rank]
+            steps = levels(left, axis)[::sign]
+            if len(steps) < 2 <= len(left):
+                raise ValueError(f"they are level in that direction, so none is the {rank}")
+            if rank in ("upper", "lower") and len(steps) > 2:
+                raise ValueError(f"of {len(steps)} one above the other, several are {rank}")
+            left = steps[ordinal] if ordinal < len(steps) else []
+    return left
+
+
+def _middle(row: Sequence[LocatedInstance]) -> list[LocatedInstance]:
+    found = [
+        steps[len(steps) // 2]
+        for axis in range(3)
+        if len(steps := levels(row, axis)) > 2 and len(steps) % 2
+    ]
+    if len(found) != 1:
+        raise ValueError(f"of {len(row)} none is the one in the middle")
+    return found[0]
+
+
+def levels(row: Sequence[LocatedInstance], axis: int) -> list[list[LocatedInstance]]:
+    """The things by where they are along an axis of the robot's frame, ascending."""
+    out: list[list[LocatedInstance]] = []
+    for one in sorted(row, key=lambda one: one.middle[axis]):
+        before = out[-1][-1] if out else None
+        if before is not None and before.high[axis] - one.low[axis] > 0.5 * min(
+            before.size[axis], one.size[axis]
+        ):
+            out[-1].append(one)
+        else:
+            out.append([one])
+    return out
+
+
+def even(row: Sequence[LocatedInstance]) -> bool:
+    """Is no part of a row missing between others: are its steps along every axis about equal?"""
+    for axis in range(3):
+        steps = np.diff(
+            [np.mean([one.middle[axis] for one in level]) for level in levels(row, axis)]
+        )
+        if len(steps) and steps.max() > EVEN * steps.min():
+            return False
+    return True

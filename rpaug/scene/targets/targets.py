@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -21,7 +22,8 @@ from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import SampledFrames, look
 from rpaug.scene.targets import places, relations, roles, shapes
 from rpaug.scene.targets.nouns import Meaning, understood
-from rpaug.scene.targets.relations import Phrase
+from rpaug.scene.targets.relations import Phrase, Relation, singular
+from rpaug.scene.targets.resolving import Resolver, why
 from rpaug.scene.targets.survey import InstanceSummary, survey
 
 APART = (
@@ -133,14 +135,14 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
         return wanted
     if target.role is not None:
         if target.role not in scene.roles:
-            raise TargetError(f"{target}: {_why(scene, target.role)}; {_there_is(_rows(scene))}")
+            raise TargetError(f"{target}: {why(scene, target.role)}; {_there_is(_rows(scene))}")
         return scene.roles[target.role]
     assert target.text is not None
     return _by_words(scene, target)
 
 
 def _by_words(scene: Scene, target: Target) -> frozenset[int]:
-    found = _Finder(scene, str(target)).things(relations.parse(target.text or ""))
+    found = _Finder(scene, str(target)).things(relations.parse(target.text or ""), target.all)
     if len(found) > 1 and not target.all:
         raise TargetError(
             f"{target}: {len(found)} things fit: {_list(_firsts(_rows(scene), found))}; "
@@ -161,46 +163,126 @@ class _Finder:
     def _rows(self) -> Sequence[InstanceSummary]:
         return _rows(self._scene)
 
-    def things(self, phrase: Phrase) -> list[frozenset[int]]:
-        """One thing or several that the phrase fits. Raises TargetError if it fits none."""
-        found = self._described(phrase)
+    def things(self, phrase: Phrase, every: bool = False) -> list[frozenset[int]]:
+        """One thing or several that the phrase fits, `every` or the likeliest. Raises TargetError if it fits none."""
+        phrase = self._owned(phrase)
+        found, settled = self._described(phrase, every)
+        if settled:
+            phrase = replace(phrase, ranks=())
         if phrase.spatial:
             found = self._placed(phrase, found)
         if not found:
             raise TargetError(f"{self._stated}: nothing fits; {_there_is(self._rows)}")
         return found
 
-    def _described(self, phrase: Phrase) -> list[frozenset[int]]:
-        """Things with the phrase's role, color and noun, wherever they are."""
-        role = phrase.role
+    def _owned(self, phrase: Phrase) -> Phrase:
+        """ "The cabinet drawer" as "the drawer of the cabinet", where both nouns are known by what they do."""
+        nouns, given = phrase.nouns, self._scene.descriptions
+        if len(nouns) != 2 or any(one.scope == "" for one in understood(nouns[0], given)):
+            return phrase
+        if not understood(nouns[0], given) or nouns[0] in self._qualifiers(nouns[1]):
+            return phrase
+        owner = Relation("part of", (Phrase(nouns=nouns[:1]),))
+        return replace(phrase, nouns=nouns[1:], relations=(*phrase.relations, owner))
+
+    def _described(self, phrase: Phrase, every: bool) -> tuple[list[frozenset[int]], bool]:
+        """Things with the phrase's role, color and noun; and whether they are those that its place words tell."""
+        if phrase.role is not None:
+            return self._playing(phrase.role, phrase), False
+        meanings = self._meanings(phrase)
         for word in phrase.nouns[:-1]:
-            if phrase.color is None:
+            if phrase.color is None and word not in self._qualifiers(phrase.nouns[-1]):
                 raise TargetError(
                     f"{self._stated}: {word!r} is nothing that masks and depth can tell"
                 )
+        every = every or any(noun != singular(noun) for noun in phrase.nouns[-1:])
+        role = next((one.role for one in meanings if one.role and not one.scope), None)
         if role is not None:
-            return self._playing(role, phrase)
-        meanings = self._meanings(phrase)
-        for meaning in meanings:
-            if meaning.role is not None:
-                fits = self._playing(meaning.role, phrase)
-            elif not self._look().cameras:  # without depth nothing has a shape
-                fits = []
-            else:
-                shaped = [row for row in self._movable() if self._shape(row) in meaning.shapes]
-                fits = _bodies(self._colored(phrase, shaped))
-            if fits:
-                return fits
-        if meanings and phrase.color is None:
+            return self._playing(role, phrase), False
+        shaped = self._shaped(phrase, meanings)
+        own, settled, reason = self._own(phrase, meanings, every)
+        meant = frozenset[int]().union(*own)
+        others = [group for group in shaped if not group & meant]
+        if others and len(others) == len(shaped) and self._shaped_otherwise(meant):
+            if not every:
+                raise TargetError(
+                    f"{self._stated}: by the instruction it is {_numbers(meant)}, and that has another shape; by "
+                    f"shape it is {_list(_firsts(self._rows, others))}"
+                )
+            own = []
+        if settled and own and not others:
+            return own, True
+        # The instruction's own thing, if it calls it so without another word; else all of that shape may be meant.
+        bare = any(one.scope and not one.ranks and not one.color for one in meanings)
+        sole = bare and not every and not phrase.spatial
+        found = own if own and sole else [*own, *others]
+        if phrase.ranks and found == own and len(own) == 1:
+            reason = f"of {phrase.nouns[-1]}s one alone is known, and the instruction does not call it so"
+            found = []
+        if found:
+            return found, False
+        if reason and phrase.color is None:
+            raise TargetError(f"{self._stated}: {reason}; {_there_is(self._rows)}")
+        if meanings and (phrase.color is None or settled):
+            return [], False
+        rows = self._movable() if phrase.spatial else self._rows
+        return _bodies(self._colored(phrase, rows)), False
+
+    def _qualifiers(self, noun: str) -> set[str]:
+        """The words that the instruction says before a noun: "wine" of the wine bottle."""
+        found = understood(noun, self._scene.descriptions)
+        return {word for meaning in found for word in meaning.qualifiers}
+
+    def _shaped(self, phrase: Phrase, meanings: Sequence[Meaning]) -> list[frozenset[int]]:
+        """Things of a shape that the noun may mean, and of the phrase's color; none without depth."""
+        wanted = frozenset().union(*(meaning.shapes for meaning in meanings))
+        if not wanted or not self._look().cameras:
             return []
-        return _bodies(self._colored(phrase, self._movable() if phrase.spatial else self._rows))
+        rows = [row for row in self._movable() if self._shape(row) in wanted]
+        return _bodies(self._colored(phrase, rows))
+
+    def _shaped_otherwise(self, meant: frozenset[int]) -> bool:
+        """Is it of a measured shape? What is large, or of several instances, has none."""
+        rows = [row for row in self._rows if row.instance_id in meant]
+        return len(rows) == 1 and bool(self._shape(rows[0]))
+
+    def _own(
+        self, phrase: Phrase, meanings: Sequence[Meaning], every: bool
+    ) -> tuple[list[frozenset[int]], bool, str]:
+        """What the instruction's own noun means: things, whether place words are settled, and why there are none."""
+        reason = ""
+        for meaning in meanings:
+            if not meaning.scope:
+                continue
+            try:
+                found = self._resolver(meaning, phrase)
+            except TargetError as error:
+                reason = reason or str(error)
+                continue
+            wanted = found.all if every and not found.settled else found.likely
+            for groups in (wanted, found.all) if phrase.color else (wanted,):
+                fits = [fit for group in groups if (fit := self._of_color(phrase, group))]
+                if fits or found.settled:
+                    return fits, found.settled, ""
+        return [], False, reason
+
+    def _of_color(self, phrase: Phrase, group: frozenset[int]) -> frozenset[int]:
+        """The instance ids of a thing that have the phrase's color."""
+        if phrase.color is None:
+            return group
+        rows = self._colored(phrase, [row for row in self._rows if row.instance_id in group])
+        return frozenset(row.instance_id for row in rows)
+
+    @cached_property
+    def _resolver(self) -> Resolver:
+        return Resolver(self._scene, self._look())
 
     def _meanings(self, phrase: Phrase) -> list[Meaning]:
         """What the head noun means here. Raises TargetError if it means nothing and there is no color to go by."""
         if not phrase.nouns:
             return []
         noun = phrase.nouns[-1]
-        found = understood(noun, self._scene.descriptions, self._scene.roles)
+        found = understood(noun, self._scene.descriptions)
         if not found and phrase.color is None:
             raise TargetError(
                 f"{self._stated}: {noun!r} is no role, no shape and not in the instruction: such nouns need a detector"
@@ -213,11 +295,9 @@ class _Finder:
         """What has that role and the phrase's color, as one thing."""
         known = self._scene.roles.get(role)
         if not known:
-            raise TargetError(f"{self._stated}: {_why(self._scene, role)}; {_there_is(self._rows)}")
-        if phrase.color is None:
-            return [known & self._scene.instance_ids] if known & self._scene.instance_ids else []
-        rows = self._colored(phrase, [row for row in self._rows if row.instance_id in known])
-        return [frozenset(row.instance_id for row in rows)] if rows else []
+            raise TargetError(f"{self._stated}: {why(self._scene, role)}; {_there_is(self._rows)}")
+        fits = self._of_color(phrase, known & self._scene.instance_ids)
+        return [fits] if fits else []
 
     def _movable(self) -> list[InstanceSummary]:
         """All but robot, table and background, which are meant only by name."""
@@ -252,7 +332,12 @@ class _Finder:
     def _placed(self, phrase: Phrase, found: list[frozenset[int]]) -> list[frozenset[int]]:
         """Of these things those that stand as the phrase says, ranked and counted."""
         anchors = [tuple(map(self._anchor, relation.anchors)) for relation in phrase.relations]
-        taken = frozenset[int]().union(*(group for some in anchors for group in some))
+        beside = [
+            some
+            for relation, some in zip(phrase.relations, anchors, strict=True)
+            if relation.name != "part of"
+        ]
+        taken = frozenset[int]().union(*(group for some in beside for group in some))
         found = [group for group in found if not group & taken]
         groups = [*found, *(group for some in anchors for group in some)]
         where = places.places(self._scene, self._look(), groups)
@@ -265,8 +350,14 @@ class _Finder:
         left = [where[group] for group in found]
         for relation, some in zip(phrase.relations, anchors, strict=True):
             left = places.related(relation.name, left, [where[group] for group in some])
-        if phrase.rank is not None:
-            left = places.ranked(phrase.rank, left)[phrase.ordinal : phrase.ordinal + 1]
+        if len(phrase.ranks) == 1 and phrase.ranks[0] not in ("middle", "upper", "lower"):
+            left = places.ranked(phrase.ranks[0], left)[phrase.ordinal : phrase.ordinal + 1]
+        elif phrase.ranks:
+            try:
+                left = places.placed(phrase.ranks, phrase.ordinal, left)
+            except ValueError as error:
+                listed = _list(_firsts(self._rows, found))
+                raise TargetError(f"{self._stated}: {error}: {listed}") from error
         return [place.instance_ids for place in left]
 
     def _anchor(self, phrase: Phrase) -> frozenset[int]:
@@ -291,21 +382,6 @@ def _firsts(
 
 def _rows(scene: Scene) -> tuple[InstanceSummary, ...]:
     return survey(scene.episode, scene.bodies, scene.roles)
-
-
-def _why(scene: Scene, role: str) -> str:
-    """Why a role is not known."""
-    if not scene.bodies:
-        return "the episode has no depth or no instance masks, so no role is known"
-    if scene.episode.length < 2:
-        return f"one frame alone does not show what is the {role}"
-    if role in ("manipulated", "receiver") and "manipulated" not in scene.roles:
-        views = scene.episode.views.values()
-        unknown = next((v.proxy.unknown for v in views if v.proxy and v.proxy.unknown), None)
-        return unknown or f"nothing was seen to be moved by the robot, so there is no {role}"
-    if role == "receiver":
-        return "what was moved touches nothing at the end, so there is no receiver"
-    return f"nothing was seen to be the {role}"
 
 
 def _numbers(instance_ids: Iterable[int]) -> str:

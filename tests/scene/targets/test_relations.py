@@ -24,10 +24,10 @@ def thing(
     ("text", "expected"),
     [
         ("the red receiver", Phrase("red", "receiver")),
-        ("the small coffee cup", Phrase(nouns=("coffee", "cup"), rank="smallest")),
-        ("second largest block", Phrase(nouns=("block",), rank="largest", ordinal=1)),
-        ("the closest block", Phrase(nouns=("block",), rank="frontmost")),
-        ("the block that is farthest", Phrase(nouns=("block",), rank="rearmost")),
+        ("the small coffee cup", Phrase(nouns=("coffee", "cup"), ranks=("smallest",))),
+        ("second largest block", Phrase(nouns=("block",), ranks=("largest",), ordinal=1)),
+        ("the closest block", Phrase(nouns=("block",), ranks=("frontmost",))),
+        ("the block that is farthest", Phrase(nouns=("block",), ranks=("rearmost",))),
     ],
 )
 def test_attributes(text: str, expected: Phrase) -> None:
@@ -82,13 +82,13 @@ def test_parsing_ends_in_a_phrase_or_a_reason(text: str) -> None:
     found: Phrase | None = None
     with contextlib.suppress(ValueError):
         found = parse(text)
-    assert found is None or found.nouns or found.rank or found.color or found.role or text
+    assert found is None or found.nouns or found.ranks or found.color or found.role or text
 
 
 @pytest.mark.parametrize("spelling", [s for spellings in RELATIONS.values() for s in spellings])
 def test_every_spelling_is_understood(spelling: str) -> None:
     anchors = "the bowl and the can" if "between" in spelling else "the bowl"
-    (relation,) = parse(f"the cup {spelling} {anchors}").relations
+    (relation,) = parse(f"the lid {spelling} {anchors}").relations
     assert spelling in RELATIONS[relation.name]
 
 
@@ -133,7 +133,7 @@ def test_closest_keeps_ties() -> None:
     assert related("closest to", [], [anchor]) == []
 
 
-@pytest.mark.parametrize("rank", sorted(set(RANKS.values())))
+@pytest.mark.parametrize("rank", sorted(set(RANKS.values()) - {"middle", "upper", "lower"}))
 def test_every_rank_sorts(rank: str) -> None:
     things = [thing(0.1 * k, 0.1 * k, 0.1 * k, 0.02 + 0.01 * k, instance_id=k) for k in range(3)]
     order = [next(iter(one.instance_ids)) for one in ranked(rank, things)]

@@ -1,0 +1,80 @@
+"""Which parts of the free space matter to a policy: by the target, by the gripper's low path, inside its workspace."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from rpaug.core.types import Scene
+from rpaug.scene.placement.free_space import CELL, FreeSpace
+from rpaug.scene.placement.placing import points_of
+
+LOW = 0.3  # metres over the support: a gripper that goes higher passes over what stands there
+REACH = 0.2  # metres around where the gripper went: the policy's workspace
+ACTED_ON = ("manipulated", "receiver")  # the first that a scene has is the target
+
+Box = tuple[tuple[float, float], tuple[float, float]]
+"""(x, y) of the lowest and of the highest corner, world metres."""
+
+
+@dataclass(frozen=True)
+class Zones:
+    """Cells of a free space, by where their middles lie: `path` and `target` near the one and the other, `beyond` near
+    neither, all inside the workspace; `outside` of it the rest."""
+
+    path: Bool[np.ndarray, "r c"]
+    target: Bool[np.ndarray, "r c"]
+    beyond: Bool[np.ndarray, "r c"]
+    outside: Bool[np.ndarray, "r c"]
+
+    def __getitem__(self, name: str) -> Bool[np.ndarray, "r c"]:
+        """One of the zones, or `anywhere` for all of the workspace."""
+        return ~self.outside if name == "anywhere" else getattr(self, name)
+
+
+def find(scene: Scene, room: FreeSpace, within: float, box: Box | None) -> Zones:
+    """The zones of a free space; `box` is the workspace, None for that of `workspace`.
+
+    Near is at most `within` metres from the target's recorded surface, as it stood at first, or from where the
+    gripper's tip went no higher than `LOW`; both seen from above.
+    """
+    box = box or workspace(scene)
+    path = low_path(scene, room.level)
+    target = points_of(scene, acted_on(scene))
+    inside: Bool[np.ndarray, "r c"] = np.ones(room.seen.shape, bool)
+    if box is not None:
+        at = room.at(np.argwhere(inside)).reshape(*inside.shape, 2)
+        inside &= ((at >= np.array(box[0])) & (at <= np.array(box[1]))).all(-1)
+    # A cell's middle may be half a cell from the point that it holds.
+    by_path, by_target = (room.near(points, within - CELL) for points in (path, target))
+    beyond = ~room.near(np.concatenate([path, target]), within + CELL)
+    return Zones(by_path & inside, by_target & inside, beyond & inside, ~inside)
+
+
+def acted_on(scene: Scene) -> frozenset[int]:
+    """The target: what the robot manipulates, else what it acts on; empty where neither is known."""
+    return next((ids for role in ACTED_ON if (ids := scene.roles.get(role))), frozenset())
+
+
+def low_path(scene: Scene, level: float) -> Float64[np.ndarray, "n 3"]:
+    """Where the gripper's tip went low over the support, in steps of a cell at most."""
+    poses = scene.episode.robot.gripper_to_world
+    if poses is None:
+        return np.zeros((0, 3))
+    tips = poses[:, :3, 3]
+    steps = np.ceil(np.linalg.norm(np.diff(tips, axis=0), axis=1) / CELL).astype(int).clip(1)
+    between = [
+        np.linspace(start, end, count, endpoint=False)
+        for start, end, count in zip(tips[:-1], tips[1:], steps.tolist(), strict=True)
+    ]
+    path = np.concatenate([*between, tips[-1:]])
+    return path[path[:, 2] < level + LOW]
+
+
+def workspace(scene: Scene) -> Box | None:
+    """The upright box around all that the gripper's tip reached and `REACH` more; None without its poses."""
+    poses = scene.episode.robot.gripper_to_world
+    if poses is None:
+        return None
+    low, high = poses[:, :2, 3].min(0) - REACH, poses[:, :2, 3].max(0) + REACH
+    return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
