@@ -17,7 +17,7 @@ from rpaug.core.types import CameraView, Episode, Scene, Sensor
 from rpaug.render import holes
 from rpaug.render.composite import composite
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene.recorded import surface, surfels
+from rpaug.scene.recorded import pooled, surface, surfels
 
 if TYPE_CHECKING:
     from rpaug.gaussians import fill_gaussians
@@ -51,6 +51,7 @@ class RenderedFrame:
 
 
 Watch = Callable[[RenderedFrame], None]
+Pooled = Callable[[], pooled.Pool] | None
 
 
 def edited(
@@ -76,16 +77,18 @@ def edited(
         whole = fill_gaussians.patched(scene, kept)
     views = {}
     for name in scene.episode.views:
+        stands = scene.cameras[name] is scene.episode.views[name].camera
+        pool = partial(pooled.of_camera, scene.episode, name) if stands else None
         proxy = scene.episode.views[name].proxy
         blank = proxy is not None and proxy.blank
         if representations[name] == 0 and inserted.bodies(scene) and not blank:
-            views[name] = _rendered(scene, name, partial(_recorded, scene, name), watch)
+            views[name] = _rendered(scene, name, partial(_recorded, scene, name, pool), watch)
         elif representations[name] == 0 or blank:
-            views[name] = _composited(scene, name, watch)
+            views[name] = _composited(scene, name, pool, watch)
         elif shared is not None and representations[name] == 1:
-            render = partial(_surfels, near, shared, name)
+            render = partial(_surfels, near, shared, name, pool)
             if blended and blended.get(name):
-                render = partial(_blended, near, shared, name, blended[name])
+                render = partial(_blended, near, shared, name, pool, blended[name])
             views[name] = _rendered(near, name, render, watch)
         else:
             render = partial(_gaussians, scene if whole is None else whole, name)
@@ -114,7 +117,7 @@ def sense(
     return image
 
 
-def _composited(scene: Scene, name: str, watch: Watch) -> CameraView:
+def _composited(scene: Scene, name: str, pool: Pooled, watch: Watch) -> CameraView:
     view = scene.episode.views[name]
     if not scene.appearance and not scene.sensor:
         return view
@@ -122,7 +125,7 @@ def _composited(scene: Scene, name: str, watch: Watch) -> CameraView:
     def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
         start = time.thread_time()
         ids = view.ids(t) if view.ids else None
-        surfaces = surface.of_view(view, t, scene.bodies, ids)
+        surfaces = surface.of_view(view, t, scene.bodies, ids, pool)
         before = view.rgb(t)
         image = composite(before, ids, scene.appearance, scene.antialiased, surfaces)
         image = sense(scene.sensor, image, name, t)
@@ -153,7 +156,7 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
     )
 
 
-def _recorded(scene: Scene, name: str, t: int) -> Frame:
+def _recorded(scene: Scene, name: str, pool: Pooled, t: int) -> Frame:
     """What was recorded, with what was inserted."""
     view = scene.episode.views[name]
     depth = surface.depth_of(view, t)
@@ -163,30 +166,40 @@ def _recorded(scene: Scene, name: str, t: int) -> Frame:
         )
     rgb = view.rgb(t)
     ids = view.ids(t) if view.ids else np.zeros(depth.shape, np.int32)
-    return _finished(scene, name, t, (rgb, depth, ids), np.zeros(depth.shape, bool))
+    return _finished(scene, name, pool, t, (rgb, depth, ids), np.zeros(depth.shape, bool))
 
 
-def _surfels(scene: Scene, shared: surfels.Surfels, name: str, t: int) -> Frame:
+def _surfels(scene: Scene, shared: surfels.Surfels, name: str, pool: Pooled, t: int) -> Frame:
     drawn = surfels.view(shared, scene, name, t)
-    return _finished(scene, name, t, (drawn.image, drawn.depth, drawn.ids), drawn.hole)
+    return _finished(scene, name, pool, t, (drawn.image, drawn.depth, drawn.ids), drawn.hole)
 
 
 def _finished(
-    scene: Scene, name: str, t: int, before: inserted.Image, hole: Bool[np.ndarray, "h w"]
+    scene: Scene,
+    name: str,
+    pool: Pooled,
+    t: int,
+    before: inserted.Image,
+    hole: Bool[np.ndarray, "h w"],
 ) -> Frame:
     """The image with what was inserted, and every appearance edit on all of it."""
     camera = scene.cameras[name]
     rgb, depth, ids = inserted.draw(scene, camera, t, before)
-    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies)
+    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool)
     image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces)
     return Frame(image, depth, ids, hole & (ids == before[2]))
 
 
 def _blended(
-    scene: Scene, shared: surfels.Surfels, name: str, instance_ids: frozenset[int], t: int
+    scene: Scene,
+    shared: surfels.Surfels,
+    name: str,
+    pool: Pooled,
+    instance_ids: frozenset[int],
+    t: int,
 ) -> Frame:
     """Surfels, but where both carriers show one of the instance ids everything is the Gaussians'."""
-    base, over = _surfels(scene, shared, name, t), _gaussians(scene, name, t)
+    base, over = _surfels(scene, shared, name, pool, t), _gaussians(scene, name, t)
     ours = np.isin(base.ids, list(instance_ids)) & (over.ids == base.ids) & ~over.hole
     return Frame(
         np.where(ours[..., None], over.rgb, base.rgb),

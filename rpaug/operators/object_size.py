@@ -1,5 +1,6 @@
 """Make a thing larger or smaller where it stands, or about the place where it is gripped."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
@@ -18,10 +19,24 @@ from rpaug.scene.sampled_frames import look
 from rpaug.scene.targets import targets
 
 
+def _names(instance_ids: frozenset[int]) -> str:
+    return ", ".join(map(str, sorted(instance_ids)))
+
+
+def _foot(scene: Scene, instance_ids: frozenset[int]) -> float:
+    """The height on which the instances stand: of one of them the lowest, however little of it was seen."""
+    clouds = placing.points_by_instance_id(scene, instance_ids).values()
+    seen = [points[:, 2] for points in clouds if len(points) >= grip.FEW]
+    return min(float(np.quantile(heights, 0.005)) for heights in seen)
+
+
 def _positive(value: tuple[float, float]) -> tuple[float, float]:
     if not 0.1 <= value[0] <= value[1] <= 10:
         raise ValueError(f"{list(value)} is not within 0.1..10")
     return value
+
+
+SEEN = 0.02  # of its size: changes that are smaller are half a pixel or so
 
 
 Scales = Annotated[Interval[float], AfterValidator(_positive)]
@@ -29,7 +44,7 @@ Scales = Annotated[Interval[float], AfterValidator(_positive)]
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectSize(Operator):
-    """Scale `target` by a factor drawn from `range`, the same along all axes.
+    """Scale `target`, with all that it holds, by a factor drawn from `range`, the same along all axes.
 
     `about` is what stays in place: the middle of its foot, or where the gripper holds it. Only factors are drawn at
     which every contact with the robot, and with what it moves, still holds to within `contact` metres; if `range` has
@@ -50,19 +65,29 @@ class ObjectSize(Operator):
     settles: ClassVar[str] = "size"
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        instance_ids = targets.find(scene, self.target)
+        asked = targets.find(scene, self.target)
         untouched.check_seen(scene, self.target, "resizing")
-        sampled = look(scene.episode)
+        inside, leaving = growing.held(scene, asked)
+        instance_ids = asked | inside
         pivot = self._pivot(scene, instance_ids)
         low, high = self.range
-        worst = None
-        for touched in grip.contacts(scene, sampled, instance_ids, pivot):
+        worst = tightest = None
+        touching = grip.contacts(scene, look(scene.episode), instance_ids, pivot)
+        for touched in (*touching, *self._standing(scene, instance_ids, leaving, pivot)):
             bears = self.contact / max(abs(touched.growth), 1e-9)
             if 1 - bears > high or 1 + bears < low:
                 worst = touched
+            if tightest is None or abs(touched.growth) > abs(tightest.growth):
+                tightest = touched
             low, high = max(low, 1 - bears), min(high, 1 + bears)
         if worst is not None or low > high:
             raise Unsupported(self._reason(worst, instance_ids))
+        seen = max(1 - low, high - 1) >= SEEN
+        if tightest is not None and not seen and max(1 - self.range[0], self.range[1] - 1) >= SEEN:
+            raise Unsupported(
+                f"resizing {_names(instance_ids)}: only at {low:.3g} to {high:.3g} times its size does the contact "
+                f"with {tightest.with_} at frame {tightest.t} hold, which is too little to be seen"
+            )
         high = self._with_room(scene, instance_ids, pivot, low, high)
         return {
             "handles": sorted(instance_ids),
@@ -91,6 +116,23 @@ class ObjectSize(Operator):
         after = replace(scene, bodies=tuple(bodies), recorded_bodies=scene.tracked)
         return shadows.follow(scene, after, edit["lamps"])
 
+    def _standing(
+        self,
+        scene: Scene,
+        instance_ids: frozenset[int],
+        leaving: Mapping[frozenset[int], float],
+        pivot: Float64[np.ndarray, "3"],
+    ) -> Iterator[grip.Contact]:
+        """Contacts at the first frame with what the instances stand on, and with what stands in or on them for now."""
+        still = [b for b in scene.bodies if b.instance_ids & instance_ids and b.motion == "static"]
+        if still:
+            foot = _foot(scene, frozenset().union(*(body.instance_ids for body in still)))
+            yield grip.Contact("what it stands on", 0, pivot[2] - foot)
+        for others, height in leaving.items():
+            yield grip.Contact(
+                f"what it holds for a while ({_names(others)})", 0, height - pivot[2]
+            )
+
     def _with_room(
         self,
         scene: Scene,
@@ -104,9 +146,9 @@ class ObjectSize(Operator):
         where = geometry.transform(body.to_world[0], pivot)
         fits, what = growing.largest(scene, instance_ids, where, high)
         if fits < low:
-            names = ", ".join(map(str, sorted(instance_ids)))
             raise Unsupported(
-                f"resizing {names}: at {low:g} times its size it meets {what}; {fits:.3g} is the most it has room for"
+                f"resizing {_names(instance_ids)}: at {low:g} times its size it meets {what}; "
+                f"{fits:.3g} is the most it has room for"
             )
         return fits
 
@@ -121,7 +163,7 @@ class ObjectSize(Operator):
             x, y = (outline.min(0) + outline.max(0)) / 2
             return geometry.transform(
                 geometry.inverse(body.to_world[0]),
-                np.array([x, y, np.quantile(points[:, 2], 0.005)]),
+                np.array([x, y, _foot(scene, instance_ids)]),
             )
         taken = grip.grasps(scene, body.to_world)
         if not taken:
@@ -131,7 +173,7 @@ class ObjectSize(Operator):
         return geometry.transform(geometry.inverse(body.to_world[taken[0]]), poses[taken[0], :3, 3])
 
     def _reason(self, worst: grip.Contact | None, instance_ids: frozenset[int]) -> str:
-        names = ", ".join(map(str, sorted(instance_ids)))
+        names = _names(instance_ids)
         if worst is None:
             return f"resizing {names}: no factor in {list(self.range)} suits all its contacts"
         nearest = min(self.range, key=lambda scale: abs(scale - 1))

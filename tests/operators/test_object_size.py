@@ -1,11 +1,13 @@
 """A resized thing keeps its foot or its grip, and a grasp that would no longer hold is refused with the number."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 from tabletop import instance_id, scene
 
-from rpaug import twin
+from rpaug import Episode, twin
 from rpaug.core.errors import Unsupported
 from rpaug.operators.object_size import ObjectSize
 from rpaug.pipeline.contracts import OperatorContract, shown
@@ -114,3 +116,63 @@ def test_what_lies_in_another_thing_does_not_come_out_of_its_sides():
     assert free_space < 1.3 * wide
     assert fits * wide < free_space + 4 * growing.INSIDE
     assert growing.largest(recorded, frozenset([drawer]), foot, 1.02) == (1.02, None)
+
+
+def test_a_cabinet_takes_its_drawer_along_as_far_as_the_grip_bears():
+    take = twin.perform("open_drawer", 3, frames=17, size=96)
+    recorded = build(take.episode, with_bodies=True)
+    drawer, cabinet = (take.truth.handles[name] for name in ("drawer", "cabinet"))
+    stays, leaves = growing.held(recorded, frozenset([cabinet]))
+    assert drawer in stays
+    assert not leaves
+    alone = Target(handle=cabinet)
+    with pytest.raises(Unsupported, match=r"the gripper"):
+        ObjectSize(target=alone, range=(0.5, 0.6)).sample(recorded, np.random.default_rng(0))
+    operator = ObjectSize(target=alone, range=(0.75, 1.25), contact=0.02)
+    edit = operator.sample(recorded, np.random.default_rng(0))
+    assert {drawer, cabinet} <= set(edit["handles"])
+    after = operator.apply(recorded, edit)
+    assert {b.scale for b in after.bodies if b.instance_ids & {drawer, cabinet}} == {edit["scale"]}
+
+
+def test_a_box_takes_its_lid_along():
+    take = twin.perform("close_box", 3, frames=17, size=96)
+    recorded = build(take.episode, with_bodies=True)
+    lid, box = (frozenset([take.truth.handles[name]]) for name in ("lid", "box"))
+    assert growing.held(recorded, box) == (lid, {})
+
+
+def test_what_is_taken_out_keeps_its_size_and_is_a_contact():
+    take = twin.perform("put_in_box", 0, frames=17, size=96)
+    recorded = build(backwards(take.episode), with_bodies=True)
+    block, box = (frozenset([take.truth.handles[name]]) for name in ("block_plain", "box"))
+    stays, leaves = growing.held(recorded, box)
+    assert not stays
+    assert set(leaves) == {block}
+    floor = min(placing.points_of(recorded, box)[:, 2])
+    assert 0 < leaves[block] - floor < 0.06
+    assert growing.held(build(take.episode, with_bodies=True), box) == (frozenset(), {})
+
+
+def backwards(episode: Episode) -> Episode:
+    """The same episode from its end to its beginning."""
+    last, robot = episode.length - 1, episode.robot
+    views = {
+        name: replace(
+            view,
+            camera=replace(view.camera, cam_to_world=view.camera.cam_to_world[::-1].copy()),
+            rgb=lambda t, view=view: view.rgb(last - t),
+            depth=lambda t, view=view: view.depth(last - t),
+            ids=lambda t, view=view: view.ids(last - t),
+        )
+        for name, view in episode.views.items()
+    }
+    turned = replace(
+        robot,
+        joint_positions=robot.joint_positions[::-1].copy(),
+        joint_velocities=-robot.joint_velocities[::-1],
+        gripper_to_world=robot.gripper_to_world[::-1].copy(),
+        gripper_open=robot.gripper_open[::-1].copy(),
+        extra={},
+    )
+    return replace(episode, views=views, robot=turned, source=None)

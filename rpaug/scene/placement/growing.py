@@ -1,20 +1,80 @@
-"""How far a standing thing can grow before it meets what stands beside it or what moves past."""
+"""What has to be resized with a thing, and how far it can grow before it meets what stands beside it or moves past.
+
+A cabinet holds its drawers and a box its lid: no size suits one of them alone. What holds what is told by where their
+surfaces lie, not by names.
+"""
+
+from collections.abc import Iterable, Mapping
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 
+from rpaug.core import geometry
 from rpaug.core.errors import TargetError
-from rpaug.core.types import Scene
+from rpaug.core.types import Body, Scene
 from rpaug.scene.placement.free_space import CELL, FreeSpace
-from rpaug.scene.placement.placing import find_free_space, hull, points_of
+from rpaug.scene.placement.placing import find_free_space, hull, points_by_instance_id, points_of
 from rpaug.scene.placement.standing import LIFTED
 from rpaug.scene.targets.targets import APART
 
 STEPS = 24  # factors tried between the recorded size and the one asked for
 INSIDE = 0.005  # metres inside or outside of a side, from which on that is clear
 FEW = 8  # points that a growing thing's outside is told by
+HELD = 0.05  # of what was seen of a thing: no more of a solid thing can lie in another that does not hold it
+LID = 0.02  # metres above a thing, up to which what is there lies on it or closes it
+FOOT = 0.02  # quantile of heights that counts as a thing's foot
 OPEN = 0.7  # cosine between a side and the way a thing moves from which on that side is open
+
+
+def held(
+    scene: Scene, instance_ids: frozenset[int]
+) -> tuple[frozenset[int], dict[frozenset[int], float]]:
+    """What some instances hold at first, in them or on them: the ids of what never leaves them, and what does leave.
+
+    Of each body that leaves, by its ids, the height in metres of its foot in the world. A drawer stays, pulled out as
+    it may be, as long as some of it is inside.
+    """
+    apart = instance_ids.union(*(scene.roles.get(role, frozenset()) for role in APART))
+    others = [body for body in scene.tracked if not body.instance_ids & apart]
+    clouds = points_by_instance_id(scene, instance_ids.union(*(b.instance_ids for b in others)))
+    outer = _joined(clouds, instance_ids)
+    stays, leaves = frozenset[int](), dict[frozenset[int], float]()
+    if len(outer) < FEW:
+        return stays, leaves
+    for body in others:
+        own = _joined(clouds, body.instance_ids)
+        if not _held(own, outer):
+            continue
+        if all(_held(geometry.transform(step, own), outer, 0.0) for step in _steps(body)):
+            stays |= body.instance_ids
+        else:
+            leaves[body.instance_ids] = float(np.quantile(own[:, 2], FOOT))
+    return stays, leaves
+
+
+def _joined(
+    clouds: Mapping[int, Float64[np.ndarray, "n 3"]], instance_ids: Iterable[int]
+) -> Float64[np.ndarray, "m 3"]:
+    return np.concatenate([clouds[instance_id] for instance_id in sorted(instance_ids)])
+
+
+def _steps(body: Body) -> Float64[np.ndarray, "k 4 4"]:
+    """How a body is moved from the first frame to each of those where it is elsewhere than in the frame before."""
+    new = np.abs(np.diff(body.to_world, axis=0)).max((1, 2)) > 0
+    return body.to_world[1:][new] @ geometry.inverse(body.to_world[0])
+
+
+def _held(
+    points: Float64[np.ndarray, "n 3"], outer: Float64[np.ndarray, "m 3"], least: float = HELD
+) -> bool:
+    """Whether at least that share of a thing lies in the outline of another, seen from above, and some of it above the
+    other's foot and no higher than a lid would."""
+    low, high = outer[:, 2].min() + INSIDE, outer[:, 2].max() + LID
+    normals, offsets = _sides(hull(outer))
+    within = (points[:, :2] @ normals.T - offsets).max(1, initial=-np.inf) < -INSIDE
+    there = within & (points[:, 2] > low) & (points[:, 2] < high)
+    return bool(within.mean() >= least and there.sum() >= FEW)
 
 
 def largest(
@@ -31,7 +91,7 @@ def largest(
     if wanted <= 1 or len(points) < 4:
         return wanted, None
     inner, what = _within(scene, instance_ids, points, pivot, wanted)
-    if what is not None or instance_ids & moved:
+    if what is not None or instance_ids <= moved:
         return inner, what
     try:
         around = find_free_space(scene, instance_ids)

@@ -11,6 +11,8 @@ from rpaug.core import geometry
 from rpaug.core.errors import SourceLacks
 from rpaug.core.jit import kernel
 from rpaug.core.types import Body, Camera, CameraView, Gaussians
+from rpaug.scene.recorded import pooled
+from rpaug.scene.recorded.pooled import Pool
 
 GRAZING = 0.1  # cosine: a surface seen at a smaller angle is sampled as if at this one
 LONE = 0.5  # of its step: what a side of one pixel counts as bent, since none can see how straight it is
@@ -22,7 +24,10 @@ Depth = Callable[[], Float32[np.ndarray, "h w"]]
 
 @dataclass(frozen=True)
 class PixelSurface:
-    """Pixels of one image, given by flat index; depth is decoded only if somebody asks where they lie."""
+    """Pixels of one image, given by flat index; depth is decoded only if somebody asks where they lie.
+
+    `pool` says what other frames of the same camera showed beside them, None for this one alone.
+    """
 
     rows: Int[np.ndarray, "n"]
     depth: Depth
@@ -30,6 +35,7 @@ class PixelSurface:
     camera: Camera
     t: int
     bodies: Sequence[Body]
+    pool: Callable[[], Pool] | None = None
 
     @property
     def ids(self) -> Int32[np.ndarray, "n"]:
@@ -54,9 +60,9 @@ class PixelSurface:
     @cached_property
     def _in_world(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         depth = np.nan_to_num(self.depth(), posinf=0.0, neginf=0.0)
-        return lift(
-            depth, self.instance_ids, self.camera.K, self.camera.cam_to_world[self.t], self.rows
-        )
+        pool = self.pool() if self.pool else pooled.nothing(*depth.shape)
+        pose = self.camera.cam_to_world[self.t]
+        return lift(depth, self.instance_ids, self.camera.K, pose, self.rows, pool)
 
     @cached_property
     def _in_bodies(self) -> tuple[np.ndarray, np.ndarray]:
@@ -76,6 +82,7 @@ def of_view(
     t: int,
     bodies: Sequence[Body],
     ids: Int32[np.ndarray, "h w"] | None,
+    pool: Callable[[], Pool] | None = None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
     """The surfaces that pixels of one recorded image show, by their flat index; its depth is decoded once at most."""
 
@@ -86,7 +93,7 @@ def of_view(
             raise SourceLacks("this edit needs recorded depth, and this source has none")
         return known
 
-    return of_image(depth, ids, view.camera, t, bodies)
+    return of_image(depth, ids, view.camera, t, bodies, pool)
 
 
 def depth_of(view: CameraView, t: int) -> Float32[np.ndarray, "h w"] | None:
@@ -102,10 +109,11 @@ def of_image(
     camera: Camera,
     t: int,
     bodies: Sequence[Body],
+    pool: Callable[[], Pool] | None = None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
     """The surfaces behind pixels of an image that `camera` took at t, by their flat index."""
     instance_ids = np.zeros((camera.height, camera.width), np.int32) if ids is None else ids
-    return lambda rows: PixelSurface(rows, depth, instance_ids, camera, t, bodies)
+    return lambda rows: PixelSurface(rows, depth, instance_ids, camera, t, bodies, pool)
 
 
 @dataclass(frozen=True)
@@ -178,46 +186,58 @@ def lift(
     K: Float64[np.ndarray, "3 3"],
     pose: Float64[np.ndarray, "4 4"],
     rows: Int[np.ndarray, "n"],
+    pool: Pool,
 ) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n"]]:
     """World points, unit normals towards the camera, and footprints in metres of some pixels.
 
     1/z is affine over the image of a plane. Its slopes are taken within one instance id, and on one side of a crease. A
-    pixel with no neighbour of its instance id faces the camera.
+    pixel with no neighbour of its instance id faces the camera. What `pool` holds of a pixel's place stands for what
+    this image alone shows of it.
     """
-    near = np.zeros(depth.shape)
-    np.divide(1.0, depth, out=near, where=depth > 0)
-    return _lift(near, ids, K, pose, rows)
+    return _lift(depth, ids, K, pose, rows, pool.ids, pool.depths, pool.tolerance)
 
 
 @kernel
 def _lift(
-    near: Float64[np.ndarray, "h w"],
+    depth: Float32[np.ndarray, "h w"],
     ids: Int32[np.ndarray, "h w"],
     K: Float64[np.ndarray, "3 3"],
     pose: Float64[np.ndarray, "4 4"],
     rows: Int[np.ndarray, "n"],
+    pooled_ids: Int32[np.ndarray, "h w slots"],
+    pooled_depths: Float32[np.ndarray, "h w slots 9"],
+    tolerance: float,
 ) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n"]]:
-    """`lift` from 1/z, 0 where depth is not known."""
-    width = near.shape[1]
+    """`lift` with the pool's parts; depth is 0 where it is not known."""
+    width = depth.shape[1]
     focal = np.sqrt(abs(K[0, 0] * K[1, 1]))
     points = np.empty((len(rows), 3), np.float32)
     normals = np.empty((len(rows), 3), np.float32)
     footprint = np.empty(len(rows), np.float32)
     slope = np.zeros(2)
+    around = np.empty(pooled.AROUND, np.float32)
+    near = np.empty(pooled.AROUND)
     for n in range(len(rows)):
         r, c = rows[n] // width, rows[n] % width
-        z = 1.0 / near[r, c] if near[r, c] > 0 else 0.0
+        slot = pooled.find(pooled_ids[r, c], pooled_depths[r, c], ids[r, c], depth[r, c], tolerance)
+        if slot >= 0:
+            around[:] = pooled_depths[r, c, slot]
+        else:
+            pooled.gather(depth, ids, r, c, around)
+        for k in range(pooled.AROUND):
+            near[k] = 1.0 / around[k] if around[k] > 0 else 0.0
+        z = float(around[0]) if around[0] > 0 else 0.0
         x, y = (c - K[0, 2]) / K[0, 0], (r - K[1, 2]) / K[1, 1]
         found = 0
         for axis in range(2):
-            smooth = SMOOTH * near[r, c] / K[axis, axis]
-            slope[axis], known = _slope(near, ids, r, c, axis, smooth)
+            smooth = SMOOTH * near[0] / K[axis, axis]
+            slope[axis], known = _slope(near[0], near[1 + 4 * axis : 5 + 4 * axis], smooth)
             found += known
         a, b, d = x, y, 1.0
         if found == 2:
             # The plane 1/z = g . (x, y, 1) in the camera's frame has the normal g.
             a, b = slope[0] * K[0, 0], slope[1] * K[1, 1]
-            d = near[r, c] - a * x - b * y
+            d = near[0] - a * x - b * y
         length = np.sqrt(a * a + b * b + d * d)
         cosine = (a * x + b * y + d) / (length * np.sqrt(x * x + y * y + 1.0))
         flip = -1.0 / length if cosine > 0 else 1.0 / length
@@ -230,38 +250,27 @@ def _lift(
 
 
 @kernel
-def _slope(
-    near: np.ndarray, ids: np.ndarray, r: int, c: int, axis: int, smooth: float
-) -> tuple[float, bool]:
+def _slope(here: float, beside: np.ndarray, smooth: float) -> tuple[float, bool]:
     """Change of 1/z per pixel along an image axis, and whether there is any neighbour to tell it from.
 
-    The mean of both sides where they differ by less than `smooth`, as on a curved thing; else that of the side which
-    runs on straightest.
+    `beside` are 1/z of the neighbours, the nearer first, on one side and then on the other; 0 is unknown. The mean of
+    both sides where they differ by less than `smooth`, as on a curved thing; else that of the side which runs on
+    straightest.
     """
     least, best, other, sides = np.inf, 0.0, 0.0, 0
-    for side in (-1, 1):
-        j, i = (r, c + side) if axis == 0 else (r + side, c)
-        if not _same(near, ids, r, c, j, i):
+    for side in range(2):
+        one, two = beside[2 * side], beside[2 * side + 1]
+        if one == 0 or here == 0:
             continue
-        step = near[j, i] - near[r, c]
-        bend = LONE * abs(step)
-        j, i = (r, c + 2 * side) if axis == 0 else (r + 2 * side, c)
-        if _same(near, ids, r, c, j, i):
-            bend = abs(near[j, i] - near[r, c] - 2.0 * step)
+        step = one - here
+        bend = LONE * abs(step) if two == 0 else abs(two - here - 2.0 * step)
         sides += 1
         other = best
+        step *= 2 * side - 1
         if bend < least:
-            least, best = bend, side * step
+            least, best = bend, step
         else:
-            other = side * step
+            other = step
     if sides == 2 and abs(best - other) < smooth:
         return (best + other) / 2, True
     return best, sides > 0
-
-
-@kernel
-def _same(near: np.ndarray, ids: np.ndarray, r: int, c: int, j: int, i: int) -> bool:
-    """Are both pixels in the image, of one instance id, and at a known depth?"""
-    if j < 0 or j >= near.shape[0] or i < 0 or i >= near.shape[1]:
-        return False
-    return ids[j, i] == ids[r, c] and near[j, i] > 0 and near[r, c] > 0

@@ -8,7 +8,7 @@ from analytic import BALL, BALL_RADIUS, BOX, TABLE, ball_at, scene
 
 from rpaug import Body, Gaussians, Scene, Unsupported
 from rpaug.core.geometry import rigid, transform
-from rpaug.scene.recorded import surface
+from rpaug.scene.recorded import pooled, surface
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}
 LENGTH = 5
@@ -88,7 +88,12 @@ def test_thin_things_and_missing_depth_give_finite_unit_normals() -> None:
     depth[1, 1] = 2.0
     K = np.array([[50.0, 0, 1], [0, 50, 1], [0, 0, 1]])
     points, normals, footprint = surface.lift(
-        depth, np.arange(9, dtype=np.int32).reshape(3, 3), K, np.eye(4), np.arange(9)
+        depth,
+        np.arange(9, dtype=np.int32).reshape(3, 3),
+        K,
+        np.eye(4),
+        np.arange(9),
+        pooled.nothing(3, 3),
     )
     assert np.allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
     assert np.allclose(normals[4], [0, 0, -1])
