@@ -219,7 +219,9 @@ def _gaussians(shown: "Scene | fill_gaussians.Patched", name: str, t: int) -> Fr
     scene = whole.scene
     rgb, depth, ids, index = gaussian_view.seen(scene, name, t)
     empty = depth == 0
-    drawn = Rendered(rgb.astype(np.float32) / 255, depth, ids, -empty.astype(np.int16), empty, empty)
+    drawn = Rendered(
+        rgb.astype(np.float32) / 255, depth, ids, -empty.astype(np.int16), empty, empty
+    )
     filled = holes.fill(drawn)
     camera = gaussian_view.standing(scene, name)
     rgb, depth, ids = inserted.draw(scene, camera, t, (filled.image, filled.depth, filled.ids))

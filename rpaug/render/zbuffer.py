@@ -3,8 +3,9 @@
 Each recorded pixel becomes a *surfel*: the piece of plane that covers exactly the pixel's footprint, at the
 recorded depth. Its slope comes from the depth of its neighbours: 1/z is affine in pixel coordinates on a plane,
 so a plane in the world is three numbers in the image. Where a view stretches that piece, a finer recording of the
-place is preferred, and a streak is not drawn: at grazing angles depth between pixels is a guess. Nothing is triangulated across two objects, so there are no
-rubber sheets, and nothing is splatted as a disc, so there are no cracks.
+place is preferred, and a streak is not drawn: at grazing angles depth between pixels is a guess. Nothing is
+triangulated across two objects, so there are no rubber sheets, and nothing is splatted as a disc, so there are no
+cracks.
 
 Depth is kept as 1/z in the buffer, and everything is computed in the target camera's own frame in float64, so a
 scene far from the world's origin loses nothing. A recorded pixel without depth shows that nothing is there: it counts
@@ -25,7 +26,9 @@ from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 
 SAME_SURFACE = 0.006  # of depth: closer than this, the earlier source is believed
 TOUCH = 0.05  # of that: so close are what was put elsewhere and what it touches there
-COARSER = 1 << 10  # added to the rank each time a view doubles a recorded pixel's length: later than any source
+COARSER = (
+    1 << 10
+)  # added to the rank each time a view doubles a recorded pixel's length: later than any source
 STREAK = 2  # doublings of its length at which a pixel at least twice as long as wide is not drawn
 BEYOND = 1 << 16  # added to the rank of what reaches past its own pixel: later than any source
 
@@ -106,10 +109,10 @@ def render(
 ) -> Rendered:
     """Draw the sources' surfels as the camera `K`, `cam_to_world` of `size` (width, height) sees them.
 
-    The nearest surfel wins, but within `tolerance` (a share) of its depth a less stretched one, and of those an earlier
-    source, keeps the pixel; and any source comes before all that only reach past their outline or their own pixel. A `carved` source's surfel is
-    dropped where `witness`, looking the same way at the same time, recorded something farther: what one can see
-    through is not there.
+    The nearest surfel wins, but within `tolerance` (a share) of its depth a less stretched one, and of those an
+    earlier source, keeps the pixel; and any source comes before all that only reach past their outline or their own
+    pixel. A `carved` source's surfel is dropped where `witness`, looking the same way at the same time, recorded
+    something farther: what one can see through is not there.
     """
     width, height = size
     nearest = np.full((height, width), -1.0)

@@ -122,6 +122,40 @@ def test_nearest_wins_and_the_earlier_source_within_the_tolerance():
     assert (behind.ids == 20).all()  # hidden is not carved
 
 
+def _painted_plane(eye: tuple[float, float, float], shade: int) -> Source:
+    """The table's plane alone from `eye`, in one grey."""
+    flat = source(eye=eye, at=(0.0, 0.0, 0.0))
+    depth = _plane_depth(flat)
+    rgb = np.full_like(flat.rgb, shade)
+    return replace(
+        flat, rgb=rgb, ids=np.full_like(flat.ids, TABLE), depth=np.where(depth > 0, depth, 0)
+    )
+
+
+def test_a_finer_recording_comes_before_a_stretched_one():
+    above = _painted_plane((0.0, -0.1, 1.0), 200)
+    slanted = _painted_plane((0.0, -1.4, 0.8), 50)
+    view = render(above.K, above.cam_to_world, (96, 80), [slanted, above])
+    middle = np.s_[30:50, 38:58]
+    assert (view.image[middle] == 200).all()
+    alone = render(above.K, above.cam_to_world, (96, 80), [slanted])
+    drawn = ~alone.hole
+    assert drawn[middle].all()
+    assert alone.rough[drawn].any()  # stretched, and said so
+    assert not view.rough[middle].any()
+
+
+def test_streaks_are_not_drawn():
+    """From above, a table seen from its edge is a hole; a camera that only came nearer draws all of it."""
+    grazing = _painted_plane((0.0, -1.4, 0.15), 50)
+    above = look((0.0, -0.1, 1.0), (0.0, 0.0, 0.0))
+    assert render(grazing.K, above, (96, 80), [grazing]).hole[30:50, 38:58].all()
+    far = _painted_plane((0.0, -0.6, 6.0), 50)
+    near = render(far.K, look((0.0, -0.1, 1.0), (0.0, 0.0, 0.0)), (96, 80), [far])
+    assert not near.hole.any()
+    assert near.rough.all()  # one recorded pixel is six
+
+
 def test_colors_never_cross_ids():
     """A red thing on a black one, moved by half a pixel: no pixel is a mixture."""
     K, depth = pinhole(16, 16), np.full((16, 16), 1.0, np.float32)

@@ -156,7 +156,9 @@ class PerFrame:
         there = replace(self.prepare(case), cameras={case.name: now})
         rgb, depth, ids = gaussian_view.render_view(there, case.name, 0)
         none = depth == 0
-        return Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none, none)
+        return Rendered(
+            (rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none, none
+        )
 
 
 class WholeEpisode:
@@ -177,7 +179,9 @@ class WholeEpisode:
         there = replace(self.done, cameras=case.scene.cameras)
         rgb, depth, ids = gaussian_view.render_view(there, case.name, case.t)
         none = depth == 0
-        return Rendered((rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none, none)
+        return Rendered(
+            (rgb / 255).astype(np.float32), depth, ids, -none.astype(np.int16), none, none
+        )
 
 
 METHODS: dict[str, Callable[[Case], Rendered]] = {

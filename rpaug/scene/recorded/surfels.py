@@ -210,7 +210,12 @@ def _as_recorded(view: CameraView, t: int) -> Rendered:
     rgb, ids = view.rgb(t), view.ids(t)
     nowhere = np.zeros(ids.shape, bool)
     return Rendered(
-        rgb.astype(np.float32) / 255, view.depth(t), ids, nowhere.astype(np.int16), nowhere, nowhere.copy()
+        rgb.astype(np.float32) / 255,
+        view.depth(t),
+        ids,
+        nowhere.astype(np.int16),
+        nowhere,
+        nowhere.copy(),
     )
 
 
