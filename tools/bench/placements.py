@@ -70,8 +70,8 @@ def twins(seeds: int, frames: int) -> Iterator[World]:
         yield World(f"twin {task}", scene, roles, gap)
 
 
-def recorded(root: Path) -> Iterator[World]:
-    """The episodes of a dataset."""
+def recorded(root: Path, told: bool) -> Iterator[World]:
+    """The episodes of a dataset; `told`: their scenes are given the true roles."""
     given = next(
         (f / "truth.json" for f in (root, *root.parents) if (f / "truth.json").exists()), None
     )
@@ -82,6 +82,7 @@ def recorded(root: Path) -> Iterator[World]:
         if key in truth:
             found = truth[key]["roles"]
             roles = {role: frozenset(ids["must"]) for role, ids in found.items() if ids["must"]}
+            scene = replace(scene, roles=roles) if told else scene
         yield World(f"{root.name} {Path(key).name}", scene, roles)
 
 
@@ -272,6 +273,9 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=17)
     parser.add_argument(
         "--data", type=Path, nargs="+", default=[], help="recorded datasets, not the twin"
+    )
+    parser.add_argument(
+        "--true-roles", action="store_true", help="scenes are given the true roles of truth.json"
     )
     parser.add_argument("--count", type=int, default=PLACED)
     parser.add_argument("--json", type=Path)

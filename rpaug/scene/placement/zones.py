@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from rpaug.core.errors import TargetError
 from rpaug.core.types import Scene
 from rpaug.scene.placement.free_space import CELL, FreeSpace
 from rpaug.scene.placement.placing import points_of
 
 LOW = 0.3  # metres over the support: a gripper that goes higher passes over what stands there
+HIGH = 0.6  # metres over the support: a robot that works on it, or on what stands on it, gets lower at times
 REACH = 0.2  # metres around where the gripper went: the policy's workspace
 ACTED_ON = ("manipulated", "receiver")  # the first that a scene has is the target
 
@@ -36,11 +38,18 @@ def find(scene: Scene, room: FreeSpace, within: float, box: Box | None) -> Zones
     """The zones of a free space; `box` is the workspace, None for that of `workspace`.
 
     Near is at most `within` metres from the target's recorded surface, as it stood at first, or from where the
-    gripper's tip went no higher than `LOW`; both seen from above.
+    gripper's tip went no higher than `LOW`; both seen from above. Raises TargetError where the tip never
+    came down to `HIGH`: such a support is a floor, and not where the robot works.
     """
     box = box or workspace(scene)
     path = low_path(scene, room.level)
     target = points_of(scene, acted_on(scene))
+    lowest = _tips(scene)[:, 2].min(initial=np.inf) - room.level
+    if HIGH < lowest < np.inf:
+        raise TargetError(
+            f"what was taken for the table lies {100 * lowest:.0f} cm below wherever the gripper went, so it is not "
+            "where the robot works"
+        )
     inside: Bool[np.ndarray, "r c"] = np.ones(room.seen.shape, bool)
     if box is not None:
         at = room.at(np.argwhere(inside)).reshape(*inside.shape, 2)
@@ -58,10 +67,7 @@ def acted_on(scene: Scene) -> frozenset[int]:
 
 def low_path(scene: Scene, level: float) -> Float64[np.ndarray, "n 3"]:
     """Where the gripper's tip went low over the support, in steps of a cell at most."""
-    poses = scene.episode.robot.gripper_to_world
-    if poses is None:
-        return np.zeros((0, 3))
-    tips = poses[:, :3, 3]
+    tips = _tips(scene)
     steps = np.ceil(np.linalg.norm(np.diff(tips, axis=0), axis=1) / CELL).astype(int).clip(1)
     between = [
         np.linspace(start, end, count, endpoint=False)
@@ -73,8 +79,14 @@ def low_path(scene: Scene, level: float) -> Float64[np.ndarray, "n 3"]:
 
 def workspace(scene: Scene) -> Box | None:
     """The upright box around all that the gripper's tip reached and `REACH` more; None without its poses."""
-    poses = scene.episode.robot.gripper_to_world
-    if poses is None:
+    tips = _tips(scene)[:, :2]
+    if not len(tips):
         return None
-    low, high = poses[:, :2, 3].min(0) - REACH, poses[:, :2, 3].max(0) + REACH
+    low, high = tips.min(0) - REACH, tips.max(0) + REACH
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+
+
+def _tips(scene: Scene) -> Float64[np.ndarray, "n 3"]:
+    """Where the gripper's tip is at each frame; nothing where a source does not say."""
+    poses = scene.episode.robot.gripper_to_world
+    return np.zeros((0, 3)) if poses is None else poses[:, :3, 3]

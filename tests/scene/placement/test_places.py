@@ -1,5 +1,7 @@
 """Free places keep their distance from what stands and from what moves; zones and cameras say which of them matter."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -101,6 +103,13 @@ def test_zones_lie_in_the_workspace_and_near_what_they_are_called_by() -> None:
     assert not (found["outside"] & found["anywhere"]).any()
     given = zones.find(scene(), room, 0.15, ((-0.1, -0.1), (0.1, 0.1)))
     assert given["anywhere"].sum() == pytest.approx(441, abs=42)
+
+
+@pytest.mark.gl
+def test_a_floor_below_is_not_where_the_robot_works() -> None:
+    room = placing.find_free_space(scene())
+    with pytest.raises(TargetError, match=r"lies .* cm below wherever the gripper went"):
+        zones.find(scene(), replace(room, level=room.level - 0.75), 0.15, None)
 
 
 def _away(points: np.ndarray, others: np.ndarray) -> np.ndarray:
