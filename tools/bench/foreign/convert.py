@@ -9,6 +9,7 @@ at: the true instance ids by role. `--lerobot` writes OUT/lerobot/<half>/<world>
 import argparse
 import json
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -27,13 +28,22 @@ def read(folder: Path, key: str = "episode0") -> Episode:
     """A neutral folder as an episode."""
     facts = neutral.facts(folder)
     films = {name: neutral.arrays(folder, name) for name in facts["cameras"]}
-    robot = neutral.arrays(folder, "robot")
+    return episode(films, neutral.arrays(folder, "robot"), facts["instruction"], key)
+
+
+def episode(
+    films: Mapping[str, Mapping[str, np.ndarray]],
+    robot: Mapping[str, np.ndarray],
+    instruction: str,
+    key: str,
+) -> Episode:
+    """Films by camera and the robot's record as an episode; where nothing is, the far plane."""
     return Episode.from_arrays(
         {name: film["rgb"] for name, film in films.items()},
         depth={name: np.where(film["ids"] > 0, film["depth"], FAR) for name, film in films.items()},
         masks={name: film["ids"] for name, film in films.items()},
         cameras={name: (film["K"], film["cam_to_world"]) for name, film in films.items()},
-        instruction=facts["instruction"],
+        instruction=instruction,
         joint_positions=robot["joint_positions"],
         gripper_to_world=robot["gripper_to_world"],
         gripper_open=robot["gripper_open"],

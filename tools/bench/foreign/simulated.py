@@ -70,21 +70,22 @@ def edits(model: mujoco.MjModel, fresh: mujoco.MjModel) -> dict[str, np.ndarray]
     return out
 
 
-def load(source: str, folder: Path, hidden: Sequence[str] = ()) -> mujoco.MjModel:
-    """A model from its file, or from its XML, which is then kept in `folder`.
-
-    Handles of mocap bodies are hidden, and bodies whose names begin as `hidden` says.
-    """
+def load(source: str, folder: Path, marks: Sequence[str] = ()) -> mujoco.MjModel:
+    """A model from its file, or from its XML, which is then kept in `folder`."""
     if source.lstrip().startswith("<"):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "model.xml").write_text(source)
         source = str(folder / "model.xml")
-    model = mujoco.MjModel.from_xml_path(source)
-    marks = [
-        model.body_mocapid[body] >= 0 or model.body(body).name.startswith(tuple(hidden))
+    return hidden(mujoco.MjModel.from_xml_path(source), marks)
+
+
+def hidden(model: mujoco.MjModel, marks: Sequence[str]) -> mujoco.MjModel:
+    """The model without the handles of mocap bodies and without bodies whose names begin as `marks` say."""
+    mark = [
+        model.body_mocapid[body] >= 0 or model.body(body).name.startswith(tuple(marks))
         for body in range(model.nbody)
     ]
-    model.geom_group[np.array(marks)[model.geom_bodyid]] = HIDDEN
+    model.geom_group[np.array(mark)[model.geom_bodyid]] = HIDDEN
     return model
 
 

@@ -1,0 +1,274 @@
+"""rpaug's edits of foreign recordings against the same states truly rendered again, by factor and world.
+
+    python -m tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits [--held]
+
+One episode a task, thinned in time. Each factor is drawn from the task's name as on the twin, rendered by the
+simulator (`tools.bench.foreign.changed`, run by --python), asked of rpaug as `tools.bench.edits` asks it, and scored
+alike. What was scored is kept in OUT and not scored again.
+"""
+
+import argparse
+import json
+import subprocess
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpaug import twin
+from rpaug.core import geometry
+from rpaug.core.files import encode_png, write_atomic
+from rpaug.core.types import Episode
+from rpaug.twin.factors import FACTORS
+from rpaug.twin.look import Look
+from rpaug.twin.staging import StagedTask
+from rpaug.twin.truth import Laid
+from tools.bench.foreign import convert, neutral, scoring
+from tools.bench.harness import edits as measured
+from tools.bench.harness import pages
+from tools.bench.harness.cases import CASES, ESTIMATED, TOLD, _things
+from tools.bench.harness.scores import measure
+
+FRAMES = 6  # of an episode, evenly spread
+FACTORS_ASKED = (
+    "object_color", "object_texture", "light_color", "light_direction", "table_color", "table_texture",
+    "background_texture", "camera_pose", "distractor",
+)  # fmt: skip
+LAMP = (twin.TwinLamp(0.4, 0.9),)  # the only one, where its direction changes
+OLD_LIGHT = 0.5  # as the twin's lamps are recorded
+Changes = dict[str, dict[str, Any]]
+
+
+class Trial:
+    """A foreign episode, and what is changed in it: looks in the twin's words, changes in the simulator's."""
+
+    def __init__(self, folder: Path, out: Path) -> None:
+        self.folder, self.out, self.facts = folder, out, neutral.facts(folder)
+        length = len(neutral.arrays(folder, "robot")["gripper_open"])
+        self.frames = np.unique(np.linspace(0, length - 1, FRAMES).round().astype(int)).tolist()
+        self.episode = thinned(convert.read(folder), self.frames)
+        self.looks: dict[str, Look] = {}
+        self.targets: dict[str, tuple[int, ...]] = {}
+        out.mkdir(parents=True, exist_ok=True)
+
+    def changes(self) -> Changes:
+        """What the simulator shall render, by name."""
+        found: Changes = {"lamp": {"lamp": _towards(LAMP[0])}}
+        for factor in FACTORS_ASKED:
+            if targets := self._targets(factor):
+                found[factor] = self._change(factor, targets)
+        return found
+
+    def _targets(self, factor: str) -> tuple[int, ...]:
+        """The instance ids that a factor changes; none where the episode lacks them."""
+        roles = {role: tuple(told["must"]) for role, told in self.facts["roles"].items()}
+        role = {"object": "manipulated", "table": "table", "background": "background"}.get(factor.split("_")[0])
+        everything = tuple(self.facts["ids"].values())
+        self.targets[factor] = everything if role is None else roles[role]
+        return self.targets[factor]
+
+    def _change(self, factor: str, targets: tuple[int, ...]) -> dict[str, Any]:
+        rng = np.random.default_rng(zlib.crc32(f"{self.facts['task']} {factor}".encode()))
+        names = tuple(map(str, targets))
+        start = Look(lamps=LAMP) if factor == "light_direction" else Look()
+        value = _things(self.take(self.episode, Look())) if factor == "distractor" else None
+        look = self.looks[factor] = FACTORS[factor].change(start, names, value, rng)
+        if factor.endswith("color") and factor != "light_color":
+            return {"color": {"id": targets[0], "rgb": look.tints[names[0]]}}
+        if factor.endswith("texture"):
+            cover = look.covers[names[0]]
+            return {"cover": {"ids": targets, "image": self._picture(factor, cover.image), "side": cover.side}}
+        if factor == "light_color":
+            return {"light": (np.array(look.light) / OLD_LIGHT).tolist()}
+        if factor == "light_direction":
+            return {"lamp": _towards(look.lamps[0])}
+        if factor == "camera_pose":
+            return {
+                "bumps": {
+                    name: geometry.rigid(np.array(bump.turn), np.array(bump.shift)).tolist()
+                    for name, bump in look.bumps.items()
+                }
+            }
+        self.targets[factor] = tuple(extra.handle for extra in look.extras)
+        return {"extras": [self._extra(extra) for extra in look.extras]}
+
+    def _extra(self, extra: Any) -> dict[str, Any]:
+        flat = {name: getattr(extra, name).tolist() for name in ("points", "normals", "uv", "faces", "pose")}
+        return flat | {"id": extra.handle, "image": self._picture(extra.name, extra.image)}
+
+    def _picture(self, name: str, image: np.ndarray) -> str:
+        file = self.out / f"{name}.png"
+        file.write_bytes(encode_png(image))
+        return str(file.resolve())
+
+    def take(self, episode: Episode, look: Look, factor: str = "", albedos: Any = None) -> twin.Take:
+        """An episode with its truth as the twin tells it."""
+        names = {str(one): one for one in self.facts["ids"].values()}
+        where = tuple(tuple(row) for row in np.eye(4).tolist())
+        covers = {
+            int(name): Laid(cover=cover, file=f"truth-{cover.kind}-{cover.seed}.png", body_to_world=where)
+            for name, cover in look.covers.items()
+        }
+        truth = twin.Truth(
+            task=self.facts["task"], seed=self.facts["seed"], episode=0, variation=0, manipulated="", handles=names,
+            bodies={}, key_frames=(), factor=factor or None, tints={}, albedos=albedos or {},
+            old=Look(lamps=look.lamps), new=look, changed=self.targets.get(factor, ()), covers=covers,
+        )  # fmt: skip
+        return twin.Take(episode, truth, {})
+
+    def pair(self, factor: str) -> tuple[twin.Take, twin.Take]:
+        """What was recorded, and what truly came of the change."""
+        albedos = json.loads((self.out / "albedos.json").read_text())[factor]
+        old, new = ({int(one): tuple(both[k]) for one, both in albedos.items()} for k in (0, 1))
+        first = self.film("lamp") if factor == "light_direction" else self.episode
+        look = Look(lamps=LAMP) if factor == "light_direction" else Look()
+        recorded = self.take(first, look, factor, old)
+        true = self.take(self.film(factor), self.looks[factor], factor, new)
+        return recorded, replace(true, truth=replace(true.truth, old=recorded.truth.new))
+
+    def film(self, name: str) -> Episode:
+        """A render of the simulator's as an episode."""
+        with np.load(self.out / f"{name}.npz") as kept:
+            films: dict[str, dict[str, np.ndarray]] = {}
+            for key in kept.files:
+                camera, what = key.split("/")
+                films.setdefault(camera, {})[what] = kept[key]
+        return convert.episode(films, self._robot(), self.facts["instruction"], self.episode.key)
+
+    def _robot(self) -> dict[str, np.ndarray]:
+        return {k: v[self.frames] for k, v in neutral.arrays(self.folder, "robot").items()}
+
+
+def thinned(episode: Episode, frames: list[int]) -> Episode:
+    """The episode at `frames` alone."""
+
+    def at(image: Callable[[int], Any] | None) -> Callable[[int], Any] | None:
+        return None if image is None else lambda t: image(frames[t])
+
+    views = {
+        name: replace(
+            view, rgb=at(view.rgb), depth=at(view.depth), ids=at(view.ids),
+            camera=replace(view.camera, cam_to_world=view.camera.cam_to_world[frames]),
+        )
+        for name, view in episode.views.items()
+    }  # fmt: skip
+    robot = episode.robot
+    assert robot.gripper_to_world is not None
+    assert robot.gripper_open is not None
+    robot = replace(
+        robot, joint_positions=robot.joint_positions[frames], joint_velocities=robot.joint_velocities[frames],
+        gripper_to_world=robot.gripper_to_world[frames], gripper_open=robot.gripper_open[frames],
+    )  # fmt: skip
+    return replace(episode, views=views, robot=robot, length=len(frames))
+
+
+def _towards(lamp: twin.TwinLamp) -> list[float]:
+    flat = np.cos(lamp.height)
+    return [float(flat * np.cos(lamp.heading)), float(flat * np.sin(lamp.heading)), float(np.sin(lamp.height))]
+
+
+def scored(folder: Path, out: Path, python: Path, kept: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Figures by world, task, factor and method of what is not kept yet."""
+    trial = Trial(folder, out)
+    changes = trial.changes()
+    place = f"{trial.facts['world']}|{trial.facts['task']}"
+    if all(f"{place}|{factor}" in kept for factor in trial.looks):
+        return
+    (out / "changes.json").write_text(json.dumps({"frames": trial.frames, "changes": changes}))
+    if not (out / "albedos.json").exists():
+        command = [python, "-W", "ignore", "-m", "tools.bench.foreign.changed", "--recorded", folder.resolve()]
+        command += ["--changes", (out / "changes.json").resolve(), "--out", out.resolve()]
+        subprocess.run([str(word) for word in command], check=True)
+    for factor in trial.looks:
+        if f"{place}|{factor}" not in kept:
+            yield f"{place}|{factor}", _figures(trial, factor)
+
+
+def _figures(trial: Trial, factor: str) -> dict[str, Any]:
+    recorded, true = trial.pair(factor)
+    case, found = CASES[factor], {}
+    asks = {ask.method: ask for ask in case.ask(recorded, true, trial.out)}
+    for method, ask in asks.items():
+        edited, holes = measured._edited(recorded.episode, case, ask, 0)
+        found[method] = vars(measure(recorded, edited, true, holes, True, 0.0))
+        reels = {name: np.stack([view.rgb(t) for t in range(edited.length)]) for name, view in edited.views.items()}
+        np.savez_compressed(trial.out / f"{factor}-{method.replace(', ', '-')}-rpaug.npz", **reels)
+    found["no edit"] = vars(measure(recorded, recorded.episode, true, {}, True, 0.0))
+    return found
+
+
+def rows(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Cell]]:
+    """By factor: dB given and estimated, the worst task, no edit, and pixels changed outside; mean over tasks."""
+    out: list[list[pages.Cell]] = []
+    for factor in FACTORS_ASKED:
+        those = [one for place, one in kept.items() if place.endswith(f"|{factor}")]
+        if not those:
+            continue
+
+        def mean(method: str, figure: str, those: list = those) -> float | str:
+            values = [one[method][figure] for one in those if method in one]
+            values = [value for value in values if np.isfinite(value)]
+            return round(float(np.mean(values)), 1) if values else "-"
+
+        told = [one[TOLD]["psnr"] for one in those]
+        out.append(
+            [
+                f"{half}: {factor}", len(those), mean(TOLD, "psnr"), round(min(told), 1), mean(TOLD, "psnr_seen"),
+                mean(ESTIMATED, "psnr"), mean("no edit", "psnr"),
+                {"value": int(max(one[TOLD]["outside"] for one in those)), "target": "<= 0"},
+            ]
+        )  # fmt: skip
+    return out
+
+
+COLUMNS = (
+    "factor", "tasks", "given, dB", "worst task", "co-visible", "estimated, dB", "no edit, dB",
+    "pixels changed outside, worst",
+)  # fmt: skip
+
+
+def main() -> None:
+    """Score what is not scored yet, and print or record the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--recorded", type=Path, required=True)
+    parser.add_argument("--python", type=Path, required=True, help="of the simulators' environment")
+    parser.add_argument("--held", action="store_true", help="the set-aside tasks instead")
+    parser.add_argument("--task", action="append", help="only these, as <world>.<task>")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--record", action="store_true", help="write docs/benchmarks' results")
+    given = parser.parse_args()
+    half = "held" if given.held else "worked"
+    file = given.out / f"{half}.json"
+    given.out.mkdir(parents=True, exist_ok=True)
+    kept = json.loads(file.read_text()) if file.exists() else {}
+    for task in sorted((given.recorded / half).iterdir()):
+        if given.task and task.name not in given.task:
+            continue
+        for folder in convert.finished(task)[:1]:
+            for place, figures in scored(folder, given.out / half / task.name, given.python, kept):
+                kept[place] = figures
+                write_atomic(file, json.dumps(kept, indent=1).encode())
+                said = {method: round(one["psnr"], 1) for method, one in figures.items()}
+                print(place, said, "outside", figures[TOLD]["outside"], flush=True)
+    table = rows(kept, half)
+    for row in table:
+        print("  ".join(pages.shown(cell) for cell in row))
+    if given.record:
+        pages.record(
+            "foreign",
+            pages.Table(
+                id=f"edits-{half}", title=f"Edits against the truth, {half}", columns=COLUMNS, rows=table,
+                seeds=f"{len({place.rpartition('|')[0] for place in kept})} tasks, one episode each",
+                command=f"python -m tools.bench.foreign.edits --recorded RECORDED{' --held' * given.held}",
+                **pages.stamp(),
+            ),
+        )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
