@@ -3,13 +3,15 @@
 import json
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rpaug.core import registry
-from tools.bench.foreign import convert, neutral, roles, scoring
+from rpaug.twin import covers
+from tools.bench.foreign import changed, convert, distractors, neutral, roles, run, scoring
 
 NAMES = [f"task-{k}" for k in range(9)]
 IDS = st.sets(st.integers(1, 6))
@@ -113,3 +115,51 @@ def test_the_roles_told_by_eye_are_complete() -> None:
     for episode in told.values():
         taken = [one for role in roles.ROLES for one in episode[role]["must"]]
         assert len(taken) == len(set(taken))
+
+
+SOLIDS = {
+    "box": ("0.1 0.2 0.3", 0.048),
+    "cylinder": ("0.1 0.2", 0.004 * np.pi),
+    "sphere": ("0.3", 0.036 * np.pi),
+}
+
+
+@pytest.mark.parametrize("kind", SOLIDS)
+def test_a_covered_surface_is_closed_and_faces_outwards(kind: str) -> None:
+    size, volume = SOLIDS[kind]
+    xml = f'<mujoco><worldbody><geom type="{kind}" size="{size}"/></worldbody></mujoco>'
+    points, normals = changed.triangles(mujoco.MjModel.from_xml_string(xml), 0)
+    across = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    assert (points[:, 0] * across).sum() / 6 == pytest.approx(volume, rel=0.03)
+    assert ((across[:, None] * normals).sum(-1) > 0).all()
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1, atol=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_pictures_lie_as_the_mapping_of_the_twin_lays_them(seed: int) -> None:
+    points = np.random.default_rng(seed).normal(size=(5, 3, 3))
+    across = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    facing = across / np.linalg.norm(across, axis=1, keepdims=True)
+    meant = [
+        covers.coordinates(three, np.tile(one, (3, 1)), 1.0)
+        for three, one in zip(points, facing, strict=True)
+    ]
+    np.testing.assert_allclose(changed.box(points), meant)
+
+
+def test_kept_figures_add_up_to_rows() -> None:
+    kept = {
+        "a|robust|1": {"became": "kept", "left_out": {"recolor": "no receiver"}, "edits": []},
+        "a|robust|2": {"became": "rejected", "why": "hides"},
+        "b|move|1": {"became": "refused", "why": "nothing to move"},
+    }
+    found = {row[0]: row[1:] for row in run.rows(kept, "worked")}
+    assert found["worked: robust"] == [2, 50.0, 1, 0, 1, "hides"]
+    assert found["worked: all"][:2] == [3, {"value": 33.3, "target": ">= 95"}]
+
+
+def test_a_thing_in_the_air_touches_nothing_and_one_inside_does() -> None:
+    cloud = np.random.default_rng(0).normal(size=(500, 3))
+    assert distractors._touches(cloud[:3] + 0.001, cloud)
+    assert not distractors._touches(cloud[:3] + 10, cloud)

@@ -35,9 +35,7 @@ class Changed:
         self.world = open_world(self.facts["world"])
         source = self.facts["model"]
         self.file = str(folder / source) if source == "model.xml" else source
-        self.plain = simulated.hidden(
-            mujoco.MjModel.from_xml_path(self.file), self.world.hidden
-        )
+        self.plain = simulated.hidden(mujoco.MjModel.from_xml_path(self.file), self.world.hidden)
         self.edits = neutral.arrays(folder, "model")
         simulated.apply(self.plain, self.edits)
         self.states = neutral.arrays(folder, "states")
@@ -54,7 +52,11 @@ class Changed:
         ratio = np.array(self.change.get("light", (1, 1, 1)))
         for light in (model.light_diffuse, model.light_ambient, model.light_specular):
             light *= ratio
-        for light in (model.vis.headlight.diffuse, model.vis.headlight.ambient, model.vis.headlight.specular):
+        for light in (
+            model.vis.headlight.diffuse,
+            model.vis.headlight.ambient,
+            model.vis.headlight.specular,
+        ):
             light *= ratio
         studio = simulated.Studio(model, by_geom, self.world.groups)
         bumps = {name: np.array(bump) for name, bump in self.change.get("bumps", {}).items()}
@@ -70,7 +72,13 @@ class Changed:
         for geom, mesh in self._covers():
             meshes[f"{COVER}{geom}"] = mesh
             material = int(self.plain.geom_matid[geom])
-            _add(spec, bodies[self.plain.geom_bodyid[geom]], f"{COVER}{geom}", mesh, self._shine(material))
+            _add(
+                spec,
+                bodies[self.plain.geom_bodyid[geom]],
+                f"{COVER}{geom}",
+                mesh,
+                self._shine(material),
+            )
         for extra in self.change.get("extras", ()):
             name, pose = f"{EXTRA}{extra['id']}", np.array(extra["pose"])
             points = np.array(extra["points"]) @ pose[:3, :3].T + pose[:3, 3]
@@ -124,14 +132,19 @@ class Changed:
                 body = data.body(int(self.plain.geom_bodyid[geom]))
                 turn, shift = np.zeros(9), self.plain.geom_pos[geom]
                 mujoco.mju_quat2Mat(turn, self.plain.geom_quat[geom])
-                points, normals = points @ turn.reshape(3, 3).T + shift, normals @ turn.reshape(3, 3).T
+                points, normals = (
+                    points @ turn.reshape(3, 3).T + shift,
+                    normals @ turn.reshape(3, 3).T,
+                )
                 world = points @ body.xmat.reshape(3, 3).T + body.xpos
                 tiles = box(world) / cover["side"]
                 faces = np.arange(points.shape[0] * 3).reshape(-1, 3)
                 mesh = points.reshape(-1, 3), normals.reshape(-1, 3), tiles.reshape(-1, 2), faces
                 yield geom, (*mesh, cover["image"])
             picture = _mean(cover["image"])
-            looks = [(_rgba(self.plain, geom), _texture(self.plain, geom)) for geom in self.geoms[one]]
+            looks = [
+                (_rgba(self.plain, geom), _texture(self.plain, geom)) for geom in self.geoms[one]
+            ]
             old = np.mean([rgba[:3] * (1 if seen is None else seen) for rgba, seen in looks], 0)
             self.albedos[one] = old.tolist(), picture.tolist()
 
@@ -158,7 +171,9 @@ def _add(
         usertexcoord=(tiles * (1, -1)).ravel().tolist(), userface=faces.ravel().tolist(),
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
     )  # fmt: skip
-    spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, file=str(Path(image).resolve()))
+    spec.add_texture(
+        name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, file=str(Path(image).resolve())
+    )
     textures = [""] * 10
     textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
     spec.add_material(name=name, textures=textures, **shine)
@@ -195,11 +210,16 @@ def _rgba(model: mujoco.MjModel, geom: int) -> np.ndarray:
 def _texture(model: mujoco.MjModel, geom: int) -> np.ndarray | None:
     """The mean display color of a geom's picture, if it has one."""
     material = int(model.geom_matid[geom])
-    number = -1 if material < 0 else int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
+    number = (
+        -1 if material < 0 else int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
+    )
     if number < 0:
         return None
     channels = int(model.tex_nchannel[number])
-    start, count = int(model.tex_adr[number]), int(model.tex_width[number] * model.tex_height[number])
+    start, count = (
+        int(model.tex_adr[number]),
+        int(model.tex_width[number] * model.tex_height[number]),
+    )
     pixels = model.tex_data[start : start + count * channels].reshape(-1, channels)
     return pixels[:, :3].mean(0) / 255
 
@@ -213,7 +233,11 @@ def _mean(image: str) -> np.ndarray:
 def box(points: np.ndarray) -> np.ndarray:
     """Metres to the right and up on the picture that each triangle (n, 3, 3) shows: rpaug's mapping `box`."""
     normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-    axis = np.abs(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)).round(9).argmax(1)
+    axis = (
+        np.abs(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12))
+        .round(9)
+        .argmax(1)
+    )
     facing = np.sign(np.take_along_axis(normal, axis[:, None], 1))
     x, y, z = np.moveaxis(points, -1, 0)
     right = np.choose(axis[:, None], [y, -x, x]) * facing
@@ -222,8 +246,8 @@ def box(points: np.ndarray) -> np.ndarray:
 
 def triangles(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, np.ndarray]:
     """A geom's surface in its own frame: corners and their normals, (n, 3, 3) both."""
-    size, kind = model.geom_size[geom], model.geom_type[geom]
     shapes = mujoco.mjtGeom
+    size, kind = model.geom_size[geom], shapes(int(model.geom_type[geom]))
     if kind == shapes.mjGEOM_MESH:
         mesh = int(model.geom_dataid[geom])
         part = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
@@ -242,14 +266,25 @@ def triangles(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, np.ndarray]
         side = np.stack([radius * ring - half, radius * ring + half])
         points, normals = _grids([side])
         normals = points * (1, 1, 0) / radius
-        caps = _grids([np.stack([0 * ring + half, radius * ring + half])[::-1], np.stack([0 * ring - half, radius * ring - half])])
+        caps = _grids(
+            [
+                np.stack([0 * ring + half, radius * ring + half])[::-1],
+                np.stack([0 * ring - half, radius * ring - half]),
+            ]
+        )
         return np.concatenate([points, caps[0]]), np.concatenate([normals, caps[1]])
     if kind not in (shapes.mjGEOM_SPHERE, shapes.mjGEOM_CAPSULE, shapes.mjGEOM_ELLIPSOID):
         raise ValueError(f"no picture can be laid on a geom of type {kind}")
     radii = size if kind == shapes.mjGEOM_ELLIPSOID else np.full(3, size[0])
-    up = np.linspace(-np.pi / 2, np.pi / 2, SLICES + 1)  # an even number of rings: none is cut by the capsule's middle
+    up = np.linspace(
+        -np.pi / 2, np.pi / 2, SLICES + 1
+    )  # an even number of rings: none is cut by the capsule's middle
     ball = np.cos(up)[:, None, None] * ring + np.sin(up)[:, None, None] * [0.0, 0, 1]
-    lift = size[1] * np.sign(ball[..., 2:].round(9)) * [0, 0, 1] if kind == shapes.mjGEOM_CAPSULE else 0 * ball
+    lift = (
+        size[1] * np.sign(ball[..., 2:].round(9)) * [0, 0, 1]
+        if kind == shapes.mjGEOM_CAPSULE
+        else 0 * ball
+    )
     points, _ = _grids([ball * radii + lift])
     normals, _ = _grids([ball / radii])
     return points, normals / np.linalg.norm(normals, axis=-1, keepdims=True)
@@ -298,7 +333,11 @@ def main() -> None:
     for name, change in asked["changes"].items():
         one = Changed(given.recorded, change)
         films = one.film(asked["frames"])
-        flat = {f"{camera}/{key}": value for camera, film in films.items() for key, value in film.items()}
+        flat = {
+            f"{camera}/{key}": value
+            for camera, film in films.items()
+            for key, value in film.items()
+        }
         np.savez(given.out / f"{name}.npz", **flat)
         albedos[name] = one.albedos
     (given.out / "albedos.json").write_text(json.dumps(albedos))

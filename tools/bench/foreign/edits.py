@@ -24,12 +24,11 @@ from rpaug.core.files import encode_png, write_atomic
 from rpaug.core.types import Episode
 from rpaug.twin.factors import FACTORS
 from rpaug.twin.look import Look
-from rpaug.twin.staging import StagedTask
 from rpaug.twin.truth import Laid
-from tools.bench.foreign import convert, neutral, scoring
+from tools.bench.foreign import convert, neutral
 from tools.bench.harness import edits as measured
 from tools.bench.harness import pages
-from tools.bench.harness.cases import CASES, ESTIMATED, TOLD, _things
+from tools.bench.harness.cases import CASES, ESTIMATED, TOLD, drawn_things
 from tools.bench.harness.scores import measure
 
 FRAMES = 6  # of an episode, evenly spread
@@ -65,7 +64,9 @@ class Trial:
     def _targets(self, factor: str) -> tuple[int, ...]:
         """The instance ids that a factor changes; none where the episode lacks them."""
         roles = {role: tuple(told["must"]) for role, told in self.facts["roles"].items()}
-        role = {"object": "manipulated", "table": "table", "background": "background"}.get(factor.split("_")[0])
+        role = {"object": "manipulated", "table": "table", "background": "background"}.get(
+            factor.split("_")[0]
+        )
         everything = tuple(self.facts["ids"].values())
         self.targets[factor] = everything if role is None else roles[role]
         return self.targets[factor]
@@ -74,13 +75,19 @@ class Trial:
         rng = np.random.default_rng(zlib.crc32(f"{self.facts['task']} {factor}".encode()))
         names = tuple(map(str, targets))
         start = Look(lamps=LAMP) if factor == "light_direction" else Look()
-        value = _things(self.take(self.episode, Look())) if factor == "distractor" else None
+        value = drawn_things(self.take(self.episode, Look())) if factor == "distractor" else None
         look = self.looks[factor] = FACTORS[factor].change(start, names, value, rng)
         if factor.endswith("color") and factor != "light_color":
             return {"color": {"id": targets[0], "rgb": look.tints[names[0]]}}
         if factor.endswith("texture"):
             cover = look.covers[names[0]]
-            return {"cover": {"ids": targets, "image": self._picture(factor, cover.image), "side": cover.side}}
+            return {
+                "cover": {
+                    "ids": targets,
+                    "image": self._picture(factor, cover.image),
+                    "side": cover.side,
+                }
+            }
         if factor == "light_color":
             return {"light": (np.array(look.light) / OLD_LIGHT).tolist()}
         if factor == "light_direction":
@@ -96,7 +103,10 @@ class Trial:
         return {"extras": [self._extra(extra) for extra in look.extras]}
 
     def _extra(self, extra: Any) -> dict[str, Any]:
-        flat = {name: getattr(extra, name).tolist() for name in ("points", "normals", "uv", "faces", "pose")}
+        flat = {
+            name: getattr(extra, name).tolist()
+            for name in ("points", "normals", "uv", "faces", "pose")
+        }
         return flat | {"id": extra.handle, "image": self._picture(extra.name, extra.image)}
 
     def _picture(self, name: str, image: np.ndarray) -> str:
@@ -104,12 +114,16 @@ class Trial:
         file.write_bytes(encode_png(image))
         return str(file.resolve())
 
-    def take(self, episode: Episode, look: Look, factor: str = "", albedos: Any = None) -> twin.Take:
+    def take(
+        self, episode: Episode, look: Look, factor: str = "", albedos: Any = None
+    ) -> twin.Take:
         """An episode with its truth as the twin tells it."""
         names = {str(one): one for one in self.facts["ids"].values()}
         where = tuple(tuple(row) for row in np.eye(4).tolist())
         covers = {
-            int(name): Laid(cover=cover, file=f"truth-{cover.kind}-{cover.seed}.png", body_to_world=where)
+            int(name): Laid(
+                cover=cover, file=f"truth-{cover.kind}-{cover.seed}.png", body_to_world=where
+            )
             for name, cover in look.covers.items()
         }
         truth = twin.Truth(
@@ -167,10 +181,16 @@ def thinned(episode: Episode, frames: list[int]) -> Episode:
 
 def _towards(lamp: twin.TwinLamp) -> list[float]:
     flat = np.cos(lamp.height)
-    return [float(flat * np.cos(lamp.heading)), float(flat * np.sin(lamp.heading)), float(np.sin(lamp.height))]
+    return [
+        float(flat * np.cos(lamp.heading)),
+        float(flat * np.sin(lamp.heading)),
+        float(np.sin(lamp.height)),
+    ]
 
 
-def scored(folder: Path, out: Path, python: Path, kept: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+def scored(
+    folder: Path, out: Path, python: Path, kept: Mapping[str, Any]
+) -> Iterator[tuple[str, dict[str, Any]]]:
     """Figures by world, task, factor and method of what is not kept yet."""
     trial = Trial(folder, out)
     changes = trial.changes()
@@ -179,7 +199,15 @@ def scored(folder: Path, out: Path, python: Path, kept: Mapping[str, Any]) -> It
         return
     (out / "changes.json").write_text(json.dumps({"frames": trial.frames, "changes": changes}))
     if not (out / "albedos.json").exists():
-        command = [python, "-W", "ignore", "-m", "tools.bench.foreign.changed", "--recorded", folder.resolve()]
+        command = [
+            python,
+            "-W",
+            "ignore",
+            "-m",
+            "tools.bench.foreign.changed",
+            "--recorded",
+            folder.resolve(),
+        ]
         command += ["--changes", (out / "changes.json").resolve(), "--out", out.resolve()]
         subprocess.run([str(word) for word in command], check=True)
     for factor in trial.looks:
@@ -192,9 +220,12 @@ def _figures(trial: Trial, factor: str) -> dict[str, Any]:
     case, found = CASES[factor], {}
     asks = {ask.method: ask for ask in case.ask(recorded, true, trial.out)}
     for method, ask in asks.items():
-        edited, holes = measured._edited(recorded.episode, case, ask, 0)
+        edited, holes = measured.edited(recorded.episode, case, ask, 0)
         found[method] = vars(measure(recorded, edited, true, holes, True, 0.0))
-        reels = {name: np.stack([view.rgb(t) for t in range(edited.length)]) for name, view in edited.views.items()}
+        reels = {
+            name: np.stack([view.rgb(t) for t in range(edited.length)])
+            for name, view in edited.views.items()
+        }
         np.savez_compressed(trial.out / f"{factor}-{method.replace(', ', '-')}-rpaug.npz", **reels)
     found["no edit"] = vars(measure(recorded, recorded.episode, true, {}, True, 0.0))
     return found

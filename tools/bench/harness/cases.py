@@ -128,7 +128,7 @@ def _scale(true: Take) -> float:
     return scale
 
 
-def _things(take: Take) -> tuple[Extra, ...]:
+def drawn_things(take: Take) -> tuple[Extra, ...]:
     """Two things of the library where `distractors` would put them."""
     scene = build.build(take.episode, with_bodies=True)
     drawn = Distractors().sample(scene, np.random.default_rng(take.truth.seed))
@@ -221,7 +221,7 @@ CASES: Mapping[str, FactorCase] = {
     "distractor": FactorCase(
         "distractors",
         _distractors,
-        value=_things,
+        value=drawn_things,
         baseline=(
             "pasting into each picture",
             lambda recorded, true: baselines.pasted(recorded.episode, true.truth.new.extras),

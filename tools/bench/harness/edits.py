@@ -230,7 +230,7 @@ def _methods(
     episode = recorded.episode
     asks = case.ask(recorded, true, folder)
     for ask in asks:
-        yield ask.method, partial(_edited, episode, case, ask, 0)
+        yield ask.method, partial(edited, episode, case, ask, 0)
     yield NONE, lambda: (episode, {})
     if case.colors is not None:
         given, guessed = (case.colors(recorded, true, known) for known in (True, False))
@@ -241,10 +241,10 @@ def _methods(
         yield name, lambda: (_held(make(recorded, true)), {})
     yield JITTER, lambda: (_held(baselines.jitter(episode, seed)), {})
     if setting.gaussians:
-        yield GAUSSIANS, partial(_edited, episode, case, asks[0], 3)
+        yield GAUSSIANS, partial(edited, episode, case, asks[0], 3)
 
 
-def _edited(episode: Episode, case: FactorCase, ask: Ask, tier: int) -> tuple[Episode, Holes]:
+def edited(episode: Episode, case: FactorCase, ask: Ask, tier: int) -> tuple[Episode, Holes]:
     """The episode through the pipeline's own stages, every image rendered."""
     kind = TypeAdapter(registry.operator(case.operator))
     operators = [kind.validate_python(dict(fields)) for fields in ask.steps]

@@ -1,0 +1,172 @@
+"""Every shipped recipe on every foreign task: copies kept, rejected and refused with the reasons, and sheets for eyes.
+
+    python -m tools.bench.foreign.run --data data --out run [--held] [--recipe robust]
+
+The first episode of each task, thinned in time. OUT gets `<half>.json`, which keeps what was run, and
+`<half>/<task>/<recipe>-<copy>.png`: three cameras by the first, middle and last frame, four times as large.
+"""
+
+import argparse
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import cv2
+import numpy as np
+import rpaug_recipes
+
+import rpaug
+from rpaug.core import registry
+from rpaug.core.errors import Rejected, RpaugError
+from rpaug.core.files import encode_png, write_atomic
+from rpaug.core.types import Episode
+from rpaug.physics import materials
+from rpaug.pipeline import report
+from tools.bench.foreign.edits import thinned
+from tools.bench.harness import pages
+
+FRAMES = 8  # of an episode, evenly spread
+COPIES = {"robust": 4}  # of a recipe; one of the others
+ASIDE = {"stylize": "needs a network's weights"}
+SHOWN = ("front", "left_shoulder", "overhead")
+LARGER = 4
+
+
+def recipes() -> Iterator[tuple[str, Path]]:
+    """The shipped recipes by name, `robust` first."""
+    root = Path(rpaug_recipes.__file__).parent
+    found = {
+        path.relative_to(root).with_suffix("").as_posix(): path
+        for path in sorted(root.rglob("*.yaml"))
+        if path.name != materials.FILE and "tasks" not in path.parts
+    }
+    yield "robust", found.pop("robust")
+    yield from ((name, path) for name, path in found.items() if name not in ASIDE)
+
+
+def first(root: Path) -> Episode:
+    """The first episode of a dataset, thinned."""
+    episode = registry.read(root, None)
+    frames = np.unique(np.linspace(0, episode.length - 1, FRAMES).round().astype(int))
+    thin = thinned(episode, frames.tolist())
+    return Episode(thin.key, thin.views, thin.robot, thin.descriptions, thin.length)
+
+
+def one(episode: Episode, recipe: Path, copy: int, picture: Path) -> dict[str, Any]:
+    """What became of one copy: `kept`, `rejected` or `refused` with the reason, and the edits that were left out."""
+    try:
+        made = rpaug.augment(episode, str(recipe), copy)
+        tiles = [
+            [made.views[name].rgb(t) for t in _shown(made)] for name in SHOWN if name in made.views
+        ]
+    except Rejected as error:
+        return {"became": "rejected", "why": str(error).partition("rejected: ")[2]}
+    except RpaugError as error:
+        return {"became": "refused", "why": str(error)}
+    assert made.side is not None
+    told = json.loads(made.side()[report.NAME])
+    image = np.concatenate([np.concatenate(row, 1) for row in tiles], 0)
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    size = image.shape[1] * LARGER, image.shape[0] * LARGER
+    picture.write_bytes(encode_png(cv2.resize(image, size, interpolation=cv2.INTER_NEAREST)))
+    left = {str(draw["op"]): draw["left_out"] for draw in told["draws"] if draw.get("left_out")}
+    return {
+        "became": "kept",
+        "left_out": left,
+        "edits": [d["op"] for d in told["draws"] if d.get("edit")],
+    }
+
+
+def _shown(episode: Episode) -> tuple[int, ...]:
+    return 0, episode.length // 2, episode.length - 1
+
+
+def rows(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Cell]]:
+    """By recipe: copies, share kept, those that lost an edit, and the most frequent reason of what was not kept."""
+    out: list[list[pages.Cell]] = []
+    names = ["robust", *(name for name, _ in recipes() if name != "robust"), "all"]
+    for name in names:
+        those = [one for place, one in kept.items() if name in (place.split("|")[1], "all")]
+        if not those:
+            continue
+        became = Counter(str(one["became"]) for one in those)
+        why = Counter(one["why"] for one in those if one["became"] != "kept")
+        share = round(100 * became["kept"] / len(those), 1)
+        figure: pages.Cell = {"value": share, "target": ">= 95"} if name == "all" else share
+        lost = sum(bool(one.get("left_out")) for one in those)
+        most = why.most_common(1)[0][0][:90] if why else "-"
+        out.append(
+            [
+                f"{half}: {name}",
+                len(those),
+                figure,
+                became["rejected"],
+                became["refused"],
+                lost,
+                most,
+            ]
+        )
+    return out
+
+
+COLUMNS = (
+    "recipe",
+    "copies",
+    "kept, %",
+    "rejected",
+    "refused",
+    "an edit left out",
+    "most frequent reason",
+)
+
+
+def main() -> None:
+    """Run what was not run yet, and print or record the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, required=True, help="folder of worked/ and held/")
+    parser.add_argument("--held", action="store_true", help="the set-aside tasks instead")
+    parser.add_argument("--task", action="append", help="only these, as <world>.<task>")
+    parser.add_argument("--recipe", action="append", help="only these")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--record", action="store_true", help="write docs/benchmarks' results")
+    given = parser.parse_args()
+    half = "held" if given.held else "worked"
+    given.out.mkdir(parents=True, exist_ok=True)
+    file = given.out / f"{half}.json"
+    kept = json.loads(file.read_text()) if file.exists() else {}
+    for root in sorted((given.data / half).iterdir()):
+        if given.task and root.name not in given.task:
+            continue
+        episode = None
+        for name, path in recipes():
+            for copy in range(1, COPIES.get(name, 1) + 1):
+                place = f"{root.name}|{name}|{copy}"
+                if place in kept or (given.recipe and name not in given.recipe):
+                    continue
+                episode = episode or first(root)
+                stem = PurePosixPath(name).as_posix().replace("/", "-")
+                kept[place] = one(
+                    episode, path, copy, given.out / half / root.name / f"{stem}-{copy}.png"
+                )
+                write_atomic(file, json.dumps(kept, indent=1).encode())
+                print(place, kept[place], flush=True)
+    table = rows(kept, half)
+    for row in table:
+        print("  ".join(pages.shown(cell) for cell in row))
+    if given.record:
+        pages.record(
+            "foreign",
+            pages.Table(
+                id=f"recipes-{half}", title=f"Shipped recipes, {half}", columns=COLUMNS, rows=table,
+                seeds=f"{len({place.split('|')[0] for place in kept})} tasks, one episode each",
+                command=f"python -m tools.bench.foreign.run --data DATA{' --held' * given.held}", **pages.stamp(),
+            ),
+        )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
