@@ -347,15 +347,16 @@ class TestGone:
                     instruct.followed(gone, [])
 
 
+@pytest.fixture(scope="module")
+def chest() -> Scene:
+    return analysed(boxes.chest(1, 3, 1).episode())
+
+
 class TestParts:
     """What an instruction tells by its place is told by it still, or the copy is rejected."""
 
     MIDDLE, TOP = boxes.DRAWERS + 1, boxes.DRAWERS + 2
     TEXT = "grip the middle handle and pull the middle drawer open"
-
-    @pytest.fixture(scope="class")
-    def chest(self) -> Scene:
-        return analysed(boxes.chest(1, 3, 1).episode())
 
     def test_its_neighbors_may_change_color(self, chest):
         told = replace(chest, descriptions=(self.TEXT,))

@@ -25,40 +25,40 @@ SHIFTING = frozenset(
 )  # of a part ("slide the door on the cabinet"): not away
 TAKING = _words("take remove get retrieve pick grasp grip grab lift pull hold unplug")
 GRIPPING = frozenset({"grasp", "grip", "grab", "hold", "use"})
-# What these act on is done to by moving a part of it; but a part itself is what is opened.
+# What is opened need not be what moves: of a box it is the lid.
 OPENING = frozenset({"open", "close", "shut"})
-INDIRECT = frozenset({"uncover", "empty", "heat", "preheat", "unlock", "lock"})
-# What these act on is not what moves: a tool does it, or the hand goes round it.
+# What these act on is not what moves: a tool, a switch or a lock does it, or the hand goes round it.
 UNMOVED = _words(
     """
-    wipe clean clear brush water hammer cover bypass keep ensure prepare create build play adjust change make point
-    find
+    wipe clean clear brush water hammer cover uncover bypass keep ensure prepare create build play adjust change make
+    point find empty heat preheat unlock lock
     """
 )
 OTHERS = _words(
     "press turn rotate flick switch screw unscrew twist reach touch lower raise kick hit pot chuck use"
 )
-ACTS = PLACING | TAKING | OPENING | INDIRECT | UNMOVED | OTHERS
+ACTS = PLACING | TAKING | OPENING | UNMOVED | OTHERS
 PARTICLES = frozenset({"up", "down", "out", "off", "on", "in", "away", "open", "shut", "back"})
 
 TOWARDS = frozenset({"onto", "into", "to", "inside", "towards", "toward", "against"})
 LYING = frozenset({"on", "in", "at"})
 ASIDE = _words(
     """
-    next near nearest beside between behind above below over under beneath underneath with by for until where around
-    through using
+    next near nearest beside between behind above below over under beneath underneath by for until where around
+    through along so such while
     """
 )
 SIDES = frozenset({"left", "right", "front", "back", "middle", "top", "bottom", "side"})
 ARTICLES = FILLERS - {"of"} | _words(
     "it them both each any your their two three other others its s"
 )
-CLAUSES = frozenset({"and", "then", "or", "so", "while", "such", "until"})
+CLAUSES = frozenset({"and", "then", "or"})
+TOOL = frozenset({"with", "using"})
 TRAILING = (
     PARTICLES
     | SIDES - {"side"}
     | _words(
-        "upright position together direction flat way closed clockwise anti counter degrees sideways one ones"
+        "upright position together direction flat way closed clockwise anti counter degrees sideways one alone tight"
     )
 )
 
@@ -76,7 +76,6 @@ class StatedNoun:
     ranks: tuple[str, ...] = ()
     color: str | None = None
     qualifiers: tuple[str, ...] = ()
-    switched: bool = False  # "turn on", "turn off"
 
     @property
     def is_part(self) -> bool:
@@ -91,11 +90,12 @@ class _SentenceReader:
     run: list[str] = field(default_factory=list)
     verb: str = ""
     place: str = "handled"
-    switched: bool = False
 
     def close(self) -> None:
         """End the noun phrase that was being read."""
         nouns = [word for word in self.run if word not in RANKS and not color_space.canonical(word)]
+        if nouns[-1:] in (["open"], ["closed"], ["shut"]):  # "leave the pan open"
+            self.verb = "open"
         while nouns and nouns[-1] in TRAILING:
             nouns.pop()
         if nouns and nouns[-1] not in ANYTHING:
@@ -104,20 +104,21 @@ class _SentenceReader:
             self.found.append(
                 StatedNoun(
                     nouns[-1],
-                    self._place(),
+                    self._place(nouns[-1]),
                     self.verb,
                     tuple(RANKS[word] for word in before if word in RANKS),
                     tints[0] if tints else None,
                     tuple(nouns[:-1]),
-                    self.switched,
                 )
             )
         self.run = []
 
-    def _place(self) -> str:
+    def _place(self, noun: str) -> str:
         """The place, as the verb has it: what is poured is no thing, what it is poured from is what moves."""
         if self.verb == "pour" and self.place in ("handled", "source"):
             return "aside" if self.place == "handled" else "handled"
+        if self.place == "switched":  # a tap that is turned on moves, a lamp does not
+            return "handled" if noun in PARTS else "aside"
         return "aside" if self.verb in UNMOVED and self.place == "handled" else self.place
 
 
@@ -134,15 +135,17 @@ def mentions(text: str) -> list[StatedNoun]:
             at += acts is not None
         if acts is not None:
             reader.close()
-            reader.verb, reader.place, reader.switched, begins = acts, "handled", False, False
+            reader.verb, reader.place, begins = acts, "handled", False
             while at < len(words) and _is_particle(words[at], words[at + 1 :], acts):
-                reader.switched |= acts in ("turn", "switch") and words[at] in ("on", "off")
+                if words[at] in OPENING:  # "slide open"
+                    reader.verb = "open"
+                if acts in ("turn", "switch") and words[at] in ("on", "off"):
+                    reader.place = "switched"
                 at += 1
-            goal = any(one.place == "goal" for one in reader.found)
-            if (
-                acts in OPENING and goal and words[at : at + 1] == ["it"]
-            ):  # "put it in the drawer and close it"
-                reader.found.append(StatedNoun("it", "handled", acts))
+            goals = [one for one in reader.found if one.place == "goal"]
+            if acts in OPENING and goals and words[at : at + 1] == ["it"]:
+                # "put the cup in the drawer and close it"
+                reader.found.append(replace(goals[0], place="handled", verb=acts))
         elif word in CLAUSES or not word.isalpha():
             reader.close()
             begins = True
@@ -192,20 +195,26 @@ def _read(reader: _SentenceReader, word: str, rest: list[str]) -> int:
         return 1
     place = {
         **dict.fromkeys(TOWARDS, "goal"),
+        **dict.fromkeys(TOOL, "handled"),  # "sweep the dirt with the broom": a tool moves
         **dict.fromkeys(ASIDE, "aside"),
         **dict.fromkeys(("from", "off"), "source"),
     }.get(word)
     if word == "out" and rest[:1] == ["of"]:
         place = "source"
-    if word in LYING | {"off"} and not ahead and reader.verb in ("turn", "switch"):
-        reader.close()
-        reader.found[-1:] = [replace(one, switched=True) for one in reader.found[-1:]]
+    if word in ("on", "off") and not ahead and reader.verb in ("turn", "switch"):
+        reader.close()  # "turn the lamp off"
+        reader.found[-1:] = [
+            one if one.noun in PARTS else replace(one, place="aside") for one in reader.found[-1:]
+        ]
+        return 0
     if word in LYING:
         reader.close()
         place = _lying(reader)
     if place:
         reader.close()
         reader.place = place
+        if word in TOOL:
+            reader.verb = "use"
         return int(rest[:1] == ["of"] or (word == "next" and rest[:1] == ["to"]))
     if word == "of":
         named = len(reader.found)
@@ -227,6 +236,8 @@ def _continues(word: str) -> bool:
 def _lying(reader: _SentenceReader) -> str:
     """What "on" and "in" lead to after this verb."""
     last = reader.found[-1] if reader.found else None
+    if last is not None and last.place == "goal" and last.verb == reader.verb:
+        return "owner"  # "onto a peg on the stand"
     of_part = last is not None and last.is_part and last.place == "handled"
     if reader.verb in PLACING and not (of_part and reader.verb in SHIFTING):
         return "goal"

@@ -12,7 +12,6 @@ from rpaug.providers.words import synonym
 from rpaug.scene.targets import shapes
 from rpaug.scene.targets.instruction import (
     GRIPPING,
-    INDIRECT,
     OPENING,
     StatedNoun,
     mentions,
@@ -39,6 +38,10 @@ HANDLING = frozenset(
 VERBS = HANDLING | {"up", "down", "out", "it", "and", "then", "with", "by", "your"}
 
 
+# Parts that a noun before them owns: a box lid is of a box, a light switch of no light.
+HELD = frozenset(
+    {"drawer", "door", "lid", "cap", "cover", "hatch", "flap", "seat", "shelf", "handle", "knob"}
+)
 FURNITURE = frozenset({"cabinet", "cupboard", "dresser", "furniture", "closet", "wardrobe"})
 
 
@@ -49,7 +52,8 @@ class Meaning:
     `scope` says what of a role. "" is all of it; "moved" the one thing that the instruction handles; "goal" where that
     goes, "part" a part of it; "whole" the piece of furniture; "grip" what the gripper holds of the moved thing;
     "source" what that stood on at first; "aside" nothing: the noun only says where. `ranks`, `color` and `qualifiers`
-    are the instruction's own words with the noun. `several`: the instruction handles other things as well.
+    are the instruction's own words with the noun. `others` are the other things of its kind, part or no part, that the
+    instruction handles; `mixed`: it handles some of the other kind.
     """
 
     stated: str
@@ -59,7 +63,8 @@ class Meaning:
     ranks: tuple[str, ...] = ()
     color: str | None = None
     qualifiers: tuple[str, ...] = ()
-    several: bool = False
+    others: tuple[str, ...] = ()
+    mixed: bool = False
 
 
 def understood(noun: str, descriptions: Sequence[str]) -> list[Meaning]:
@@ -88,7 +93,7 @@ def _exact(noun: str, descriptions: Sequence[str]) -> list[Meaning]:
             found.append(Meaning(word, shapes=shapes.WORDS[word]))
         own = stated.get(singular(word), ())
         found += own
-        if not own and word in FURNITURE:
+        if not own and word in FURNITURE and stated.keys() & {"drawer", "door", "shelf"}:
             found.append(Meaning(word, "receiver", scope="whole"))
         if not own and word in GRIPS:
             found.append(Meaning(word, "manipulated", scope="grip"))
@@ -115,20 +120,38 @@ def named(descriptions: tuple[str, ...]) -> dict[str, list[Meaning]]:
 def _stated(found: Sequence[StatedNoun]) -> list[Meaning]:
     """What the nouns of one instruction stand for."""
     scopes = [_scope(k, found) for k in range(len(found))]
-    moved = {one.noun for one, (_, scope) in zip(found, scopes, strict=True) if scope == "moved"}
+    moved = {
+        one.noun
+        for one, (_, scope) in zip(found, scopes, strict=True)
+        if scope == "moved" and one.noun not in ROLES
+    }
+    opened = any(
+        scope == "whole" and one.place == "handled"
+        for one, (_, scope) in zip(found, scopes, strict=True)
+    )
     out = []
     for one, (role, scope) in zip(found, scopes, strict=True):
-        if scope == "moved" and one.noun in GRIPS and one.verb in GRIPPING and len(moved) > 1:
-            scope, several = "grip", False
-        else:
-            several = len(moved - GRIPS) > 1
+        others, mixed = [], False
+        if scope == "moved":
+            if one.noun in GRIPS and one.verb in GRIPPING and len(moved) > 1:
+                scope = "grip"
+            rest = moved - GRIPS - {one.noun}
+            others = sorted(noun for noun in rest if (noun in PARTS) == one.is_part)
+            mixed = len(others) < len(rest) or (opened and not one.is_part)
         out.append(
             Meaning(
-                one.noun, role, frozenset(), scope, one.ranks, one.color, one.qualifiers, several
+                one.noun,
+                role,
+                scope=scope,
+                ranks=one.ranks,
+                color=one.color,
+                qualifiers=one.qualifiers,
+                others=tuple(others),
+                mixed=mixed,
             )
         )
-        if one.is_part and one.qualifiers and role:  # "the fridge door": the fridge
-            out.append(Meaning(one.qualifiers[-1], role, scope="whole"))
+        if role and one.noun in HELD and one.qualifiers and one.qualifiers[-1] not in PARTS:
+            out.append(Meaning(one.qualifiers[-1], role, scope="whole"))  # "the fridge door"
     return out
 
 
@@ -137,14 +160,12 @@ def _scope(at: int, found: Sequence[StatedNoun]) -> tuple[str | None, str]:
     one = found[at]
     match one.place:
         case "handled":
-            indirect = one.verb in INDIRECT or (
-                (one.verb in OPENING or one.switched) and not one.is_part and one.noun != "it"
-            )
-            return "manipulated", "whole" if indirect else "moved"
+            opened = one.verb in OPENING and not one.is_part
+            return "manipulated", "whole" if opened else "moved"
         case "goal":
             owned = one.qualifiers or (at + 1 < len(found) and found[at + 1].place == "owner")
             return "receiver", "part" if one.noun in PARTS and owned else "goal"
-        case "source":
+        case "source" if not one.is_part:
             return "manipulated", "source"
         case "owner" if at and found[at - 1].is_part:
             if not one.is_part:

@@ -55,7 +55,8 @@ class Resolver:
                 found = self._source(meaning)
             case _:
                 raise TargetError(
-                    f"the instruction says only where things are by the {meaning.stated}, and no role or shape tells it"
+                    f"by the instruction the {meaning.stated} is neither what moves nor where that goes, "
+                    "and no role or shape tells which it is"
                 )
         return _alone(found, meaning, phrase)
 
@@ -73,15 +74,15 @@ class Resolver:
         """What the robot moved. Of several things a part's name means what moves on furniture, another what is free."""
         self._role("manipulated")
         own, piece = parts.moved_things(self.scene, self.sampled), self._furniture
-        if len(own) > 1 or meaning.several:
-            part = singular(meaning.stated) in PARTS | GRIPS
+        noun = singular(meaning.stated)
+        if len(own) > 1 or meaning.mixed:
             on = piece.moved if piece else frozenset()
-            own = [group for group in own if bool(group & on) == part]
-            if not own or (meaning.stated == singular(meaning.stated) and len(own) > 1):
-                raise TargetError(
-                    f"the instruction names one {meaning.stated}, and the robot moved "
-                    f"{_things(len(own))} that may be it: say its instance id (handle)"
-                )
+            own = [group for group in own if bool(group & on) == (noun in PARTS | GRIPS)]
+        if not own or (noun == meaning.stated and (len(own) > 1 or meaning.others)):
+            raise TargetError(
+                f"the instruction handles {_and([meaning.stated, *meaning.others])}, and the robot moved "
+                f"{_things(len(own))} that may be it: say its instance id (handle)"
+            )
         row = piece.row if piece and any(piece.moved & group for group in own) else ()
         if len(row) < 2:
             return _alone(frozenset().union(*own), meaning, phrase)
@@ -106,8 +107,8 @@ class Resolver:
             if own and not any(part.instance_ids & own[0] for part in said):
                 words = f"the {' '.join(meaning.ranks)} {noun}"
                 raise TargetError(
-                    f"the instruction names {words}, which is {_numbers(said)} by its place, "
-                    f"and the robot moved {', '.join(map(str, sorted(own[0])))}"
+                    f"the instruction names {words}, which is {_numbers(said)} by its place (left and right "
+                    f"are the robot's), and the robot moved {', '.join(map(str, sorted(own[0])))}"
                 )
         if phrase.ranks:
             found = _told(noun, phrase.ranks, phrase.ordinal, row)
@@ -121,7 +122,7 @@ class Resolver:
             raise TargetError(
                 f"the instruction brings something to the {meaning.stated}, and at the end it touches only the table"
             )
-        if meaning.stated in PARTS and len(role) > 1:
+        if singular(meaning.stated) in PARTS and (len(role) > 1 or meaning.ranks):
             return self._part(meaning, phrase)
         return _alone(role, meaning, phrase)
 
@@ -154,13 +155,14 @@ class Resolver:
 
     def _grip(self, meaning: Meaning) -> frozenset[int]:
         """What the gripper holds of the moved thing."""
-        role = self._role("manipulated")
-        held = parts.gripped(self.scene, self.sampled) if self.sampled.cameras else role
-        if not held or held == role:
-            raise TargetError(
-                f"the masks do not show the {meaning.stated} apart from what it is on: a `part` tells it by a box"
-            )
-        return held
+        self._role("manipulated")
+        held = parts.gripped(self.scene, self.sampled) if self.sampled.cameras else frozenset()
+        for thing in parts.moved_things(self.scene, self.sampled):
+            if held & thing and not thing <= held:
+                return held & thing
+        raise TargetError(
+            f"the masks do not show the {meaning.stated} apart from what it is on: a `part` tells it by a box"
+        )
 
     def _source(self, meaning: Meaning) -> frozenset[int]:
         """What the moved thing stood on at first."""
@@ -189,6 +191,10 @@ def _told(
         return places.placed(ranks, ordinal, row)
     except ValueError as error:
         raise TargetError(f"{_things(len(row))} may be called {noun}, and {error}") from error
+
+
+def _and(nouns: Sequence[str]) -> str:
+    return " and ".join(f"the {noun}" for noun in nouns)
 
 
 def _things(count: int) -> str:

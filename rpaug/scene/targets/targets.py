@@ -212,6 +212,8 @@ class _Finder:
             own = []
         if settled and own and not others:
             return own, True
+        if settled and own and not every:
+            self._agrees(phrase, own, others)
         # The instruction's own thing, if it calls it so without another word; else all of that shape may be meant.
         bare = any(one.scope and not one.ranks and not one.color for one in meanings)
         sole = bare and not every and not phrase.spatial
@@ -241,6 +243,17 @@ class _Finder:
         rows = [row for row in self._movable() if self._shape(row) in wanted]
         return _bodies(self._colored(phrase, rows))
 
+    def _agrees(
+        self, phrase: Phrase, own: list[frozenset[int]], others: list[frozenset[int]]
+    ) -> None:
+        """See that what the instruction calls the left bowl is the left one of the bowls. Raises TargetError."""
+        found = self._placed(replace(phrase, relations=()), [*own, *others])
+        if found != own:
+            raise TargetError(
+                f"{self._stated}: the instruction calls {_list(_firsts(self._rows, own))} so, and it is "
+                f"{_list(_firsts(self._rows, found))} by its place or size (left and right are the robot's)"
+            )
+
     def _shaped_otherwise(self, meant: frozenset[int]) -> bool:
         """Is it of a measured shape? What is large, or of several instances, has none."""
         rows = [row for row in self._rows if row.instance_id in meant]
@@ -250,7 +263,7 @@ class _Finder:
         self, phrase: Phrase, meanings: Sequence[Meaning], every: bool
     ) -> tuple[list[frozenset[int]], bool, str]:
         """What the instruction's own noun means: things, whether place words are settled, and why there are none."""
-        reason = ""
+        reason, out = "", list[frozenset[int]]()
         for meaning in meanings:
             if not meaning.scope:
                 continue
@@ -260,18 +273,23 @@ class _Finder:
                 reason = reason or str(error)
                 continue
             wanted = found.all if every and not found.settled else found.likely
-            for groups in (wanted, found.all) if phrase.color else (wanted,):
-                fits = [fit for group in groups if (fit := self._of_color(phrase, group))]
-                if fits or found.settled:
-                    return fits, found.settled, ""
-        return [], False, reason
+            fits = self._of_color(phrase, wanted) or self._of_color(phrase, found.all) * (
+                phrase.color is not None and not found.settled
+            )
+            if found.settled:
+                return fits, True, ""
+            # "The left bowl on the right bowl": two things go by the noun; a cabinet's part by that of the cabinet.
+            out = [group for group in out if not any(group < fit for fit in fits)]
+            out += [fit for fit in fits if not any(fit <= group for group in out)]
+        return out, False, "" if out else reason
 
-    def _of_color(self, phrase: Phrase, group: frozenset[int]) -> frozenset[int]:
-        """The instance ids of a thing that have the phrase's color."""
+    def _of_color(self, phrase: Phrase, groups: Iterable[frozenset[int]]) -> list[frozenset[int]]:
+        """Of each thing the instance ids that have the phrase's color."""
         if phrase.color is None:
-            return group
-        rows = self._colored(phrase, [row for row in self._rows if row.instance_id in group])
-        return frozenset(row.instance_id for row in rows)
+            return [group for group in groups if group]
+        rows = [[row for row in self._rows if row.instance_id in group] for group in groups]
+        fits = [frozenset(row.instance_id for row in self._colored(phrase, some)) for some in rows]
+        return [fit for fit in fits if fit]
 
     @cached_property
     def _resolver(self) -> Resolver:
@@ -296,8 +314,7 @@ class _Finder:
         known = self._scene.roles.get(role)
         if not known:
             raise TargetError(f"{self._stated}: {why(self._scene, role)}; {_there_is(self._rows)}")
-        fits = self._of_color(phrase, known & self._scene.instance_ids)
-        return [fits] if fits else []
+        return self._of_color(phrase, [known & self._scene.instance_ids])
 
     def _movable(self) -> list[InstanceSummary]:
         """All but robot, table and background, which are meant only by name."""
