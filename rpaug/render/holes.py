@@ -3,27 +3,56 @@
 A hole opens where something near moved aside in the image, so what belongs there continues the farther of its two
 sides. From a hole pixel we walk in eight directions to the first drawn pixel and continue its plane (1/z is affine
 on a plane); of two opposite walks the farther surface counts, or the nearer where both meet in a corner. Neighbours
-then vote on which thing it is, so that two backgrounds meet along a line. This invents smooth surfaces, not texture:
-the hole mask stays with the picture so that nobody takes it for a recording.
+then vote on which thing it is, so that two backgrounds meet along a line. Beyond the frame of what a camera recorded
+nothing moved aside: there the nearest end is continued, be it of an arm. And where the camera looked through a
+continued surface, that is not there.
+
+Colors are mirrored at the hole's edge, and not from the edge itself, where they are mixed. The hole mask stays with
+the picture so that nobody takes it for a recording.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float64
 
-from rpaug.core.jit import kernel
-from rpaug.render.zbuffer import Rendered
+from rpaug.core.jit import inlined, kernel
+from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
+from rpaug.render.zbuffer import Rendered, Source, nearness
 
 FARNESS = 4  # a surface half as far must be 2**4 times closer in the image to be preferred
 SAME_LAYER = 0.03  # of 1/z: walks that end on planes this close blend their colors
 VOTES, REACH = 3, 3  # rounds of voting, and the pixels on each side that vote
+CLEAN = 2  # steps behind a hole's edge, where colors are mixed no more
 AXES = ((0, 1), (1, 0), (1, 1), (1, -1))  # rows and columns of a step
+HIDDEN, OUTSIDE, REFUTED = 0, 1, 2  # what a camera says of a surface that it did not record
 
 
-def fill(view: Rendered) -> Rendered:
+@dataclass(frozen=True)
+class Witness:
+    """A camera that recorded `source`, and the view, `K` and `cam_to_world`, whose holes it is asked about."""
+
+    source: Source
+    K: Float64[np.ndarray, "3 3"]
+    cam_to_world: Float64[np.ndarray, "4 4"]
+
+    def judged(
+        self, rows: np.ndarray, columns: np.ndarray, plane: Float64[np.ndarray, "n 4"]
+    ) -> np.ndarray:
+        """Per pixel and 1/z: HIDDEN behind what was recorded, OUTSIDE its frame, or REFUTED: seen through."""
+        seen = np.maximum(nearness(self.source), 0.0)
+        back = relative(self.cam_to_world, self.source.cam_to_world)
+        out = np.zeros(plane.shape, np.int8)
+        target, lens = intrinsics(self.K), intrinsics(self.source.K)
+        _judge(rows, columns, plane, target, back, lens, seen, out)
+        return out
+
+
+def fill(view: Rendered, witness: Witness | None = None) -> Rendered:
     """The view with its holes filled in color, depth and ids; `hole` and `source` stay as they were.
 
-    A view in which nothing was drawn stays black with depth 0.
+    A `witness` tells what is hidden from what lies outside the recorded frame. A view in which nothing was drawn stays
+    black with depth 0.
     """
     if not view.hole.any() or view.hole.all():
         return view
@@ -33,12 +62,34 @@ def fill(view: Rendered) -> Rendered:
     while hole.any():  # twice where no walk from a pixel reaches a drawn one
         rows, columns = np.nonzero(hole)
         ends, away, plane = _walks(near, ids, hole, rows, columns)
-        chosen = _vote(ids, hole, rows, columns, ends, away, plane)
+        kind = witness.judged(rows, columns, plane) if witness else np.zeros(plane.shape, np.int8)
+        chosen = _vote(ids, hole, rows, columns, ends, away, plane, kind)
         _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen)
     filled = np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
     return replace(
         view, rgb=rgb, ids=ids, depth=np.where(view.hole, filled, view.depth).astype(np.float32)
     )
+
+
+@kernel
+def _judge(rows, columns, plane, target, back, lens, seen, out):
+    """What a camera (`lens`, reached by `back`) that saw 1/z = `seen` says of each axis' continued surface."""
+    height, width = seen.shape
+    for n in range(len(rows)):
+        left = False
+        for axis in range(4):
+            near = plane[n, axis]
+            if not near < np.inf:
+                continue
+            x, y, ahead = map_pixel(columns[n], rows[n], near, target, back, lens)
+            inside = ahead > NEAR and -0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5
+            if not inside:
+                out[n, axis] = OUTSIDE
+            elif seen[int(y + 0.5), int(x + 0.5)] * (1.0 + SAME_LAYER) * ahead < near:
+                out[n, axis] = REFUTED
+            left = left or out[n, axis] != REFUTED
+        if not left:  # something has to be there
+            out[n] = HIDDEN
 
 
 @kernel
@@ -92,12 +143,12 @@ def _walk(near, ids, hole, row, column, down, right):
 
 
 @kernel
-def _vote(ids, hole, rows, columns, ends, away, plane):
+def _vote(ids, hole, rows, columns, ends, away, plane, kind):
     """The axis each hole pixel continues: short and far, then of the thing most of its neighbours continue."""
     chosen = np.full(len(rows), -1)
     thing = np.full(hole.shape, -1)
     for n in range(len(rows)):
-        chosen[n] = _cheapest(ids, ends[n], away[n], plane[n], -1)
+        chosen[n] = _cheapest(ids, ends[n], away[n], plane[n], kind[n], -1)
         if chosen[n] >= 0:
             thing[rows[n], columns[n]] = ids[ends[n, chosen[n], 0], ends[n, chosen[n], 1]]
     for _ in range(VOTES):
@@ -105,7 +156,7 @@ def _vote(ids, hole, rows, columns, ends, away, plane):
         for n in range(len(rows)):
             best, most = -1, 0
             for axis in range(4):
-                if away[n, axis] < np.inf:
+                if away[n, axis] < np.inf and kind[n, axis] != REFUTED:
                     instance_id = ids[ends[n, axis, 0], ends[n, axis, 1]]
                     votes = _count(before, rows[n], columns[n], instance_id)
                     if votes > most or (
@@ -113,7 +164,7 @@ def _vote(ids, hole, rows, columns, ends, away, plane):
                     ):
                         best, most = instance_id, votes
             if most:
-                chosen[n] = _cheapest(ids, ends[n], away[n], plane[n], best)
+                chosen[n] = _cheapest(ids, ends[n], away[n], plane[n], kind[n], best)
                 thing[rows[n], columns[n]] = best
     return chosen
 
@@ -128,26 +179,43 @@ def _count(thing, row, column, instance_id):
 
 
 @kernel
-def _cheapest(ids, ends, away, plane, instance_id):
+def _cheapest(ids, ends, away, plane, kind, instance_id):
     """The walk of least length * (1/z) ** FARNESS, among those that end on `instance_id` (-1: any); -1 if none."""
     best, chosen = np.inf, -1
     farthest = plane.min()
     for axis in range(4):
-        if not away[axis] < np.inf:
+        if not away[axis] < np.inf or kind[axis] == REFUTED:
             continue
         if instance_id >= 0 and ids[ends[axis, 0], ends[axis, 1]] != instance_id:
             continue
         nearness = (
-            1.0 if plane[axis] == farthest else plane[axis] / max(farthest, 1e-3 * plane[axis])
+            1.0
+            if plane[axis] == farthest or kind[axis] == OUTSIDE
+            else plane[axis] / max(farthest, 1e-3 * plane[axis])
         )
         if away[axis] * nearness**FARNESS < best:
             best, chosen = away[axis] * nearness**FARNESS, axis
     return chosen
 
 
+@inlined
+def _clean(ids, hole, row, column, down, right, most):
+    """The drawn pixel of the same thing up to so many steps on: at an outline colors are mixed."""
+    i, j = row, column
+    for _ in range(most):
+        a, b = i + down, j + right
+        if not (0 <= a < hole.shape[0] and 0 <= b < hole.shape[1]) or hole[a, b]:
+            break
+        if ids[a, b] != ids[row, column]:
+            break
+        i, j = a, b
+    return i, j
+
+
 @kernel
 def _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen):
     """Write the chosen surfaces into the images, colors blended over walks to the same one."""
+    missing = hole.copy()
     for n in range(len(rows)):
         if chosen[n] < 0:
             continue
@@ -159,10 +227,13 @@ def _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen):
             same = away[n, axis] < np.inf and ids[i, j] == instance_id
             if same and abs(plane[n, axis] - layer) <= SAME_LAYER * layer:
                 weight = 1.0 / away[n, axis] ** 2
+                down, right = i - row, j - column
+                pace = max(abs(down), abs(right))
+                a, b = _clean(ids, missing, i, j, down // pace, right // pace, max(CLEAN, pace))
                 total += weight
-                red += weight * rgb[i, j, 0]
-                green += weight * rgb[i, j, 1]
-                blue += weight * rgb[i, j, 2]
+                red += weight * rgb[a, b, 0]
+                green += weight * rgb[a, b, 1]
+                blue += weight * rgb[a, b, 2]
         rgb[row, column, 0], rgb[row, column, 1] = red / total, green / total
         rgb[row, column, 2] = blue / total
         near[row, column] = layer

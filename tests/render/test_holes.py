@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug.render.holes import fill
-from rpaug.render.zbuffer import Rendered
+from rpaug.render.holes import Witness, fill
+from rpaug.render.zbuffer import Rendered, Source
 
 
 def tilted(hole: np.ndarray) -> Rendered:
@@ -100,3 +100,47 @@ def test_beside_the_infinitely_far():
     filled = fill(view)
     assert (filled.depth == 0).all()
     assert (filled.ids == 1).all()
+
+
+def _cut_off(hole: np.ndarray, shift: int) -> tuple[Rendered, Witness]:
+    """An arm (id 2) before a wall (id 1), and the camera that recorded both and now looks `shift` columns further."""
+    arm = np.zeros(hole.shape, bool)
+    arm[12:20] = True
+    depth = np.where(arm, 1.0, 4.0).astype(np.float32)
+    ids = np.where(arm, 2, 1).astype(np.int32)
+    K = np.array([[30.0, 0, 15.5], [0, 30.0, 15.5], [0, 0, 1]])
+    rgb = np.zeros((*hole.shape, 3), np.uint8)
+    recorded = Source(K, np.eye(4), rgb, depth, ids)
+    view = Rendered(
+        rgb=rgb.astype(np.float32), depth=np.where(hole, 0, depth), ids=np.where(hole, 0, ids),
+        source=np.where(hole, -1, 0).astype(np.int16), hole=hole, rough=np.zeros_like(hole),
+    )  # fmt: skip
+    return view, Witness(recorded, K - [[0, 0, shift], [0, 0, 0], [0, 0, 0]], np.eye(4))
+
+
+def test_what_the_frame_cut_off_goes_on_beyond_it():
+    hole = np.zeros((32, 32), bool)
+    hole[:, 22:] = True
+    view, witness = _cut_off(hole, shift=10)
+    ids = fill(view, witness).ids
+    assert (ids[14:18, 22:26] == 2).all()
+    assert (ids[:8] == 1).all()
+    assert (fill(view).ids[12:20, 30:] == 1).any()  # without it, the wall behind the arm
+
+
+def test_a_surface_that_the_camera_saw_through_is_not_continued():
+    hole = np.zeros((32, 32), bool)
+    hole[20:24] = True
+    hole[8:12] = True  # the wall was recorded here
+    view, witness = _cut_off(hole, shift=0)
+    assert (fill(view, witness).ids[hole] == 1).all()
+
+
+def test_mixed_colors_of_an_outline_are_not_continued():
+    hole = square()
+    view = tilted(hole)
+    rim = np.zeros_like(hole)
+    rim[10:20, 10:20] = True
+    rgb = np.where((rim & ~hole)[..., None], np.float32(1), view.rgb)
+    filled = fill(replace(view, rgb=rgb)).rgb[hole]
+    np.testing.assert_allclose(filled, 0.5, atol=1e-6)

@@ -199,7 +199,8 @@ def _drawn(
         K, camera.cam_to_world[t], size, [*known, *_painted(surfels, known[0], piece)],
         witness=known[0], tolerance=surfels.tolerance,
     )  # fmt: skip
-    filled = holes.fill(drawn)
+    witness = holes.Witness(known[0], K, camera.cam_to_world[t])
+    filled = holes.fill(drawn, witness)
     # Patches and stretched surfels are invented as much as what single views are filled with.
     return drawn, replace(filled, hole=drawn.hole | drawn.rough | (drawn.source >= len(known)))
 
