@@ -3,16 +3,21 @@
 Two cameras that see one surface at one time must put it in one place. Each camera's points are held against the planes
 that the other cameras recorded there, and the small rigid motion that would make it agree with them is its misfit. One
 whose misfit is too large is named and left out, and the rest is judged again without it.
+
+A camera that is off is off for all that it sees. Curved and grazing surfaces and the rounding of outlines are off for
+some points only: others that the same motion would carry as far agree as they are. So a motion counts only where many
+points tell of it and agree with it, and few do without it. What moves is left out: it may be two clocks that disagree.
 """
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int32
+from jaxtyping import Bool, Float64, Int32
 
 from rpaug.core import geometry
-from rpaug.core.types import Episode
+from rpaug.core.types import CameraView, Episode
+from rpaug.render import denoise
 from rpaug.scene.recorded.plates import source_at, spread
 
 FRAMES = 4  # times that are looked at
@@ -26,6 +31,10 @@ FLAT = 1e-3  # of the strongest direction: motions that surfaces resist less can
 SMOOTH = 0.003  # of depth: second differences beyond this are an edge
 EXPLAINED = 0.25  # of what is off: a motion that explains less is none
 QUARTILE = 0.75  # of the distances, for how far two cameras disagree
+TELLING = 2.0  # times what counts as agreement: a point that the motion moves by more along its normal tells of it
+AGREED = 3.0  # times as many telling points as without it must agree with the motion, or it is none
+STILL = 0.002  # of depth: what changes by more from one frame to the next moves
+NOISES = 4.0  # standard deviations of depth noise, from which on the same holds
 RARE = 0.1  # of all points: rarer directions count no more than this
 TOLERATED = 0.007  # metres that a camera's points may be off before it is named; curved surfaces leave up to 6 mm
 TOLERATED_MOVING = (
@@ -63,7 +72,7 @@ def check(
 
     Blamed is the camera without which the others agree best, and so on until they agree; it is judged against those
     that are left. Of two that disagree both are named, since neither is more right. A camera that shares too little
-    with the others, or has no depth, is not judged.
+    with the others, or has no depth, is not judged; nor is a motion that fewer than `FEWEST` points tell of.
     """
     views = {name: view for name, view in episode.views.items() if view.depth is not None}
     limits = {n: 1e3 * (tolerated if v.camera.fixed else moving) for n, v in views.items()}
@@ -126,7 +135,7 @@ def _misfit(
     found = [_settled(rows, off, share, widened) for widened in (0, WIDENED)]
     motion = min(found, key=lambda motion: _cost(rows, off, share, motion))
     left = _cost(rows, off, share, motion) / max(_cost(rows, off, share, np.zeros(6)), 1e-300)
-    if left > 1 - EXPLAINED:  # curved surfaces and outliers make any camera look a little off
+    if left > 1 - EXPLAINED or not _borne_out(off, rows @ motion, share):
         motion = np.zeros(6)
     turn, shift = motion[:3] / lever, motion[3:]
     carried = np.cross(turn, points - middle) + shift
@@ -136,6 +145,16 @@ def _misfit(
         milliradians=1e3 * float(np.linalg.norm(turn)),
         points=len(points),
     )
+
+
+def _borne_out(
+    off: Float64[np.ndarray, "n"], moved: Float64[np.ndarray, "n"], share: Float64[np.ndarray, "n"]
+) -> bool:
+    """Whether enough points that a motion moves along their normals agree with it, and far fewer without it."""
+    near = max(SCALE, float(np.median(np.abs(off + moved))))
+    telling = np.abs(moved) > TELLING * near
+    without, within = (telling & (np.abs(one) < near) for one in (off, off + moved))
+    return bool(within.sum() >= FEWEST and share[within].sum() > AGREED * share[without].sum())
 
 
 def _settled(
@@ -181,6 +200,7 @@ def _at(
 ) -> _Pair:
     mine, theirs = source_at(episode.views[name], t), source_at(episode.views[other], t)
     depth = np.where(np.isfinite(mine.depth) & (mine.depth > 0), mine.depth, 0.0)
+    depth = np.where(_still(episode.views[name], t, episode.length), depth, 0.0)
     if instance_ids is not None:
         depth = np.where(np.isin(mine.ids, list(instance_ids)), depth, 0.0)
     use = np.zeros(depth.shape, bool)
@@ -196,7 +216,8 @@ def _at(
     # Of a thin wall each may have seen another side: what faces the other camera must face this one.
     eye = (mine.cam_to_world[:3, 3] - theirs.cam_to_world[:3, 3]) @ turn
     facing = (surface * normal).sum(1) * ((surface - eye) * normal).sum(1) > 0
-    good = np.isfinite(off) & facing
+    # What moves tells of two clocks as much as of two places.
+    good = np.isfinite(off) & facing & _still(episode.views[other], t, episode.length)[row, column]
     return points[kept][good], (normal @ turn.T)[good], off[good]
 
 
@@ -208,6 +229,17 @@ def _same(seen, ids, depth, instance_ids, K):
     near = np.abs(depth[r, c] - z) < CLOSE * np.minimum(1.0, z)
     kept = inside & near & (instance_ids[r, c] == ids)
     return kept, r[kept], c[kept]
+
+
+def _still(view: CameraView, t: int, length: int) -> Bool[np.ndarray, "h w"]:
+    """Which pixels of a fixed camera keep their depth until the next frame; all of a camera that moves."""
+    assert view.depth is not None
+    depth = view.depth(t)
+    if not view.camera.fixed or length == 1:
+        return np.ones(depth.shape, bool)
+    ids = view.ids(t) if view.ids else np.zeros(depth.shape, np.int32)
+    near = max(STILL, NOISES * denoise.noise(depth, ids)) * depth
+    return np.asarray(np.abs(view.depth(t + 1 if t + 1 < length else t - 1) - depth) <= near)
 
 
 def _normals(
