@@ -36,7 +36,7 @@ from rpaug.scene.targets.survey import size_cm
 
 CLOSE = 0.02  # metres that things near the action, or of one group, keep from all others at least
 GROUPED = 0.05  # metres between things of one group, at most
-TRIES = 24  # things and turns drawn for one place before giving up
+TRIES = 12  # things and turns drawn for one place before giving up
 SPOTS = 4  # places looked at of one thing
 ALIKE = 0.25  # of the things to choose from: those whose proportions are nearest to the target's
 
@@ -60,6 +60,10 @@ class Alike:
     choices: tuple[Asset, ...]
     scales: Mapping[str, float] = field(default_factory=dict)
     color: tuple[float, float, float] | None = None
+
+    def longest(self, asset: Asset) -> float:
+        """Metres of its longest side as it is shown."""
+        return self.scales.get(asset.name, 1.0) * asset.largest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -237,7 +241,7 @@ def _stood_in(
     """A thing in a free place of the zone, by its group if there is one; its outline in the world and the views with
     it. None if nothing fits there, however small, or cameras show no place well."""
     fits = alike.choices
-    for _ in range(TRIES):
+    for _ in range(TRIES if zone.any() else 0):
         asset = fits[int(rng.integers(len(fits)))]
         scale = alike.scales.get(asset.name, 1.0)
         pose, outline, top = at_rest(asset.name, scale, float(rng.uniform(-np.pi, np.pi)))
@@ -257,7 +261,6 @@ def _stood_in(
                 return thing, outline + middle, after
             pose[:3, 3] -= [*middle, room.level]
         if not len(cells):
-            fits = tuple(one for one in fits if one.largest < asset.largest)
-            if not fits:
-                return None
+            smaller = (one for one in fits if alike.longest(one) < alike.longest(asset))
+            fits = tuple(smaller) or fits
     return None

@@ -281,7 +281,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     worlds = (
-        (world for root in given.data for world in recorded(root))
+        (world for root in given.data for world in recorded(root, given.true_roles))
         if given.data
         else twins(given.seeds, given.frames)
     )
