@@ -1,7 +1,7 @@
 """Where 1000 distractors come to stand: near what was asked for, touching and hiding nothing, on the table, in reach.
 
-python tools/bench/placements.py --seeds 8 --json placements.json
-python tools/bench/placements.py --data FOLDER [FOLDER ...] --json placements.json
+python -m tools.bench.placements --seeds 8 --json placements.json
+python -m tools.bench.placements --data FOLDER [FOLDER ...] --json placements.json
 
 On the twin its true shapes say how near the robot and all else come to a thing at every frame, on datasets the recorded
 points of all frames and cameras. The share near is told by middles, seen from above: to the gripper's tip where it goes
@@ -18,7 +18,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
-from objects import extra
 
 import rpaug
 from rpaug import twin
@@ -32,6 +31,8 @@ from rpaug.render import mesh as meshes
 from rpaug.scene import build
 from rpaug.scene.placement import placing, policy_views, zones
 from rpaug.twin import mjcf, tabletop, tasks
+from tools.bench.harness import pages
+from tools.bench.objects import extra
 
 PLACED = 1000
 WITHIN = 0.15  # metres
@@ -264,6 +265,67 @@ def _gap(
     return float(least)
 
 
+def _table(rows: list[dict], given: argparse.Namespace) -> pages.Table:
+    """One row for each kind of world: the figures that are asked for, over all its scenes."""
+    kinds: dict[str, list[dict]] = {}
+    for row in rows:
+        kinds.setdefault(row["world"].split()[0].split(".")[0], []).append(row)
+    out = []
+    for kind, every in kinds.items():
+        some = [row for row in every if row["count"]]
+        count = sum(row["count"] for row in some)
+        if not count:
+            continue
+
+        def mean(key: str, some: list[dict] = some, count: int = count) -> float:
+            return round(sum(row[key] * row["count"] for row in some) / count, 1)
+
+        def total(key: str, some: list[dict] = some) -> pages.Cell:
+            return {"value": sum(row[key] for row in some), "target": "<= 0"}
+
+        off = round(abs(mean("near_percent") - mean("asked_percent")), 1)
+        out.append(
+            [
+                kind,
+                f"{len(some)} of {len(every)}",
+                count,
+                mean("near_percent"),
+                {"value": off, "target": "<= 5"},
+                sum(row["elsewhere"] for row in some),
+                total("touch"),
+                total("hide"),
+                total("unseen"),
+                total("off_table"),
+                {"value": mean("inside_percent"), "target": ">= 90"},
+                min(row["nearest_mm"] for row in some),
+            ]
+        )
+    told = " --true-roles" if given.true_roles else ""
+    return pages.Table(
+        id="placed-data" if given.data else "placed",
+        title="Distractors by default, a third of them asked to stand within 15 cm of target or low path",
+        command=f"python -m tools.bench.placements{told} "
+        + ("--data FOLDERS" if given.data else f"--seeds {given.seeds}"),
+        seeds="two things a draw",
+        columns=(
+            "world",
+            "scenes with room",
+            "things",
+            "near, %",
+            "off what was asked, points",
+            "elsewhere",
+            "touch",
+            "hide the target",
+            "unseen",
+            "off the table",
+            "in the workspace, %",
+            "nearest, mm",
+        ),
+        rows=out,
+        **pages.stamp(),
+    )
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(
@@ -279,6 +341,7 @@ def main() -> None:
     )
     parser.add_argument("--count", type=int, default=PLACED)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--record", action="store_true", help="keep the table in docs/benchmarks")
     given = parser.parse_args()
     worlds = (
         (world for root in given.data for world in recorded(root, given.true_roles))
@@ -292,6 +355,10 @@ def main() -> None:
     for world in worlds:
         rows.append(placements(world, -(-given.count // scenes)))
         print("  ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
+    table = _table(rows, given)
+    print(table.markdown())
+    if given.record:
+        pages.record("placing", table)
     if given.json:
         given.json.write_text(json.dumps(rows, indent=1))
 
