@@ -132,7 +132,7 @@ def _check(words: str) -> None:
     for noun in _nouns(phrase):
         if tint := _nearly_a_color(noun):
             raise NotUnderstood(f"{words!r}: {noun!r} is no colour ({noun!r} may be {tint!r})")
-    for part in _segments(words.replace("-", " ").split()):
+    for part in _segments(relations.WHERE.sub("", words.replace("-", " ")).split()):
         kinds = [_kind(word) for word in part]
         if kinds != sorted(kinds) or kinds.count(2) > MOST_NOUNS or kinds.count(0) > 1:
             raise NotThis

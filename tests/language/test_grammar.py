@@ -43,6 +43,15 @@ def understood(one: known.Known) -> dict[str, Any] | None:
 
 
 @pytest.mark.parametrize(
+    "words", ["the second drawer from the top", "the drawer at the bottom", "the top left drawer"]
+)
+def test_parts_are_named_by_their_place(words: str) -> None:
+    setting = WishContext(cameras=("front",), instructions=("open the middle drawer",))
+    (edit,) = said_after(f"make {words} purple", (), setting).edits
+    assert edit == {"op": "recolor", "target": words.removeprefix("the "), "color": "purple"}
+
+
+@pytest.mark.parametrize(
     "one", OURS, ids=lambda one: f"{one.kind}: {' / '.join([*one.after, one.say])[:60]}"
 )
 def test_commands_with_known_answers(one: known.Known) -> None:

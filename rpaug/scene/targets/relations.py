@@ -63,6 +63,7 @@ RANKS: dict[str, str] = {
     "lower": "lower",
 }
 SIDES = ("top", "bottom", "left", "right", "front", "back", "middle")
+WHERE = re.compile(rf"\b(?:on|at|in|from) the ({'|'.join(SIDES)})\b(?! of)")  # after its noun
 # Ranks that say where: two of different directions may stand together, "top left".
 DIRECTIONS: Mapping[str, int] = {
     **dict.fromkeys(("frontmost", "rearmost"), 0),
@@ -118,8 +119,7 @@ def singular(noun: str) -> str:
 
 def parse(text: str) -> Phrase:
     """The phrase a text stands for. Raises ValueError that says what is wrong with it."""
-    sides = "|".join(SIDES)
-    plain = re.sub(rf"\b(?:on|at|in|to|from) the ({sides})\b(?! of)", r"\1", text.lower())
+    plain = WHERE.sub(r"\1", text.lower())
     plain = re.sub(r"\b(?:at|in) the (top|bottom|middle) of\b", r"\1 of", plain)
     words = re.findall(r"[a-z_]+", plain.replace("-", " "))
     phrase, rest = _phrase(words, text)
@@ -212,6 +212,9 @@ def _attributes(
     plain = any(word in ANYTHING for word in words)
     if not (tints or tasks or ranks or nouns or plain):
         raise ValueError(f"{text!r} names no thing: give a color, a role or a noun")
+    among = {"middle", "upper", "lower"} & set(ranks)
+    if among and not (tints or tasks or nouns):
+        raise ValueError(f"{text!r}: the {among.pop()} one of which things? name them")
     if which and not ranks:
         raise ValueError(f"{text!r}: the {words[0]} in which order? e.g. second leftmost")
     return Phrase(

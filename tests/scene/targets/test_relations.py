@@ -26,6 +26,11 @@ def thing(
         ("the red receiver", Phrase("red", "receiver")),
         ("the small coffee cup", Phrase(nouns=("coffee", "cup"), ranks=("smallest",))),
         ("second largest block", Phrase(nouns=("block",), ranks=("largest",), ordinal=1)),
+        (
+            "the second block from the left",
+            Phrase(nouns=("block",), ranks=("leftmost",), ordinal=1),
+        ),
+        ("the top left drawer", Phrase(nouns=("drawer",), ranks=("highest", "leftmost"))),
         ("the closest block", Phrase(nouns=("block",), ranks=("frontmost",))),
         ("the block that is farthest", Phrase(nouns=("block",), ranks=("rearmost",))),
     ],
@@ -70,6 +75,8 @@ def test_relations_nest_to_the_right_and_between_takes_two() -> None:
         ("the second cup", "in which order"),
         ("the cup and the bowl", "'and the bowl' is left over"),
         ("the", "names no thing"),
+        ("the middle one", "the middle one of which things"),
+        ("the top of the cabinet", "name the part"),
     ],
 )
 def test_what_cannot_be_parsed(text: str, message: str) -> None:
