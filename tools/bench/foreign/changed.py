@@ -68,9 +68,8 @@ class Changed:
     def model(self) -> tuple[mujoco.MjModel, np.ndarray]:
         """The changed model and its instance ids by geom."""
         spec = mujoco.MjSpec.from_file(self.file)
-        bodies, meshes = list(spec.bodies), {}
+        bodies = list(_bodies(spec.worldbody))
         for geom, mesh in self._covers():
-            meshes[f"{COVER}{geom}"] = mesh
             material = int(self.plain.geom_matid[geom])
             _add(
                 spec,
@@ -160,6 +159,13 @@ class Changed:
 
 Mesh = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, str]
 """Points (v, 3), normals (v, 3), tiles to the right and up (v, 2), faces (f, 3), and the picture's file."""
+
+
+def _bodies(body: mujoco.MjsBody) -> Iterator[mujoco.MjsBody]:
+    """A body and what hangs on it, in the order of the compiled model."""
+    yield body
+    for child in body.bodies:
+        yield from _bodies(child)
 
 
 def _add(
