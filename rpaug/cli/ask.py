@@ -80,9 +80,11 @@ def ask(
     """
     from rpaug.core import registry
     from rpaug.core.errors import TargetError, Unsupported
+    from rpaug.core.types import Scene
     from rpaug.language import asking, rounds
     from rpaug.language.messages import NotUnderstood
     from rpaug.scene.build import build
+    from rpaug.scene.targets import settled
 
     if run and into is None:
         raise RpaugError("--run needs --into: the folder to write")
@@ -91,13 +93,17 @@ def ask(
             raise BadInput(path, flag, found="something there already", expected="a new path")
     recorded = registry.read(dataset, episode)
     talk = rounds.load(history) if history else rounds.History()
+
+    def scene() -> Scene:
+        return settled.settle(build(recorded, with_bodies=True), settled.read(dataset))[0]
+
     endpoint = _endpoint(llm, model, key_env, timeout, price)
     understanding = endpoint or rounds.next_round
     try:
         asked = asking.ask(
             wish,
             asking.setting_of(recorded),
-            (lambda: build(recorded, with_bodies=True)) if ground else None,
+            scene if ground else None,
             history=talk,
             understanding=understanding,
             tier=tier,

@@ -175,6 +175,8 @@ def _print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> N
     for key, warnings in described["warnings"].items():
         for warning in warnings:
             warn("warning", f"{key}: {warning}")
+    for words in described["roles"]:
+        warn("roles differ", words)
     for words in lacked:
         warn("left out", words)
     for key, reason in described["rejected"].items():

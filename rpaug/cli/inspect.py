@@ -24,6 +24,13 @@ def inspect(
         Path | None, typer.Option(help="Also write a page with thumbnails to this new file.")
     ] = None,
     arm: Arms = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Look at all episodes: say where their roles differ.")
+    ] = False,
+    write_roles: Annotated[
+        bool,
+        typer.Option(help="Write the roles to DATASET/roles.yaml, to be settled there by hand."),
+    ] = False,
     as_json: AsJson = False,
 ) -> int:
     """Show cameras, frames, instruction and every instance: instance id, role, color, size, motion.
@@ -32,13 +39,23 @@ def inspect(
     """
     from rpaug.core import registry
     from rpaug.pipeline import inspect as inspection
+    from rpaug.pipeline.role_facts import sure
+    from rpaug.scene.targets import settled as roles
 
     found = registry.read(dataset, episode)
     with progress_bar("looking", as_json):  # a video takes minutes, and says what is being done
-        described, rows, seen = inspection.inspect(found, arm or ())
+        settled = roles.read(dataset)
+        described, rows, seen = inspection.inspect(found, arm or (), settled)
+        if every or write_roles:
+            others = inspection.roles_of_all(dataset, arm or (), settled)
+            described["differ"] = inspection.disagreement(dataset, others)
     if html is not None:
         write_new(html, inspection.page(seen, described, rows))
         described["html"] = str(html)
+    if write_roles:
+        path = dataset / roles.NAME
+        write_new(path, inspection.roles_file(rows, list(others.values())).encode())
+        described["roles_file"] = str(path)
     if as_json:
         print_json(described)
         return 0
@@ -62,6 +79,14 @@ def inspect(
     if not rows:
         say("no instances: that takes masks, or several frames")
         return 0
+    for role, one in described["roles"].items():
+        ids = ", ".join(map(str, one["handles"])) or "none"
+        why = "".join(f"; {reason}" for reason in one["reasons"])
+        say(f"{role}: {ids}{sure(one)}{why}")
+    for words in described.get("differ", ()):
+        say(f"  roles differ: {words}")
+    if write_roles:
+        say(f"roles written to {described['roles_file']}: mend them there")
     say(
         f"{'handle':>8}  {'role':12}{'color':9}{'size, cm':22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
     )

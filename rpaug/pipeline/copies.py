@@ -17,7 +17,7 @@ from rpaug.core.types import Episode, Scene
 from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
 from rpaug.pipeline import plan as planning
-from rpaug.pipeline import report
+from rpaug.pipeline import report, self_check
 from rpaug.pipeline.recipe import Option, Recipe, option
 from rpaug.scene.recorded.surfels import Surfels
 
@@ -79,9 +79,9 @@ class Made:
     """One copy; its images are rendered when they are asked for, and `tally` counts what changes meanwhile.
 
     `attempt` numbers its draws from 0; `seconds` went into this draw and those before it. `known` are the faults that
-    show before anything is rendered: an instruction that cannot be kept true, actions that no longer hold, an edit that
-    was left out though the recipe says `on_missing: skip_copy`. `faults` say why the copy is rejected; a copy without
-    any is kept.
+    show before anything is rendered: an instruction that cannot be kept true, actions that no longer hold, roles that
+    the recording refutes, an edit left out though the recipe says `on_missing: skip_copy`. `faults` say why the copy is
+    rejected; a copy without any is kept.
     """
 
     episode: Episode
@@ -177,6 +177,9 @@ def _made(prepared: PreparedEpisode, scene: Scene, draws: tuple[Draw, ...], atte
     made = render(scene, draws, prepared.plan, gates is not None, prepared.surfels)
     known = [made.untrue] if made.untrue else []
     known += [] if prepared.keep_invalid else verdict.invalid(scene.simulated)
+    if prepared.recipe.self_check:
+        done = [(one.option, one.edit) for one in draws if one.option and one.edit is not None]
+        known += self_check.faults(prepared.scene, scene, done)
     if prepared.recipe.on_missing == "skip_copy":
         known += [
             f"{draw.option.name}: {draw.left_out}"

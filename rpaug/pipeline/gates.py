@@ -28,7 +28,10 @@ Limit = Annotated[float, Field(ge=0)] | None
 
 
 class Gates(BaseModel):
-    """Limits a copy must keep, None for none, and how many draws it gets to do so."""
+    """Limits a copy must keep, None for none, and how many draws it gets to do so.
+
+    The `self_check` (`rpaug.pipeline.self_check`) holds roles against the recording before anything is rendered.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -38,6 +41,7 @@ class Gates(BaseModel):
     holes: Limit = 0.15
     flicker: Limit = 2.0
     color: Limit = 5.0
+    self_check: bool = True
 
     def faults(self, figures: "Figures") -> list[str]:
         """Which limits the figures exceed, in words."""

@@ -9,7 +9,7 @@ from typing import Any
 from rpaug.core import splits
 from rpaug.core.errors import BadInput
 from rpaug.core.files import PART, REJECTED, write_atomic
-from rpaug.pipeline import card, plan, report
+from rpaug.pipeline import card, plan, report, role_facts
 from rpaug.pipeline.run import Run, Summary, group_of
 
 
@@ -70,6 +70,7 @@ def total(summary: Summary, run: Run) -> None:
     summary.copies = len(made)
     for key, described in rejected.items():
         summary.rejected[key] = "; ".join(described["gates"]["faults"])
+    summary.roles = _roles(run, [*made, *rejected.values()])
     summary.left_out = _left_out(run, [*made, *rejected.values()])
     summary.fell_short = _fell_short(run, made)
     for described in made:
@@ -131,6 +132,16 @@ def _fell_short(run: Run, made: Sequence[Mapping[str, Any]]) -> list[dict[str, A
                 if missed
             ]
     return found
+
+
+def _roles(run: Run, made: Sequence[Mapping[str, Any]]) -> list[str]:
+    """In which roles the source episodes of one group differ."""
+    groups: dict[str, dict[str, Any]] = {}
+    for one in made:
+        if "roles" in one:
+            group = groups.setdefault(group_of(run.adapter, one["source"]), {})
+            group[one["source"]] = one["roles"]
+    return [words for group in groups.values() for words in role_facts.disagreement(group)]
 
 
 def write_card(run: Run) -> None:

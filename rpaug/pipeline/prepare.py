@@ -22,6 +22,7 @@ from rpaug.pipeline.recipe import Recipe
 from rpaug.scene.build import build, find, sources
 from rpaug.scene.instances import rgb_episode
 from rpaug.scene.instances.found import FoundInstances
+from rpaug.scene.targets import settled
 from rpaug.scene.tracking import arms, calibration
 from rpaug.scene.video import reconstruct
 from rpaug.scene.video.settings import VideoSettings
@@ -140,7 +141,8 @@ def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene
         episode, recipe.arms, recipe.depth_model, recipe.video, by_video=recipe.depth_model is None
     )
     video = found.back.describe() if isinstance(found.back, VideoScene) else plan.video
-    return found.scene(), replace(plan, video=video, warnings=(*plan.warnings, *found.notes))
+    scene, wrong = settled.settle(found.scene(), recipe.roles)
+    return scene, replace(plan, video=video, warnings=(*plan.warnings, *found.notes, *wrong))
 
 
 def found_instances(

@@ -23,6 +23,7 @@ from rpaug.pipeline import write as writing
 from rpaug.pipeline.copies import PreparedEpisode, draw_copy
 from rpaug.pipeline.inputs import RecipeLike
 from rpaug.scene.recorded import surfels
+from rpaug.scene.targets import settled
 
 Dataset = Path | str
 """The folder of a dataset, a video, or `sample`, the dataset that ships."""
@@ -46,7 +47,8 @@ def read(dataset: Dataset, key: str | None = None) -> Episode:
 
 def inspect(episode: Episode) -> dict[str, Any]:
     """What `rpaug inspect --json` prints: cameras, frames, instruction, and every instance."""
-    return inspection.inspect(episode)[0]
+    roles = settled.read(episode.provenance.dataset) if episode.provenance else {}
+    return inspection.inspect(episode, roles=roles)[0]
 
 
 def augment(
@@ -69,6 +71,8 @@ def augment(
     if isinstance(copy, bool) or not isinstance(copy, int) or copy < 1:
         raise Unsupported(f"copy {copy!r}: expected a whole number from 1")
     asked = inputs.recipe(recipe, [] if seed is None else [f"seed={seed}"])
+    if episode.provenance is not None:
+        asked = asked.settled(episode.provenance.dataset)
     folder = None if scenes is None else Path(scenes)
     start = time.perf_counter()
     prepared = _prepared(episode, json.dumps(asked.source), inputs.tier(tier), folder, keep_invalid)

@@ -18,6 +18,7 @@ from rpaug.core.interfaces import Operator
 from rpaug.pipeline.gates import Gates
 from rpaug.pipeline.recipe_errors import Faults
 from rpaug.pipeline.recipe_yaml import Path_, kind_of, override, parse
+from rpaug.scene.targets import settled
 from rpaug.scene.video.settings import VideoSettings
 
 MAX_BYTES = 2**20
@@ -64,8 +65,9 @@ class _Top(BaseModel):
     video: VideoSettings = VideoSettings()
     refine: Annotated[int, Field(ge=0, le=10_000, strict=True)] = 0
     on_missing: OnMissing = "skip_edit"
+    roles: dict[settled.Role, settled.SettledRole] = {}
     edits: list[dict[str, Any]] = []
-    gates: Gates | None = None
+    gates: Gates | Literal[False] | None = None
 
 
 class _Chance(BaseModel):
@@ -126,6 +128,13 @@ class Recipe:
     video: VideoSettings = field(default_factory=VideoSettings)  # for videos of one moving camera
     refine: int = 0  # steps of the joint fine-tune, where Gaussians show all
     on_missing: OnMissing = "skip_edit"
+    roles: Mapping[str, settled.SettledRole] = field(default_factory=dict)  # that a person settled
+
+    @property
+    def self_check(self) -> bool:
+        """Whether copies are held against the recording: by default, and not where the recipe says `gates: off`."""
+        gates = self.source.get("gates")
+        return self.gates.self_check if self.gates else gates is not False
 
     @classmethod
     def from_yaml(cls, path: Path | str) -> "Recipe":
@@ -136,6 +145,15 @@ class Recipe:
     def from_dict(cls, tree: Mapping[str, Any]) -> "Recipe":
         """The recipe of plain data, as YAML has it. Raises BadRecipe."""
         return build(dict(tree))
+
+    def settled(self, root: Path) -> "Recipe":
+        """The recipe with the roles that a dataset's `roles.yaml` settles; its own are preferred. Raises BadInput."""
+        given = {
+            role: one.model_dump(exclude_defaults=True) for role, one in settled.read(root).items()
+        }
+        if not given:
+            return self
+        return build({**self.source, "roles": {**given, **self.source.get("roles", {})}})
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.
@@ -177,13 +195,14 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         select=top.select,
         steps=tuple(step for step in steps if step),
         source=json.loads(json.dumps(tree)),
-        gates=top.gates,
+        gates=top.gates or None,
         accuracy=top.accuracy,
         arms=tuple(top.arms),
         depth_model=top.depth_model,
         video=top.video,
         refine=top.refine,
         on_missing=top.on_missing,
+        roles=dict(top.roles),
     )
 
 

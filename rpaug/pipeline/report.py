@@ -138,6 +138,7 @@ def side_files(
     gaussians: int,
     gates: dict[str, Any] | None,
     words: dict[str, Any] | None,
+    roles: dict[str, Any],
     physics: dict[str, Any],
     seconds: dict[str, float],
 ) -> dict[str, bytes]:
@@ -161,6 +162,7 @@ def side_files(
         "gaussians": gaussians,
         **tally.summary(),
         **({"words": words} if words else {}),
+        **({"roles": roles} if roles else {}),
         **physics,
         **({"gates": gates} if gates else {}),
         "seconds": {stage: round(value, 4) for stage, value in seconds.items()},

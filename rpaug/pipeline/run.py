@@ -17,7 +17,10 @@ from rpaug.pipeline.recipe import Recipe
 
 @dataclass(frozen=True)
 class Run:
-    """What is asked for: `recipe` on the dataset `source`, written to `target`, shown at `tier` at least."""
+    """What is asked for: `recipe` on the dataset `source`, written to `target`, shown at `tier` at least.
+
+    The recipe takes over what the dataset's `roles.yaml` settles. Raises BadInput where that is wrong.
+    """
 
     source: Path
     recipe: Recipe
@@ -30,6 +33,9 @@ class Run:
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
     ratio: tuple[int, int] | None = None  # recorded to synthetic episodes, in each group
     licence: str | None = None  # of the source, where it does not say
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "recipe", self.recipe.settled(self.source))
 
     @cached_property
     def adapter(self) -> Adapter:
@@ -105,6 +111,7 @@ class Summary:
     fell_short: list[dict[str, Any]] = field(
         default_factory=list
     )  # edits: what, how many of how many
+    roles: list[str] = field(default_factory=list)  # that differ between episodes of one task
     missing: bool = False  # aborted since an episode lacked what an edit is made of
 
     @property

@@ -12,7 +12,7 @@ from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
 from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
-from rpaug.pipeline import report
+from rpaug.pipeline import report, role_facts
 from rpaug.pipeline.copies import ORIGINAL, Known, Made, PreparedEpisode, draw_copy
 from rpaug.pipeline.prepare import prepare_scene
 from rpaug.pipeline.recipe import build as build_recipe
@@ -101,6 +101,7 @@ def side_files(
         gaussians=len(made.scene.gaussians or ()),
         gates=gates,
         words=_words(made),
+        roles=role_facts.describe(made.scene),
         physics=verdict.described(made.scene.simulated),
         seconds={**seconds, "draw": made.seconds, **spent},
     )

@@ -17,14 +17,14 @@ import numpy as np
 
 from rpaug.core.errors import BadInput
 from rpaug.core.files import read_bytes, write_atomic
-from rpaug.core.types import Body, Scene
+from rpaug.core.types import Belief, Body, Scene
 from rpaug.render import zbuffer
 from rpaug.render.zbuffer import Source
 from rpaug.scene.recorded.parts import PartRecording
 from rpaug.scene.recorded.plates import Plate
 from rpaug.scene.recorded.surfels import Surfels
 
-VERSION = 1
+VERSION = 2
 ENDING = ".npz"
 IMAGES = ("rgb", "depth", "ids", "use")
 Arrays = dict[str, np.ndarray]
@@ -37,6 +37,10 @@ def save(path: Path, scene: Scene, surfels: Surfels | None) -> None:
         "version": VERSION,
         "bodies": [_body(body, arrays) for body in scene.bodies],
         "roles": {name: sorted(instance_ids) for name, instance_ids in scene.roles.items()},
+        "beliefs": {
+            name: [sorted(belief.instance_ids), belief.confidence, list(belief.reasons)]
+            for name, belief in scene.beliefs.items()
+        },
         "surfels": _surfels(surfels, arrays) if surfels else None,
     }
     stream = io.BytesIO()
@@ -68,7 +72,11 @@ def load(path: Path, bare: Scene) -> tuple[Scene, Surfels | None] | None:
             path, "scene", found=f"{error}"[:120], expected="a file of prepared scenes; delete it"
         ) from None
     roles = {name: frozenset(instance_ids) for name, instance_ids in facts["roles"].items()}
-    return replace(bare, bodies=bodies, roles=roles), kept
+    beliefs = {
+        name: Belief(frozenset(instance_ids), confidence, tuple(reasons))
+        for name, (instance_ids, confidence, reasons) in facts["beliefs"].items()
+    }
+    return replace(bare, bodies=bodies, roles=roles, beliefs=beliefs), kept
 
 
 def size(surfels: Surfels | None) -> int:

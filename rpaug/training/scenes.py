@@ -54,7 +54,8 @@ class Scenes:
         folder: Path | None,
         keep_invalid: bool = False,
     ) -> None:
-        self.root, self.recipe, self.tier, self.folder = root, recipe, tier, folder
+        self.root, self.tier, self.folder = root, tier, folder
+        self.recipe = recipe.settled(root)
         self.keep_invalid = keep_invalid
         self.adapter = registry.adapter_for(root).name
         self._held: OrderedDict[str, Ready] = OrderedDict()
@@ -116,7 +117,11 @@ class Scenes:
         if self.folder is None or not plain or self.recipe.accuracy:
             return *prepare.prepare_scene(episode, self.recipe, self.tier, self.folder), None
         arms = [path.read_bytes().hex() for path in self.recipe.arms]
-        name = store.key(bare, {"prepared": prepared.VERSION, "arms": arms}, 0)
+        name = store.key(
+            bare,
+            {"prepared": prepared.VERSION, "arms": arms, "roles": self.recipe.source.get("roles")},
+            0,
+        )
         path = self.folder / f"{name}{prepared.ENDING}"
         moved = 1 in plan.representations.values()
         found = prepared.load(path, bare)

@@ -1,3 +1,3 @@
 """Which instances an edit means: by role, by instance id, or by words."""
 
-__all__ = ["nouns", "places", "relations", "roles", "shapes", "survey", "targets"]
+__all__ = ["nouns", "places", "relations", "roles", "settled", "shapes", "survey", "targets"]
