@@ -17,6 +17,7 @@ from rpaug.cli.console import (
 )
 
 
+# Long: the options of a command are its signature, and what it finds is said line by line.
 def inspect(
     dataset: Dataset,
     episode: EpisodeKey = None,

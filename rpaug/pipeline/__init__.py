@@ -16,6 +16,7 @@ __all__ = [
     "python_api",
     "recipe",
     "recipe_errors",
+    "role_facts",
     "run",
     "speed_error",
     "verify",

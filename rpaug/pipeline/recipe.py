@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter
 
 from rpaug.core import registry
 from rpaug.core.errors import BadRecipe, RpaugError
@@ -49,6 +49,11 @@ class Accuracy(BaseModel):
     depth_mm: Annotated[float, Field(gt=0)] | None = None
 
 
+def _unless_off(given: Any) -> Any:
+    """`off` has no limits; that there is no self-check either is read off the source (`Recipe.self_check`)."""
+    return None if given is False else given
+
+
 class _Top(BaseModel):
     """The keys of a recipe file; each entry of `edits` is validated by its own operator."""
 
@@ -67,7 +72,7 @@ class _Top(BaseModel):
     on_missing: OnMissing = "skip_edit"
     roles: dict[settled.Role, settled.SettledRole] = {}
     edits: list[dict[str, Any]] = []
-    gates: Gates | Literal[False] | None = None
+    gates: Annotated[Gates | None, BeforeValidator(_unless_off)] = None
 
 
 class _Chance(BaseModel):
@@ -195,7 +200,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         select=top.select,
         steps=tuple(step for step in steps if step),
         source=json.loads(json.dumps(tree)),
-        gates=top.gates or None,
+        gates=top.gates,
         accuracy=top.accuracy,
         arms=tuple(top.arms),
         depth_model=top.depth_model,
@@ -238,6 +243,7 @@ def schema() -> dict[str, Any]:
         "required": ["one_of"],
         "additionalProperties": False,
     }
+    top["properties"]["gates"]["anyOf"].append({"const": False})
     top["properties"]["edits"] = {
         "type": "array",
         "items": {"oneOf": [*names, {"$ref": "#/$defs/one_of"}]},
