@@ -11,7 +11,7 @@ from rpaug.core import geometry
 from rpaug.core.types import Body, Scene
 from rpaug.physics.colliders import Boxes
 from rpaug.scene.sampled_frames import look
-from rpaug.scene.targets.roles import surface
+from rpaug.scene.targets.observed import surface
 
 ROUNDED = 0.002  # metres: radius of the edges of a robot's part
 SKIN = 0.0015  # metres that its box is larger than what was seen: fingers that close on a thing press it

@@ -6,6 +6,7 @@ from typing import Any
 from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import look
 from rpaug.scene.targets import roles
+from rpaug.scene.targets.observed import surface
 from rpaug.scene.targets.survey import size_cm
 
 SAME = 1.5  # times: what is seen of one thing in two episodes differs in length by less
@@ -68,7 +69,7 @@ def _length(scene: Scene, instance_id: int) -> float:
     body = next((body for body in scene.tracked if instance_id in body.instance_ids), None)
     if body is None:
         return 0.0
-    return max(size_cm(roles.surface(look(scene.episode), instance_id, body)[0]))
+    return max(size_cm(surface(look(scene.episode), instance_id, body)[0]))
 
 
 def _few(keys: Sequence[str]) -> str:

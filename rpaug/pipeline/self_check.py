@@ -18,7 +18,7 @@ from rpaug.pipeline import plan
 from rpaug.pipeline.recipe import Option
 from rpaug.scene.recorded import surface
 from rpaug.scene.sampled_frames import look
-from rpaug.scene.targets import roles, targets
+from rpaug.scene.targets import observed, targets
 
 RISE = 0.05  # metres: what stands on a surface was seen down to less than this above it
 REACH = 0.3  # metres around the gripper's path and what it acts on: the workspace
@@ -176,7 +176,7 @@ def _surface(scene: Scene, instance_id: int) -> tuple[Points, Points]:
 
 @memo.of_episode
 def _seen(episode: Episode, body: Body, instance_id: int) -> tuple[Points, Points]:
-    points, normals = roles.surface(look(episode), instance_id, body)
+    points, normals = observed.surface(look(episode), instance_id, body)
     return geometry.transform(body.to_world[0], points), normals @ body.to_world[0][:3, :3].T
 
 

@@ -71,7 +71,8 @@ class ByMasks:
             return FoundInstances(episode, _untracked(episode))
         sampled = look(episode)
         tracked = bodies.track(episode, sampled, self.arms)
-        return FoundInstances(episode, tracked, dict(roles.infer(episode, tracked, sampled)))
+        beliefs = roles.believe(episode, tracked, sampled)
+        return FoundInstances(episode, tracked, roles.held(beliefs), beliefs=beliefs)
 
 
 @dataclass(frozen=True)

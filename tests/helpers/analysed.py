@@ -9,6 +9,7 @@ from rpaug.scene.tracking import bodies
 def analysed(episode: Episode) -> Scene:
     sampled = look(episode)
     found = bodies.track(episode, sampled)
-    known = roles.infer(episode, found, sampled)
+    beliefs = roles.believe(episode, found, sampled)
     cameras = {name: view.camera for name, view in episode.views.items()}
-    return Scene(episode, cameras, found, known, False, episode.descriptions)
+    known = roles.held(beliefs)
+    return Scene(episode, cameras, found, known, False, episode.descriptions, beliefs=beliefs)

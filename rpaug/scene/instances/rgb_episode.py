@@ -14,12 +14,13 @@ from jaxtyping import Float32, Int32
 from rpaug.core.errors import Unsupported
 from rpaug.core.types import Body, Camera, CameraView, Episode, ProxyGeometry
 from rpaug.scene.instances import ground_plane, rgb_things
-from rpaug.scene.instances.found import FoundInstances
+from rpaug.scene.instances.found import FoundInstances, as_beliefs
 from rpaug.scene.instances.rgb_things import CameraInstanceMap
 
 if TYPE_CHECKING:
     from rpaug.providers.depth import DepthModel
 
+SURE = 0.6  # of roles that colors tell: nothing checks them by geometry
 KEPT = 64  # labelled frames of one camera
 UNTOLD = (
     "what was moved has its surroundings' colors, and nothing tells its outline where it rested: it is no target and "
@@ -54,7 +55,10 @@ def find(episode: Episode, depth: str | None = None) -> FoundInstances:
         )
         for instance_id in sorted(seen.instance_ids)
     )
-    return FoundInstances(replace(episode, views=views), bodies, seen.roles, photographed=True)
+    beliefs = as_beliefs(seen.roles, SURE, "told by color and by what changes: there is no depth")
+    return FoundInstances(
+        replace(episode, views=views), bodies, seen.roles, photographed=True, beliefs=beliefs
+    )
 
 
 def assumptions(episode: Episode) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from jaxtyping import Float64
 from rpaug.core import geometry
 from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import SampledFrames
-from rpaug.scene.targets.roles import surface
+from rpaug.scene.targets.observed import surface
 
 TIP = 0.03  # metres around the gripper's tip within which fingers touch
 ACROSS = 0.8  # cosine between a face that is gripped and the way the fingers close

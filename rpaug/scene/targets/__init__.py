@@ -1,3 +1,13 @@
 """Which instances an edit means: by role, by instance id, or by words."""
 
-__all__ = ["nouns", "places", "relations", "roles", "settled", "shapes", "survey", "targets"]
+__all__ = [
+    "nouns",
+    "observed",
+    "places",
+    "relations",
+    "roles",
+    "settled",
+    "shapes",
+    "survey",
+    "targets",
+]

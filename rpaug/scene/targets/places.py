@@ -14,7 +14,7 @@ from jaxtyping import Float64
 from rpaug.core import geometry
 from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import SampledFrames
-from rpaug.scene.targets.roles import surface
+from rpaug.scene.targets.observed import surface
 
 POINTS = 400  # of each thing, looked at
 SLACK = 0.01  # metres: noise of depth, and outlines cut off by what stands before them

@@ -11,7 +11,7 @@ from functools import cached_property
 from rpaug.core.errors import TargetError
 from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import SampledFrames
-from rpaug.scene.targets import parts, places
+from rpaug.scene.targets import parts, places, roles
 from rpaug.scene.targets.nouns import Meaning
 from rpaug.scene.targets.parts import Furniture
 from rpaug.scene.targets.relations import GRIPS, PARTS, Phrase, singular
@@ -207,6 +207,8 @@ def _numbers(found: Sequence[places.LocatedInstance]) -> str:
 
 def why(scene: Scene, role: str) -> str:
     """Why a role is not known."""
+    if doubted := scene.beliefs.get(role):
+        return f"{role}: {'; '.join(doubted.reasons)}: confidence {doubted.confidence:.2f}, below {roles.BOUND}"
     if not scene.bodies:
         return "the episode has no depth or no instance masks, so no role is known"
     if scene.episode.length < 2:

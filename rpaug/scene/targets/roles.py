@@ -1,81 +1,70 @@
-"""What each instance does in the task, from how it moves and where it stands: never from its name or number.
+"""What each instance does in the task, from how it moves, what it touches and what carries it: never from its name or
+number.
 
-The world's z axis points up. A role that cannot be known (nothing moved, one frame only) is absent.
+The world's z axis points up. Every role is a belief with reasons; one below BOUND is no role of the scene.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float64
 
-from rpaug.core.types import Body, Episode
+from rpaug.core.types import Belief, Body, Episode
 from rpaug.scene.sampled_frames import SampledFrames, look
-from rpaug.scene.tracking.chain import OFTEN
-from rpaug.scene.tracking.touch import touching
+from rpaug.scene.targets.observed import Evidence, Thing, gather
+from rpaug.scene.targets.supports import THICK, Ground
 
 NAMES = ("manipulated", "receiver", "robot", "table", "background")
+BOUND = 0.4  # a belief below it is no role
+SUREST = 0.99  # of what is seen: certain is only what a person settles
 
-LATE = (
-    0.2  # share of the episode: what rests longer and is no known arm's link was moved by the robot
-)
-RISE = 0.05  # metres: less lift than this over a support is standing on it
-LEVEL = 0.02  # metres: surfaces of one table top differ by less
-FLAT = 0.8  # share of an instance's surface that is level, if it is a support
-BROAD = 0.3  # metres: a support is at least this long and wide
-NEAR = 0.03  # metres: parts of one piece of furniture are within each other's outline by less
+OFTEN = 0.5  # share of the frames that show both, in which parts that hang together touch
+IDLE = 0.1  # share of the gripper's steps in which what hangs on it may seem to rest
+NEAR = 0.15  # metres around the gripper's path within which things are neighbours
+OVER = 0.4  # metres: an arm works that far over its table, more or less
+NEIGHBORS = 0.2  # what the neighbours weigh, beside what is manipulated and the gripper's path
+SIDE = 0.03  # metres: parts of one piece of furniture are within each other's outline by less
+HELD = 0.2  # metres: a joint that no camera sees is no longer
+SMALLER = 0.25  # of the table's area: what lies flush on it and is smaller is a thing on it
+REACH = 0.25  # metres: what stays so near to the gripper is the hand
+AS_FIRM = 0.7  # of the firmest contact: of things that are touched so the largest is the receiver
+LEAST_SURE = 0.8  # of a receiver that is the table for want of anything else
+SOME = 0.3  # of the last frames, or of the outline: less contact makes no receiver
+LATE = 8  # the last so many-th part of the sampled frames shows where a thing was brought
 
-
-@dataclass(frozen=True)
-class _Thing:
-    """What one instance looks like at the reference frame of its body."""
-
-    instance_id: int
-    body: Body
-    low: Float64[np.ndarray, "3"]
-    high: Float64[np.ndarray, "3"]
-    level: float  # share of the surface whose normal is vertical
-
-    @property
-    def static(self) -> bool:
-        return self.body.motion == "static"
-
-    @property
-    def size(self) -> Float64[np.ndarray, "3"]:
-        return self.high - self.low
-
-    @property
-    def support(self) -> bool:
-        """Flat, level and broad: a table top or a floor."""
-        return self.static and self.level > FLAT and bool(self.size[:2].min() > BROAD)
+NOTHING = Belief(frozenset(), 0.0)
 
 
-def infer(
+def believe(
     episode: Episode, bodies: Sequence[Body], sampled: SampledFrames | None = None
-) -> Mapping[str, frozenset[int]]:
-    """Handles by role; see NAMES. Every instance id has one role at most, but for a table
-    that is the receiver, and some have none.
+) -> dict[str, Belief]:
+    """What is believed of each role that anything speaks for; see NAMES. Every instance id has one role at most, but
+    for a table that is the receiver, and some have none.
 
-    robot: what hangs on the gripper from the first frame, what touches it most of the time and moves, and the
-    base that this chain grows out of. manipulated: what else moves, or if nothing does what the gripper touches longest
-    (a button that moves less than its recording shows). receiver: the static thing that the
-    manipulated touches at the end, with all that stands within its outline; the table only if there is
-    nothing else. table: the level surface that things stand on. background: what is left and larger than the
-    table, or outside its bounds.
+    robot: what hangs on the gripper from the first frame on, and the base that this chain grows out of. manipulated:
+    what else moves and is touched by the robot, or if nothing does what the gripper touches longest. table: what most
+    falls on that the robot acts on, passes over, or finds beside that. receiver: the static thing that the
+    manipulated is hinged to or touches at the end, with all that stands within its outline; the table only if there
+    is nothing else. background: what is left and larger than the table, or outside its bounds.
     """
     sampled = look(episode) if sampled is None else sampled
-    things = {thing.instance_id: thing for thing in _things(bodies, sampled)}
-    robot = _robot(things, sampled)
-    later = _gripper_start(episode)
-    manipulated = frozenset(
-        h
-        for h, thing in things.items()
-        if not thing.static and h not in robot and (robot or _start(thing.body) > later)
+    evidence = gather(episode, bodies, sampled)
+    arm = _arm(evidence)
+    hand = _hand(evidence, arm)
+    manipulated = _moved(evidence, arm, hand)
+    ground = Ground(evidence, arm)
+    table = _table(evidence, ground, arm, manipulated.instance_ids)
+    if not manipulated.instance_ids:
+        manipulated = _pressed(evidence, hand, arm.keys() | table.instance_ids)
+    robot = _robot(evidence, ground, arm, manipulated.instance_ids, table.instance_ids)
+    background = _background(evidence, table, robot.instance_ids | manipulated.instance_ids)
+    receiver = _receiver(
+        evidence,
+        ground,
+        manipulated.instance_ids,
+        robot.instance_ids | background.instance_ids | manipulated.instance_ids,
+        table.instance_ids,
     )
-    table = _table(things, sampled, robot, manipulated)
-    background = _background(things, table, robot | manipulated)
-    manipulated = manipulated or _pressed(things, sampled, robot, robot | table | background)
-    receiver = _receiver(things, sampled, manipulated, robot | background | manipulated, table)
     found = {
         "manipulated": manipulated,
         "receiver": receiver,
@@ -83,202 +72,357 @@ def infer(
         "table": table,
         "background": background,
     }
-    return {name: instance_ids for name, instance_ids in found.items() if instance_ids}
-
-
-def _things(bodies: Sequence[Body], sampled: SampledFrames) -> list[_Thing]:
-    out = []
-    for body in bodies:
-        for instance_id in body.instance_ids:
-            points, normals = surface(sampled, instance_id, body)
-            if len(points):
-                low, high = np.percentile(points, [1, 99], axis=0)
-                flat = np.abs(normals[:, 2]) > 0.95
-                faces = np.linalg.norm(normals, axis=-1) > 0
-                level = float(flat.sum() / max(faces.sum(), 1))
-                out.append(_Thing(instance_id, body, low, high, level))
-    return out
-
-
-def surface(
-    sampled: SampledFrames, instance_id: int, body: Body, most: int = 4000
-) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3"]]:
-    """Points and normals of an instance in its body's frame, from fixed cameras if they saw it at all."""
-    shown = (sampled.ids == instance_id) & (sampled.depth > 0)
-    if shown[:, sampled.fixed].any():
-        shown[:, ~sampled.fixed] = False
-    at = np.stack(np.nonzero(shown), -1)
-    at = at[:: max(1, -(-len(at) // most))]
-    s, c, r, k = at.T
-    back = np.linalg.inv(body.to_world[sampled.frames[s]]) if len(at) else np.zeros((0, 4, 4))
-    points = np.einsum("nij,nj->ni", back[:, :3, :3], sampled.points[s, c, r, k]) + back[:, :3, 3]
-    return points, np.einsum("nij,nj->ni", back[:, :3, :3], sampled.normals[s, c, r, k])
-
-
-def _robot(things: Mapping[int, _Thing], sampled: SampledFrames) -> frozenset[int]:
-    """The chain that ends at the gripper."""
-    hand = {
-        h
-        for h, thing in things.items()
-        if thing.body.motion == "gripper" and _moves_first(thing.body, things)
-    }
-    if not hand:
-        return frozenset()
-    links = {h for h, thing in things.items() if thing.body.motion == "link"}
-    late = LATE * len(next(iter(things.values())).body.to_world)
-    movers = {
-        h
-        for h, thing in things.items()
-        if thing.body.motion in ("aligned", "unknown") and _start(thing.body) < late
-    }
-    rest = {h for h, thing in things.items() if thing.static and not thing.support}
-    often = _often(sampled)
-    chain = _grown(hand | links, movers, often)
-    return frozenset(_grown(chain, {h for h in rest if things[h].size.max() < 2 * BROAD}, often))
-
-
-def _pressed(
-    things: Mapping[int, _Thing],
-    sampled: SampledFrames,
-    robot: frozenset[int],
-    not_these: frozenset[int],
-) -> frozenset[int]:
-    """What the gripper touches in most frames, if it touches anything."""
-    gripper = {h for h in robot if things[h].body.motion == "gripper"}
-    touched: dict[int, int] = {}
-    for pair, count in touching(sampled).items():
-        for h in (pair - not_these) & things.keys() if pair & gripper else ():
-            touched[h] = touched.get(h, 0) + count
-    return frozenset({max(touched, key=lambda h: touched[h])}) if touched else frozenset()
-
-
-def _moves_first(body: Body, things: Mapping[int, _Thing]) -> bool:
-    """Does the body move as soon as anything does?"""
-    starts = [_start(thing.body) for thing in things.values() if not thing.static]
-    return _start(body) <= min(starts) + 1
-
-
-def _gripper_start(episode: Episode) -> int:
-    """The first frame at which the gripper is not where it began; the episode's length if it never leaves."""
-    poses = episode.robot.gripper_to_world
-    if poses is None:
-        return episode.length
-    moved = np.abs(poses - poses[:1]).max((1, 2)) > 1e-4
-    return int(np.argmax(moved)) if moved.any() else len(moved)
-
-
-def _start(body: Body) -> int:
-    """The first frame at which the body is not where it was at the beginning."""
-    moved = np.abs(body.to_world - body.to_world[:1]).max((1, 2)) > 1e-6
-    return int(np.argmax(moved)) if moved.any() else len(moved)
-
-
-def _often(sampled: SampledFrames) -> set[frozenset[int]]:
-    """Pairs that touch in most of the frames in which fixed cameras show both."""
-    seen = {
-        int(h): (sampled.ids[:, sampled.fixed] == h).any((1, 2, 3)) for h in sampled.instance_ids
-    }
     return {
-        pair
-        for pair, count in touching(sampled).items()
-        if count >= OFTEN * max((seen[min(pair)] & seen[max(pair)]).sum(), 1)
+        name: replace(belief, confidence=min(belief.confidence, SUREST))
+        for name, belief in found.items()
+        if belief.instance_ids
     }
 
 
-def _grown(seed: set[int], among: set[int], pairs: set[frozenset[int]]) -> set[int]:
-    """The seed and all that hangs on it through touching members of `among`."""
-    chain, fresh = set(seed), set(seed)
-    while fresh:
-        fresh = {h for h in among - chain if any(frozenset({h, c}) in pairs for c in fresh)}
-        chain |= fresh
-    return chain
+def held(beliefs: Mapping[str, Belief]) -> dict[str, frozenset[int]]:
+    """The instance ids of the roles that are believed firmly enough."""
+    return {
+        name: belief.instance_ids for name, belief in beliefs.items() if belief.confidence >= BOUND
+    }
+
+
+def _arm(evidence: Evidence) -> dict[int, float]:
+    """What moves with the gripper from the start, and what that touches from the start, each with how firmly."""
+    arm = {
+        h: 1.0 if thing.body.motion == "link" else 1 - evidence.rest(h)
+        for h, thing in evidence.things.items()
+        if thing.body.motion == "link"
+        or (thing.body.motion == "gripper" and evidence.rest(h) < IDLE)
+    }
+    still = {h for h, thing in evidence.things.items() if thing.static}
+    movers = evidence.things.keys() - still - arm.keys()
+    while arm:
+        joined = {h: evidence.early(h, arm) for h in movers - arm.keys()}
+        fresh = {
+            h: share for h, share in joined.items() if share >= max(OFTEN, evidence.early(h, still))
+        }
+        if not fresh:
+            break
+        arm |= fresh
+    hand = _hand(evidence, arm)
+    # Too small for a track, and yet it is where the gripper is.
+    return arm | {h: 1.0 for h in still if evidence.early(h, hand) and evidence.rides(h, REACH)}
+
+
+def _hand(evidence: Evidence, arm: Collection[int]) -> frozenset[int]:
+    """The part of the arm that stays about the gripper."""
+    if evidence.gripper is None:
+        return frozenset()
+    return frozenset(
+        h
+        for h in arm
+        if (np.linalg.norm(evidence.middle(h) - evidence.gripper, axis=-1) < REACH).all()
+    )
+
+
+def _moved(evidence: Evidence, arm: Collection[int], hand: Collection[int]) -> Belief:
+    """What moves, is no part of the arm, and was touched by the hand or by what that moved."""
+    movers = {h for h, thing in evidence.things.items() if not thing.static} - set(arm)
+    if not hand:
+        return Belief(frozenset(movers), 0.6 if movers else 0.0, ("it moves; no gripper is seen",))
+    found, by = set[int](), set(hand)
+    while fresh := {h for h in movers - found if evidence.handled(h, by)[0]}:
+        found |= fresh
+        by = fresh
+    if not found:
+        return NOTHING
+    main = max(found, key=lambda h: evidence.steps(h).sum())
+    near, steps = max(evidence.handled(main, hand), evidence.handled(main, found - {main}))
+    return Belief(
+        frozenset(found),
+        near / steps,
+        (
+            f"instance {main} moves in {steps} steps from one sampled frame to the next, in {near} of them beside the "
+            f"hand or what that moves; it rests during {100 * evidence.rest(main):.0f} % of the gripper's way",
+        ),
+    )
+
+
+def _pressed(evidence: Evidence, hand: Collection[int], not_these: Collection[int]) -> Belief:
+    """What the hand touches in most frames, where nothing moves."""
+    frames = {h: int(evidence.touch(h, hand).sum()) for h in evidence.things if h not in not_these}
+    if not frames or not max(frames.values()):
+        return NOTHING
+    first, *others = sorted(frames, key=lambda h: -frames[h])
+    second = frames[others[0]] if others else 0
+    return Belief(
+        frozenset([first]),
+        0.5 + 0.5 * (frames[first] - second) / frames[first] if frames[first] > 1 else 0.3,
+        (
+            f"nothing is seen to move, and the hand touches it in {frames[first]} of "
+            f"{len(evidence.gaps)} frames, the next in {second}",
+        ),
+    )
 
 
 def _table(
-    things: Mapping[int, _Thing],
-    sampled: SampledFrames,
-    robot: frozenset[int],
-    manipulated: frozenset[int],
-) -> frozenset[int]:
-    """The support that most other things touch, and what lies in its plane."""
-    supports = {h: thing for h, thing in things.items() if thing.support}
-    if not supports:
-        return frozenset()
-    stands: dict[int, float] = dict.fromkeys(supports, 0.0)
-    for pair in touching(sampled):
-        for h in pair & supports.keys():
-            other = next(iter(pair - {h}))
-            if (
-                other in things
-                and other not in supports
-                and things[other].low[2] < supports[h].high[2] + RISE
-            ):
-                stands[h] += 1 + (other in manipulated)
-    # A table top may be hidden behind what stands on it: of equals the upper one, then the larger.
-    best = max(
-        supports, key=lambda h: (stands[h], supports[h].high[2], supports[h].size[:2].prod())
+    evidence: Evidence, ground: Ground, arm: Collection[int], manipulated: Collection[int]
+) -> Belief:
+    """The static thing that carries what the robot acts on, its neighbours and what lies under its path."""
+    near = _neighbors(evidence, set(arm) | set(manipulated))
+    weights = dict.fromkeys(near, NEIGHBORS / max(len(near), 1))
+    left = 1 - NEIGHBORS if near else 1.0
+    share = left / 2 if evidence.gripper is not None else left
+    weights |= dict.fromkeys(manipulated, share / max(len(manipulated), 1))
+    on = ground.carried(weights)
+    if not on.weight:
+        return NOTHING
+    lowest = [evidence.things[h].low[2] for h in manipulated]
+    lowest += [] if evidence.gripper is None else [float(evidence.gripper[:, 2].min())]
+    scores, pieces = {}, {}
+    for h in on.weight:
+        height = ground.top(h).height
+        under = max(0.0, min(lowest, default=height) - height)
+        pieces[h] = _flush(evidence, ground, h)
+        weight = on.together(pieces[h])
+        scores[h] = weight**2 * float(np.exp(-under / OVER))
+    best = max(scores, key=lambda h: scores[h])
+    if not scores[best]:
+        return NOTHING
+    weight = on.together(pieces[best])
+    second = max((score for h, score in scores.items() if h not in pieces[best]), default=0.0)
+    return Belief(
+        pieces[best],
+        weight * scores[best] / (scores[best] + second),
+        (
+            f"{100 * weight:.0f} % of what the robot acts on, passes over and finds beside that falls on instance "
+            f"{best}, level at {ground.top(best).height:.2f} m",
+            f"the next best support has {100 * second / scores[best]:.0f} % of its score",
+        ),
     )
-    height = supports[best].high[2]
+
+
+def _flush(evidence: Evidence, ground: Ground, best: int) -> frozenset[int]:
+    """A support and what lies in its plane, overlaps it from above and is not much smaller."""
+    top = ground.top(best)
     return frozenset(
-        h
-        for h, thing in supports.items()
-        if abs(thing.high[2] - height) < LEVEL and _overlap(thing, supports[best])
-    )
-
-
-def _overlap(a: _Thing, b: _Thing) -> bool:
-    return bool((a.low[:2] < b.high[:2]).all() and (b.low[:2] < a.high[:2]).all())
-
-
-def _background(
-    things: Mapping[int, _Thing], table: frozenset[int], taken: frozenset[int]
-) -> frozenset[int]:
-    """What stands still and is broader than the table, or begins beyond it."""
-    if not table:
-        return frozenset()
-    low = np.min([things[h].low for h in table], 0)
-    high = np.max([things[h].high for h in table], 0)
-    broad = (high - low)[:2].max()
-    return frozenset(
-        h
-        for h, thing in things.items()
-        if thing.static
-        and h not in table | taken
-        and (
-            thing.size.max() > broad
-            or (thing.low[:2] > high[:2]).any()
-            or (thing.high[:2] < low[:2]).any()
-            or thing.high[2] < low[2] - RISE
+        level.instance_id
+        for level in ground.levels
+        if level.instance_id == best
+        or (
+            abs(level.height - top.height) < THICK
+            and SMALLER * top.area < level.area <= top.area
+            and level is ground.top(level.instance_id)
+            and _overlap(evidence.things[level.instance_id], evidence.things[best])
         )
     )
 
 
-def _receiver(
-    things: Mapping[int, _Thing],
-    sampled: SampledFrames,
-    manipulated: frozenset[int],
-    not_these: frozenset[int],
-    table: frozenset[int],
-) -> frozenset[int]:
-    """What the manipulated touches in the last frames, and what stands within that thing's outline."""
-    tail = slice(-max(2, len(sampled.frames) // 8), None)
-    touched: dict[int, int] = {}
-    for pair, count in touching(sampled, tail).items():
-        for h in pair - manipulated:
-            if pair & manipulated and h in things and things[h].static and h not in not_these:
-                touched[h] = touched.get(h, 0) + count
-    candidates = {h for h in touched if h not in table} or set(touched)
-    if not candidates:
-        return frozenset()
-    main = max(candidates, key=lambda h: (touched[h], things[h].size.prod()))
-    if main in table:
-        return table
-    outline = things[main]
-    return frozenset(
+def _neighbors(evidence: Evidence, without: Collection[int]) -> list[int]:
+    """Static things that the gripper's path leads over or past."""
+    if evidence.gripper is None:
+        return [h for h, thing in evidence.things.items() if thing.static and h not in without]
+    path = evidence.gripper[:, :2]
+    out = []
+    for h, thing in evidence.things.items():
+        beyond = np.maximum(thing.low[:2] - path, path - thing.high[:2]).max(1)
+        if thing.static and h not in without and beyond.min() < NEAR:
+            out.append(h)
+    return out
+
+
+def _robot(
+    evidence: Evidence,
+    ground: Ground,
+    arm: Mapping[int, float],
+    manipulated: Collection[int],
+    table: Collection[int],
+) -> Belief:
+    """The arm and its base: what touches its links in most frames, and what that stands on or carries."""
+    if not arm:
+        return NOTHING
+    base = _base(evidence, ground, arm, _hand(evidence, arm), manipulated, table)
+    seen = {h: len(evidence.things[h].points) for h in (*arm, *base)}
+    firm = sum(seen[h] * f for h, f in (*arm.items(), *base.items())) / sum(seen.values())
+    return Belief(
+        frozenset(seen),
+        firm * (1.0 if base else 0.8),
+        (
+            f"{len(arm)} instances move with the gripper from the first frames on and touch one another",
+            f"{len(base)} that stand still touch these, or are under them"
+            if base
+            else "no base is seen",
+        ),
+    )
+
+
+def _base(
+    evidence: Evidence,
+    ground: Ground,
+    arm: Collection[int],
+    hand: Collection[int],
+    manipulated: Collection[int],
+    table: Collection[int],
+) -> dict[int, float]:
+    """What holds the arm up, with how firmly it belongs there.
+
+    It touches a link beyond the hand in most frames or from the first on, or touches other such parts more than it
+    touches the table and what stands there, or carries or stands on such parts. What stands on the table is taken for
+    a base only if it touches a link or is under one. If no camera sees a joint to the base, it is what is nearest to
+    the stillest link.
+    """
+    under = set(table)
+    for _ in evidence.things:  # the floor, that the table stands on
+        under |= {on for h in under for on, part in ground.falls(h).items() if part > OFTEN}
+    reach = float(
+        np.linalg.norm(np.ptp([evidence.middle(h)[s] for h in arm for s in (0, -1)], 0))
+    ) + max(evidence.things[h].size.max() for h in arm)
+    limbs = [h for h in arm if h not in hand and not evidence.things[h].static]
+    if not limbs:
+        return {}
+    stillest = min(limbs, key=lambda h: evidence.steps(h).sum())
+    free = {
+        h
+        for h, thing in evidence.things.items()
+        if h not in arm and h not in manipulated and h not in under and thing.size.max() < reach
+    }
+    lands = {h: ground.falls(h) for h in free | {stillest}}
+    on_table = {h for h in free if sum(lands[h].get(on, 0.0) for on in table) > OFTEN}
+    others = set(table) | on_table
+    base: dict[int, float] = {}
+    while True:
+        fresh = {}
+        for h in free - base.keys():
+            firm = max(evidence.strongest(h, limbs), evidence.early(h, limbs))
+            parts = base.keys() | {stillest}
+            if h not in on_table:
+                grown = max(evidence.strongest(h, base), evidence.early(h, base))
+                if grown >= evidence.strongest(h, others - base.keys()):
+                    firm = max(firm, grown)
+                firm = max(firm, *(lands[part].get(h, 0.0) for part in parts))
+                firm = max([firm, *(lands[h].get(part, 0.0) for part in base)])
+            elif any(_below(evidence, h, part) for part in parts):
+                firm = max(firm, OFTEN)
+            if firm >= OFTEN:
+                fresh[h] = firm
+        if not fresh and not base and (near := _nearest(evidence, stillest, free - on_table)):
+            fresh = {near: OFTEN}
+        if not fresh:
+            break
+        base |= fresh
+    return base
+
+
+def _nearest(evidence: Evidence, one: int, among: Collection[int]) -> int | None:
+    """What may hold a thing up though no camera sees where: the nearest, if their boxes are not HELD apart."""
+    half = evidence.things[one].size / 2
+    middle = evidence.middle(one)[0]
+    gaps = {}
+    for h in among:
+        beyond = np.abs(evidence.middle(h)[0] - middle) - half - evidence.things[h].size / 2
+        gaps[h] = float(np.linalg.norm(np.maximum(beyond, 0)))
+    near = min(gaps, key=lambda h: gaps[h], default=None)
+    return near if near is not None and gaps[near] < HELD else None
+
+
+def _below(evidence: Evidence, one: int, part: int) -> bool:
+    """Does a thing stand under a part of the robot, within its outline?"""
+    low, high = (
+        evidence.middle(part)[0] + side * evidence.things[part].size / 2 for side in (-1, 1)
+    )
+    middle = evidence.middle(one)[0]
+    return bool(
+        (middle[:2] > low[:2] - SIDE).all()
+        and (middle[:2] < high[:2] + SIDE).all()
+        and middle[2] < (low[2] + high[2]) / 2
+    )
+
+
+def _overlap(a: Thing, b: Thing) -> bool:
+    """Do their outlines from above overlap, or all but touch?"""
+    return bool((a.low[:2] < b.high[:2] + SIDE).all() and (b.low[:2] < a.high[:2] + SIDE).all())
+
+
+def _background(evidence: Evidence, table: Belief, taken: Collection[int]) -> Belief:
+    """What stands still and is broader than the table, or begins beyond it."""
+    if not table.instance_ids:
+        return NOTHING
+    things = evidence.things
+    low = np.min([things[h].low for h in table.instance_ids], 0)
+    high = np.max([things[h].high for h in table.instance_ids], 0)
+    broad = (high - low)[:2].max()
+    found = frozenset(
         h
         for h, thing in things.items()
         if thing.static
-        and h not in not_these | table
-        and (thing.low[:2] > outline.low[:2] - NEAR).all()
-        and (thing.high[:2] < outline.high[:2] + NEAR).all()
+        and h not in table.instance_ids
+        and h not in taken
+        and (
+            thing.size.max() > broad
+            or (thing.low[:2] > high[:2]).any()
+            or (thing.high[:2] < low[:2]).any()
+            or thing.high[2] < low[2] - SIDE
+        )
+    )
+    return Belief(
+        found,
+        table.confidence,
+        ("larger than the table, beside it or below it, and no part of the robot",),
+    )
+
+
+def _receiver(
+    evidence: Evidence,
+    ground: Ground,
+    manipulated: Collection[int],
+    not_these: Collection[int],
+    table: Collection[int],
+) -> Belief:
+    """What the manipulated touches, is in or is over at the end, and what stands within that thing's outline."""
+    things = evidence.things
+    tail = slice(-max(2, len(evidence.gaps) // LATE), None)
+    brought = {
+        h: max((_brought(evidence, ground, m, h, tail) for m in manipulated), default=(0.0, ""))
+        for h, thing in things.items()
+        if thing.static and h not in not_these and h not in table
+    }
+    firm = {h: share for h, (share, _) in brought.items()}
+    among = [h for h in firm if firm[h] >= max(SOME, AS_FIRM * max(firm.values()))]
+    if not among:
+        on = [ground.falls(m, -1) for m in manipulated]
+        share = max((sum(one.get(h, 0.0) for h in table) for one in on), default=0.0)
+        return Belief(
+            frozenset(table if share else ()),
+            LEAST_SURE * share,
+            (f"the manipulated ends over the table with {100 * share:.0f} % of its outline",),
+        )
+    main = max(among, key=lambda h: things[h].size.prod())
+    outline = things[main]
+    return Belief(
+        frozenset(
+            h
+            for h, thing in things.items()
+            if thing.static
+            and h not in not_these
+            and h not in table
+            and (thing.low[:2] > outline.low[:2] - SIDE).all()
+            and (thing.high[:2] < outline.high[:2] + SIDE).all()
+        ),
+        firm[main],
+        (f"the manipulated {brought[main][1]} instance {main}",),
+    )
+
+
+def _brought(
+    evidence: Evidence, ground: Ground, one: int, to: int, tail: slice
+) -> tuple[float, str]:
+    """How sure a thing was brought to another, or hangs on it, and why."""
+    last, hinged = (
+        evidence.share(one, to, tail),
+        min(evidence.share(one, to), evidence.early(one, [to])),
+    )
+    thing = evidence.things[to]
+    middle = evidence.middle(one)[tail]
+    inside = float(((middle > thing.low) & (middle < thing.high)).all(1).mean())
+    over = ground.falls(one, -1).get(to, 0.0)
+    return max(
+        (last, f"touches in {100 * last:.0f} % of the last frames"),
+        (hinged, f"touches in {100 * hinged:.0f} % of all frames, from the first on,"),
+        (0.9 * inside, f"ends within {100 * inside:.0f} % of the last frames in"),
+        (0.8 * over, f"ends above, with {100 * over:.0f} % of its outline,"),
     )

@@ -11,7 +11,8 @@ from rpaug.core import color_space, sampling
 from rpaug.core.memo import once
 from rpaug.core.types import Body, Episode
 from rpaug.scene.sampled_frames import SampledFrames, look
-from rpaug.scene.targets.roles import NAMES, surface
+from rpaug.scene.targets.observed import surface
+from rpaug.scene.targets.roles import NAMES
 
 COLOR_FRAMES = 6  # looked at for color: it hardly changes
 

@@ -22,6 +22,7 @@ from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import SampledFrames, look
 from rpaug.scene.targets import places, relations, roles, shapes
 from rpaug.scene.targets.nouns import Meaning, understood
+from rpaug.scene.targets.observed import surface
 from rpaug.scene.targets.relations import Phrase, Relation, singular
 from rpaug.scene.targets.resolving import Resolver, why
 from rpaug.scene.targets.survey import InstanceSummary, survey
@@ -339,7 +340,7 @@ class _Finder:
 
     def _shape(self, row: InstanceSummary) -> str:
         body = next(body for body in self._scene.bodies if row.instance_id in body.instance_ids)
-        return shapes.shape(*roles.surface(self._look(), row.instance_id, body))
+        return shapes.shape(*surface(self._look(), row.instance_id, body))
 
     def _look(self) -> SampledFrames:
         if self._looks is None:

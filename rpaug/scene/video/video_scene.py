@@ -15,13 +15,14 @@ from jaxtyping import Bool, Float32, Float64, Int32, UInt8, UInt16
 
 from rpaug.core.pixels import grown
 from rpaug.core.types import Body, Camera, CameraView, Episode, Scene
-from rpaug.scene.instances.found import FoundInstances
+from rpaug.scene.instances.found import FoundInstances, as_beliefs
 from rpaug.scene.video import instances, sweep
 from rpaug.scene.video.frame import PosedFrame
 from rpaug.scene.video.instances import InstanceMap
 from rpaug.scene.video.lens import Lens
 from rpaug.scene.video.model import Reconstruction
 
+SURE = 0.6  # of its roles: nothing checks them by contact
 KEPT = 8  # images of one kind
 SNAP = 0.35  # of depth: what of the support is farther from its plane is something else
 LOOK_WIDTH = 480  # pixels, at most, in which instance ids are told
@@ -96,7 +97,12 @@ class VideoScene:
             roles["robot"] = frozenset([self.hand])
         if self.instances.support:
             roles["table"] = self.instances.support
-        return FoundInstances(self.episode, bodies, roles, photographed=True, back=self)
+        beliefs = as_beliefs(
+            roles, SURE, "told by the reconstructed depth and by what moves by itself"
+        )
+        return FoundInstances(
+            self.episode, bodies, roles, photographed=True, back=self, beliefs=beliefs
+        )
 
     def __call__(self, edited: Episode) -> Episode:
         """The recording with the frames of an edited scene in it."""

@@ -1,15 +1,22 @@
 """Roles in worlds of boxes and in two real recordings, whose handles were read off mask overlays by eye."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import boxes
 import numpy as np
 import pytest
-from boxes import BLOCK, FLOOR, HAND, OTHER, PAD, TABLE, WALL, World
+from boxes import BLOCK, FLOOR, HAND, OTHER, PAD, TABLE, WALL, Box, World
 
 from rpaug import twin
-from rpaug.core.types import Scene
+from rpaug.core.errors import TargetError
+from rpaug.core.types import Belief, Scene
 from rpaug.scene.build import build
 from rpaug.scene.targets import roles
+from rpaug.scene.targets.targets import Target, find
 from rpaug.scene.tracking import bodies
+
+VOID = 16777215
 
 SEEN_BY_EYE = {
     "open the top drawer": {
@@ -58,7 +65,7 @@ def test_a_pushed_block_ends_on_the_table_for_want_of_anything_else(
 @pytest.mark.parametrize("length", [1, 4])
 def test_where_nothing_moves_only_places_are_known(length: int) -> None:
     episode = boxes.still(length).episode()
-    known = roles.infer(episode, bodies.track(episode))
+    known = roles.held(roles.believe(episode, bodies.track(episode)))
     assert known == {"table": {TABLE}, "background": {FLOOR, WALL}}
 
 
@@ -69,10 +76,64 @@ def test_numbers_of_handles_do_not_matter(placed: tuple[World, Scene]) -> None:
     other = World(
         {int(new[h]): box for h, box in world.boxes.items()}, world.gripper, world.gripper_open
     ).episode()
-    known = roles.infer(other, bodies.track(other))
+    known = roles.held(roles.believe(other, bodies.track(other)))
     assert known == {
         name: {int(new[h]) for h in instance_ids} for name, instance_ids in scene.roles.items()
     }
+
+
+def _believed(world: World) -> Mapping[str, Belief]:
+    episode = world.episode()
+    return roles.believe(episode, bodies.track(episode))
+
+
+def test_beliefs_have_reasons_and_bounded_confidence(placed: tuple[World, Scene]) -> None:
+    _, scene = placed
+    assert scene.roles.keys() == scene.beliefs.keys()
+    for belief in scene.beliefs.values():
+        assert roles.BOUND <= belief.confidence <= 1
+        assert all(belief.reasons)
+
+
+def test_a_belief_below_the_bound_is_no_role_and_is_cited(placed: tuple[World, Scene]) -> None:
+    _, scene = placed
+    weak = replace(scene.beliefs["receiver"], confidence=roles.BOUND - 0.01, reasons=("a guess",))
+    beliefs = {**scene.beliefs, "receiver": weak}
+    doubting = replace(scene, beliefs=beliefs, roles=roles.held(beliefs))
+    assert "receiver" not in doubting.roles
+    with pytest.raises(TargetError, match=r"a guess: confidence 0\.39, below 0\.4"):
+        find(doubting, Target(role="receiver"))
+
+
+def test_a_small_table_is_one_and_the_floor_far_below_is_not() -> None:
+    world = boxes.pick_and_place()
+    small = {**world.boxes, TABLE: Box((0.28, 0.6, 0.04), boxes.at(0.12, 0.05, -0.02))}
+    found = _believed(replace(world, boxes=small))
+    assert found["table"].instance_ids == {TABLE}
+    assert found["background"].instance_ids >= {FLOOR, WALL}
+
+
+def test_where_there_is_no_table_things_stand_on_the_floor() -> None:
+    world = boxes.pick_and_place()
+    left = {h: box for h, box in world.boxes.items() if h != TABLE}
+    left[FLOOR] = Box((5, 5, 0.02), boxes.at(0, 0, -0.01))
+    assert _believed(replace(world, boxes=left))["table"].instance_ids == {FLOOR}
+
+
+def test_what_fills_no_surface_has_no_role(placed: tuple[World, Scene]) -> None:
+    world, scene = placed
+    episode = world.episode()
+    name, view = next(iter(episode.views.items()))
+    assert view.ids is not None
+
+    def speckled(t: int) -> np.ndarray:
+        ids = view.ids(t).copy()  # type: ignore[misc]
+        ids[1, [3, 9]] = VOID
+        return ids
+
+    views = {**episode.views, name: replace(view, ids=speckled)}
+    void = replace(episode, views=views)
+    assert roles.held(roles.believe(void, bodies.track(void))) == scene.roles
 
 
 @pytest.mark.gl

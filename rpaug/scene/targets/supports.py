@@ -1,0 +1,162 @@
+"""What carries what: level surfaces that face up, and which of them is the first below a thing."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float64, Int
+
+from rpaug.scene.targets.observed import Evidence, Thing
+
+FACES_UP = 0.95  # vertical part of a normal that is level
+THICK = 0.02  # metres: heights of one level surface differ by less
+LEAST = 12  # points of a level surface
+CELL = 0.03  # metres: a surface seen in one square is there all over it
+ROW = 1 << 20  # squares of a row of the world
+AROUND = np.array([x * ROW + y for x in (-1, 0, 1) for y in (-1, 0, 1)])
+SOME = 100  # points of a thing that are dropped
+
+
+@dataclass(frozen=True)
+class LevelSurface:
+    """A level surface that faces up: of one instance, at a height in metres, within a convex outline from above.
+
+    `cells` are the numbers of the squares of CELL metres in which it was seen, and of their neighbours.
+    """
+
+    instance_id: int
+    height: float
+    outline: Float64[np.ndarray, "k 2"]
+    cells: Int[np.ndarray, "c"]
+
+    @property
+    def area(self) -> float:
+        """Square metres within the outline."""
+        return float(cv2.contourArea(self.outline.astype(np.float32)))
+
+    def within(self, points: Float64[np.ndarray, "n 2"]) -> Bool[np.ndarray, "n"]:
+        """Which points, seen from above, lie within the outline."""
+        edge = np.roll(self.outline, -1, 0) - self.outline
+        to = points[:, None] - self.outline
+        side = edge[:, 0] * to[..., 1] - edge[:, 1] * to[..., 0]
+        return (side >= 0).all(1) | (side <= 0).all(1)
+
+
+def levels(things: Collection[Thing]) -> list[LevelSurface]:
+    """The level surfaces of static things, the upper ones first; of equals the smaller one, which lies on the other."""
+    found = [level for thing in things if thing.static for level in _levels(thing)]
+    return sorted(found, key=lambda level: (-round(level.height / THICK), level.area))
+
+
+def _levels(thing: Thing) -> list[LevelSurface]:
+    up = thing.points[thing.normals[:, 2] > FACES_UP]
+    up = up[np.argsort(up[:, 2], kind="stable")]
+    out = []
+    for group in np.split(up, 1 + np.flatnonzero(np.diff(up[:, 2]) > THICK / 2)):
+        if len(group) < LEAST:
+            continue
+        outline = cv2.convexHull(group[:, :2].astype(np.float32))[:, 0].astype(np.float64)
+        if len(outline) > 2:
+            height = float(np.median(group[:, 2]))
+            around = np.unique(_cells(group[:, :2])[:, None] + AROUND)
+            out.append(LevelSurface(thing.instance_id, height, outline, around))
+    return out
+
+
+def _cells(points: Float64[np.ndarray, "n 2"]) -> Int[np.ndarray, "n"]:
+    x, y = np.floor(points / CELL).astype(int).T
+    return x * ROW + y
+
+
+class Ground:
+    """The level surfaces of all static things but the arm's, and what lands on them."""
+
+    def __init__(self, evidence: Evidence, arm: Collection[int]) -> None:
+        self._evidence = evidence
+        self.levels = levels([t for h, t in evidence.things.items() if h not in arm])
+        self._landed: dict[tuple[int, int], Mapping[int, float]] = {}
+
+    def falls(self, instance_id: int, frame: int = 0) -> Mapping[int, float]:
+        """What a thing lands on if it falls straight down in a frame: share of its outline by instance id."""
+        if (instance_id, frame) not in self._landed:
+            thing = self._evidence.things[instance_id]
+            pose = thing.body.to_world[frame]
+            points = thing.points[:: max(1, len(thing.points) // SOME)] @ pose[:3, :3].T
+            points = points + pose[:3, 3]
+            points[:, 2] = np.percentile(points[:, 2], 2)
+            self._landed[instance_id, frame] = self.landing(points, instance_id)
+        return self._landed[instance_id, frame]
+
+    def landing(self, points: Float64[np.ndarray, "n 3"], without: int = 0) -> dict[int, float]:
+        """Share of the points that land on each thing; a surface a little above a point still counts as below.
+
+        A point within a level's outline lands there unless something lower was seen at that place: frames have a hole.
+        """
+        left = np.ones(len(points), bool)
+        cells = _cells(points[:, :2])
+        seen = [_among(cells, level.cells) for level in self.levels]
+        lower = np.cumsum(seen[::-1], 0)[::-1] - seen if seen else []
+        out: dict[int, float] = {}
+        for level, here, others in zip(self.levels, seen, lower, strict=True):
+            if level.instance_id == without:
+                continue
+            under = left & (points[:, 2] > level.height - THICK)
+            unsure = under & ~here & (others == 0)
+            if unsure.any():
+                unsure[unsure] = level.within(points[unsure, :2])
+            under = (under & here) | unsure
+            if under.any():
+                out[level.instance_id] = out.get(level.instance_id, 0.0) + float(under.mean())
+            left &= ~under
+        return out
+
+    def top(self, instance_id: int) -> LevelSurface:
+        """The largest level surface of a thing."""
+        return max(
+            (level for level in self.levels if level.instance_id == instance_id),
+            key=lambda level: level.area,
+        )
+
+    def carried(self, dropped: Mapping[int, float]) -> "Load":
+        """Let things fall straight down, each with its weight, and the gripper's path with the rest of 1; what lands
+        on a thing lands with it on what that falls on."""
+        rank: dict[int, int] = {}
+        for level in self.levels:
+            rank.setdefault(level.instance_id, len(rank))
+        weight = dict.fromkeys(rank, 0.0)
+        for instance_id, amount in dropped.items():
+            for on, part in self.falls(instance_id).items():
+                weight[on] += amount * part
+        path, rest = self._evidence.gripper, 1 - sum(dropped.values())
+        for on, part in (self.landing(path) if path is not None else {}).items():
+            weight[on] += rest * part
+        passed = {}
+        for instance_id in rank:
+            for on, part in self.falls(instance_id).items():
+                if rank[on] > rank[instance_id]:
+                    passed[instance_id, on] = weight[instance_id] * part
+                    weight[on] += passed[instance_id, on]
+        return Load(weight, passed)
+
+
+@dataclass(frozen=True)
+class Load:
+    """How much of what matters stands on each static thing: itself, or on what stands on it (1 is all of it).
+
+    `passed[a, b]` of it comes from a to b, that a stands on.
+    """
+
+    weight: Mapping[int, float]
+    passed: Mapping[tuple[int, int], float]
+
+    def together(self, instance_ids: Collection[int]) -> float:
+        """How much stands on any of these."""
+        inner = sum(self.passed.get((a, b), 0.0) for a in instance_ids for b in instance_ids)
+        return sum(self.weight[h] for h in instance_ids) - inner
+
+
+def _among(cells: Int[np.ndarray, "n"], ordered: Int[np.ndarray, "c"]) -> Bool[np.ndarray, "n"]:
+    """Which numbers are among the ascending ones."""
+    at = np.minimum(np.searchsorted(ordered, cells), len(ordered) - 1)
+    return ordered[at] == cells
