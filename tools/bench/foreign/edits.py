@@ -198,7 +198,9 @@ def scored(
     if all(f"{place}|{factor}" in kept for factor in trial.looks):
         return
     (out / "changes.json").write_text(json.dumps({"frames": trial.frames, "changes": changes}))
-    if not (out / "albedos.json").exists():
+    if not all(
+        (out / file).exists() for file in ("albedos.json", *(f"{name}.npz" for name in changes))
+    ):
         command = [
             python,
             "-W",
