@@ -19,13 +19,18 @@ EYES = {
 def episode():
     """The ball lies still: what moves says nothing about where cameras stand."""
     moving = scene(EYES, length=4).episode
-    parts = ("rgb", "depth", "ids")
-    still = {
-        name: {part: (lambda t, read=getattr(view, part): read(1)) for part in parts}
-        for name, view in moving.views.items()
-    }
-    views = {name: replace(view, **still[name]) for name, view in moving.views.items()}
+    views = {name: read_at(view, lambda t: 1) for name, view in moving.views.items()}
     return replace(moving, views=views)
+
+
+def read_at(view, time):
+    """The view whose images are those of another time."""
+    return replace(
+        view,
+        rgb=lambda t: view.rgb(time(t)),
+        depth=lambda t: view.depth(time(t)),
+        ids=lambda t: view.ids(time(t)),
+    )
 
 
 def shifted(episode, name, shift, where=(0.0, 0.0, 0.0)):
@@ -63,11 +68,8 @@ def test_far_from_the_origin_it_is_the_same(episode):
 def test_a_late_clock_is_no_wrong_place():
     """One camera shows the frame before: what rolls is elsewhere for it, and it stands where it says."""
     episode = scene(EYES, length=9).episode
-    late = {
-        part: (lambda t, read=getattr(episode.views["front"], part): read(max(t - 1, 0)))
-        for part in ("rgb", "depth", "ids")
-    }
-    views = {**episode.views, "front": replace(episode.views["front"], **late)}
+    late = read_at(episode.views["front"], lambda t: max(t - 1, 0))
+    views = {**episode.views, "front": late}
     assert calibration.check(replace(episode, views=views), tolerated=0.002) == ()
 
 
