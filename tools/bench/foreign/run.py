@@ -84,7 +84,10 @@ def _shown(episode: Episode) -> tuple[int, ...]:
 
 
 def rows(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Cell]]:
-    """By recipe: copies, share kept, those that lost an edit, and the most frequent reason of what was not kept."""
+    """By recipe: copies, share kept, those that lost an edit, and the most frequent reason of what was not kept.
+
+    Recipes of which every copy was kept whole have no row but in the last one.
+    """
     out: list[list[pages.Cell]] = []
     names = ["robust", *(name for name, _ in recipes() if name != "robust"), "all"]
     for name in names:
@@ -96,6 +99,8 @@ def rows(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Ce
         share = round(100 * became["kept"] / len(those), 1)
         figure: pages.Cell = {"value": share, "target": ">= 95"} if name == "all" else share
         lost = sum(bool(one.get("left_out")) for one in those)
+        if became["kept"] == len(those) and not lost and name not in ("robust", "all"):
+            continue
         most = why.most_common(1)[0][0][:90] if why else "-"
         out.append(
             [
