@@ -113,7 +113,7 @@ class Changed:
         geoms = self.geoms[one]
         looks = [(_rgba(self.plain, geom), _texture(self.plain, geom)) for geom in geoms]
         plain = all(np.array_equal(look[0], looks[0][0]) and look[1] is None for look in looks)
-        old = np.mean([rgba[:3] * (1 if seen is None else seen) for rgba, seen in looks], 0)
+        old = self._albedo(one)
         for geom, (rgba, _) in zip(geoms, looks, strict=True):
             model.geom_rgba[kept[geom]] = [*(rgb if plain else rgba[:3] * rgb), rgba[3]]
         self.albedos[one] = old.tolist(), (rgb if plain else old * rgb).tolist()
@@ -140,12 +140,18 @@ class Changed:
                 faces = np.arange(points.shape[0] * 3).reshape(-1, 3)
                 mesh = points.reshape(-1, 3), normals.reshape(-1, 3), tiles.reshape(-1, 2), faces
                 yield geom, (*mesh, cover["image"])
-            picture = _mean(cover["image"])
-            looks = [
-                (_rgba(self.plain, geom), _texture(self.plain, geom)) for geom in self.geoms[one]
-            ]
-            old = np.mean([rgba[:3] * (1 if seen is None else seen) for rgba, seen in looks], 0)
-            self.albedos[one] = old.tolist(), picture.tolist()
+            self.albedos[one] = self._albedo(one).tolist(), _mean(cover["image"]).tolist()
+
+    def _albedo(self, one: int) -> np.ndarray:
+        """The mean display color of an instance's surface, by area."""
+        colors, areas = [], []
+        for geom in self.geoms[one]:
+            seen = _texture(self.plain, geom)
+            colors.append(_rgba(self.plain, geom)[:3] * (1 if seen is None else seen))
+            points, _ = triangles(self.plain, geom)
+            across = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+            areas.append(np.linalg.norm(across, axis=1).sum())
+        return np.average(colors, 0, areas)
 
     def _shine(self, material: int) -> dict[str, float]:
         """How a geom's surface glosses, but for mirrors."""

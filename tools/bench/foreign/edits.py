@@ -197,10 +197,11 @@ def scored(
     place = f"{trial.facts['world']}|{trial.facts['task']}"
     if all(f"{place}|{factor}" in kept for factor in trial.looks):
         return
-    (out / "changes.json").write_text(json.dumps({"frames": trial.frames, "changes": changes}))
-    if not all(
-        (out / file).exists() for file in ("albedos.json", *(f"{name}.npz" for name in changes))
-    ):
+    asked = json.dumps({"frames": trial.frames, "changes": changes})
+    file, done = out / "changes.json", out / "albedos.json"
+    if not done.exists() or file.read_text() != asked:
+        done.unlink(missing_ok=True)  # the simulators' environment writes it last
+        file.write_text(asked)
         command = [
             python,
             "-W",
@@ -210,7 +211,7 @@ def scored(
             "--recorded",
             folder.resolve(),
         ]
-        command += ["--changes", (out / "changes.json").resolve(), "--out", out.resolve()]
+        command += ["--changes", file.resolve(), "--out", out.resolve()]
         subprocess.run([str(word) for word in command], check=True)
     for factor in trial.looks:
         if f"{place}|{factor}" not in kept:
