@@ -12,12 +12,18 @@ from rpaug.pipeline import copies, job, recipe, report, write
 from rpaug.scene.build import build
 
 MOVING = {"op": "camera_pose", "camera": "front", "shift": 0.15, "turn": 0.05}
-LIMIT = 0.4  # of holes: some draws keep it, others do not
+LIMIT = 0.45  # of holes: some draws keep it, others do not
 
 
 def gated(**limits: object) -> recipe.Recipe:
     return recipe.build(
-        {"version": 1, "seed": 5, "copies": 3, "edits": [MOVING], "gates": {"tries": 2, **limits}}
+        {
+            "version": 1,
+            "seed": 5,
+            "copies": 3,
+            "edits": [MOVING],
+            "gates": {"tries": 2, "flicker": None, **limits},
+        }
     )
 
 
