@@ -94,7 +94,8 @@ def test_inspect_lists_instances(template: Path, tmp_path: Path) -> None:
     assert code == 0
     assert "300" in out
     assert "roll the ball" in out
-    assert (tmp_path / "i.html").read_text().count("<img") == 3
+    page = (tmp_path / "i.html").read_text()
+    assert page.count("<img") == 3 + 2  # a thumbnail an instance, and the roles' outlines a camera
     described = json.loads(run("inspect", template, "--json")[1])
     assert {row["handle"] for row in described["instances"]} == {7, 300, 0xABCDEF}
     assert run("inspect", template, "--html", tmp_path / "i.html")[0] == 2  # nothing is overwritten

@@ -143,7 +143,7 @@ def test_targets_with_parts(scene: Scene, fine: Episode) -> None:
     target = Target(
         role="receiver", part=TargetPart(camera="front", box=box_of(fine, "front", LID))
     )
-    with pytest.raises(TargetError, match="not told apart before"):
+    with pytest.raises(TargetError, match="not told apart in this episode"):
         find(bare, target)
     made = parts.given(bare, [target, target])
     assert made.gaussians is None

@@ -134,7 +134,9 @@ def without(instance_id: int, length: int = 6) -> Episode:
     return replace(episode, views={name: other(view) for name, view in episode.views.items()})
 
 
-@pytest.mark.parametrize("edits", [RECIPE["edits"], [{**RECIPE["edits"][0], "probability": 0.5}]])  # type: ignore[index]
+@pytest.mark.parametrize(
+    "edits", [RECIPE["edits"][:1], [{**RECIPE["edits"][0], "probability": 0.5}]]
+)  # type: ignore[index]
 def test_what_augment_skips_comes_as_recorded_and_is_told(
     tmp_path: Path, edits: list[dict]
 ) -> None:
