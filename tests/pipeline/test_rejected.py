@@ -22,7 +22,7 @@ def gated(**limits: object) -> recipe.Recipe:
             "seed": 5,
             "copies": 3,
             "edits": [MOVING],
-            "gates": {"tries": 2, "flicker": None, **limits},
+            "gates": {"tries": 2, **limits},
         }
     )
 
