@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rpaug.core import registry
 from rpaug.twin import covers
-from tools.bench.foreign import changed, convert, distractors, neutral, roles, run, scoring
+from tools.bench.foreign import cameras, changed, convert, distractors, neutral, roles, run, scoring
 
 NAMES = [f"task-{k}" for k in range(9)]
 IDS = st.sets(st.integers(1, 6))
@@ -163,3 +163,30 @@ def test_a_thing_in_the_air_touches_nothing_and_one_inside_does() -> None:
     cloud = np.random.default_rng(0).normal(size=(500, 3))
     assert distractors._touches(cloud[:3] + 0.001, cloud)
     assert not distractors._touches(cloud[:3] + 10, cloud)
+
+
+def test_cameras_move_as_far_as_their_rows_say() -> None:
+    moves = cameras.bumps("open_drawer")
+    assert moves == cameras.bumps("open_drawer") != cameras.bumps("close_drawer")
+    for bump in moves[cameras.WITHIN].values():
+        assert np.abs(bump.shift).max() <= 0.1
+        assert np.abs(bump.turn).max() <= 0.05
+    for bump in moves[cameras.BEYOND].values():
+        assert np.linalg.norm(bump.shift) == pytest.approx(0.2)
+        assert np.linalg.norm(bump.turn) == pytest.approx(np.deg2rad(15))
+
+
+def test_rows_pool_squared_errors_of_all_views() -> None:
+    near = {"totals": [[0.2, 100], [0.1, 50], [0.1, 25]], "flicker": 1.0, "faults": []}
+    far = near | {
+        "totals": [[0.0, 100], [0.0, 50], [0.1, 25]],
+        "flicker": None,
+        "faults": ["holes"],
+    }
+    moves = (cameras.WITHIN, cameras.BEYOND, cameras.WRIST)
+    row = cameras.rows({"a": dict.fromkeys(moves, near), "b": dict.fromkeys(moves, far)}, "worked")[
+        0
+    ]
+    assert row[2] == {"value": 30.0, "target": ">= 28"}
+    assert row[3] == {"value": 30.0, "target": ">= 26"}
+    assert row[5:] == [25.0, 1.0, 50]

@@ -145,15 +145,21 @@ class Trial:
 
     def film(self, name: str) -> Episode:
         """A render of the simulator's as an episode."""
-        with np.load(self.out / f"{name}.npz") as kept:
-            films: dict[str, dict[str, np.ndarray]] = {}
-            for key in kept.files:
-                camera, what = key.split("/")
-                films.setdefault(camera, {})[what] = kept[key]
-        return convert.episode(films, self._robot(), self.facts["instruction"], self.episode.key)
+        found = films(self.out / f"{name}.npz")
+        return convert.episode(found, self._robot(), self.facts["instruction"], self.episode.key)
 
     def _robot(self) -> dict[str, np.ndarray]:
         return {k: v[self.frames] for k, v in neutral.arrays(self.folder, "robot").items()}
+
+
+def films(file: Path) -> dict[str, dict[str, np.ndarray]]:
+    """A render of the simulator's, by camera."""
+    found: dict[str, dict[str, np.ndarray]] = {}
+    with np.load(file) as kept:
+        for key in kept.files:
+            camera, what = key.split("/")
+            found.setdefault(camera, {})[what] = kept[key]
+    return found
 
 
 def thinned(episode: Episode, frames: list[int]) -> Episode:
