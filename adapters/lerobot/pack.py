@@ -7,7 +7,7 @@ last; until then the episodes' own folders stay, so that a killed run loses noth
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -79,25 +79,23 @@ def _scatter(about: Info) -> None:
 
 
 class _Files:
-    """Numbers of the file that grows: a new one where it would get larger than told."""
+    """The file that each episode goes into: one grows for each kind, a new one where it would get larger than told."""
 
     def __init__(self, most: Any, chunk: Any) -> None:
         usable = isinstance(most, (int, float)) and most > 0
         self.most = float(most) * MIB if usable else 100 * MIB
         self.chunk = chunk if isinstance(chunk, int) and chunk > 0 else FILES
-        self.number, self.size = 0, 0.0
+        self.begun = 0
+        self.growing: dict[Hashable, tuple[int, float]] = {}  # number and size, by kind
 
-    def add(self, size: float) -> bool:
-        """Take that many bytes more; whether they begin a new file."""
-        new = bool(self.size) and self.size + size > self.most
-        if new:
-            self.number, self.size = self.number + 1, 0.0
-        self.size += size
-        return new
-
-    @property
-    def place(self) -> dict[str, int]:
-        return {"chunk_index": self.number // self.chunk, "file_index": self.number % self.chunk}
+    def place(self, size: float, kind: Hashable = None) -> dict[str, int]:
+        """Where that many bytes more of a kind go."""
+        number, held = self.growing.get(kind, (-1, 0.0))
+        if number < 0 or held + size > self.most:
+            number, held = self.begun, 0.0
+            self.begun += 1
+        self.growing[kind] = number, held + size
+        return {"chunk_index": number // self.chunk, "file_index": number % self.chunk}
 
 
 def _gather(about: Info, work: Path) -> dict[str, Any]:
@@ -163,20 +161,21 @@ def _tables(
         held = held.drop_columns(["task"])
         for name, values in counted.items():
             held = held.append_column(name, pa.array(values, pa.int64()))
-        if shared.add((path / STAGED).stat().st_size) and writer is not None:
-            writer.close()
-            writer = None
-        if writer is None:
-            target = work / filled(DATA_PATH, shared.place)
+        place = shared.place((path / STAGED).stat().st_size)
+        target = work / filled(DATA_PATH, place)
+        if not target.exists():
+            if writer is not None:
+                writer.close()
             target.parent.mkdir(parents=True, exist_ok=True)
             writer = pq.ParquetWriter(target, held.schema, compression="snappy")
+        assert writer is not None
         writer.write_table(held.cast(writer.schema))
         rows.append(
             {
                 "episode_index": number,
                 "tasks": list(dict.fromkeys(words)),
                 "length": length,
-                **{f"data/{name}": value for name, value in shared.place.items()},
+                **{f"data/{name}": value for name, value in place.items()},
                 "dataset_from_index": at,
                 "dataset_to_index": at + length,
             }
@@ -190,21 +189,33 @@ def _tables(
 def _videos(
     about: Info, work: Path, own: list[tuple[str, Path]], key: str, rows: list[dict[str, Any]]
 ) -> None:
-    """Join one camera's videos, without decoding; adds their places to `rows`."""
+    """Join one camera's videos, without decoding; adds their places to `rows`.
+
+    Only streams of one format share a file: a file has one set of parameters, and what was encoded by others cannot be
+    decoded with them. Every new file is then decoded whole. Raises BadInput.
+    """
     shared = _Files(about.given.get("video_files_size_in_mb"), about.given.get("chunks_size"))
-    groups: list[tuple[dict[str, int], list[int]]] = []
+    numbers: dict[Path, list[int]] = {}
     for number, (_, path) in enumerate(own):
-        if shared.add((path / f"{key}.mp4").stat().st_size) or not groups:
-            groups.append((shared.place, []))
-        groups[-1][1].append(number)
-    for place, numbers in groups:
-        target = work / filled(VIDEO_PATH, {**place, "video_key": key})
+        part = path / f"{key}.mp4"
+        place = shared.place(part.stat().st_size, video.stream_format(part))
+        numbers.setdefault(work / filled(VIDEO_PATH, {**place, "video_key": key}), []).append(
+            number
+        )
+        rows[number] |= {f"videos/{key}/{name}": value for name, value in place.items()}
+    for target, held in numbers.items():
         target.parent.mkdir(parents=True, exist_ok=True)
-        parts = video.joined((own[number][1] / f"{key}.mp4" for number in numbers), target)
-        for number, (start, end) in zip(numbers, parts, strict=True):
-            prefix = f"videos/{key}"
-            rows[number] |= {f"{prefix}/{name}": value for name, value in place.items()}
-            rows[number] |= {f"{prefix}/from_timestamp": start, f"{prefix}/to_timestamp": end}
+        parts = video.joined((own[number][1] / f"{key}.mp4" for number in held), target)
+        for number, (start, end) in zip(held, parts, strict=True):
+            rows[number] |= {
+                f"videos/{key}/from_timestamp": start,
+                f"videos/{key}/to_timestamp": end,
+            }
+        spans = [
+            video.Span(target, start, rows[number]["length"], about.rate)
+            for number, (start, _) in zip(held, parts, strict=True)
+        ]
+        video.decode_whole(spans)
 
 
 def _meta(work: Path, rows: list[dict[str, Any]], tasks: dict[str, int]) -> None:

@@ -18,7 +18,7 @@ from typing import ClassVar
 import numpy as np
 from rpaug_adapters.rdt.read import RDTSource, read_episode
 from rpaug_adapters.rdt.write import write_episode
-from rpaug_adapters.shared.folders import natural, write_files
+from rpaug_adapters.shared.folders import natural, walk, write_files
 
 from rpaug import Adapter, BadInput, Episode, Side, files
 
@@ -34,10 +34,9 @@ class RDT(Adapter):
 
     def episodes(self, root: Path) -> Sequence[str]:
         keys = []
-        for folder, subfolders, names in os.walk(root):
-            subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
+        for folder, _, names in walk(root):
             for name in names:
-                path = Path(folder) / name
+                path = folder / name
                 if path.suffix == ENDING and not name.startswith("."):
                     own = path.parent.name == path.stem and path.parent != root
                     at = path.parent if own else path.with_suffix("")
@@ -55,6 +54,11 @@ class RDT(Adapter):
             path = work / (PurePosixPath(key).name + ENDING)
             extra = write_episode(episode, recorded, path)
             write_files(work, {**extra, **side()})
+
+    def rename(self, root: Path, key: str, new: str) -> None:
+        path = _path(root, key)
+        os.rename(path, path.with_name(PurePosixPath(new).name + ENDING))
+        super().rename(root, key, new)
 
     def traps(self, episode: Episode) -> Sequence[str]:
         """RDT's `HDF5VLADataset` (thu-ml/RoboticsDiffusionTransformer)."""

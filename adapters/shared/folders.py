@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar
 
-from rpaug import Adapter, BadInput, splits
+from rpaug import Adapter, BadInput, files, splits
 
 # Keys of TFDS' and LeRobot's descriptions that name no feature.
 DESCRIBING = {"featuresDict", "features", "sequence", "feature"} | {
@@ -88,12 +88,21 @@ def place(root: Path, key: str) -> tuple[Path, str, int]:
     return root.joinpath(*above), split, int(number)
 
 
+def walk(root: Path) -> Iterator[tuple[Path, list[str], list[str]]]:
+    """As os.walk, in order, without hidden folders and without the rejected copies that lie beside a run's own."""
+    for folder, subfolders, names in os.walk(root):
+        apart = (files.REJECTED,) if Path(folder) == root else ()
+        subfolders[:] = sorted(
+            name for name in subfolders if not name.startswith(".") and name not in apart
+        )
+        yield Path(folder), subfolders, names
+
+
 def datasets(root: Path, mark: str) -> Iterator[Path]:
     """Folders at or under `root` with the file `mark` in them, in order; none lies in another."""
-    for folder, subfolders, _ in os.walk(root):
-        subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
-        if (Path(folder) / mark).is_file():
-            yield Path(folder)
+    for folder, subfolders, _ in walk(root):
+        if (folder / mark).is_file():
+            yield folder
             subfolders.clear()
 
 

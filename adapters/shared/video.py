@@ -7,8 +7,9 @@ few frames: PyAV decodes while it reads.
 import errno
 import os
 import threading
+from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -195,7 +196,7 @@ def _shift(packet: av.Packet, ticks: int) -> None:
 
 
 def joined(paths: Iterable[Path], target: Path) -> list[tuple[float, float]]:
-    """One file of several that were encoded alike, without decoding; start and end of each in it, in seconds."""
+    """One file of several of one `stream_format`, without decoding; start and end of each in it, in seconds."""
     places: list[tuple[float, float]] = []
     copied, at = None, Fraction(0)
     with av.open(str(target), "w", format="mp4") as made:
@@ -216,6 +217,41 @@ def joined(paths: Iterable[Path], target: Path) -> list[tuple[float, float]]:
             places.append((float(at), float(end)))
             at = end
     return places
+
+
+def stream_format(path: Path) -> tuple[object, ...]:
+    """What streams must share to be decoded as one: codec, pixels, ticks, parameter sets, and how far frames are stored
+    before they are shown. Raises BadInput."""
+    with opened(path) as container:
+        stream = container.streams.video[0]
+        about = stream.codec_context
+        first = next((one for one in container.demux(stream) if one.pts is not None), None)
+        delay = None if first is None or first.dts is None else first.pts - first.dts
+        shape = (about.name, about.codec_tag, about.pix_fmt, about.width, about.height)
+        return *shape, stream.time_base, about.extradata, delay
+
+
+def decode_whole(spans: Sequence[Span]) -> None:
+    """See that every frame of the spans, which lie in one file, decodes without a fault. Raises BadInput."""
+    path, missing = (
+        spans[0].path,
+        {(i, t) for i, one in enumerate(spans) for t in range(one.length)},
+    )
+    starts = [span.start for span in spans]
+    with opened(path) as container:
+        stream = container.streams.video[0]
+        stream.codec_context.options = {"err_detect": "explode"}
+        stream.thread_type = "AUTO"
+        for frame in container.decode(stream):
+            if frame.pts is not None and not frame.is_corrupt:
+                seconds = float(frame.pts * stream.time_base)
+                i = max(bisect_right(starts, seconds + 0.5 / spans[0].rate) - 1, 0)
+                missing.discard((i, spans[i].number(seconds)))
+    if missing:
+        i, t = min(missing)
+        at = spans[i].start + t / spans[i].rate
+        expected = "every frame decodable"
+        raise BadInput(path, f"frame at {at:.3f} s", found="none", expected=expected)
 
 
 def encode(
@@ -267,8 +303,10 @@ def open_encoders(made: av.container.OutputContainer) -> None:
     """Open the encoders of a new file and write its header.
 
     SVT-AV1 makes every thread of a process of root's a real-time one (SCHED_FIFO), its own and ours, and leaves it so:
-    nothing else on the machine would run beside it. They become ordinary again.
+    nothing else on the machine would run beside it. They become ordinary again. It also prints some twenty lines a
+    video, of which errors are left.
     """
+    os.environ.setdefault("SVT_LOG", "1")
     ordinary = hasattr(os, "sched_getscheduler") and os.sched_getscheduler(0) != os.SCHED_FIFO
     made.start_encoding()
     if ordinary:

@@ -19,7 +19,7 @@ from typing import ClassVar
 
 import numpy as np
 from rpaug_adapters.shared import cameras
-from rpaug_adapters.shared.folders import natural, write_files
+from rpaug_adapters.shared.folders import natural, walk, write_files
 from rpaug_adapters.shared.texts import json_bytes
 from rpaug_adapters.video import cuts, ego4d, encode
 from rpaug_adapters.video.ego4d import Notes
@@ -54,12 +54,10 @@ class Videos(Adapter):
         if root.is_file():
             return [root.stem] if root.suffix.lower() in ENDINGS else []
         keys = []
-        for folder, subfolders, names in os.walk(root):
-            here = Path(folder)
+        for here, subfolders, names in walk(root):
             if any((here / name).exists() for name in FOREIGN):
                 subfolders.clear()
                 continue
-            subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
             parts = cuts.load(here)
             for name in sorted(names):
                 path = here / name

@@ -1,5 +1,6 @@
 """The three contracts a third party implements or meets: Operator, Adapter, Edit."""
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -145,6 +146,10 @@ class Adapter(ABC):
     def missing(self, root: Path) -> Path | None:  # most layouts can be read without any one file
         """The file that a dataset of this layout under `root` lacks, whose other files are there; or None."""
         return None
+
+    def rename(self, root: Path, key: str, new: str) -> None:
+        """Give an episode that a run wrote another key of its group, which is free."""
+        os.rename(root / key, root / new)
 
     def finish(self, source: Path, target: Path) -> None:  # noqa: B027  # nothing to do for most layouts
         """Bring along what belongs to the dataset and to no single episode."""

@@ -72,12 +72,11 @@ def execute(
         elif outcome.error and outcome.job.copies:  # who borrows from it says so too
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
-    kept, rejected = output_folder.keys(run), output_folder.keys(run, REJECTED)
-    if kept or rejected:
-        output_folder.close_gaps(run)
-        for keys, root in ((kept, run.target), (rejected, run.target / REJECTED)):
-            if keys:
-                run.adapter.finish(run.source, root)
+    written_to = [folder for folder in ("", REJECTED) if output_folder.keys(run, folder)]
+    if written_to:
+        for folder in written_to:
+            output_folder.close_gaps(run, folder)
+            run.adapter.finish(run.source, run.target / folder)
         output_folder.total(summary, run)
         output_folder.write_card(run)
         write_atomic(run.target / report.SUMMARY, report.encode(vars(summary) | run.marker))

@@ -53,15 +53,15 @@ def sweep(target: Path) -> None:
                 (Path(folder) / name).unlink(missing_ok=True)
 
 
-def close_gaps(run: Run) -> None:
+def close_gaps(run: Run, folder: str = "") -> None:
     """Renumber so that each group counts from 0 without holes: readers walk the numbers until one is missing."""
     counts: dict[str, int] = {}
-    for key in keys(run):
+    for key in keys(run, folder):
         group = group_of(run.adapter, key)
         wanted = run.adapter.key_at(key, counts.get(group, 0))
         counts[group] = counts.get(group, 0) + 1
         if wanted != key:
-            os.rename(run.target / key, run.target / wanted)
+            run.adapter.rename(run.target / folder, key, wanted)
 
 
 def total(summary: Summary, run: Run) -> None:

@@ -7,8 +7,10 @@ import pytest
 from rpaug_adapters.rlbench import RLBench
 from runs import augment, contents
 
+from rpaug.core import registry
 from rpaug.core.files import REJECTED
 from rpaug.pipeline import copies, job, recipe, report, write
+from rpaug.pipeline.convert import convert
 from rpaug.scene.build import build
 
 MOVING = {"op": "camera_pose", "camera": "front", "shift": 0.15, "turn": 0.05}
@@ -129,6 +131,32 @@ def test_a_draw_that_failed_is_not_tried_again(template: Path, tmp_path: Path) -
     wanted = recipe.build({"version": 1, "edits": [red], "gates": {"tries": 100, "color": 0.0}})
     augment(template, wanted, tmp_path / "out")
     assert {one["gates"]["attempt"] for one in reports(tmp_path / "out" / REJECTED).values()} == {0}
+
+
+@pytest.mark.parametrize("layout", ["rlds", "lerobot", "rdt"])
+def test_rejected_copies_after_kept_ones_end_no_run(
+    layout: str, template: Path, tmp_path: Path
+) -> None:
+    """Of layouts that gather episodes: each copy keeps its own report, whatever number it gets at the end."""
+    convert(template, tmp_path / "in", layout)
+    wanted = recipe.build({**gated(holes=LIMIT, tries=1).source, "copies": 2})
+    out = tmp_path / "out"
+    summary = augment(tmp_path / "in", wanted, out)
+    assert summary.exit_code == 1
+    assert summary.copies
+    assert summary.rejected
+    adapter = registry.adapter(layout)
+    kept, rejected = adapter.episodes(out), adapter.episodes(out / REJECTED)
+    assert (len(kept), len(rejected)) == (summary.copies, len(summary.rejected))
+    for root, keys in ((out, kept), (out / REJECTED, rejected)):
+        for key in keys:
+            described = report.of(root / key)
+            assert described is not None
+            assert described["gates"]["passed"] == (root == out)
+            wanted_length = adapter.read(tmp_path / "in", described["source"]).length
+            assert adapter.read(root, key).length == wanted_length
+    again = augment(tmp_path / "in", wanted, out, resume=True)
+    assert (again.resumed, again.copies) == (4, summary.copies)
 
 
 def test_originals_are_not_judged(template: Path, tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ import pytest
 
 pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 
+import av
+import lerobot_samples
 import pyarrow.parquet as pq
 from lerobot_samples import WORDS, dataset, episode, halved, picture
 from rpaug_adapters.lerobot import LeRobot, fresh, stats
@@ -161,8 +163,6 @@ def large(seed: int, t: int) -> np.ndarray:
 
 @pytest.mark.parametrize("codec", ["h264", "av1", "vp9"])
 def test_cuts_and_joins_lose_nothing(codec: str, tmp_path: Path) -> None:
-    import av
-
     like = tmp_path / "like.mp4"
     with av.open(str(like), "w") as made:
         stream = made.add_stream(video.ENCODERS[codec], rate=10)
@@ -186,6 +186,79 @@ def test_cuts_and_joins_lose_nothing(codec: str, tmp_path: Path) -> None:
         for t in range(3 + i):
             assert np.array_equal(shared(t), alone(t))
             assert np.array_equal(part(t), alone(t))
+
+
+RECORDERS = {  # how somebody else's recorder encodes
+    "h264": ("libx264", {"preset": "ultrafast"}),
+    "h264, frames stored early": ("libx264", {"bf": "2"}),
+    "hevc": ("libx265", {"x265-params": "log-level=none:sao=0"}),
+    "av1": ("libsvtav1", {"preset": "12"}),
+}
+
+
+@pytest.fixture(params=RECORDERS)
+def mixed(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Path, Path]:
+    """A dataset by such a recorder, and the staged episodes of an output, every other one edited."""
+    codec, options = RECORDERS[request.param]
+    for side in ("HEIGHT", "WIDTH"):
+        monkeypatch.setattr(lerobot_samples, side, video.HEVC_LEAST)
+    adapter, root, out = LeRobot(), tmp_path / "in", tmp_path / "out"
+    for number in range(2):
+        key = f"toy/train/{number}"
+        adapter.write(episode(number, 4 + number), root, key, dict)
+        for path in (root / key).glob("*.mp4"):
+            with av.open(str(path), "w", format="mp4") as made:
+                stream = made.add_stream(codec, rate=10, options={"g": "2", **options})
+                stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
+                video.open_encoders(made)
+                for t in range(4 + number):
+                    frame = av.VideoFrame.from_ndarray(picture(number, t), format="rgb24")
+                    made.mux(stream.encode(frame))
+                made.mux(stream.encode())
+    adapter.finish(root, root)
+    for number in range(4):
+        read = adapter.read(root, f"toy/train/{number // 2}")
+        if number % 2:
+            views = {name: halved(view) for name, view in read.views.items()}
+            read = replace(read, views=views)
+        adapter.write(read, out, f"toy/train/{number}", dict)
+    return root, out
+
+
+def test_originals_and_copies_stay_decodable(mixed: tuple[Path, Path]) -> None:
+    root, out = mixed
+    adapter = LeRobot()
+    adapter.finish(root, out)
+    assert len(list((out / "toy/videos/observation.images.front").rglob("*.mp4"))) == 2
+    for number in range(4):
+        recorded = adapter.read(root, f"toy/train/{number // 2}")
+        made = adapter.read(out, f"toy/train/{number}")
+        assert made.length == recorded.length
+        for name in ("front", "wrist"):
+            for t in range(made.length):
+                before, after = (one.views[name].rgb(t) for one in (recorded, made))
+                if number % 2:
+                    assert np.abs(after.astype(int) - before // 2).mean() < 3
+                else:
+                    assert np.array_equal(after, before)
+
+
+@pytest.mark.parametrize("mixed", [name for name in RECORDERS if name != "av1"], indirect=True)
+def test_nothing_is_dropped_before_all_is_decoded(
+    mixed: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Were unlike streams joined all the same, the run would say so, with every episode still there.
+
+    Not so in AV1, where each key frame has its parameters with it.
+    """
+    root, out = mixed
+    monkeypatch.setattr(video, "stream_format", lambda path: ())
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    with pytest.raises(BadInput, match=r"video|frame"):
+        LeRobot().finish(root, out)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
 def test_statistics_of_parts_are_those_of_the_whole() -> None:
