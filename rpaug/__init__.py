@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from rpaug.core.types import Camera as Camera
     from rpaug.core.types import CameraView as CameraView
     from rpaug.core.types import Effect as Effect
+    from rpaug.core.types import Embeddings as Embeddings
     from rpaug.core.types import Episode as Episode
     from rpaug.core.types import Gaussians as Gaussians
     from rpaug.core.types import Provenance as Provenance
@@ -70,6 +71,7 @@ _EXPORTS = {
     "Change": "rpaug.core.interfaces",
     "Edit": "rpaug.core.interfaces",
     "Effect": "rpaug.core.types",
+    "Embeddings": "rpaug.core.types",
     "Episode": "rpaug.core.types",
     "Gaussians": "rpaug.core.types",
     "Missing": "rpaug.core.errors",

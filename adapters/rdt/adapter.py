@@ -11,12 +11,12 @@ each episode has words and a report of its own; RDT's reader walks folders and f
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
 import numpy as np
-from rpaug_adapters.rdt.read import RDTSource, read_episode
+from rpaug_adapters.rdt.read import RDTSource, read_episode, untouched
 from rpaug_adapters.rdt.write import write_episode
 from rpaug_adapters.shared.folders import natural, walk, write_files
 
@@ -59,6 +59,11 @@ class RDT(Adapter):
         path = _path(root, key)
         os.rename(path, path.with_name(PurePosixPath(new).name + ENDING))
         super().rename(root, key, new)
+
+    def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
+        source: RDTSource = episode.source
+        shown = {*source.images.values(), *(place for place, _ in source.depths.values())}
+        return untouched(source.path, shown)
 
     def traps(self, episode: Episode) -> Sequence[str]:
         """RDT's `HDF5VLADataset` (thu-ml/RoboticsDiffusionTransformer)."""

@@ -1,6 +1,6 @@
 """Reading an ALOHA or RDT episode: one HDF5 file, nothing followed out of it, every image's header checked."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ IMAGES = "observations/images"
 QPOS = "observations/qpos"
 WORDS = "expanded_instruction_gpt-4-turbo.json"
 TEXTS = ("instruction", "simplified_instruction", "expanded_instruction")
+# What tells other projects' files: how their groups of episodes begin, at the top or in `data`.
+OTHERS = {"demo_": "robomimic, robosuite or LIBERO", "traj_": "ManiSkill"}
 MOST = 2**28  # numbers in one dataset: more is taken for damage, before anything is allocated
 
 
@@ -60,6 +62,7 @@ def read_episode(path: Path, key: str) -> Episode:
     folder = path.parent
     beside = cameras.load((folder, folder.parent))
     with opened(path) as file:
+        _see_ours(path, file)
         images = _found(path, file, beside)
         tracks = _tracks(path, file, frozenset(images.values()))
         length = len(tracks[QPOS])
@@ -78,6 +81,39 @@ def read_episode(path: Path, key: str) -> Episode:
         return RDTSource(path, views, images, encoded, depths, words, beside, descriptions)
 
     return episodes.episode(key, given, sizes, tracks, length, descriptions, view, recorded)
+
+
+def _see_ours(path: Path, file: h5py.File) -> None:
+    """See that a file is no other project's HDF5. Raises BadInput, naming whose it is."""
+    data = file.get("data")
+    names = [*file, *(data if isinstance(data, h5py.Group) else ())]
+    for start, projects in OTHERS.items():
+        if QPOS not in file and (found := [name for name in names if name.startswith(start)]):
+            whose = f"{found[0]}: the layout of {projects}, many episodes in a file"
+            expected = f"RDT's or ALOHA's, one episode a file with {QPOS}: rpaug reads {projects} as RLDS or LeRobot"
+            raise BadInput(path, "layout", found=whose, expected=expected)
+
+
+def untouched(path: Path, shown: Set[str]) -> dict[str, bytes]:
+    """The values of all datasets of a file but those that are shown, and all attributes, by name. Raises BadInput."""
+    found = {}
+    with opened(path) as file:
+        for name in _datasets(file):
+            if name not in shown and name != "compress_len":
+                held = dataset(path, file, name)
+                values = held[()] if held.shape is not None else b""
+                found[name] = repr((held.dtype.str, np.shape(values))).encode()
+                found[name] += values.tobytes() if held.dtype.kind != "O" else repr(values).encode()
+        for name in ("/", *_groups(file)):
+            for key, value in file[name].attrs.items():
+                found[f"{name}, attribute {key}"] = repr(value).encode()
+    return found
+
+
+def _groups(file: h5py.File) -> list[str]:
+    names: list[str] = []
+    file.visit(names.append)
+    return names
 
 
 def _tracks(

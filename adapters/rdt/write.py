@@ -32,7 +32,7 @@ def write_episode(episode: Episode, recorded: RDTSource | None, path: Path) -> d
     _edited(episode, recorded, path)
     words = recorded.words
     if episode.descriptions != recorded.descriptions:
-        words = _given(episode)
+        words = _reworded(recorded, episode)
     extra = {} if words is None else {WORDS: json_bytes(words)}
     beside = recorded.path.parent / cameras.NAME
     if beside.is_file():
@@ -220,6 +220,23 @@ def _calibration(episode: Episode) -> bytes:
     if robot.gripper_to_world is not None:
         given["gripper"] = cameras.stated_gripper(robot, EFFECTOR)
     return yaml.safe_dump(given, sort_keys=False).encode()
+
+
+def _reworded(recorded: RDTSource, episode: Episode) -> dict[str, Any]:
+    """The instructions in the forms that they have, each text with its own new words."""
+    old, new = recorded.descriptions, episode.descriptions
+    if recorded.words is None or len(old) != len(new):  # no edit of ours
+        return _given(episode)
+    now = dict(zip(old, new, strict=True))
+
+    def follow(value: Any) -> Any:
+        if isinstance(value, list):
+            return [follow(one) for one in value]
+        return now.get(value, value) if isinstance(value, str) else value
+
+    return {
+        name: follow(value) if name in TEXTS else value for name, value in recorded.words.items()
+    }
 
 
 def _given(episode: Episode) -> dict[str, Any]:

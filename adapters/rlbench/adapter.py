@@ -14,11 +14,11 @@
 import os
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
-from rpaug_adapters.rlbench.read import DESCRIPTIONS, LOW_DIM, RLBenchSource, read_episode
+from rpaug_adapters.rlbench.read import DESCRIPTIONS, LOW_DIM, RLBenchSource, read_episode, untouched
 from rpaug_adapters.rlbench.write import write_episode
 from rpaug_adapters.shared.folders import natural, write_files
 
@@ -78,6 +78,9 @@ class RLBench(Adapter):
         split = [kind] if (kind := splits.kind(like)) else []
         place = PurePosixPath(*split, "_".join(task) or "task", "all_variations", "episodes")
         return (place / f"episode{index}").as_posix()
+
+    def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
+        return untouched(episode.source)
 
     def traps(self, episode: Episode) -> Sequence[str]:
         """RVT and the fork of RLBench that it reads with (NVlabs/RVT)."""

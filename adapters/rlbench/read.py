@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
-from rpaug_adapters.rlbench.pickles import Demo, Observation, load
+from rpaug_adapters.rlbench.pickles import Demo, Observation, dump, load
 
 from rpaug import BadInput, Camera, CameraView, Episode, Robot, files, geometry
 
@@ -45,6 +45,24 @@ def read_episode(folder: Path, key: str) -> Episode:
         length=len(observations),
         source=RLBenchSource(folder, demo, views, descriptions),
     )
+
+
+def untouched(source: RLBenchSource) -> dict[str, bytes]:
+    """All that an episode's files hold beside images, descriptions and extrinsics, by name: fields of its pickle over
+    all frames, and other files."""
+    demo = vars(source.demo)
+    observations = [vars(one) for one in demo["_observations"]]
+    poses = {f"{name}_camera_extrinsics" for name in source.views}
+    found = {name: dump(value) for name, value in demo.items() if name != "_observations"}
+    for part in ("", "misc"):
+        rows = [one["misc"] if part else one for one in observations]
+        for name in {name for row in rows for name in row} - poses - {"misc"}:
+            found[f"{part} {name}".strip()] = dump([row.get(name) for row in rows])
+    for path in source.folder.iterdir():
+        if path.is_file() and path.name not in (LOW_DIM, DESCRIPTIONS):
+            if not path.name.startswith("rpaug"):
+                found[path.name] = path.read_bytes()
+    return found
 
 
 def _observations(path: Path, demo: Any) -> list[Observation]:

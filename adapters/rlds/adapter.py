@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import ClassVar
 
 from rpaug_adapters.rlds import fresh, shards, tfrecord
-from rpaug_adapters.rlds.features import FEATURES, leaves
-from rpaug_adapters.rlds.read import RLDSSource, read_episode
+from rpaug_adapters.rlds.features import FEATURES, leaves, without
+from rpaug_adapters.rlds.read import RLDSSource, read_episode, texts
 from rpaug_adapters.rlds.write import encoded_episode
 from rpaug_adapters.shared import cameras
 from rpaug_adapters.shared.folders import GatheredAdapter, datasets, place, unlike, write_files
 
-from rpaug import Episode, Side, Unsupported, files
+from rpaug import Embeddings, Episode, Side, Unsupported, files
 
 
 class RLDS(GatheredAdapter):
@@ -66,12 +66,22 @@ class RLDS(GatheredAdapter):
                 common = {FEATURES: tree}
             else:
                 record, extra = encoded_episode(episode, recorded)
-                common = _common(recorded.folder)
+                common = _common(recorded.folder, folder, episode.embeddings.drop)
             (work / shards.STAGED).write_bytes(tfrecord.frame(record))
             write_files(work, {**extra, **side()})
             for name, data in common.items():  # last: a write that failed leaves nothing
                 if not (folder / name).exists():
                     files.write_atomic(folder / name, data)
+
+    def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
+        source: RLDSSource = episode.source
+        example = source.example
+        shown = {*source.images.values(), *source.ids.values()}
+        shown |= {leaf for leaf, _ in source.depths.values()}
+        names = example.features.keys() - {leaf.key for leaf in shown}
+        if edited_words:
+            names -= {*Embeddings.among(names), *texts(example, leaves(source.folder) or {})}
+        return {name: example.data[slice(*example.features[name].entry)] for name in names}
 
     def faults(self, root: Path) -> Sequence[str]:
         """Counts in `dataset_info.json` that are not those of the shards."""
@@ -88,7 +98,14 @@ class RLDS(GatheredAdapter):
                     shutil.copyfile(path, folder / path.name)
 
 
-def _common(folder: Path) -> dict[str, bytes]:
-    """What lies beside a dataset's shards and belongs to every episode."""
-    names = (FEATURES, cameras.NAME)
-    return {name: files.read_bytes(folder / name) for name in names if (folder / name).is_file()}
+def _common(source: Path, folder: Path, dropped: bool) -> dict[str, bytes]:
+    """What lies beside a dataset's shards, belongs to every episode, and is not in the new folder yet; without vectors
+    of words if they are dropped."""
+    if (folder / FEATURES).exists():
+        return {}
+    names = (cameras.NAME, FEATURES)  # the mark of a dataset last
+    found = {name: files.read_bytes(source / name) for name in names if (source / name).is_file()}
+    if dropped:
+        tree = without(json.loads(found[FEATURES]), lambda name: bool(Embeddings.among([name])))
+        found[FEATURES] = json.dumps(tree, indent=4).encode()
+    return found

@@ -35,6 +35,7 @@ class Example:
     def __init__(self, where: str, data: bytes) -> None:
         self.where, self.data = where, data
         self.features: dict[str, Feature] = {}
+        self._blobs: dict[str, list[bytes]] = {}
         self._map: tuple[int, Span] | None = None  # where its tag starts, and its entries
         at = 0
         for field, wire, span in self._fields((0, len(data))):
@@ -78,8 +79,13 @@ class Example:
     def _fields(self, span: Span) -> Iterator[tuple[int, int, Span]]:
         """Field number, wire type and place of the payload of each field of a message."""
         at, end = span
+        data = self.data
         while at < end:
-            tag, at = self._varint(at, end)
+            tag = data[at]
+            if tag < 0x80:  # nearly always
+                at += 1
+            else:
+                tag, at = self._varint(at, end)
             field, wire = tag >> 3, tag & 7
             if wire == LENGTH:
                 size, at = self._varint(at, end)
@@ -118,12 +124,11 @@ class Example:
         return feature
 
     def blobs(self, name: str) -> list[bytes]:
-        """The byte strings of a feature. Raises BadInput."""
-        return [
-            self.data[slice(*span)]
-            for wire, span in self._of(name, "bytes").values
-            if wire == LENGTH
-        ]
+        """The byte strings of a feature, cut out of the record once. Raises BadInput."""
+        if name not in self._blobs:
+            values = self._of(name, "bytes").values
+            self._blobs[name] = [self.data[a:b] for wire, (a, b) in values if wire == LENGTH]
+        return self._blobs[name]
 
     def floats(self, name: str) -> Float32[np.ndarray, "n"]:
         """The floats of a feature. Raises BadInput."""
@@ -157,8 +162,8 @@ class Example:
         feature = self.features.get(name)
         return self.integers(name) if feature and feature.kind == "int" else self.floats(name)
 
-    def replaced(self, changes: Mapping[str, Sequence[bytes] | np.ndarray]) -> bytes:
-        """The record with other values in some features; every other byte of it as it was."""
+    def replaced(self, changes: Mapping[str, Sequence[bytes] | np.ndarray | None]) -> bytes:
+        """The record with other values in some features, None for one left out; every other byte of it as it was."""
         if not changes:
             return self.data
         assert self._map is not None
@@ -167,7 +172,8 @@ class Example:
         for name, feature in self.features.items():
             if name in changes:
                 first, last = feature.entry
-                parts += [self.data[at:first], _entry(name, changes[name])]
+                values = changes[name]
+                parts += [self.data[at:first], b"" if values is None else _entry(name, values)]
                 at = last
         parts.append(self.data[at:end])
         return b"".join([self.data[:tag], _field(1, b"".join(parts)), self.data[end:]])
@@ -184,13 +190,23 @@ def _entry(name: str, values: Sequence[bytes] | np.ndarray) -> bytes:
     elif values.dtype.kind == "f":
         feature = _field(2, _field(1, values.astype("<f4").tobytes()))
     else:
-        packed = b"".join(_number(int(value) & (2**64 - 1)) for value in values)
-        feature = _field(3, _field(1, packed))
+        feature = _field(3, _field(1, _varints(values)))
     return _field(1, _field(1, name.encode()) + _field(2, feature))
 
 
 def _field(number: int, payload: bytes) -> bytes:
     return _number(number << 3 | LENGTH) + _number(len(payload)) + payload
+
+
+def _varints(values: Int64[np.ndarray, "n"]) -> bytes:
+    """Whole numbers packed: seven bits a byte, the lowest first, the highest bit set in all but the last."""
+    whole = values.astype(np.int64).view(np.uint64)
+    most = int(whole.max(initial=0)).bit_length()
+    shifts = 7 * np.arange(max(1, -(-most // 7)), dtype=np.uint64)
+    rest = whole[:, None] >> shifts
+    there = (rest > 0) | (shifts == 0)
+    more = np.pad(there[:, 1:], ((0, 0), (0, 1)))
+    return ((rest & 0x7F).astype(np.uint8) | more.astype(np.uint8) << 7)[there].tobytes()
 
 
 def _number(value: int) -> bytes:

@@ -5,12 +5,13 @@ of steps; below it every value is there once a step. Classes not known here are 
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from rpaug_adapters.shared.texts import read_json
+from rpaug_adapters.shared.texts import read_json, stamp
 
 from rpaug import BadInput
 
@@ -35,12 +36,28 @@ class Leaf:
         return self.key.rpartition("/")[2]
 
 
-def leaves(folder: Path) -> dict[str, Leaf] | None:
+def leaves(folder: Path) -> Mapping[str, Leaf] | None:
     """All features of the dataset in a folder by key, or None if its features have no steps. Raises BadInput."""
-    path = folder / FEATURES
+    return _leaves(folder / FEATURES, *stamp(folder / FEATURES))
+
+
+@lru_cache(16)
+def _leaves(path: Path, _modified: int, _size: int) -> Mapping[str, Leaf] | None:
     tree = read_json(path, "a tree of features")
     found = {leaf.key: leaf for leaf in _walk(path, tree, (), False, 0)}
     return found if any(leaf.stepwise for leaf in found.values()) else None
+
+
+def without(tree: Any, drop: Callable[[str], bool]) -> Any:
+    """The tree of a `features.json` without the features whose names `drop` takes."""
+    if not isinstance(tree, Mapping):
+        return tree
+    return {
+        name: {key: without(one, drop) for key, one in child.items() if not drop(key)}
+        if name == "features" and isinstance(child, Mapping)
+        else without(child, drop)
+        for name, child in tree.items()
+    }
 
 
 def _walk(path: Path, node: Any, at: tuple[str, ...], stepwise: bool, depth: int) -> Iterator[Leaf]:

@@ -1,13 +1,17 @@
-"""Depth and handles in RLDS: PNG of one channel, float images, and tensors plain or packed, one value a pixel."""
+"""Pixels in RLDS that are no encoded color: depth and instance ids as PNG of one channel, float images, tensors plain
+or packed; and color stored as a tensor, of bytes or of floats in 0..1 or 0..255."""
 
+import math
 import zlib
 from collections.abc import Callable, Sequence
 from functools import cache
 
 import cv2
 import numpy as np
+from jaxtyping import UInt8
 from rpaug_adapters.rlds.example import Example
 from rpaug_adapters.rlds.features import Leaf
+from rpaug_adapters.shared.images import luma, three_channels
 
 from rpaug import BadInput, CameraView, files
 
@@ -18,9 +22,10 @@ PACKED = ("zlib", "bytes")  # encodings of TFDS tensors that are one byte string
 
 
 def decoder(
-    example: Example, leaf: Leaf, shape: tuple[int, int], length: int
+    example: Example, leaf: Leaf, shape: tuple[int, ...], length: int
 ) -> Callable[[int], np.ndarray]:
-    """A function from a step to its values, (h, w) of the feature's type. Raises BadInput."""
+    """A function from a step to its values, (h, w), or (h, w, channels) of a tensor, of the feature's type. Raises
+    BadInput."""
     if leaf.dtype not in NUMERIC or (leaf.dtype == "" and leaf.kind != "Image"):
         expected = f"one of {', '.join(sorted(NUMERIC))}"
         raise BadInput(example.where, f"{leaf.key}, dtype", found=leaf.dtype, expected=expected)
@@ -35,8 +40,8 @@ def decoder(
     @cache
     def frames() -> np.ndarray:
         values = example.numbers(leaf.key)
-        if len(values) != length * shape[0] * shape[1]:
-            expected = f"{length} times {shape[0]}x{shape[1]}"
+        if len(values) != length * math.prod(shape):
+            expected = f"{length} times {'x'.join(map(str, shape))}"
             found = f"{len(values)} numbers"
             raise BadInput(example.where, leaf.key, found=found, expected=expected)
         return values.reshape(length, *shape)
@@ -44,7 +49,7 @@ def decoder(
     return lambda t: frames()[t]
 
 
-def _image(where: str, leaf: Leaf, shape: tuple[int, int], data: bytes) -> np.ndarray:
+def _image(where: str, leaf: Leaf, shape: tuple[int, ...], data: bytes) -> np.ndarray:
     header = files.check_png(where, data)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is not None and leaf.dtype == "float32" and image.ndim == 3 and image.shape[2] == 4:
@@ -57,8 +62,8 @@ def _image(where: str, leaf: Leaf, shape: tuple[int, int], data: bytes) -> np.nd
     return image
 
 
-def _unpacked(where: str, leaf: Leaf, shape: tuple[int, int], data: bytes) -> np.ndarray:
-    wanted = shape[0] * shape[1] * np.dtype(leaf.dtype).itemsize
+def _unpacked(where: str, leaf: Leaf, shape: tuple[int, ...], data: bytes) -> np.ndarray:
+    wanted = math.prod(shape) * np.dtype(leaf.dtype).itemsize
     try:
         raw = zlib.decompressobj().decompress(data, wanted + 1) if leaf.encoding == "zlib" else data
     except zlib.error:
@@ -66,6 +71,55 @@ def _unpacked(where: str, leaf: Leaf, shape: tuple[int, int], data: bytes) -> np
     if len(raw) != wanted:
         raise BadInput(where, "data", found="another size, or damage", expected=f"{wanted} bytes")
     return np.frombuffer(raw, leaf.dtype).reshape(shape)
+
+
+class TensorColors:
+    """Color that a tensor of the steps holds: bytes, or floats in 0..1 or in 0..255; gray, RGB or RGBA.
+
+    Raises BadInput for any other numbers.
+    """
+
+    def __init__(self, example: Example, leaf: Leaf, length: int) -> None:
+        shape = tuple(side or 0 for side in leaf.shape)
+        if len(shape) not in (2, 3) or min(shape) < 1 or shape[2:] not in ((), (1,), (3,), (4,)):
+            expected = "height x width, and 1, 3 or 4 channels"
+            raise BadInput(example.where, leaf.key, found=str(leaf.shape), expected=expected)
+        self.size = shape[1], shape[0]
+        self.length = length
+        self.stored = decoder(example, leaf, shape, length)
+        self.scale = 1.0
+        if np.dtype(leaf.dtype) != np.uint8:
+            low, high = (
+                float(extreme([extreme(self.stored(t)) for t in range(length)]))
+                for extreme in (np.min, np.max)
+            )
+            if not 0 <= low <= high <= 255:
+                found = f"{low:.3g} to {high:.3g}"
+                raise BadInput(example.where, leaf.key, found=found, expected="0 to 1, or to 255")
+            self.scale = 255.0 if high <= 1 else 1.0
+
+    def __call__(self, t: int) -> UInt8[np.ndarray, "h w 3"]:
+        """The image of step t."""
+        image = np.rint(self.stored(t).astype(np.float64) * self.scale).astype(np.uint8)
+        if image.ndim == 2 or image.shape[2] == 1:
+            return three_channels(image.reshape(image.shape[:2]))
+        return image[..., :3]
+
+    def edited(self, view: CameraView) -> list[np.ndarray | None]:
+        """What the tensor holds of a view's images, None where one is as recorded. Values that show as they did stay."""
+        frames: list[np.ndarray | None] = []
+        for t in range(self.length):
+            image, before = view.rgb(t), self(t)
+            frame = None
+            if not np.array_equal(image, before):
+                frame = self.stored(t).copy()
+                channels = frame.reshape(*frame.shape[:2], -1)[..., :3]
+                if channels.shape[2] == 1:
+                    image, before = luma(image)[..., None], before[..., :1]
+                changed = image != before
+                channels[changed] = (image / self.scale)[changed].astype(frame.dtype)
+            frames.append(frame)
+        return frames
 
 
 def most_id(leaf: Leaf) -> int:

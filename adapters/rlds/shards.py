@@ -8,14 +8,15 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from rpaug_adapters.rlds import tfrecord
 from rpaug_adapters.shared.folders import staged
-from rpaug_adapters.shared.texts import read_json
+from rpaug_adapters.shared.texts import read_json, stamp
 
 from rpaug import BadInput, files
 
@@ -61,10 +62,14 @@ def info(folder: Path) -> dict[str, Any]:
     return described
 
 
-def splits(folder: Path) -> dict[str, Split]:
+def splits(folder: Path) -> Mapping[str, Split]:
     """The packed splits of a dataset; none while it grows. Raises BadInput."""
-    if not (folder / INFO).is_file():
-        return {}
+    at = stamp(folder / INFO)
+    return _splits(folder, *at) if any(at) else {}
+
+
+@lru_cache(16)
+def _splits(folder: Path, _modified: int, _size: int) -> Mapping[str, Split]:
     described, found = info(folder), {}
     for entry in described["splits"]:
         name, lengths = _named(folder, entry)

@@ -5,6 +5,7 @@ where a camera was moved). Keys are the names of an episode's features, as the a
 """
 
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -12,7 +13,7 @@ import numpy as np
 import yaml
 from jaxtyping import Float64
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
-from rpaug_adapters.shared.texts import read_yaml
+from rpaug_adapters.shared.texts import read_yaml, stamp
 
 from rpaug import BadInput, Camera, CameraView, Episode, Robot, files, geometry
 
@@ -90,7 +91,10 @@ class Beside(StrictModel):
     gripper: Gripper | None = None
     joints: Name | None = None
     joint_velocities: Name | None = None
-    language: Name | None = None
+    language: Name | list[Name] | None = None
+    rate: float | None = Field(
+        default=None, gt=0, lt=100_000, allow_inf_nan=False, description="frames a second"
+    )
     images: dict[Name, Name] = Field(default={}, description="features of color, by their views")
     views: list[str] | None = None
     _where: Path = PrivateAttr(Path(NAME))
@@ -101,12 +105,15 @@ class Beside(StrictModel):
         return self._where
 
 
+_NOTHING = Beside()
+
+
 def load(folders: tuple[Path, ...]) -> Beside:
     """The first `cameras.yaml` there is, or an empty one. Raises BadInput."""
     for path in (folder / NAME for folder in folders):
-        if path.is_file():
-            return parse(path)
-    return Beside()
+        if any(at := stamp(path)):
+            return _parsed(path, *at)
+    return _NOTHING
 
 
 def in_place(root: Path, folder: Path) -> None:
@@ -121,9 +128,9 @@ def in_place(root: Path, folder: Path) -> None:
             )
 
 
-def parse(path: Path) -> Beside:
-    """One file. Raises BadInput, naming the key."""
-    if path.stat().st_size > LARGEST:
+@lru_cache(16)
+def _parsed(path: Path, _modified: int, size: int) -> Beside:
+    if size > LARGEST:
         raise BadInput(path, "size", found="more than 4 MiB", expected="a list of cameras")
     given = read_yaml(path, Beside, MOST)
     given._where = path

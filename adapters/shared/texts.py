@@ -11,6 +11,16 @@ from rpaug import BadInput, files, safe_yaml
 Kind = TypeVar("Kind", bound=BaseModel)
 
 
+def stamp(path: Path) -> tuple[int, int]:
+    """What tells one state of a file from another, for those who remember what it said: when it was written, and its
+    size. Zeros where there is none."""
+    try:
+        about = path.stat()
+    except OSError:
+        return 0, 0
+    return about.st_mtime_ns, about.st_size
+
+
 def read_json(path: Path, expected: str) -> Any:
     """What a JSON file holds. Raises BadInput: `expected` is what it should have been."""
     try:

@@ -73,6 +73,8 @@ def inspect(
             f"  structure from motion: {video['registered']} of {video['frames']} frames, focal length"
             f" {video['focal_px']:.0f} px; lengths are {video['unit']}"
         )
+    for words in described["unread"]:
+        say(f"  warning: not understood: {words}")
     for warning in (*described["misplaced"].values(), *described["arms"]):
         say(f"  warning: {warning}")
     for given in described["assumed"]:

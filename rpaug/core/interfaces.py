@@ -139,6 +139,11 @@ class Adapter(ABC):
         """What known readers of this layout would trip over in an episode, in words."""
         return ()
 
+    def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
+        """What the files of an episode that was read hold beside images, depth, instance ids, words and cameras, by
+        name: no edit may change any of it. Vectors made of words are left out where an edit changed the words."""
+        return {}
+
     def faults(self, root: Path) -> Sequence[str]:  # most layouts describe nothing as a whole
         """What a dataset of this layout says of itself as a whole that is not so, in words."""
         return ()

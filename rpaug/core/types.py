@@ -7,7 +7,7 @@ the z coordinate in the camera's frame, not the ray's length. Colors are display
 float in 0..1 elsewhere. Arrays are never written to after they were handed over.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Flag, auto
 from pathlib import Path
@@ -123,6 +123,20 @@ class Provenance:
     layout: str
 
 
+@dataclass(frozen=True)
+class Embeddings:
+    """What becomes of vectors that were made of words: `embed` makes those of sentences that changed anew, unit vectors
+    (n, d), or else `drop` leaves them out of every episode. With neither an episode whose words change is refused."""
+
+    embed: Callable[[Sequence[str]], Float32[np.ndarray, "n d"]] | None = None
+    drop: bool = False
+
+    @staticmethod
+    def among(names: Iterable[str]) -> list[str]:
+        """The names of features that hold such vectors: all datasets of Open X-Embodiment call them so."""
+        return [name for name in names if "embedding" in name.rpartition("/")[2]]
+
+
 @dataclass(frozen=True, eq=False)
 class Episode:
     """One demonstration.
@@ -130,6 +144,9 @@ class Episode:
     `key` is its path inside the dataset, with forward slashes. `source` is the adapter's own: what it
     needs to write the episode back with every field it does not know about. `provenance` says where it was read by
     `rpaug.read`; `side` gives the files that belong beside a copy that `rpaug.augment` made, its report among them.
+    `rate` is frames a second, None where the source does not say. `unread` says in sentences which of its data may be
+    images that were not understood: they are written back as they came, whatever an edit does to the others.
+    `embeddings` is what becomes of vectors in the source that were made of words which an edit changed.
     """
 
     key: str
@@ -140,6 +157,9 @@ class Episode:
     source: Any = None
     provenance: Provenance | None = None
     side: Callable[[], Mapping[str, bytes]] | None = None
+    rate: float | None = None
+    unread: tuple[str, ...] = ()
+    embeddings: Embeddings = Embeddings()
 
     @property
     def instruction(self) -> str:

@@ -52,7 +52,7 @@ def inspect(
     }
     described["misplaced"] = {m.camera: str(m) for m in calibration.check(episode)}
     described["arms"] = list(arms.misfits(files, episode.robot))
-    described["assumed"] = []
+    described["assumed"], described["unread"] = [], list(episode.unread)
     found = prepare.found_instances(episode, files)
     scene, wrong = settle(found.scene(), roles or {})
     if isinstance(scene.back, VideoScene):
@@ -137,6 +137,9 @@ def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummar
         + (f"<br><strong>{html.escape(off[name])}</strong>" if name in off else "")
         for name, c in described["cameras"].items()
     )
+    unread = "".join(
+        f"<li><strong>not understood: {html.escape(words)}</strong>" for words in described["unread"]
+    )
     assumed = "".join(f"<li>{html.escape(given)}" for given in described["assumed"])
     return (
         "<!doctype html><html lang=en><meta charset=utf-8><title>rpaug inspect</title><style>"
@@ -147,7 +150,7 @@ def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummar
         "td span,.roles span{display:inline-block;width:1em;height:1em;border:1px solid #889}</style>"
         f"<h1>{html.escape(described['episode'])}</h1><p>“{html.escape(described['instruction'])}”, "
         f"{described['frames']} frames, key frames {', '.join(map(str, described['key_frames']))}</p>"
-        f"<ul>{cameras}{assumed}</ul>{_outlined(episode, described)}"
+        f"<ul>{cameras}{unread}{assumed}</ul>{_outlined(episode, described)}"
         "<table><tr><th><th>handle<th>role<th>color<th>size, cm<th>motion"
         f"<th>residual, mm<th>seen in frames</tr>{lines}</table></html>"
     ).encode()

@@ -14,11 +14,12 @@ import numpy as np
 from rpaug.core import splits
 from rpaug.core.errors import Missing, RpaugError, SourceLacks, TargetError, Unsupported
 from rpaug.core.interfaces import Adapter, Edit, Operator
-from rpaug.core.types import Camera, Effect, Episode, Scene
+from rpaug.core.types import Camera, Effect, Embeddings, Episode, Scene
 from rpaug.gaussians import fit_static_rgb
 from rpaug.pipeline import plan as planning
 from rpaug.pipeline import report, residuals
 from rpaug.pipeline.recipe import Recipe
+from rpaug.providers import words
 from rpaug.scene.build import build, find, sources
 from rpaug.scene.instances import rgb_episode
 from rpaug.scene.instances.found import FoundInstances
@@ -112,11 +113,20 @@ def prepare_scene(
     return _with_parts(scene, planning.fitted(plan, facts, measured))
 
 
+def _embeddings(choice: str) -> Embeddings:
+    """The recipe's choice: `refuse`, `drop`, or the name or folder of a sentence model."""
+    if choice in ("refuse", "drop"):
+        return Embeddings(drop=choice == "drop")
+    return Embeddings(partial(words.embedded, folder=None if choice == words.SHIPPED else choice))
+
+
 def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, planning.Plan]:
     """The recorded scene without Gaussians, and the plan with errors measured where the recipe asks for an accuracy."""
     for operator in operators(recipe):
         operator.ready()
+    episode = replace(episode, embeddings=_embeddings(recipe.embeddings))
     plan = replace(planning.make(operators(recipe), episode, tier), refine=recipe.refine)
+    plan = replace(plan, warnings=(*plan.warnings, *episode.unread))
     scene, plan = _built(episode, recipe, plan)
     plan = replace(plan, assumed=rgb_episode.assumptions(scene.episode))
     if plan.bodies and scene.back is None:

@@ -70,6 +70,7 @@ class _Top(BaseModel):
     video: VideoSettings = VideoSettings()
     refine: Annotated[int, Field(ge=0, le=10_000, strict=True)] = 0
     on_missing: OnMissing = "skip_edit"
+    embeddings: Annotated[str, Field(min_length=1)] = "refuse"
     roles: dict[settled.Role, settled.SettledRole] = {}
     edits: list[dict[str, Any]] = []
     gates: Annotated[Gates | None, BeforeValidator(_unless_off)] = None
@@ -133,6 +134,7 @@ class Recipe:
     video: VideoSettings = field(default_factory=VideoSettings)  # for videos of one moving camera
     refine: int = 0  # steps of the joint fine-tune, where Gaussians show all
     on_missing: OnMissing = "skip_edit"
+    embeddings: str = "refuse"  # vectors of changed words: "refuse", "drop", or a sentence model
     roles: Mapping[str, settled.SettledRole] = field(default_factory=dict)  # that a person settled
 
     @property
@@ -207,6 +209,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         video=top.video,
         refine=top.refine,
         on_missing=top.on_missing,
+        embeddings=top.embeddings,
         roles=dict(top.roles),
     )
 

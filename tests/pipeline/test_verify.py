@@ -77,6 +77,16 @@ def change_source(episode: Path) -> None:
     (episode / "rpaug.json").write_text(json.dumps(given | {"source": "nowhere"}))
 
 
+def change_field(episode: Path) -> None:
+    demo = load(episode / "low_dim_obs.pkl")
+    demo._observations[1].misc["front_camera_far"] += 1e-9
+    (episode / "low_dim_obs.pkl").write_bytes(dump(demo))
+
+
+def add_file(episode: Path) -> None:
+    (episode / "variation_number.pkl").write_bytes(dump(7))
+
+
 def lose_report(episode: Path) -> None:
     (episode / "rpaug.json").unlink()
 
@@ -111,6 +121,8 @@ def test_what_augment_writes_passes(augmented: Path, template: Path) -> None:
         (change_size, "size"),
         (change_camera, "camera"),
         (change_source, "source"),
+        (change_field, "untouched data"),
+        (add_file, "untouched data"),
         (lose_report, "report"),
         (spoil_report, "report"),
         (spoil_colors, "images beyond the report"),
@@ -162,7 +174,8 @@ def test_the_command_says_what_is_wrong(output: Path, template: Path, tmp_path: 
     assert code == 1
     described = json.loads(out)
     assert not described["passed"]
-    assert [one["topic"] for one in described["findings"] if one["level"] == "bad"] == ["robot"]
+    wrong = [one["topic"] for one in described["findings"] if one["level"] == "bad"]
+    assert wrong == ["robot", "untouched data"]
 
 
 def test_depth_that_no_longer_fits_the_cameras_is_found() -> None:

@@ -1,8 +1,8 @@
 """RLDS copied through unedited: megabytes a processor second, and the memory it takes beside one episode's size.
 
-    python tools/bench/formats.py [--megabytes 2048] [--steps 64] [--json FILE]
+    python tools/bench/formats.py [--megabytes 2048] [--steps 64] [--size 640 480] [--json FILE]
 
-Makes one shard of that size in a temporary folder (removed after), episodes of `steps` JPEG frames of 640x480. Then a
+Makes one shard of that size in a temporary folder (removed after), episodes of `steps` JPEG frames of that size. Then a
 process of its own reads every episode and writes it unedited, and gathers the shard, as `rpaug augment` does; its
 memory is what it has before, after the first episode, and at its peak.
 """
@@ -27,7 +27,7 @@ from rpaug.core.registry import adapter
 CORE = "tensorflow_datasets.core.features."
 
 
-def features() -> dict:
+def features(size: tuple[int, int]) -> dict:
     """`features.json` of one camera, actions and words."""
 
     def tensor(kind: str, *shape: int) -> dict:
@@ -39,7 +39,7 @@ def features() -> dict:
         return {"pythonClassName": name, "featuresDict": {"features": inner}}
 
     about = {
-        "shape": {"dimensions": ["480", "640", "3"]},
+        "shape": {"dimensions": [str(size[1]), str(size[0]), "3"]},
         "dtype": "uint8",
         "encodingFormat": "jpeg",
     }
@@ -54,13 +54,13 @@ def features() -> dict:
     return several({"steps": every})
 
 
-def make(root: Path, megabytes: int, steps: int) -> tuple[int, int]:
+def make(root: Path, megabytes: int, steps: int, size: tuple[int, int]) -> tuple[int, int]:
     """One shard; its bytes of records, and those of one."""
     folder = root / "bench/1.0.0"
     folder.mkdir(parents=True)
-    (folder / "features.json").write_text(json.dumps(features()))
+    (folder / "features.json").write_text(json.dumps(features(size)))
     rng = np.random.default_rng(0)
-    noise = rng.integers(0, 255, (480, 640, 3), np.uint8)
+    noise = rng.integers(0, 255, (size[1], size[0], 3), np.uint8)
     frame = cv2.imencode(".jpg", noise, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
     record = example({
         "steps/observation/image_0": [frame] * steps,
@@ -115,6 +115,7 @@ def main() -> None:
     )
     parser.add_argument("--megabytes", type=int, default=2048)
     parser.add_argument("--steps", type=int, default=64)
+    parser.add_argument("--size", nargs=2, type=int, default=(640, 480))
     parser.add_argument("--json", type=Path)
     parser.add_argument("--copy", nargs=2, type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -123,7 +124,7 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "in", Path(folder) / "out"
-        total, one = make(source, given.megabytes, given.steps)
+        total, one = make(source, given.megabytes, given.steps, tuple(given.size))
         command = [sys.executable, __file__, "--copy", source, target]
         measured = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
         (shard,) = (source / "bench/1.0.0").glob("*.tfrecord*")

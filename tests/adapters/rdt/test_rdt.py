@@ -319,3 +319,42 @@ def test_a_single_arm_with_two_rgbd_cameras(tmp_path: Path) -> None:
     assert np.allclose(episode.robot.gripper_to_world[0, :3, 3], [0.1, 0.2, 0.3])
     assert np.allclose(episode.robot.gripper_open, 0.5)
     assert any("128 steps" in words for words in RDT().traps(episode))
+
+
+def test_each_form_of_the_instruction_keeps_its_own_texts(tmp_path: Path) -> None:
+    root = dataset(tmp_path / "in")
+    given = {
+        "instruction": "pour the red cup",
+        "simplified_instruction": ["pour red cup", "pour"],
+        "expanded_instruction": ["pour the red cup out"],
+        "author": "gpt-4-turbo",
+    }
+    (root / "pour" / WORDS).write_text(json.dumps(given))
+    episode = RDT().read(root, KEY)
+    words = tuple(text.replace("red", "blue") for text in episode.descriptions)
+    RDT().write(replace(episode, descriptions=words), tmp_path / "out", KEY, dict)
+    made = json.loads((tmp_path / "out" / KEY / WORDS).read_text())
+    assert made == json.loads(json.dumps(given).replace("red", "blue"))
+
+
+@pytest.mark.parametrize(
+    ("group", "whose"), [("data/demo_0", "robomimic"), ("traj_0", "ManiSkill")]
+)
+def test_files_of_other_projects_are_named(tmp_path: Path, group: str, whose: str) -> None:
+    with h5py.File(tmp_path / "demo.hdf5", "w") as file:
+        file[f"{group}/actions"] = np.zeros((3, 7))
+        file[f"{group}/obs/agentview_image"] = np.zeros((3, 8, 8, 3), np.uint8)
+    with pytest.raises(BadInput, match=f"layout: found {group.rpartition('/')[2]}.*{whose}"):
+        RDT().read(tmp_path, "demo")
+
+
+@pytest.mark.parametrize("name", ["action", "observations/qpos"])
+def test_what_no_edit_reaches_is_listed_for_verify(tmp_path: Path, name: str) -> None:
+    root = dataset(tmp_path)
+    before = RDT().untouched(RDT().read(root, KEY), False)
+    assert "observations/images/cam_high" not in before
+    with h5py.File(root / f"{KEY}.hdf5", "r+") as file:
+        file[name][0, 0] += 1
+        file.attrs["sim"] = True
+    after = RDT().untouched(RDT().read(root, KEY), False)
+    assert {one for one in before if before[one] != after[one]} == {name, "/, attribute sim"}
