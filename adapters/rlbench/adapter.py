@@ -18,7 +18,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
-from rpaug_adapters.rlbench.read import DESCRIPTIONS, LOW_DIM, RLBenchSource, read_episode, untouched
+from rpaug_adapters.rlbench.read import (
+    DESCRIPTIONS,
+    LOW_DIM,
+    RLBenchSource,
+    read_episode,
+    untouched,
+)
 from rpaug_adapters.rlbench.write import write_episode
 from rpaug_adapters.shared.folders import natural, write_files
 

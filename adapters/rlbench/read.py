@@ -59,9 +59,9 @@ def untouched(source: RLBenchSource) -> dict[str, bytes]:
         for name in {name for row in rows for name in row} - poses - {"misc"}:
             found[f"{part} {name}".strip()] = dump([row.get(name) for row in rows])
     for path in source.folder.iterdir():
-        if path.is_file() and path.name not in (LOW_DIM, DESCRIPTIONS):
-            if not path.name.startswith("rpaug"):
-                found[path.name] = path.read_bytes()
+        ours = path.name in (LOW_DIM, DESCRIPTIONS) or path.name.startswith("rpaug")
+        if path.is_file() and not ours:
+            found[path.name] = path.read_bytes()
     return found
 
 

@@ -106,7 +106,7 @@ class TensorColors:
         return image[..., :3]
 
     def edited(self, view: CameraView) -> list[np.ndarray | None]:
-        """What the tensor holds of a view's images, None where one is as recorded. Values that show as they did stay."""
+        """What the tensor holds of a view's images, None where one is as recorded. Values that show the same stay."""
         frames: list[np.ndarray | None] = []
         for t in range(self.length):
             image, before = view.rgb(t), self(t)

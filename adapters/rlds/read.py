@@ -130,9 +130,7 @@ def _large(leaf: Leaf) -> bool:
     return len(leaf.shape) >= 2 and all(side is None or side >= LEAST for side in leaf.shape[:2])
 
 
-def _unread(
-    example: Example, known: Mapping[str, Leaf], understood: Set[str]
-) -> tuple[str, ...]:
+def _unread(example: Example, known: Mapping[str, Leaf], understood: Set[str]) -> tuple[str, ...]:
     """What may be images and is not understood, in sentences."""
     found = []
     for leaf in known.values():
@@ -157,7 +155,9 @@ def _colors(
         return size, lazy_colors(example.blobs(leaf.key), place)
     if leaf.kind != "Tensor" or leaf.dtype not in ("uint8", *FLOATS):
         expected = "an image, or a tensor of bytes or floats"
-        raise BadInput(example.where, leaf.key, found=f"{leaf.kind} {leaf.dtype}", expected=expected)
+        raise BadInput(
+            example.where, leaf.key, found=f"{leaf.kind} {leaf.dtype}", expected=expected
+        )
     found = TensorColors(example, leaf, length)
     return found.size, found
 
@@ -233,7 +233,9 @@ def texts(example: Example, known: Mapping[str, Leaf]) -> list[str]:
 
 
 def _descriptions(example: Example, languages: tuple[str, ...]) -> tuple[str, ...]:
-    texts = [text.decode(errors="replace").strip() for key in languages for text in example.blobs(key)]
+    texts = [
+        text.decode(errors="replace").strip() for key in languages for text in example.blobs(key)
+    ]
     return tuple(dict.fromkeys(text for text in texts if text))
 
 

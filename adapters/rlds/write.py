@@ -12,7 +12,9 @@ from rpaug_adapters.shared.images import reencoded
 
 from rpaug import CameraView, Embeddings, Episode, Unsupported
 
-SAME = 0.999  # cosine of a recorded vector to the same model's: float16 and other machines are nearer
+SAME = (
+    0.999  # cosine of a recorded vector to the same model's: float16 and other machines are nearer
+)
 
 
 def encoded_episode(episode: Episode, recorded: RLDSSource) -> tuple[bytes, dict[str, bytes]]:
@@ -57,7 +59,7 @@ def _colors(
 def _words(
     episode: Episode, recorded: RLDSSource
 ) -> dict[str, Sequence[bytes] | np.ndarray | None]:
-    """New words wherever a text of the record has the old, and the vectors that were made of them. Raises Unsupported."""
+    """New words wherever a text of the record has the old, and the vectors made of them. Raises Unsupported."""
     example, old, new = recorded.example, recorded.descriptions, episode.descriptions
     if not recorded.languages:
         raise Unsupported(f"{episode.key}: the words changed, and no feature holds any")

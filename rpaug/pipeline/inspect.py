@@ -138,7 +138,8 @@ def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummar
         for name, c in described["cameras"].items()
     )
     unread = "".join(
-        f"<li><strong>not understood: {html.escape(words)}</strong>" for words in described["unread"]
+        f"<li><strong>not understood: {html.escape(words)}</strong>"
+        for words in described["unread"]
     )
     assumed = "".join(f"<li>{html.escape(given)}" for given in described["assumed"])
     return (

@@ -252,9 +252,7 @@ def _reworded(given: dict[str, Any]) -> bool:
     return bool(given.get("words")) or given.get("recipe", {}).get("embeddings") == "drop"
 
 
-def _robot(
-    key: str, recorded: Episode, made: Episode, reworded: bool = False
-) -> Iterator[Finding]:
+def _robot(key: str, recorded: Episode, made: Episode, reworded: bool = False) -> Iterator[Finding]:
     for field in fields(recorded.robot):
         old, new = getattr(recorded.robot, field.name), getattr(made.robot, field.name)
         if field.name == "extra":

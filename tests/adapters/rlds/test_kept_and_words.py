@@ -54,9 +54,7 @@ def pixels(*shape: int) -> np.ndarray:
 def dimmed(episode: Episode) -> Episode:
     """Every view at half its brightness in its second frame."""
     views = {
-        name: replace(
-            view, rgb=lambda t, view=view: view.rgb(t) // 2 if t == 1 else view.rgb(t)
-        )
+        name: replace(view, rgb=lambda t, view=view: view.rgb(t) // 2 if t == 1 else view.rgb(t))
         for name, view in episode.views.items()
     }
     return replace(episode, views=views)
@@ -83,9 +81,7 @@ def test_a_tensor_of_bytes_is_a_view_and_is_written_as_stored(
     shown = again(root, dimmed(episode), tmp_path / "out")
     wanted = stored.copy()
     wanted[1, ..., :3] //= 2
-    assert np.array_equal(
-        shown.source.example.integers("steps/cam").reshape(stored.shape), wanted
-    )
+    assert np.array_equal(shown.source.example.integers("steps/cam").reshape(stored.shape), wanted)
 
 
 @pytest.mark.parametrize("most", [1.0, 255.0])
@@ -98,9 +94,7 @@ def test_a_tensor_of_floats_is_color_where_that_is_stated(tmp_path: Path, most: 
     root = made(tmp_path / "in", features, values, {"images": {"front": "cam"}})
     episode = RLDS().read(root, KEY)
     scale = 255 / most
-    assert np.array_equal(
-        episode.views["front"].rgb(0), np.rint(stored[0].astype(float) * scale)
-    )
+    assert np.array_equal(episode.views["front"].rgb(0), np.rint(stored[0].astype(float) * scale))
     after = again(root, dimmed(episode), tmp_path / "out").source.example.floats("steps/cam")
     after = after.reshape(stored.shape)
     assert np.array_equal(after[[0, 2]], stored[[0, 2]])  # floats between the bytes stay
@@ -240,9 +234,7 @@ def test_every_instruction_follows_and_vectors_with_them(tmp_path: Path) -> None
 
 def test_vectors_of_another_model_are_not_mixed(tmp_path: Path) -> None:
     root = spoken(tmp_path / "in", np.array([1, -1, 0, 0], np.float32))
-    episode = replace(
-        RLDS().read(root, KEY), descriptions=NEW, embeddings=Embeddings(embed)
-    )
+    episode = replace(RLDS().read(root, KEY), descriptions=NEW, embeddings=Embeddings(embed))
     with pytest.raises(Unsupported, match="not made of the words by this model"):
         RLDS().write(episode, tmp_path / "out", KEY, dict)
 
