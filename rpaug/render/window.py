@@ -70,6 +70,21 @@ def around(
     )
 
 
+def trimmed(source: Source, rim: int = RIM) -> Source:
+    """The piece of a recording that holds its used pixels, and at least `rim` more on each side.
+
+    It begins at an even row and column, so that who looks at every other pixel sees the same ones. A recording of which
+    nothing is used stays whole.
+    """
+    if source.use is None or not source.use.any():
+        return source
+    rows, columns = (
+        slice(max(0, int(used[0]) - rim) // 2 * 2, int(used[-1]) + rim + 1)
+        for used in (np.flatnonzero(source.use.any(axis)) for axis in (1, 0))
+    )
+    return _cut(source, rows, columns)
+
+
 def _cut(source: Source, rows: slice, columns: slice) -> Source:
     prints = source.lifted
     if prints is not None:

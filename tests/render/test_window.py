@@ -45,3 +45,23 @@ def test_nothing_marked_is_no_window_and_what_is_elsewhere_is_no_part():
     away = camera.cam_to_world[0] @ np.diag([-1.0, 1, -1, 1])
     piece = window.around(np.ones((8, 8), bool), camera.K, away)
     assert piece.part(source_at(recorded.episode.views["front"], 0)) is None
+
+
+@pytest.mark.parametrize("name", EYES)
+def test_a_recording_trimmed_to_what_is_used_shows_the_same(name):
+    recorded = scene(EYES, length=2, ball=False)
+    camera, views = recorded.cameras["front"], recorded.episode.views
+    whole = zbuffer.lift(source_at(views[name], 0))
+    whole = zbuffer.replace(whole, use=among(whole.ids, frozenset({BOX})))
+    small = window.trimmed(whole)
+    assert small.depth.size < 0.5 * whole.depth.size
+    size = camera.width, camera.height
+    first, second = (
+        zbuffer.render(camera.K, camera.cam_to_world[0], size, [source])
+        for source in (whole, small)
+    )
+    np.testing.assert_array_equal(second.ids, first.ids)
+    np.testing.assert_allclose(second.depth, first.depth, rtol=1e-6)
+    np.testing.assert_allclose(second.rgb, first.rgb, atol=1e-5)
+    nothing = zbuffer.replace(whole, use=np.zeros_like(whole.use))
+    assert window.trimmed(nothing) is nothing

@@ -10,6 +10,7 @@ from rpaug.core import geometry, pixels
 from rpaug.core.types import Body, Scene
 from rpaug.render.outlines import BEFORE, TOUCHING, Footprints, grown
 from rpaug.render.zbuffer import Source
+from rpaug.scene.recorded.plates import among
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Carried:
 
     def _loose(self, ids: Int32[np.ndarray, "h w"], prints: Footprints) -> Footprints:
         """The body's footprints as it now is: where it touched what stays, it ends."""
-        rest = ~np.isin(ids, list(self.shows))
+        rest = ~among(ids, frozenset(self.shows))
         met = pixels.grown(rest, 1)
         edge = np.where((prints.edge == TOUCHING) & met, np.int8(BEFORE), prints.edge)
         return grown(replace(prints, edge=edge), self.scale)

@@ -12,6 +12,7 @@ from jaxtyping import Float64
 
 from rpaug.core import geometry
 from rpaug.core.types import Body, Scene
+from rpaug.render.window import RIM, trimmed
 from rpaug.render.zbuffer import Source, lift
 from rpaug.scene.recorded.plates import among, source_at, spread
 
@@ -45,10 +46,11 @@ def trusted(body: Body) -> bool:
     return moves and not body.ambiguous and body.residual <= TRUSTED
 
 
-def recorded(scene: Scene, noise: float, tolerance: float) -> tuple[PartRecording, ...]:
+def recorded(scene: Scene, noise: float, tolerance: float, rim: int) -> tuple[PartRecording, ...]:
     """A few recordings of each trusted body that together show most of what was ever seen of it.
 
-    Reads `CANDIDATES` frames of each camera, and none if no body can be trusted.
+    Reads `CANDIDATES` frames of each camera, and none if no body can be trusted. Of each recording only the body and
+    `rim` pixels around it are kept.
     """
     bodies = [body for body in scene.tracked if trusted(body)]
     seen: dict[frozenset[int], list[_Seen]] = {body.instance_ids: [] for body in bodies}
@@ -59,7 +61,9 @@ def recorded(scene: Scene, noise: float, tolerance: float) -> tuple[PartRecordin
                 if (found := _seen(source, body, t)) is not None:
                     seen[body.instance_ids].append(found)
     kept = [part for found in seen.values() for part in _most_telling(found)]
-    return tuple(replace(part, source=lift(part.source, tolerance)) for part in kept)
+    return tuple(
+        replace(part, source=trimmed(lift(part.source, tolerance), max(RIM, rim))) for part in kept
+    )
 
 
 def _seen(source: Source, body: Body, t: int) -> _Seen | None:

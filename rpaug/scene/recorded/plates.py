@@ -12,6 +12,7 @@ from rpaug.render.zbuffer import Source, lift
 PLATE_SAMPLES = (
     9  # recordings of a static pixel, spread over the episode, whose median is its plate
 )
+FEW = 16  # instance ids: comparing with each is faster than looking all up
 SAME_DEPTH = 0.01  # of depth: a plate's samples agree this well or are another surface
 
 
@@ -48,7 +49,12 @@ def source_at(
 
 def among(ids: Int32[np.ndarray, "h w"], instance_ids: frozenset[int]) -> Bool[np.ndarray, "h w"]:
     """Which pixels show one of the instance ids."""
-    return np.isin(ids, np.fromiter(instance_ids, np.int32, len(instance_ids)))
+    if len(instance_ids) > FEW:
+        return np.isin(ids, np.fromiter(instance_ids, np.int32, len(instance_ids)))
+    shown = np.zeros(ids.shape, bool)
+    for instance_id in instance_ids:
+        shown |= ids == instance_id
+    return shown
 
 
 def spread(length: int) -> list[int]:

@@ -23,12 +23,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Int32
 
-from rpaug.core import geometry
 from rpaug.core.errors import SourceLacks, TargetError
+from rpaug.core.jit import kernel
 from rpaug.core.pixels import grown
 from rpaug.core.types import Camera, CameraView, Scene
 from rpaug.render import denoise, holes, window, zbuffer
 from rpaug.render.gains import matched
+from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 from rpaug.render.window import Window
 from rpaug.render.zbuffer import Rendered, Source
 from rpaug.scene.recorded import parts, unseen
@@ -97,7 +98,7 @@ def recorded(scene: Scene) -> Surfels:
     history = {
         name: tuple(_history(view, length, static, noise, near)) for name, view in moving.items()
     }
-    return Surfels(static, plates, history, parts.recorded(scene, noise, near), noise)
+    return Surfels(static, plates, history, parts.recorded(scene, noise, near, _rim(scene)), noise)
 
 
 def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:
@@ -266,7 +267,7 @@ def _known(
             if source is not whole[0] and use.any():
                 use = use & ~_shown(whole[0], source, use)
             if use.any():
-                yield edit.carry(replace(source, use=use, before=True))
+                yield edit.carry(window.trimmed(replace(source, use=use, before=True)))
 
 
 def _painted(surfels: Surfels, recorded: Source, piece: Window | None) -> Iterator[Source]:
@@ -314,22 +315,29 @@ def _recordings(
 
 def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     """Which pixels of another recording show a place that one's own shows as well, or sees through."""
-    rows, columns = np.nonzero(use)
-    z = other.depth[rows, columns].astype(np.float64)
-    ray = np.stack([columns, rows, np.ones(len(rows))], -1) @ np.linalg.inv(other.K).T
-    back = geometry.inverse(own.cam_to_world) @ other.cam_to_world
-    local = geometry.transform(back, ray * z[:, None])
-    ahead = np.maximum(local[:, 2], 1e-6)
-    pixel = np.rint((local / ahead[:, None]) @ own.K.T)[:, :2].clip(-1, 1 << 20).astype(int)
-    height, width = own.ids.shape
-    inside = (local[:, 2] > 0) & (pixel >= 0).all(1) & (pixel < [width, height]).all(1)
-    x, y = np.where(inside[:, None], pixel, 0).T
-    beyond = own.depth[y, x] - local[:, 2]
-    same = (own.ids[y, x] == other.ids[rows, columns]) & (np.abs(beyond) < SAME_PLACE)
-    spare = inside & (same | (beyond > SAME_PLACE))
-    out = np.zeros_like(use)
-    out[rows[spare], columns[spare]] = True
-    return out
+    pose = relative(other.cam_to_world, own.cam_to_world)
+    shown = np.zeros_like(use)
+    _spare(
+        use, other.depth, other.ids, intrinsics(other.K), pose, own.depth, own.ids, intrinsics(own.K), shown
+    )  # fmt: skip
+    return shown
+
+
+@kernel
+def _spare(use, depth, ids, lens, pose, own_depth, own_ids, own_lens, shown):
+    height, width = own_ids.shape
+    for row in range(use.shape[0]):
+        for column in range(use.shape[1]):
+            if not use[row, column] or not depth[row, column] > 0.0:
+                continue
+            z = float(depth[row, column])
+            x, y, ahead = map_pixel(column, row, 1.0 / z, lens, pose, own_lens)
+            if not (ahead > NEAR and -0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
+                continue
+            i, j = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
+            beyond = own_depth[i, j] - ahead * z
+            same = own_ids[i, j] == ids[row, column] and abs(beyond) < SAME_PLACE
+            shown[row, column] = same or beyond > SAME_PLACE
 
 
 def _without(source: Source, instance_ids: frozenset[int], rim: int) -> Source:
