@@ -96,10 +96,10 @@ def _splatted(scene: Scene, body: Body, camera: Camera, t: int, before: Image) -
 def lit(
     albedo: Float32[np.ndarray, "n 3"], normals: Float32[np.ndarray, "n 3"], ambience: Ambience
 ) -> Float32[np.ndarray, "n 3"]:
-    """Colors in 0..1 of surfaces under the scene's light, within the colors that the recording reaches."""
+    """Colors in 0..1 of surfaces under the scene's light, no darker and no brighter than the recording gets."""
     shade = irradiance.shading(irradiance.basis(normals), np.array(ambience.light))
     color = np.clip(albedo * shade[:, None] * np.array(ambience.tint, np.float32), 0, 1)
-    return color if ambience.gamut is None else _within(color, ambience.gamut)
+    return color if ambience.lightness is None else _within(color, ambience.lightness)
 
 
 def _piece(body: Body, camera: Camera, t: int) -> Window | None:
@@ -172,16 +172,14 @@ def _lit(
 
 
 def _within(
-    color: Float32[np.ndarray, "n 3"], gamut: tuple[float, float, float]
+    color: Float32[np.ndarray, "n 3"], lightness: tuple[float, float]
 ) -> Float32[np.ndarray, "n 3"]:
-    """Lightness and chroma held within what was recorded (CIELAB); colors inside stay as they are."""
-    low, high, strongest = gamut
+    """Lightness held within what was recorded (CIELAB); colors inside stay as they are."""
     lab = color_space.to_lab(color)
-    chroma = np.hypot(lab[:, 1], lab[:, 2])
-    outside = (lab[:, 0] < low) | (lab[:, 0] > high) | (chroma > strongest)
+    held = np.clip(lab[:, 0], *lightness)
+    outside = held != lab[:, 0]
     if not outside.any():
         return color
-    lab[:, 0] = np.clip(lab[:, 0], low, high)
-    lab[:, 1:] *= np.minimum(1.0, strongest / np.maximum(chroma, 1e-6))[:, None]
-    held = np.clip(color_space.from_lab(lab), 0, 1)
-    return np.where(outside[:, None], held, color).astype(np.float32)
+    lab[:, 0] = held
+    shown = np.clip(color_space.from_lab(lab), 0, 1)
+    return np.where(outside[:, None], shown, color).astype(np.float32)

@@ -428,15 +428,15 @@ class Gaussians4:
 
 @dataclass(frozen=True)
 class Ambience:
-    """The light that inserted things are shown in, and how far colors reach in the recording.
+    """The light that inserted things are shown in, and how dark and bright the recording gets.
 
     `light` are the nine terms of `rpaug.scene.lighting.irradiance`, 1 on a face that looks up, and `tint` its color.
-    `gamut` is the darkest and brightest lightness and the strongest chroma recorded (CIELAB), None to leave colors be.
+    `lightness` is the darkest and the brightest recorded (CIELAB, 0..100), None to leave colors be.
     """
 
     light: tuple[float, ...]
     tint: tuple[float, float, float]
-    gamut: tuple[float, float, float] | None = None
+    lightness: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,8 @@ def at_rest(
 def light(scene: Scene) -> Edit:
     """The recorded light, and the lamps whose shadows the recording shows, as plain values."""
     found = ambience.estimate(scene.episode)
-    shown = {"light": list(found.light), "tint": list(found.tint), "gamut": list(found.gamut or ())}
+    ends = None if found.lightness is None else list(found.lightness)
+    shown = {"light": list(found.light), "tint": list(found.tint), "lightness": ends}
     return {"ambience": shown, "lamps": shadows.lamps(scene)}
 
 
@@ -170,8 +171,8 @@ def inserted(scene: Scene, edit: Edit) -> Scene:
     light = None
     if shown is not None:
         red, green, blue = shown["tint"]
-        low, high, chroma = shown["gamut"]
-        light = Ambience(tuple(shown["light"]), (red, green, blue), (low, high, chroma))
+        ends = None if shown["lightness"] is None else tuple(shown["lightness"])
+        light = Ambience(tuple(shown["light"]), (red, green, blue), ends)
     new = tuple(inserted_body(thing, light, scene.episode.length) for thing in edit["things"])
     after = replace(scene, bodies=(*scene.bodies, *new), ambience=light or scene.ambience)
     if light is None:

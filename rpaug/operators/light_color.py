@@ -17,15 +17,22 @@ Color = tuple[Unit, Unit, Unit]
 
 @dataclass(frozen=True)
 class Gain:
-    """Every surface's color times one gain per channel: light is a factor of what a matte surface shows."""
+    """Every surface's color times one gain per channel: light is a factor of what a matte surface shows.
+
+    What is `unlit` shows no surface and keeps its color.
+    """
 
     gain: tuple[float, float, float]
+    unlit: tuple[int, ...] = ()
     instance_ids: frozenset[int] | None = None
 
     def __call__(
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
-        return np.minimum(color * np.array(self.gain, np.float32), np.float32(1))
+        lit = np.minimum(color * np.array(self.gain, np.float32), np.float32(1))
+        if not self.unlit:
+            return lit
+        return np.where(np.isin(surface.ids, self.unlit)[:, None], color, lit)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +41,8 @@ class LightColor(Operator):
 
     `recorded` is the color the episode was lit with, in the same unit: COLOSSEUM's lamps have (0.5, 0.5, 0.5), and
     `estimate` keeps that brightness and reads the chromaticity off grey surfaces. `ambient` is the share of the
-    recorded light that does not come from the lamps and stays. One draw for all cameras and frames.
+    recorded light that does not come from the lamps and stays. One draw for all cameras and frames. A renderer's sky
+    stays as it was.
     """
 
     range: tuple[Color, Color] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
@@ -67,8 +75,14 @@ class LightColor(Operator):
             else np.array(self.recorded)
         )
         gain = self.ambient + (1 - self.ambient) * color / recorded
-        return {"color": color.tolist(), "recorded": recorded.tolist(), "gain": gain.tolist()}
+        return {
+            "color": color.tolist(),
+            "recorded": recorded.tolist(),
+            "gain": gain.tolist(),
+            "unlit": list(light.unlit(scene.episode)),
+        }
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["gain"]
-        return replace(scene, appearance=(*scene.appearance, Gain((red, green, blue))))
+        gain = Gain((red, green, blue), tuple(edit["unlit"]))
+        return replace(scene, appearance=(*scene.appearance, gain))

@@ -27,12 +27,14 @@ class Relight:
     """Every pixel times what the new lamp gives its face over what the old one gave it (Lambert, no shadows).
 
     `brightest` is how bright each thing is straight below the lamp. A pixel brighter than its thing could be under the
-    old lamp lies on a face too narrow for its normal to be known, and is not made brighter still.
+    old lamp lies on a face too narrow for its normal to be known, and is not made brighter still. What is `unlit` shows
+    no surface and keeps its color.
     """
 
     old: Lamp
     new: Lamp
     brightest: tuple[tuple[int, float], ...]
+    unlit: tuple[int, ...] = ()
     instance_ids: frozenset[int] | None = None
 
     def __call__(
@@ -42,6 +44,7 @@ class Relight:
         was = self.old.shading(facing)
         doubtful = color @ GREY > ROOM * self._most(surface.ids) * was
         gain = np.minimum(self.new.shading(facing) / was, np.where(doubtful, 1.0, MOST_GAIN))
+        gain = np.where(np.isin(surface.ids, self.unlit), 1.0, gain).astype(np.float32)
         return np.clip(color * gain[:, None], 0, 1).astype(np.float32)
 
     def _most(self, ids: Int32[np.ndarray, "n"]) -> Float32[np.ndarray, "n"]:
@@ -104,13 +107,15 @@ class LightDirection(Operator):
             "direction": new.tolist(),
             "ambient": ambient,
             "explained": round(found.explained, 4),
+            "unlit": list(light.unlit(scene.episode)),
         }
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         old = Lamp(tuple(edit["recorded"]), edit["ambient"], 1.0)
         new = Lamp(tuple(edit["direction"]), edit["ambient"], 1.0)
         brightest = tuple((instance_id, value) for instance_id, value in edit["brightest"])
-        return replace(scene, appearance=(*scene.appearance, Relight(old, new, brightest)))
+        relight = Relight(old, new, brightest, tuple(edit["unlit"]))
+        return replace(scene, appearance=(*scene.appearance, relight))
 
 
 def _unit(direction: object) -> Float64[np.ndarray, "3"]:

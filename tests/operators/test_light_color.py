@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from analytic import scene
+from analytic import scene, seen_by
 from pydantic import TypeAdapter, ValidationError
 
 from rpaug import Scene
@@ -39,6 +39,29 @@ def test_every_pixel_of_every_camera_is_scaled() -> None:
     for name, view in recorded.episode.views.items():
         wanted = np.rint(view.rgb(1).astype(float) * [0.4, 0.6, 0.2])
         assert np.abs(after.views[name].rgb(1) - wanted).max() <= 1
+
+
+def under_sky(tilt: float) -> Scene:
+    """With a gray backdrop that is no instance at the far plane, or bent by `tilt` metres a row like a wall."""
+
+    def above(name, t, rgb, depth, ids):  # type: ignore[no-untyped-def]
+        rgb[ids == 0] = 120
+        far = 10.0 + tilt * np.arange(len(depth), dtype=np.float32)[:, None] + 0 * depth
+        return rgb, np.where(ids == 0, far, depth).astype(np.float32), ids
+
+    return seen_by(small(), above)
+
+
+def test_no_lamp_lights_the_sky_but_a_wall_without_a_name() -> None:
+    operator = LightColor(range=((0.2, 0.3, 0.1), (0.2, 0.3, 0.1)), recorded=(0.5, 0.5, 0.5))
+    for tilt, wanted in ((0.0, [120, 120, 120]), (0.01, [48, 72, 24])):
+        recorded = under_sky(tilt)
+        after = shown(operator.apply(recorded, operator.sample(recorded, np.random.default_rng(0))))
+        for name, view in recorded.episode.views.items():
+            sky = view.ids(1) == 0
+            assert sky.any()
+            assert (after.views[name].rgb(1)[sky] == wanted).all()
+            assert (after.views[name].rgb(1)[~sky] != view.rgb(1)[~sky]).any()
 
 
 def test_draws_stay_in_range_and_cover_it() -> None:

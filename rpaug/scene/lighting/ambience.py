@@ -16,10 +16,7 @@ PASSES = 8  # of the alternation between albedos and light, both robust
 RIDGE = 3e-4  # of the light's terms but the even one, where few faces tell them
 HUE, HUES = 0.06, 64  # chromaticity within which a thing has one albedo, and more than there are
 DARK, CLIPPED = 0.03, 0.97  # brightest channel of pixels that tell something of light
-ENDS = (
-    0.01,
-    0.995,
-)  # quantiles of lightness and chroma that count as a recording's darkest and strongest
+ENDS = (0.01, 0.995)  # quantiles of lightness that count as a recording's darkest and brightest
 CAST = 0.12  # difference between channels below which light counts as white: walls are as yellow as that
 UP = np.array([[0.0, 0.0, 1.0]], np.float32)
 WHITE = 0.9  # albedo of the whitest things that rooms hold
@@ -56,7 +53,9 @@ def estimate(episode: Episode) -> Ambience:
         off = np.abs(scaled @ found - level)
         weight = fair / np.maximum(off, max(float(np.median(off)), 1e-3))
         found = found / max(float((irradiance.basis(UP) @ found)[0]), irradiance.LEAST)
-    return Ambience(tuple(round(float(term), 5) for term in found), _tint(episode), _gamut(episode))
+    return Ambience(
+        tuple(round(float(term), 5) for term in found), _tint(episode), _lightness(episode)
+    )
 
 
 def _unseen(episode: Episode) -> Ambience:
@@ -68,7 +67,7 @@ def _unseen(episode: Episode) -> Ambience:
     ]
     level = min(max(float(np.median(whites)) / WHITE, 0.3), 1.0) if whites else 1.0
     terms = tuple(round(level * float(term), 5) for term in irradiance.even())
-    return Ambience(terms, _tint(episode), _gamut(episode))
+    return Ambience(terms, _tint(episode), _lightness(episode))
 
 
 def _tint(episode: Episode) -> tuple[float, float, float]:
@@ -90,7 +89,7 @@ def _seen(
         around = np.ones((3, 3), np.uint8)
         high, low = (each(names.astype(np.float32), around) for each in (cv2.dilate, cv2.erode))
         color = rgb / 255.0
-        use = (view.depth(t) > 0) & (high == low)
+        use = (view.depth(t) > 0) & (high == low) & ~np.isin(names, light.unlit(episode))
         use &= (color.max(-1) > DARK) & (color.max(-1) < CLIPPED)
         rows = np.flatnonzero(use)
         rows = rows[:: max(1, len(rows) // light.PIXELS)]
@@ -114,13 +113,18 @@ def _telling(
     return (np.maximum(varied, 1e-6) / np.sqrt(count))[owner]
 
 
-def _gamut(episode: Episode) -> tuple[float, float, float]:
-    lab = np.concatenate(
+def _lightness(episode: Episode) -> tuple[float, float] | None:
+    """What photographs hold: haze and exposure leave no deeper black and no brighter white. Renderers show every color.
+
+    How strong colors are tells nothing: among gray things an orange is still orange.
+    """
+    if not all(view.inferred for view in episode.views.values()):
+        return None
+    seen = np.concatenate(
         [
-            color_space.to_lab(rgb.reshape(-1, 3)[::STEP] / 255.0)
+            color_space.to_lab(rgb.reshape(-1, 3)[::STEP] / 255.0)[:, 0]
             for _, _, rgb, _ in sampling.images(episode, FRAMES)
         ]
     )
-    low, high = np.quantile(lab[:, 0], ENDS)
-    chroma = np.quantile(np.hypot(lab[:, 1], lab[:, 2]), ENDS[1])
-    return round(float(low), 2), round(float(high), 2), round(float(chroma), 2)
+    low, high = np.quantile(seen, ENDS)
+    return round(float(low), 2), round(float(high), 2)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float64, Int
 
-from rpaug.core import sampling
+from rpaug.core import memo, sampling
 from rpaug.core.errors import SourceLacks
-from rpaug.core.memo import once
 from rpaug.core.types import Episode
 from rpaug.scene.recorded import surface
 
@@ -21,7 +20,7 @@ PIXELS = 500  # of one image
 WELL_LIT = 0.98  # quantile of a thing's pixels
 
 
-@once
+@memo.once
 def estimate(episode: Episode, count: int = 3) -> Float64[np.ndarray, "3"]:
     """The lamps' color, in COLOSSEUM's unit where white recorded light is (0.5, 0.5, 0.5).
 
@@ -42,6 +41,29 @@ def estimate(episode: Episode, count: int = 3) -> Float64[np.ndarray, "3"]:
     return LAMP * middle / middle.mean()
 
 
+@memo.of_episode
+def unlit(episode: Episode, count: int = 3) -> tuple[int, ...]:
+    """Instance ids that no lamp lights, ascending: a renderer's sky, which fills no surface.
+
+    All of its pixels lie at the greatest depth of their image, exactly, in images from two places or more. Empty
+    without depth or masks.
+    """
+    places: dict[int, set[bytes]] = {}
+    surfaces: set[int] = set()
+    for view in episode.views.values():
+        if view.depth is None or view.ids is None:
+            continue
+        for t in sampling.frames(episode.length, count):
+            depth, ids = view.depth(t), view.ids(t)
+            far = depth == depth.max()
+            surfaces.update(np.unique(ids[~far]).tolist())
+            for one in np.unique(ids[far]).tolist():
+                places.setdefault(one, set()).add(view.camera.cam_to_world[t].tobytes())
+    return tuple(
+        sorted(one for one, seen in places.items() if one not in surfaces and len(seen) > 1)
+    )
+
+
 @dataclass(frozen=True)
 class Lamp:
     """One lamp far away: pixel = albedo x (ambient + (1 - ambient) max(0, normal . direction)).
@@ -60,7 +82,7 @@ class Lamp:
         return self.ambient + (1 - self.ambient) * towards
 
 
-@once
+@memo.once
 def dominant(episode: Episode, count: int = 3) -> Lamp:
     """The one lamp that explains best how things' brightness depends on where their faces turn (Lambert's law).
 
@@ -93,7 +115,7 @@ def brightest(episode: Episode, lamp: Lamp, count: int = 3) -> dict[int, float]:
     return {int(h): float(np.quantile(albedo[things == h], WELL_LIT)) for h in np.unique(things)}
 
 
-@once
+@memo.once
 def seen(
     episode: Episode, count: int
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], Int[np.ndarray, "n"]]:
@@ -103,7 +125,8 @@ def seen(
         view = episode.views[name]
         if view.depth is None:
             continue
-        known = np.flatnonzero(view.depth(t) > 0)
+        lit = True if ids is None else ~np.isin(ids, unlit(episode))
+        known = np.flatnonzero((view.depth(t) > 0) & lit)
         rows = known[:: max(1, len(known) // PIXELS)]
         here = surface.of_view(view, t, (), ids)(rows)
         color = rgb.reshape(-1, 3)[rows] / 255.0

@@ -15,7 +15,9 @@ from rpaug.core.jit import kernel
 from rpaug.core.types import Episode
 from rpaug.render import denoise
 
-SLOTS = 4  # places kept of one pixel: what moves once lies behind itself, before and after
+SLOTS = (
+    6  # places kept of one pixel: things that pass one after the other, and what rests behind them
+)
 EXACT = 1e-4  # of depth: recordings without noise repeat themselves to this, things at rest that tremble among them
 NOISES = 5.0  # standard deviations of depth noise within which two depths are one
 AROUND = 9  # the pixel itself, and along each axis two neighbours on either side

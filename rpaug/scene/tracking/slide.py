@@ -53,15 +53,20 @@ def along_rail(
 def _corrected(
     case: TrackedInstance, along: Float64[np.ndarray, "t"], axis: Float64[np.ndarray, "3"]
 ) -> Float64[np.ndarray, "t"]:
-    """Positions on the rail: aligned in the seen frames, the track's own course in between."""
+    """Positions on the rail: aligned in the seen frames, the track's own course in between.
+
+    What alignment adds is spread over the way, not over time: where the track rests, so does what comes out.
+    """
     times, found = case.times, []
+    way = np.concatenate([[0.0], np.abs(np.diff(along)).cumsum()])
+    last = 0
     model: list[Float64[np.ndarray, "k 4"]] = []
     before = 0.0
     for s, t in zip(case.seen.tolist(), times.tolist(), strict=True):
         points, still = case.points(s)
         trust = np.where(np.arange(len(points)) < still, 1.0, TRUST)
-        resting = abs(along[t]) < 1e-9
-        position = along[t] + before
+        resting = way[t] == way[last]
+        position, last = along[t] + before, t
         if model and not resting:
             rows = np.concatenate(model)
             guess = np.eye(4)
@@ -73,8 +78,7 @@ def _corrected(
         before = position - along[t]
         found.append(before)
         model = [*model[-MODEL:], np.concatenate([points - position * axis, trust[:, None]], 1)]
-    late = np.interp(np.arange(len(along)), times, found)
-    return along + np.where(np.abs(along) < 1e-9, 0.0, late)
+    return along + np.interp(way, way[times], found)
 
 
 def _distance(case: TrackedInstance, to_world: Float64[np.ndarray, "t 4 4"]) -> float:

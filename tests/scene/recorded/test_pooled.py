@@ -67,6 +67,19 @@ def test_noise_is_averaged_where_nothing_moves() -> None:
     assert together < 0.6 * alone
 
 
+def test_a_place_that_is_shown_for_one_frame_is_kept_while_others_pass() -> None:
+    """One frame of table, two frames each of what passes: four things, one after the other."""
+
+    def passed(name, t, rgb, depth, ids):  # type: ignore[no-untyped-def]
+        nearer = 0 if t == 0 else 1 + (t - 1) // 2
+        return rgb, np.where(ids == TABLE, depth - 0.1 * nearer, depth), ids + 1000 * nearer
+
+    recorded = seen_by(scene(EYES, length=LENGTH), passed)
+    pool = pooled.of_camera(recorded.episode, "front")
+    table = recorded.episode.views["front"].ids(0) == TABLE
+    assert (pool.ids[table] == TABLE).any(-1).all()
+
+
 def test_a_camera_that_moves_pools_nothing() -> None:
     recorded = scene(EYES, length=LENGTH, moving="side")
     assert not pooled.of_camera(recorded.episode, "side").ids.size

@@ -1,9 +1,12 @@
 """Tracks against motions that are known, and against what is plain to see in real recordings."""
 
+from dataclasses import replace
+
 import boxes
 import numpy as np
 import pytest
-from boxes import BLOCK, FLOOR, HAND, PAD, TABLE, World
+from analysed import analysed
+from boxes import BLOCK, DRAWERS, FLOOR, HAND, PAD, TABLE, World
 
 from rpaug.core import geometry
 from rpaug.core.types import Body, Scene
@@ -72,6 +75,26 @@ def test_one_frame_tells_nothing() -> None:
 
 def test_without_masks_there_are_no_bodies() -> None:
     assert bodies.track(boxes.still(3).episode(masks=False)) == ()
+
+
+def test_a_drawer_rests_exactly_where_what_pulled_it_rests() -> None:
+    def waiting(track: np.ndarray) -> np.ndarray:
+        return np.concatenate([track, np.tile(track[-1:], (6,) + (1,) * (track.ndim - 1))])
+
+    world = boxes.chest(1, 3, 1)
+    things = {
+        k: replace(one, poses=waiting(one.poses)) if one.poses.ndim == 3 else one
+        for k, one in world.boxes.items()
+    }
+    world = replace(
+        world,
+        boxes=things,
+        gripper=waiting(world.gripper),
+        gripper_open=waiting(world.gripper_open),
+    )
+    found = body(analysed(world.episode()), DRAWERS + 1).to_world
+    assert np.linalg.norm(found[-1, :3, 3]) > 0.1
+    np.testing.assert_array_equal(found[-6:], np.tile(found[-1], (6, 1, 1)))
 
 
 def test_every_handle_is_in_one_body_and_starts_at_the_identity(

@@ -2,9 +2,9 @@
 
     python -m tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits [--held]
 
-One episode a task, thinned in time. Each factor is drawn from the task's name as on the twin, rendered by the
-simulator (`tools.bench.foreign.changed`, run by --python), asked of rpaug as `tools.bench.edits` asks it, and scored
-alike. What was scored is kept in OUT and not scored again.
+One episode a task, compared at a few frames; rpaug sees them all. Each factor is drawn from the task's name as on the
+twin, rendered by the simulator (`tools.bench.foreign.changed`, run by --python), asked of rpaug as `tools.bench.edits`
+asks it, and scored alike. What was scored is kept in OUT and not scored again.
 """
 
 import argparse
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Bool
 
 from rpaug import twin
 from rpaug.core import geometry
@@ -38,6 +39,12 @@ FACTORS_ASKED = (
 )  # fmt: skip
 LAMP = (twin.TwinLamp(0.4, 0.9),)  # the only one, where its direction changes
 OLD_LIGHT = 0.5  # as the twin's lamps are recorded
+DIMMED = 0.5  # of the light, to see which pixels follow it
+ITS_OWN_LIGHT = (
+    "light_direction",
+    "camera_pose",
+)  # factors rendered where nothing is too bright, or needs no light
+ROUNDED = 4  # levels by which twice the dimmed pixel may differ
 Changes = dict[str, dict[str, Any]]
 
 
@@ -48,14 +55,18 @@ class Trial:
         self.folder, self.out, self.facts = folder, out, neutral.facts(folder)
         length = len(neutral.arrays(folder, "robot")["gripper_open"])
         self.frames = np.unique(np.linspace(0, length - 1, FRAMES).round().astype(int)).tolist()
-        self.episode = thinned(convert.read(folder), self.frames)
+        self.whole = convert.read(folder)
+        self.episode = thinned(self.whole, self.frames)
         self.looks: dict[str, Look] = {}
         self.targets: dict[str, tuple[int, ...]] = {}
         out.mkdir(parents=True, exist_ok=True)
 
     def changes(self) -> Changes:
         """What the simulator shall render, by name."""
-        found: Changes = {"lamp": {"lamp": _towards(LAMP[0])}}
+        found: Changes = {
+            "lamp": {"lamp": _towards(LAMP[0])},
+            "dimmed": {"light": [DIMMED] * 3},
+        }
         for factor in FACTORS_ASKED:
             if targets := self._targets(factor):
                 found[factor] = self._change(factor, targets)
@@ -148,6 +159,20 @@ class Trial:
         found = films(self.out / f"{name}.npz")
         return convert.episode(found, self._robot(), self.facts["instruction"], self.episode.key)
 
+    def overlit(self) -> Mapping[str, Bool[np.ndarray, "h w"]]:
+        """Pixels that do not follow the lamps, by camera/frame: lit beyond white, above or below their picture.
+
+        What such a surface looks like in another color or light is in no pixel of the recording.
+        """
+        dimmed = self.film("dimmed")
+        out = {}
+        for name, view in self.episode.views.items():
+            assert view.ids is not None
+            for t in range(self.episode.length):
+                lost = dimmed.views[name].rgb(t) / DIMMED - view.rgb(t) > ROUNDED
+                out[f"{name}/{t}"] = lost.any(-1) & (view.ids(t) > 0)
+        return out
+
     def _robot(self) -> dict[str, np.ndarray]:
         return {k: v[self.frames] for k, v in neutral.arrays(self.folder, "robot").items()}
 
@@ -227,21 +252,32 @@ def scored(
 def _figures(trial: Trial, factor: str) -> dict[str, Any]:
     recorded, true = trial.pair(factor)
     case, found = CASES[factor], {}
-    asks = {ask.method: ask for ask in case.ask(recorded, true, trial.out)}
+    apart = {} if factor in ITS_OWN_LIGHT else trial.overlit()
+    whole = factor != "light_direction"  # of that lamp's light only some frames are rendered
+    seen = replace(recorded, episode=trial.whole) if whole else recorded
+    frames = trial.frames if whole else list(range(recorded.episode.length))
+    asks = {ask.method: ask for ask in case.ask(seen, true, trial.out)}
     for method, ask in asks.items():
-        edited, holes = measured.edited(recorded.episode, case, ask, 0)
-        found[method] = vars(measure(recorded, edited, true, holes, True, 0.0))
+        edited, holes = measured.edited(
+            seen.episode, case, ask, 0, lambda made: thinned(made, frames)
+        )
+        untold = dict(apart)
+        for name in edited.views:
+            for k, t in enumerate(frames):
+                if f"{name}/{t}" in holes:
+                    untold[f"{name}/{k}"] = holes[f"{name}/{t}"] | untold.get(f"{name}/{k}", False)
+        found[method] = vars(measure(recorded, edited, true, untold, True, 0.0))
         reels = {
             name: np.stack([view.rgb(t) for t in range(edited.length)])
             for name, view in edited.views.items()
         }
         np.savez_compressed(trial.out / f"{factor}-{method.replace(', ', '-')}-rpaug.npz", **reels)
-    found["no edit"] = vars(measure(recorded, recorded.episode, true, {}, True, 0.0))
+    found["no edit"] = vars(measure(recorded, recorded.episode, true, apart, True, 0.0))
     return found
 
 
 def rows(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Cell]]:
-    """By factor: dB given and estimated, the worst task, no edit, and pixels changed outside; mean over tasks."""
+    """By factor, as COLUMNS names them; means over tasks."""
     out: list[list[pages.Cell]] = []
     for factor in FACTORS_ASKED:
         those = [one for place, one in kept.items() if place.endswith(f"|{factor}")]
@@ -254,10 +290,11 @@ def rows(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Ce
             return round(float(np.mean(values)), 1) if values else "-"
 
         told = [one[TOLD]["psnr"] for one in those]
+        untold = round(100 * float(np.mean([one[TOLD]["holes"] for one in those])), 1)
         out.append(
             [
                 f"{half}: {factor}", len(those), mean(TOLD, "psnr"), round(min(told), 1), mean(TOLD, "psnr_seen"),
-                mean(ESTIMATED, "psnr"), mean("no edit", "psnr"),
+                untold, mean(ESTIMATED, "psnr"), mean("no edit", "psnr"),
                 {"value": int(max(one[TOLD]["outside"] for one in those)), "target": "<= 0"},
             ]
         )  # fmt: skip
@@ -265,8 +302,8 @@ def rows(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Ce
 
 
 COLUMNS = (
-    "factor", "tasks", "given, dB", "worst task", "co-visible", "estimated, dB", "no edit, dB",
-    "pixels changed outside, worst",
+    "factor", "tasks", "given, dB", "worst task", "where the recording tells, dB", "elsewhere, %", "estimated, dB",
+    "no edit, dB", "pixels changed outside, worst",
 )  # fmt: skip
 
 
@@ -295,19 +332,21 @@ def main() -> None:
                 write_atomic(file, json.dumps(kept, indent=1).encode())
                 said = {method: round(one["psnr"], 1) for method, one in figures.items()}
                 print(place, said, "outside", figures[TOLD]["outside"], flush=True)
-    table = rows(kept, half)
-    for row in table:
+    tasks = "".join(f" --task {task}" for task in given.task or ())
+    tell(
+        rows(kept, half), given.record, id=f"edits-{half}", title=f"Edits against the truth, {half}", columns=COLUMNS,
+        seeds=f"{len({place.rpartition('|')[0] for place in kept})} tasks, one episode each, {FRAMES} frames",
+        command="python -m tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits"
+        + " --held" * given.held + tasks,
+    )  # fmt: skip
+
+
+def tell(rows: list[list[pages.Cell]], record: bool, **table: Any) -> None:
+    """Print rows, and keep them as a table of the page on foreign worlds if they are to be recorded."""
+    for row in rows:
         print("  ".join(pages.shown(cell) for cell in row))
-    if given.record:
-        pages.record(
-            "foreign",
-            pages.Table(
-                id=f"edits-{half}", title=f"Edits against the truth, {half}", columns=COLUMNS, rows=table,
-                seeds=f"{len({place.rpartition('|')[0] for place in kept})} tasks, one episode each",
-                command=f"python -m tools.bench.foreign.edits --recorded RECORDED{' --held' * given.held}",
-                **pages.stamp(),
-            ),
-        )  # fmt: skip
+    if record:
+        pages.record("foreign", pages.Table(rows=rows, **table, **pages.stamp()))
 
 
 if __name__ == "__main__":

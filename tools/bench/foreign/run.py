@@ -24,7 +24,7 @@ from rpaug.core.files import encode_png, write_atomic
 from rpaug.core.types import Episode
 from rpaug.physics import materials
 from rpaug.pipeline import report
-from tools.bench.foreign.edits import thinned
+from tools.bench.foreign.edits import tell, thinned
 from tools.bench.harness import pages
 
 FRAMES = 8  # of an episode, evenly spread
@@ -159,18 +159,11 @@ def main() -> None:
                 )
                 write_atomic(file, json.dumps(kept, indent=1).encode())
                 print(place, kept[place], flush=True)
-    table = rows(kept, half)
-    for row in table:
-        print("  ".join(pages.shown(cell) for cell in row))
-    if given.record:
-        pages.record(
-            "foreign",
-            pages.Table(
-                id=f"recipes-{half}", title=f"Shipped recipes, {half}", columns=COLUMNS, rows=table,
-                seeds=f"{len({place.split('|')[0] for place in kept})} tasks, one episode each",
-                command=f"python -m tools.bench.foreign.run --data DATA{' --held' * given.held}", **pages.stamp(),
-            ),
-        )  # fmt: skip
+    tell(
+        rows(kept, half), given.record, id=f"recipes-{half}", title=f"Shipped recipes, {half}", columns=COLUMNS,
+        seeds=f"{len({place.split('|')[0] for place in kept})} tasks, one episode each",
+        command=f"python -m tools.bench.foreign.run --data DATA{' --held' * given.held}",
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -244,8 +244,14 @@ def _methods(
         yield GAUSSIANS, partial(edited, episode, case, asks[0], 3)
 
 
-def edited(episode: Episode, case: FactorCase, ask: Ask, tier: int) -> tuple[Episode, Holes]:
-    """The episode through the pipeline's own stages, every image rendered."""
+def edited(
+    episode: Episode,
+    case: FactorCase,
+    ask: Ask,
+    tier: int,
+    shown: Callable[[Episode], Episode] = lambda made: made,
+) -> tuple[Episode, Holes]:
+    """The episode through the pipeline's own stages, every image rendered of what is `shown` of it."""
     kind = TypeAdapter(registry.operator(case.operator))
     operators = [kind.validate_python(dict(fields)) for fields in ask.steps]
     made = plan.make(operators, episode, tier)
@@ -257,7 +263,7 @@ def edited(episode: Episode, case: FactorCase, ask: Ask, tier: int) -> tuple[Epi
         draws.append({"step": step, "op": case.operator, "fields": dict(fields), "edit": plain})
     prepared = PreparedEpisode(scene, made, Recipe.from_dict({"version": 1}))
     copy = draw_copy(prepared, 1, known=Known(draws=draws))
-    return _held(copy.episode), copy.tally.holes
+    return _held(shown(copy.episode)), copy.tally.holes
 
 
 def _held(episode: Episode) -> Episode:
