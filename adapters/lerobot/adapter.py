@@ -7,7 +7,7 @@
 - LeRobot's loader looks a frame up by its time and fails where none is within 0.1 ms: rates stay as they are told;
 - it takes the words of a task from pandas' index of `meta/tasks.parquet`;
 - nothing says where cameras are: `cameras.yaml` beside `meta/` may, as for RLDS;
-- statistics are part of the dataset and are counted anew; a video of depth has 12 bits and is copied or refused.
+- statistics are part of the dataset and are counted anew; a video of depth holds codes (`codes`).
 
 Keys are `<split>/<number>`, below the dataset's own path.
 """

@@ -103,10 +103,13 @@ def _gather(about: Info, work: Path) -> dict[str, Any]:
     own = list(_own(about.folder))
     tasks: dict[str, int] = {}
     rows: list[dict[str, Any]] = []
-    frames = _tables(about, work, own, tasks, rows)
+    counts = _tables(about, work, own, tasks, rows)
     for key in about.of_kind("video"):
         _videos(about, work, own, key, rows)
-    counted = [json.loads((path / STATISTICS).read_bytes()) for _, path in own]
+    counted = [
+        json.loads((path / STATISTICS).read_bytes()) | counts[number]
+        for number, (_, path) in enumerate(own)
+    ]
     for row, statistics in zip(rows, counted, strict=True):
         for key, one in statistics.items():
             row |= {f"stats/{key}/{name}": value for name, value in one.items()}
@@ -120,7 +123,7 @@ def _gather(about: Info, work: Path) -> dict[str, Any]:
         at += count
     return about.given | {
         "total_episodes": len(own),
-        "total_frames": frames,
+        "total_frames": rows[-1]["dataset_to_index"],
         "total_tasks": len(tasks),
         "splits": spans,
         "data_path": DATA_PATH,
@@ -142,11 +145,15 @@ def _tables(
     own: list[tuple[str, Path]],
     tasks: dict[str, int],
     rows: list[dict[str, Any]],
-) -> int:
-    """Write the tables of frames, a row group an episode; fills `tasks` and `rows`, returns the number of frames."""
+) -> list[dict[str, dict[str, Any]]]:
+    """Write the tables of frames, a row group an episode; fills `tasks` and `rows`.
+
+    Returns, by episode, the statistics of the columns that count in the whole dataset.
+    """
     pa, pq = tables.arrow()
     shared = _Files(about.given.get("data_files_size_in_mb"), about.given.get("chunks_size"))
     writer, at = None, 0
+    statistics = []
     for number, (_, path) in enumerate(own):
         held = tables.table(path / STAGED)
         words = held["task"].to_pylist()
@@ -180,10 +187,16 @@ def _tables(
                 "dataset_to_index": at + length,
             }
         )
+        of_counts = {
+            name: stats.of_numbers(np.asarray(values))
+            for name, values in counted.items()
+            if name in about.features
+        }
+        statistics.append(stats.plain(of_counts))
         at += length
     if writer is not None:
         writer.close()
-    return at
+    return statistics
 
 
 def _videos(

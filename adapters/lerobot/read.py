@@ -8,7 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 from jaxtyping import Float64
-from rpaug_adapters.lerobot import tables, tiff
+from rpaug_adapters.lerobot import codes, tables, tiff
+from rpaug_adapters.lerobot.codes import Scale
 from rpaug_adapters.lerobot.tables import COUNTED, INFO, STAGED, Info
 from rpaug_adapters.shared import cameras, episodes, video
 from rpaug_adapters.shared.cameras import Beside
@@ -20,17 +21,15 @@ from rpaug import BadInput, Camera, CameraView, Episode, files
 IMAGES = ("observation.images.", "observation.")
 DEPTH = "_depth"  # ending of the feature with a camera's depth, where no side file names it
 MASK = "masks."  # before a camera's name: handles, as rpaug writes them
-UNITS = {"m": 1.0, "mm": 0.001}
-CODES = 4095  # steps of a depth video
-RANGE = {"depth_min": 0.01, "depth_max": 10.0, "shift": 3.5, "use_log": True}
 
 
 @dataclass(frozen=True)
 class DepthFeature:
-    """The feature of a camera's depth, and metres of one unit of it (None: a video, which has its own scale)."""
+    """The feature of a camera's depth: metres of one unit of it, and, if it is a video, the scale of its codes."""
 
     key: str
-    metres: float | None
+    metres: float
+    scale: Scale | None
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def _found(about: Info, beside: Beside) -> dict[str, str]:
     """The features of color by the names of their views."""
     found, among = {}, about.of_kind("image", "video")
     for key in among:
-        if not _is_depth(about.features[key]):
+        if not is_depth(about.features[key]):
             prefix = next((prefix for prefix in IMAGES if key.startswith(prefix)), "")
             found[key.removeprefix(prefix)] = key
     views = cameras.chosen(beside, found, {key: key for key in among})
@@ -147,7 +146,8 @@ def _found(about: Info, beside: Beside) -> dict[str, str]:
     return views
 
 
-def _is_depth(feature: dict[str, Any]) -> bool:
+def is_depth(feature: dict[str, Any]) -> bool:
+    """Whether a feature is said to be depth."""
     about, old = feature.get("info") or {}, feature.get("video_info") or {}
     return bool(
         about.get("is_depth_map")
@@ -164,14 +164,16 @@ def _depths(about: Info, beside: Beside, images: dict[str, str]) -> dict[str, De
         key = given.depth if given is not None else None
         if key is not None:
             cameras.known(beside, f"cameras.{name}.depth", key, about.features)
-        elif image + DEPTH in about.features and _is_depth(about.features[image + DEPTH]):
+        elif image + DEPTH in about.features and is_depth(about.features[image + DEPTH]):
             key = image + DEPTH
         if key is None:
             continue
         feature = about.features[key]
-        unit = UNITS.get(str((feature.get("info") or {}).get("depth_unit")), 0.0)
-        metres = unit or (given.metres if given is not None else UNITS["mm"])
-        found[name] = DepthFeature(key, None if feature["dtype"] == "video" else metres)
+        unit = codes.unit(feature)
+        metres = unit or (given.metres if given is not None else codes.UNITS["mm"])
+        filmed = feature["dtype"] == "video"
+        scale = codes.scale(about.folder / INFO, key, feature) if filmed else None
+        found[name] = DepthFeature(key, metres, scale)
     return found
 
 
@@ -250,13 +252,12 @@ def _metric(
     shape: tuple[int, int],
 ) -> Callable[[int], np.ndarray]:
     """A camera's depth in metres."""
-    if depth.metres is None:
-        frames = Frames(spans[depth.key], "gray12le")
+    if (scale := depth.scale) is not None:
+        frames = Frames(spans[depth.key], video.CODES)
         if video.check(spans[depth.key]) != shape[::-1]:
             found, expected = "another size", f"{shape[1]}x{shape[0]}, as the color"
             raise BadInput(spans[depth.key].path, "size", found=found, expected=expected)
-        given = RANGE | (about.features[depth.key].get("info") or {})
-        return lambda t: _unpacked(frames(t), given)
+        return lambda t: scale.metres(frames(t))
     images = blobs(where, rows, depth.key)
     return lazy_depth(
         lambda t: one_channel(f"{where}, {depth.key}, frame {t}", images[t], shape), depth.metres
@@ -273,17 +274,6 @@ def one_channel(where: str, data: bytes, shape: tuple[int, int]) -> np.ndarray:
     if image is None or image.shape != shape:
         raise BadInput(where, "image", found="undecodable data", expected="one value a pixel")
     return image
-
-
-def _unpacked(codes: np.ndarray, given: dict[str, Any]) -> np.ndarray:
-    """Metres of the codes of a depth video: even steps, of the logarithm where it says so."""
-    low, high, shift = (float(given[name]) for name in ("depth_min", "depth_max", "shift"))
-    share = codes.astype(np.float64) / CODES
-    if given["use_log"]:
-        return (
-            np.exp(np.log(low + shift) + share * np.log((high + shift) / (low + shift))) - shift
-        ).astype(np.float32)
-    return (low + share * (high - low)).astype(np.float32)
 
 
 def _most_id(kind: Any) -> int:

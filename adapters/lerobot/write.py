@@ -7,17 +7,20 @@ from typing import Any
 
 import cv2
 import numpy as np
-from rpaug_adapters.lerobot import fresh, stats, tables, tiff
-from rpaug_adapters.lerobot.read import LeRobotSource, blobs
+from rpaug_adapters.lerobot import codes, fresh, stats, tables, tiff
+from rpaug_adapters.lerobot.read import LeRobotSource, blobs, is_depth
 from rpaug_adapters.lerobot.tables import COUNTED, STAGED, STATISTICS, Info
 from rpaug_adapters.shared import cameras, video
 from rpaug_adapters.shared.images import reencoded
 from rpaug_adapters.shared.video import Frames
 
-from rpaug import Episode, Unsupported
+from rpaug import Episode
 
 OF_THE_WHOLE = ("index", "episode_index", "task_index")  # columns that count in the whole dataset
 Image = Callable[[int], np.ndarray]
+Shown = dict[
+    str, tuple[Image, float]
+]  # of each video, and what its values are divided by in statistics
 
 
 def write_episode(
@@ -28,8 +31,8 @@ def write_episode(
         episode = fresh.plain(episode)
         rows = fresh.rows(episode)
         extra = {cameras.NAME: fresh.beside(episode)}
-        shown = {fresh.IMAGE + name: view.rgb for name, view in episode.views.items()}
-        for key, image in shown.items():
+        shown = {fresh.IMAGE + name: (view.rgb, 255.0) for name, view in episode.views.items()}
+        for key, (image, _) in shown.items():
             every = (image(t) for t in range(episode.length))
             video.encode(every, work / f"{key}.mp4", about.rate, None)
     else:
@@ -53,7 +56,8 @@ def _edited(episode: Episode, recorded: LeRobotSource) -> Any:
         if key not in recorded.spans and view.rgb is not before.rgb:
             encoded = reencoded(blobs("", rows, key), view, before)
             new[key] = fresh.images(encoded)
-        if name in recorded.depths and view.depth is not before.depth:
+        depth = recorded.depths.get(name)
+        if depth is not None and depth.scale is None and view.depth is not before.depth:
             new[recorded.depths[name].key] = _depth(episode, recorded, name)
         if name in recorded.ids and view.ids is not before.ids:
             assert view.ids is not None
@@ -79,11 +83,8 @@ def _words(episode: Episode, recorded: LeRobotSource) -> list[str]:
 
 
 def _depth(episode: Episode, recorded: LeRobotSource, name: str) -> Any:
-    """A column of depth in its own unit and number type. Raises Unsupported for a video of depth."""
+    """A column of depth in its own unit and number type."""
     given, view, before = recorded.depths[name], episode.views[name], recorded.views[name]
-    if given.metres is None:
-        reason = "its depth is a video of 12 bits, which would change where no edit does"
-        raise Unsupported(f"{episode.key}: {name}: {reason}")
     assert view.depth is not None
     assert before.depth is not None
     images = []
@@ -102,29 +103,45 @@ def _depth(episode: Episode, recorded: LeRobotSource, name: str) -> Any:
     return fresh.images(images)
 
 
-def _videos(episode: Episode, recorded: LeRobotSource, work: Path) -> dict[str, Image]:
-    """Write every video of the episode; returns what each shows. Frames no edit changed are copied as they are."""
-    shown: dict[str, Image] = {}
+def _videos(episode: Episode, recorded: LeRobotSource, work: Path) -> Shown:
+    """Write every video of the episode; returns what each shows. What no edit changed is copied as it is."""
+    shown: Shown = {}
     names = {key: name for name, key in recorded.images.items()}
     depths = {given.key: name for name, given in recorded.depths.items()}
     for key, span in recorded.spans.items():
         name, target = names.get(key), work / f"{key}.mp4"
-        if key in depths:
-            view, before = episode.views[depths[key]], recorded.views[depths[key]]
-            if view.depth is not before.depth:
-                _depth(episode, recorded, depths[key])
-            if not video.cut(span, target):
-                raise Unsupported(
-                    f"{episode.key}: {key}: its depth does not begin with a key frame"
-                )
+        if key in depths or is_depth(recorded.info.features[key]):
+            shown[key] = _filmed_depth(episode, recorded, key, depths.get(key), target)
             continue
         image: Image = Frames(span) if name is None else episode.views[name].rgb
         same = name is None or _same(image, recorded.views[name].rgb, episode.length)
         if not same or not video.cut(span, target):
             every = (image(t) for t in range(episode.length))
             video.encode(every, target, span.rate, span.path)
-        shown[key] = image
+        shown[key] = image, 255.0
     return shown
+
+
+def _filmed_depth(
+    episode: Episode, recorded: LeRobotSource, key: str, name: str | None, target: Path
+) -> tuple[Image, float]:
+    """Write a video of depth, of the view `name` if it is one's; codes of what no edit touched stay as they are."""
+    info, span = recorded.info, recorded.spans[key]
+    scale = codes.scale(info.folder / tables.INFO, key, info.features[key])
+    stored = Frames(span, video.CODES)
+    if name is None:
+        before = depth = lambda t: scale.metres(stored(t))
+        unit = codes.unit(info.features[key]) or codes.UNITS["mm"]
+    else:
+        unit = recorded.depths[name].metres
+        before, depth = recorded.views[name].depth, episode.views[name].depth
+    if not _same(depth, before, episode.length) or not video.cut(span, target):
+        every = (
+            np.where(depth(t) == before(t), stored(t), scale.codes(depth(t)))
+            for t in range(episode.length)
+        )
+        video.encode_codes(every, target, span.rate, span.path)
+    return depth, unit
 
 
 def _same(one: Image, other: Image, length: int) -> bool:
@@ -132,7 +149,7 @@ def _same(one: Image, other: Image, length: int) -> bool:
 
 
 def _statistics(
-    episode: Episode, about: Info, rows: Any, shown: dict[str, Image]
+    episode: Episode, about: Info, rows: Any, shown: Shown
 ) -> dict[str, stats.Statistics]:
     found = {}
     for key, feature in about.features.items():
@@ -141,7 +158,8 @@ def _statistics(
             continue
         if kind == "video":
             if key in shown:
-                found[key] = stats.of_images(shown[key], episode.length)
+                image, most = shown[key]
+                found[key] = stats.of_images(image, episode.length, most)
         elif key in rows.column_names and kind == "image":
             found[key] = _of_encoded(rows, key, episode.length)
         elif key in rows.column_names and (key in COUNTED or len(feature["shape"]) == 1):

@@ -7,6 +7,7 @@ few frames: PyAV decodes while it reads.
 import errno
 import os
 import threading
+import zlib
 from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,6 +24,8 @@ from rpaug import BadInput, files
 
 KEPT = 8  # decoded frames
 ENCODERS = {"h264": "libx264", "hevc": "libx265", "av1": "libsvtav1", "vp9": "libvpx-vp9"}
+X265 = "log-level=none:open-gop=0:bframes=0"
+CODES = "gray12le"  # pixel format of 12-bit codes
 QUALITY = "10"  # constant rate factor: what was not edited comes back nearly as it was
 EVERY = 2  # frames from one key frame to the next, as LeRobot has it: any frame is near one
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
@@ -258,11 +261,7 @@ def encode(
     images: Iterable[UInt8[np.ndarray, "h w 3"]], target: Path, rate: float, like: Path | None
 ) -> None:
     """Write frames with the codec and pixel format of another file, or as H.264 with full chroma. Raises BadInput."""
-    codec, pixels = "h264", "yuv444p"
-    if like is not None:
-        with opened(like) as container:
-            about = container.streams.video[0].codec_context
-            codec, pixels = about.name, about.pix_fmt or pixels
+    codec, pixels = ("h264", "yuv444p") if like is None else _encoding(like)
     codec = {"libdav1d": "av1", "libvpx-vp9": "vp9"}.get(codec, codec)
     if codec not in ENCODERS:
         raise BadInput(
@@ -270,11 +269,57 @@ def encode(
         )
     options = {"crf": QUALITY, "g": str(EVERY)}
     if codec == "hevc":
-        options["x265-params"] = "log-level=none:open-gop=0:bframes=0"
+        options["x265-params"] = X265
     if codec == "h264":
         options["bf"] = "0"  # frames in the order they are shown
     if codec == "av1":
         options["preset"] = "8"
+    _write(images, "rgb24", target, rate, (ENCODERS[codec], pixels, options))
+
+
+def encode_codes(
+    codes: Iterable[UInt16[np.ndarray, "h w"]], target: Path, rate: float, like: Path
+) -> None:
+    """Write frames of 12-bit codes like another file of them, each code exactly: what was written is read again.
+
+    Each frame is a key frame: x265 4.2 loses codes where it predicts small frames from others. Raises BadInput.
+    """
+    if _encoding(like) != ("hevc", CODES):
+        found, expected = " of ".join(_encoding(like)), f"hevc of {CODES}, to be written alike"
+        raise BadInput(like, "codec", found=found, expected=expected)
+    options = {"g": "1", "x265-params": f"{X265}:lossless=1"}
+    sums = []
+
+    def counted() -> Iterator[np.ndarray]:
+        for one in codes:
+            sums.append(zlib.crc32(np.ascontiguousarray(one)))
+            yield one
+
+    _write(counted(), CODES, target, rate, (ENCODERS["hevc"], CODES, options))
+    written = Frames(Span(target, 0.0, len(sums), rate), CODES)
+    for t, wanted in enumerate(sums):
+        if zlib.crc32(np.ascontiguousarray(written(t))) != wanted:
+            raise BadInput(
+                target, f"frame {t}", found="other codes", expected="those that were written"
+            )
+
+
+def _encoding(path: Path) -> tuple[str, str]:
+    """Codec and pixel format of a file. Raises BadInput."""
+    with opened(path) as container:
+        about = container.streams.video[0].codec_context
+        return about.name, about.pix_fmt or ""
+
+
+def _write(
+    images: Iterable[np.ndarray],
+    kind: str,
+    target: Path,
+    rate: float,
+    how: tuple[str, str, dict[str, str]],
+) -> None:
+    """Encode images of one kind; `how` are encoder, pixel format and options. Raises BadInput."""
+    encoder, pixels, options = how
     frequency = Fraction(rate).limit_denominator(100_000)
     with av.open(
         str(target), "w", format="mp4", options={"video_track_timescale": str(TICKS)}
@@ -282,17 +327,17 @@ def encode(
         stream = None
         for t, image in enumerate(images):
             if stream is None:
-                if codec == "hevc" and min(image.shape[:2]) < HEVC_LEAST:
+                if encoder == ENCODERS["hevc"] and min(image.shape[:2]) < HEVC_LEAST:
                     found, expected = f"{image.shape[1]}x{image.shape[0]}", f"{HEVC_LEAST} a side"
-                    raise BadInput(like or target, "size for HEVC", found=found, expected=expected)
-                stream = made.add_stream(ENCODERS[codec], rate=frequency, options=options)
+                    raise BadInput(target, "size for HEVC", found=found, expected=expected)
+                stream = made.add_stream(encoder, rate=frequency, options=options)
                 stream.height, stream.width = image.shape[:2]
                 stream.pix_fmt = pixels
                 stream.codec_context.thread_count = 1
                 open_encoders(
                     made
                 )  # the header first: an encoder that was emptied may have lost what it says
-            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
+            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format=kind)
             frame.pts, frame.time_base = t, 1 / frequency
             made.mux(stream.encode(frame))
         if stream is not None:

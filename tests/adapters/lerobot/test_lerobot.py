@@ -13,8 +13,10 @@ pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 import av
 import lerobot_samples
 import pyarrow.parquet as pq
+from hypothesis import given
+from hypothesis import strategies as st
 from lerobot_samples import WORDS, dataset, episode, halved, picture
-from rpaug_adapters.lerobot import LeRobot, fresh, stats
+from rpaug_adapters.lerobot import LeRobot, codes, fresh, stats, tables
 from rpaug_adapters.lerobot.tables import filled
 from rpaug_adapters.shared import video
 from rpaug_adapters.shared.folders import unlike
@@ -93,12 +95,12 @@ def test_an_edit_changes_its_camera_alone(recorded: Path, tmp_path: Path) -> Non
         assert np.abs(dark - before.views["front"].rgb(t) // 2).mean() < 3
         for name in ("wrist", "image"):
             assert np.array_equal(after.views[name].rgb(t), before.views[name].rgb(t))
-    given = json.loads((tmp_path / "toy/meta/stats.json").read_text())
+    stated = json.loads((tmp_path / "toy/meta/stats.json").read_text())
     values = [adapter.read(tmp_path, f"toy/train/{i}").robot.extra["action"] for i in range(3)]
-    assert np.allclose(given["action"]["mean"], np.concatenate(values).mean(0))
-    assert np.allclose(given["action"]["std"], np.concatenate(values).std(0))
-    tables = sorted((tmp_path / "toy/data").rglob("*.parquet"))
-    held = [row for path in tables for row in pq.read_table(path).to_pylist()]
+    assert np.allclose(stated["action"]["mean"], np.concatenate(values).mean(0))
+    assert np.allclose(stated["action"]["std"], np.concatenate(values).std(0))
+    files = sorted((tmp_path / "toy/data").rglob("*.parquet"))
+    held = [row for path in files for row in pq.read_table(path).to_pylist()]
     assert [row["index"] for row in held] == list(range(11))
     assert [row["note"] for row in held[8:]] == ["0!", "1!", "2!"]
     assert (tmp_path / "toy/train/2/note.txt").read_bytes() == b"hello"
@@ -162,7 +164,9 @@ def large(seed: int, t: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("codec", ["h264", "av1", "vp9"])
-def test_cuts_and_joins_lose_nothing(codec: str, tmp_path: Path) -> None:
+def test_cuts_and_joins_lose_nothing(
+    codec: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     like = tmp_path / "like.mp4"
     with av.open(str(like), "w") as made:
         stream = made.add_stream(video.ENCODERS[codec], rate=10)
@@ -186,6 +190,7 @@ def test_cuts_and_joins_lose_nothing(codec: str, tmp_path: Path) -> None:
         for t in range(3 + i):
             assert np.array_equal(shared(t), alone(t))
             assert np.array_equal(part(t), alone(t))
+    assert capfd.readouterr() == ("", "")  # encoders are quiet
 
 
 RECORDERS = {  # how somebody else's recorder encodes
@@ -259,6 +264,103 @@ def test_nothing_is_dropped_before_all_is_decoded(
     with pytest.raises(BadInput, match=r"video|frame"):
         LeRobot().finish(root, out)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+
+
+DEPTH = "observation.images.front_depth"
+FILMED = {"depth_min": 0.2, "depth_max": 3.0, "shift": 1.0, "use_log": True}
+
+
+@pytest.fixture
+def filmed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A dataset whose depth is a video, as LeRobot's recorder writes it; one corner was not measured."""
+    for side in ("HEIGHT", "WIDTH"):
+        monkeypatch.setattr(lerobot_samples, side, video.HEVC_LEAST)
+    adapter, root = LeRobot(), tmp_path / "filmed"
+    for number in range(2):
+        made, own = episode(number, 3 + number), root / f"toy/train/{number}"
+        adapter.write(made, root, f"toy/train/{number}", dict)
+        rows = pq.read_table(own / tables.STAGED).drop_columns([DEPTH])
+        pq.write_table(rows, own / tables.STAGED)
+        with av.open(str(own / f"{DEPTH}.mp4"), "w", format="mp4") as film:
+            options = {"g": "1", "crf": "30", "x265-params": "lossless=1:log-level=none"}
+            stream = film.add_stream("libx265", rate=10, options=options)
+            stream.width, stream.height, stream.pix_fmt = 64, 64, "gray12le"
+            for t in range(made.length):
+                values = codes.Scale(**FILMED).codes(made.views["front"].depth(t))
+                values[:8, :8] = 0
+                frame = av.VideoFrame.from_ndarray(values, format="gray12le")
+                film.mux(stream.encode(frame))
+            film.mux(stream.encode())
+    path = root / "toy" / tables.INFO
+    given = json.loads(path.read_text())
+    about = {"is_depth_map": True, "depth_unit": "mm", "video.pix_fmt": "gray12le"}
+    about |= {f"video.{name}": value for name, value in FILMED.items()}
+    given["features"][DEPTH] |= {"dtype": "video", "info": about}
+    path.write_text(json.dumps(given))
+    adapter.finish(root, root)
+    return root
+
+
+def stored(root: Path, key: str) -> list[np.ndarray]:
+    span = LeRobot().read(root, key).source.spans[DEPTH]
+    frames = video.Frames(span, video.CODES)
+    return [frames(t) for t in range(span.length)]
+
+
+def test_filmed_depth_is_read_and_written_code_by_code(filmed: Path, tmp_path: Path) -> None:
+    adapter, out, key = LeRobot(), tmp_path / "out", "toy/train/1"
+    read, true = adapter.read(filmed, key), episode(1, 4)
+    depth = read.views["front"].depth
+    step = np.log(4.0 / 1.2) / codes.MOST * 4  # metres, where steps are longest
+    assert np.abs(depth(2) - true.views["front"].depth(2))[8:].max() < step
+    assert not depth(2)[:8, :8].any()
+    nearer = depth(1).copy()
+    nearer[20:30, 20:30] = 0.5
+    view = replace(read.views["front"], depth=lambda t: nearer if t == 1 else depth(t))
+    adapter.write(replace(read, views={**read.views, "front": view}), out, "toy/train/0", dict)
+    adapter.write(read, out, "toy/train/1", dict)
+    adapter.finish(filmed, out)
+    before, edited, kept = stored(filmed, key), stored(out, "toy/train/0"), stored(out, key)
+    for t in range(4):
+        assert np.array_equal(kept[t], before[t])
+        differs = edited[t] != before[t]
+        assert not differs[:20].any()
+        assert differs.sum() == (100 if t == 1 else 0)
+    assert np.abs(adapter.read(out, "toy/train/0").views["front"].depth(1) - nearer).max() < step
+    least = json.loads((out / "toy/meta/stats.json").read_text())[DEPTH]["q50"]
+    assert 500 < least[0][0][0] < 2000  # millimetres, as it was recorded
+
+
+@given(
+    low=st.floats(0, 1),
+    reach=st.floats(0.5, 50),
+    shift=st.floats(0.01, 5),
+    use_log=st.booleans(),
+)
+def test_codes_of_depth_come_back(low: float, reach: float, shift: float, use_log: bool) -> None:
+    scale = codes.Scale(low, low + reach, shift, use_log)
+    every = np.arange(1, codes.MOST + 1, dtype=np.uint16)[None]
+    assert np.array_equal(scale.codes(scale.metres(every)), every)
+    assert scale.codes(np.zeros((1, 1), np.float32)) == 0
+
+
+def test_depth_codes_that_mean_nothing_are_refused(filmed: Path) -> None:
+    path = filmed / "toy" / tables.INFO
+    given = json.loads(path.read_text())
+    given["features"][DEPTH]["info"]["video.depth_max"] = 0.1
+    path.write_text(json.dumps(given))
+    with pytest.raises(BadInput, match="depths that rise"):
+        LeRobot().read(filmed, "toy/train/0")
+
+
+def test_columns_that_count_have_statistics(recorded: Path) -> None:
+    every = json.loads((recorded / "toy/meta/stats.json").read_text())
+    assert (every["index"]["min"], every["index"]["max"]) == ([0], [11])
+    assert every["episode_index"]["mean"] == [pytest.approx((3 * 1 + 4 * 2) / 12)]
+    (path,) = (recorded / "toy/meta/episodes").rglob("*.parquet")
+    rows = pq.read_table(path).to_pylist()
+    assert [row["stats/index/max"] for row in rows] == [[4], [7], [11]]
+    assert rows[0]["stats/task_index/count"] == [5]
 
 
 def test_statistics_of_parts_are_those_of_the_whole() -> None:
