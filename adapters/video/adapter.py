@@ -13,7 +13,7 @@ import os
 import re
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
@@ -136,7 +136,8 @@ class Videos(Adapter):
                 for key in keys
                 if (stated := target / key / ANNOTATIONS).is_file()
             ]
-            for name, held in ego4d.merged(given).items():
+            like = ego4d.library(source / home.relative_to(target))
+            for name, held in ego4d.merged(given, like).items():
                 files.write_atomic(home / name, json_bytes(held))
 
 
@@ -165,7 +166,7 @@ def _notes(root: Path, path: Path) -> Notes:
         if stated.is_file():
             return ego4d.own(stated)
     top = root.parent if root.is_file() else root
-    return ego4d.library(ego4d.home_of(top, path)).of(path.stem)
+    return replace(ego4d.library(ego4d.home_of(top, path)).of(path.stem), file=path.name)
 
 
 def _is_measured(view: CameraView, recorded: VideoSource) -> bool:

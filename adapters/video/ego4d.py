@@ -6,7 +6,7 @@ first frame, and what lies outside is left out. Fields not known here survive.
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +35,15 @@ TAG = re.compile(
 class Notes:
     """All that is said of one clip, frames and seconds counted from its start.
 
-    `video` is its entry in `ego4d.json`, `passes` the narrations by pass, `hands` the FHO clip's entry if there is one.
+    `video` is its entry in `ego4d.json`, `passes` the narrations by pass, `hands` the FHO clip's entry if there is one,
+    `about` what else its narrations' entry says, `file` the recorded video's name.
     """
 
     video: Mapping[str, Any]
     passes: Mapping[str, Any]
     hands: Mapping[str, Any] | None = None
+    about: Mapping[str, Any] = field(default_factory=dict)
+    file: str = ""
 
     @property
     def descriptions(self) -> tuple[str, ...]:
@@ -98,7 +101,12 @@ class Notes:
 
     def described(self) -> dict[str, Any]:
         """Plain values, as one file beside an episode has them."""
-        return {"video": dict(self.video), "narrations": dict(self.passes), "fho": self.hands}
+        return {
+            "file": self.file,
+            "video": dict(self.video),
+            "narrations": {**self.about, **self.passes},
+            "fho": self.hands,
+        }
 
 
 def instruction(narration: str) -> str:
@@ -115,7 +123,7 @@ def reworded(notes: Notes, descriptions: Iterable[str]) -> dict[str, Any]:
         name: {
             **of,
             "narrations": [
-                {**n, "narration_text": "#C C " + named[stated]}
+                {**n, "narration_text": _said(str(n["narration_text"]), stated, named[stated])}
                 if (stated := instruction(str(n.get("narration_text", "")))) in named
                 else n
                 for n in of.get("narrations", ())
@@ -130,7 +138,14 @@ def reworded(notes: Notes, descriptions: Iterable[str]) -> dict[str, Any]:
     if added:
         first = passes.setdefault(PASSES[0], {"narrations": []})
         first["narrations"] = [*added, *first["narrations"]]
-    return passes
+    return {**notes.about, **passes}
+
+
+def _said(narration: str, old: str, new: str) -> str:
+    """A narration with its words replaced and its tags kept."""
+    tag = TAG.match(narration)
+    at = narration.find(old, tag.end() if tag else 0)
+    return "#C C " + new if at < 0 else narration[:at] + new + narration[at + len(old) :]
 
 
 def _is_box(value: Any) -> bool:
@@ -174,6 +189,10 @@ class Library:
     narrations: Mapping[str, Mapping[str, Any]]
     hands: Mapping[str, Mapping[str, Any]]  # by clip
     files: Mapping[str, Path]  # of narrations and hands
+    name: str = NARRATIONS[0]  # of the file of narrations
+    around: Mapping[str, Any] | None = (
+        None  # what that file says beside its `videos`, where it has them
+    )
 
     def of(self, uid: str) -> Notes:
         """What is said of a video or clip file, in its own time. Raises BadInput."""
@@ -185,17 +204,26 @@ class Library:
         if uid in self.clips and uid not in self.videos:
             clip = self.clips[uid]
             parent = str(clip.get("video_uid", ""))
-            whole = Notes({}, self._passes(parent), self.hands.get(uid))
+            whole = _notes({}, self.narrations.get(parent, {}), self.hands.get(uid))
             start, stop = _span(clip, "sec")
             first, last = _span(clip, "frame")
             return replace(whole.cut(start, stop, int(first), int(last)), video=clip)
         own = [c for u, c in self.hands.items() if c.get("video_uid") == uid]
         hands = {**own[0], "frames": [f for c in own for f in c.get("frames", ())]} if own else None
-        return Notes(self.videos.get(uid, {}), self._passes(uid), hands)
+        return _notes(self.videos.get(uid, {}), self.narrations.get(uid, {}), hands)
 
-    def _passes(self, uid: str) -> dict[str, Any]:
-        given = self.narrations.get(uid, {})
-        return {name: given[name] for name in PASSES if isinstance(given.get(name), Mapping)}
+
+def _notes(
+    video: Mapping[str, Any],
+    narrations: Mapping[str, Any],
+    hands: Mapping[str, Any] | None,
+    file: str = "",
+) -> Notes:
+    passes = {
+        name: of for name, of in narrations.items() if name in PASSES and isinstance(of, Mapping)
+    }
+    about = {name: of for name, of in narrations.items() if name not in PASSES}
+    return Notes(video, passes, hands, about, file)
 
 
 def _check(path: Path | None, uid: str, given: Any) -> None:
@@ -238,9 +266,15 @@ def library(home: Path) -> Library:
     held = home / FOLDER
     narrations: dict[str, Any] = {}
     files: dict[str, Path] = {}
+    first, around = NARRATIONS[0], None
     for name in NARRATIONS:
-        given = _json(held / name)
-        given = given.get("videos", given)
+        whole = _json(held / name)
+        if whole and not narrations:
+            first = name
+            around = (
+                {k: v for k, v in whole.items() if k != "videos"} if "videos" in whole else None
+            )
+        given = whole.get("videos", whole)
         if not isinstance(given, dict):
             raise BadInput(held / name, "videos", found="something else", expected="an object")
         here = {k: v for k, v in given.items() if isinstance(v, Mapping)}
@@ -258,6 +292,8 @@ def library(home: Path) -> Library:
         narrations,
         hands,
         files,
+        first,
+        around,
     )
 
 
@@ -273,7 +309,8 @@ def home_of(root: Path, path: Path) -> Path:
 def own(path: Path) -> Notes:
     """What a file that rpaug wrote beside an episode says. Raises BadInput."""
     given = _json(path)
-    return Notes(given.get("video") or {}, given.get("narrations") or {}, given.get("fho"))
+    named = str(given.get("file") or "")
+    return _notes(given.get("video") or {}, given.get("narrations") or {}, given.get("fho"), named)
 
 
 def _json(path: Path) -> dict[str, Any]:
@@ -313,21 +350,23 @@ def _measured(video: Video) -> dict[str, Any]:
     }
 
 
-def merged(clips: Iterable[tuple[str, Notes, Video]]) -> dict[str, Any]:
-    """Ego4D's own files, by name, of clips by their new uids. Raises BadInput."""
+def merged(clips: Iterable[tuple[str, Notes, Video]], like: Library) -> dict[str, Any]:
+    """Ego4D's own files, by name, of clips by their new uids, narrations as the recorded ones lie. Raises BadInput."""
     videos, narrations, hands = [], {}, []
     for uid, notes, video in clips:
         entry = {k: v for k, v in notes.video.items() if k not in ("clip_uid", "clips")}
         entry = {k: v for k, v in entry.items() if not k.startswith("video_")}
         source = notes.video.get("video_uid") or notes.video.get("clip_uid")
-        videos.append({**entry, **_measured(video), "video_uid": uid, "source_uid": source})
+        of = {"video_uid": uid, "source_uid": source, "source_file": notes.file}
+        videos.append({**entry, **_measured(video), **of})
         if notes.passes:
-            narrations[uid] = {**notes.passes, "status": "complete"}
+            narrations[uid] = {"status": "complete", **notes.about, **notes.passes}
         if notes.hands is not None:
             hands.append({**notes.hands, "clip_uid": uid, "video_uid": uid})
     files: dict[str, Any] = {INDEX: {"videos": videos, "clips": []}}
     if narrations:
-        files[f"{FOLDER}/{NARRATIONS[0]}"] = narrations
+        lying = narrations if like.around is None else {**like.around, "videos": narrations}
+        files[f"{FOLDER}/{like.name}"] = lying
     if hands:
         files[f"{FOLDER}/fho_hands.json"] = {"clips": hands}
     return files

@@ -65,12 +65,12 @@ def write(target: Path, video: Video, shown: Seen) -> None:
             ]
             open_encoders(made)
             _pictures(made, stream, video, shown)
-            for heard, copied in sound:
-                source.seek(0)
-                for packet in source.demux(heard):
-                    if packet.dts is not None:
-                        packet.stream = copied
-                        made.mux(packet)
+            copies = {heard.index: copied for heard, copied in sound}
+            # From the file's beginning: a seek to 0 leaves out what an audio encoder was primed with.
+            for packet in source.demux(*(heard for heard, _ in sound)) if sound else ():
+                if packet.dts is not None:
+                    packet.stream = copies[packet.stream.index]
+                    made.mux(packet)
     except FFmpegError as error:
         if getattr(error, "errno", None) == 28:  # a full disk is told as one
             raise OSError(28, "No space left on device") from None
