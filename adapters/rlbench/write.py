@@ -233,5 +233,7 @@ def _write_image(
 
 
 def _steps(depth: Float32[np.ndarray, "h w"], near: float, far: float) -> Int32[np.ndarray, "h w"]:
-    share = (depth.astype(np.float64) - near) / (far - near)
+    """Depth as the file's fixed point; where nothing is, it has the far plane, as CoppeliaSim's renderer does."""
+    something = np.isfinite(depth) & (depth > 0)
+    share = (np.where(something, depth, far).astype(np.float64) - near) / (far - near)
     return np.rint(np.clip(share, 0.0, 1.0) * DEPTH_STEPS).astype(np.int32)

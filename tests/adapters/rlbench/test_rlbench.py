@@ -159,6 +159,21 @@ def test_a_moved_camera_is_the_only_new_matrix(dataset: Path, tmp_path: Path) ->
         assert changed == ["front_camera_extrinsics"]
 
 
+def test_where_nothing_is_depth_is_the_far_plane(dataset: Path, tmp_path: Path) -> None:
+    episode = RLBench().read(dataset, KEY)
+    view = episode.views["front"]
+    depth = view.depth(0).copy()
+    depth[0, :3] = 0, np.inf, np.nan
+    edited = replace(
+        episode, views={**episode.views, "front": replace(view, depth=lambda t: depth)}
+    )
+    RLBench().write(edited, tmp_path, KEY, dict)
+    back = RLBench().read(tmp_path, KEY).views["front"].depth(0)
+    first = load(dataset / KEY / "low_dim_obs.pkl")._observations[0]
+    assert back[0, :3] == pytest.approx(first.misc["front_camera_far"])
+    np.testing.assert_array_equal(back[1:], view.depth(0)[1:])
+
+
 def test_unknown_files_and_fields_survive(dataset: Path, tmp_path: Path) -> None:
     def add(demo) -> None:  # type: ignore[no-untyped-def]
         demo.num_reset_attempts = 3
