@@ -282,6 +282,15 @@ class Mesh:
 
 
 @dataclass(frozen=True, eq=False)
+class RobotPart:
+    """A part of the robot as its file has it: where it is in the world over time, and the instance id that it shows."""
+
+    instance_id: int
+    mesh: Mesh
+    to_world: Float64[np.ndarray, "t 4 4"]
+
+
+@dataclass(frozen=True, eq=False)
 class Body:
     """A rigid set of instances and where it is over time.
 
@@ -468,6 +477,7 @@ class Scene:
     `ambience` is the light that inserted bodies are shown in. `simulated` says, in plain values, what each simulation
     came to; `actions_valid` is false in it where the recorded actions would no longer do what they did.
     `back` brings what the scene shows back into the recording, where that is no set of pinhole images: None leaves it.
+    `robot_parts` are the robot's shape by its file: moved cameras show them where nobody saw the robot.
     `roles` holds what is believed firmly enough, `beliefs` each role that was thought of with its reasons.
     """
 
@@ -489,6 +499,7 @@ class Scene:
     simulated: tuple[Mapping[str, Any], ...] = ()
     back: Callable[[Episode], Episode] | None = None
     beliefs: Mapping[str, Belief] = field(default_factory=dict)
+    robot_parts: tuple[RobotPart, ...] = ()
 
     @property
     def actions_valid(self) -> bool:

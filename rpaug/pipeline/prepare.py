@@ -24,7 +24,7 @@ from rpaug.scene.build import build, find, sources
 from rpaug.scene.instances import rgb_episode
 from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.targets import settled
-from rpaug.scene.tracking import arms, calibration
+from rpaug.scene.tracking import arms, calibration, robot_model
 from rpaug.scene.video import reconstruct
 from rpaug.scene.video.settings import VideoSettings
 from rpaug.scene.video.video_scene import VideoScene
@@ -133,7 +133,8 @@ def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, 
         # Whatever looks at depth is misled by cameras that are not where they say they are.
         off = tuple(map(str, calibration.check(episode)))
         found = (*plan.warnings, *off, *arms.misfits(recipe.arms, episode.robot))
-        plan = replace(plan, warnings=found)
+        scene, said = _with_robot(scene, recipe)
+        plan = replace(plan, warnings=(*found, *said))
     if recipe.accuracy is None:
         return scene, plan
     moved = {
@@ -141,6 +142,18 @@ def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, 
     }
     measured = residuals.measure(scene, moved) if moved else []
     return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
+
+
+def _with_robot(scene: Scene, recipe: Recipe) -> tuple[Scene, tuple[str, ...]]:
+    """The scene with the robot's shape from the first of the recipe's files that has one and fits; and what misfits."""
+    said: list[str] = []
+    moved = any(operator.effect & Effect.CAMERA for operator in operators(recipe))
+    for path in recipe.arms if moved else ():
+        parts, why = robot_model.found(path, scene.episode)
+        if parts:
+            return replace(scene, robot_parts=parts), tuple(said)
+        said += [why] if why else []
+    return scene, tuple(said)
 
 
 def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene, planning.Plan]:

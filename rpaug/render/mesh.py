@@ -1,12 +1,13 @@
 """Triangles drawn as a camera sees them: which one is nearest at each pixel, and where in it the pixel's ray hits."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Float64
+from jaxtyping import Bool, Float32, Float64, Int16
 
 from rpaug.core import geometry
 from rpaug.core.jit import kernel
@@ -61,6 +62,33 @@ def draw(
         albedo[hit] = look_up(mesh, (mesh.uv[corners] * share).sum(1), spread)
     depth = np.divide(1.0, near, out=np.zeros_like(near), where=hit)
     return MeshView(hit, depth, normals, albedo)
+
+
+@dataclass(frozen=True)
+class NearestView:
+    """What one camera sees of several meshes: depth in metres, which one (-1: none), normals in the world."""
+
+    depth: Float64[np.ndarray, "h w"]
+    number: Int16[np.ndarray, "h w"]
+    normals: Float32[np.ndarray, "h w 3"]
+
+
+def nearest(
+    meshes: Sequence[tuple[Mesh, Float64[np.ndarray, "4 4"]]],
+    K: Float64[np.ndarray, "3 3"],
+    cam_to_world: Float64[np.ndarray, "4 4"],
+    size: tuple[int, int],
+) -> NearestView:
+    """The nearest of some meshes, each with its pose in the world, in each pixel of `size` (width, height)."""
+    depth = np.full(size[::-1], np.inf)
+    number = np.full(size[::-1], -1, np.int16)
+    normals = np.zeros((*size[::-1], 3), np.float32)
+    for n, (each, to_world) in enumerate(meshes):
+        seen = draw(each, to_world, K, cam_to_world, size)
+        nearer = seen.hit & (seen.depth < depth)
+        depth[nearer], number[nearer] = seen.depth[nearer], n
+        normals[nearer] = seen.normals[nearer]
+    return NearestView(np.where(number >= 0, depth, 0.0), number, normals)
 
 
 @kernel

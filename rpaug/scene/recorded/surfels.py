@@ -7,7 +7,8 @@ A view at time t draws, in this order (an earlier source keeps a pixel that a la
 3. *plates*: what a fixed camera saw of static bodies where something moving hides them at t;
 4. *history*: what a moving camera saw of static bodies at other times;
 5. *parts*: what any camera saw of moving bodies at other times, carried along by their poses;
-6. *patches*: what nobody ever saw behind edited bodies, painted.
+6. *the robot's shape* by its file, where nobody saw the robot;
+7. *patches*: what nobody ever saw behind edited bodies, painted.
 
 All but the first are carved by the first: a surfel where the own camera saw farther is not there. And all but the
 first take on the first's light, thing by thing.
@@ -32,10 +33,11 @@ from rpaug.render.gains import matched
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 from rpaug.render.window import Window
 from rpaug.render.zbuffer import Rendered, Source
-from rpaug.scene.recorded import parts, unseen
+from rpaug.scene.recorded import parts, robot, unseen
 from rpaug.scene.recorded.carry import carried
 from rpaug.scene.recorded.parts import PartRecording
 from rpaug.scene.recorded.plates import Plate, among, plate, source_at, spread
+from rpaug.scene.recorded.robot import PartColors
 
 HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
 SAME_PLACE = 0.01  # metres: what another camera saw this close to what the own one shows of a body is the same
@@ -48,7 +50,7 @@ class Surfels:
     """What is kept of an episode between views.
 
     `static` are the instance ids that never move; `noise` is the standard deviation of recorded depth as a share of it.
-    `patches` stand for what nobody saw.
+    `patches` stand for what nobody saw; `shape` are the robot's parts by its file.
     """
 
     static: frozenset[int]
@@ -57,6 +59,7 @@ class Surfels:
     parts: tuple[PartRecording, ...] = ()
     noise: float = 0.0
     patches: tuple[Source, ...] = ()
+    shape: tuple[PartColors, ...] = ()
 
     @property
     def tolerance(self) -> float:
@@ -98,7 +101,8 @@ def recorded(scene: Scene) -> Surfels:
     history = {
         name: tuple(_history(view, length, static, noise, near)) for name, view in moving.items()
     }
-    return Surfels(static, plates, history, parts.recorded(scene, noise, near, _rim(scene)), noise)
+    moved = parts.recorded(scene, noise, near, _rim(scene))
+    return Surfels(static, plates, history, moved, noise, shape=robot.recorded(scene))
 
 
 def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:
@@ -196,13 +200,14 @@ def _drawn(
         (camera.K, (camera.width, camera.height)) if piece is None else (piece.own, piece.size)
     )
     known = list(_known(surfels, scene, name, t, piece))
+    shape = _shape(surfels, scene, name, t) if piece is None else ()
     drawn = zbuffer.render(
-        K, camera.cam_to_world[t], size, [*known, *_painted(surfels, known[0], piece)],
+        K, camera.cam_to_world[t], size, [*known, *shape, *_painted(surfels, known[0], piece)],
         witness=known[0], tolerance=surfels.tolerance,
     )  # fmt: skip
     witness = holes.Witness(known[0], K, camera.cam_to_world[t])
     filled = holes.fill(drawn, witness)
-    # Patches and stretched surfels are invented as much as what single views are filled with.
+    # The robot's shape, patches and stretched surfels are invented as much as what single views are filled with.
     return drawn, replace(filled, hole=drawn.hole | drawn.rough | (drawn.source >= len(known)))
 
 
@@ -268,6 +273,13 @@ def _known(
                 use = use & ~_shown(whole[0], source, use)
             if use.any():
                 yield edit.carry(window.trimmed(replace(source, use=use, before=True)))
+
+
+def _shape(surfels: Surfels, scene: Scene, name: str, t: int) -> Iterator[Source]:
+    """The robot by its file, as a moved camera sees it: what was recorded of it comes first."""
+    camera = scene.cameras[name]
+    if surfels.shape and not _stands(camera, scene.episode.views[name].camera, t):
+        yield robot.source(surfels.shape, camera, camera.cam_to_world[t], t)
 
 
 def _painted(surfels: Surfels, recorded: Source, piece: Window | None) -> Iterator[Source]:

@@ -1,3 +1,13 @@
 """How each instance moves: static, with the gripper, as a link of the arm, or aligned by depth."""
 
-__all__ = ["agreement", "arms", "bodies", "calibration", "chain", "jaws", "slide", "touch"]
+__all__ = [
+    "agreement",
+    "arms",
+    "bodies",
+    "calibration",
+    "chain",
+    "jaws",
+    "robot_model",
+    "slide",
+    "touch",
+]

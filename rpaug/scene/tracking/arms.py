@@ -153,7 +153,7 @@ def misfits(paths: Sequence[Path], robot: Robot) -> tuple[str, ...]:
         if robot.gripper_to_world is None or len(robot.joint_positions) < LEAST_FRAMES:
             why = f"there are no gripper poses, or fewer than {LEAST_FRAMES} frames, to check it by"
         else:
-            off = _calibrated(arm, robot)[2]
+            off = calibrated(arm, robot)[2]
             if off < GOOD_FIT:
                 continue
             why = f"its gripper is {1e3 * off:.0f} mm off (at most {1e3 * GOOD_FIT:.0f})"
@@ -177,13 +177,13 @@ def link_tracks(
             continue
         if len(robot.joint_positions) < LEAST_FRAMES:
             continue
-        base, zeros, rms = _calibrated(arm, robot)
+        base, zeros, rms = calibrated(arm, robot)
         if rms < GOOD_FIT:
             return base @ arm.forward(robot.joint_positions + zeros)
     return None
 
 
-def _calibrated(
+def calibrated(
     arm: Kinematics, robot: Robot
 ) -> tuple[Float64[np.ndarray, "4 4"], Float64[np.ndarray, "j"], float]:
     """The arm's base, what to add to its joint readings, and how far the gripper is then off (rms, metres)."""
