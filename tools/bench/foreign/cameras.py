@@ -13,7 +13,7 @@ import argparse
 import json
 import subprocess
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -120,11 +120,16 @@ def twin_truth(task: str, seed: int) -> tuple[Episode, dict[str, Episode], dict[
 
 
 def figures(
-    episode: Episode, true: Mapping[str, Episode], moves: Mapping[str, Bumps]
+    episode: Episode,
+    true: Mapping[str, Episode],
+    moves: Mapping[str, Bumps],
+    arms: Sequence[Path] = (),
 ) -> dict[str, dict[str, Any]]:
     """By move: squared errors and pixels (all, co-visible, holes), flicker in levels, the gates' figures and faults."""
     edit = {"op": "camera_pose", "camera": [name for moved in moves.values() for name in moved]}
-    recipe = Recipe.from_dict({"version": 1, "edits": [edit], "gates": {}})
+    recipe = Recipe.from_dict(
+        {"version": 1, "edits": [edit], "gates": {}, "arms": [*map(str, arms)]}
+    )
     prepared = copies.PreparedEpisode(*prepare.prepare_scene(episode, recipe, 0), recipe)
     static = surfels.recorded(prepared.scene).static
     found = {}
@@ -198,20 +203,22 @@ def main() -> None:
     parser.add_argument(
         "--twin", type=int, default=0, metavar="SEEDS", help="the twin's tasks instead"
     )
+    parser.add_argument("--arm", action="store_true", help="give rpaug the robot's file")
     parser.add_argument("--task", action="append", help="only these, as <world>.<task>")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--record", action="store_true", help="write docs/benchmarks' results")
     given = parser.parse_args()
     half = "twin" if given.twin else "held" if given.held else "worked"
-    file = given.out / f"{half}.json"
+    title = f"{half}, arm by its file" if given.arm else half
+    file = given.out / f"{title}.json"
     given.out.mkdir(parents=True, exist_ok=True)
     kept = json.loads(file.read_text()) if file.exists() else {}
-    for name, truth in _trials(given, half):
+    for name, model, truth in _trials(given, half):
         if name not in kept and (not given.task or name in given.task):
-            kept[name] = figures(*truth())
+            kept[name] = figures(*truth(), arms=[model] if given.arm and model else [])
             write_atomic(file, json.dumps(kept, indent=1).encode())
-            print(name, rows({name: kept[name]}, half), flush=True)
-    table = rows(kept, half)
+            print(name, rows({name: kept[name]}, title), flush=True)
+    table = rows(kept, title)
     for row in table:
         print("  ".join(pages.shown(cell) for cell in row))
     if given.record:
@@ -219,9 +226,10 @@ def main() -> None:
         pages.record(
             "cameras",
             pages.Table(
-                id=half, title=f"Moved cameras, {half}", columns=COLUMNS, rows=table,
+                id=half + "-arm" * given.arm, title=f"Moved cameras, {title}", columns=COLUMNS, rows=table,
                 seeds=f"{len(kept)} episodes, {len(frames(60))} frames of each camera",
-                command=f"python -m tools.bench.foreign.cameras {asked.get(half, '--recorded RECORDED')}",
+                command=f"python -m tools.bench.foreign.cameras {asked.get(half, '--recorded RECORDED')}"
+                + " --arm" * given.arm,
                 **pages.stamp(),
             ),
         )  # fmt: skip
@@ -229,16 +237,20 @@ def main() -> None:
 
 def _trials(
     given: argparse.Namespace, half: str
-) -> Iterator[tuple[str, Callable[[], tuple[Episode, dict[str, Episode], dict[str, Bumps]]]]]:
+) -> Iterator[
+    tuple[str, Path | None, Callable[[], tuple[Episode, dict[str, Episode], dict[str, Bumps]]]]
+]:
+    """Names, the robots' files, and what makes recordings and their truth."""
     if given.twin:
         for seed in range(given.twin):
             for task in twin.TASKS:
-                yield f"{task} {seed}", partial(twin_truth, task, seed)
+                yield f"{task} {seed}", None, partial(twin_truth, task, seed)
         return
     for task in sorted((given.recorded / half).iterdir()):
         for folder in convert.finished(task)[:1]:
             out = given.out / half / task.name
-            yield task.name, partial(recorded_truth, folder, out, given.python)
+            model = folder / neutral.facts(folder)["model"]
+            yield task.name, model, partial(recorded_truth, folder, out, given.python)
 
 
 if __name__ == "__main__":
