@@ -1,4 +1,4 @@
-"""LeRobot datasets, format v3.0: tables in parquet, cameras as mp4, many episodes a file. Needs the extra `lerobot`.
+"""LeRobot datasets, v3.0 and v2.1: tables in parquet, cameras as mp4. Needs the extra `lerobot`.
 
 `<dataset>/{meta, data, videos}` as `tables` lists them. Traps this file knows:
 
@@ -13,6 +13,7 @@ Keys are `<split>/<number>`, below the dataset's own path.
 """
 
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -27,14 +28,15 @@ from rpaug_adapters.shared.folders import GatheredAdapter, datasets, place, unli
 from rpaug import Episode, Side, Unsupported, files
 
 EMPTY = {"total_episodes": 0, "total_frames": 0, "total_tasks": 0, "splits": {}}
+MADE_ANEW = ("info.json", "tasks.*", "episodes*", "*stats*")  # in `meta`; all else is brought along
 
 
 class LeRobot(GatheredAdapter):
-    """Reads and writes LeRobot v3.0 datasets."""
+    """Reads and writes LeRobot datasets, each in the version it came in."""
 
     name: ClassVar[str] = "lerobot"
     mark: ClassVar[str] = INFO
-    rest: ClassVar[tuple[str, ...]] = ("meta/tasks.*", "meta/stats.json", "meta/episodes")
+    rest: ClassVar[tuple[str, ...]] = ("meta/tasks.*", "meta/stats.json", "meta/episodes*")
     staged: ClassVar[str] = STAGED
 
     def gathered(self, folder: Path) -> Mapping[str, int]:
@@ -63,9 +65,14 @@ class LeRobot(GatheredAdapter):
         return [words for folder in datasets(root, INFO) for words in pack.faults(folder)]
 
     def finish(self, source: Path, target: Path) -> None:
-        """Episodes into shared files."""
+        """Episodes into shared files, and what else lies in `meta`: GR00T's `modality.json`, subtasks."""
         for folder in datasets(target, INFO):
             pack.pack(folder)
+            like = source / folder.relative_to(target) / "meta"
+            for path in like.iterdir() if like.is_dir() else ():
+                made = any(path.match(pattern) for pattern in MADE_ANEW)
+                if path.is_file() and not made and not (folder / "meta" / path.name).exists():
+                    shutil.copyfile(path, folder / "meta" / path.name)
 
 
 def _described(episode: Episode, recorded: LeRobotSource | None, folder: Path, key: str) -> Info:

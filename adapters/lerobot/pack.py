@@ -18,6 +18,9 @@ from rpaug_adapters.lerobot.tables import (
     DATA_PATH,
     EPISODES_PATH,
     INFO,
+    OLD_EPISODES,
+    OLD_STATISTICS,
+    OLD_TASKS,
     STAGED,
     STATISTICS,
     STATS,
@@ -33,7 +36,6 @@ from rpaug_adapters.shared.folders import staged
 from rpaug import files
 
 MIB = 2**20
-FILES = 1000  # in a chunk, where nothing is told
 SHARED = ("meta/episodes", "data", "videos")
 
 
@@ -53,8 +55,8 @@ def pack(folder: Path) -> None:
             if (work / name).is_dir():
                 (folder / name).parent.mkdir(exist_ok=True)
                 os.replace(work / name, folder / name)
-        for name in (STATS, TASKS):
-            os.replace(work / name, folder / name)
+        for path in (work / "meta").glob("*.*"):
+            os.replace(path, folder / "meta" / path.name)
     finally:
         shutil.rmtree(work, ignore_errors=True)
     files.write_atomic(folder / INFO, json.dumps(given, indent=4, ensure_ascii=False).encode())
@@ -81,10 +83,10 @@ def _scatter(about: Info) -> None:
 class _Files:
     """The file that each episode goes into: one grows for each kind, a new one where it would get larger than told."""
 
-    def __init__(self, most: Any, chunk: Any) -> None:
+    def __init__(self, most: Any, chunk: int) -> None:
         usable = isinstance(most, (int, float)) and most > 0
         self.most = float(most) * MIB if usable else 100 * MIB
-        self.chunk = chunk if isinstance(chunk, int) and chunk > 0 else FILES
+        self.chunk = chunk
         self.begun = 0
         self.growing: dict[Hashable, tuple[int, float]] = {}  # number and size, by kind
 
@@ -105,17 +107,12 @@ def _gather(about: Info, work: Path) -> dict[str, Any]:
     rows: list[dict[str, Any]] = []
     counts = _tables(about, work, own, tasks, rows)
     for key in about.of_kind("video"):
-        _videos(about, work, own, key, rows)
+        (_own_videos if about.old else _videos)(about, work, own, key, rows)
     counted = [
         json.loads((path / STATISTICS).read_bytes()) | counts[number]
         for number, (_, path) in enumerate(own)
     ]
-    for row, statistics in zip(rows, counted, strict=True):
-        for key, one in statistics.items():
-            row |= {f"stats/{key}/{name}": value for name, value in one.items()}
-    _meta(work, rows, tasks)
-    every = stats.plain(stats.together(counted))
-    files.write_atomic(work / STATS, json.dumps(every, indent=4).encode())
+    (_old_meta if about.old else _meta)(work, rows, tasks, counted)
     spans, at = {}, 0
     for split in dict.fromkeys(split for split, _ in own):
         count = sum(one == split for one, _ in own)
@@ -126,9 +123,17 @@ def _gather(about: Info, work: Path) -> dict[str, Any]:
         "total_frames": rows[-1]["dataset_to_index"],
         "total_tasks": len(tasks),
         "splits": spans,
-        "data_path": DATA_PATH,
-        "video_path": VIDEO_PATH if about.of_kind("video") else None,
+        **_paths(about, len(own)),
     }
+
+
+def _paths(about: Info, episodes: int) -> dict[str, Any]:
+    """What the description says of files."""
+    filmed = len(about.of_kind("video"))
+    if not about.old:
+        return {"data_path": DATA_PATH, "video_path": VIDEO_PATH if filmed else None}
+    chunks = -(-episodes // about.chunk)
+    return {"total_videos": episodes * filmed, "total_chunks": chunks}
 
 
 def _own(folder: Path) -> Iterator[tuple[str, Path]]:
@@ -151,25 +156,23 @@ def _tables(
     Returns, by episode, the statistics of the columns that count in the whole dataset.
     """
     pa, pq = tables.arrow()
-    shared = _Files(about.given.get("data_files_size_in_mb"), about.given.get("chunks_size"))
+    shared = _Files(about.given.get("data_files_size_in_mb"), about.chunk)
     writer, at = None, 0
     statistics = []
     for number, (_, path) in enumerate(own):
         held = tables.table(path / STAGED)
-        words = held["task"].to_pylist()
-        for text in words:
-            tasks.setdefault(text, len(tasks))
-        length = held.num_rows
+        words, length = held["task"].to_pylist(), held.num_rows
         counted = {
             "episode_index": [number] * length,
             "index": range(at, at + length),
-            "task_index": [tasks[text] for text in words],
+            "task_index": [tasks.setdefault(text, len(tasks)) for text in words],
         }
         held = held.drop_columns(["task"])
         for name, values in counted.items():
             held = held.append_column(name, pa.array(values, pa.int64()))
         place = shared.place((path / STAGED).stat().st_size)
-        target = work / filled(DATA_PATH, place)
+        old = about.path(number, {}, "data").relative_to(about.folder) if about.old else None
+        target = work / (old or filled(DATA_PATH, place))
         if not target.exists():
             if writer is not None:
                 writer.close()
@@ -187,12 +190,10 @@ def _tables(
                 "dataset_to_index": at + length,
             }
         )
-        of_counts = {
-            name: stats.of_numbers(np.asarray(values))
-            for name, values in counted.items()
-            if name in about.features
-        }
-        statistics.append(stats.plain(of_counts))
+        kept = {name: one for name, one in counted.items() if name in about.features}
+        statistics.append(
+            stats.plain({name: stats.of_numbers(np.asarray(one)) for name, one in kept.items()})
+        )
         at += length
     if writer is not None:
         writer.close()
@@ -207,7 +208,7 @@ def _videos(
     Only streams of one format share a file: a file has one set of parameters, and what was encoded by others cannot be
     decoded with them. Every new file is then decoded whole. Raises BadInput.
     """
-    shared = _Files(about.given.get("video_files_size_in_mb"), about.given.get("chunks_size"))
+    shared = _Files(about.given.get("video_files_size_in_mb"), about.chunk)
     numbers: dict[Path, list[int]] = {}
     for number, (_, path) in enumerate(own):
         part = path / f"{key}.mp4"
@@ -231,13 +232,58 @@ def _videos(
         video.decode_whole(spans)
 
 
-def _meta(work: Path, rows: list[dict[str, Any]], tasks: dict[str, int]) -> None:
-    """The table of episodes, and that of tasks with their words as pandas' index."""
+def _own_videos(
+    about: Info, work: Path, own: list[tuple[str, Path]], key: str, rows: list[dict[str, Any]]
+) -> None:
+    """One camera's videos, each in a file of its own and decoded whole, as v2.1 has them. Raises BadInput."""
+    for number, (_, path) in enumerate(own):
+        place = about.path(number, {}, f"videos/{key}", video_key=key).relative_to(about.folder)
+        target = work / place
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path / f"{key}.mp4", target)
+        video.decode_whole([video.Span(target, 0.0, rows[number]["length"], about.rate)])
+
+
+def _old_meta(
+    work: Path, rows: list[dict[str, Any]], tasks: dict[str, int], counted: list[dict[str, Any]]
+) -> None:
+    """Episodes, their statistics and the tasks, an object a line, as v2.1 has them: without quantiles, and of images
+    those of three channels alone, since its loader refuses others."""
+    kept = [
+        {
+            key: {name: value for name, value in one.items() if name not in stats.QUANTILES}
+            for key, one in statistics.items()
+            if "image" not in key or len(one["mean"]) == 3
+        }
+        for statistics in counted
+    ]
+    listed = {
+        OLD_EPISODES: [
+            {name: row[name] for name in ("episode_index", "tasks", "length")} for row in rows
+        ],
+        OLD_STATISTICS: [{"episode_index": i, "stats": one} for i, one in enumerate(kept)],
+        OLD_TASKS: [{"task_index": index, "task": text} for text, index in tasks.items()],
+    }
+    (work / "meta").mkdir()
+    for name, objects in listed.items():
+        text = "".join(json.dumps(one, ensure_ascii=False) + "\n" for one in objects)
+        (work / name).write_text(text, encoding="utf-8")
+
+
+def _meta(
+    work: Path, rows: list[dict[str, Any]], tasks: dict[str, int], counted: list[dict[str, Any]]
+) -> None:
+    """The table of episodes with their statistics, those of all, and the tasks with their words as pandas' index."""
     pa, pq = tables.arrow()
+    for row, statistics in zip(rows, counted, strict=True):
+        for key, one in statistics.items():
+            row |= {f"stats/{key}/{name}": value for name, value in one.items()}
+    every = stats.plain(stats.together(counted))
+    files.write_atomic(work / STATS, json.dumps(every, indent=4).encode())
     place = {"chunk_index": 0, "file_index": 0}
     here = {f"meta/episodes/{name}": value for name, value in place.items()}
     target = work / filled(EPISODES_PATH, place)
-    target.parent.mkdir(parents=True)
+    target.parent.mkdir(parents=True, exist_ok=True)
     columns = {name: [row.get(name) for row in rows] for name in (rows[0] | here)}
     columns |= {name: [value] * len(rows) for name, value in here.items()}
     pq.write_table(pa.table(columns), target, compression="snappy")

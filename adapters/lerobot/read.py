@@ -91,8 +91,9 @@ def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...
         found = f"{len(span)} episodes"
         raise BadInput(folder / INFO, f"splits.{split}", found=found, expected=f"number {number}")
     given = tables.episode(folder, span[number])
-    path = tables.place(given, "data", folder, about.given.get("data_path"))
-    rows = tables.table(path, filters=[("episode_index", "=", span[number])])
+    path = about.path(span[number], given, "data")
+    only = None if about.old else [("episode_index", "=", span[number])]
+    rows = tables.table(path, filters=only)
     length = _length(f"{path}: episode {span[number]}", rows, given.get("length"))
     words = tables.tasks(folder)
     column = rows["task_index"].to_pylist() if "task_index" in rows.column_names else []
@@ -101,8 +102,8 @@ def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...
     spans = {}
     for key in about.of_kind("video"):
         prefix = f"videos/{key}"
-        file = tables.place(given, prefix, folder, about.given.get("video_path"), video_key=key)
-        start = given.get(f"{prefix}/from_timestamp")
+        file = about.path(span[number], given, prefix, video_key=key)
+        start = 0.0 if about.old else given.get(f"{prefix}/from_timestamp")
         if not isinstance(start, (int, float)) or not 0 <= start < 1e7:
             where = f"episode {span[number]}, {prefix}/from_timestamp"
             found, expected = repr(start)[:40], "seconds"

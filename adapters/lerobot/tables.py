@@ -1,11 +1,15 @@
-"""Where a LeRobot dataset (v3.0) keeps what: its description, its table of episodes, and episodes not gathered yet.
+"""Where a LeRobot dataset keeps what: its description, its table of episodes, and episodes not gathered yet.
 
-A finished dataset has `meta/{info.json, stats.json, tasks.parquet, episodes/*/*.parquet}`, `data/*/*.parquet` and
-`videos/<key>/*/*.mp4`, many episodes in one file. While it grows each episode is a folder `<split>/<number>/` with one
-table, one video a camera, and its statistics, so that it can appear by one rename.
+A finished dataset of v3 has `meta/{info.json, stats.json, tasks.parquet, episodes/*/*.parquet}`, `data/*/*.parquet` and
+`videos/<key>/*/*.mp4`, many episodes in one file. One of v2.1 has `meta/{info.json, tasks.jsonl, episodes.jsonl,
+episodes_stats.jsonl}` and for each episode a table and a video a camera (huggingface/lerobot, v0.3.3). While it grows
+each episode is a folder `<split>/<number>/` with one table, one video a camera, and its statistics, so that it can
+appear by one rename.
 """
 
+import json
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -14,7 +18,7 @@ from typing import Any
 
 from rpaug_adapters.shared.texts import read_json
 
-from rpaug import BadInput, MissingExtra
+from rpaug import BadInput, MissingExtra, files
 
 INFO = "meta/info.json"
 STATS = "meta/stats.json"
@@ -27,10 +31,14 @@ STAGED = "episode.parquet"  # an episode's own rows, while the dataset grows
 STATISTICS = "episode_stats.json"
 COUNTED = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64",
            "index": "int64", "task_index": "int64"}  # fmt: skip
-VERSION = "v3."
+VERSION, OLD = "v3.", "v2.1"
+OLD_TASKS = "meta/tasks.jsonl"
+OLD_EPISODES = "meta/episodes.jsonl"
+OLD_STATISTICS = "meta/episodes_stats.jsonl"
 # Bytes of one table, unpacked: more is taken for damage, before anything is allocated.
 LARGEST = 2**31
 MOST = 2**20  # episodes, likewise
+FILES = 1000  # in a chunk, where nothing is told
 
 
 def arrow() -> tuple[Any, Any]:
@@ -53,6 +61,31 @@ class Info:
     features: dict[str, dict[str, Any]]
     splits: dict[str, range]
 
+    @property
+    def old(self) -> bool:
+        """Whether each episode has files of its own, as in v2.1."""
+        return bool(self.given["codebase_version"] == OLD)
+
+    @property
+    def chunk(self) -> int:
+        """How many files, or in v2.1 episodes, a folder of them holds."""
+        stated = self.given.get("chunks_size")
+        return stated if isinstance(stated, int) and stated > 0 else FILES
+
+    def path(self, number: int, row: Mapping[str, Any], prefix: str, **more: str) -> Path:
+        """The file with an episode's rows (`prefix` is data) or of one of its videos. Raises BadInput."""
+        if not self.old:
+            where = {name: row.get(f"{prefix}/{name}") for name in ("chunk_index", "file_index")}
+        else:
+            where = {"episode_chunk": number // self.chunk, "episode_index": number}
+        template = self.given.get("video_path" if more else "data_path")
+        if all(isinstance(value, int) and 0 <= value < 2**31 for value in where.values()):
+            path = self.folder / filled(str(template)[:200], {**where, **more})
+            if ".." not in path.parts and path.is_relative_to(self.folder):
+                return path
+        found, expected = f"{template!s:.60}, {where}", "a file of the dataset"
+        raise BadInput(self.folder / INFO, prefix, found=found, expected=expected)
+
     def of_kind(self, *kinds: str) -> list[str]:
         """Keys of the features of some dtypes."""
         return [key for key, one in self.features.items() if one["dtype"] in kinds]
@@ -68,8 +101,8 @@ def info(folder: Path) -> Info:
     given = read_json(path, "a description")
     if not isinstance(given, dict) or not isinstance(given.get("codebase_version"), str):
         raise BadInput(path, "codebase_version", found="none", expected="a LeRobot dataset")
-    if not given["codebase_version"].startswith(VERSION):
-        expected = "v3.0 (lerobot's convert_dataset_v21_to_v30 makes it)"
+    if given["codebase_version"] != OLD and not given["codebase_version"].startswith(VERSION):
+        expected = "v2.1 or v3.0 (lerobot's convert_dataset_v20_to_v21 makes v2.1 of v2.0)"
         raise BadInput(path, "codebase_version", found=given["codebase_version"], expected=expected)
     rate = given.get("fps")
     if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not 0 < rate < 100_000:
@@ -152,9 +185,30 @@ def table(path: Path, columns: list[str] | None = None, filters: Any = None) -> 
         raise BadInput(path, "parquet", found=found, expected="a whole table") from None
 
 
+def lines(path: Path) -> list[dict[str, Any]]:
+    """The objects of a file with one a line. Raises BadInput."""
+    found = []
+    for number, line in enumerate(files.read_bytes(path).splitlines()):
+        try:
+            one = json.loads(line)
+        except (ValueError, RecursionError):
+            one = None
+        if not isinstance(one, dict):
+            raise BadInput(path, f"line {number + 1}", found="something else", expected="an object")
+        found.append(one)
+    return found
+
+
 @lru_cache(4)
 def _episodes(folder: Path, _: int) -> dict[int, dict[str, Any]]:
     rows: dict[int, dict[str, Any]] = {}
+    for row in lines(folder / OLD_EPISODES) if (folder / OLD_EPISODES).is_file() else ():
+        number, length = row.get("episode_index"), row.get("length")
+        if number != len(rows) or not isinstance(length, int) or not 0 <= length < 2**31:
+            found, expected = repr((number, length))[:80], f"{len(rows)} and a length"
+            raise BadInput(folder / OLD_EPISODES, "episode_index", found=found, expected=expected)
+        at = rows[number - 1]["dataset_to_index"] if number else 0
+        rows[number] = row | {"dataset_from_index": at, "dataset_to_index": at + length}
     for path in sorted((folder / EPISODES).glob("*/*.parquet")):
         names = arrow()[1].read_schema(path).names if path.stat().st_size else []
         kept = [name for name in names if not name.startswith("stats/")]
@@ -188,26 +242,22 @@ def episode(folder: Path, number: int) -> dict[str, Any]:
 
 def tasks(folder: Path) -> dict[int, str]:
     """The words of each task by its index. Raises BadInput."""
+    if (folder / OLD_TASKS).is_file():
+        listed = [(row.get("task_index"), row.get("task")) for row in lines(folder / OLD_TASKS)]
+        return _words(listed)
     held = table(folder / TASKS)
     words = next((name for name in held.column_names if name != "task_index"), None)
     if words is None or "task_index" not in held.column_names:
         found, expected = f"columns {held.column_names}"[:80], "task_index and the task"
         raise BadInput(folder / TASKS, "columns", found=found, expected=expected)
     rows = zip(held["task_index"].to_pylist(), held[words].to_pylist(), strict=True)
+    return _words(rows)
+
+
+def _words(rows: Iterable[tuple[Any, Any]]) -> dict[int, str]:
     return {
         number: text for number, text in rows if isinstance(number, int) and isinstance(text, str)
     }
-
-
-def place(row: dict[str, Any], prefix: str, folder: Path, template: Any, **more: str) -> Path:
-    """The file that a row of the table of episodes points to, never outside the dataset's folder. Raises BadInput."""
-    where = {name: row.get(f"{prefix}/{name}") for name in ("chunk_index", "file_index")}
-    if all(isinstance(value, int) and 0 <= value < 2**31 for value in where.values()):
-        path = folder / filled(str(template)[:200], {**where, **more})
-        if ".." not in path.parts and path.is_relative_to(folder):
-            return path
-    found, expected = f"{template!s:.60}, {where}", "a file of the dataset"
-    raise BadInput(folder / INFO, prefix, found=found, expected=expected)
 
 
 def filled(template: str, values: dict[str, Any]) -> str:

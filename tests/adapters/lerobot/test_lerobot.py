@@ -129,7 +129,7 @@ def test_another_kind_of_episode_is_refused(recorded: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"codebase_version": "v2.1"}, "convert_dataset_v21_to_v30"),
+        ({"codebase_version": "v2.0"}, "convert_dataset_v20_to_v21"),
         ({"fps": 0}, "fps"),
         ({"splits": {"train": "0:2", "val": "1:3"}}, "in two"),
         ({"splits": {"train": "0:9"}}, "within"),
