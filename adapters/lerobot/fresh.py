@@ -1,8 +1,8 @@
 """A LeRobot episode from another source: the features it gets, and its rows.
 
 Color is video; depth is a float image in metres and handles are whole numbers, so that both come back exactly; other
-numbers are float32. A video says how many frames it has a second, and the nearest whole number is taken; no other
-source does, and ten are.
+numbers are float32. Frames a second are a whole number here: the nearest to what the source states, or to the times of
+a video's frames; where neither is there it is asked for, and never assumed.
 """
 
 from dataclasses import replace
@@ -15,9 +15,8 @@ from rpaug_adapters.lerobot.read import DEPTH, MASK
 from rpaug_adapters.lerobot.tables import COUNTED, DATA_PATH, VIDEO_PATH
 from rpaug_adapters.shared import fresh
 
-from rpaug import Episode
+from rpaug import Embeddings, Episode, Unsupported
 
-RATE = 10  # frames a second, where no source says
 SECONDS = "seconds"  # the numbers that hold the time of each frame
 IMAGE = "observation.images."
 UNPACKED = [cv2.IMWRITE_TIFF_COMPRESSION, 1]  # every reader of TIFF knows it
@@ -44,14 +43,18 @@ def described(episode: Episode) -> dict[str, Any]:
 
 
 def rate(episode: Episode) -> int:
-    """Frames a second: of the times that the source tells, the mean as a whole number."""
+    """Frames a second: as the source states, or of the times that it tells, the mean as a whole number. Raises
+    Unsupported where it does neither."""
+    if episode.rate is not None:
+        return max(1, round(episode.rate))
     names = (name for name in episode.robot.extra if name.rpartition("/")[2] == SECONDS)
     name = next(names, None)
-    if name is None or episode.length < 2:
-        return RATE
-    times = np.asarray(episode.robot.extra[name], float).reshape(episode.length, -1)[:, 0]
-    lasts = float(times[-1] - times[0])
-    return max(1, round((episode.length - 1) / lasts)) if lasts > 0 else RATE
+    if name is not None:
+        times = np.asarray(episode.robot.extra[name], float).reshape(episode.length, -1)[:, 0]
+        if (lasts := float(times[-1] - times[0])) > 0:
+            return max(1, round((episode.length - 1) / lasts))
+    reason = "LeRobot needs the frames a second, and the source states none (--fps gives them)"
+    raise Unsupported(f"{episode.key}: {reason}")
 
 
 def _features(episode: Episode, fps: int) -> dict[str, Any]:
@@ -117,7 +120,10 @@ def beside(episode: Episode) -> bytes:
 
 
 def named(name: str) -> str:
-    """LeRobot's features have no slashes."""
+    """LeRobot's features have no slashes, and policies take all that begin with `observation` for states: vectors made
+    of words do not."""
+    if Embeddings.among([name]):
+        name = name.removeprefix("observation/")
     return name.replace("/", ".")
 
 

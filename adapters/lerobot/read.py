@@ -1,7 +1,7 @@
 """Reading a LeRobot episode: its rows, and its videos, every frame of which is found before it is believed."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +80,8 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
             about, own, rows, spans, views, images, depths, ids, beside, tasks, descriptions
         )
 
-    return episodes.episode(key, beside, sizes, tracks, length, descriptions, view, recorded)
+    made = episodes.episode(key, beside, sizes, tracks, length, descriptions, view, recorded)
+    return replace(made, rate=about.rate)
 
 
 def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...], dict[str, Span]]:

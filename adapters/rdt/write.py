@@ -1,15 +1,15 @@
 """Writing an episode for RDT: what was recorded with only what changed new, or, from another source, all of it."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
-import yaml
 from jaxtyping import Float64, UInt8
 from rpaug_adapters.rdt.read import IMAGES, QPOS, TEXTS, WORDS, RDTSource, dataset
-from rpaug_adapters.shared import cameras
+from rpaug_adapters.shared import cameras, fresh
 from rpaug_adapters.shared.hdf5 import opened
 from rpaug_adapters.shared.texts import json_bytes
 
@@ -18,7 +18,7 @@ from rpaug import CameraView, Episode, Unsupported, files, geometry
 HIGH, LEFT, RIGHT = "cam_high", "cam_left_wrist", "cam_right_wrist"
 EXTERNAL = ("front", "cam_high", "third_person", "image", "image_0", "overhead")  # best first
 HAND = ("wrist", "hand", "gripper")  # in the names of cameras that ride on it
-EFFECTOR = "observations/eef"  # position, quaternion (x, y, z, w), opening
+DEPTH = "observations/depth"
 JOINTS = 6  # of one arm in RDT's stock reader, and then its gripper
 QPOS_OPEN, ACTION_OPEN = 4.7888, 13.9231  # what that reader divides the right gripper by
 UNIFIED, ARM, GRIPPER, EEF = 128, 0, 10, 30  # RDT's vector (configs/state_vec.py), right arm
@@ -28,7 +28,7 @@ def write_episode(episode: Episode, recorded: RDTSource | None, path: Path) -> d
     """Write the HDF5 file; returns the files to lay beside it."""
     if recorded is None:
         _fresh(episode, path)
-        return {WORDS: json_bytes(_given(episode)), cameras.NAME: _calibration(episode)}
+        return {WORDS: json_bytes(_given(episode)), cameras.NAME: _beside(episode)}
     _edited(episode, recorded, path)
     words = recorded.words
     if episode.descriptions != recorded.descriptions:
@@ -138,10 +138,8 @@ def _fresh(episode: Episode, path: Path) -> None:
         state, indicator = _unified(episode, opening)
         file["unified/state"], file["unified/action"] = state, state[following]
         file["unified/indicator"] = indicator
-        if robot.gripper_to_world is not None:
-            pose = robot.gripper_to_world
-            parts = [pose[:, :3, 3], geometry.quaternion_of(pose), opening[:, None]]
-            file[EFFECTOR] = np.concatenate(parts, 1)
+        for name, track in fresh.tracks(episode).items():
+            file[fresh.RECORDED + name] = track
         size = next(iter(episode.views.values())).camera
         blank = np.zeros((size.height, size.width, 3), np.uint8)
         for name, view in views.items():
@@ -149,7 +147,7 @@ def _fresh(episode: Episode, path: Path) -> None:
             file.create_dataset(f"{IMAGES}/{name}", data=np.array(images, "S"))
             if view is not None and view.depth is not None:
                 depth = np.stack([view.depth(t) for t in range(episode.length)])
-                file.create_dataset(f"observations/depth/{name}", data=depth, compression="gzip")
+                file.create_dataset(f"{DEPTH}/{name}", data=depth, compression="gzip")
 
 
 def _slots(episode: Episode) -> dict[str, CameraView | None]:
@@ -196,30 +194,23 @@ def _unified(
     return row, known
 
 
-def _calibration(episode: Episode) -> bytes:
-    """The cameras and the gripper as `cameras.yaml` tells them, so that the file can be read with all it had: by the
-    names that its cameras had, and without the black ones."""
-    calibrated, images = {}, {}
+def _beside(episode: Episode) -> bytes:
+    """What `cameras.yaml` says, so that the file can be read with all it had: by the names that its cameras had, and
+    without the black ones."""
+    images = {}
     for name, view in _slots(episode).items():
         if view is None:
             continue
         own = next(one for one, held in episode.views.items() if held is view)
         images[own] = f"{IMAGES}/{name}"
-        if view.camera.assumed:
-            continue
-        calibrated[own] = cameras.stated_camera(view.camera)
-        if view.depth is not None:
-            calibrated[own]["depth"] = f"observations/depth/{name}"
-    given: dict[str, Any] = {
-        "version": 1,
-        "cameras": calibrated,
-        "images": images,
-        "views": [*images],
-    }
-    robot = episode.robot
-    if robot.gripper_to_world is not None:
-        given["gripper"] = cameras.stated_gripper(robot, EFFECTOR)
-    return yaml.safe_dump(given, sort_keys=False).encode()
+
+    def depth(name: str) -> str:
+        return f"{DEPTH}/{images[name.removesuffix('_depth')].rpartition('/')[2]}"
+
+    bare = {name: replace(view, ids=None) for name, view in episode.views.items()}  # no place here
+    more = {"images": images, "views": [*images]}
+    without = replace(episode, views=bare)
+    return fresh.beside(without, lambda name: fresh.RECORDED + name, depth, more)
 
 
 def _reworded(recorded: RDTSource, episode: Episode) -> dict[str, Any]:

@@ -19,6 +19,7 @@ LOW_DIM = "low_dim_obs.pkl"
 DESCRIPTIONS = "variation_descriptions.pkl"
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])  # CoppeliaSim's camera axes <-> OpenCV's; its own inverse
 EXTRAS = ("joint_forces", "gripper_joint_positions", "gripper_touch_forces", "task_low_dim_state")
+COLLISIONS = "ignore_collisions"  # one number, of the fork of RLBench that PerAct and RVT read with
 
 
 @dataclass(frozen=True)
@@ -181,6 +182,8 @@ def _robot(path: Path, observations: list[Observation]) -> Robot:
         for name in EXTRAS
         if getattr(observations[0], name, None) is not None
     }
+    if getattr(observations[0], COLLISIONS, None) is not None:
+        extra[COLLISIONS] = _track(path, observations, COLLISIONS, ())[:, None]
     return Robot(
         joint_positions=_track(path, observations, "joint_positions", (-1,)),
         joint_velocities=_track(path, observations, "joint_velocities", (-1,)),

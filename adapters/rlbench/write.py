@@ -2,6 +2,7 @@
 
 import copy
 import os
+import re
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -9,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32, Int32
+from jaxtyping import Float32, Float64, Int32
 from rpaug_adapters.rlbench.pickles import Demo, Observation, dump
 from rpaug_adapters.rlbench.read import (
+    COLLISIONS,
     DEPTH_STEPS,
     DESCRIPTIONS,
     EXTRAS,
@@ -92,9 +94,8 @@ def _fresh_pickles(episode: Episode) -> dict[str, bytes]:
             "RLBench needs the gripper's pose and opening; the source does not say which they are"
         )
         raise Unsupported(f"{episode.key}: {reason} (cameras.yaml may)")
-    velocities = robot.joint_velocities
-    if not velocities.shape[1]:
-        velocities = np.zeros_like(robot.joint_positions)
+    velocities = _velocities(episode)
+    own = {re.split("[/.]", name)[-1]: track for name, track in robot.extra.items()}
     for t in range(episode.length):
         here: dict[str, Any] = {}
         for name, view in episode.views.items():
@@ -123,14 +124,26 @@ def _fresh_pickles(episode: Episode) -> dict[str, bytes]:
             "gripper_joint_positions": None,
             "gripper_touch_forces": None,
             "task_low_dim_state": None,
-            "ignore_collisions": np.array(1.0),
             "misc": misc[t],
         }
-        observation.__dict__ |= {
-            name: track[t] for name, track in robot.extra.items() if name in EXTRAS
-        }
+        observation.__dict__ |= {name: own[name][t] for name in EXTRAS if name in own}
+        if COLLISIONS in own:
+            observation.__dict__[COLLISIONS] = np.array(np.ravel(own[COLLISIONS][t])[0])
         demo._observations.append(observation)  # type: ignore[attr-defined]
     return {LOW_DIM: dump(demo), DESCRIPTIONS: dump(list(episode.descriptions)), NUMBER: dump(0)}
+
+
+def _velocities(episode: Episode) -> Float64[np.ndarray, "t j"]:
+    """Joint velocities in radians a second: recorded, or the joints' differences. Raises Unsupported for neither."""
+    joints, velocities = episode.robot.joint_positions, episode.robot.joint_velocities
+    if velocities.shape[1] or not joints.shape[1] or len(joints) < 2:
+        return velocities
+    if episode.rate is None:
+        reason = (
+            "RLBench's readers find key frames by joint velocities; the source has none, nor a rate"
+        )
+        raise Unsupported(f"{episode.key}: {reason} to tell them by (--fps gives it)")
+    return np.gradient(joints, 1 / episode.rate, axis=0)
 
 
 def _write_images(episode: Episode, recorded: RLBenchSource | None, work: Path) -> None:

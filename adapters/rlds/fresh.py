@@ -35,7 +35,9 @@ def record(episode: Episode) -> bytes:
         "episode_metadata/descriptions": [text.encode() for text in episode.descriptions],
     }
     for name, track in fresh.tracks(episode).items():
-        values[f"steps/{name}"] = track.astype(np.float32).ravel()
+        usual = values.get(f"steps/{name}")  # flags of steps that were recorded
+        kind = usual.dtype if isinstance(usual, np.ndarray) else np.float32
+        values[f"steps/{name}"] = track.astype(kind).ravel()
     for name, view in episode.views.items():
         at = f"steps/observation/{name}"
         values[at] = [files.encode_png(view.rgb(t)) for t in range(length)]
@@ -58,8 +60,11 @@ def features(episode: Episode) -> dict[str, Any]:
         "language_instruction": _text(),
     }
     for name, track in fresh.tracks(episode).items():
-        where = observation if name.startswith("observation/") else steps
-        where[name.removeprefix("observation/")] = _tensor("float32", track.shape[1])
+        *above, last = name.removeprefix("observation/").split("/")
+        within = observation if name.startswith("observation/") else steps
+        for folder in above:
+            within = within.setdefault(folder, {})
+        within.setdefault(last, _tensor("float32", track.shape[1]))
     for name, view in episode.views.items():
         size = view.camera.height, view.camera.width
         observation[name] = _image("uint8", *size, 3)
@@ -79,7 +84,8 @@ def features(episode: Episode) -> dict[str, Any]:
 
 def beside(episode: Episode) -> bytes:
     """What `cameras.yaml` says of the episode."""
-    return fresh.beside(episode, lambda name: name, lambda name: f"observation/{name}")
+    words = {"language": ["language_instruction", "episode_metadata/descriptions"]}
+    return fresh.beside(episode, lambda name: name, lambda name: f"observation/{name}", words)
 
 
 def _tensor(dtype: str, *shape: int, encoding: str = "none") -> dict[str, Any]:
@@ -100,7 +106,11 @@ def _text() -> dict[str, Any]:
 
 
 def _several(inner: Mapping[str, Any]) -> dict[str, Any]:
+    """Features by name; those without a class of their own are folders of further ones."""
+    features = {
+        name: one if "pythonClassName" in one else _several(one) for name, one in inner.items()
+    }
     return {
         "pythonClassName": f"{CORE}features_dict.FeaturesDict",
-        "featuresDict": {"features": dict(inner)},
+        "featuresDict": {"features": features},
     }

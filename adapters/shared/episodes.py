@@ -30,4 +30,4 @@ def episode(
         for name, size in sizes.items()
     }
     robot = cameras.robot(beside, tracks, length)
-    return Episode(key, views, robot, descriptions, length, recorded(views))
+    return Episode(key, views, robot, descriptions, length, recorded(views), rate=beside.rate)

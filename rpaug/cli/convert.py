@@ -22,19 +22,24 @@ def convert(
     dataset: Dataset,
     to: Annotated[str, typer.Option(help="Layout to write: rlbench, rlds, rdt or lerobot.")],
     out: Annotated[Path, typer.Option(help="Folder to write; must not exist.")],
+    fps: Annotated[
+        float | None,
+        typer.Option(min=0.001, help="Frames a second, where the source does not state them."),
+    ] = None,
     licence: Licence = None,
     as_json: AsJson = False,
 ) -> int:
     """Write a dataset in another layout: images, depth, instance ids, words, cameras, robot, and a dataset card.
 
-    What the new layout needs and the source does not say is named, and episodes without it are skipped.
+    What the new layout needs and the source does not say is named, and episodes without it are skipped. What it has no
+    place for, and what was rounded, encoded with loss or worked out, is said here, in the card and in the reports.
 
     Example: [bold]rpaug convert data/train/open_drawer --to rdt --out data/rdt[/]
     """
     from rpaug.pipeline.convert import convert as write
 
     with progress_bar("converting", as_json) as progress:
-        done = write(dataset, out, to, progress, licence=licence)
+        done = write(dataset, out, to, progress, licence=licence, fps=fps)
     if as_json:
         print_json({**vars(done), "out": str(out)})
         return done.exit_code
@@ -46,6 +51,8 @@ def convert(
         warn("skipped", f"{where}: {reason}")
     for words, count in done.traps.items():
         warn("note", f"{words} ({counted(count, 'episode')})")
+    for words, count in done.lost.items():
+        warn("not kept exactly", f"{words} ({counted(count, 'episode')})")
     if done.episodes:
         say(f"{counted(done.episodes, 'episode')} in {out}")
     else:

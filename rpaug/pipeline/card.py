@@ -25,13 +25,15 @@ def text(
     *,
     recipe: Mapping[str, Any] | None = None,
     converted: str | None = None,
+    lost: Mapping[str, int] | None = None,
     rejected: int = 0,
     licence: str | None = None,
     ratio: str | None = None,
 ) -> str:
     """The card of a dataset made from `source`, by the reports of its episodes. The same run gives the same card.
 
-    It was made by a `recipe`, or `converted` from another layout, which is then named.
+    It was made by a `recipe`, or `converted` from another layout, which is then named; `lost` is what that did not keep,
+    each with the number of its episodes.
     """
     made = Counter(
         (splits.of(key) or "all", bool(one["synthetic"])) for key, one in reports.items()
@@ -51,7 +53,9 @@ def text(
         for split in sorted({split for split, _ in made})
     ]
     title, opening, closing = (
-        _converted(layout, converted) if converted else _augmented(layout, recipe or {}, rejected)
+        _converted(layout, converted, lost or {})
+        if converted
+        else _augmented(layout, recipe or {}, rejected)
     )
     lines = [
         f"---\n{yaml.safe_dump(header, sort_keys=False, allow_unicode=True)}---",
@@ -88,7 +92,7 @@ def _augmented(layout: str, recipe: Mapping[str, Any], rejected: int) -> tuple[s
     )
 
 
-def _converted(layout: str, before: str) -> tuple[str, Lines, Lines]:
+def _converted(layout: str, before: str, lost: Mapping[str, int]) -> tuple[str, Lines, Lines]:
     """Title, and what is said before and after the counts."""
     return (
         f"in the layout `{layout}`",
@@ -98,7 +102,11 @@ def _converted(layout: str, before: str) -> tuple[str, Lines, Lines]:
             "was synthetic.",
         ),
         (
-            "What this layout has no place for was left out; `rpaug verify` against the source lists it.",
+            "## Not kept exactly\n\n"
+            + (
+                "\n".join(f"- {words} (episodes: {count})" for words, count in lost.items())
+                or "Nothing."
+            ),
         ),
     )
 

@@ -1,4 +1,4 @@
-"""What an episode in another layout must still hold: its length, words, images, depth, instance ids, cameras, robot."""
+"""What an episode in another layout still holds, what was lost or approximated, and what is wrong in it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
@@ -11,11 +11,15 @@ from rpaug.core.types import CameraView, Episode
 LOSSY = 34.0  # dB: a JPEG or a video at the quality that is written shows a recording better
 FAR = 1e-3  # metres by which depth may be off where a layout rounds it
 NEAR = 1e-4  # of numbers that are float32 in a layout
-Found = tuple[Literal["bad", "note"], str, str, str]
+Level = Literal["bad", "lost", "near"]
+Found = tuple[Level, str, str, str]
+NO_PLACE = "the layout has no place for it"
 
 
 def compare(key: str, recorded: Episode, made: Episode, times: Sequence[int]) -> Iterator[Found]:
-    """Level, episode, topic and words of everything that differs; a note for what the layout has no place for."""
+    """Level, episode, topic and words of everything that differs: `bad` is wrong, `lost` has no place in the layout,
+    `near` was rounded, encoded with loss, or worked out. Words of the latter two are the same for every such episode.
+    """
     if made.length != recorded.length:
         words = f"{made.length} frames, recorded were {recorded.length}"
         yield "bad", key, "length", words
@@ -23,6 +27,13 @@ def compare(key: str, recorded: Episode, made: Episode, times: Sequence[int]) ->
     if made.instruction != recorded.instruction:
         words = f"found {made.instruction!r}; expected {recorded.instruction!r}"
         yield "bad", key, "instruction", words
+    elif {*recorded.descriptions} - {*made.descriptions}:
+        yield "lost", key, "instruction", "only the first of several instructions is kept"
+    if recorded.rate is not None and made.rate is None:
+        yield "lost", key, "rate", f"frames a second: {NO_PLACE}"
+    elif recorded.rate is not None and made.rate != recorded.rate:
+        yield "near", key, "rate", "frames a second: rounded to a whole number"
+    yield from (("lost", key, "unread", words) for words in recorded.unread)
     yield from _robot(key, recorded, made)
     for name, view in recorded.views.items():
         other = _counterpart(name, view, made.views, times)
@@ -54,16 +65,24 @@ def _psnr(one: np.ndarray, other: np.ndarray) -> float:
 def _view(
     key: str, name: str, view: CameraView, other: CameraView, times: Sequence[int]
 ) -> Iterator[Found]:
+    if not all(np.array_equal(view.rgb(t), other.rgb(t)) for t in times):
+        yield "near", key, "images", f"{name}: color is encoded with loss, within {LOSSY:g} dB"
     for kind, slack in (("depth", FAR), ("ids", 0)):
         before, after = getattr(view, kind), getattr(other, kind)
         if before is None:
             continue
         if after is None:
-            yield "note", key, kind, f"{name}: the layout has no place for it"
+            yield "lost", key, kind, f"{name}: {kind}: {NO_PLACE}"
             continue
-        off = max(float(np.abs(before(t).astype(float) - after(t)).max()) for t in times)
+        pairs = [(before(t), after(t)) for t in times]
+        if kind == "depth" and any((new[old == 0] != 0).any() for old, new in pairs):
+            yield "near", key, kind, f"{name}: pixels without depth are on the layout's near plane"
+            pairs = [(old, np.where(old == 0, 0, new)) for old, new in pairs]
+        off = max(float(np.abs(old.astype(float) - new).max()) for old, new in pairs)
         if off > slack:
             yield "bad", key, kind, f"{name}: off by up to {off:.3g}"
+        elif off:
+            yield "near", key, kind, f"{name}: {kind} is rounded, by less than {1000 * FAR:g} mm"
     old, new = view.camera, other.camera
     if old.assumed:
         return
@@ -74,11 +93,26 @@ def _view(
 
 
 def _robot(key: str, recorded: Episode, made: Episode) -> Iterator[Found]:
-    for field in ("joint_positions", "gripper_to_world", "gripper_open"):
+    for field in ("joint_positions", "joint_velocities", "gripper_to_world", "gripper_open"):
         old, new = getattr(recorded.robot, field), getattr(made.robot, field)
         if old is None or not old.size:
-            continue
-        if new is None or old.shape != new.shape:
-            yield "note", key, "robot", f"{field}: the layout has another place for it"
+            if new is not None and new.size:
+                yield "near", key, "robot", f"{field}: worked out, the source has none"
+        elif new is None or old.shape != new.shape:
+            yield "lost", key, "robot", f"{field}: {NO_PLACE}"
         elif not np.allclose(old, new, atol=NEAR):
             yield "bad", key, "robot", f"{field} is off by up to {np.abs(old - new).max():.3g}"
+    there = [np.reshape(track, (made.length, -1)) for track in _numbers(made)]
+    for name, track in recorded.robot.extra.items():
+        rows = np.reshape(track, (recorded.length, -1))
+        if rows.size and not any(
+            rows.shape == other.shape and np.allclose(rows, other, atol=NEAR) for other in there
+        ):
+            yield "lost", key, "robot", f"{name}: {NO_PLACE}"
+
+
+def _numbers(episode: Episode) -> list[np.ndarray]:
+    """All numbers of a robot, whatever they are called."""
+    robot = episode.robot
+    known = (robot.joint_positions, robot.joint_velocities, robot.gripper_open)
+    return [*robot.extra.values(), *(track for track in known if track is not None and track.size)]

@@ -8,10 +8,12 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from rpaug.core import registry
-from rpaug.core.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError, Unsupported
 from rpaug.core.files import apart, write_atomic
+from rpaug.core.interfaces import Adapter
+from rpaug.core.types import Episode
 from rpaug.core.version import __version__
-from rpaug.pipeline import card, report
+from rpaug.pipeline import card, compare_layouts, report
 
 SILENT = "the source has no instruction: the words that policies are trained on are empty"
 NAMED = 3  # slashes of a key that names its dataset
@@ -19,13 +21,14 @@ NAMED = 3  # slashes of a key that names its dataset
 
 @dataclass
 class Conversion:
-    """How many episodes were written, those that could not be with the reason, and what readers may trip over."""
+    """How many episodes were written, those that could not be with the reason, what readers may trip over, and what of
+    them the layout does not hold, or not exactly."""
 
     episodes: int = 0
     failures: dict[str, str] = field(default_factory=dict)
-    traps: dict[str, int] = field(
-        default_factory=dict
-    )  # words, and how many episodes they are about
+    # Words, and how many episodes they are about: what readers trip over, what was lost or approximated.
+    traps: dict[str, int] = field(default_factory=dict)
+    lost: dict[str, int] = field(default_factory=dict)
 
     @property
     def exit_code(self) -> int:
@@ -45,6 +48,28 @@ def converted(source: Path, key: str, layout: str) -> dict[str, Any]:
     return given | {"converted": layout, "draws": []}
 
 
+def timed(episode: Episode, fps: float | None) -> Episode:
+    """The episode with a rate that was given for a source that states none. Raises Unsupported for one that does."""
+    if fps is None or episode.rate == fps:
+        return episode
+    if episode.rate is not None:
+        raise Unsupported(
+            f"{episode.key}: {episode.rate:g} frames a second, and --fps says {fps:g}"
+        )
+    return replace(episode, rate=fps)
+
+
+def _compared(writer: Adapter, target: Path, key: str, episode: Episode) -> list[str]:
+    """What a written episode does not hold of the recorded one. Raises Unsupported, and takes it back, if it is wrong."""
+    times = sorted({0, episode.length // 2, episode.length - 1})
+    found = list(compare_layouts.compare(key, episode, writer.read(target, key), times))
+    wrong = [f"{topic}: {words}" for level, _, topic, words in found if level == "bad"]
+    if wrong:
+        shutil.rmtree(target / key)
+        raise Unsupported(f"{episode.key}: written, it reads otherwise: {'; '.join(wrong)}")
+    return list(dict.fromkeys(words for *_, words in found))
+
+
 def convert(
     source: Path,
     target: Path,
@@ -52,11 +77,13 @@ def convert(
     progress: Callable[[int, int], None] = lambda done, total: None,
     *,
     licence: str | None = None,
+    fps: float | None = None,
 ) -> Conversion:
     """Write every episode of `source` into the new folder `target` in another layout, and its dataset card.
 
-    Episodes appear whole, one by one. `licence` is the source's, where it does not say. Raises BadInput where
-    the source is no dataset or the target is there already.
+    Episodes appear whole, one by one; each is read again, and its report has as `lost` what it does not hold of the
+    recorded one, or not exactly. One that reads otherwise is taken back. `licence` is the source's, and `fps` its frames
+    a second, where it does not say. Raises BadInput where the source is no dataset or the target is there already.
     """
     reader, writer = registry.adapter_for(source), registry.adapter(layout)
     if reader.name == writer.name:
@@ -74,14 +101,17 @@ def convert(
         group = PurePosixPath(writer.key_for(like, 0)).parent.as_posix()
         try:
             # Another layout takes the values alone: what was recorded beside them stays behind.
-            episode = replace(reader.read(source, key), source=None)
+            episode = timed(replace(reader.read(source, key), source=None), fps)
             made = writer.key_for(like, free.get(group, 0))
             given = converted(source, key, reader.name)
-            side = {report.NAME: report.encode(given)}
-            writer.write(episode, target, made, partial(dict, side))
+            writer.write(episode, target, made, partial(dict, {report.NAME: report.encode(given)}))
+            lost = _compared(writer, target, made, episode)
         except RpaugError as error:
             done.failures[key] = str(error).removeprefix(f"{key}: ")
             continue
+        write_atomic(target / made / report.NAME, report.encode(given | {"lost": lost}))
+        for words in lost:
+            done.lost[words] = done.lost.get(words, 0) + 1
         reports[made] = given
         free[group] = free.get(group, 0) + 1
         done.episodes += 1
@@ -90,7 +120,9 @@ def convert(
     progress(len(keys), len(keys))
     if done.episodes:
         writer.finish(source, target)
-        text = card.text(source, writer.name, reports, converted=reader.name, licence=licence)
+        text = card.text(
+            source, writer.name, reports, converted=reader.name, lost=done.lost, licence=licence
+        )
         write_atomic(target / card.NAME, text.encode())
     else:
         shutil.rmtree(target, ignore_errors=True)

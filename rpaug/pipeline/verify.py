@@ -105,10 +105,7 @@ def verify(
             continue
         findings += _leak(key, given)
         if given.get("converted"):
-            times = _times(made.length, frames)
-            findings += [
-                Finding(*one) for one in compare_layouts.compare(key, recorded, made, times)
-            ]
+            findings += _converted(key, recorded, made, given, frames)
         else:
             findings += compare(key, recorded, made, given, frames)
             findings += _kept(adapter, key, recorded, made, given)
@@ -129,6 +126,17 @@ def _kept(
     for name in wrong:
         how = "gone" if name not in after else "new" if name not in before else "changed"
         yield Finding("bad", key, "untouched data", f"{name}: {how}, and no edit reaches it")
+
+
+def _converted(
+    key: str, recorded: Episode, made: Episode, given: dict[str, Any], frames: int | None
+) -> Iterator[Finding]:
+    """What differs in another layout: notes of what its conversion said was lost or approximated, else bad."""
+    said = given.get("lost")
+    times = _times(made.length, frames)
+    for level, _, topic, words in compare_layouts.compare(key, recorded, made, times):
+        noted = level != "bad" and (said is None or words in said)
+        yield Finding("note" if noted else "bad", key, topic, words)
 
 
 def _related(

@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from rolling import demonstration
+from rpaug_adapters.rlbench import RLBench
+from rpaug_adapters.rlds import RLDS
 from typer.testing import CliRunner
 
-from rpaug import BadInput, Episode
+from rpaug import BadInput, Episode, Robot, Unsupported
 from rpaug.cli import app
-from rpaug.core import registry
+from rpaug.core import keyframes, registry
 from rpaug.pipeline import compare_layouts
 from rpaug.pipeline.convert import convert
 from rpaug.pipeline.verify import verify
@@ -76,9 +79,8 @@ def test_rdt_says_what_its_reader_drops(template: Path, tmp_path: Path) -> None:
         "fewer than 128 steps" in words and count == 2 for words, count in done.traps.items()
     )
     for before, after in zip(episodes(template), episodes(tmp_path / "rdt"), strict=True):
-        assert np.array_equal(
-            after.robot.joint_positions[:, 7:13], before.robot.joint_positions[:, :6]
-        )
+        arms = after.robot.extra["observations/qpos"]  # what RDT's reader takes
+        assert np.array_equal(arms[:, 7:13], before.robot.joint_positions[:, :6])
 
 
 def test_bridge_has_no_joints_for_rdt(samples: Path, tmp_path: Path) -> None:
@@ -120,6 +122,111 @@ def test_an_unknown_layout_is_named(template: Path, tmp_path: Path) -> None:
 
 
 LAYOUTS = ("rlbench", "rlds", "rdt", "lerobot")
+RATE = 20
+
+
+def rich(folder: Path) -> Path:
+    """An RLBench episode with all that one holds: three descriptions, flags that change, forces, velocities."""
+    episode = demonstration(8)
+    flags = np.arange(8.0)[:, None] % 3 == 1
+    rng = np.random.default_rng(0)
+    robot = replace(
+        episode.robot,
+        joint_velocities=rng.normal(size=episode.robot.joint_positions.shape),
+        extra={"ignore_collisions": flags.astype(float), "joint_forces": rng.normal(size=(8, 7))},
+    )
+    words = ("roll the red ball", "push the ball", "move the red thing")
+    made = replace(episode, robot=robot, descriptions=words)
+    RLBench().write(made, folder, "roll_ball/all_variations/episodes/episode0", dict)
+    return folder
+
+
+@pytest.mark.parametrize("layout", ["rlds", "rdt"])
+def test_a_round_trip_loses_nothing_of_words_and_robot(tmp_path: Path, layout: str) -> None:
+    source = rich(tmp_path / "in")
+    convert(source, tmp_path / "there", layout)
+    back = convert(tmp_path / "there", tmp_path / "back", "rlbench")
+    assert back.episodes == 1
+    ((before,), (after,)) = episodes(source), episodes(tmp_path / "back")
+    assert after.descriptions == before.descriptions
+    assert keyframes.find(after.robot) == keyframes.find(before.robot)
+    assert after.robot.joint_positions.shape == before.robot.joint_positions.shape
+    assert np.allclose(after.robot.joint_velocities, before.robot.joint_velocities, atol=1e-6)
+    assert after.robot.extra.keys() == before.robot.extra.keys()
+    for name, track in before.robot.extra.items():
+        assert np.allclose(after.robot.extra[name], track, atol=1e-6), name
+
+
+def test_nothing_is_made_up_for_rlbench(template: Path, tmp_path: Path) -> None:
+    episode = replace(demonstration(6), source=None)
+    still = np.zeros((6, 0))
+    bare = replace(episode, robot=replace(episode.robot, joint_velocities=still, extra={}))
+    with pytest.raises(Unsupported, match="--fps"):
+        RLBench().write(bare, tmp_path, "a/episode0", dict)
+    RLBench().write(replace(bare, rate=20.0), tmp_path, "a/episode1", dict)
+    made = RLBench().read(tmp_path, "a/episode1")
+    assert "ignore_collisions" not in made.robot.extra
+    wanted = np.gradient(bare.robot.joint_positions, 1 / 20, axis=0)
+    assert np.allclose(made.robot.joint_velocities, wanted)
+    found = list(compare_layouts.compare("x", bare, made, [0]))
+    assert "joint_velocities: worked out, the source has none" in [one[3] for one in found]
+    assert any("pixels without depth" in one[3] for one in found)  # RLBench has no code for those
+    assert {one[0] for one in found} == {"near"}
+
+
+def test_what_is_lost_is_said_and_recorded(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+    source = rich(tmp_path / "in")
+    given = ["convert", str(source), "--out", str(tmp_path / "out"), "--to", "lerobot"]
+    refused = CliRunner().invoke(app, given)
+    assert refused.exit_code == 2
+    assert "--fps" in refused.output + refused.stderr
+    result = CliRunner().invoke(app, [*given, "--fps", "20"])
+    assert result.exit_code == 0
+    words = "only the first of several instructions is kept"
+    assert f"not kept exactly {words}" in result.output + result.stderr
+    assert f"- {words} (episodes: 1)" in (tmp_path / "out/README.md").read_text()
+    (report,) = (tmp_path / "out").rglob("rpaug.json")
+    assert words in json.loads(report.read_text())["lost"]
+    verdict = verify(tmp_path / "out", source, frames=2)
+    assert verdict.passed
+    assert words in [one.message for one in verdict.findings]
+    # What the conversion did not say is no loss but damage.
+    report.write_text(json.dumps(json.loads(report.read_text()) | {"lost": []}))
+    assert not verify(tmp_path / "out", source, frames=2).passed
+
+
+def test_names_come_back_and_policies_take_nothing_wrong_for_state(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+    episode = replace(demonstration(6), rate=5.0)
+    rng = np.random.default_rng(0)
+    names = ("reward", "observation/state", "observation/language_embedding", "action/turn")
+    extra = {name: rng.normal(size=(6, 3)) for name in names}
+    robot = Robot(np.zeros((6, 0)), np.zeros((6, 0)), None, None, extra)
+    episode = replace(episode, robot=robot, source=None)
+    RLDS().write(episode, tmp_path / "in", "a/1.0.0/train/0", dict)
+    RLDS().finish(tmp_path, tmp_path / "in")
+    convert(tmp_path / "in", tmp_path / "there", "lerobot")
+    info = json.loads(next((tmp_path / "there").rglob("info.json")).read_text())
+    assert info["fps"] == 5
+    wanted = {"reward", "observation.state", "language_embedding", "action.turn"}
+    assert wanted <= {*info["features"]}
+    assert "action" not in info["features"]
+    convert(tmp_path / "there", tmp_path / "back", "rlds")
+    ((before,), (after,)) = episodes(tmp_path / "in"), episodes(tmp_path / "back")
+    assert after.rate == before.rate
+    for name in ("reward", "observation/state", "action/turn"):
+        assert np.array_equal(after.robot.extra[name], before.robot.extra[name]), name
+    vectors = before.robot.extra["observation/language_embedding"]
+    assert np.array_equal(after.robot.extra["language_embedding"], vectors)
+
+
+def test_a_rate_that_contradicts_the_source_is_refused(tmp_path: Path) -> None:
+    episode = replace(demonstration(6), rate=5.0, source=None)
+    RLDS().write(episode, tmp_path / "in", "a/1.0.0/train/0", dict)
+    done = convert(tmp_path / "in", tmp_path / "out", "rlbench", fps=20)
+    assert done.exit_code == 2
+    assert all("5 frames a second, and --fps says 20" in words for words in done.failures.values())
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +234,7 @@ def in_every_layout(template: Path, tmp_path_factory: pytest.TempPathFactory) ->
     pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
     folder = tmp_path_factory.mktemp("layouts")
     for layout in LAYOUTS[1:]:
-        convert(template, folder / layout, layout)
+        convert(template, folder / layout, layout, fps=RATE)
     return {"rlbench": template} | {layout: folder / layout for layout in LAYOUTS[1:]}
 
 
@@ -138,7 +245,7 @@ def test_every_layout_becomes_every_other(
 ) -> None:
     if source == to:
         return
-    done = convert(in_every_layout[source], tmp_path / "out", to)
+    done = convert(in_every_layout[source], tmp_path / "out", to, fps=RATE)
     assert (done.episodes, done.failures) == (2, {})
     verdict = verify(tmp_path / "out", in_every_layout[source], frames=2)
     assert verdict.passed, verdict.findings

@@ -138,7 +138,7 @@ def test_rejected_copies_after_kept_ones_end_no_run(
     layout: str, template: Path, tmp_path: Path
 ) -> None:
     """Of layouts that gather episodes: each copy keeps its own report, whatever number it gets at the end."""
-    convert(template, tmp_path / "in", layout)
+    convert(template, tmp_path / "in", layout, fps=20)
     wanted = recipe.build({**gated(holes=LIMIT, tries=1).source, "copies": 2})
     out = tmp_path / "out"
     summary = augment(tmp_path / "in", wanted, out)

@@ -269,7 +269,7 @@ def test_wrong_counts_of_a_tfds_dataset_are_found(template: Path, tmp_path: Path
 
 def test_wrong_statistics_of_a_lerobot_dataset_are_found(template: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
-    convert(template, tmp_path / "out", "lerobot")
+    convert(template, tmp_path / "out", "lerobot", fps=20)
     assert verify(tmp_path / "out", template).passed
     path = next((tmp_path / "out").rglob("stats.json"))
     given = json.loads(path.read_bytes())

@@ -30,7 +30,7 @@ def read():
 
 def test_a_converted_recording_is_read(read, samples: Path, tmp_path: Path) -> None:
     source = samples / "rlbench_open_drawer"
-    convert(source, tmp_path / "out", "lerobot")
+    convert(source, tmp_path / "out", "lerobot", fps=20)
     (place,) = (path.parent.parent for path in (tmp_path / "out").rglob("info.json"))
     stated, frames = read(place)
     assert (stated["episodes"], stated["frames"], stated["lengths"]) == (2, 221, [125, 96])

@@ -56,7 +56,7 @@ def test_rdts_own_dataset_is_wrapped(samples: Path, tmp_path: Path) -> None:
 
 def test_lerobots_own_dataset_is_wrapped(samples: Path, tmp_path: Path) -> None:
     python = drivers.reader("lerobot_rpaug/bin/python")
-    convert(samples / "rlbench_open_drawer", tmp_path / "out", "lerobot")
+    convert(samples / "rlbench_open_drawer", tmp_path / "out", "lerobot", fps=20)
     (place,) = (path.parent.parent for path in (tmp_path / "out").rglob("info.json"))
     recipe, out = darker(tmp_path), tmp_path / "frames.npz"
     found = stated(python, "wrap_lerobot.py", place, recipe, out, HOME=str(tmp_path))

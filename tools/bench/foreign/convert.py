@@ -1,6 +1,6 @@
 """Neutral folders become datasets in RLBench's and LeRobot's layouts, by rpaug's own writers.
 
-    python -m tools.bench.foreign.convert --recorded recorded --out data [--half worked] [--lerobot]
+    python -m tools.bench.foreign.convert --recorded recorded --out data [--half worked] [--lerobot FPS]
 
 OUT/<half>/<world>.<task>/ gets RLBench's `all_variations/episodes/episode<i>`, and `truth.json`, which no reader looks
 at: the true instance ids by role. `--lerobot` writes OUT/lerobot/<half>/<world>.<task> as well.
@@ -77,7 +77,7 @@ def main() -> None:
     parser.add_argument("--recorded", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--half", choices=neutral.HALVES, default="worked")
-    parser.add_argument("--lerobot", action="store_true", help="in LeRobot's layout too")
+    parser.add_argument("--lerobot", type=float, metavar="FPS", help="in LeRobot's layout too")
     given = parser.parse_args()
     for task in sorted((given.recorded / given.half).iterdir()):
         out = given.out / given.half / task.name
@@ -88,7 +88,7 @@ def main() -> None:
             print(out, flush=True)
         other = given.out / "lerobot" / given.half / task.name
         if given.lerobot and out.exists() and not other.exists():
-            convert.convert(out, other, "lerobot")
+            convert.convert(out, other, "lerobot", fps=given.lerobot)
             print(other, flush=True)
 
 
