@@ -60,7 +60,7 @@ MAIN_JOB = Pair("real_recolor", "real/rlbench_open_drawer", edits(RECOLOR, selec
 # Datasets are `sample`, `clip` (of a real video), `real/FOLDER` of the real recordings, or BEFORE's output of a pair.
 PAIRS = (
     Pair("to_rdt", "sample", None, ("--to", "rdt")),
-    Pair("to_lerobot", "sample", None, ("--to", "lerobot")),
+    Pair("to_lerobot", "sample", None, ("--to", "lerobot", "--fps", "20")),
     Pair("to_rlds", "sample", None, ("--to", "rlds")),
     Pair("sample_demo", "sample", "demo"),
     Pair("sample_light", "sample", "light_color"),

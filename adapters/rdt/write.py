@@ -13,7 +13,7 @@ from rpaug_adapters.shared import cameras, fresh
 from rpaug_adapters.shared.hdf5 import opened
 from rpaug_adapters.shared.texts import json_bytes
 
-from rpaug import CameraView, Episode, Unsupported, files, geometry
+from rpaug import CameraView, Episode, Unsupported, files
 
 HIGH, LEFT, RIGHT = "cam_high", "cam_left_wrist", "cam_right_wrist"
 EXTERNAL = ("front", "cam_high", "third_person", "image", "image_0", "overhead")  # best first

@@ -32,8 +32,8 @@ def text(
 ) -> str:
     """The card of a dataset made from `source`, by the reports of its episodes. The same run gives the same card.
 
-    It was made by a `recipe`, or `converted` from another layout, which is then named; `lost` is what that did not keep,
-    each with the number of its episodes.
+    It was made by a `recipe`, or `converted` from another layout, which is then named; `lost` is what that did not
+    keep, each with the number of its episodes.
     """
     made = Counter(
         (splits.of(key) or "all", bool(one["synthetic"])) for key, one in reports.items()

@@ -60,7 +60,8 @@ def timed(episode: Episode, fps: float | None) -> Episode:
 
 
 def _compared(writer: Adapter, target: Path, key: str, episode: Episode) -> list[str]:
-    """What a written episode does not hold of the recorded one. Raises Unsupported, and takes it back, if it is wrong."""
+    """What a written episode does not hold of the recorded one, or not exactly. Raises Unsupported, and takes it back,
+    if it is wrong."""
     times = sorted({0, episode.length // 2, episode.length - 1})
     found = list(compare_layouts.compare(key, episode, writer.read(target, key), times))
     wrong = [f"{topic}: {words}" for level, _, topic, words in found if level == "bad"]
@@ -82,8 +83,9 @@ def convert(
     """Write every episode of `source` into the new folder `target` in another layout, and its dataset card.
 
     Episodes appear whole, one by one; each is read again, and its report has as `lost` what it does not hold of the
-    recorded one, or not exactly. One that reads otherwise is taken back. `licence` is the source's, and `fps` its frames
-    a second, where it does not say. Raises BadInput where the source is no dataset or the target is there already.
+    recorded one, or not exactly. One that reads otherwise is taken back. `licence` is the source's, and `fps` its
+    frames a second, where it does not say. Raises BadInput where the source is no dataset or the target is there
+    already.
     """
     reader, writer = registry.adapter_for(source), registry.adapter(layout)
     if reader.name == writer.name:

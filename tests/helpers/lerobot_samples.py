@@ -39,7 +39,7 @@ def episode(seed: int, length: int) -> Episode:
     robot = Robot(
         rng.normal(size=(length, 7)), rng.normal(size=(length, 7)), pose, np.linspace(0, 1, length)
     )
-    return Episode(f"{seed}", views, robot, WORDS[:1], length)
+    return Episode(f"{seed}", views, robot, WORDS[:1], length, rate=10.0)
 
 
 def dataset(folder: Path, *, train: tuple[int, ...] = (5, 3), val: tuple[int, ...] = (4,)) -> Path:

@@ -1,6 +1,7 @@
 """Tiny whole datasets, one a layout, from which spoilt ones are made."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -46,7 +47,7 @@ def rlbench(root: Path) -> None:
 def lerobot(root: Path) -> None:
     """One episode, gathered."""
     writer = adapter("lerobot")
-    writer.write(episode(), root, "toy/train/0", dict)
+    writer.write(replace(episode(), rate=10.0), root, "toy/train/0", dict)
     writer.finish(root, root)
 
 

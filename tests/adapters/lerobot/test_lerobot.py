@@ -390,12 +390,16 @@ def test_paths_are_filled_without_being_run() -> None:
 
 def test_the_rate_is_the_videos_own(tmp_path: Path) -> None:
     recorded = episode(0, 4)
-    assert fresh.rate(recorded) == fresh.RATE
+    assert fresh.rate(recorded) == 10
+    unstated = replace(recorded, rate=None)
+    with pytest.raises(Unsupported, match="--fps"):
+        fresh.rate(unstated)
     times = np.array([[0.0], [1 / 29.97], [2 / 29.97], [3 / 29.97]])
-    filmed = replace(recorded, robot=replace(recorded.robot, extra={"seconds": times}))
+    filmed = replace(unstated, robot=replace(recorded.robot, extra={"seconds": times}))
     assert fresh.rate(filmed) == 30
-    still = replace(recorded, robot=replace(recorded.robot, extra={"seconds": 0 * times}))
-    assert fresh.rate(still) == fresh.RATE
+    still = replace(unstated, robot=replace(recorded.robot, extra={"seconds": 0 * times}))
+    with pytest.raises(Unsupported, match="--fps"):
+        fresh.rate(still)
     assert fresh.described(filmed)["fps"] == 30
     LeRobot().write(recorded, tmp_path, "toy/train/0", dict)
     with pytest.raises(Unsupported, match="30 frames a second, and the episodes before it have 10"):
