@@ -1,5 +1,6 @@
 """What the lerobot adapter writes is read by LeRobot's own dataset class, in its own process, frame by frame."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import drivers
@@ -72,3 +73,25 @@ def test_an_edited_dataset_is_read(read, tmp_path: Path) -> None:
             assert np.array_equal(value, new[key]), key  # originals come first, untouched
     assert new["8/observation.images.front"].mean() != old["0/observation.images.front"].mean()
     assert np.array_equal(new["8/action"], old["0/action"])
+
+
+def test_filmed_depth_is_read(read, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Depth that was edited, as codes in HEVC: LeRobot's loader gives whole millimetres."""
+    pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+    import lerobot_samples
+
+    for side in ("HEIGHT", "WIDTH"):
+        monkeypatch.setattr(lerobot_samples, side, 64)
+    source, adapter = lerobot_samples.filmed_depth(tmp_path / "in"), registry.adapter("lerobot")
+    recorded = adapter.read(source, f"{PLACE}/train/0")
+    view = recorded.views["front"]
+    nearer = replace(view, depth=lambda t: np.where(view.depth(t) > 1, 0.7, view.depth(t)))
+    edited = replace(recorded, views={**recorded.views, "front": nearer})
+    adapter.write(edited, tmp_path / "out", f"{PLACE}/train/0", dict)
+    adapter.finish(source, tmp_path / "out")
+    stated, frames = read(tmp_path / "out" / PLACE)
+    assert stated["depth"] == [lerobot_samples.DEPTH]
+    for t in range(recorded.length):
+        depth = nearer.depth(t)
+        theirs = frames[f"{t}/{lerobot_samples.DEPTH}"][0]
+        assert np.abs(theirs - depth * 1000)[depth > 0].max() < 1.5  # half a code and a rounding

@@ -15,7 +15,7 @@ import lerobot_samples
 import pyarrow.parquet as pq
 from hypothesis import given
 from hypothesis import strategies as st
-from lerobot_samples import WORDS, dataset, episode, halved, picture
+from lerobot_samples import DEPTH, WORDS, dataset, episode, filmed_depth, halved, picture
 from rpaug_adapters.lerobot import LeRobot, codes, fresh, stats, tables
 from rpaug_adapters.lerobot.tables import filled
 from rpaug_adapters.shared import video
@@ -266,39 +266,11 @@ def test_nothing_is_dropped_before_all_is_decoded(
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
-DEPTH = "observation.images.front_depth"
-FILMED = {"depth_min": 0.2, "depth_max": 3.0, "shift": 1.0, "use_log": True}
-
-
 @pytest.fixture
 def filmed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A dataset whose depth is a video, as LeRobot's recorder writes it; one corner was not measured."""
     for side in ("HEIGHT", "WIDTH"):
         monkeypatch.setattr(lerobot_samples, side, video.HEVC_LEAST)
-    adapter, root = LeRobot(), tmp_path / "filmed"
-    for number in range(2):
-        made, own = episode(number, 3 + number), root / f"toy/train/{number}"
-        adapter.write(made, root, f"toy/train/{number}", dict)
-        rows = pq.read_table(own / tables.STAGED).drop_columns([DEPTH])
-        pq.write_table(rows, own / tables.STAGED)
-        with av.open(str(own / f"{DEPTH}.mp4"), "w", format="mp4") as film:
-            options = {"g": "1", "crf": "30", "x265-params": "lossless=1:log-level=none"}
-            stream = film.add_stream("libx265", rate=10, options=options)
-            stream.width, stream.height, stream.pix_fmt = 64, 64, "gray12le"
-            for t in range(made.length):
-                values = codes.Scale(**FILMED).codes(made.views["front"].depth(t))
-                values[:8, :8] = 0
-                frame = av.VideoFrame.from_ndarray(values, format="gray12le")
-                film.mux(stream.encode(frame))
-            film.mux(stream.encode())
-    path = root / "toy" / tables.INFO
-    given = json.loads(path.read_text())
-    about = {"is_depth_map": True, "depth_unit": "mm", "video.pix_fmt": "gray12le"}
-    about |= {f"video.{name}": value for name, value in FILMED.items()}
-    given["features"][DEPTH] |= {"dtype": "video", "info": about}
-    path.write_text(json.dumps(given))
-    adapter.finish(root, root)
-    return root
+    return filmed_depth(tmp_path / "filmed")
 
 
 def stored(root: Path, key: str) -> list[np.ndarray]:
