@@ -21,14 +21,28 @@ import numpy as np
 
 CAMERAS = ("front", "left_shoulder", "right_shoulder", "overhead", "wrist")
 HALVES = ("worked", "held")
+OPENED = frozenset(
+    (
+        "FetchPickAndPlace-v4", "FetchPush-v4",
+        "assembly-v3", "basketball-v3", "bin-picking-v3", "box-close-v3", "button-press-topdown-v3", "coffee-button-v3",
+        "coffee-push-v3", "dial-turn-v3", "door-open-v3", "drawer-close-v3", "drawer-open-v3", "faucet-open-v3",
+        "hammer-v3", "handle-press-v3", "lever-pull-v3", "peg-insert-side-v3", "plate-slide-v3", "push-v3",
+        "shelf-place-v3", "sweep-into-v3",
+        "Lift", "PickPlaceBread", "PickPlaceCan", "Stack",
+    )
+)  # fmt: skip
 
 
 def half(name: str, names: Iterable[str]) -> str:
-    """The half that task `name` of a world belongs to: every second of its tasks in the order of their SHA-256.
+    """The half that task `name` of a world belongs to.
 
-    `names` are all tasks of that world. Nothing but the names decides.
+    Tasks whose figures were looked at once (OPENED) are worked-with. Of the others every second one is set aside, in
+    the order of the SHA-256 of their names; `names` are all tasks of that world. Nothing but the names decides.
     """
-    order = sorted(names, key=lambda one: hashlib.sha256(one.encode()).hexdigest())
+    if name in OPENED:
+        return "worked"
+    fresh = set(names) - OPENED
+    order = sorted(fresh, key=lambda one: hashlib.sha256(one.encode()).hexdigest())
     return HALVES[order.index(name) % 2]
 
 

@@ -23,6 +23,7 @@ tasks = {
         instruction="pick up the block and bring it to the goal", moved=("object0",)
     ),
     "FetchPush-v4": Task(instruction="push the block to the goal", moved=("object0",)),
+    "FetchReach-v4": Task(instruction="reach the goal", moved=()),
 }
 cameras = {
     "front": Eye(eye=(2.3, 0.75, 1.3), at=(1.28, 0.75, 0.42)),
@@ -50,7 +51,7 @@ def rollout(task: str, seed: int) -> Rollout:
     seen, _ = env.reset(seed=seed)
     base = env.unwrapped
     out = Rollout(base.model, str(Path(base.fullpath)))
-    expert = {"FetchPush-v4": _push, "FetchPickAndPlace-v4": _pick}[task](seen)
+    expert = EXPERTS[task](seen)
     lingered = 0
     for _ in range(LONGEST):
         try:
@@ -112,3 +113,11 @@ def _push(seen: dict) -> Expert:
         way = goal - block
         way /= max(np.linalg.norm(way), 1e-6)
         seen = yield _to(seen, block - 0.03 * way + 0.02 * way, -1.0) * (0.5, 0.5, 0.5, 1.0)
+
+
+def _touchless(seen: dict) -> Expert:
+    while True:
+        seen = yield _to(seen, seen["desired_goal"], -1.0) * (0.3, 0.3, 0.3, 1.0)
+
+
+EXPERTS = {"FetchPush-v4": _push, "FetchPickAndPlace-v4": _pick, "FetchReach-v4": _touchless}

@@ -80,6 +80,117 @@ tasks = {
         instruction="put the block on the shelf", moved=("obj",), onto=("shelf.0",)
     ),
     "sweep-into-v3": Task(instruction="sweep the block into the hole", moved=("obj",)),
+    "button-press-v3": Task(
+        instruction="press the button", moved=("button",), onto=("buttonbox",)
+    ),
+    "button-press-topdown-wall-v3": Task(
+        instruction="press the button behind the wall",
+        moved=("button",),
+        onto=("buttonbox",),
+        may={"background": ("wall.0",)},
+    ),
+    "button-press-wall-v3": Task(
+        instruction="press the button behind the wall",
+        moved=("button",),
+        onto=("buttonbox",),
+        may={"background": ("wall.0",)},
+    ),
+    "coffee-pull-v3": Task(
+        instruction="pull the mug away from the coffee machine",
+        moved=("mug",),
+        may={"receiver": ("cm_link", "cmbutton")},
+    ),
+    "disassemble-v3": Task(
+        instruction="take the ring off the peg", moved=("asmbly_peg",), may={"receiver": ("peg",)}
+    ),
+    "door-close-v3": Task(instruction="close the door", moved=("door_link",), onto=("doorlockB",)),
+    "door-lock-v3": Task(
+        instruction="lock the door",
+        moved=("lock_link",),
+        onto=("door_link",),
+        may={"receiver": ("doorlockA",)},
+    ),
+    "door-unlock-v3": Task(
+        instruction="unlock the door",
+        moved=("lock_link",),
+        onto=("door_link",),
+        may={"receiver": ("doorlockA",)},
+    ),
+    "faucet-close-v3": Task(
+        instruction="turn off the faucet", moved=("faucet_link2",), onto=("faucet_link",)
+    ),
+    "hand-insert-v3": Task(instruction="push the block into the hole", moved=("obj",)),
+    "handle-press-side-v3": Task(
+        instruction="press the handle down", moved=("handle_link",), onto=("hdlprs",)
+    ),
+    "handle-pull-v3": Task(
+        instruction="pull the handle up", moved=("handle_link",), onto=("hdlprs",)
+    ),
+    "handle-pull-side-v3": Task(
+        instruction="pull the handle up", moved=("handle_link",), onto=("hdlprs",)
+    ),
+    "peg-unplug-side-v3": Task(
+        instruction="unplug the peg", moved=("plug",), may={"receiver": ("plug_wall",)}
+    ),
+    "pick-out-of-hole-v3": Task(
+        instruction="pick the puck out of the hole",
+        moved=("obj",),
+        table=("world.5",),
+        may={"table": ("tablelink",), "receiver": ("world.5",)},
+    ),
+    "pick-place-v3": Task(instruction="pick up the puck and bring it to the goal", moved=("obj",)),
+    "pick-place-wall-v3": Task(
+        instruction="bring the puck over the wall to the goal",
+        moved=("obj",),
+        may={"background": ("wall",)},
+    ),
+    "plate-slide-back-v3": Task(
+        instruction="slide the plate out of the goal",
+        moved=("puck_channel.0",),
+        may={"receiver": ("puck_goal.0",)},
+    ),
+    "plate-slide-back-side-v3": Task(
+        instruction="slide the plate sideways out of the goal",
+        moved=("puck_channel.0",),
+        may={"receiver": ("puck_goal.0",)},
+    ),
+    "plate-slide-side-v3": Task(
+        instruction="slide the plate sideways into the goal",
+        moved=("puck_channel.0",),
+        onto=("puck_goal.0",),
+    ),
+    "push-back-v3": Task(instruction="pull the puck back to the goal", moved=("obj",)),
+    "push-wall-v3": Task(
+        instruction="push the puck around the wall", moved=("obj",), may={"background": ("wall",)}
+    ),
+    "reach-v3": Task(instruction="reach the goal", moved=()),
+    "reach-wall-v3": Task(
+        instruction="reach the goal behind the wall", moved=(), may={"background": ("wall",)}
+    ),
+    "soccer-v3": Task(
+        instruction="push the ball into the goal", moved=("soccer_ball1",), onto=("soccer_goal",)
+    ),
+    "stick-pull-v3": Task(
+        instruction="pull the box with the stick", moved=("stick.0", "object.0")
+    ),
+    "stick-push-v3": Task(
+        instruction="push the box with the stick", moved=("stick.0", "object.0")
+    ),
+    "sweep-v3": Task(
+        instruction="sweep the block off the table", moved=("obj.0",), may={"receiver": ("floor",)}
+    ),
+    "window-close-v3": Task(
+        instruction="close the window",
+        moved=("windowb_a",),
+        onto=("window.0",),
+        may={"receiver": ("windowb_b",)},
+    ),
+    "window-open-v3": Task(
+        instruction="open the window",
+        moved=("windowb_a",),
+        onto=("window.0",),
+        may={"receiver": ("windowb_b",)},
+    ),
 }
 
 cameras = {

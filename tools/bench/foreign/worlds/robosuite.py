@@ -29,6 +29,14 @@ tasks = {
         instruction="put the bread into the bin", moved=("Bread_main",), onto=("bin2",),
         table=("bin1",), may={"receiver": ("bin1",), "table": ("bin2",)},
     ),
+    "PickPlaceMilk": Task(
+        instruction="put the milk into the bin", moved=("Milk_main",), onto=("bin2",),
+        table=("bin1",), may={"receiver": ("bin1",), "table": ("bin2",)},
+    ),
+    "PickPlaceCereal": Task(
+        instruction="put the cereal into the bin", moved=("Cereal_main",), onto=("bin2",),
+        table=("bin1",), may={"receiver": ("bin1",), "table": ("bin2",)},
+    ),
 }  # fmt: skip
 cameras = {
     "front": Eye(eye=(1.15, 0.0, 1.75), at=(0.02, 0.0, 0.86)),
@@ -134,12 +142,12 @@ def _stack(seen: dict) -> Expert:
         seen = yield _to(seen, above(goal, 0.2), -1.0)
 
 
-def _bin(name: str, place: tuple[float, float]) -> Callable[[dict], Expert]:
+def _bin(name: str, place: tuple[float, float], turned: Callable | None = None) -> Callable[[dict], Expert]:
     """Into the compartment of bin 2 that is `place`'s, metres in the world."""
 
     def run(seen: dict) -> Expert:
         at = seen[f"{name}_pos"].copy()
-        seen = yield from _grasp(seen, at)
+        seen = yield from _grasp(seen, at, turned)
         seen = yield from _reach(seen, above(at, 0.25), 1.0)
         goal = np.array([*place, at[2] + 0.25])
         seen = yield from _reach(seen, goal, 1.0)
@@ -156,4 +164,6 @@ EXPERTS: dict[str, Any] = {
     "Stack": _stack,
     "PickPlaceCan": _bin("Can", (0.1975, 0.4025)),
     "PickPlaceBread": _bin("Bread", (0.1975, 0.1575)),
+    "PickPlaceMilk": _bin("Milk", (0.0025, 0.1575), _along("Milk")),
+    "PickPlaceCereal": _bin("Cereal", (0.0025, 0.4025), _along("Cereal")),
 }
