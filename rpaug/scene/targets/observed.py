@@ -15,8 +15,9 @@ TOUCH = 0.005  # metres beyond what two pixels are apart: nearer surfaces touch
 BESIDE = 0.05  # metres: what is so near may push a thing, where its own contact is hidden
 FAR = 0.10  # metres: gaps beyond it are not measured
 MOST = 200  # points of each of two instances between which a gap is measured
-FIRST = 4  # sampled frames that show what touches before the robot did anything
+FEW = 4  # sampled frames that show what touches before the robot did anything, or when it is done
 STEP = 0.005  # metres between sampled frames: the gripper moves that goes farther
+STRAY = 0.75  # of the gripper's way: what is seen of a thing that rides on it strays less
 REST = 0.002  # metres between sampled frames: what goes less far rests
 
 
@@ -77,24 +78,27 @@ class Evidence:
         among = [self.place[other] for other in others if other != one]
         return np.any(self.gaps[:, self.place[one]][:, among] < TOUCH, 1)
 
-    def share(self, one: int, other: int, frames: slice = slice(None)) -> float:
+    def share(self, one: int, other: int) -> float:
         """Share of the frames that show both in which they touch; 0 where no frame shows both."""
-        gap = self.gaps[frames, self.place[one], self.place[other]]
-        both = ~np.isnan(gap)
-        return float((gap[both] < TOUCH).mean()) if both.any() else 0.0
+        return float((self._shown(one, other) < TOUCH).mean())
 
-    def strongest(self, one: int, others: Collection[int], frames: slice = slice(None)) -> float:
+    def strongest(self, one: int, others: Collection[int]) -> float:
         """The largest share with any of the others."""
-        return max((self.share(one, other, frames) for other in others if other != one), default=0)
+        return max((self.share(one, other) for other in others if other != one), default=0)
 
     def early(self, one: int, others: Collection[int]) -> float:
         """The largest share with any of the others in the first frames that show both."""
-        out = 0.0
-        for other in others:
-            gap = self.gaps[:, self.place[one], self.place[other]]
-            first = gap[~np.isnan(gap)][:FIRST]
-            out = max(out, float((first < TOUCH).mean()) if len(first) else 0.0)
-        return out
+        return max((float((self._shown(one, o)[:FEW] < TOUCH).mean()) for o in others), default=0.0)
+
+    def late(self, one: int, other: int, apart: float = TOUCH) -> float:
+        """In what share of the last frames that show both the other is nearer than so many metres."""
+        return float((self._shown(one, other)[-FEW:] < apart).mean())
+
+    def _shown(self, one: int, other: int) -> Float64[np.ndarray, "k"]:
+        """Gaps in the frames that show both; FAR if there are none."""
+        gap = self.gaps[:, self.place[one], self.place[other]]
+        both = gap[~np.isnan(gap)]
+        return both if len(both) else np.array([FAR])
 
     def middle(self, one: int) -> Float64[np.ndarray, "s 3"]:
         """Where the middle of a thing is."""
@@ -106,20 +110,38 @@ class Evidence:
         """How far the middle of a thing goes from each sampled frame to the next."""
         return np.linalg.norm(np.diff(self.middle(one), axis=0), axis=-1)
 
-    def handled(self, one: int, by: Collection[int]) -> tuple[int, int]:
-        """In how many of the steps in which a thing moves any of the others is beside it; and how many these are."""
-        moves = self.steps(one) > REST
-        among = [self.place[other] for other in by if other != one]
-        beside = np.any(self.gaps[:, self.place[one]][:, among] < BESIDE, 1)
-        return int((moves & (beside[1:] | beside[:-1])).sum()), max(int(moves.sum()), 1)
+    def bounds(
+        self, one: int, frame: int
+    ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
+        """The corners of a thing's box where it is in a sampled frame."""
+        middle, half = self.middle(one)[frame], self.things[one].size / 2
+        return middle - half, middle + half
+
+    def pushed(
+        self, one: int, acted: Mapping[int, Bool[np.ndarray, "s-1"]]
+    ) -> Bool[np.ndarray, "s-1"]:
+        """In which steps a thing moves with another beside it that the robot acts through in that step."""
+        out = np.zeros(len(self.gaps) - 1, bool)
+        for other, steps in acted.items():
+            beside = self.gaps[:, self.place[one], self.place[other]] < BESIDE
+            out |= steps & (beside[1:] | beside[:-1])
+        return out & (self.steps(one) > REST)
 
     def rides(self, one: int, reach: float) -> bool:
-        """Is all that is ever seen of a thing within reach of where the gripper is then, in metres?"""
+        """Is all that is ever seen of a thing within reach of the gripper, in metres, and where the gripper is then?
+
+        It strays from the gripper by less than STRAY of the gripper's way, as other sides of it are seen; what stands
+        still strays by all of it.
+        """
         at = np.nonzero((self.sampled.ids == one) & (self.sampled.depth > 0))
         if self.gripper is None:
             return False
-        apart = np.linalg.norm(self.sampled.points[at] - self.gripper[at[0]], axis=-1)
-        return bool((apart < reach).all())
+        apart = self.sampled.points[at] - self.gripper[at[0]]
+        frames = np.unique(at[0])
+        stray = np.ptp([np.median(apart[at[0] == s], 0) for s in frames], 0)
+        way = np.ptp(self.gripper[frames], 0)
+        near = np.linalg.norm(apart, axis=-1) < reach
+        return bool(near.all() and np.linalg.norm(stray) < STRAY * np.linalg.norm(way))
 
     def rest(self, one: int) -> float:
         """Share of the steps of a moving gripper in which a thing stays where it is; 0 for want of a gripper."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from rpaug.core.types import Belief, Body, Episode
 from rpaug.scene.sampled_frames import SampledFrames, look
-from rpaug.scene.targets.observed import Evidence, Thing, gather
+from rpaug.scene.targets.observed import BESIDE, REST, TOUCH, Evidence, Thing, gather
 from rpaug.scene.targets.supports import THICK, Ground
 
 NAMES = ("manipulated", "receiver", "robot", "table", "background")
@@ -24,11 +24,10 @@ NEAR = 0.15  # metres around the gripper's path within which things are neighbou
 OVER = 0.4  # metres: an arm works that far over its table, more or less
 NEIGHBORS = 0.2  # what the neighbours weigh, beside what is manipulated and the gripper's path
 SIDE = 0.03  # metres: parts of one piece of furniture are within each other's outline by less
-HELD = 0.2  # metres: a joint that no camera sees is no longer
 SMALLER = 0.25  # of the table's area: what lies flush on it and is smaller is a thing on it
 REACH = 0.25  # metres: what stays so near to the gripper is the hand
 AS_FIRM = 0.7  # of the firmest contact: of things that are touched so the largest is the receiver
-LEAST_SURE = 0.8  # of a receiver that is the table for want of anything else
+LEAST_SURE = 0.8  # of what is taken for want of anything else: the table, or what is touched where nothing moves
 SOME = 0.3  # of the last frames, or of the outline: less contact makes no receiver
 LATE = 8  # the last so many-th part of the sampled frames shows where a thing was brought
 
@@ -97,16 +96,20 @@ def _arm(evidence: Evidence) -> dict[int, float]:
     still = {h for h, thing in evidence.things.items() if thing.static}
     movers = evidence.things.keys() - still - arm.keys()
     while arm:
-        joined = {h: evidence.early(h, arm) for h in movers - arm.keys()}
-        fresh = {
-            h: share for h, share in joined.items() if share >= max(OFTEN, evidence.early(h, still))
-        }
+        hand = _hand(evidence, arm)
+        # Too small for a track, and yet it is where the gripper is.
+        fresh = {h: 1.0 for h in still if evidence.early(h, hand) and evidence.rides(h, REACH)}
+        still -= fresh.keys()
+        for h in movers - arm.keys():
+            # What something still holds as well, a handle in the hand, is a link only if it touches one.
+            anchored = evidence.early(h, still)
+            share = evidence.early(h, arm.keys() - hand if anchored >= OFTEN else arm)
+            if share >= max(OFTEN, anchored):
+                fresh[h] = share
         if not fresh:
             break
         arm |= fresh
-    hand = _hand(evidence, arm)
-    # Too small for a track, and yet it is where the gripper is.
-    return arm | {h: 1.0 for h in still if evidence.early(h, hand) and evidence.rides(h, REACH)}
+    return arm
 
 
 def _hand(evidence: Evidence, arm: Collection[int]) -> frozenset[int]:
@@ -116,7 +119,8 @@ def _hand(evidence: Evidence, arm: Collection[int]) -> frozenset[int]:
     return frozenset(
         h
         for h in arm
-        if (np.linalg.norm(evidence.middle(h) - evidence.gripper, axis=-1) < REACH).all()
+        if evidence.things[h].static
+        or (np.linalg.norm(evidence.middle(h) - evidence.gripper, axis=-1) < REACH).all()
     )
 
 
@@ -125,20 +129,24 @@ def _moved(evidence: Evidence, arm: Collection[int], hand: Collection[int]) -> B
     movers = {h for h, thing in evidence.things.items() if not thing.static} - set(arm)
     if not hand:
         return Belief(frozenset(movers), 0.6 if movers else 0.0, ("it moves; no gripper is seen",))
-    found, by = set[int](), set(hand)
-    while fresh := {h for h in movers - found if evidence.handled(h, by)[0]}:
-        found |= fresh
-        by = fresh
+    acted = dict.fromkeys(hand, np.ones(len(evidence.gaps) - 1, bool))
+    while fresh := {
+        h: steps for h in movers - acted.keys() if (steps := evidence.pushed(h, acted)).any()
+    }:
+        acted |= fresh
+    found = frozenset(acted.keys() - hand)
     if not found:
         return NOTHING
     main = max(found, key=lambda h: evidence.steps(h).sum())
-    near, steps = max(evidence.handled(main, hand), evidence.handled(main, found - {main}))
+    moves = evidence.steps(main) > REST
+    near = evidence.pushed(main, {h: steps for h, steps in acted.items() if h != main})
     return Belief(
-        frozenset(found),
-        near / steps,
+        found,
+        float(near.sum() / moves.sum()),
         (
-            f"instance {main} moves in {steps} steps from one sampled frame to the next, in {near} of them beside the "
-            f"hand or what that moves; it rests during {100 * evidence.rest(main):.0f} % of the gripper's way",
+            f"instance {main} moves in {moves.sum()} steps from one sampled frame to the next, in {near.sum()} of "
+            "them beside the hand or what that moves; it rests during "
+            f"{100 * evidence.rest(main):.0f} % of the gripper's way",
         ),
     )
 
@@ -152,7 +160,7 @@ def _pressed(evidence: Evidence, hand: Collection[int], not_these: Collection[in
     second = frames[others[0]] if others else 0
     return Belief(
         frozenset([first]),
-        0.5 + 0.5 * (frames[first] - second) / frames[first] if frames[first] > 1 else 0.3,
+        LEAST_SURE * (frames[first] - second / 2) / frames[first] if frames[first] > 1 else 0.3,
         (
             f"nothing is seen to move, and the hand touches it in {frames[first]} of "
             f"{len(evidence.gaps)} frames, the next in {second}",
@@ -282,7 +290,7 @@ def _base(
         if h not in arm and h not in manipulated and h not in under and thing.size.max() < reach
     }
     lands = {h: ground.falls(h) for h in free | {stillest}}
-    on_table = {h for h in free if sum(lands[h].get(on, 0.0) for on in table) > OFTEN}
+    on_table = _standing(free, lands, table)
     others = set(table) | on_table
     base: dict[int, float] = {}
     while True:
@@ -300,7 +308,11 @@ def _base(
                 firm = max(firm, OFTEN)
             if firm >= OFTEN:
                 fresh[h] = firm
-        if not fresh and not base and (near := _nearest(evidence, stillest, free - on_table)):
+        if (
+            not fresh
+            and not base
+            and (near := _nearest(evidence, stillest, limbs, free - on_table))
+        ):
             fresh = {near: OFTEN}
         if not fresh:
             break
@@ -308,23 +320,35 @@ def _base(
     return base
 
 
-def _nearest(evidence: Evidence, one: int, among: Collection[int]) -> int | None:
-    """What may hold a thing up though no camera sees where: the nearest, if their boxes are not HELD apart."""
-    half = evidence.things[one].size / 2
-    middle = evidence.middle(one)[0]
+def _standing(
+    free: Collection[int], lands: Mapping[int, Mapping[int, float]], table: Collection[int]
+) -> set[int]:
+    """What stands on the table, and on what stands there."""
+    out = set[int]()
+    for _ in free:
+        on = out | set(table)
+        out |= {h for h in free if sum(lands[h].get(one, 0.0) for one in on) > OFTEN}
+    return out
+
+
+def _nearest(
+    evidence: Evidence, one: int, arm: Collection[int], among: Collection[int]
+) -> int | None:
+    """What may hold a thing up though no camera sees where: the nearest, if the link between their boxes that nobody
+    sees is no longer than the longest one seen."""
+    low, high = evidence.bounds(one, 0)
     gaps = {}
     for h in among:
-        beyond = np.abs(evidence.middle(h)[0] - middle) - half - evidence.things[h].size / 2
-        gaps[h] = float(np.linalg.norm(np.maximum(beyond, 0)))
+        under, over = evidence.bounds(h, 0)
+        gaps[h] = float(np.linalg.norm(np.maximum(0, np.maximum(under - high, low - over))))
     near = min(gaps, key=lambda h: gaps[h], default=None)
-    return near if near is not None and gaps[near] < HELD else None
+    longest = max(float(np.linalg.norm(evidence.things[h].size)) for h in arm)
+    return near if near is not None and gaps[near] < longest else None
 
 
 def _below(evidence: Evidence, one: int, part: int) -> bool:
     """Does a thing stand under a part of the robot, within its outline?"""
-    low, high = (
-        evidence.middle(part)[0] + side * evidence.things[part].size / 2 for side in (-1, 1)
-    )
+    low, high = evidence.bounds(part, 0)
     middle = evidence.middle(one)[0]
     return bool(
         (middle[:2] > low[:2] - SIDE).all()
@@ -373,56 +397,66 @@ def _receiver(
     not_these: Collection[int],
     table: Collection[int],
 ) -> Belief:
-    """What the manipulated touches, is in or is over at the end, and what stands within that thing's outline."""
-    things = evidence.things
-    tail = slice(-max(2, len(evidence.gaps) // LATE), None)
+    """What the manipulated touches, is in or is over at the end, what stands within that thing's outline, and what
+    holds it up if it hangs."""
+    free = evidence.things.keys() - set(not_these) - set(table)
     brought = {
-        h: max((_brought(evidence, ground, m, h, tail) for m in manipulated), default=(0.0, ""))
-        for h, thing in things.items()
-        if thing.static and h not in not_these and h not in table
+        h: max((_brought(evidence, ground, m, h) for m in manipulated), default=(0.0, ""))
+        for h in free
     }
     firm = {h: share for h, (share, _) in brought.items()}
     among = [h for h in firm if firm[h] >= max(SOME, AS_FIRM * max(firm.values()))]
     if not among:
         on = [ground.falls(m, -1) for m in manipulated]
         share = max((sum(one.get(h, 0.0) for h in table) for one in on), default=0.0)
-        return Belief(
-            frozenset(table if share else ()),
-            LEAST_SURE * share,
-            (f"the manipulated ends over the table with {100 * share:.0f} % of its outline",),
-        )
-    main = max(among, key=lambda h: things[h].size.prod())
-    outline = things[main]
+        came = {h: max((_approached(evidence, m, h) for m in manipulated), default=0) for h in free}
+        main = max(came, key=lambda h: came[h], default=0)
+        other = came.get(main, 0.0)
+        if other <= share / 2:
+            return Belief(
+                frozenset(table if share else ()),
+                LEAST_SURE * share * (1 - other),
+                (f"the manipulated ends over the table with {100 * share:.0f} % of its outline",),
+            )
+        among = [main]
+        brought[main] = (LEAST_SURE * other, "touches nothing at the end, and is nearest then to")
+    main = max(among, key=lambda h: evidence.things[h].size.prod())
+    low, high = evidence.bounds(main, -1)
+    parts = {main}
+    for h in free:
+        under, over = evidence.bounds(h, -1)
+        if (under[:2] > low[:2] - SIDE).all() and (over[:2] < high[:2] + SIDE).all():
+            parts.add(h)
+    if ground.hangs(main):
+        parts |= {h for h in free if evidence.share(main, h) >= OFTEN}
     return Belief(
-        frozenset(
-            h
-            for h, thing in things.items()
-            if thing.static
-            and h not in not_these
-            and h not in table
-            and (thing.low[:2] > outline.low[:2] - SIDE).all()
-            and (thing.high[:2] < outline.high[:2] + SIDE).all()
-        ),
-        firm[main],
-        (f"the manipulated {brought[main][1]} instance {main}",),
+        frozenset(parts), brought[main][0], (f"the manipulated {brought[main][1]} instance {main}",)
     )
 
 
-def _brought(
-    evidence: Evidence, ground: Ground, one: int, to: int, tail: slice
-) -> tuple[float, str]:
+def _brought(evidence: Evidence, ground: Ground, one: int, to: int) -> tuple[float, str]:
     """How sure a thing was brought to another, or hangs on it, and why."""
-    last, hinged = (
-        evidence.share(one, to, tail),
-        min(evidence.share(one, to), evidence.early(one, [to])),
-    )
-    thing = evidence.things[to]
+    tail = slice(-max(2, len(evidence.gaps) // LATE), None)
+    low, high = evidence.bounds(to, -1)
     middle = evidence.middle(one)[tail]
-    inside = float(((middle > thing.low) & (middle < thing.high)).all(1).mean())
+    inside = float(((middle > low) & (middle < high)).all(1).mean())
     over = ground.falls(one, -1).get(to, 0.0)
+    late = evidence.late(one, to)
+    hinged = min(evidence.share(one, to), evidence.early(one, [to]), evidence.late(one, to, BESIDE))
     return max(
-        (last, f"touches in {100 * last:.0f} % of the last frames"),
-        (hinged, f"touches in {100 * hinged:.0f} % of all frames, from the first on,"),
+        (late, f"touches in {100 * late:.0f} % of the last frames that show both"),
+        (hinged, f"touches in {100 * hinged:.0f} % of all frames, from first to last,"),
         (0.9 * inside, f"ends within {100 * inside:.0f} % of the last frames in"),
         (0.8 * over, f"ends above, with {100 * over:.0f} % of its outline,"),
     )
+
+
+def _approached(evidence: Evidence, one: int, to: int) -> float:
+    """How much of the way between a thing and another is gone at the end, seen from above; 0 if it ends BESIDE or
+    farther, or was nearer before."""
+    low, high = evidence.bounds(to, -1)
+    middle, half = evidence.middle(one), evidence.things[one].size / 2
+    gaps = np.maximum(0, np.maximum(low - half - middle, middle - half - high))[:, :2].max(1)
+    if gaps[-1] >= min(BESIDE, gaps.min() + TOUCH, gaps[0]):
+        return 0.0
+    return float(1 - gaps[-1] / gaps[0])

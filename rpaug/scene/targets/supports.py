@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float64, Int
 
-from rpaug.scene.targets.observed import Evidence, Thing
+from rpaug.scene.targets.observed import BESIDE, Evidence, Thing
 
 FACES_UP = 0.95  # vertical part of a normal that is level
 THICK = 0.02  # metres: heights of one level surface differ by less
@@ -118,6 +118,13 @@ class Ground:
             key=lambda level: level.area,
         )
 
+    def hangs(self, instance_id: int) -> bool:
+        """Is there air below a thing, in the first frame, so that something beside it holds it up?"""
+        low = self._evidence.bounds(instance_id, 0)[0][2]
+        on = self.falls(instance_id)
+        heights = [level.height for level in self.levels if level.instance_id in on]
+        return low - max((h for h in heights if h < low + THICK), default=low) > BESIDE
+
     def carried(self, dropped: Mapping[int, float]) -> "Load":
         """Let things fall straight down, each with its weight, and the gripper's path with the rest of 1; what lands
         on a thing lands with it on what that falls on."""
@@ -133,7 +140,7 @@ class Ground:
             weight[on] += rest * part
         passed = {}
         for instance_id in rank:
-            for on, part in self.falls(instance_id).items():
+            for on, part in _stable(self.falls(instance_id)).items():
                 if rank[on] > rank[instance_id]:
                     passed[instance_id, on] = weight[instance_id] * part
                     weight[on] += passed[instance_id, on]
@@ -154,6 +161,12 @@ class Load:
         """How much stands on any of these."""
         inner = sum(self.passed.get((a, b), 0.0) for a in instance_ids for b in instance_ids)
         return sum(self.weight[h] for h in instance_ids) - inner
+
+
+def _stable(parts: Mapping[int, float]) -> Mapping[int, float]:
+    """What carries more than half of a thing at rest carries it all: what overhangs is held by the rest."""
+    main = max(parts, key=lambda on: parts[on], default=None)
+    return {main: 1.0} if main is not None and parts[main] > 0.5 else parts
 
 
 def _among(cells: Int[np.ndarray, "n"], ordered: Int[np.ndarray, "c"]) -> Bool[np.ndarray, "n"]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import SimpleNamespace
 
 import boxes
 import numpy as np
@@ -9,10 +10,12 @@ import pytest
 from boxes import BLOCK, FLOOR, HAND, OTHER, PAD, TABLE, WALL, Box, World
 
 from rpaug import twin
+from rpaug.core import geometry
 from rpaug.core.errors import TargetError
-from rpaug.core.types import Belief, Scene
+from rpaug.core.types import Belief, Body, Scene
 from rpaug.scene.build import build
 from rpaug.scene.targets import roles
+from rpaug.scene.targets.observed import Evidence, Thing
 from rpaug.scene.targets.targets import Target, find
 from rpaug.scene.tracking import bodies
 
@@ -118,6 +121,86 @@ def test_where_there_is_no_table_things_stand_on_the_floor() -> None:
     left = {h: box for h, box in world.boxes.items() if h != TABLE}
     left[FLOOR] = Box((5, 5, 0.02), boxes.at(0, 0, -0.01))
     assert _believed(replace(world, boxes=left))["table"].instance_ids == {FLOOR}
+
+
+def test_what_settles_by_itself_is_not_manipulated_and_receives() -> None:
+    world = boxes.pick_and_place()
+    drop = np.tile((0.15, 0.2, 0.015), (len(world.gripper), 1))
+    drop[0, 2] += 0.02
+    settling = replace(world.boxes[PAD], poses=boxes.poses(drop))
+    found = _believed(replace(world, boxes={**world.boxes, PAD: settling}))
+    assert found["manipulated"].instance_ids == {BLOCK}
+    assert found["receiver"].instance_ids == {PAD}
+
+
+def test_what_falls_beside_what_falls_was_not_pushed() -> None:
+    gaps = np.zeros((3, 2, 2))
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[1:, 2, 3] = -0.01
+    low, high = np.zeros(3), np.ones(3)
+    body = Body(frozenset([1, 2]), poses, "aligned", 0.0)
+    things = {h: Thing(h, body, np.zeros((1, 3)), np.zeros((1, 3)), low, high) for h in (1, 2)}
+    sampled = SimpleNamespace(frames=np.arange(3))
+    evidence = Evidence(things, sampled, None, gaps)  # type: ignore[arg-type]
+    assert not evidence.pushed(1, {2: np.array([False, True])}).any()
+    assert evidence.pushed(1, {2: np.array([True, False])}).tolist() == [True, False]
+
+
+def test_what_stands_on_the_table_is_not_the_table() -> None:
+    world = boxes.pick_and_place()
+    tray = Box((0.3, 0.3, 0.03), boxes.at(0.1, -0.14, 0.015))
+    lifted = boxes.at(0, 0, 0.03) @ world.boxes[BLOCK].poses
+    gripper = boxes.at(0, 0, 0.03) @ world.gripper
+    higher = {
+        BLOCK: replace(world.boxes[BLOCK], poses=lifted),
+        HAND: replace(world.boxes[HAND], poses=gripper),
+        OTHER: tray,
+    }
+    found = _believed(replace(world, boxes={**world.boxes, **higher}, gripper=gripper))
+    assert found["table"].instance_ids == {TABLE}
+    assert found["receiver"].instance_ids == {PAD}
+
+
+def test_what_hangs_is_one_with_what_holds_it_up() -> None:
+    world = boxes.pick_and_place()
+    block = world.boxes[BLOCK].poses.copy()
+    block[-9:, 2, 3] += 0.1  # it ends that much higher, upon the hanging shelf
+    block[12:-9, 2, 3] += 0.1
+    board = Box((0.14, 0.02, 0.4), boxes.at(0.15, 0.28, 0.3))
+    changed = {
+        PAD: replace(world.boxes[PAD], poses=boxes.at(0.15, 0.2, 0.115)),
+        BLOCK: replace(world.boxes[BLOCK], poses=block),
+        OTHER: board,
+    }
+    found = _believed(replace(world, boxes={**world.boxes, **changed}))
+    assert found["receiver"].instance_ids == {PAD, OTHER}
+
+
+def test_what_is_pushed_up_to_a_thing_is_brought_to_it() -> None:
+    world = boxes.push()
+    end = world.boxes[BLOCK].poses[-1, :3, 3]
+    near = Box((0.1, 0.1, 0.1), boxes.at(end[0], end[1] + 0.06 + 0.05 + 0.045, 0.05))
+    found = _believed(replace(world, boxes={**world.boxes, OTHER: near}))
+    assert found["receiver"].instance_ids == {OTHER}
+    assert found["receiver"].confidence < 0.9
+
+
+def test_a_handle_in_the_hand_from_the_first_frame_is_no_link() -> None:
+    hand = boxes.path((0.0, 0, 0.25), (0.0, 0, 0.15), steps=12)
+    hinge, long = np.array([0.2, 0, 0.2]), 0.2
+    handle = []
+    for angle in np.arcsin((hand[:, 2] - 0.05 - hinge[2]) / long):
+        turned = geometry.rigid(np.array([0, angle, 0]), hinge)
+        handle.append(turned @ boxes.at(-long / 2, 0, 0))
+    things = boxes.furniture() | {
+        PAD: Box((0.1, 0.1, 0.3), boxes.at(0.25, 0, 0.15), (0, 0, 200)),
+        BLOCK: Box((long, 0.06, 0.03), np.stack(handle), (0, 160, 0)),
+        HAND: Box((0.05, 0.12, 0.06), boxes.poses(hand), (230, 230, 230)),
+    }
+    found = _believed(World(things, boxes.poses(hand), np.zeros(len(hand))))
+    assert HAND in found["robot"].instance_ids
+    assert found["manipulated"].instance_ids == {BLOCK}
+    assert found["receiver"].instance_ids == {PAD}
 
 
 def test_what_fills_no_surface_has_no_role(placed: tuple[World, Scene]) -> None:

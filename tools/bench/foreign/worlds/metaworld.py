@@ -80,9 +80,7 @@ tasks = {
         instruction="put the block on the shelf", moved=("obj",), onto=("shelf.0",)
     ),
     "sweep-into-v3": Task(instruction="sweep the block into the hole", moved=("obj",)),
-    "button-press-v3": Task(
-        instruction="press the button", moved=("button",), onto=("buttonbox",)
-    ),
+    "button-press-v3": Task(instruction="press the button", moved=("button",), onto=("buttonbox",)),
     "button-press-topdown-wall-v3": Task(
         instruction="press the button behind the wall",
         moved=("button",),
@@ -170,12 +168,8 @@ tasks = {
     "soccer-v3": Task(
         instruction="push the ball into the goal", moved=("soccer_ball1",), onto=("soccer_goal",)
     ),
-    "stick-pull-v3": Task(
-        instruction="pull the box with the stick", moved=("stick.0", "object.0")
-    ),
-    "stick-push-v3": Task(
-        instruction="push the box with the stick", moved=("stick.0", "object.0")
-    ),
+    "stick-pull-v3": Task(instruction="pull the box with the stick", moved=("stick.0", "object.0")),
+    "stick-push-v3": Task(instruction="push the box with the stick", moved=("stick.0", "object.0")),
     "sweep-v3": Task(
         instruction="sweep the block off the table", moved=("obj.0",), may={"receiver": ("floor",)}
     ),

@@ -33,10 +33,6 @@ tasks = {
         instruction="put the milk into the bin", moved=("Milk_main",), onto=("bin2",),
         table=("bin1",), may={"receiver": ("bin1",), "table": ("bin2",)},
     ),
-    "PickPlaceCereal": Task(
-        instruction="put the cereal into the bin", moved=("Cereal_main",), onto=("bin2",),
-        table=("bin1",), may={"receiver": ("bin1",), "table": ("bin2",)},
-    ),
 }  # fmt: skip
 cameras = {
     "front": Eye(eye=(1.15, 0.0, 1.75), at=(0.02, 0.0, 0.86)),
@@ -142,7 +138,9 @@ def _stack(seen: dict) -> Expert:
         seen = yield _to(seen, above(goal, 0.2), -1.0)
 
 
-def _bin(name: str, place: tuple[float, float], turned: Callable | None = None) -> Callable[[dict], Expert]:
+def _bin(
+    name: str, place: tuple[float, float], turned: Callable | None = None
+) -> Callable[[dict], Expert]:
     """Into the compartment of bin 2 that is `place`'s, metres in the world."""
 
     def run(seen: dict) -> Expert:
@@ -165,5 +163,4 @@ EXPERTS: dict[str, Any] = {
     "PickPlaceCan": _bin("Can", (0.1975, 0.4025)),
     "PickPlaceBread": _bin("Bread", (0.1975, 0.1575)),
     "PickPlaceMilk": _bin("Milk", (0.0025, 0.1575), _along("Milk")),
-    "PickPlaceCereal": _bin("Cereal", (0.0025, 0.4025), _along("Cereal")),
 }
