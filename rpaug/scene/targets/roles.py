@@ -97,15 +97,22 @@ def _arm(evidence: Evidence) -> dict[int, float]:
     movers = evidence.things.keys() - still - arm.keys()
     while arm:
         hand = _hand(evidence, arm)
-        # Too small for a track, and yet it is where the gripper is.
-        fresh = {h: 1.0 for h in still if evidence.early(h, hand) and evidence.rides(h, REACH)}
-        still -= fresh.keys()
-        for h in movers - arm.keys():
+        fresh = {}
+        for h in (movers | still) - arm.keys():
             # What something still holds as well, a handle in the hand, is a link only if it touches one.
-            anchored = evidence.early(h, still)
+            anchored = evidence.early(h, still - {h})
             share = evidence.early(h, arm.keys() - hand if anchored >= OFTEN else arm)
-            if share >= max(OFTEN, anchored):
+            if h in movers and share >= max(OFTEN, anchored):
                 fresh[h] = share
+            # Too small for a track, and yet it is where the gripper is.
+            elif (
+                h in still
+                and anchored < OFTEN
+                and evidence.early(h, hand)
+                and evidence.rides(h, REACH)
+            ):
+                fresh[h] = 1.0
+        still -= fresh.keys()
         if not fresh:
             break
         arm |= fresh
@@ -397,8 +404,8 @@ def _receiver(
     not_these: Collection[int],
     table: Collection[int],
 ) -> Belief:
-    """What the manipulated touches, is in or is over at the end, what stands within that thing's outline, and what
-    holds it up if it hangs."""
+    """What the manipulated touches, is in or is over at the end, or came up to; what stands within that thing's
+    outline, and what it is one with: what touches it and holds it up if it hangs."""
     free = evidence.things.keys() - set(not_these) - set(table)
     brought = {
         h: max((_brought(evidence, ground, m, h) for m in manipulated), default=(0.0, ""))
@@ -427,8 +434,8 @@ def _receiver(
         under, over = evidence.bounds(h, -1)
         if (under[:2] > low[:2] - SIDE).all() and (over[:2] < high[:2] + SIDE).all():
             parts.add(h)
-    if ground.hangs(main):
-        parts |= {h for h in free if evidence.share(main, h) >= OFTEN}
+    holding = free if ground.hangs(main) else among
+    parts |= {h for h in holding if evidence.share(main, h) >= OFTEN}
     return Belief(
         frozenset(parts), brought[main][0], (f"the manipulated {brought[main][1]} instance {main}",)
     )
