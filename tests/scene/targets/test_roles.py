@@ -178,7 +178,7 @@ def test_what_hangs_is_one_with_what_holds_it_up() -> None:
 
 def test_what_comes_up_to_a_thing_was_brought_to_it_and_what_passes_by_was_not() -> None:
     frames, still = np.arange(4), np.tile(np.eye(4), (4, 1, 1))
-    way = np.array([0.0, 0.2, 0.4, 0.6])
+    way = np.array([0.0, 0.3, 0.54, 0.6])
     poses = still.copy()
     poses[:, 0, 3] = way
     corner, none = np.full(3, 0.02), np.zeros((1, 3))
