@@ -10,6 +10,7 @@ import argparse
 import json
 import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,9 @@ from rpaug.core.files import atomic_folder
 from rpaug.pipeline import convert
 from tools.bench.foreign import neutral
 
+RATE = (
+    20.0  # frames a second, taken for the episodes' own: RLBench's readers ask for joint velocities
+)
 FAR = 10.0  # metres: the far plane, where RLBench's cameras see nothing
 TRUTH = "truth.json"
 
@@ -57,7 +61,7 @@ def rlbench(task: Path, out: Path) -> None:
     with atomic_folder(out) as work:
         for number, folder in enumerate(finished(task)):
             key = f"all_variations/episodes/episode{number}"
-            writer.write(read(folder, key), work, key, dict)
+            writer.write(replace(read(folder, key), rate=RATE), work, key, dict)
             facts = neutral.facts(folder)
             truth[key] = {name: facts[name] for name in ("seed", "ids", "roles")}
         (work / TRUTH).write_text(json.dumps(truth, indent=1))
