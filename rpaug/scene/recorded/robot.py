@@ -39,7 +39,7 @@ def recorded(scene: Scene) -> tuple[PartColors, ...]:
     parts, found = scene.robot_parts, [list[np.ndarray]() for _ in scene.robot_parts]
     times = spread(scene.episode.length)[:FRAMES] if parts else []
     for view in scene.episode.views.values():
-        for t in times:
+        for t in times if view.ids else ():
             assert view.depth is not None
             assert view.ids is not None
             rows, columns, number, features = _seen(

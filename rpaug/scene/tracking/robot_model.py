@@ -70,8 +70,11 @@ def found(path: Path, episode: Episode) -> tuple[tuple[RobotPart, ...], str]:
     shape = read(path, robot.joint_positions.shape[1])
     if isinstance(shape, str):
         return (), shape and f"{path.name}: the robot's shape is not used: {shape}"
-    if not views or arms.misfits([path], robot):
+    if arms.misfits([path], robot):
         return (), ""  # the arm itself is refused, with its reason
+    if not views:
+        said = "no fixed camera recorded depth and masks to hold it against"
+        return (), f"{path.name}: the robot's shape is not used: {said}"
     base, zeros, _ = arms.calibrated(arms.read(path, len(shape.joints)), robot)
     times = np.unique(np.linspace(0, episode.length - 1, FRAMES).round().astype(int)).tolist()
     sights = [(view, t) for view in views for t in times]

@@ -115,6 +115,13 @@ def test_a_shape_that_the_recording_does_not_show_is_refused(
     assert "(at least 80)" in said
 
 
+def test_without_a_camera_to_hold_it_against_it_is_refused(file: Path, episode: Episode) -> None:
+    views = {name: replace(view, ids=None) for name, view in episode.views.items()}
+    parts, said = robot_model.found(file, replace(episode, views=views))
+    assert parts == ()
+    assert "no fixed camera recorded depth and masks" in said
+
+
 def test_a_urdf_brings_its_meshes(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     creation.box((0.2, 0.1, 0.1)).export(tmp_path / "meshes/link.stl")
