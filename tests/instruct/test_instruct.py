@@ -63,6 +63,12 @@ class TestFollowed:
             "lift the block",
         )
 
+    def test_words_that_name_nothing_may_not_keep_the_old_color(self, block):
+        new = "orange" if block != "orange" else "azure"
+        stated = given(f"lift the {block} block", f"lift_{block}_block_table")
+        with pytest.raises(Untrue, match=f"still says '{block}'"):
+            after(stated, self.paint(new))
+
     def test_paint_elsewhere_leaves_the_words(self, block):
         stated = given(f"put the {block} block on the pad")
         assert after(stated, {"op": "table_color"}) == stated.descriptions
