@@ -76,7 +76,12 @@ def _view(
             continue
         pairs = [(before(t), after(t)) for t in times]
         if kind == "depth" and any((new[old == 0] != 0).any() for old, new in pairs):
-            yield "near", key, kind, f"{name}: pixels without depth are on the layout's near plane"
+            yield (
+                "near",
+                key,
+                kind,
+                f"{name}: pixels without depth are on a plane at the layout's limit",
+            )
             pairs = [(old, np.where(old == 0, 0, new)) for old, new in pairs]
         off = max(float(np.abs(old.astype(float) - new).max()) for old, new in pairs)
         if off > slack:
