@@ -1,8 +1,9 @@
 """Shadows that standing things cast on the table: found where a recording has them, sent along with edited things.
 
 A lamp far away darkens the same share of light on all that a thing hides from it. Where a direction is a lamp's, the
-table is darker inside the outlines that all standing things cast along it than just outside. Outlines are the convex
-outlines of what was seen of the things. Only the table's own shading is changed, by one factor per lamp and place.
+table is darker inside the outlines that all standing things cast along it than just outside. What moves tells more: its
+shadow comes and goes, and the table's own pattern does not. Outlines are the convex outlines of what was seen of the
+things. Only the table's own shading is changed, by one factor per lamp and place.
 
 In photographs there is light from all sides too, and what is put in keeps a part of it from the table at its foot. A
 simulator's renderer has nothing of the kind; so this is done only for sources without masks, which simulators have.
@@ -10,17 +11,19 @@ simulator's renderer has nothing of the kind; so this is done only for sources w
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import chain
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
 
-from rpaug.core import geometry
+from rpaug.core import geometry, sampling
 from rpaug.core.memo import bare, once
 from rpaug.core.pixels import grown
 from rpaug.core.types import Body, Scene, Surface
 from rpaug.scene.placement import free_space, placing
-from rpaug.scene.placement.placing import hull, points_of
+from rpaug.scene.placement.placing import hull, points_by_instance_id, points_of
 
 CELL, COARSE = (
     0.005,
@@ -36,6 +39,8 @@ AGREE = (
 )
 MOST_LAMPS = 3
 FEW = 12  # cells
+LOOKS = 4  # frames at which the shadows of what moves are looked for
+CORNERS = 96  # directions in which a thing's outline is kept
 BESIDE = 3  # cells around an outline that it is compared with
 SOFT = 0.7  # cells: standard deviation of a shadow's edge
 THICK = 0.006  # metres: what is lower casts nothing worth drawing
@@ -85,29 +90,84 @@ def lamps(scene: Scene) -> list[list[float]]:
 @once
 def _lamps(scene: Scene) -> list[list[float]]:
     table = None if placing.roving(scene) else _table(scene, COARSE)
-    if table is None:
+    looks = [] if table is None else _looks(scene, table)
+    if table is None or not looks:
         return []
-    light = _brightness(scene, table)
-    casters = list(_outlines(scene, table))
-    if not casters:
-        return []
-    covered = _filled([points[:, :2] for points in casters], table)
     found: list[list[float]] = []
     grid = _directions()
     for _ in range(MOST_LAMPS):
-        scores = [_contrast(light, covered, casters, direction, table) for direction in grid]
+        scores = [_contrast(looks, direction, table) for direction in grid]
         share, sure = max(scores, key=lambda score: score[1])
         if share < LEAST or sure < SURE:
             break
         best = grid[int(np.argmax([score[1] for score in scores]))]
-        alone = [_contrast(light, covered, [one], best, table) for one in casters]
+        alone = [_contrast([look for look in looks if look.relative], best, table)]
+        alone += [
+            _contrast([replace(look, things=[one])], best, table)
+            for look in looks
+            for one in look.things
+            if not look.relative
+        ]
         given = [one_share > LEAST / 2 for one_share, one_sure in alone if one_sure != 0]
         if np.mean(given) < AGREE if given else True:
             break
         found.append([round(float(value), 5) for value in (*best, share)])
-        shadow = _cast(casters, best, table)
-        light = np.where(shadow, light / (1 - share), light)
+        looks = [_without(look, best, share, table) for look in looks]
     return found
+
+
+@dataclass(frozen=True)
+class _Look:
+    """The support's light by cell, levels of 255 or nan, the cells that things stand on, and the outlines of each
+    thing that may cast a shadow there. Light that is `relative` is 255 where the cell is as bright as it ever is."""
+
+    light: Float64[np.ndarray, "r c"]
+    covered: Bool[np.ndarray, "r c"]
+    things: list[list[Float64[np.ndarray, "n 3"]]]
+    relative: bool
+
+    @property
+    def outlines(self) -> list[Float64[np.ndarray, "n 3"]]:
+        return list(chain.from_iterable(self.things))
+
+
+def _looks(scene: Scene, table: _SupportPlane) -> list[_Look]:
+    """What stands, on the table as bright as it ever is; and frames of what moves, relative to that.
+
+    Without things of either kind its looks are left out.
+    """
+    frames = sampling.frames(scene.episode.length, LOOKS)
+    light = np.stack(
+        [_brightness(scene, table, t) for t in frames]
+    )  # frames, cameras, rows, columns
+    most = np.fmax.reduce(light, axis=0)
+    standing = list(_outlines(scene, table))
+    covered = _filled([points[:, :2] for points in standing], table)
+    looks = [_Look(_mean(most), covered, [[one] for one in standing], False)]
+    for t, now in zip(frames, light, strict=True):
+        moving = list(_moving(scene, table, t))
+        below = [points[:, :2] for points in moving if points[:, 2].min() < free_space.MARGIN]
+        looks.append(
+            _Look(_mean(255 * now / most), covered | _filled(below, table), [moving], True)
+        )
+    return [look for look in looks if any(look.things)]
+
+
+def _without(
+    look: _Look, direction: Float64[np.ndarray, "3"], share: float, table: _SupportPlane
+) -> _Look:
+    """The look without one lamp's shadows. What is left at the edges of a shadow that moved is no other lamp's."""
+    shadow = _cast(look.outlines, direction, table)
+    light = np.where(shadow, look.light / (1 - share), look.light)
+    if look.relative:
+        light[grown(shadow, BESIDE) & grown(~shadow, BESIDE)] = np.nan
+    return replace(look, light=light)
+
+
+def _mean(light: Float64[np.ndarray, "k r c"]) -> Float64[np.ndarray, "r c"]:
+    """Over cameras, by cell; nan where none knows it."""
+    count = (~np.isnan(light)).sum(0)
+    return np.divide(np.nansum(light, 0), count, out=np.full(count.shape, np.nan), where=count > 0)
 
 
 def follow(before: Scene, after: Scene, cast: Sequence[Sequence[float]]) -> Scene:
@@ -186,7 +246,7 @@ def _outlines(scene: Scene, table: _SupportPlane) -> Iterator[Float64[np.ndarray
             points = points - [0, 0, table.level]
             small = np.ptp(points[:, :2], axis=0).max() < 1.0 if len(points) else False
             if small and points[:, 2].max() > THICK and points[:, 2].min() < free_space.MARGIN:
-                yield points
+                yield _corners(points)
 
 
 def _points(scene: Scene, body: Body) -> Iterator[Float64[np.ndarray, "n 3"]]:
@@ -203,39 +263,81 @@ def _points(scene: Scene, body: Body) -> Iterator[Float64[np.ndarray, "n 3"]]:
             yield geometry.transform(body.to_world[0], body.scale * own)
 
 
-def _brightness(scene: Scene, table: _SupportPlane) -> Float64[np.ndarray, "r c"]:
-    """The table's brightness by cell as fixed cameras saw it at first, in their mean; nan where none did."""
-    total, count = np.zeros(table.shape), np.zeros(table.shape)
+def _moving(scene: Scene, table: _SupportPlane, t: int) -> Iterator[Float64[np.ndarray, "n 3"]]:
+    """The same of each rigid instance that moves, where it is at t, whether it stands on the table or not."""
+    moving = {
+        one: body
+        for body in scene.bodies
+        if body.motion != "static" and not body.soft
+        for one in body.instance_ids
+    }
+    for one, points in points_by_instance_id(scene, moving, 2).items():
+        if len(points) > 3:
+            to_world = moving[one].to_world
+            motion = to_world[t] @ geometry.inverse(to_world[0])
+            yield _corners(geometry.transform(motion, points) - [0, 0, table.level])
+
+
+def _corners(points: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "m 3"]:
+    """The points that lie outermost in one of many directions."""
+    return points[np.unique((points @ _sphere().T).argmax(0))]
+
+
+@cache
+def _sphere() -> Float64[np.ndarray, "d 3"]:
+    """Directions spread evenly (a Fibonacci lattice)."""
+    number = np.arange(CORNERS) + 0.5
+    z, turn = 1 - 2 * number / CORNERS, np.pi * (1 + 5**0.5) * number
+    flat = np.sqrt(1 - z * z)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], -1)
+
+
+def _brightness(scene: Scene, table: _SupportPlane, t: int) -> Float64[np.ndarray, "k r c"]:
+    """The table's brightness by fixed camera and cell at t; nan where a camera does not see it."""
+    out = []
     for view in scene.episode.views.values():
         if not view.camera.fixed or view.depth is None or view.ids is None:
             continue
-        use = np.isin(view.ids(0), list(table.instance_ids)) & (view.depth(0) > 0)
-        points = geometry.world_points(view.depth(0).astype(float), view.camera, 0)[use]
+        use = np.isin(view.ids(t), list(table.instance_ids)) & (view.depth(t) > 0)
+        points = geometry.world_points(view.depth(t).astype(float), view.camera, t)[use]
         columns, rows = np.rint((points[:, :2] - table.origin) / table.cell).astype(int).T
         good = (np.abs(points[:, 2] - table.level) < placing.LEVEL) & (rows >= 0) & (columns >= 0)
         good &= (rows < table.shape[0]) & (columns < table.shape[1])
-        np.add.at(total, (rows[good], columns[good]), view.rgb(0)[use][good].mean(-1))
+        total, count = np.zeros(table.shape), np.zeros(table.shape)
+        np.add.at(total, (rows[good], columns[good]), view.rgb(t)[use][good].mean(-1))
         np.add.at(count, (rows[good], columns[good]), 1)
-    return np.divide(total, count, out=np.full(table.shape, np.nan), where=count > 0)
+        out.append(np.divide(total, count, out=np.full(table.shape, np.nan), where=count > 0))
+    return np.stack(out)
 
 
 def _contrast(
-    light: Float64[np.ndarray, "r c"],
-    covered: Bool[np.ndarray, "r c"],
-    casters: list[Float64[np.ndarray, "n 3"]],
-    direction: Float64[np.ndarray, "3"],
-    table: _SupportPlane,
+    looks: Sequence[_Look], direction: Float64[np.ndarray, "3"], table: _SupportPlane
 ) -> tuple[float, float]:
-    """Share of light that is missing in the shadows along a direction, and by how many standard errors."""
-    shadow = _cast(casters, direction, table)
-    around = grown(shadow, BESIDE)
-    inside, beside = light[shadow & ~covered], light[around & ~shadow & ~covered]
-    inside, beside = (np.log(np.maximum(part[~np.isnan(part)], 1)) for part in (inside, beside))
-    if len(inside) < FEW or len(beside) < FEW:
+    """Share of light that is missing in the shadows along a direction, and by how many standard errors, over the looks
+    that can tell."""
+    cast = [_cast(look.outlines, direction, table) for look in looks]
+    known = [~look.covered & ~np.isnan(look.light) for look in looks]
+    bare = [
+        seen & ~shadow
+        for look, shadow, seen in zip(looks, cast, known, strict=True)
+        if look.relative
+    ]
+    comes_and_goes = np.any(bare, 0) if bare else np.zeros(table.shape, bool)
+    offs, weights = [], []
+    for look, shadow, seen in zip(looks, cast, known, strict=True):
+        use = seen & comes_and_goes if look.relative else seen
+        sides = shadow & use, grown(shadow, BESIDE) & ~shadow & use
+        inside, beside = (np.log(np.maximum(look.light[side], 1)) for side in sides)
+        if len(inside) >= FEW and len(beside) >= FEW:
+            error = np.hypot(
+                inside.std() / np.sqrt(len(inside)), beside.std() / np.sqrt(len(beside))
+            )
+            offs.append(float(np.median(beside) - np.median(inside)))
+            weights.append(1 / max(float(error), 1e-3) ** 2)
+    if not offs:
         return 0.0, 0.0
-    off = float(np.median(beside) - np.median(inside))
-    error = np.hypot(inside.std() / np.sqrt(len(inside)), beside.std() / np.sqrt(len(beside)))
-    return 1 - float(np.exp(-off)), off / max(float(error), 1e-3)
+    off = float(np.average(offs, weights=weights))
+    return 1 - float(np.exp(-off)), off * float(np.sqrt(sum(weights)))
 
 
 def _cast(
