@@ -78,11 +78,14 @@ def measure(episode: Episode, edit: dict[str, object], seed: int) -> dict[str, f
     }
 
 
-def episodes(datasets: Sequence[Path], tasks: Sequence[str], frames: int) -> Iterator[Episode]:
-    """All episodes of the datasets, and one of each task of the twin."""
+def episodes(
+    datasets: Sequence[Path], keys: Sequence[str], tasks: Sequence[str], frames: int
+) -> Iterator[Episode]:
+    """The datasets' episodes, all or those of `keys`, and one of each task of the twin."""
     for dataset in datasets:
         for key in rpaug.episodes(dataset):
-            yield rpaug.read(dataset, key)
+            if not keys or key in keys:
+                yield rpaug.read(dataset, key)
     for task in tasks:
         yield twin.perform(task, 0, frames=frames).episode
 
@@ -96,6 +99,9 @@ def main() -> None:
     parser.add_argument(
         "--twin", action="append", default=[], help="a task of the twin; repeatable"
     )
+    parser.add_argument(
+        "--episode", action="append", default=[], help="only these of the datasets; repeatable"
+    )
     parser.add_argument("--frames", type=int, default=33, help="that the twin records")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="*", choices=tuple(EDITS), default=tuple(EDITS))
@@ -104,7 +110,7 @@ def main() -> None:
     )
     given = parser.parse_args()
     found: dict[str, list[dict[str, float]]] = {name: [] for name in given.only}
-    for episode in episodes(given.dataset, given.twin, given.frames):
+    for episode in episodes(given.dataset, given.episode, given.twin, given.frames):
         for name in given.only:
             try:
                 one = measure(episode, EDITS[name], given.seed)
@@ -127,12 +133,15 @@ def main() -> None:
     for row in rows:
         print(*row)
     if given.record:
+        words = ["DATASET"] * len(given.dataset) + [f"--episode {key}" for key in given.episode]
+        words += [f"--twin {task}" for task in given.twin]
+        words += [f"--frames {given.frames}", f"--seed {given.seed}"]
+        if given.only != tuple(EDITS):
+            words += ["--only", *(f"'{name}'" for name in given.only)]
         table = pages.Table(
             id="steady",
             title="Flicker where nothing moves, % of still pixels",
-            command="python -m tools.bench.steady "
-            + " ".join(f"--twin {task}" for task in given.twin)
-            + " DATASET",
+            command=" ".join(["python -m tools.bench.steady", *words]),
             seeds=given.record,
             columns=("edit", "share that changes, %", "most, levels", "million pixels", "episodes"),
             rows=rows,
