@@ -40,10 +40,11 @@ FACTORS_ASKED = (
 LAMP = (twin.TwinLamp(0.4, 0.9),)  # the only one, where its direction changes
 OLD_LIGHT = 0.5  # as the twin's lamps are recorded
 DIMMED = 0.5  # of the light, to see which pixels follow it
-ITS_OWN_LIGHT = (
+UNASKED = (
     "light_direction",
     "camera_pose",
-)  # factors rendered where nothing is too bright, or needs no light
+    "distractor",
+)  # factors that take no recorded surface's light apart
 ROUNDED = 4  # levels by which twice the dimmed pixel may differ
 Changes = dict[str, dict[str, Any]]
 
@@ -252,7 +253,7 @@ def scored(
 def _figures(trial: Trial, factor: str) -> dict[str, Any]:
     recorded, true = trial.pair(factor)
     case, found = CASES[factor], {}
-    apart = {} if factor in ITS_OWN_LIGHT else trial.overlit()
+    apart = {} if factor in UNASKED else trial.overlit()
     whole = factor != "light_direction"  # of that lamp's light only some frames are rendered
     seen = replace(recorded, episode=trial.whole) if whole else recorded
     frames = trial.frames if whole else list(range(recorded.episode.length))
@@ -333,20 +334,23 @@ def main() -> None:
                 said = {method: round(one["psnr"], 1) for method, one in figures.items()}
                 print(place, said, "outside", figures[TOLD]["outside"], flush=True)
     tasks = "".join(f" --task {task}" for task in given.task or ())
+    places = {place.rpartition("|")[0] for place in kept}
+    command = (
+        "tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits"
+    )
     tell(
-        rows(kept, half), given.record, id=f"edits-{half}", title=f"Edits against the truth, {half}", columns=COLUMNS,
-        seeds=f"{len({place.rpartition('|')[0] for place in kept})} tasks, one episode each, {FRAMES} frames",
-        command="python -m tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits"
-        + " --held" * given.held + tasks,
+        "foreign_edits", rows(kept, half), given.record, id=f"edits-{half}", columns=COLUMNS,
+        title=f"Edits against the truth, {half}", seeds=f"{len(places)} tasks, an episode each, {FRAMES} frames",
+        command=f"python -m {command}{' --held' * given.held}{tasks}",
     )  # fmt: skip
 
 
-def tell(rows: list[list[pages.Cell]], record: bool, **table: Any) -> None:
-    """Print rows, and keep them as a table of the page on foreign worlds if they are to be recorded."""
+def tell(topic: str, rows: list[list[pages.Cell]], record: bool, **table: Any) -> None:
+    """Print rows, and keep them as a table of a topic's page if they are to be recorded."""
     for row in rows:
         print("  ".join(pages.shown(cell) for cell in row))
     if record:
-        pages.record("foreign", pages.Table(rows=rows, **table, **pages.stamp()))
+        pages.record(topic, pages.Table(rows=rows, **table, **pages.stamp()))
 
 
 if __name__ == "__main__":

@@ -159,9 +159,10 @@ def main() -> None:
                 )
                 write_atomic(file, json.dumps(kept, indent=1).encode())
                 print(place, kept[place], flush=True)
+    tasks = {place.split("|")[0] for place in kept}
     tell(
-        rows(kept, half), given.record, id=f"recipes-{half}", title=f"Shipped recipes, {half}", columns=COLUMNS,
-        seeds=f"{len({place.split('|')[0] for place in kept})} tasks, one episode each",
+        "foreign", rows(kept, half), given.record, id=f"recipes-{half}", columns=COLUMNS,
+        title=f"Shipped recipes, {half}", seeds=f"{len(tasks)} tasks, one episode each",
         command=f"python -m tools.bench.foreign.run --data DATA{' --held' * given.held}",
     )  # fmt: skip
 

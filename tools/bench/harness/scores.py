@@ -110,7 +110,7 @@ def measure(
     return Scores(
         psnr=metrics.psnr(float(square.mean())),
         psnr_scaled=metrics.psnr(_scaled(products) / (3 * len(square))),
-        psnr_seen=metrics.psnr(float(square[~hole].mean())),
+        psnr_seen=metrics.psnr(float(square[~hole].mean())) if not hole.all() else float("nan"),
         holes=float(hole.mean()),
         ssim=_mean(alike),
         iou=metrics.mean_iou(masks),
