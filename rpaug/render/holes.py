@@ -7,7 +7,7 @@ then vote on which thing it is, so that two backgrounds meet along a line. Beyon
 nothing moved aside: there the nearest end is continued, be it of an arm. And where the camera looked through a
 continued surface, that is not there.
 
-Colors are those two pixels behind the hole's edge: at the edge itself they are mixed. The hole mask stays with
+Colors are mirrored at the hole's edge, and not from the edge itself, where they are mixed. The hole mask stays with
 the picture so that nobody takes it for a recording.
 """
 
@@ -229,7 +229,7 @@ def _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen):
                 weight = 1.0 / away[n, axis] ** 2
                 down, right = i - row, j - column
                 pace = max(abs(down), abs(right))
-                a, b = _clean(ids, missing, i, j, down // pace, right // pace, CLEAN)
+                a, b = _clean(ids, missing, i, j, down // pace, right // pace, max(CLEAN, pace))
                 total += weight
                 red += weight * rgb[a, b, 0]
                 green += weight * rgb[a, b, 1]

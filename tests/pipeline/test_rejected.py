@@ -14,7 +14,7 @@ from rpaug.pipeline.convert import convert
 from rpaug.scene.build import build
 
 MOVING = {"op": "camera_pose", "camera": "front", "shift": 0.15, "turn": 0.05}
-LIMIT = 0.45  # of holes: some draws keep it, others do not
+LIMIT = 0.1  # of holes: some draws keep it, others do not
 
 
 def gated(**limits: object) -> recipe.Recipe:
