@@ -1,6 +1,7 @@
 """A resized thing keeps its foot or its grip, and a grasp that would no longer hold is refused with the number."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -140,6 +141,26 @@ def test_a_box_takes_its_lid_along():
     recorded = build(take.episode, with_bodies=True)
     lid, box = (frozenset([take.truth.handles[name]]) for name in ("lid", "box"))
     assert growing.held(recorded, box) == (lid, {})
+
+
+def test_a_drawer_takes_neither_its_cabinet_nor_the_next_drawer_along(monkeypatch):
+    rng = np.random.default_rng(0)
+    sides = rng.uniform((-0.2, -0.2, 0.0), (0.2, 0.2, 0.4), (4000, 3))
+    sides = sides[np.abs(sides[:, :2]).max(1) > 0.18]
+
+    def drawer(low):
+        return rng.uniform((-0.175, -0.19, low), (0.175, 0.175, low + 0.15), (2000, 3))
+
+    book = rng.uniform((-0.1, -0.1, 0.03), (0.1, 0.1, 0.06), (500, 3))
+    clouds = {1: sides, 2: drawer(0.02), 3: drawer(0.18), 4: book}
+    monkeypatch.setattr(growing, "points_by_instance_id", lambda scene, ids: clouds)
+    bodies = [
+        SimpleNamespace(instance_ids=frozenset({one}), to_world=np.tile(np.eye(4), (3, 1, 1)))
+        for one in clouds
+    ]
+    cabinet = SimpleNamespace(tracked=bodies, roles={})
+    assert growing.held(cabinet, frozenset({2})) == (frozenset({4}), {})
+    assert growing.held(cabinet, frozenset({1})) == (frozenset({2, 3, 4}), {})
 
 
 def test_what_is_taken_out_keeps_its_size_and_is_a_contact():

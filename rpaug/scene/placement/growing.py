@@ -33,7 +33,8 @@ def held(
     """What some instances hold at first, in them or on them: the ids of what never leaves them, and what does leave.
 
     Of each body that leaves, by its ids, the height in metres of its foot in the world. A drawer stays, pulled out as
-    it may be, as long as some of it is inside.
+    it may be, as long as some of it is inside. Of two things that lie in one another the larger holds; and
+    what only lies above the instances, in what holds both, is held by that: one drawer does not carry the next.
     """
     apart = instance_ids.union(*(scene.roles.get(role, frozenset()) for role in APART))
     others = [body for body in scene.tracked if not body.instance_ids & apart]
@@ -42,9 +43,14 @@ def held(
     stays, leaves = frozenset[int](), dict[frozenset[int], float]()
     if len(outer) < FEW:
         return stays, leaves
-    for body in others:
-        own = _joined(clouds, body.instance_ids)
-        if not _held(own, outer):
+    every = [_joined(clouds, body.instance_ids) for body in others]
+    holders = [own for own in every if _contains(own, outer)]
+    top = float(np.quantile(outer[:, 2], 1 - FOOT)) - INSIDE
+    for body, own in zip(others, every, strict=True):
+        if not _held(own, outer) or _contains(own, outer):
+            continue
+        above = float(np.quantile(own[:, 2], FOOT)) > top
+        if above and any(_contains(holder, own) for holder in holders):
             continue
         if all(_held(geometry.transform(step, own), outer, 0.0) for step in _steps(body)):
             stays |= body.instance_ids
@@ -70,11 +76,23 @@ def _held(
 ) -> bool:
     """Whether at least that share of a thing lies in the outline of another, seen from above, and some of it above the
     other's foot and no higher than a lid would."""
+    if len(points) < FEW:
+        return False
     low, high = outer[:, 2].min() + INSIDE, outer[:, 2].max() + LID
     normals, offsets = _sides(hull(outer))
     within = (points[:, :2] @ normals.T - offsets).max(1, initial=-np.inf) < -INSIDE
     there = within & (points[:, 2] > low) & (points[:, 2] < high)
     return bool(within.mean() >= least and there.sum() >= FEW)
+
+
+def _contains(holder: Float64[np.ndarray, "n 3"], outer: Float64[np.ndarray, "m 3"]) -> bool:
+    """Whether a thing holds another rather than the other way round: it is the larger."""
+    return len(holder) >= FEW and _room(holder) > _room(outer) and _held(outer, holder)
+
+
+def _room(points: Float64[np.ndarray, "n 3"]) -> float:
+    """The upright prism around points, cubic metres."""
+    return float(cv2.contourArea(hull(points).astype(np.float32)) * np.ptp(points[:, 2]))
 
 
 def largest(
