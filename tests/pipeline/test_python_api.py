@@ -111,6 +111,7 @@ def test_arrays_make_an_episode_that_is_augmented_inspected_and_written(tmp_path
         **given,
         instruction="push the red square",
         joint_positions=np.zeros((3, 7)),
+        joint_velocities=np.zeros((3, 7)),
         gripper_to_world=gripper,
         gripper_open=np.ones(3),
     )

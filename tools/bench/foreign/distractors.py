@@ -28,7 +28,9 @@ from tools.bench.harness import pages
 DRAWS = 20  # of two things each, a task
 NEAR = 0.15  # metres from the target or the low path
 LOW = 0.2  # metres above the table in which the gripper's path is low
-REACH = 0.1  # metres beyond the gripper's path that belong to the workspace
+REACH = (
+    0.2  # metres beyond the gripper's path that belong to the workspace, as the operator promises
+)
 TOUCH = 0.003  # metres
 LEVEL = 0.015  # metres off the table's top that are on it
 HIDDEN = 0.25  # share of the target's pixels in one camera's frame that count as hiding it
@@ -175,8 +177,9 @@ def main() -> None:
         )  # fmt: skip
 
 
+ASKED, POINTS = 33.3, 5.0  # % near of the operator's default, and how far off it may be
 WANTED = {
-    "near": ">= 28.3", "on_table": ">= 100", "inside": ">= 90", "touches": "<= 0", "hides": "<= 0", "seen": ">= 100",
+    "near": "", "on_table": ">= 100", "inside": ">= 90", "touches": "<= 0", "hides": "<= 0", "seen": ">= 100",
 }  # fmt: skip
 SAID = {
     "near": "within 15 cm of target or low path", "on_table": "on the table", "inside": "inside the gripper's reach",
@@ -191,6 +194,9 @@ def rows(kept: dict[str, list[dict[str, Any]]], half: str) -> list[list[pages.Ce
     out: list[list[pages.Cell]] = []
     for name, target in WANTED.items():
         found = scoring.share([[bool(thing[name]) for thing in things] for things in tasks])
+        if name == "near":
+            above = found.percent > ASKED
+            target = f"<= {ASKED + POINTS}" if above else f">= {ASKED - POINTS}"
         figure: pages.Cell = {"value": found.percent, "target": target}
         out.append([f"{half}: {SAID[name]}", figure, f"{found.low} to {found.high}"])
     return out
