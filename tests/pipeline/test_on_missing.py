@@ -101,7 +101,6 @@ def test_an_episode_is_lost_only_if_all_its_edits_are_missing(
 
 
 def test_training_names_what_it_leaves_out(template: Path) -> None:
-    pytest.importorskip("torch")
     with pytest.warns(UserWarning, match="recolor is left out: handle 4711"):
         item = AugmentedEpisodes(template, asked(NOWHERE, LIGHT), frames=[0])[0]
     assert not item["skipped"]

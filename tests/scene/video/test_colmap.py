@@ -14,7 +14,6 @@ from rpaug.twin.motion import play
 from rpaug.twin.renderer import Renderer
 from rpaug.twin.tasks import TASKS
 
-pytest.importorskip("pycolmap", reason="the extra `video` is missing")
 SIZE, LENGTH = 224, 12
 RULE = colmap.ColmapSettings(threads=1, features=800, overlap=6)
 

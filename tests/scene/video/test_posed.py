@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import walks
 
 from rpaug import Unsupported
@@ -13,7 +14,6 @@ from rpaug.providers.poses import Posed
 from rpaug.scene.video import colmap, posed, reconstruct, world
 from rpaug.scene.video.settings import VideoSettings
 
-torch = pytest.importorskip("torch")
 LENGTH = 10
 SIZE = (182, 140)  # what 192 x 144 becomes in whole patches of 14 pixels
 

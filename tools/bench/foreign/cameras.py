@@ -11,7 +11,6 @@ is static.
 
 import argparse
 import json
-import subprocess
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -83,21 +82,7 @@ def recorded_truth(
         }
         for move, moved in moves.items()
     }
-    out.mkdir(parents=True, exist_ok=True)
-    file, asked = out / "changes.json", json.dumps({"frames": at, "changes": changes})
-    if not (out / "albedos.json").exists() or file.read_text() != asked:
-        file.write_text(asked)
-        command = [
-            python,
-            "-W",
-            "ignore",
-            "-m",
-            "tools.bench.foreign.changed",
-            "--recorded",
-            folder.resolve(),
-        ]
-        command += ["--changes", file.resolve(), "--out", out.resolve()]
-        subprocess.run([str(word) for word in command], check=True)
+    edits.render(folder, out, python, at, changes)
     episode = convert.read(folder)
     robot = {name: value[at] for name, value in robot.items()}
     films = {move: edits.films(out / f"{move}.npz") for move in moves}

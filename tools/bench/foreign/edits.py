@@ -11,7 +11,7 @@ import argparse
 import json
 import subprocess
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -220,6 +220,30 @@ def _towards(lamp: twin.TwinLamp) -> list[float]:
     ]
 
 
+def render(
+    folder: Path, out: Path, python: Path, frames: Sequence[int], changes: Mapping[str, Any]
+) -> None:
+    """Have the simulators' environment render these changes of an episode into `out`, unless they are there."""
+    out.mkdir(parents=True, exist_ok=True)
+    asked = json.dumps({"frames": [*frames], "changes": changes})
+    file, done = out / "changes.json", out / "albedos.json"
+    if done.exists() and file.read_text() == asked:
+        return
+    done.unlink(missing_ok=True)  # the simulators' environment writes it last
+    file.write_text(asked)
+    command = [
+        python,
+        "-W",
+        "ignore",
+        "-m",
+        "tools.bench.foreign.changed",
+        "--recorded",
+        folder.resolve(),
+    ]
+    command += ["--changes", file.resolve(), "--out", out.resolve()]
+    subprocess.run([str(word) for word in command], check=True)
+
+
 def scored(
     folder: Path, out: Path, python: Path, kept: Mapping[str, Any]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -229,22 +253,7 @@ def scored(
     place = f"{trial.facts['world']}|{trial.facts['task']}"
     if all(f"{place}|{factor}" in kept for factor in trial.looks):
         return
-    asked = json.dumps({"frames": trial.frames, "changes": changes})
-    file, done = out / "changes.json", out / "albedos.json"
-    if not done.exists() or file.read_text() != asked:
-        done.unlink(missing_ok=True)  # the simulators' environment writes it last
-        file.write_text(asked)
-        command = [
-            python,
-            "-W",
-            "ignore",
-            "-m",
-            "tools.bench.foreign.changed",
-            "--recorded",
-            folder.resolve(),
-        ]
-        command += ["--changes", file.resolve(), "--out", out.resolve()]
-        subprocess.run([str(word) for word in command], check=True)
+    render(folder, out, python, trial.frames, changes)
     for factor in trial.looks:
         if f"{place}|{factor}" not in kept:
             yield f"{place}|{factor}", _figures(trial, factor)
