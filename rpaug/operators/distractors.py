@@ -178,15 +178,15 @@ class Distractors(Operator):
         return "beyond"
 
     def _order(self, wanted: str, group: Group) -> Iterator[tuple[str, Group]]:
-        """Zones in which to look for room, each beside the group first. What shares or `anywhere` are asked of may
-        stand in another zone."""
+        """Zones in which to look for room, all of them beside the group first: one that stands together may stand in
+        another zone. So may what shares or `anywhere` are asked of."""
         zones_ = [wanted]
         if wanted == "anywhere":
             zones_ += ["outside"]
         elif not isinstance(self.near, str):
             zones_ += [*self.near, "beyond", "outside"]
-        for zone in dict.fromkeys(zones_):
-            for beside in (group, None) if group is not None else (None,):
+        for beside in (group, None) if group is not None else (None,):
+            for zone in dict.fromkeys(zones_):
                 yield zone, beside
 
     def _alike(

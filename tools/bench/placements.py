@@ -5,7 +5,7 @@ python -m tools.bench.placements --data FOLDER [FOLDER ...] --json placements.js
 
 On the twin its true shapes say how near the robot and all else come to a thing at every frame, on datasets the recorded
 points of all frames and cameras. The share near is told by middles, seen from above: to the gripper's tip where it goes
-low, and to the target's recorded points. `truth.json` in a folder above, if any, names the true roles.
+low, and to the target's points as recorded at any time. `truth.json` in a folder above, if any, names the true roles.
 """
 
 import argparse
@@ -30,6 +30,7 @@ from rpaug.operators.distractors import Distractors
 from rpaug.render import mesh as meshes
 from rpaug.scene import build
 from rpaug.scene.placement import placing, policy_views, zones
+from rpaug.scene.sampled_frames import look
 from rpaug.twin import mjcf, tabletop, tasks
 from tools.bench.harness import pages
 from tools.bench.objects import extra
@@ -168,7 +169,9 @@ def _around(world: World) -> tuple[float, np.ndarray, np.ndarray]:
 def _close(
     scene: Scene, target: frozenset[int], level: float, middles: np.ndarray
 ) -> Bool[np.ndarray, "n"]:
-    near = np.concatenate([zones.low_path(scene, level), placing.points_of(scene, target)])[:, :2]
+    sampled = look(scene.episode)
+    shown = np.isin(sampled.ids, list(target)) & (sampled.depth > 0)
+    near = np.concatenate([zones.low_path(scene, level), sampled.points[shown]])[:, :2]
     if not len(near):
         return np.zeros(len(middles), bool)
     return np.array([np.linalg.norm(near - one, axis=1).min() <= WITHIN for one in middles])

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from rpaug.core import geometry, sampling
 from rpaug.core.errors import TargetError
 from rpaug.core.types import Scene
 from rpaug.scene.placement.free_space import CELL, FreeSpace
-from rpaug.scene.placement.placing import points_of
+from rpaug.scene.placement.placing import points_by_instance_id
 
 LOW = 0.3  # metres over the support: a gripper that goes higher passes over what stands there
 HIGH = 0.6  # metres over the support: a robot that works on it, or on what stands on it, gets lower at times
+MOMENTS = 24  # over an episode, at which a target that moves is looked up
 REACH = 0.2  # metres around where the gripper went: the policy's workspace
 ACTED_ON = ("manipulated", "receiver")  # the first that a scene has is the target
 
@@ -37,13 +39,13 @@ class Zones:
 def find(scene: Scene, room: FreeSpace, within: float, box: Box | None) -> Zones:
     """The zones of a free space; `box` is the workspace, None for that of `workspace`.
 
-    Near is at most `within` metres from the target's recorded surface, as it stood at first, or from where the
+    Near is at most `within` metres from the target's recorded surface, wherever it comes to be, or from where the
     gripper's tip went no higher than `LOW`; both seen from above. Raises TargetError where the tip never
     came down to `HIGH`: such a support is a floor, and not where the robot works.
     """
     box = box or workspace(scene)
     path = low_path(scene, room.level)
-    target = points_of(scene, acted_on(scene))
+    target = target_places(scene)
     lowest = _tips(scene)[:, 2].min(initial=np.inf) - room.level
     if HIGH < lowest < np.inf:
         raise TargetError(
@@ -63,6 +65,18 @@ def find(scene: Scene, room: FreeSpace, within: float, box: Box | None) -> Zones
 def acted_on(scene: Scene) -> frozenset[int]:
     """The target: what the robot manipulates, else what it acts on; empty where neither is known."""
     return next((ids for role in ACTED_ON if (ids := scene.roles.get(role))), frozenset())
+
+
+def target_places(scene: Scene) -> Float64[np.ndarray, "n 3"]:
+    """The target's recorded surface wherever it comes to be over the episode."""
+    poses = {id_: body.to_world for body in scene.tracked for id_ in body.instance_ids}
+    found = [np.zeros((0, 3))]
+    for instance_id, points in points_by_instance_id(scene, acted_on(scene)).items():
+        frames = sampling.frames(scene.episode.length, MOMENTS)
+        moved = poses[instance_id][frames] @ geometry.inverse(poses[instance_id][0])
+        # A pose that comes again adds nothing.
+        found += [geometry.transform(pose, points) for pose in np.unique(moved.round(4), axis=0)]
+    return np.concatenate(found)
 
 
 def low_path(scene: Scene, level: float) -> Float64[np.ndarray, "n 3"]:

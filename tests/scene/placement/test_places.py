@@ -12,6 +12,7 @@ from rpaug.core import geometry
 from rpaug.core.errors import TargetError
 from rpaug.scene.placement import placing, policy_views, swept, zones
 from rpaug.scene.placement.free_space import CELL, FreeSpace
+from rpaug.scene.sampled_frames import look
 
 SIDE = 40  # cells
 
@@ -93,7 +94,10 @@ def test_zones_lie_in_the_workspace_and_near_what_they_are_called_by() -> None:
     tips = scene().episode.robot.gripper_to_world[:, :2, 3]
     assert (tips > low).all()
     assert (tips < high).all()
-    target = placing.points_of(scene(), zones.acted_on(scene()))[:, :2]
+    sampled = look(scene().episode)
+    shown = np.isin(sampled.ids, list(zones.acted_on(scene()))) & (sampled.depth > 0)
+    target = sampled.points[shown][:, :2]
+    assert np.ptp(target, axis=0).max() > 0.15, "the target is carried"
     path = zones.low_path(scene(), room.level)[:, :2]
     for name, ways in (("path", [path]), ("target", [target]), ("beyond", [path, target])):
         middles = room.at(np.argwhere(found[name]))

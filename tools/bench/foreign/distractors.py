@@ -53,8 +53,9 @@ def judge(scene: Scene, truth: dict[str, Any], draws: int) -> list[dict[str, Any
     low, high = path[:, :2].min(0) - REACH, path[:, :2].max(0) + REACH
     out = []
     for number in range(draws):
-        things = Distractors().sample(scene, np.random.default_rng(number))["things"]
-        for thing in things:
+        edit = Distractors().sample(scene, np.random.default_rng(number))
+        short = bool(edit["elsewhere"])
+        for thing in edit["things"]:
             pose, mesh = np.array(thing["pose"]), library.mesh(thing["asset"])
             solid = geometry.transform(
                 pose, _surface(mesh.points, mesh.faces) * thing.get("scale", 1.0)
@@ -63,6 +64,7 @@ def judge(scene: Scene, truth: dict[str, Any], draws: int) -> list[dict[str, Any
             out.append(
                 {
                     "asset": thing["asset"],
+                    "short": short,
                     "near": bool(np.linalg.norm(near - middle[:2], axis=1).min() <= NEAR),
                     "on_table": bool(abs(solid[:, 2].min() - top) < LEVEL),
                     "inside": bool((middle[:2] >= low).all() and (middle[:2] <= high).all()),
@@ -189,16 +191,24 @@ SAID = {
 
 
 def rows(kept: dict[str, list[dict[str, Any]]], half: str) -> list[list[pages.Cell]]:
-    """The share of things with each property, pooled over tasks."""
+    """The share of things with each property, pooled over tasks; near apart where a draw found no room as asked."""
     tasks = [things for place, things in kept.items() if place.startswith(f"{half}|") and things]
+    roomy = [things for things in tasks if not any(thing["short"] for thing in things)]
     out: list[list[pages.Cell]] = []
+    cramped = [things for things in tasks if things not in roomy]
+    if cramped:
+        found = scoring.share([[bool(thing["near"]) for thing in things] for things in cramped])
+        said = f"{half}: {SAID['near']}, {len(cramped)} tasks without room there or farther off (said in the report)"
+        out.append([said, found.percent, f"{found.low} to {found.high}"])
     for name, target in WANTED.items():
-        found = scoring.share([[bool(thing[name]) for thing in things] for things in tasks])
+        counted = roomy if name == "near" else tasks
+        found = scoring.share([[bool(thing[name]) for thing in things] for things in counted])
         if name == "near":
             above = found.percent > ASKED
             target = f"<= {ASKED + POINTS}" if above else f">= {ASKED - POINTS}"
         figure: pages.Cell = {"value": found.percent, "target": target}
-        out.append([f"{half}: {SAID[name]}", figure, f"{found.low} to {found.high}"])
+        where = f", {len(roomy)} tasks" if name == "near" else ""
+        out.append([f"{half}: {SAID[name]}{where}", figure, f"{found.low} to {found.high}"])
     return out
 
 
