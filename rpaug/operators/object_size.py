@@ -39,6 +39,22 @@ def _positive(value: tuple[float, float]) -> tuple[float, float]:
 SEEN = 0.02  # of its size: changes that are smaller are half a pixel or so
 
 
+def _seen(low: float, high: float) -> list[tuple[float, float]]:
+    """The factors from `low` to `high` at which the change is `SEEN`: below 1, above 1, both or neither."""
+    sides = (low, min(high, 1 - SEEN)), (max(low, 1 + SEEN), high)
+    return [(least, most) for least, most in sides if least <= most]
+
+
+def _drawn(ranges: list[tuple[float, float]], rng: np.random.Generator) -> float:
+    """A number from these ranges, any as likely."""
+    along = float(rng.uniform(0, sum(high - low for low, high in ranges)))
+    for low, high in ranges[:-1]:
+        if along < high - low:
+            return low + along
+        along -= high - low
+    return ranges[-1][0] + along
+
+
 Scales = Annotated[Interval[float], AfterValidator(_positive)]
 
 
@@ -47,8 +63,8 @@ class ObjectSize(Operator):
     """Scale `target`, with all that it holds, by a factor drawn from `range`, the same along all axes.
 
     `about` is what stays in place: the middle of its foot, or where the gripper holds it. Only factors are drawn at
-    which every contact with the robot, and with what it moves, still holds to within `contact` metres; if `range` has
-    none, the edit is refused with the number.
+    which every contact with the robot, and with what it moves, still holds to within `contact` metres, and that are
+    `SEEN` where `range` has such ones; if none is left, the edit is refused with the number.
     """
 
     target: targets.Target
@@ -82,16 +98,20 @@ class ObjectSize(Operator):
             low, high = max(low, 1 - bears), min(high, 1 + bears)
         if worst is not None or low > high:
             raise Unsupported(self._reason(worst, instance_ids))
-        seen = max(1 - low, high - 1) >= SEEN
-        if tightest is not None and not seen and max(1 - self.range[0], self.range[1] - 1) >= SEEN:
+        room = self._with_room(scene, instance_ids, pivot, low, high)
+        cramped, high = room < high, room
+        factors = _seen(low, high)
+        if not factors and _seen(*self.range):
+            holds = "is there room for it"
+            if tightest is not None and not cramped:
+                holds = f"does the contact with {tightest.with_} at frame {tightest.t} hold"
             raise Unsupported(
-                f"resizing {_names(instance_ids)}: only at {low:.3g} to {high:.3g} times its size does the contact "
-                f"with {tightest.with_} at frame {tightest.t} hold, which is too little to be seen"
+                f"resizing {_names(instance_ids)}: only at {low:.3g} to {high:.3g} times its size {holds}, "
+                "which is too little to be seen"
             )
-        high = self._with_room(scene, instance_ids, pivot, low, high)
         return {
             "handles": sorted(instance_ids),
-            "scale": float(rng.uniform(low, high)),
+            "scale": _drawn(factors or [(low, high)], rng),
             "pivot": pivot.tolist(),
             "allowed": [low, high],
             "lamps": shadows.lamps(scene),

@@ -5,11 +5,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as some
 from pydantic import TypeAdapter, ValidationError
 from tabletop import instance_id, scene
 
 from rpaug import Episode, twin
 from rpaug.core.errors import Unsupported
+from rpaug.operators import object_size
 from rpaug.operators.object_size import ObjectSize
 from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.build import build
@@ -57,6 +60,17 @@ def test_only_factors_at_which_the_grasp_holds_are_drawn():
     assert low == pytest.approx(1 - 4 / 32, abs=0.03)
     assert high == pytest.approx(1 + 4 / 32, abs=0.03)
     assert low <= edit["scale"] <= high
+
+
+@given(some.floats(0.9, 1.1), some.floats(0, 0.1), some.integers(0, 9))
+def test_a_change_is_seen_wherever_the_range_has_one_that_is(low, width, seed):
+    factors = object_size._seen(low, low + width)
+    visible = max(1 - low, low + width - 1) >= object_size.SEEN
+    assert bool(factors) == visible
+    if visible:
+        scale = object_size._drawn(factors, np.random.default_rng(seed))
+        assert abs(scale - 1) >= object_size.SEEN - 1e-9
+        assert low <= scale <= low + width + 1e-9
 
 
 def test_about_the_grasp_the_tip_stays():
