@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 from rpaug_adapters.lerobot import stats, tables
-from rpaug_adapters.lerobot.read import read_episode
+from rpaug_adapters.lerobot.read import is_depth, linked, read_episode
 from rpaug_adapters.lerobot.tables import (
     DATA_PATH,
     EPISODES_PATH,
     INFO,
+    LINKED,
     OLD_EPISODES,
     OLD_STATISTICS,
     OLD_TASKS,
@@ -29,7 +30,7 @@ from rpaug_adapters.lerobot.tables import (
     Info,
     filled,
 )
-from rpaug_adapters.lerobot.write import write_episode
+from rpaug_adapters.lerobot.write import link, taken_out, write_episode
 from rpaug_adapters.shared import video
 from rpaug_adapters.shared.folders import staged
 
@@ -205,43 +206,84 @@ def _videos(
 ) -> None:
     """Join one camera's videos, without decoding; adds their places to `rows`.
 
-    Only streams of one format share a file: a file has one set of parameters, and what was encoded by others cannot be
-    decoded with them. Every new file is then decoded whole. Raises BadInput.
+    A recorded file of which every frame is here stays one, by one more name. Of the others, only streams of one format
+    share a file: a file has one set of parameters, and what was encoded by others cannot be decoded with them. Every
+    new file is then decoded whole. Raises BadInput.
     """
     shared = _Files(about.given.get("video_files_size_in_mb"), about.chunk)
+    starts, parts = _parts(about, work, own, key, rows)
     numbers: dict[Path, list[int]] = {}
-    for number, (_, path) in enumerate(own):
-        part = path / f"{key}.mp4"
-        place = shared.place(part.stat().st_size, video.stream_format(part))
-        numbers.setdefault(work / filled(VIDEO_PATH, {**place, "video_key": key}), []).append(
-            number
+    for number, part in parts.items():
+        about_part = part.stat()
+        place = (
+            shared.place(0.0, (about_part.st_dev, about_part.st_ino))
+            if number in starts
+            else shared.place(about_part.st_size, video.stream_format(part))
         )
+        target = work / filled(VIDEO_PATH, {**place, "video_key": key})
+        numbers.setdefault(target, []).append(number)
         rows[number] |= {f"videos/{key}/{name}": value for name, value in place.items()}
     for target, held in numbers.items():
         target.parent.mkdir(parents=True, exist_ok=True)
-        parts = video.joined((own[number][1] / f"{key}.mp4" for number in held), target)
-        for number, (start, end) in zip(held, parts, strict=True):
+        if held[0] in starts:
+            os.link(parts[held[0]], target)
+            begins = [starts[number] for number in held]
+            ends = [starts[number] + rows[number]["length"] / about.rate for number in held]
+        else:
+            joined = video.joined((parts[number] for number in held), target)
+            begins, ends = map(list, zip(*joined, strict=True))
+            video.decode_whole(
+                [
+                    video.Span(target, start, rows[number]["length"], about.rate)
+                    for number, start in zip(held, begins, strict=True)
+                ]
+            )
+        for number, start, end in zip(held, begins, ends, strict=True):
             rows[number] |= {
                 f"videos/{key}/from_timestamp": start,
                 f"videos/{key}/to_timestamp": end,
             }
-        spans = [
-            video.Span(target, start, rows[number]["length"], about.rate)
-            for number, (start, _) in zip(held, parts, strict=True)
-        ]
-        video.decode_whole(spans)
+
+
+def _parts(
+    about: Info, work: Path, own: list[tuple[str, Path]], key: str, rows: list[dict[str, Any]]
+) -> tuple[dict[int, float], dict[int, Path]]:
+    """Each episode's video of a camera, and where it begins in those that are recorded files and stay whole. What is of
+    a file that is not here whole, or of one that v2.1 may not share, is taken out of it."""
+    starts: dict[int, float] = {}
+    parts = {number: path / f"{key}.mp4" for number, (_, path) in enumerate(own)}
+    held: dict[tuple[int, int], list[int]] = {}
+    for number, (_, path) in enumerate(own):
+        if (start := linked(path).get(key)) is not None:
+            starts[number] = start
+            about_file = parts[number].stat()
+            held.setdefault((about_file.st_dev, about_file.st_ino), []).append(number)
+    for numbers in held.values():
+        spans = {(starts[number], rows[number]["length"]) for number in numbers}
+        whole = sum(length for _, length in spans) == video.count(parts[numbers[0]])
+        if whole and (len(spans) == 1 or not about.old):
+            continue
+        for number in numbers:
+            span = video.Span(parts[number], starts.pop(number), rows[number]["length"], about.rate)
+            parts[number] = work / "parts" / f"{key}-{number}.mp4"
+            parts[number].parent.mkdir(exist_ok=True)
+            taken_out(span, parts[number], is_depth(about.features[key]))
+    return starts, parts
 
 
 def _own_videos(
     about: Info, work: Path, own: list[tuple[str, Path]], key: str, rows: list[dict[str, Any]]
 ) -> None:
-    """One camera's videos, each in a file of its own and decoded whole, as v2.1 has them. Raises BadInput."""
-    for number, (_, path) in enumerate(own):
+    """One camera's videos, each in a file of its own, as v2.1 has them; new ones are decoded whole. Raises BadInput."""
+    starts, parts = _parts(about, work, own, key, rows)
+    for number, part in parts.items():
         place = about.path(number, {}, f"videos/{key}", video_key=key).relative_to(about.folder)
         target = work / place
         target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path / f"{key}.mp4", target)
-        video.decode_whole([video.Span(target, 0.0, rows[number]["length"], about.rate)])
+        if not link(part, target):
+            shutil.copyfile(part, target)
+        if number not in starts:
+            video.decode_whole([video.Span(target, 0.0, rows[number]["length"], about.rate)])
 
 
 def _old_meta(
@@ -284,7 +326,8 @@ def _meta(
     here = {f"meta/episodes/{name}": value for name, value in place.items()}
     target = work / filled(EPISODES_PATH, place)
     target.parent.mkdir(parents=True, exist_ok=True)
-    columns = {name: [row.get(name) for row in rows] for name in (rows[0] | here)}
+    names = dict.fromkeys(name for row in rows for name in row)
+    columns = {name: [row.get(name) for row in rows] for name in names}
     columns |= {name: [value] * len(rows) for name, value in here.items()}
     pq.write_table(pa.table(columns), target, compression="snappy")
     column = {"metadata": None, "numpy_type": "object", "pandas_type": "unicode"}
@@ -349,8 +392,8 @@ def _drop(folder: Path) -> None:
     for split, numbers in staged(folder, STAGED).items():
         for number in numbers:
             own = folder / split / str(number)
-            for path in (own / STAGED, own / STATISTICS, *own.glob("*.mp4")):
-                path.unlink()
+            for path in (own / STAGED, own / STATISTICS, own / LINKED, *own.glob("*.mp4")):
+                path.unlink(missing_ok=True)
             if not any(own.iterdir()):
                 own.rmdir()
         if not any((folder / split).iterdir()):

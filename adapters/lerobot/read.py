@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Float64
 from rpaug_adapters.lerobot import codes, tables, tiff
 from rpaug_adapters.lerobot.codes import Scale
-from rpaug_adapters.lerobot.tables import COUNTED, INFO, STAGED, Info
+from rpaug_adapters.lerobot.tables import COUNTED, INFO, LINKED, STAGED, Info
 from rpaug_adapters.shared import cameras, episodes, video
 from rpaug_adapters.shared.cameras import Beside
 from rpaug_adapters.shared.images import image_size, lazy_colors, lazy_depth
+from rpaug_adapters.shared.texts import read_json
 from rpaug_adapters.shared.video import Frames, Span
 
 from rpaug import BadInput, Camera, CameraView, Episode, files
@@ -38,6 +39,7 @@ class LeRobotSource:
 
     info: Info
     own: Path  # what lies beside this episode alone
+    number: int | None  # in the gathered dataset; None in a folder of its own
     rows: Any  # a pyarrow table
     spans: dict[str, Span]
     views: dict[str, CameraView]
@@ -53,10 +55,8 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
     """Episode `number` of a split, images lazy. Raises BadInput."""
     about = tables.info(folder)
     own = folder / split / str(number)
-    if (own / STAGED).is_file():
-        rows, tasks, spans = _staged(about, own)
-    else:
-        rows, tasks, spans = _gathered(about, split, number)
+    at = None if (own / STAGED).is_file() else _place(about, split, number)
+    rows, tasks, spans = _staged(about, own) if at is None else _gathered(about, at)
     length = rows.num_rows
     where = f"{folder}: {split}/{number}"
     beside = cameras.load((own, folder))
@@ -77,25 +77,29 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
 
     def recorded(views: dict[str, CameraView]) -> LeRobotSource:
         return LeRobotSource(
-            about, own, rows, spans, views, images, depths, ids, beside, tasks, descriptions
+            about, own, at, rows, spans, views, images, depths, ids, beside, tasks, descriptions
         )
 
     made = episodes.episode(key, beside, sizes, tracks, length, descriptions, view, recorded)
     return replace(made, rate=about.rate)
 
 
-def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...], dict[str, Span]]:
-    """Rows, words and videos of an episode among others."""
-    folder = about.folder
+def _place(about: Info, split: str, number: int) -> int:
+    """The number of an episode of a split in the whole dataset."""
     span = about.splits.get(split, range(0))
     if number >= len(span):
-        found = f"{len(span)} episodes"
-        raise BadInput(folder / INFO, f"splits.{split}", found=found, expected=f"number {number}")
-    given = tables.episode(folder, span[number])
-    path = about.path(span[number], given, "data")
-    only = None if about.old else [("episode_index", "=", span[number])]
-    rows = tables.table(path, filters=only)
-    length = _length(f"{path}: episode {span[number]}", rows, given.get("length"))
+        where, found = f"splits.{split}", f"{len(span)} episodes"
+        raise BadInput(about.folder / INFO, where, found=found, expected=f"number {number}")
+    return span[number]
+
+
+def _gathered(about: Info, number: int) -> tuple[Any, tuple[str, ...], dict[str, Span]]:
+    """Rows, words and videos of an episode among others."""
+    folder = about.folder
+    given = tables.episode(folder, number)
+    path = about.path(number, given, "data")
+    rows = tables.table(path, episode=None if about.old else number)
+    length = _length(f"{path}: episode {number}", rows, given.get("length"))
     words = tables.tasks(folder)
     column = rows["task_index"].to_pylist() if "task_index" in rows.column_names else []
     known = (words.get(index, "") if isinstance(index, int) else "" for index in column)
@@ -103,14 +107,19 @@ def _gathered(about: Info, split: str, number: int) -> tuple[Any, tuple[str, ...
     spans = {}
     for key in about.of_kind("video"):
         prefix = f"videos/{key}"
-        file = about.path(span[number], given, prefix, video_key=key)
+        file = about.path(number, given, prefix, video_key=key)
         start = 0.0 if about.old else given.get(f"{prefix}/from_timestamp")
-        if not isinstance(start, (int, float)) or not 0 <= start < 1e7:
-            where = f"episode {span[number]}, {prefix}/from_timestamp"
-            found, expected = repr(start)[:40], "seconds"
-            raise BadInput(folder / tables.EPISODES, where, found=found, expected=expected)
-        spans[key] = Span(file, float(start), length, about.rate)
+        where = f"episode {number}, {prefix}/from_timestamp"
+        start = _seconds(folder / tables.EPISODES, where, start)
+        spans[key] = Span(file, start, length, about.rate)
     return rows, tasks, spans
+
+
+def _seconds(path: Path, where: str, start: Any) -> float:
+    """Where an episode begins in a video. Raises BadInput."""
+    if not isinstance(start, (int, float)) or not 0 <= start < 1e7:
+        raise BadInput(path, where, found=repr(start)[:40], expected="seconds")
+    return float(start)
 
 
 def _staged(about: Info, own: Path) -> tuple[Any, tuple[str, ...], dict[str, Span]]:
@@ -118,8 +127,23 @@ def _staged(about: Info, own: Path) -> tuple[Any, tuple[str, ...], dict[str, Spa
     rows = tables.table(own / STAGED)
     length = _length(str(own / STAGED), rows, rows.num_rows)
     tasks = tuple(str(text) for text in rows["task"].to_pylist())
-    videos = about.of_kind("video")
-    return rows, tasks, {key: Span(own / f"{key}.mp4", 0.0, length, about.rate) for key in videos}
+    starts = linked(own)
+    spans = {
+        key: Span(own / f"{key}.mp4", starts.get(key, 0.0), length, about.rate)
+        for key in about.of_kind("video")
+    }
+    return rows, tasks, spans
+
+
+def linked(own: Path) -> dict[str, float]:
+    """The videos of an episode's own folder that are recorded files: seconds where the episode begins in each."""
+    path = own / LINKED
+    if not path.is_file():
+        return {}
+    given = read_json(path, "seconds by video")
+    if not isinstance(given, dict):
+        raise BadInput(path, "JSON", found=repr(given)[:40], expected="seconds by video")
+    return {key: _seconds(path, key, start) for key, start in given.items()}
 
 
 def _length(where: str, rows: Any, given: Any) -> int:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+MOMENTS = ("min", "max", "mean", "std")
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 FRAMES, SIDE = 100, 150  # looked at: frames of an episode, pixels a side
 Statistics = dict[str, np.ndarray]
@@ -34,6 +35,21 @@ def of_images(image: Callable[[int], np.ndarray], length: int, most: float = 255
     found = _of(np.concatenate(pixels).astype(np.float32), 0)
     shaped = {name: value.reshape(-1, 1, 1) / most for name, value in found.items()}
     return shaped | {"count": np.array([len(looked)])}
+
+
+def recorded(given: object, shape: tuple[int, ...]) -> dict[str, Any] | None:
+    """Statistics that a dataset holds, if they are whole and of such a shape."""
+    if not isinstance(given, dict) or not {*MOMENTS, "count"} <= given.keys():
+        return None
+    try:
+        arrays = {name: np.asarray(given[name], np.float64) for name in given}
+    except (TypeError, ValueError):
+        return None
+    count = arrays.pop("count")
+    usable = count.shape == (1,) and count[0] >= 1 and count[0] == np.floor(count[0])
+    if not usable or any(one.shape != shape for one in arrays.values()):
+        return None
+    return {name: one.tolist() for name, one in arrays.items()} | {"count": [int(count[0])]}
 
 
 def _of(rows: np.ndarray, axis: int) -> Statistics:

@@ -29,6 +29,7 @@ VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.m
 EPISODES_PATH = EPISODES + "/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 STAGED = "episode.parquet"  # an episode's own rows, while the dataset grows
 STATISTICS = "episode_stats.json"
+LINKED = "linked.json"  # videos of the folder that are recorded files, by key: seconds where the episode begins
 COUNTED = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64",
            "index": "int64", "task_index": "int64"}  # fmt: skip
 VERSION, OLD = "v3.", "v2.1"
@@ -169,20 +170,39 @@ def _splits(path: Path, given: dict[str, Any]) -> dict[str, range]:
     return found
 
 
-def table(path: Path, columns: list[str] | None = None, filters: Any = None) -> Any:
-    """A parquet file's rows. Raises BadInput for what is no parquet or damaged, and for an absurd size."""
+def table(path: Path, columns: list[str] | None = None, episode: int | None = None) -> Any:
+    """A parquet file's rows, or those of one episode. Raises BadInput for what is no parquet or damaged, and for an
+    absurd size."""
     pa, pq = arrow()
     if not path.is_file():
         raise BadInput(path, "file", found="nothing", expected="a parquet file")
     try:
-        about = pq.read_metadata(path)
-        size = sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups))
-        if not 0 <= size <= LARGEST or about.num_rows > LARGEST:
-            raise BadInput(path, "size", found=f"{size} bytes", expected=f"at most {LARGEST}")
-        return pq.read_table(path, columns=columns, filters=filters, use_threads=False)
+        import pyarrow.compute as compute
+
+        with pq.ParquetFile(path) as file:
+            about = file.metadata
+            groups = [about.row_group(i) for i in range(about.num_row_groups)]
+            size = sum(group.total_byte_size for group in groups)
+            if not 0 <= size <= LARGEST or about.num_rows > LARGEST:
+                raise BadInput(path, "size", found=f"{size} bytes", expected=f"at most {LARGEST}")
+            if episode is None:
+                return file.read(columns, use_threads=False)
+            wanted = [i for i, group in enumerate(groups) if _may_hold(group, episode)]
+            held = file.read_row_groups(wanted, columns, use_threads=False)
+            return held.filter(compute.equal(held["episode_index"], episode))
     except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
         found = str(error).split("\n")[0][:120]
         raise BadInput(path, "parquet", found=found, expected="a whole table") from None
+
+
+def _may_hold(group: Any, episode: int) -> bool:
+    """Whether rows of an episode may be in a row group, by what the file says of it."""
+    for i in range(group.num_columns):
+        column = group.column(i)
+        if column.path_in_schema == "episode_index" and column.is_stats_set:
+            held = column.statistics
+            return not held.has_min_max or bool(held.min <= episode <= held.max)
+    return True
 
 
 def lines(path: Path) -> list[dict[str, Any]]:
@@ -238,6 +258,37 @@ def episode(folder: Path, number: int) -> dict[str, Any]:
         found = f"{len(rows)} episodes"
         raise BadInput(folder / EPISODES, f"episode {number}", found=found, expected="a row")
     return rows[number]
+
+
+@lru_cache(4)
+def _counted(folder: Path, _: int) -> list[Any]:
+    """By number what the dataset holds of each episode's statistics: a line, or the table and the row in it."""
+    if (folder / OLD_STATISTICS).is_file():
+        return list(files.read_bytes(folder / OLD_STATISTICS).splitlines())
+    found = {}
+    for path in sorted((folder / EPISODES).glob("*/*.parquet")):
+        names = [name for name in arrow()[1].read_schema(path).names if name.startswith("stats/")]
+        held = table(path, ["episode_index", *names])
+        found |= {number: (held, i) for i, number in enumerate(held["episode_index"].to_pylist())}
+    return [found.get(number) for number in range(len(found))]
+
+
+def statistics(folder: Path, number: int) -> dict[str, Any]:
+    """What was recorded as the statistics of an episode, by feature and name, unchecked; nothing where none are."""
+    try:
+        given = _counted(folder, (folder / INFO).stat().st_mtime_ns)[number]
+        if isinstance(given, bytes):
+            line = json.loads(given)
+            return dict(line["stats"]) if line["episode_index"] == number else {}
+        held, i = given
+        found: dict[str, Any] = {}
+        for name in held.column_names[1:]:
+            key, _, what = name.removeprefix("stats/").rpartition("/")
+            if (value := held[name][i].as_py()) is not None:
+                found.setdefault(key, {})[what] = value
+    except (BadInput, OSError, LookupError, ValueError, TypeError, RecursionError):
+        return {}
+    return found
 
 
 def tasks(folder: Path) -> dict[int, str]:

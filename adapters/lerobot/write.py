@@ -1,7 +1,8 @@
 """Writing a LeRobot episode into a folder of its own: rows and videos with only what changed encoded anew."""
 
 import json
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,11 @@ import cv2
 import numpy as np
 from rpaug_adapters.lerobot import codes, fresh, stats, tables, tiff
 from rpaug_adapters.lerobot.read import LeRobotSource, blobs, is_depth
-from rpaug_adapters.lerobot.tables import COUNTED, STAGED, STATISTICS, Info
+from rpaug_adapters.lerobot.tables import COUNTED, LINKED, STAGED, STATISTICS, Info
 from rpaug_adapters.shared import cameras, video
 from rpaug_adapters.shared.images import reencoded
-from rpaug_adapters.shared.video import Frames
+from rpaug_adapters.shared.texts import read_json
+from rpaug_adapters.shared.video import Frames, Span
 
 from rpaug import Episode
 
@@ -27,6 +29,7 @@ def write_episode(
     episode: Episode, recorded: LeRobotSource | None, about: Info, work: Path
 ) -> dict[str, bytes]:
     """Fill a folder; returns the files to lay beside."""
+    kept: dict[str, Any] = {}
     if recorded is None:
         episode = fresh.plain(episode)
         rows = fresh.rows(episode)
@@ -36,18 +39,19 @@ def write_episode(
             every = (image(t) for t in range(episode.length))
             video.encode(every, work / f"{key}.mp4", about.rate, None)
     else:
-        rows = _edited(episode, recorded)
+        rows, changed = _edited(episode, recorded)
         extra = cameras.moved(episode, recorded.views, recorded.beside, recorded.own)
-        shown = _videos(episode, recorded, work)
+        shown, filmed = _videos(episode, recorded, about, work)
+        kept = _kept(recorded, about, changed | filmed)
     pq = tables.arrow()[1]
     pq.write_table(rows, work / STAGED, compression="snappy")
-    statistics = _statistics(episode, about, rows, shown)
-    (work / STATISTICS).write_text(json.dumps(stats.plain(statistics)))
+    statistics = kept | stats.plain(_statistics(episode, about, rows, shown, kept))
+    (work / STATISTICS).write_text(json.dumps(statistics))
     return extra
 
 
-def _edited(episode: Episode, recorded: LeRobotSource) -> Any:
-    """The recorded rows with new images, depth, handles and words where they changed."""
+def _edited(episode: Episode, recorded: LeRobotSource) -> tuple[Any, set[str]]:
+    """The recorded rows with new images, depth, handles and words where they changed, and the columns that did."""
     pa, _ = tables.arrow()
     rows, length = recorded.rows, episode.length
     new: dict[str, Any] = {"task": pa.array(_words(episode, recorded))}
@@ -68,7 +72,25 @@ def _edited(episode: Episode, recorded: LeRobotSource) -> Any:
     for key, column in new.items():
         at = rows.schema.get_field_index(key)
         rows = rows.append_column(key, column) if at < 0 else rows.set_column(at, key, column)
-    return rows
+    return rows, {*new}
+
+
+def _kept(recorded: LeRobotSource, about: Info, changed: set[str]) -> dict[str, Any]:
+    """The recorded statistics of what no edit changed, as they are."""
+    if recorded.number is None:
+        path = recorded.own / STATISTICS
+        given = read_json(path, "statistics") if path.is_file() else {}
+    else:
+        given = tables.statistics(recorded.info.folder, recorded.number)
+    found = {}
+    for key in about.features.keys() - changed - {*OF_THE_WHOLE}:
+        feature = about.features[key]
+        channels = feature["shape"][-1] if len(feature["shape"]) == 3 else 1
+        shown = feature["dtype"] in ("image", "video")
+        one = stats.recorded(given.get(key), (channels, 1, 1) if shown else about.shape(key))
+        if one is not None:
+            found[key] = one
+    return found
 
 
 def _words(episode: Episode, recorded: LeRobotSource) -> list[str]:
@@ -103,45 +125,91 @@ def _depth(episode: Episode, recorded: LeRobotSource, name: str) -> Any:
     return fresh.images(images)
 
 
-def _videos(episode: Episode, recorded: LeRobotSource, work: Path) -> Shown:
-    """Write every video of the episode; returns what each shows. What no edit changed is copied as it is."""
+def _videos(
+    episode: Episode, recorded: LeRobotSource, about: Info, work: Path
+) -> tuple[Shown, set[str]]:
+    """Write every video of the episode; returns what each shows, and which an edit changed: the others are taken as
+    they are."""
     shown: Shown = {}
+    changed: set[str] = set()
+    linked: dict[str, float] = {}
     names = {key: name for name, key in recorded.images.items()}
     depths = {given.key: name for name, given in recorded.depths.items()}
     for key, span in recorded.spans.items():
         name, target = names.get(key), work / f"{key}.mp4"
-        if key in depths or is_depth(recorded.info.features[key]):
-            shown[key] = _filmed_depth(episode, recorded, key, depths.get(key), target)
-            continue
-        image: Image = Frames(span) if name is None else episode.views[name].rgb
-        same = name is None or _same(image, recorded.views[name].rgb, episode.length)
-        if not same or not video.cut(span, target):
-            every = (image(t) for t in range(episode.length))
-            video.encode(every, target, span.rate, span.path)
-        shown[key] = image, 255.0
-    return shown
+        filmed = key in depths or is_depth(recorded.info.features[key])
+        if filmed:
+            image, most, before = _metric(episode, recorded, key, depths.get(key))
+        else:
+            image = before = Frames(span)
+            if name is not None:
+                image, before = episode.views[name].rgb, recorded.views[name].rgb
+            most = 255.0
+        shown[key] = image, most
+        if not _same(image, before, episode.length):
+            changed.add(key)
+            if filmed:
+                _encode_depth(episode, recorded, key, image, before, target)
+            else:
+                every = (image(t) for t in range(episode.length))
+                video.encode(every, target, span.rate, span.path)
+        # Episodes of v2.1 are to share files in v3.
+        elif recorded.info.old > about.old or not link(span.path, target):
+            taken_out(span, target, filmed)
+        else:
+            linked[key] = span.start
+    if linked:
+        (work / LINKED).write_text(json.dumps(linked))
+    return shown, changed
 
 
-def _filmed_depth(
-    episode: Episode, recorded: LeRobotSource, key: str, name: str | None, target: Path
-) -> tuple[Image, float]:
-    """Write a video of depth, of the view `name` if it is one's; codes of what no edit touched stay as they are."""
+def link(path: Path, target: Path) -> bool:
+    """One more name for a file, where the file system has such."""
+    try:
+        os.link(path, target)
+    except OSError:
+        return False
+    return True
+
+
+def taken_out(span: Span, target: Path, filmed: bool) -> None:
+    """A span as a file of its own: its packets, or, where it does not begin with a key frame, encoded anew."""
+    if video.cut(span, target):
+        return
+    stored = Frames(span, video.CODES if filmed else "rgb24")
+    encode = video.encode_codes if filmed else video.encode
+    encode((stored(t) for t in range(span.length)), target, span.rate, span.path)
+
+
+def _metric(
+    episode: Episode, recorded: LeRobotSource, key: str, name: str | None
+) -> tuple[Image, float, Image]:
+    """What a video of depth shows, of the view `name` if it is one's, what its values are divided by in statistics, and
+    what it showed before."""
+    if name is not None:
+        depth, before = episode.views[name].depth, recorded.views[name].depth
+        assert depth is not None
+        assert before is not None
+        return depth, recorded.depths[name].metres, before
+    feature = recorded.info.features[key]
+    scale = codes.scale(recorded.info.folder / tables.INFO, key, feature)
+    stored = Frames(recorded.spans[key], video.CODES)
+    image: Image = lambda t: scale.metres(stored(t))  # noqa: E731
+    return image, codes.unit(feature) or codes.UNITS["mm"], image
+
+
+def _encode_depth(
+    episode: Episode, recorded: LeRobotSource, key: str, after: Image, before: Image, target: Path
+) -> None:
+    """Write a video of depth; codes of what no edit touched stay as they are."""
     info, span = recorded.info, recorded.spans[key]
     scale = codes.scale(info.folder / tables.INFO, key, info.features[key])
     stored = Frames(span, video.CODES)
-    if name is None:
-        before = depth = lambda t: scale.metres(stored(t))
-        unit = codes.unit(info.features[key]) or codes.UNITS["mm"]
-    else:
-        unit = recorded.depths[name].metres
-        before, depth = recorded.views[name].depth, episode.views[name].depth
-    if not _same(depth, before, episode.length) or not video.cut(span, target):
-        every = (
-            np.where(depth(t) == before(t), stored(t), scale.codes(depth(t)))
-            for t in range(episode.length)
-        )
-        video.encode_codes(every, target, span.rate, span.path)
-    return depth, unit
+    every = (
+        np.where(after(t) == before(t), stored(t), scale.codes(after(t)))
+        for t in range(episode.length)
+    )
+    video.encode_codes(every, target, span.rate, span.path)
 
 
 def _same(one: Image, other: Image, length: int) -> bool:
@@ -149,12 +217,13 @@ def _same(one: Image, other: Image, length: int) -> bool:
 
 
 def _statistics(
-    episode: Episode, about: Info, rows: Any, shown: Shown
+    episode: Episode, about: Info, rows: Any, shown: Shown, kept: Mapping[str, Any]
 ) -> dict[str, stats.Statistics]:
+    """Of the features whose recorded ones are not kept."""
     found = {}
     for key, feature in about.features.items():
         kind = feature["dtype"]
-        if kind in ("string", "language") or key in OF_THE_WHOLE:
+        if kind in ("string", "language") or key in OF_THE_WHOLE or key in kept:
             continue
         if kind == "video":
             if key in shown:

@@ -32,6 +32,9 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 HEVC_LEAST = 64  # pixels a side: x265 4.2 writes beyond its memory for 48x32
 BACK = 10.0  # seconds
 TICKS = 90_000  # a second
+PACKETS = {
+    "codec_whitelist": "none"
+}  # FFmpeg tries no decoder on a file that is opened for its packets
 
 
 @dataclass(frozen=True)
@@ -60,12 +63,13 @@ def reason(error: Exception) -> str:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[av.container.InputContainer]:
-    """The file, for reading. Raises BadInput for what is no video or is damaged where it is read."""
+def opened(path: Path, *, decoded: bool = True) -> Iterator[av.container.InputContainer]:
+    """The file, for reading; quicker if nothing is to be decoded. Raises BadInput for what is no video or is damaged
+    where it is read."""
     if not path.is_file():
         raise BadInput(path, "file", found="nothing", expected="a video")
     try:
-        with av.open(str(path)) as container:
+        with av.open(str(path), options={} if decoded else PACKETS) as container:
             if not container.streams.video:
                 raise BadInput(path, "streams", found="no video", expected="a video stream")
             stream = container.streams.video[0]
@@ -91,14 +95,15 @@ def _seek(container: av.container.InputContainer, seconds: float) -> None:
 
 def check(span: Span) -> tuple[int, int]:
     """Width and height, after every frame of the span was found in the file. Raises BadInput."""
-    with opened(span.path) as container:
+    with opened(span.path, decoded=False) as container:
         stream = container.streams.video[0]
         _seek(container, span.start)
-        seen, last = set(), -1
+        assert stream.time_base is not None
+        tick, seen, last = float(stream.time_base), set(), -1
         for packet in container.demux(stream):
             if packet.pts is None:
                 continue
-            number = span.number(float(packet.pts * packet.time_base))
+            number = span.number(packet.pts * tick)
             seen.add(number)
             last = max(last, number)
             if packet.is_keyframe and number >= span.length:
@@ -232,6 +237,12 @@ def stream_format(path: Path) -> tuple[object, ...]:
         delay = None if first is None or first.dts is None else first.pts - first.dts
         shape = (about.name, about.codec_tag, about.pix_fmt, about.width, about.height)
         return *shape, stream.time_base, about.extradata, delay
+
+
+def count(path: Path) -> int:
+    """How many frames a file says that it holds; 0 where it does not. Raises BadInput."""
+    with opened(path, decoded=False) as container:
+        return container.streams.video[0].frames
 
 
 def decode_whole(spans: Sequence[Span]) -> None:

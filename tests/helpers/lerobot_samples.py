@@ -85,6 +85,9 @@ def filmed_depth(root: Path) -> Path:
         adapter.write(made, root, f"toy/train/{number}", dict)
         rows = pa.parquet.read_table(own / tables.STAGED).drop_columns([DEPTH])
         pa.parquet.write_table(rows, own / tables.STAGED)
+        counted = json.loads((own / tables.STATISTICS).read_text())
+        del counted[DEPTH]  # of metres
+        (own / tables.STATISTICS).write_text(json.dumps(counted))
         with av.open(str(own / f"{DEPTH}.mp4"), "w", format="mp4") as film:
             options = {"g": "1", "x265-params": "lossless=1:log-level=none"}
             stream = film.add_stream("libx265", rate=10, options=options)

@@ -1,20 +1,23 @@
-"""RLDS copied through unedited: megabytes a processor second, and the memory it takes beside one episode's size.
+"""A dataset copied through unedited: megabytes a processor second, and the memory it takes beside one episode's size.
 
-    python tools/bench/formats.py [--megabytes 2048] [--steps 64] [--size 640 480] [--json FILE]
+    python tools/bench/formats.py [--layout rlds|lerobot] [--megabytes 2048] [--steps 64] [--size 640 480] [--json FILE]
 
-Makes one shard of that size in a temporary folder (removed after), episodes of `steps` JPEG frames of that size. Then a
-process of its own reads every episode and writes it unedited, and gathers the shard, as `rpaug augment` does; its
-memory is what it has before, after the first episode, and at its peak.
+Makes a dataset of that size in a temporary folder (removed after), episodes of `steps` frames of that size: one RLDS
+shard of JPEG frames, or LeRobot v3 with two cameras in H.264. Then a process of its own reads every episode and writes
+it unedited, and gathers them, as `rpaug augment` does; its memory is what it has before, after the first episode, and
+at its peak. `--no-links` does so as on a file system without hard links.
 """
 
 import argparse
 import filecmp
 import json
+import os
 import resource
 import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -22,6 +25,7 @@ import numpy as np
 from rpaug_adapters.rlds import tfrecord
 from rpaug_adapters.rlds.example import example
 
+from rpaug import Episode
 from rpaug.core.registry import adapter
 
 CORE = "tensorflow_datasets.core.features."
@@ -54,7 +58,7 @@ def features(size: tuple[int, int]) -> dict:
     return several({"steps": every})
 
 
-def make(root: Path, megabytes: int, steps: int, size: tuple[int, int]) -> tuple[int, int]:
+def make_rlds(root: Path, megabytes: int, steps: int, size: tuple[int, int]) -> tuple[int, int]:
     """One shard; its bytes of records, and those of one."""
     folder = root / "bench/1.0.0"
     folder.mkdir(parents=True)
@@ -80,6 +84,40 @@ def make(root: Path, megabytes: int, steps: int, size: tuple[int, int]) -> tuple
     return total, len(record)
 
 
+def make_lerobot(root: Path, megabytes: int, steps: int, size: tuple[int, int]) -> tuple[int, int]:
+    """A dataset of LeRobot v3; its bytes, and those of one episode."""
+    rng = np.random.default_rng(0)
+    frames = rng.integers(120, 132, (2, steps, size[1], size[0], 3), np.uint8)
+    episode = Episode.from_arrays(
+        {"front": frames[0], "wrist": frames[1]},
+        instruction="put it away",
+        joint_positions=rng.normal(size=(steps, 7)),
+    )
+    lerobot, key = adapter("lerobot"), "bench/train/0"
+    lerobot.write(replace(episode, rate=30.0), root / "one", key, dict)
+    lerobot.finish(root, root / "one")
+    one = _bytes(root / "one")
+    count = max(1, megabytes * 10**6 // one)
+    without_links()  # each has packets of its own
+    for number in range(count):
+        lerobot.write(lerobot.read(root / "one", key), root / "in", f"bench/train/{number}", dict)
+    lerobot.finish(root / "one", root / "in")
+    return _bytes(root / "in"), one
+
+
+def without_links() -> None:
+    """Hard links fail in this process from here on, as on file systems without them."""
+
+    def link(*_: object) -> None:
+        raise OSError
+
+    os.link = link
+
+
+def _bytes(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
 def most_memory() -> float:
     """Megabytes this process had at the most. (`ru_maxrss` counts what it was forked from too.)"""
     lines = Path("/proc/self/status").read_text().splitlines()
@@ -87,15 +125,15 @@ def most_memory() -> float:
     return int(line.split()[1]) * 1024 / 1e6
 
 
-def copy(source: Path, target: Path) -> dict[str, float]:
+def copy(layout: str, source: Path, target: Path) -> dict[str, float]:
     """Copy a dataset through; what it took of this process."""
-    rlds = adapter("rlds")
+    writer = adapter(layout)
     before, begun = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter()
     own, first = most_memory(), 0.0
-    for key in rlds.episodes(source):
-        rlds.write(rlds.read(source, key), target, key, dict)
+    for key in writer.episodes(source):
+        writer.write(writer.read(source, key), target, key, dict)
         first = first or most_memory()
-    rlds.finish(source, target)
+    writer.finish(source, target)
     after = resource.getrusage(resource.RUSAGE_SELF)
     user, system = after.ru_utime - before.ru_utime, after.ru_stime - before.ru_stime
     return {
@@ -113,6 +151,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
+    parser.add_argument("--layout", choices=("rlds", "lerobot"), default="rlds")
+    parser.add_argument("--no-links", action="store_true")
     parser.add_argument("--megabytes", type=int, default=2048)
     parser.add_argument("--steps", type=int, default=64)
     parser.add_argument("--size", nargs=2, type=int, default=(640, 480))
@@ -120,15 +160,23 @@ def main() -> None:
     parser.add_argument("--copy", nargs=2, type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.copy:
-        sys.stdout.write(json.dumps(copy(*given.copy)))
+        if given.no_links:
+            without_links()
+        sys.stdout.write(json.dumps(copy(given.layout, *given.copy)))
         return
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "in", Path(folder) / "out"
-        total, one = make(source, given.megabytes, given.steps, tuple(given.size))
-        command = [sys.executable, __file__, "--copy", source, target]
+        rlds = given.layout == "rlds"
+        make = make_rlds if rlds else make_lerobot
+        total, one = make(
+            source if rlds else Path(folder), given.megabytes, given.steps, tuple(given.size)
+        )
+        command = [sys.executable, __file__, "--layout", given.layout, "--copy", source, target]
+        command += ["--no-links"] * given.no_links
         measured = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
-        (shard,) = (source / "bench/1.0.0").glob("*.tfrecord*")
-        same = filecmp.cmp(shard, target / "bench/1.0.0" / shard.name, shallow=False)
+        payload = "*.tfrecord*" if rlds else "*.mp4"
+        files = [path.relative_to(source) for path in source.rglob(payload)]
+        same = all(filecmp.cmp(source / file, target / file, shallow=False) for file in files)
     busy = measured["user_seconds"] + measured["system_seconds"]
     figures = {
         "megabytes": total / 1e6,

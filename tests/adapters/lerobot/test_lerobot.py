@@ -1,6 +1,7 @@
 """LeRobot datasets: slices of shared files, copied where nothing changed; words, splits and statistics kept right."""
 
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -106,6 +107,56 @@ def test_an_edit_changes_its_camera_alone(recorded: Path, tmp_path: Path) -> Non
     assert (tmp_path / "toy/train/2/note.txt").read_bytes() == b"hello"
 
 
+def copied(root: Path, out: Path) -> None:
+    """Every episode written as it was read, and gathered."""
+    adapter = LeRobot()
+    for key in adapter.episodes(root):
+        adapter.write(adapter.read(root, key), out, key, dict)
+    adapter.finish(root, out)
+
+
+def test_what_no_edit_changed_costs_a_link(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is decoded, counted or copied: recorded files stay whole, and so do their statistics."""
+    copied(recorded, root := tmp_path / "in")  # with statistics of every feature
+    for module, name in ((video, "decode_whole"), (stats, "of_images"), (video, "cut")):
+        monkeypatch.setattr(module, name, lambda *_: pytest.fail("decoded or copied"))
+    copied(root, tmp_path / "out")
+    old, new = root / "toy", tmp_path / "out/toy"
+    films = sorted(path.relative_to(old) for path in old.rglob("*.mp4"))
+    assert films == sorted(path.relative_to(new) for path in new.rglob("*.mp4"))
+    assert all((old / film).samefile(new / film) for film in films)
+    before, after = (pq.read_table(one / "meta/episodes") for one in (old, new))
+    for name in before.column_names:
+        assert before[name].to_pylist() == after[name].to_pylist(), name
+    given, made = (json.loads((one / "meta/stats.json").read_text()) for one in (old, new))
+    assert given == made
+
+
+def test_a_part_of_a_recorded_file_is_taken_out_of_it(recorded: Path, tmp_path: Path) -> None:
+    adapter, out = LeRobot(), tmp_path / "out"
+    read = adapter.read(recorded, "toy/train/1")
+    adapter.write(read, out, "toy/train/0", dict)
+    for step in ("staged", "gathered"):
+        made = adapter.read(out, "toy/train/0")
+        for name, view in read.views.items():
+            shown = made.views[name].rgb
+            assert all(np.array_equal(view.rgb(t), shown(t)) for t in range(read.length)), step
+        adapter.finish(recorded, out)
+    for path in (out / "toy/videos").rglob("*.mp4"):
+        assert video.count(path) == read.length
+
+
+@pytest.mark.parametrize("spoilt", [None, {"min": [0]}, {"mean": "x"}, 7])
+def test_statistics_that_are_no_statistics_are_counted_anew(spoilt: object) -> None:
+    whole = stats.plain({"a": stats.of_numbers(np.arange(3.0))})["a"]
+    assert stats.recorded(whole, (1,)) == whole
+    given = whole | spoilt if isinstance(spoilt, dict) and "mean" in spoilt else spoilt
+    assert stats.recorded(given, (1,)) is None
+    assert stats.recorded(whole, (2,)) is None
+
+
 def test_a_finished_dataset_can_grow(recorded: Path, tmp_path: Path) -> None:
     adapter = LeRobot()
     adapter.write(adapter.read(recorded, KEY), tmp_path, "toy/train/0", dict)
@@ -201,6 +252,11 @@ RECORDERS = {  # how somebody else's recorder encodes
 }
 
 
+def no_link(*_: object) -> None:
+    """A file system without hard links."""
+    raise OSError
+
+
 @pytest.fixture(params=RECORDERS)
 def mixed(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -223,6 +279,9 @@ def mixed(
                     made.mux(stream.encode(frame))
                 made.mux(stream.encode())
     adapter.finish(root, root)
+    monkeypatch.setattr(
+        os, "link", no_link
+    )  # the originals are joined with the copies, not kept as they are
     for number in range(4):
         read = adapter.read(root, f"toy/train/{number // 2}")
         if number % 2:
