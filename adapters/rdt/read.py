@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, UInt8
 from rpaug_adapters.shared import cameras, episodes
 from rpaug_adapters.shared.cameras import Beside
-from rpaug_adapters.shared.hdf5 import opened
+from rpaug_adapters.shared.hdf5 import dataset, opened
 from rpaug_adapters.shared.images import image_size, lazy_colors, lazy_depth
 from rpaug_adapters.shared.texts import read_json
 
@@ -20,9 +20,6 @@ IMAGES = "observations/images"
 QPOS = "observations/qpos"
 WORDS = "expanded_instruction_gpt-4-turbo.json"
 TEXTS = ("instruction", "simplified_instruction", "expanded_instruction")
-# What tells other projects' files: how their groups of episodes begin, at the top or in `data`.
-OTHERS = {"demo_": "robomimic, robosuite or LIBERO", "traj_": "ManiSkill"}
-MOST = 2**28  # numbers in one dataset: more is taken for damage, before anything is allocated
 
 
 @dataclass(frozen=True)
@@ -40,29 +37,11 @@ class RDTSource:
     descriptions: tuple[str, ...]
 
 
-def dataset(path: Path, file: h5py.File, name: str) -> h5py.Dataset:
-    """A dataset that lies in the file itself and is not absurdly large. Raises BadInput."""
-    at: Any = file
-    for part in name.split("/"):
-        link = at.get(part, getlink=True) if isinstance(at, h5py.Group) else None
-        if link is None:
-            raise BadInput(path, name, found="nothing", expected="a dataset")
-        if not isinstance(link, h5py.HardLink):
-            raise BadInput(path, name, found="a link", expected="data in the file itself")
-        at = at[part]
-    if not isinstance(at, h5py.Dataset) or at.external or at.is_virtual:
-        raise BadInput(path, name, found="no data of its own", expected="a dataset in the file")
-    if at.size is None or at.size > MOST:
-        raise BadInput(path, name, found=f"{at.size} values", expected=f"at most {MOST}")
-    return at
-
-
 def read_episode(path: Path, key: str) -> Episode:
     """The episode in a file, images lazy. Raises BadInput."""
     folder = path.parent
     beside = cameras.load((folder, folder.parent))
     with opened(path) as file:
-        _see_ours(path, file)
         images = _found(path, file, beside)
         tracks = _tracks(path, file, frozenset(images.values()))
         length = len(tracks[QPOS])
@@ -81,17 +60,6 @@ def read_episode(path: Path, key: str) -> Episode:
         return RDTSource(path, views, images, encoded, depths, words, beside, descriptions)
 
     return episodes.episode(key, given, sizes, tracks, length, descriptions, view, recorded)
-
-
-def _see_ours(path: Path, file: h5py.File) -> None:
-    """See that a file is no other project's HDF5. Raises BadInput, naming whose it is."""
-    data = file.get("data")
-    names = [*file, *(data if isinstance(data, h5py.Group) else ())]
-    for start, projects in OTHERS.items():
-        if QPOS not in file and (found := [name for name in names if name.startswith(start)]):
-            whose = f"{found[0]}: the layout of {projects}, many episodes in a file"
-            expected = f"RDT's or ALOHA's, one episode a file with {QPOS}: rpaug reads {projects} as RLDS or LeRobot"
-            raise BadInput(path, "layout", found=whose, expected=expected)
 
 
 def untouched(path: Path, shown: Set[str]) -> dict[str, bytes]:

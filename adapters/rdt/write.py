@@ -8,9 +8,9 @@ from typing import Any
 import h5py
 import numpy as np
 from jaxtyping import Float64, UInt8
-from rpaug_adapters.rdt.read import IMAGES, QPOS, TEXTS, WORDS, RDTSource, dataset
+from rpaug_adapters.rdt.read import IMAGES, QPOS, TEXTS, WORDS, RDTSource
 from rpaug_adapters.shared import cameras, fresh
-from rpaug_adapters.shared.hdf5 import opened
+from rpaug_adapters.shared.hdf5 import dataset, opened
 from rpaug_adapters.shared.texts import json_bytes
 
 from rpaug import CameraView, Episode, Unsupported, files

@@ -24,6 +24,7 @@ from rpaug import BadInput
 CHILD = Path(__file__).with_name("hdf5_child.py")
 SLOWEST = 2**20  # bytes a second, at the least
 PATIENCE = 60  # seconds beside
+MOST = 2**28  # numbers in one dataset: more is taken for damage, before anything is allocated
 
 
 @dataclass
@@ -34,8 +35,8 @@ class _Prover:
     owner: int = 0
     lock: Any = field(default_factory=Lock)
 
-    def ask(self, path: Path, seconds: float) -> str:
-        """Its answer about a file: how it ended if it did, or `too long`."""
+    def ask(self, path: Path, within: tuple[str, ...] | None, seconds: float) -> str:
+        """Its answer about a file, or some groups of it: how it ended if it did, or `too long`."""
         with self.lock:
             if self.child is None or self.owner != os.getpid() or self.child.poll() is not None:
                 command = [sys.executable, "-I", str(CHILD)]
@@ -44,9 +45,10 @@ class _Prover:
                     command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL
                 )
                 self.owner = os.getpid()
-            name = str(path.absolute()).encode("unicode_escape")
+            asked = [str(path.absolute()), *([] if within is None else ["", *within])]
+            line = b"\t".join(part.encode("unicode_escape") for part in asked)
             try:
-                self.child.stdin.write(name + b"\n")
+                self.child.stdin.write(line + b"\n")
                 self.child.stdin.flush()
             except OSError:
                 return "crashed"
@@ -67,17 +69,18 @@ _PROVER = _Prover()
 atexit.register(_PROVER.close)
 
 
-@lru_cache(1024)
-def _proved(path: Path, size: int, _: int) -> str:
-    return _PROVER.ask(path, PATIENCE + size / SLOWEST)
+@lru_cache(2**16)
+def _proved(path: Path, size: int, _: int, within: tuple[str, ...] | None) -> str:
+    return _PROVER.ask(path, within, PATIENCE + size / SLOWEST)
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[h5py.File]:
-    """The file, for reading. Raises BadInput for what is no HDF5 file or damaged where it is read."""
+def opened(path: Path, within: tuple[str, ...] | None = None) -> Iterator[h5py.File]:
+    """The file, for reading; if groups are named, what lies `within` them and attributes of those above alone, and if
+    none is, the names in the file and in its groups alone. Raises BadInput for what is no HDF5 file or damaged."""
     try:
         about = path.stat()
-        outcome = _proved(path, about.st_size, about.st_mtime_ns)
+        outcome = _proved(path, about.st_size, about.st_mtime_ns, within)
         if outcome not in ("read", "refused"):
             found = {
                 "crashed": "what crashes the HDF5 library",
@@ -89,3 +92,26 @@ def opened(path: Path) -> Iterator[h5py.File]:
             yield file
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
         raise BadInput(path, "HDF5", found=str(error)[:120], expected="a whole file") from None
+
+
+def member(path: Path, file: h5py.Group, name: str) -> h5py.Group | h5py.Dataset:
+    """What lies in the file itself at a place below a group of it, followed by hard links alone. Raises BadInput."""
+    at: Any = file
+    for part in name.split("/"):
+        link = at.get(part, getlink=True) if isinstance(at, h5py.Group) else None
+        if link is None:
+            raise BadInput(path, name, found="nothing", expected="a group or dataset")
+        if not isinstance(link, h5py.HardLink):
+            raise BadInput(path, name, found="a link", expected="data in the file itself")
+        at = at[part]
+    return at
+
+
+def dataset(path: Path, file: h5py.Group, name: str) -> h5py.Dataset:
+    """A dataset that lies in the file itself and is not absurdly large. Raises BadInput."""
+    at = member(path, file, name)
+    if not isinstance(at, h5py.Dataset) or at.external or at.is_virtual:
+        raise BadInput(path, name, found="no data of its own", expected="a dataset in the file")
+    if at.size is None or at.size > MOST:
+        raise BadInput(path, name, found=f"{at.size} values", expected=f"at most {MOST}")
+    return at

@@ -20,7 +20,9 @@ from rpaug.cli.console import (
 
 def convert(
     dataset: Dataset,
-    to: Annotated[str, typer.Option(help="Layout to write: rlbench, rlds, rdt or lerobot.")],
+    to: Annotated[
+        str, typer.Option(help="Layout to write: rlbench, rlds, rdt, hdf5_sim or lerobot.")
+    ],
     out: Annotated[Path, typer.Option(help="Folder to write; must not exist.")],
     fps: Annotated[
         float | None,

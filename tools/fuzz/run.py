@@ -31,6 +31,9 @@ LAYOUTS = {
     "jpeg_rlds": "rlds",
     "rdt": "rdt",
     "latest_rdt": "rdt",
+    "robomimic": "hdf5_sim",
+    "latest_robomimic": "hdf5_sim",
+    "maniskill": "hdf5_sim",
     "lerobot": "lerobot",
     "ego4d": "video",
     "recipe": "",
@@ -41,10 +44,13 @@ SHARES = {
     "jpeg_rlds": 6,
     "rdt": 2,
     "latest_rdt": 2,
+    "robomimic": 2,
+    "latest_robomimic": 2,
+    "maniskill": 2,
     "lerobot": 1,
     "ego4d": 1,
     "recipe": 3,
-}  # of 26: what is quick is tried more
+}  # of 32: what is quick is tried more
 TURNS = [name for name, share in SHARES.items() for _ in range(share)]
 STARTS = ("os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "subprocess.Popen", "pty.spawn",
           "socket.connect", "shutil.rmtree", "os.remove", "os.rename", "os.chmod")  # fmt: skip
@@ -65,6 +71,8 @@ def read(layout: str, root: Path) -> str:
     for key in list(keys)[:3]:
         episode = reader.read(root, key)
         reader.traps(episode)
+        if layout == "hdf5_sim":
+            reader.untouched(episode, False)
         for view in episode.views.values():
             for image in (view.rgb, view.depth, view.ids):
                 for t in range(min(episode.length, 4)) if image is not None else ():
@@ -119,7 +127,7 @@ def work(first: int, end: int, progress: Path) -> None:
             {path.suffix if "tfrecord" not in path.name else "tfrecord" for path, _ in places[name]}
         )
         kinds += [
-            one for one in kinds if one in (".hdf5", "tfrecord", ".pkl", ".parquet", ".mp4")
+            one for one in kinds if one in (".hdf5", ".h5", "tfrecord", ".pkl", ".parquet", ".mp4")
         ] * 2
         kind = kinds[int(rng.integers(len(kinds)))]
         among = [one for one in places[name] if (one[0].suffix == kind or kind in one[0].name)]

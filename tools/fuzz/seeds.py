@@ -146,6 +146,54 @@ def latest_rdt(root: Path) -> None:
     rdt(root, "latest")
 
 
+def robomimic(root: Path, version: str | None = None) -> None:
+    """One demonstration with depth, ids, `next_obs`, camera matrices, words and filter keys."""
+    rng = np.random.default_rng(4)
+    root.mkdir(parents=True)
+    with h5py.File(root / "lift.hdf5", "w", libver=version) as file:
+        demo = file.create_group("data/demo_0")
+        shape = (STEPS + 1, SIDE, SIDE, 1)
+        for name, rows in {
+            "agentview_image": rng.integers(0, 255, (*shape[:3], 3), np.uint8),
+            "agentview_depth": np.ones(shape, np.float32),
+            "agentview_segmentation_instance": np.ones(shape, np.int32),
+            "robot0_eef_pos": rng.normal(size=(STEPS + 1, 3)),
+            "robot0_eef_quat": np.tile([0.0, 0, 0, 1], (STEPS + 1, 1)),
+        }.items():
+            demo.create_dataset(f"obs/{name}", data=rows[:-1], compression="gzip")
+            demo.create_dataset(f"next_obs/{name}", data=rows[1:], compression="gzip")
+        demo["actions"], demo["states"] = rng.normal(size=(STEPS, 7)), rng.normal(size=(STEPS, 9))
+        matrix = {"intrinsics": np.eye(3).tolist(), "extrinsics": np.eye(4).tolist()}
+        demo.attrs["num_samples"] = STEPS
+        demo.attrs["camera_info"] = json.dumps({"agentview": matrix})
+        demo.attrs["ep_meta"] = json.dumps({"lang": "lift it"})
+        file["data"].attrs["env_args"] = json.dumps({"env_kwargs": {"control_freq": 20}})
+        file["mask/train"] = np.array([b"demo_0"])
+
+
+def latest_robomimic(root: Path) -> None:
+    """The same in HDF5's latest format, whose parts are sealed by checksums."""
+    robomimic(root, "latest")
+
+
+def maniskill(root: Path) -> None:
+    """One trajectory with depth, ids, camera matrices and the JSON beside."""
+    rng = np.random.default_rng(5)
+    root.mkdir(parents=True)
+    with h5py.File(root / "cube.h5", "w") as file:
+        obs = file.create_group("traj_0/obs", track_order=True)
+        shape = (STEPS + 1, SIDE, SIDE)
+        obs["sensor_data/base/rgb"] = rng.integers(0, 255, (*shape, 3), np.uint8)
+        obs["sensor_data/base/depth"] = np.full((*shape, 1), 900, np.int16)
+        obs["sensor_data/base/segmentation"] = np.ones((*shape, 1), np.int16)
+        obs["sensor_param/base/intrinsic_cv"] = np.tile(np.eye(3), (STEPS + 1, 1, 1))
+        obs["sensor_param/base/extrinsic_cv"] = np.tile(np.eye(4)[:3], (STEPS + 1, 1, 1))
+        obs["agent/qpos"] = rng.normal(size=(STEPS + 1, 9))
+        file["traj_0/actions"] = rng.normal(size=(STEPS, 8))
+    about = {"env_info": {"env_id": "PickCube-v1"}, "episodes": [{"episode_id": 0}]}
+    (root / "cube.json").write_text(json.dumps(about))
+
+
 def recipe(root: Path) -> None:
     """A recipe with fields of many kinds."""
     given = {

@@ -337,17 +337,6 @@ def test_each_form_of_the_instruction_keeps_its_own_texts(tmp_path: Path) -> Non
     assert made == json.loads(json.dumps(given).replace("red", "blue"))
 
 
-@pytest.mark.parametrize(
-    ("group", "whose"), [("data/demo_0", "robomimic"), ("traj_0", "ManiSkill")]
-)
-def test_files_of_other_projects_are_named(tmp_path: Path, group: str, whose: str) -> None:
-    with h5py.File(tmp_path / "demo.hdf5", "w") as file:
-        file[f"{group}/actions"] = np.zeros((3, 7))
-        file[f"{group}/obs/agentview_image"] = np.zeros((3, 8, 8, 3), np.uint8)
-    with pytest.raises(BadInput, match=f"layout: found {group.rpartition('/')[2]}.*{whose}"):
-        RDT().read(tmp_path, "demo")
-
-
 @pytest.mark.parametrize("name", ["action", "observations/qpos"])
 def test_what_no_edit_reaches_is_listed_for_verify(tmp_path: Path, name: str) -> None:
     root = dataset(tmp_path)

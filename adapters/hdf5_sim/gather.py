@@ -1,0 +1,105 @@
+"""Gathering demonstrations into shared files, filter keys, totals and ManiSkill's JSON among them.
+
+A file grows beside the old one and is read whole before it takes its place; until then the demonstrations' own files
+stay, so that a killed run loses nothing.
+"""
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+from rpaug_adapters.hdf5_sim import layouts
+from rpaug_adapters.hdf5_sim.places import DATA, ENDINGS, STAGED, Place, contents, is_staged
+from rpaug_adapters.hdf5_sim.read import frames
+from rpaug_adapters.hdf5_sim.write import copy, described, filter_keys, store_filter_keys
+from rpaug_adapters.shared.folders import natural, walk
+from rpaug_adapters.shared.hdf5 import opened
+from rpaug_adapters.shared.texts import json_bytes, read_json
+
+from rpaug import files
+
+
+def gather(root: Path) -> None:
+    """Gather all that lies in files of its own below a folder."""
+    groups: dict[Path, dict[str, Place]] = {}
+    for folder, _, names in walk(root):
+        for path in (folder / name for name in names):
+            if path.suffix in ENDINGS and is_staged(path):
+                shared = folder.parent.with_name(folder.parent.name + path.suffix)
+                groups.setdefault(shared, {})[folder.name] = contents(path)[0]
+    for path, staged in groups.items():
+        _gather(path, staged)
+
+
+def _gather(path: Path, staged: Mapping[str, Place]) -> None:
+    before = {place.name: place for place in contents(path)} if path.exists() else {}
+    places = dict(sorted({**before, **staged}.items(), key=lambda one: natural(one[0])))
+    work = path.with_name(f".{path.name}{files.PART}")
+    keys: dict[str, list[str]] = {}
+    listed: dict[str, Any] = {}
+    with h5py.File(work, "w") as target:
+        for name, place in places.items():
+            with opened(place.path, place.within) as source:
+                copy(source, place, target, name)
+                for key, names in filter_keys(source, place).items():
+                    keys.setdefault(key, []).extend([name] if place.name in names else [])
+            if (one := described(place)) is not None:
+                own = one["episodes"][0] | {"episode_id": int(name.partition("_")[2])}
+                listed = {**one, **listed, "episodes": [*listed.get("episodes", ()), own]}
+        store_filter_keys(target, keys)
+        if DATA in target:
+            for name, count in _counts(target[DATA]).items():
+                target[DATA].attrs.modify(name, count)
+    _read(work)
+    os.replace(work, path)
+    if listed:
+        files.write_atomic(path.with_suffix(".json"), json_bytes(listed))
+    for place in staged.values():
+        place.path.with_suffix(".json").unlink(missing_ok=True)
+        place.path.unlink()
+
+
+def _counts(data: h5py.Group) -> dict[str, int]:
+    """The counts that a file states of itself, as they must be."""
+    counts = {
+        "total": sum(int(one.attrs["num_samples"]) for one in data.values()),
+        "num_demos": len(data),
+    }
+    return {name: count for name, count in counts.items() if name in data.attrs}
+
+
+def _read(path: Path) -> None:
+    """Decode everything in a new file. Raises BadInput."""
+    for place in contents(path):
+        with opened(place.path, place.within) as file:
+            demo = layouts.demo(place, file)
+        for one in demo.stored.values():
+            for name in filter(None, (one.color, one.depth, one.ids)):
+                frames(demo, name)(0)
+
+
+def faults(root: Path) -> Iterator[str]:
+    """Where files say of themselves what is not so."""
+    for folder, _, names in walk(root):
+        for path in (folder / name for name in names if not name.startswith(".")):
+            if path.suffix in ENDINGS and path.stem != STAGED and (places := contents(path)):
+                yield from _faults(path, places)
+
+
+def _faults(path: Path, places: list[Place]) -> Iterator[str]:
+    names = {place.name for place in places}
+    if places[0].robomimic:
+        with opened(path, tuple(place.group for place in places)) as file:
+            for name, count in _counts(file[DATA]).items():
+                if (found := file[DATA].attrs[name]) != count:
+                    yield f"{path}: {DATA}, attribute {name}: found {found}; expected {count}"
+            for key, held in filter_keys(file, places[0]).items():
+                if gone := sorted({*held} - names):
+                    yield f"{path}: mask/{key}: found {gone[0]}; expected demonstrations that are there"
+    elif (about := path.with_suffix(".json")).is_file():
+        given = read_json(about, "a description by ManiSkill")
+        listed = {f"traj_{one['episode_id']}" for one in given["episodes"]}
+        if listed != names:
+            yield f"{about}: episodes: found {len(listed)}; expected those of the file, {len(names)}"
