@@ -15,7 +15,7 @@ Found = TypeVar("Found")
 
 
 def once(find: Callable[..., Found]) -> Callable[..., Found]:
-    """Remember the last answer, for arguments that are the very same: objects, sets, tuples and scenes of such."""
+    """Remember the last answer, for arguments that are the very same: objects, sets, and tuples, episodes, scenes of them."""
     last: list[tuple[tuple[Any, ...], Found]] = []
 
     @wraps(find)
@@ -33,8 +33,9 @@ def once(find: Callable[..., Found]) -> Callable[..., Found]:
 def _same(one: object, other: object) -> bool:
     if isinstance(one, tuple) and isinstance(other, tuple):
         return len(one) == len(other) and all(map(_same, one, other))
-    if isinstance(one, Scene) and isinstance(other, Scene):
-        return all(_same(getattr(one, f.name), getattr(other, f.name)) for f in fields(Scene))
+    for kind in (Scene, Episode):
+        if isinstance(one, kind) and isinstance(other, kind):
+            return all(_same(getattr(one, f.name), getattr(other, f.name)) for f in fields(kind))
     return one is other or (isinstance(one, frozenset) and one == other)
 
 

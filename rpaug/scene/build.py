@@ -13,7 +13,8 @@ import numpy as np
 
 from rpaug.core import sampling
 from rpaug.core.errors import Unsupported
-from rpaug.core.types import Body, Episode, Scene
+from rpaug.core.memo import once
+from rpaug.core.types import Belief, Body, Episode, Scene
 from rpaug.scene.instances import by_motion, rgb_episode
 from rpaug.scene.instances.found import FoundInstances, InstanceFinder
 from rpaug.scene.sampled_frames import look
@@ -69,10 +70,19 @@ class ByMasks:
     def find(self, episode: Episode) -> FoundInstances:
         if not all(view.depth and view.ids for view in episode.views.values()):
             return FoundInstances(episode, _untracked(episode))
-        sampled = look(episode)
-        tracked = bodies.track(episode, sampled, self.arms)
-        beliefs = roles.believe(episode, tracked, sampled)
+        recorded = replace(episode, embeddings=Episode.embeddings)  # what a recipe makes of words
+        tracked, beliefs = _tracked(recorded, tuple(self.arms))
         return FoundInstances(episode, tracked, roles.held(beliefs), beliefs=beliefs)
+
+
+@once
+def _tracked(
+    episode: Episode, arms: tuple[Kinematics, ...]
+) -> tuple[tuple[Body, ...], dict[str, Belief]]:
+    """How instances move and what is believed of roles, once for all copies of an episode."""
+    sampled = look(episode)
+    tracked = bodies.track(episode, sampled, arms)
+    return tracked, roles.believe(episode, tracked, sampled)
 
 
 @dataclass(frozen=True)

@@ -43,4 +43,5 @@ def test_an_episode_is_looked_at_once() -> None:
     recorded = scene({"front": (1.6, 0.3, 1.0)}, length=2).episode
     assert look(recorded) is look(recorded)
     assert look(recorded, [0]).frames.tolist() == [0]
-    assert look(replace(recorded)) is not look(recorded)
+    assert look(replace(recorded)) is look(recorded)
+    assert look(replace(recorded, key="other")) is not look(recorded)

@@ -6,7 +6,7 @@ import pytest
 from analytic import scene as analytic_scene
 
 from rpaug.core.errors import Unsupported
-from rpaug.core.types import CameraView, Episode
+from rpaug.core.types import CameraView, Embeddings, Episode
 from rpaug.scene.build import ByImages, ByMasks, ByMotion, find, sources
 from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.video.reconstruct import ByVideo
@@ -47,6 +47,15 @@ def test_the_first_that_suits_is_taken(lacks: dict[str, None], kind: type) -> No
     given = episode(**lacks)
     among = sources(tuple, video=ByVideo())
     assert isinstance(next(one for one in among if one.suits(given)), kind)
+
+
+def test_copies_of_an_episode_are_tracked_once() -> None:
+    given, among = episode(), (ByMasks(()),)
+    first = find(given, among)
+    again = find(replace(given, embeddings=Embeddings(drop=True)), among)
+    assert again.bodies is first.bodies
+    assert again.episode.embeddings.drop
+    assert find(replace(given, views=dict(given.views)), among).bodies is not first.bodies
 
 
 def test_arms_are_not_read_where_a_video_is_taken() -> None:

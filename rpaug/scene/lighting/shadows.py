@@ -44,6 +44,7 @@ CORNERS = 96  # directions in which a thing's outline is kept
 BESIDE = 3  # cells around an outline that it is compared with
 SOFT = 0.7  # cells: standard deviation of a shadow's edge
 THICK = 0.006  # metres: what is lower casts nothing worth drawing
+APART = 0.03  # metres off the support's level from which a surface is not the support: depth is noisy by less
 ROW = 256  # places looked up in one row: OpenCV takes no longer ones than 32767
 RINGS, SECTORS = 12, 48  # of the sky, each as bright as another on level ground
 SKY = 0.8  # of the light that a thing keeps away is lost: the rest comes off its own sides
@@ -51,10 +52,14 @@ SKY = 0.8  # of the light that a thing keeps away is lost: the rest comes off it
 
 @dataclass(frozen=True)
 class Shade:
-    """A factor on the colors of the support by place: cell (row, column) is about `origin + CELL * (column, row)`."""
+    """A factor on the colors of the support by place: cell (row, column) is about `origin + CELL * (column, row)`.
+
+    What of the support's instances lies `APART` or more above or below its `level` (legs, an apron) is another place.
+    """
 
     instance_ids: frozenset[int]
     origin: tuple[float, float]
+    level: float
     gain: Float32[np.ndarray, "r c"]
 
     def __call__(
@@ -64,7 +69,8 @@ class Shade:
         rest = -len(at) % ROW
         x, y = np.pad(at.T.astype(np.float32), ((0, 0), (0, rest))).reshape(2, -1, ROW)
         found = cv2.remap(self.gain, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        factor = found.ravel()[: len(at)]
+        level = np.abs(surface.points[:, 2] - np.float32(self.level)) < APART
+        factor = np.where(level, found.ravel()[: len(at)], np.float32(1))
         return np.clip(color * factor[:, None], 0, 1).astype(np.float32)
 
 
@@ -183,8 +189,7 @@ def follow(before: Scene, after: Scene, cast: Sequence[Sequence[float]]) -> Scen
         gain *= (1 - share * now) / (1 - share * was)
     if np.abs(gain - 1).max() < 1e-3:
         return after
-    x, y = table.origin.tolist()
-    return replace(after, appearance=(*after.appearance, Shade(table.instance_ids, (x, y), gain)))
+    return replace(after, appearance=(*after.appearance, _shade(table, gain)))
 
 
 def grounded(before: Scene, after: Scene) -> Scene:
@@ -206,9 +211,12 @@ def grounded(before: Scene, after: Scene) -> Scene:
     gain = np.ones(table.shape, np.float32)
     for direction in sky:
         gain -= np.float32(SKY / len(sky)) * _soft(_cast(new, direction, table))
+    return replace(after, appearance=(*after.appearance, _shade(table, gain)))
+
+
+def _shade(table: _SupportPlane, gain: Float32[np.ndarray, "r c"]) -> Shade:
     x, y = table.origin.tolist()
-    shade = Shade(table.instance_ids, (x, y), gain)
-    return replace(after, appearance=(*after.appearance, shade))
+    return Shade(table.instance_ids, (x, y), table.level, gain)
 
 
 def _photographed(scene: Scene) -> _SupportPlane | None:

@@ -72,10 +72,19 @@ def test_without_lamps_nothing_changes(shaded):
 
 
 def test_a_large_image_of_the_table_is_shaded():
-    shade = shadows.Shade(frozenset([1]), (0.0, 0.0), np.full((4, 4), 0.5, np.float32))
+    shade = shadows.Shade(frozenset([1]), (0.0, 0.0), 0.0, np.full((4, 4), 0.5, np.float32))
     count = 2**15 + 3
 
     class Somewhere:
         points = np.zeros((count, 3), np.float32)
 
     assert (shade(np.ones((count, 3), np.float32), Somewhere()) == 0.5).all()
+
+
+def test_a_shadow_lies_on_the_support_and_not_on_its_legs():
+    shade = shadows.Shade(frozenset([1]), (0.0, 0.0), 0.7, np.full((4, 4), 0.5, np.float32))
+
+    class TopAndLeg:
+        points = np.array([[0.01, 0.01, 0.705], [0.01, 0.01, 0.3]], np.float32)
+
+    assert shade(np.ones((2, 3), np.float32), TopAndLeg())[:, 0].tolist() == [0.5, 1.0]
