@@ -11,7 +11,17 @@ from hypothesis import strategies as st
 
 from rpaug.core import registry
 from rpaug.twin import covers
-from tools.bench.foreign import cameras, changed, convert, distractors, neutral, roles, run, scoring
+from tools.bench.foreign import (
+    cameras,
+    changed,
+    convert,
+    distractors,
+    neutral,
+    roles,
+    run,
+    scoring,
+    simulated,
+)
 
 NAMES = [f"task-{k}" for k in range(9)]
 IDS = st.sets(st.integers(1, 6))
@@ -53,6 +63,25 @@ def test_what_no_camera_shows_weighs_nothing() -> None:
     assert scoring.grade(truth, [1], {1: 900, 2: 100}) == scoring.WRONG
     assert scoring.grade(truth, [1, 3], {1: 500, 2: 5, 3: 100}) == scoring.WRONG
     assert scoring.grade({"must": [9], "may": []}, [], {1: 5}) == scoring.RIGHT
+
+
+TWO_BALLS = """<mujoco><option gravity="0 0 0"/><worldbody>
+  <body name="hand"><joint type="slide" axis="1 0 0"/><geom size="0.05"/></body>
+  <body name="near" pos="0.1 0 0"><joint type="slide" axis="1 0 0"/><geom size="0.05"/></body>
+  <body name="beyond" pos="0.25 0 0"><joint type="slide" axis="1 0 0"/><geom size="0.05"/></body>
+  <body name="alone" pos="0 1 0"><joint type="slide" axis="0 0 1"/><geom size="0.05"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("far", "expected"), [(0.0, {"near"}), (0.1, {"near", "beyond"})])
+def test_what_the_robot_pushes_is_told_apart_from_what_falls(far: float, expected: set) -> None:
+    model = mujoco.MjModel.from_xml_string(TWO_BALLS)
+    way = np.linspace(0, 0.05 + far, 20)
+    beyond = np.maximum(0, way - 0.05)
+    qpos = np.stack([way, way, beyond, -way], 1)
+    still = simulated.state(mujoco.MjData(model))
+    states = {name: np.stack([value] * 20) for name, value in still.items()}
+    assert simulated.pushed(model, states | {"qpos": qpos}, {"hand"}) == expected
 
 
 def test_a_share_knows_that_tasks_differ() -> None:

@@ -35,9 +35,8 @@ def record(name: str, task: str, seed: int, folder: Path) -> bool:
     things = simulated.shown(fresh, world.groups)
     ids = simulated.numbered(list(things), seed)
     edits = simulated.edits(run.model, fresh)
-    studio = simulated.Studio(
-        simulated.apply(fresh, edits), by_geom(fresh, things, ids), world.groups
-    )
+    model = simulated.apply(fresh, edits)
+    studio = simulated.Studio(model, by_geom(model, things, ids), world.groups)
     reels = studio.film(states, world.cameras)
     studio.close()
     robot = {
@@ -50,7 +49,7 @@ def record(name: str, task: str, seed: int, folder: Path) -> bool:
         "world": name, "task": task, "seed": seed, "instruction": world.tasks[task].instruction,
         "model": "model.xml" if run.source.lstrip().startswith("<") else run.source,
         "groups": world.groups, "steps": kept.tolist(),
-        "ids": ids, "roles": roles(world, task, fresh, ids),
+        "ids": ids, "roles": roles(world, task, model, ids, states),
         "cameras": {key: vars(eye) for key, eye in world.cameras.items()},
     }  # fmt: skip
     neutral.save(folder, facts, {**reels, "robot": robot, "states": states, "model": edits})
@@ -68,21 +67,29 @@ def by_geom(
 
 
 def roles(
-    world: World, task: str, model: mujoco.MjModel, ids: Mapping[str, int]
+    world: World,
+    task: str,
+    model: mujoco.MjModel,
+    ids: Mapping[str, int],
+    states: Mapping[str, np.ndarray],
 ) -> dict[str, dict[str, list[int]]]:
-    """True instance ids by role, `must` and `may`: by the names of bodies alone. Raises KeyError on an unknown name."""
+    """True instance ids by role, `must` and `may`: by the names of bodies; what the robot pushes in `states` may be
+    manipulated as well. Raises KeyError on an unknown name."""
     asked = world.tasks[task]
-    robot = sorted(simulated.below(model, world.robot) & ids.keys())
+    arm = simulated.below(model, world.robot)
+    robot = sorted(arm & ids.keys())
     table = asked.table or world.table
     must = {"manipulated": asked.moved, "receiver": asked.onto, "table": table, "robot": robot}
     things = simulated.shown(model, world.groups)
     must["background"] = [name for name in ids if model.geom_bodyid[things[name][0]] == 0]
     out = {}
     for role, names in must.items():
-        extra = (*world.may.get(role, ()), *asked.may.get(role, ()))
+        extra = [*world.may.get(role, ()), *asked.may.get(role, ())]
+        if role == "manipulated":
+            extra += simulated.pushed(model, states, arm)
         out[role] = {
             "must": sorted(ids[name] for name in names),
-            "may": sorted(ids[name] for name in extra if name in ids and name not in names),
+            "may": sorted({ids[name] for name in extra if name in ids and name not in names}),
         }
     return out
 

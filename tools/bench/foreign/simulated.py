@@ -1,6 +1,6 @@
 """A MuJoCo model's states as images: what is recorded, and what is truly rendered again with something changed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 SIZE = 128  # pixels a side, as RLBench
+MOVED = 0.01  # metres
 SHADOW = (
     1024  # texels a side of the lamps' map; a processor renders the usual 4096 at half the pace
 )
@@ -124,6 +125,31 @@ def numbered(names: Sequence[str], seed: int) -> dict[str, int]:
     """Instance ids from 1, in an order that the seed draws: no number tells what a thing is."""
     order = np.random.default_rng(seed).permutation(len(names))
     return {name: int(place) + 1 for name, place in zip(names, order, strict=True)}
+
+
+def pushed(model: mujoco.MjModel, states: Mapping[str, np.ndarray], robot: Set[str]) -> set[str]:
+    """The names of bodies that go farther than MOVED while they touch the robot, or what that pushed."""
+    data = mujoco.MjData(model)
+    names = [body_name(model, body) for body in range(model.nbody)]
+    at, touching = [], []
+    for t in range(len(states["qpos"])):
+        restore(model, data, states, t)
+        at.append(data.xipos.copy())
+        pairs = model.geom_bodyid[data.contact.geom]
+        touching.append({(names[a], names[b]) for a, b in (*pairs, *pairs[:, ::-1])})
+    steps = np.linalg.norm(np.diff(at, axis=0), axis=-1)
+    out: set[str] = set()
+    while True:
+        acting = robot | out
+        went = dict.fromkeys(names, 0.0)
+        for t, lengths in enumerate(steps):
+            near = {one for one, other in touching[t] | touching[t + 1] if other in acting}
+            for name, length in zip(names, lengths, strict=True):
+                went[name] += length if name in near else 0.0
+        fresh = {name for name, way in went.items() if way > MOVED} - acting
+        if not fresh:
+            return out
+        out |= fresh
 
 
 def below(model: mujoco.MjModel, roots: Sequence[str]) -> set[str]:
