@@ -5,7 +5,7 @@ sides. From a hole pixel we walk in eight directions to the first drawn pixel an
 on a plane); of two opposite walks the farther surface counts, or the nearer where both meet in a corner. Neighbours
 then vote on which thing it is, so that two backgrounds meet along a line. Beyond the frame of what a camera recorded
 nothing moved aside: there the nearest end is continued, be it of an arm. And where the camera looked through a
-continued surface, that is not there.
+continued surface, that is not there; nor is it beyond a straight edge of the face that it belongs to.
 
 Colors are mirrored at the hole's edge, and not from the edge itself, where they are mixed. The hole mask stays with
 the picture so that nobody takes it for a recording.
@@ -14,7 +14,7 @@ the picture so that nobody takes it for a recording.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int32
 
 from rpaug.core.jit import inlined, kernel
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
@@ -29,22 +29,63 @@ HIDDEN, OUTSIDE, REFUTED = 0, 1, 2  # what a camera says of a surface that it di
 
 
 @dataclass(frozen=True)
+class Edges:
+    """Straight edges at which flat faces of resting things end, in the world.
+
+    `faces` and `sides` are planes (unit normal, offset): a point of the thing that lies on the face, at the negative
+    side of `sides`, is beyond the edge.
+    """
+
+    instance_ids: Int32[np.ndarray, "n"]
+    faces: Float64[np.ndarray, "n 4"]
+    sides: Float64[np.ndarray, "n 4"]
+
+    def without(self, instance_ids: frozenset[int]) -> "Edges":
+        """The edges of other things than these."""
+        rest = ~np.isin(self.instance_ids, list(instance_ids))
+        return Edges(self.instance_ids[rest], self.faces[rest], self.sides[rest])
+
+
+NO_EDGES = Edges(np.zeros(0, np.int32), np.zeros((0, 4)), np.zeros((0, 4)))
+
+
+@dataclass(frozen=True)
 class Witness:
-    """A camera that recorded `source`, and the view, `K` and `cam_to_world`, whose holes it is asked about."""
+    """A camera that recorded `source`, and the view, `K` and `cam_to_world`, whose holes it is asked about.
+
+    `edges` are where resting things end.
+    """
 
     source: Source
     K: Float64[np.ndarray, "3 3"]
     cam_to_world: Float64[np.ndarray, "4 4"]
+    edges: Edges = NO_EDGES
 
     def judged(
-        self, rows: np.ndarray, columns: np.ndarray, plane: Float64[np.ndarray, "n 4"]
+        self,
+        rows: np.ndarray,
+        columns: np.ndarray,
+        ends: np.ndarray,
+        edge: Float64[np.ndarray, "n 8"],
+        found: np.ndarray,
+        plane: Float64[np.ndarray, "n 8"],
     ) -> np.ndarray:
-        """Per pixel and 1/z: HIDDEN behind what was recorded, OUTSIDE its frame, or REFUTED: seen through."""
+        """Per pixel and way: HIDDEN behind what was recorded, OUTSIDE its frame, or REFUTED: seen through, or beyond an
+        edge of its face.
+
+        What continues there is `found` with 1/z = `plane` (brought onto the face that it starts on), from `ends` with
+        1/z = `edge`.
+        """
+        lines, target = self.edges, intrinsics(self.K)
+        beyond = np.zeros(plane.shape, np.bool_)
+        _bound(
+            rows, columns, ends, edge, found, target, self.cam_to_world, lines.instance_ids, lines.faces, lines.sides,
+            plane, beyond,
+        )  # fmt: skip
         seen = np.maximum(nearness(self.source), 0.0)
         back = relative(self.cam_to_world, self.source.cam_to_world)
-        out = np.zeros(plane.shape, np.int8)
-        target, lens = intrinsics(self.K), intrinsics(self.source.K)
-        _judge(rows, columns, plane, target, back, lens, seen, out)
+        out = np.where(beyond, np.int8(REFUTED), np.int8(HIDDEN))
+        _judge(rows, columns, plane, target, back, intrinsics(self.source.K), seen, out)
         return out
 
 
@@ -59,10 +100,18 @@ def fill(view: Rendered, witness: Witness | None = None) -> Rendered:
     depth = view.depth.astype(np.float64)
     near = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
     rgb, ids, hole = view.rgb.copy(), view.ids.copy(), view.hole.copy()
-    while hole.any():  # twice where no walk from a pixel reaches a drawn one
+    while (
+        hole.any()
+    ):  # again where no walk from a pixel reaches a drawn one, or only what cannot be there
         rows, columns = np.nonzero(hole)
-        ends, away, plane = _walks(near, ids, hole, rows, columns)
-        kind = witness.judged(rows, columns, plane) if witness else np.zeros(plane.shape, np.int8)
+        ends, steps, away, plane = _walks(near, ids, hole, rows, columns)
+        at, kind = (ends[..., 0], ends[..., 1]), np.zeros(plane.shape, np.int8)
+        edge = near[at]
+        if witness:
+            kind = witness.judged(rows, columns, ends, edge, ids[at], plane)
+            if (kind == REFUTED).all():
+                kind[:] = HIDDEN  # something has to be there
+        ends, away, plane, kind = _better(ends, steps, away, edge, plane, kind)
         chosen = _vote(ids, hole, rows, columns, ends, away, plane, kind)
         _continue(rgb, near, ids, hole, rows, columns, ends, away, plane, chosen)
     filled = np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
@@ -73,44 +122,107 @@ def fill(view: Rendered, witness: Witness | None = None) -> Rendered:
 
 @kernel
 def _judge(rows, columns, plane, target, back, lens, seen, out):
-    """What a camera (`lens`, reached by `back`) that saw 1/z = `seen` says of each axis' continued surface."""
+    """What a camera (`lens`, reached by `back`) that saw 1/z = `seen` says of each continued surface."""
     height, width = seen.shape
     for n in range(len(rows)):
-        left = False
-        for axis in range(4):
-            near = plane[n, axis]
+        for way in range(8):
+            near = plane[n, way]
             if not near < np.inf:
+                out[n, way] = REFUTED
+            if out[n, way] == REFUTED:
                 continue
             x, y, ahead = map_pixel(columns[n], rows[n], near, target, back, lens)
             inside = ahead > NEAR and -0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5
             if not inside:
-                out[n, axis] = OUTSIDE
+                out[n, way] = OUTSIDE
             elif seen[int(y + 0.5), int(x + 0.5)] * (1.0 + SAME_LAYER) * ahead < near:
-                out[n, axis] = REFUTED
-            left = left or out[n, axis] != REFUTED
-        if not left:  # something has to be there
-            out[n] = HIDDEN
+                out[n, way] = REFUTED
+
+
+@kernel
+def _bound(
+    rows, columns, ends, edge, found, target, pose, instance_ids, faces, sides, plane, beyond
+):
+    """Continue, where a walk ends on a face (there 1/z = `edge`), that face, and tell where it is beyond its edges."""
+    start, ray = np.empty(3), np.empty(3)
+    for n in range(len(rows)):
+        _ray(rows[n], columns[n], target, pose, ray)
+        for way in range(8):
+            if not 0.0 < edge[n, way] < np.inf:
+                continue
+            _ray(ends[n, way, 0], ends[n, way, 1], target, pose, start)
+            for k in range(len(instance_ids)):
+                if instance_ids[k] != found[n, way]:
+                    continue
+                off, height, toward = 0.0, faces[k, 3], 0.0
+                for a in range(3):
+                    off += faces[k, a] * start[a]
+                    height -= faces[k, a] * pose[a, 3]
+                    toward += faces[k, a] * ray[a]
+                if abs(off / edge[n, way] - height) * edge[n, way] > SAME_LAYER:
+                    continue
+                near = toward / height if abs(height) > NEAR else 0.0
+                over = -sides[k, 3] * near
+                for a in range(3):
+                    over += sides[k, a] * (pose[a, 3] * near + ray[a])
+                if near <= 0.0 or over < -SAME_LAYER:
+                    beyond[n, way] = True
+                else:
+                    plane[n, way] = near
+
+
+@inlined
+def _ray(row, column, target, pose, out):
+    """The direction of a pixel in the world, one metre deep."""
+    across, down = (column - target[2]) / target[0], (row - target[3]) / target[1]
+    for a in range(3):
+        out[a] = pose[a, 0] * across + pose[a, 1] * down + pose[a, 2]
 
 
 @kernel
 def _walks(near, ids, hole, rows, columns):
-    """Per hole pixel and axis, where the better of two opposite walks ends, its length, and 1/z continued from it."""
-    ends = np.zeros((len(rows), 4, 2), np.int32)
-    away = np.full((len(rows), 4), np.inf)
-    plane = np.full((len(rows), 4), np.inf)
+    """Per hole pixel and way (opposite ones are neighbours), where a walk ends, its steps and length, and 1/z continued
+    from its end."""
+    ends = np.zeros((len(rows), 8, 2), np.int32)
+    steps = np.full((len(rows), 8), -1)
+    away = np.full((len(rows), 8), np.inf)
+    plane = np.full((len(rows), 8), np.inf)
     for n in range(len(rows)):
-        for axis in range(4):
-            down, right = AXES[axis]
-            i, j, steps, edge, slope = _walk(near, ids, hole, rows[n], columns[n], down, right)
-            a, b, paces, rim, tilt = _walk(near, ids, hole, rows[n], columns[n], -down, -right)
-            if steps < 0 and paces < 0:
+        for way in range(8):
+            sign = 1 - 2 * (way % 2)
+            down, right = sign * AXES[way // 2][0], sign * AXES[way // 2][1]
+            i, j, count, edge, tilt = _walk(near, ids, hole, rows[n], columns[n], down, right)
+            if count < 0:
                 continue
-            if steps < 0 or (paces > 0 and not _continues(edge, slope, steps, rim, tilt, paces)):
-                i, j, steps, edge, slope = a, b, paces, rim, tilt
-            ends[n, axis, 0], ends[n, axis, 1] = i, j
-            away[n, axis] = steps * np.sqrt(1.0 * down * down + right * right)
-            plane[n, axis] = edge + slope * steps
-    return ends, away, plane
+            ends[n, way, 0], ends[n, way, 1] = i, j
+            steps[n, way], away[n, way] = count, count * np.sqrt(1.0 * down * down + right * right)
+            plane[n, way] = edge + tilt * count
+    return ends, steps, away, plane
+
+
+@kernel
+def _better(ends, steps, away, edge, plane, kind):
+    """Per axis the end, the length, 1/z and what is said of the better of two opposite walks, REFUTED ones last."""
+    count = len(ends)
+    at, far = np.zeros((count, 4, 2), np.int32), np.full((count, 4), np.inf)
+    layer, said = np.full((count, 4), np.inf), np.full((count, 4), REFUTED, np.int8)
+    for n in range(count):
+        for axis in range(4):
+            a, b = 2 * axis, 2 * axis + 1
+            if steps[n, a] < 0 and steps[n, b] < 0:
+                continue
+            if steps[n, a] < 0 or steps[n, b] < 0:
+                first = steps[n, a] > 0
+            elif (kind[n, a] == REFUTED) != (kind[n, b] == REFUTED):
+                first = kind[n, b] == REFUTED
+            else:
+                up, down = edge[n, a], edge[n, b]
+                rise, fall = (plane[n, a] - up) / steps[n, a], (plane[n, b] - down) / steps[n, b]
+                first = _continues(up, rise, steps[n, a], down, fall, steps[n, b])
+            way = a if first else b
+            at[n, axis], far[n, axis] = ends[n, way], away[n, way]
+            layer[n, axis], said[n, axis] = plane[n, way], kind[n, way]
+    return at, far, layer, said
 
 
 @kernel

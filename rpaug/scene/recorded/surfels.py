@@ -33,7 +33,7 @@ from rpaug.render.gains import matched
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 from rpaug.render.window import Window
 from rpaug.render.zbuffer import Rendered, Source
-from rpaug.scene.recorded import parts, robot, unseen
+from rpaug.scene.recorded import edges, parts, robot, unseen
 from rpaug.scene.recorded.carry import carried
 from rpaug.scene.recorded.parts import PartRecording
 from rpaug.scene.recorded.plates import Plate, among, plate, source_at, spread
@@ -50,7 +50,7 @@ class Surfels:
     """What is kept of an episode between views.
 
     `static` are the instance ids that never move; `noise` is the standard deviation of recorded depth as a share of it.
-    `patches` stand for what nobody saw; `shape` are the robot's parts by its file.
+    `patches` stand for what nobody saw; `shape` are the robot's parts by its file; `edges` are those of resting things.
     """
 
     static: frozenset[int]
@@ -60,6 +60,7 @@ class Surfels:
     noise: float = 0.0
     patches: tuple[Source, ...] = ()
     shape: tuple[PartColors, ...] = ()
+    edges: holes.Edges = holes.NO_EDGES
 
     @property
     def tolerance(self) -> float:
@@ -102,7 +103,8 @@ def recorded(scene: Scene) -> Surfels:
         name: tuple(_history(view, length, static, noise, near)) for name, view in moving.items()
     }
     moved = parts.recorded(scene, noise, near, _rim(scene))
-    return Surfels(static, plates, history, moved, noise, shape=robot.recorded(scene))
+    ends = edges.straight([edges.farthest(view, length) for view in fixed.values()], static)
+    return Surfels(static, plates, history, moved, noise, shape=robot.recorded(scene), edges=ends)
 
 
 def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:
@@ -200,15 +202,18 @@ def _drawn(
         (camera.K, (camera.width, camera.height)) if piece is None else (piece.own, piece.size)
     )
     known = list(_known(surfels, scene, name, t, piece))
-    shape = _shape(surfels, scene, name, t) if piece is None else ()
+    shape = list(_shape(surfels, scene, name, t)) if piece is None else []
     drawn = zbuffer.render(
         K, camera.cam_to_world[t], size, [*known, *shape, *_painted(surfels, known[0], piece)],
         witness=known[0], tolerance=surfels.tolerance,
     )  # fmt: skip
-    witness = holes.Witness(known[0], K, camera.cam_to_world[t])
+    moved = frozenset(one for edit in carried(scene, t) for one in edit.instance_ids)
+    witness = holes.Witness(known[0], K, camera.cam_to_world[t], surfels.edges.without(moved))
     filled = holes.fill(drawn, witness)
-    # The robot's shape, patches and stretched surfels are invented as much as what single views are filled with.
-    return drawn, replace(filled, hole=drawn.hole | drawn.rough | (drawn.source >= len(known)))
+    # Patches and stretched surfels are invented as much as what single views are filled with. The robot's shape is not:
+    # it was held against the recording.
+    invented = drawn.rough | (drawn.source >= len(known) + len(shape))
+    return drawn, replace(filled, hole=drawn.hole | invented)
 
 
 def _as_recorded(view: CameraView, t: int) -> Rendered:

@@ -214,7 +214,8 @@ def main() -> None:
                 id=half + "-arm" * given.arm, title=f"Moved cameras, {title}", columns=COLUMNS, rows=table,
                 seeds=f"{len(kept)} episodes, {len(frames(60))} frames of each camera",
                 command=f"python -m tools.bench.foreign.cameras {asked.get(half, '--recorded RECORDED')}"
-                + " --arm" * given.arm,
+                + " --arm" * given.arm
+                + "".join(f" --task {name}" for name in given.task or ()),
                 **pages.stamp(),
             ),
         )  # fmt: skip
