@@ -16,6 +16,7 @@ from tools.bench.foreign import (
     changed,
     convert,
     distractors,
+    edits,
     neutral,
     roles,
     run,
@@ -186,6 +187,37 @@ def test_kept_figures_add_up_to_rows() -> None:
     found = {row[0]: row[1:] for row in run.rows(kept, "worked")}
     assert found["worked: robust"] == [2, 50.0, 1, 0, 1, "hides"]
     assert found["worked: all"][:2] == [3, {"value": 33.3, "target": ">= 95"}]
+    assert ["worked: left out: recolor", 1, "no receiver"] in run.reasons(kept, "worked")
+
+
+@settings(max_examples=20, deadline=None)
+@given(number=st.integers(13, 50))
+def test_recipes_in_turn_leave_none_out(number: int) -> None:
+    chosen = run.asked([f"task-{k}" for k in range(number)], 2)
+    given_out = [one for each in chosen.values() for one in each]
+    assert {name for name, _ in given_out} == {name for name, _ in run.recipes()}
+    assert all(each[0][0] == "robust" and len(each) == 3 for each in chosen.values())
+
+
+def test_edits_are_told_by_medians_beside_the_twin_and_refused_tasks_apart() -> None:
+    def task(psnr: float) -> dict:
+        told = {"psnr": psnr, "psnr_seen": psnr + 1, "holes": 0.1, "outside": 2.0}
+        return {"rpaug": told, "no edit": {"psnr": 12.0}}
+
+    kept = {f"w|{n}|light_color": task(psnr) for n, psnr in enumerate((10.0, 20.0, 24.0))}
+    (row,) = edits.rows(
+        kept | {"w|3|light_color": {"refused": "why"}}, "worked", {"light_color": 30.0}
+    )
+    found = dict(zip(edits.COLUMNS, row, strict=True))
+    assert (found["tasks"], found["refused"], found["given, dB"], found["worst task"]) == (
+        3,
+        1,
+        20.0,
+        10.0,
+    )
+    assert found["no better than no edit"] == 1
+    assert found["short of it, dB"] == {"value": 10.0, "target": "<= 3"}
+    assert found["pixels changed outside, worst"] == {"value": 2, "target": "<= 0"}
 
 
 def test_a_thing_in_the_air_touches_nothing_and_one_inside_does() -> None:

@@ -1,10 +1,11 @@
 """rpaug's edits of foreign recordings against the same states truly rendered again, by factor and world.
 
-    python -m tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits [--held]
+    python -m tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits --twin FILE
 
 One episode a task, compared at a few frames; rpaug sees them all. Each factor is drawn from the task's name as on the
 twin, rendered by the simulator (`tools.bench.foreign.changed`, run by --python), asked of rpaug as `tools.bench.edits`
-asks it, and scored alike. What was scored is kept in OUT and not scored again.
+asks it, and scored alike. What was scored is kept in OUT and not scored again. FILE is what `tools.bench.edits --json`
+printed for the twin's own figures. Moved cameras have a bench of their own.
 """
 
 import argparse
@@ -20,7 +21,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from rpaug import twin
-from rpaug.core import geometry
+from rpaug.core.errors import RpaugError
 from rpaug.core.files import encode_png, write_atomic
 from rpaug.core.types import Episode
 from rpaug.twin.factors import FACTORS
@@ -32,20 +33,17 @@ from tools.bench.harness import pages
 from tools.bench.harness.cases import CASES, ESTIMATED, TOLD, drawn_things
 from tools.bench.harness.scores import measure
 
-FRAMES = 6  # of an episode, evenly spread
+FRAMES = 3  # of an episode, evenly spread
 FACTORS_ASKED = (
     "object_color", "object_texture", "light_color", "light_direction", "table_color", "table_texture",
-    "background_texture", "camera_pose", "distractor",
+    "background_texture", "distractor",
 )  # fmt: skip
 LAMP = (twin.TwinLamp(0.4, 0.9),)  # the only one, where its direction changes
 OLD_LIGHT = 0.5  # as the twin's lamps are recorded
 DIMMED = 0.5  # of the light, to see which pixels follow it
-UNASKED = (
-    "light_direction",
-    "camera_pose",
-    "distractor",
-)  # factors that take no recorded surface's light apart
+UNASKED = ("light_direction", "distractor")  # factors that take no recorded surface's light apart
 ROUNDED = 4  # levels by which twice the dimmed pixel may differ
+REFUSED = "refused"
 Changes = dict[str, dict[str, Any]]
 
 
@@ -104,13 +102,6 @@ class Trial:
             return {"light": (np.array(look.light) / OLD_LIGHT).tolist()}
         if factor == "light_direction":
             return {"lamp": _towards(look.lamps[0])}
-        if factor == "camera_pose":
-            return {
-                "bumps": {
-                    name: geometry.rigid(np.array(bump.turn), np.array(bump.shift)).tolist()
-                    for name, bump in look.bumps.items()
-                }
-            }
         self.targets[factor] = tuple(extra.handle for extra in look.extras)
         return {"extras": [self._extra(extra) for extra in look.extras]}
 
@@ -256,7 +247,10 @@ def scored(
     render(folder, out, python, trial.frames, changes)
     for factor in trial.looks:
         if f"{place}|{factor}" not in kept:
-            yield f"{place}|{factor}", _figures(trial, factor)
+            try:
+                yield f"{place}|{factor}", _figures(trial, factor)
+            except RpaugError as error:
+                yield f"{place}|{factor}", {REFUSED: str(error)}
 
 
 def _figures(trial: Trial, factor: str) -> dict[str, Any]:
@@ -286,34 +280,60 @@ def _figures(trial: Trial, factor: str) -> dict[str, Any]:
     return found
 
 
-def rows(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Cell]]:
-    """By factor, as COLUMNS names them; means over tasks."""
+def rows(
+    kept: Mapping[str, Mapping[str, Any]], half: str, twins: Mapping[str, float]
+) -> list[list[pages.Cell]]:
+    """By factor, as COLUMNS names them; medians over the tasks that were not refused, intervals by bootstrap."""
     out: list[list[pages.Cell]] = []
     for factor in FACTORS_ASKED:
-        those = [one for place, one in kept.items() if place.endswith(f"|{factor}")]
+        asked = [one for place, one in kept.items() if place.endswith(f"|{factor}")]
+        those = [one for one in asked if REFUSED not in one]
         if not those:
             continue
-
-        def mean(method: str, figure: str, those: list = those) -> float | str:
-            values = [one[method][figure] for one in those if method in one]
-            values = [value for value in values if np.isfinite(value)]
-            return round(float(np.mean(values)), 1) if values else "-"
-
-        told = [one[TOLD]["psnr"] for one in those]
-        untold = round(100 * float(np.mean([one[TOLD]["holes"] for one in those])), 1)
+        given = np.array([one[TOLD]["psnr"] for one in those])
+        middle, twin_psnr = round(float(np.median(given)), 1), twins.get(factor)
+        short: pages.Cell = "-"
+        if twin_psnr is not None:
+            short = {"value": round(twin_psnr - middle, 1), "target": "<= 3"}
+        holes = [one[TOLD]["holes"] for one in those]
         out.append(
             [
-                f"{half}: {factor}", len(those), mean(TOLD, "psnr"), round(min(told), 1), mean(TOLD, "psnr_seen"),
-                untold, mean(ESTIMATED, "psnr"), mean("no edit", "psnr"),
+                f"{half}: {factor}",
+                len(those),
+                len(asked) - len(those),
+                middle,
+                _interval(given),
+                round(float(given.min()), 1),
+                sum(one[TOLD]["psnr"] <= one["no edit"]["psnr"] for one in those),
+                "-" if twin_psnr is None else round(twin_psnr, 1),
+                short,
+                _median(those, TOLD, "psnr_seen"),
+                round(100 * float(np.mean(holes)), 1),
+                _median(those, ESTIMATED, "psnr"),
+                _median(those, "no edit", "psnr"),
                 {"value": int(max(one[TOLD]["outside"] for one in those)), "target": "<= 0"},
             ]
-        )  # fmt: skip
+        )
     return out
 
 
+def _median(those: Sequence[Mapping[str, Any]], method: str, figure: str) -> float | str:
+    values = [one[method][figure] for one in those if method in one]
+    values = [value for value in values if np.isfinite(value)]
+    return round(float(np.median(values)), 1) if values else "-"
+
+
+def _interval(values: np.ndarray) -> str:
+    """95 % of the median, tasks drawn anew."""
+    drawn = np.random.default_rng(0).choice(values, (2000, len(values)))
+    low, high = np.percentile(np.median(drawn, axis=1), [2.5, 97.5])
+    return f"{low:.1f} to {high:.1f}"
+
+
 COLUMNS = (
-    "factor", "tasks", "given, dB", "worst task", "where the recording tells, dB", "elsewhere, %", "estimated, dB",
-    "no edit, dB", "pixels changed outside, worst",
+    "factor", "tasks", "refused", "given, dB", "95 % interval", "worst task", "no better than no edit", "the twin, dB",
+    "short of it, dB", "where the recording tells, dB", "elsewhere, %", "estimated, dB", "no edit, dB",
+    "pixels changed outside, worst",
 )  # fmt: skip
 
 
@@ -326,6 +346,7 @@ def main() -> None:
     parser.add_argument("--python", type=Path, required=True, help="of the simulators' environment")
     parser.add_argument("--held", action="store_true", help="the set-aside tasks instead")
     parser.add_argument("--task", action="append", help="only these, as <world>.<task>")
+    parser.add_argument("--twin", type=Path, help="what tools.bench.edits --json printed")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--record", action="store_true", help="write docs/benchmarks' results")
     given = parser.parse_args()
@@ -340,17 +361,22 @@ def main() -> None:
             for place, figures in scored(folder, given.out / half / task.name, given.python, kept):
                 kept[place] = figures
                 write_atomic(file, json.dumps(kept, indent=1).encode())
+                if REFUSED in figures:
+                    print(place, figures, flush=True)
+                    continue
                 said = {method: round(one["psnr"], 1) for method, one in figures.items()}
                 print(place, said, "outside", figures[TOLD]["outside"], flush=True)
+    found = json.loads(given.twin.read_text())["summary"] if given.twin else []
+    twins = {one["factor"]: one["psnr"] for one in found if one["method"] == TOLD}
     tasks = "".join(f" --task {task}" for task in given.task or ())
     places = {place.rpartition("|")[0] for place in kept}
     command = (
         "tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits"
     )
     tell(
-        "foreign_edits", rows(kept, half), given.record, id=f"edits-{half}", columns=COLUMNS,
+        "foreign_edits", rows(kept, half, twins), given.record, id=f"edits-{half}", columns=COLUMNS,
         title=f"Edits against the truth, {half}", seeds=f"{len(places)} tasks, an episode each, {FRAMES} frames",
-        command=f"python -m {command}{' --held' * given.held}{tasks}",
+        command=f"python -m {command}{' --held' * given.held}{' --twin twin.json' * bool(twins)}{tasks}",
     )  # fmt: skip
 
 

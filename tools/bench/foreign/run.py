@@ -1,16 +1,19 @@
 """Every shipped recipe on every foreign task: copies kept, rejected and refused with the reasons, and sheets for eyes.
 
-    python -m tools.bench.foreign.run --data data --out run [--held] [--recipe robust]
+    python -m tools.bench.foreign.run --data data --out run [--held] [--recipe robust] [--each 2]
 
-The first episode of each task, thinned in time. OUT gets `<half>.json`, which keeps what was run, and
-`<half>/<task>/<recipe>-<copy>.png`: three cameras by the first, middle and last frame, four times as large.
+The first episode of each task, thinned in time. With --each, a task gets one copy by `robust` and that many other
+recipes, in turn over tasks and recipes in the order of the SHA-256 of their names. OUT gets `<half>.json`, which keeps
+what was run, and `<half>/<task>/<recipe>-<copy>.png`: three cameras by the first, middle and last frame, four times as
+large.
 """
 
 import argparse
+import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from pathlib import Path, PurePosixPath
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -44,6 +47,26 @@ def recipes() -> Iterator[tuple[str, Path]]:
     }
     yield "robust", found.pop("robust")
     yield from ((name, path) for name, path in found.items() if name not in ASIDE)
+
+
+def asked(tasks: Sequence[str], each: int | None) -> dict[str, list[tuple[str, int]]]:
+    """Recipes and the number of their copy by task: all, or one of `robust` and `each` others."""
+    names = [name for name, _ in recipes()]
+    if each is None:
+        every = [(name, k) for name in names for k in range(1, COPIES.get(name, 1) + 1)]
+        return dict.fromkeys(tasks, every)
+    others = sorted(names[1:], key=_digest)
+    return {
+        task: [
+            (names[0], 1 + n % COPIES[names[0]]),
+            *((others[(each * n + k) % len(others)], 1) for k in range(each)),
+        ]
+        for n, task in enumerate(sorted(tasks, key=_digest))
+    }
+
+
+def _digest(name: str) -> str:
+    return hashlib.sha256(name.encode()).hexdigest()
 
 
 def first(root: Path) -> Episode:
@@ -116,6 +139,16 @@ def rows(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Ce
     return out
 
 
+def reasons(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Cell]]:
+    """Why copies were not made and edits left out of them, most frequent first: what, how often, the reason."""
+    found = Counter[tuple[str, str]]()
+    for one in kept.values():
+        if one["became"] != "kept":
+            found[str(one["became"]), str(one["why"])] += 1
+        found.update((f"left out: {op}", str(why)) for op, why in one.get("left_out", {}).items())
+    return [[f"{half}: {what}", count, why[:150]] for (what, why), count in found.most_common()]
+
+
 COLUMNS = (
     "recipe",
     "copies",
@@ -136,6 +169,7 @@ def main() -> None:
     parser.add_argument("--held", action="store_true", help="the set-aside tasks instead")
     parser.add_argument("--task", action="append", help="only these, as <world>.<task>")
     parser.add_argument("--recipe", action="append", help="only these")
+    parser.add_argument("--each", type=int, help="other recipes than robust a task, in turn")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--record", action="store_true", help="write docs/benchmarks' results")
     given = parser.parse_args()
@@ -143,27 +177,34 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     file = given.out / f"{half}.json"
     kept = json.loads(file.read_text()) if file.exists() else {}
-    for root in sorted((given.data / half).iterdir()):
+    paths, roots = dict(recipes()), sorted((given.data / half).iterdir())
+    chosen = asked([root.name for root in roots], given.each)
+    for root in roots:
         if given.task and root.name not in given.task:
             continue
         episode = None
-        for name, path in recipes():
-            for copy in range(1, COPIES.get(name, 1) + 1):
-                place = f"{root.name}|{name}|{copy}"
-                if place in kept or (given.recipe and name not in given.recipe):
-                    continue
-                episode = episode or first(root)
-                stem = PurePosixPath(name).as_posix().replace("/", "-")
-                kept[place] = one(
-                    episode, path, copy, given.out / half / root.name / f"{stem}-{copy}.png"
-                )
-                write_atomic(file, json.dumps(kept, indent=1).encode())
-                print(place, kept[place], flush=True)
+        for name, copy in chosen[root.name]:
+            place = f"{root.name}|{name}|{copy}"
+            if place in kept or (given.recipe and name not in given.recipe):
+                continue
+            episode = episode or first(root)
+            picture = given.out / half / root.name / f"{name.replace('/', '-')}-{copy}.png"
+            kept[place] = one(episode, paths[name], copy, picture)
+            write_atomic(file, json.dumps(kept, indent=1).encode())
+            print(place, kept[place], flush=True)
     tasks = {place.split("|")[0] for place in kept}
+    each = "" if given.each is None else f" --each {given.each}"
+    origin = {
+        "seeds": f"{len(tasks)} tasks, one episode each",
+        "command": f"python -m tools.bench.foreign.run --data DATA{' --held' * given.held}{each}",
+    }
     tell(
-        "foreign", rows(kept, half), given.record, id=f"recipes-{half}", columns=COLUMNS,
-        title=f"Shipped recipes, {half}", seeds=f"{len(tasks)} tasks, one episode each",
-        command=f"python -m tools.bench.foreign.run --data DATA{' --held' * given.held}",
+        "foreign_recipes", rows(kept, half), given.record, id=f"recipes-{half}", columns=COLUMNS,
+        title=f"Shipped recipes, {half}", **origin,
+    )  # fmt: skip
+    tell(
+        "foreign_recipes", reasons(kept, half), given.record, id=f"reasons-{half}",
+        columns=("what", "copies", "reason"), title=f"What was not made, {half}", **origin,
     )  # fmt: skip
 
 
