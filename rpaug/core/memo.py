@@ -15,7 +15,7 @@ Found = TypeVar("Found")
 
 
 def once(find: Callable[..., Found]) -> Callable[..., Found]:
-    """Remember the last answer, for arguments that are the very same: objects, sets; tuples, episodes, scenes of such."""
+    """Remember the last answer, for the very same arguments: objects, sets, and tuples, episodes, scenes of such."""
     last: list[tuple[tuple[Any, ...], Found]] = []
 
     @wraps(find)
