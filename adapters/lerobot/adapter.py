@@ -18,17 +18,22 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from rpaug_adapters.lerobot import fresh, pack, tables
+from rpaug_adapters.lerobot import fresh, pack, tables, write
 from rpaug_adapters.lerobot.read import LeRobotSource, read_episode
 from rpaug_adapters.lerobot.tables import INFO, STAGED, Info
-from rpaug_adapters.lerobot.write import write_episode
 from rpaug_adapters.shared import cameras
 from rpaug_adapters.shared.folders import GatheredAdapter, datasets, place, unlike, write_files
 
-from rpaug import Episode, Side, Unsupported, files
+from rpaug import BadInput, Episode, Side, Unsupported, files
 
 EMPTY = {"total_episodes": 0, "total_frames": 0, "total_tasks": 0, "splits": {}}
-MADE_ANEW = ("info.json", "tasks.*", "episodes*", "*stats*")  # in `meta`; all else is brought along
+MADE_ANEW = (
+    "info.json",
+    "tasks.*",
+    "subtasks.parquet",
+    "episodes*",
+    "*stats*",
+)  # in `meta`; all else is brought along
 
 
 class LeRobot(GatheredAdapter):
@@ -38,6 +43,15 @@ class LeRobot(GatheredAdapter):
     mark: ClassVar[str] = INFO
     rest: ClassVar[tuple[str, ...]] = ("meta/tasks.*", "meta/stats.json", "meta/episodes*")
     staged: ClassVar[str] = STAGED
+
+    def __init__(self, version: str = "") -> None:
+        self.version = version  # to write, or that of the source
+
+    def in_version(self, version: str) -> "LeRobot":
+        if version not in tables.VERSIONS:
+            expected = " or ".join(f"{self.name}@{one}" for one in tables.VERSIONS)
+            raise BadInput(Path(self.name), "version", found=version, expected=expected)
+        return LeRobot(version)
 
     def gathered(self, folder: Path) -> Mapping[str, int]:
         return {name: len(span) for name, span in tables.info(folder).splits.items()}
@@ -50,15 +64,24 @@ class LeRobot(GatheredAdapter):
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source if isinstance(episode.source, LeRobotSource) else None
         folder, _, _ = self.free(root, key)
-        about = _described(episode, recorded, folder, key)
+        about = _described(episode, recorded, folder, key, self.version)
         with files.atomic_folder(root / key) as work:
-            extra = write_episode(episode, recorded, about, work)
+            extra = write.write_episode(episode, recorded, about, work)
             write_files(work, {**extra, **side()})
             if not (folder / INFO).exists():  # last: a write that failed leaves nothing
                 files.write_atomic(folder / INFO, json.dumps(about.given, indent=4).encode())
             given = recorded and recorded.info.folder / cameras.NAME
             if given and given.is_file() and not (folder / cameras.NAME).exists():
                 files.write_atomic(folder / cameras.NAME, files.read_bytes(given))
+
+    def losses(self, episode: Episode) -> Sequence[str]:
+        recorded = episode.source
+        if not isinstance(recorded, LeRobotSource) or not self.version:
+            return ()
+        return write.losses(recorded, self.version)
+
+    def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
+        return write.untouched(episode.source, edited_words)
 
     def faults(self, root: Path) -> Sequence[str]:
         """Counts, places and statistics that are not those of the episodes."""
@@ -67,19 +90,23 @@ class LeRobot(GatheredAdapter):
     def finish(self, source: Path, target: Path) -> None:
         """Episodes into shared files, and what else lies in `meta`: GR00T's `modality.json`, subtasks."""
         for folder in datasets(target, INFO):
-            pack.pack(folder)
-            like = source / folder.relative_to(target) / "meta"
+            dataset = source / folder.relative_to(target)
+            pack.pack(folder, dataset)
+            like = dataset / "meta"
             for path in like.iterdir() if like.is_dir() else ():
                 made = any(path.match(pattern) for pattern in MADE_ANEW)
                 if path.is_file() and not made and not (folder / "meta" / path.name).exists():
                     shutil.copyfile(path, folder / "meta" / path.name)
 
 
-def _described(episode: Episode, recorded: LeRobotSource | None, folder: Path, key: str) -> Info:
+def _described(
+    episode: Episode, recorded: LeRobotSource | None, folder: Path, key: str, version: str
+) -> Info:
     """What describes the dataset that an episode is written to. Raises Unsupported for one of another kind."""
     given: dict[str, Any] = (
         fresh.described(episode) if recorded is None else recorded.info.given | EMPTY
     )
+    given = tables.in_version(given, version) if version else given
     if not (folder / INFO).is_file():
         rate, features = float(given["fps"]), given["features"]
         return Info(folder, given, rate, features, {})

@@ -8,12 +8,13 @@ import json
 import os
 import shutil
 from collections.abc import Hashable, Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rpaug_adapters.lerobot import stats, tables
-from rpaug_adapters.lerobot.read import is_depth, linked, read_episode
+from rpaug_adapters.lerobot import stats, tables, words
+from rpaug_adapters.lerobot.read import is_depth, linked, read_episode, read_row
 from rpaug_adapters.lerobot.tables import (
     DATA_PATH,
     EPISODES_PATH,
@@ -22,26 +23,32 @@ from rpaug_adapters.lerobot.tables import (
     OLD_EPISODES,
     OLD_STATISTICS,
     OLD_TASKS,
+    ROW,
     STAGED,
     STATISTICS,
     STATS,
+    SUBTASKS,
     TASKS,
     VIDEO_PATH,
     Info,
     filled,
 )
-from rpaug_adapters.lerobot.write import link, taken_out, write_episode
+from rpaug_adapters.lerobot.write import link, taken_out, with_column, write_episode
 from rpaug_adapters.shared import video
 from rpaug_adapters.shared.folders import staged
 
-from rpaug import files
+from rpaug import BadInput, files
 
 MIB = 2**20
 SHARED = ("meta/episodes", "data", "videos")
 
 
-def pack(folder: Path) -> None:
-    """Gather what is in episodes' own folders, with what was gathered before, and describe it all."""
+Words = dict[str, dict[str, int]]  # numbers of tasks, and of subtasks, by their words
+
+
+def pack(folder: Path, like: Path) -> None:
+    """Gather what is in episodes' own folders, with what was gathered before, and describe it all. Words keep the
+    numbers that they have here, or in the dataset `like` that the episodes are of."""
     if not staged(folder, STAGED):
         return
     about = tables.info(folder)
@@ -50,7 +57,7 @@ def pack(folder: Path) -> None:
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir()
     try:
-        given = _gather(about, work)
+        given = _gather(about, work, like)
         for name in SHARED:
             shutil.rmtree(folder / name, ignore_errors=True)
             if (work / name).is_dir():
@@ -101,19 +108,26 @@ class _Files:
         return {"chunk_index": number // self.chunk, "file_index": number % self.chunk}
 
 
-def _gather(about: Info, work: Path) -> dict[str, Any]:
+def _gather(about: Info, work: Path, like: Path) -> dict[str, Any]:
     """Fill a folder with the shared files; returns the new description."""
     own = list(_own(about.folder))
-    tasks: dict[str, int] = {}
+    spoken = {
+        "task": _known(about.folder, like, TASKS, OLD_TASKS),
+        "subtask": _known(about.folder, like, SUBTASKS),
+    }
     rows: list[dict[str, Any]] = []
-    counts = _tables(about, work, own, tasks, rows)
+    counts = _tables(about, work, own, spoken, rows)
     for key in about.of_kind("video"):
         (_own_videos if about.old else _videos)(about, work, own, key, rows)
     counted = [
         json.loads((path / STATISTICS).read_bytes()) | counts[number]
         for number, (_, path) in enumerate(own)
     ]
-    (_old_meta if about.old else _meta)(work, rows, tasks, counted)
+    (_old_meta if about.old else _meta)(work, rows, spoken["task"], counted)
+    if spoken["subtask"]:
+        _write_words(work / SUBTASKS, "subtask", spoken["subtask"])
+    if about.old and any((one / words.MODALITY).is_file() for one in (about.folder, like)):
+        _low_dimensional(about, work)
     spans, at = {}, 0
     for split in dict.fromkeys(split for split, _ in own):
         count = sum(one == split for one, _ in own)
@@ -122,10 +136,31 @@ def _gather(about: Info, work: Path) -> dict[str, Any]:
     return about.given | {
         "total_episodes": len(own),
         "total_frames": rows[-1]["dataset_to_index"],
-        "total_tasks": len(tasks),
+        "total_tasks": len(spoken["task"]),
         "splits": spans,
         **_paths(about, len(own)),
     }
+
+
+def _known(folder: Path, like: Path, *names: str) -> dict[str, int]:
+    """The numbers of words that were recorded, by the words."""
+    for place, name in product((folder, like), names):
+        if (place / name).is_file():
+            given = tables.vocabulary(place / name) if name == SUBTASKS else tables.tasks(place)
+            return {
+                text: i
+                for i, text in enumerate(dict.fromkeys(text for _, text in sorted(given.items())))
+            }
+    return {}
+
+
+def _low_dimensional(about: Info, work: Path) -> None:
+    """The statistics that GR00T's loader wants."""
+    found = {}
+    for key, feature in about.features.items():
+        if "float" in feature["dtype"] and len(feature["shape"]) == 1:
+            found[key] = stats.low_dimensional(_column(work, key))
+    files.write_atomic(work / STATS, json.dumps(found, indent=4).encode())
 
 
 def _paths(about: Info, episodes: int) -> dict[str, Any]:
@@ -149,10 +184,10 @@ def _tables(
     about: Info,
     work: Path,
     own: list[tuple[str, Path]],
-    tasks: dict[str, int],
+    spoken: Words,
     rows: list[dict[str, Any]],
 ) -> list[dict[str, dict[str, Any]]]:
-    """Write the tables of frames, a row group an episode; fills `tasks` and `rows`.
+    """Write the tables of frames, a row group an episode; fills `spoken` and `rows`.
 
     Returns, by episode, the statistics of the columns that count in the whole dataset.
     """
@@ -162,15 +197,19 @@ def _tables(
     statistics = []
     for number, (_, path) in enumerate(own):
         held = tables.table(path / STAGED)
-        words, length = held["task"].to_pylist(), held.num_rows
+        texts, length = held["task"].to_pylist(), held.num_rows
+        row = read_row(path)
+        row["tasks"] = list(dict.fromkeys([*words.tasks(row), *texts]))
+        _numbers(row["tasks"], spoken["task"])
         counted = {
             "episode_index": [number] * length,
-            "index": range(at, at + length),
-            "task_index": [tasks.setdefault(text, len(tasks)) for text in words],
+            "index": list(range(at, at + length)),
+            **_spoken(about, held, spoken),
         }
         held = held.drop_columns(["task"])
         for name, values in counted.items():
-            held = held.append_column(name, pa.array(values, pa.int64()))
+            kind = about.features.get(name, {}).get("dtype", "int64")
+            held = with_column(held, name, pa.array(values, pa.type_for_alias(kind)))
         place = shared.place((path / STAGED).stat().st_size)
         old = about.path(number, {}, "data").relative_to(about.folder) if about.old else None
         target = work / (old or filled(DATA_PATH, place))
@@ -183,8 +222,8 @@ def _tables(
         writer.write_table(held.cast(writer.schema))
         rows.append(
             {
+                **row,
                 "episode_index": number,
-                "tasks": list(dict.fromkeys(words)),
                 "length": length,
                 **{f"data/{name}": value for name, value in place.items()},
                 "dataset_from_index": at,
@@ -192,13 +231,27 @@ def _tables(
             }
         )
         kept = {name: one for name, one in counted.items() if name in about.features}
-        statistics.append(
-            stats.plain({name: stats.of_numbers(np.asarray(one)) for name, one in kept.items()})
-        )
+        found = stats.plain({name: stats.of_numbers(np.asarray(one)) for name, one in kept.items()})
+        statistics.append(stats.old(found) if about.old else found)
         at += length
     if writer is not None:
         writer.close()
     return statistics
+
+
+def _spoken(about: Info, held: Any, spoken: Words) -> dict[str, list[int]]:
+    """The columns that number words."""
+    found = {"task_index": _numbers(held["task"].to_pylist(), spoken["task"])}
+    for name in words.columns(about, held):
+        if about.features[name]["dtype"].startswith("int"):
+            kind = "subtask" if name == words.SUBTASK else "task"
+            found[name] = _numbers(held[name].to_pylist(), spoken[kind])
+    return found
+
+
+def _numbers(texts: list[str], known: dict[str, int]) -> list[int]:
+    """The numbers of words; new ones get new numbers."""
+    return [known.setdefault(text, len(known)) for text in texts]
 
 
 def _videos(
@@ -289,19 +342,16 @@ def _own_videos(
 def _old_meta(
     work: Path, rows: list[dict[str, Any]], tasks: dict[str, int], counted: list[dict[str, Any]]
 ) -> None:
-    """Episodes, their statistics and the tasks, an object a line, as v2.1 has them: without quantiles, and of images
-    those of three channels alone, since its loader refuses others."""
+    """Episodes, their statistics and the tasks, an object a line, as v2.1 has them: of images the statistics of three
+    channels alone, since its loader refuses others."""
     kept = [
-        {
-            key: {name: value for name, value in one.items() if name not in stats.QUANTILES}
-            for key, one in statistics.items()
-            if "image" not in key or len(one["mean"]) == 3
-        }
+        {key: one for key, one in statistics.items() if "image" not in key or len(one["mean"]) == 3}
         for statistics in counted
     ]
     listed = {
         OLD_EPISODES: [
-            {name: row[name] for name in ("episode_index", "tasks", "length")} for row in rows
+            {name: row[name] for name in ("episode_index", "tasks", "length")} | words.beside(row)
+            for row in rows
         ],
         OLD_STATISTICS: [{"episode_index": i, "stats": one} for i, one in enumerate(kept)],
         OLD_TASKS: [{"task_index": index, "task": text} for text, index in tasks.items()],
@@ -329,21 +379,38 @@ def _meta(
     names = dict.fromkeys(name for row in rows for name in row)
     columns = {name: [row.get(name) for row in rows] for name in names}
     columns |= {name: [value] * len(rows) for name, value in here.items()}
-    pq.write_table(pa.table(columns), target, compression="snappy")
+    try:
+        every_row = pa.table(columns)
+    except (pa.ArrowException, TypeError) as error:
+        found, expected = str(error).split("\n")[0][:120], "values of one kind a column"
+        raise BadInput(target, "table of episodes", found=found, expected=expected) from None
+    pq.write_table(every_row, target, compression="snappy")
+    _write_words(work / TASKS, "task", tasks)
+
+
+def _write_words(path: Path, name: str, numbers: dict[str, int]) -> None:
+    """Numbers, and the words as pandas' index."""
+    pa, pq = tables.arrow()
     column = {"metadata": None, "numpy_type": "object", "pandas_type": "unicode"}
+    index = f"{name}_index"
     pandas = {
-        "index_columns": ["task"],
+        "index_columns": [name],
         "column_indexes": [],
         "columns": [
-            {**column, "name": "task_index", "field_name": "task_index",
-             "numpy_type": "int64", "pandas_type": "int64"},
-            {**column, "name": "task", "field_name": "task"},
+            {
+                **column,
+                "name": index,
+                "field_name": index,
+                "numpy_type": "int64",
+                "pandas_type": "int64",
+            },
+            {**column, "name": name, "field_name": name},
         ],
         "pandas_version": "2.0.0",
-    }  # fmt: skip
-    listed = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
-    named = listed.replace_schema_metadata({"pandas": json.dumps(pandas)})
-    pq.write_table(named, work / TASKS)
+    }
+    listed = pa.table({index: list(numbers.values()), name: list(numbers)})
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(listed.replace_schema_metadata({"pandas": json.dumps(pandas)}), path)
 
 
 def faults(folder: Path) -> Iterator[str]:
@@ -372,7 +439,7 @@ def faults(folder: Path) -> Iterator[str]:
         if feature["dtype"].startswith("float") and len(feature["shape"]) == 1 and key in given:
             values = _column(folder, key)
             found = stats.plain({key: stats.of_numbers(values)})[key]
-            for name in ("min", "max", "mean", "std", "count"):
+            for name in (*stats.MOMENTS, *(() if about.old else ("count",))):
                 if not np.allclose(given[key].get(name, np.nan), found[name], atol=1e-4, rtol=1e-3):
                     stated = (
                         f"found {given[key].get(name)}; expected {found[name]}, as the rows have"
@@ -392,7 +459,10 @@ def _drop(folder: Path) -> None:
     for split, numbers in staged(folder, STAGED).items():
         for number in numbers:
             own = folder / split / str(number)
-            for path in (own / STAGED, own / STATISTICS, own / LINKED, *own.glob("*.mp4")):
+            for path in (
+                *(own / name for name in (STAGED, STATISTICS, LINKED, ROW)),
+                *own.glob("*.mp4"),
+            ):
                 path.unlink(missing_ok=True)
             if not any(own.iterdir()):
                 own.rmdir()

@@ -8,9 +8,9 @@ from typing import Any
 import cv2
 import numpy as np
 from jaxtyping import Float64
-from rpaug_adapters.lerobot import codes, tables, tiff
+from rpaug_adapters.lerobot import codes, tables, tiff, words
 from rpaug_adapters.lerobot.codes import Scale
-from rpaug_adapters.lerobot.tables import COUNTED, INFO, LINKED, STAGED, Info
+from rpaug_adapters.lerobot.tables import COUNTED, INFO, LINKED, ROW, STAGED, Info
 from rpaug_adapters.shared import cameras, episodes, video
 from rpaug_adapters.shared.cameras import Beside
 from rpaug_adapters.shared.images import image_size, lazy_colors, lazy_depth
@@ -48,7 +48,11 @@ class LeRobotSource:
     ids: dict[str, str]
     beside: Beside
     tasks: tuple[str, ...]  # of each frame
+    row: dict[str, Any]  # what the table of episodes says and no one counts
     descriptions: tuple[str, ...]
+
+
+Gathered = tuple[Any, tuple[str, ...], dict[str, Any], dict[str, Span]]
 
 
 def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
@@ -56,7 +60,7 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
     about = tables.info(folder)
     own = folder / split / str(number)
     at = None if (own / STAGED).is_file() else _place(about, split, number)
-    rows, tasks, spans = _staged(about, own) if at is None else _gathered(about, at)
+    rows, tasks, row, spans = _staged(about, own) if at is None else _gathered(about, at)
     length = rows.num_rows
     where = f"{folder}: {split}/{number}"
     beside = cameras.load((own, folder))
@@ -69,7 +73,7 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
         if given.ids is not None and name in images:
             cameras.known(beside, f"cameras.{name}.ids", given.ids, about.features)
             ids[name] = given.ids
-    descriptions = tuple(dict.fromkeys(text for text in tasks if text))
+    descriptions = words.distinct(about, rows, tasks, row)
 
     def view(name: str, camera: Camera) -> CameraView:
         depth, mask = depths.get(name), ids.get(name)
@@ -77,7 +81,19 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
 
     def recorded(views: dict[str, CameraView]) -> LeRobotSource:
         return LeRobotSource(
-            about, own, at, rows, spans, views, images, depths, ids, beside, tasks, descriptions
+            about,
+            own,
+            at,
+            rows,
+            spans,
+            views,
+            images,
+            depths,
+            ids,
+            beside,
+            tasks,
+            row,
+            descriptions,
         )
 
     made = episodes.episode(key, beside, sizes, tracks, length, descriptions, view, recorded)
@@ -93,16 +109,16 @@ def _place(about: Info, split: str, number: int) -> int:
     return span[number]
 
 
-def _gathered(about: Info, number: int) -> tuple[Any, tuple[str, ...], dict[str, Span]]:
-    """Rows, words and videos of an episode among others."""
+def _gathered(about: Info, number: int) -> Gathered:
+    """Rows, words, row and videos of an episode among others."""
     folder = about.folder
     given = tables.episode(folder, number)
     path = about.path(number, given, "data")
     rows = tables.table(path, episode=None if about.old else number)
     length = _length(f"{path}: episode {number}", rows, given.get("length"))
-    words = tables.tasks(folder)
+    known_words = tables.tasks(folder)
     column = rows["task_index"].to_pylist() if "task_index" in rows.column_names else []
-    known = (words.get(index, "") if isinstance(index, int) else "" for index in column)
+    known = (known_words.get(index, "") if isinstance(index, int) else "" for index in column)
     tasks = tuple(known) or ("",) * length
     spans = {}
     for key in about.of_kind("video"):
@@ -112,7 +128,7 @@ def _gathered(about: Info, number: int) -> tuple[Any, tuple[str, ...], dict[str,
         where = f"episode {number}, {prefix}/from_timestamp"
         start = _seconds(folder / tables.EPISODES, where, start)
         spans[key] = Span(file, start, length, about.rate)
-    return rows, tasks, spans
+    return words.spoken(about, rows), tasks, words.beside(given), spans
 
 
 def _seconds(path: Path, where: str, start: Any) -> float:
@@ -122,8 +138,8 @@ def _seconds(path: Path, where: str, start: Any) -> float:
     return float(start)
 
 
-def _staged(about: Info, own: Path) -> tuple[Any, tuple[str, ...], dict[str, Span]]:
-    """Rows, words and videos of an episode that is not gathered yet."""
+def _staged(about: Info, own: Path) -> Gathered:
+    """Rows, words, row and videos of an episode that is not gathered yet."""
     rows = tables.table(own / STAGED)
     length = _length(str(own / STAGED), rows, rows.num_rows)
     tasks = tuple(str(text) for text in rows["task"].to_pylist())
@@ -132,7 +148,16 @@ def _staged(about: Info, own: Path) -> tuple[Any, tuple[str, ...], dict[str, Spa
         key: Span(own / f"{key}.mp4", starts.get(key, 0.0), length, about.rate)
         for key in about.of_kind("video")
     }
-    return rows, tasks, spans
+    return rows, tasks, read_row(own), spans
+
+
+def read_row(own: Path) -> dict[str, Any]:
+    """What the table of episodes is to say of an episode that is not gathered yet, but for what is counted. Raises
+    BadInput."""
+    row = read_json(own / ROW, "an object") if (own / ROW).is_file() else {}
+    if not isinstance(row, dict):
+        raise BadInput(own / ROW, "JSON", found=repr(row)[:40], expected="an object")
+    return row
 
 
 def linked(own: Path) -> dict[str, float]:
@@ -225,9 +250,11 @@ def _size(where: str, about: Info, rows: Any, spans: dict[str, Span], key: str) 
 
 def _tracks(where: str, about: Info, rows: Any) -> dict[str, Float64[np.ndarray, "t k"]]:
     """All numbers of the frames, by their features; what counts frames of the whole dataset is left out."""
-    found = {}
+    found, spoken = {}, {*words.columns(about, rows)}
     for key, feature in about.features.items():
         single = len(feature["shape"]) == 1 and feature["dtype"] not in ("string", "language")
+        if key in spoken:
+            continue
         if (key in COUNTED and key != "timestamp") or key not in rows.column_names or not single:
             continue
         if feature["dtype"] in ("image", "video"):

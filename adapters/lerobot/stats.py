@@ -92,6 +92,23 @@ def _merged(one: Statistics, other: Statistics) -> Statistics:
     return found
 
 
+def old(given: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """As v2.1 has them: without quantiles."""
+    return {
+        key: {name: value for name, value in one.items() if name not in QUANTILES}
+        for key, one in given.items()
+    }
+
+
+def low_dimensional(rows: np.ndarray) -> dict[str, Any]:
+    """Of all frames' rows of a feature, as GR00T counts them (NVIDIA/Isaac-GR00T, gr00t/data/stats.py)."""
+    given = np.asarray(rows, np.float32).reshape(len(rows), -1)
+    found = {name: getattr(given, name)(0).tolist() for name in ("mean", "std", "min", "max")}
+    return found | {
+        name: np.quantile(given, QUANTILES[name], 0).tolist() for name in ("q01", "q99")
+    }
+
+
 def plain(statistics: Mapping[str, Statistics]) -> dict[str, dict[str, Any]]:
     """As JSON has it."""
     return {

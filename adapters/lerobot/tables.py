@@ -23,6 +23,7 @@ from rpaug import BadInput, MissingExtra, files
 INFO = "meta/info.json"
 STATS = "meta/stats.json"
 TASKS = "meta/tasks.parquet"
+SUBTASKS = "meta/subtasks.parquet"
 EPISODES = "meta/episodes"
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
@@ -30,9 +31,14 @@ EPISODES_PATH = EPISODES + "/chunk-{chunk_index:03d}/file-{file_index:03d}.parqu
 STAGED = "episode.parquet"  # an episode's own rows, while the dataset grows
 STATISTICS = "episode_stats.json"
 LINKED = "linked.json"  # videos of the folder that are recorded files, by key: seconds where the episode begins
+ROW = "episode.json"  # what the table of episodes says of it, but for what is counted
 COUNTED = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64",
            "index": "int64", "task_index": "int64"}  # fmt: skip
 VERSION, OLD = "v3.", "v2.1"
+VERSIONS = ("v3.0", OLD)  # written
+OLD_TOTALS = ("total_videos", "total_chunks")
+OLD_DATA_PATH = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
+OLD_VIDEO_PATH = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
 OLD_TASKS = "meta/tasks.jsonl"
 OLD_EPISODES = "meta/episodes.jsonl"
 OLD_STATISTICS = "meta/episodes_stats.jsonl"
@@ -94,6 +100,18 @@ class Info:
     def shape(self, key: str) -> tuple[int, ...]:
         """Shape of one value of a feature."""
         return tuple(self.features[key]["shape"])
+
+
+def in_version(given: Mapping[str, Any], version: str) -> dict[str, Any]:
+    """A description in another version, in which files have other places. Sizes of files stay, for a way back."""
+    if given["codebase_version"].startswith(version[: len(VERSION)]):
+        return dict(given)
+    kept = {name: value for name, value in given.items() if name not in OLD_TOTALS}
+    kept["codebase_version"] = version
+    if version == OLD:
+        return kept | {"data_path": OLD_DATA_PATH, "video_path": OLD_VIDEO_PATH}
+    sizes = {"data_files_size_in_mb": 100, "video_files_size_in_mb": 200}
+    return sizes | kept | {"data_path": DATA_PATH, "video_path": VIDEO_PATH}
 
 
 def info(folder: Path) -> Info:
@@ -296,13 +314,18 @@ def tasks(folder: Path) -> dict[int, str]:
     if (folder / OLD_TASKS).is_file():
         listed = [(row.get("task_index"), row.get("task")) for row in lines(folder / OLD_TASKS)]
         return _words(listed)
-    held = table(folder / TASKS)
-    words = next((name for name in held.column_names if name != "task_index"), None)
-    if words is None or "task_index" not in held.column_names:
-        found, expected = f"columns {held.column_names}"[:80], "task_index and the task"
-        raise BadInput(folder / TASKS, "columns", found=found, expected=expected)
-    rows = zip(held["task_index"].to_pylist(), held[words].to_pylist(), strict=True)
-    return _words(rows)
+    return vocabulary(folder / TASKS)
+
+
+def vocabulary(path: Path) -> dict[int, str]:
+    """Words by their numbers, of a table with both. Raises BadInput."""
+    held = table(path)
+    number = next((name for name in held.column_names if name.endswith("_index")), None)
+    words = next((name for name in held.column_names if name != number), None)
+    if words is None or number is None:
+        found, expected = f"columns {held.column_names}"[:80], "numbers and words"
+        raise BadInput(path, "columns", found=found, expected=expected)
+    return _words(zip(held[number].to_pylist(), held[words].to_pylist(), strict=True))
 
 
 def _words(rows: Iterable[tuple[Any, Any]]) -> dict[int, str]:

@@ -8,15 +8,15 @@ from typing import Any
 
 import cv2
 import numpy as np
-from rpaug_adapters.lerobot import codes, fresh, stats, tables, tiff
+from rpaug_adapters.lerobot import codes, fresh, stats, tables, tiff, words
 from rpaug_adapters.lerobot.read import LeRobotSource, blobs, is_depth
-from rpaug_adapters.lerobot.tables import COUNTED, LINKED, STAGED, STATISTICS, Info
+from rpaug_adapters.lerobot.tables import COUNTED, LINKED, ROW, STAGED, STATISTICS, Info
 from rpaug_adapters.shared import cameras, video
 from rpaug_adapters.shared.images import reencoded
 from rpaug_adapters.shared.texts import read_json
 from rpaug_adapters.shared.video import Frames, Span
 
-from rpaug import Episode
+from rpaug import Episode, Unsupported
 
 OF_THE_WHOLE = ("index", "episode_index", "task_index")  # columns that count in the whole dataset
 Image = Callable[[int], np.ndarray]
@@ -33,28 +33,46 @@ def write_episode(
     if recorded is None:
         episode = fresh.plain(episode)
         rows = fresh.rows(episode)
+        row = {"tasks": list(episode.descriptions or [""])}
         extra = {cameras.NAME: fresh.beside(episode)}
         shown = {fresh.IMAGE + name: (view.rgb, 255.0) for name, view in episode.views.items()}
         for key, (image, _) in shown.items():
             every = (image(t) for t in range(episode.length))
             video.encode(every, work / f"{key}.mp4", about.rate, None)
     else:
-        rows, changed = _edited(episode, recorded)
+        now = words.changed(recorded.descriptions, episode)
+        row = words.row_replaced(recorded.row, now)
+        rows, changed = _edited(episode, recorded, now)
         extra = cameras.moved(episode, recorded.views, recorded.beside, recorded.own)
         shown, filmed = _videos(episode, recorded, about, work)
         kept = _kept(recorded, about, changed | filmed)
     pq = tables.arrow()[1]
     pq.write_table(rows, work / STAGED, compression="snappy")
-    statistics = kept | stats.plain(_statistics(episode, about, rows, shown, kept))
+    counted = stats.plain(_statistics(episode, about, rows, shown, kept))
+    statistics = kept | (stats.old(counted) if about.old else counted)
     (work / STATISTICS).write_text(json.dumps(statistics))
+    (work / ROW).write_text(_json(episode, row), encoding="utf-8")
     return extra
 
 
-def _edited(episode: Episode, recorded: LeRobotSource) -> tuple[Any, set[str]]:
+def _json(episode: Episode, row: Mapping[str, Any]) -> str:
+    """What the table of episodes says. Raises Unsupported."""
+    try:
+        return json.dumps(row, ensure_ascii=False)
+    except (TypeError, ValueError) as error:
+        reason = f"the table of episodes holds what JSON does not: {error}"
+        raise Unsupported(f"{episode.key}: {reason}") from None
+
+
+def _edited(
+    episode: Episode, recorded: LeRobotSource, now: Mapping[str, str]
+) -> tuple[Any, set[str]]:
     """The recorded rows with new images, depth, handles and words where they changed, and the columns that did."""
     pa, _ = tables.arrow()
     rows, length = recorded.rows, episode.length
-    new: dict[str, Any] = {"task": pa.array(_words(episode, recorded))}
+    new: dict[str, Any] = {"task": pa.array([now.get(text, text) for text in recorded.tasks])}
+    for key in words.columns(recorded.info, rows) if now else ():
+        new[key] = words.column_replaced(rows[key], now)
     for name, view in episode.views.items():
         before, key = recorded.views[name], recorded.images[name]
         if key not in recorded.spans and view.rgb is not before.rgb:
@@ -70,9 +88,14 @@ def _edited(episode: Episode, recorded: LeRobotSource) -> tuple[Any, set[str]]:
         if key in rows.column_names:
             rows = rows.drop_columns([key])
     for key, column in new.items():
-        at = rows.schema.get_field_index(key)
-        rows = rows.append_column(key, column) if at < 0 else rows.set_column(at, key, column)
+        rows = with_column(rows, key, column)
     return rows, {*new}
+
+
+def with_column(rows: Any, name: str, column: Any) -> Any:
+    """A table with a column in the place of the one of that name, or at its end."""
+    at = rows.schema.get_field_index(name)
+    return rows.append_column(name, column) if at < 0 else rows.set_column(at, name, column)
 
 
 def _kept(recorded: LeRobotSource, about: Info, changed: set[str]) -> dict[str, Any]:
@@ -83,7 +106,9 @@ def _kept(recorded: LeRobotSource, about: Info, changed: set[str]) -> dict[str, 
     else:
         given = tables.statistics(recorded.info.folder, recorded.number)
     found = {}
-    for key in about.features.keys() - changed - {*OF_THE_WHOLE}:
+    for key in (
+        about.features.keys() - changed - {*OF_THE_WHOLE, *words.columns(about, recorded.rows)}
+    ):
         feature = about.features[key]
         channels = feature["shape"][-1] if len(feature["shape"]) == 3 else 1
         shown = feature["dtype"] in ("image", "video")
@@ -91,17 +116,6 @@ def _kept(recorded: LeRobotSource, about: Info, changed: set[str]) -> dict[str, 
         if one is not None:
             found[key] = one
     return found
-
-
-def _words(episode: Episode, recorded: LeRobotSource) -> list[str]:
-    """The words of each frame: new for old where as many came back, else the instruction."""
-    old, new = recorded.descriptions, episode.descriptions
-    if old == new:
-        return list(recorded.tasks)
-    if len(old) == len(new):
-        by = dict(zip(old, new, strict=True))
-        return [by.get(text, text) for text in recorded.tasks]
-    return [episode.instruction] * episode.length
 
 
 def _depth(episode: Episode, recorded: LeRobotSource, name: str) -> Any:
@@ -216,14 +230,56 @@ def _same(one: Image, other: Image, length: int) -> bool:
     return one is other or all(np.array_equal(one(t), other(t)) for t in range(length))
 
 
+def losses(recorded: LeRobotSource, version: str) -> list[str]:
+    """What another version of LeRobot does not hold of an episode."""
+    info = recorded.info
+    if info.given["codebase_version"] == version:
+        return []
+    found = []
+    if version == tables.OLD:
+        found.append(
+            "which files episodes share, and sizes of files: in v2.1 each episode has its own"
+        )
+        if deep := [key for key in info.of_kind("image", "video") if info.shape(key)[-1] != 3]:
+            found.append(
+                f"{', '.join(deep)}: statistics of one channel, which v2.1's loader refuses"
+            )
+    elif info.given["data_path"] != tables.OLD_DATA_PATH or (
+        info.of_kind("video") and info.given["video_path"] != tables.OLD_VIDEO_PATH
+    ):
+        found.append("names of files: v3's own")
+    return found
+
+
+def untouched(recorded: LeRobotSource, edited_words: bool) -> dict[str, bytes]:
+    """All columns but those of images, depth, instance ids and of what counts in the whole dataset, what the table of
+    episodes says, and videos that are no camera's; no words where an edit changed them."""
+    shown = {*recorded.images.values(), *recorded.ids.values()}
+    shown |= {one.key for one in recorded.depths.values()}
+    spoken = {*words.columns(recorded.info, recorded.rows)} if edited_words else set()
+    found = {}
+    for name in recorded.rows.column_names:
+        if name not in shown | spoken | {*OF_THE_WHOLE}:
+            column = recorded.rows[name]
+            found[name] = repr((str(column.type), column.to_pylist())).encode()
+    for key, span in recorded.spans.items():
+        if key not in shown:
+            found[key] = video.digest(span)
+    if not edited_words:
+        found["task"] = repr(recorded.tasks).encode()
+        tasks = list(dict.fromkeys([*words.tasks(recorded.row), *recorded.tasks]))
+        found[tables.EPISODES] = repr(sorted((recorded.row | {"tasks": tasks}).items())).encode()
+    return found
+
+
 def _statistics(
     episode: Episode, about: Info, rows: Any, shown: Shown, kept: Mapping[str, Any]
 ) -> dict[str, stats.Statistics]:
     """Of the features whose recorded ones are not kept."""
-    found = {}
+    found, spoken = {}, {*words.columns(about, rows)}
     for key, feature in about.features.items():
         kind = feature["dtype"]
-        if kind in ("string", "language") or key in OF_THE_WHOLE or key in kept:
+        if kind == "string" or key in OF_THE_WHOLE or key in kept or key in spoken:
             continue
         if kind == "video":
             if key in shown:

@@ -5,6 +5,7 @@ few frames: PyAV decodes while it reads.
 """
 
 import errno
+import hashlib
 import os
 import threading
 import zlib
@@ -237,6 +238,23 @@ def stream_format(path: Path) -> tuple[object, ...]:
         delay = None if first is None or first.dts is None else first.pts - first.dts
         shape = (about.name, about.codec_tag, about.pix_fmt, about.width, about.height)
         return *shape, stream.time_base, about.extradata, delay
+
+
+def digest(span: Span) -> bytes:
+    """What tells the packets of a span from others, wherever they lie. Raises BadInput."""
+    with opened(span.path, decoded=False) as container:
+        stream = container.streams.video[0]
+        _seek(container, span.start)
+        found = hashlib.sha256()
+        for packet in container.demux(stream):
+            if packet.pts is None:
+                continue
+            number = span.number(float(packet.pts * packet.time_base))
+            if number >= span.length and packet.is_keyframe:
+                break
+            if 0 <= number < span.length:
+                found.update(bytes(packet))
+        return found.digest()
 
 
 def count(path: Path) -> int:

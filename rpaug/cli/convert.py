@@ -21,7 +21,10 @@ from rpaug.cli.console import (
 def convert(
     dataset: Dataset,
     to: Annotated[
-        str, typer.Option(help="Layout to write: rlbench, rlds, rdt, hdf5_sim or lerobot.")
+        str,
+        typer.Option(
+            help="Layout to write: rlbench, rlds, rdt, hdf5_sim or lerobot; lerobot@v2.1 or lerobot@v3.0 for a version."
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; must not exist.")],
     fps: Annotated[

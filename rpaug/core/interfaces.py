@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import ConfigDict
 
+from rpaug.core.errors import BadInput
 from rpaug.core.types import Effect, Episode, Scene
 from rpaug.core.validation import Validated
 
@@ -134,6 +135,15 @@ class Adapter(ABC):
     def key_for(self, like: str, index: int) -> str:
         """The key here of episode number `index` of the group that another layout's key `like` belongs to."""
         return self.key_at(like, index)
+
+    def in_version(self, version: str) -> "Adapter":
+        """The adapter that writes one version of the layout (`rpaug convert --to NAME@VERSION`). Raises BadInput."""
+        found, expected = f"@{version}", "no version: the layout is written in one"
+        raise BadInput(Path(self.name), "version", found=found, expected=expected)
+
+    def losses(self, episode: Episode) -> Sequence[str]:  # versions of most layouts hold the same
+        """What the version that is written does not hold of an episode recorded in another version, in words."""
+        return ()
 
     def traps(self, episode: Episode) -> Sequence[str]:  # most layouts have none
         """What known readers of this layout would trip over in an episode, in words."""

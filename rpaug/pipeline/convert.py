@@ -71,6 +71,17 @@ def _compared(writer: Adapter, target: Path, key: str, episode: Episode) -> list
     return list(dict.fromkeys(words for *_, words in found))
 
 
+def _parties(source: Path, layout: str) -> tuple[Adapter, Adapter]:
+    """Who reads and who writes. Raises BadInput."""
+    name, _, version = layout.partition("@")
+    reader, writer = registry.adapter_for(source), registry.adapter(name)
+    if reader.name == writer.name and not version:
+        found = f"{layout}, which {source} is in already"
+        expected = "another layout, or a version of this (lerobot@v2.1)"
+        raise BadInput(source, "--to", found=found, expected=expected)
+    return reader, writer.in_version(version) if version else writer
+
+
 def convert(
     source: Path,
     target: Path,
@@ -80,17 +91,16 @@ def convert(
     licence: str | None = None,
     fps: float | None = None,
 ) -> Conversion:
-    """Write every episode of `source` into the new folder `target` in another layout, and its dataset card.
+    """Write every episode of `source` into the new folder `target` in another layout, or in a version of one
+    ("lerobot@v2.1"), and its dataset card.
 
     Episodes appear whole, one by one; each is read again, and its report has as `lost` what it does not hold of the
     recorded one, or not exactly. One that reads otherwise is taken back. `licence` is the source's, and `fps` its
     frames a second, where it does not say. Raises BadInput where the source is no dataset or the target is there
     already.
     """
-    reader, writer = registry.adapter_for(source), registry.adapter(layout)
-    if reader.name == writer.name:
-        found, expected = f"{layout}, which {source} is in already", "another layout"
-        raise BadInput(source, "--to", found=found, expected=expected)
+    reader, writer = _parties(source, layout)
+    alike = reader.name == writer.name
     if target.exists():
         raise BadInput(target, "--out", found="something there already", expected="a new path")
     apart(target, source)
@@ -99,15 +109,16 @@ def convert(
     reports: dict[str, dict[str, Any]] = {}
     for number, key in enumerate(keys):
         progress(number, len(keys))
-        like = named(source, key)
-        group = PurePosixPath(writer.key_for(like, 0)).parent.as_posix()
+        like, key_of = (key, writer.key_at) if alike else (named(source, key), writer.key_for)
+        group = PurePosixPath(key_of(like, 0)).parent.as_posix()
         try:
             # Another layout takes the values alone: what was recorded beside them stays behind.
-            episode = timed(replace(reader.read(source, key), source=None), fps)
-            made = writer.key_for(like, free.get(group, 0))
+            episode = reader.read(source, key)
+            episode = timed(episode if alike else replace(episode, source=None), fps)
+            made = key_of(like, free.get(group, 0))
             given = converted(source, key, reader.name)
             writer.write(episode, target, made, partial(dict, {report.NAME: report.encode(given)}))
-            lost = _compared(writer, target, made, episode)
+            lost = [*_compared(writer, target, made, episode), *writer.losses(episode)]
         except RpaugError as error:
             done.failures[key] = str(error).removeprefix(f"{key}: ")
             continue

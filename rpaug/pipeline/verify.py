@@ -106,6 +106,8 @@ def verify(
         findings += _leak(key, given)
         if given.get("converted"):
             findings += _converted(key, recorded, made, given, frames)
+            if adapter.name == theirs.name:
+                findings += _kept(adapter, key, recorded, made, given)
         else:
             findings += compare(key, recorded, made, given, frames)
             findings += _kept(adapter, key, recorded, made, given)

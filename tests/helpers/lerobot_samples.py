@@ -69,7 +69,7 @@ def dataset(folder: Path, *, train: tuple[int, ...] = (5, 3), val: tuple[int, ..
         "dtype": "image", "shape": [HEIGHT, WIDTH, 3], "names": ["height", "width", "channels"]
     }  # fmt: skip
     described.write_text(json.dumps(given | {"data_files_size_in_mb": 0.01}))
-    pack.pack(folder / "toy")
+    pack.pack(folder / "toy", folder / "toy")
     return folder
 
 

@@ -15,17 +15,21 @@ pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 import pyarrow as pa
 import pyarrow.parquet as pq
 from lerobot_samples import HEIGHT, WIDTH, WORDS, halved, picture
-from rpaug_adapters.lerobot import LeRobot
+from rpaug_adapters.lerobot import LeRobot, tables
 from rpaug_adapters.shared import video
 
 from rpaug import BadInput
 from rpaug.pipeline.contracts import AdapterContract
+from rpaug.pipeline.convert import convert
+from rpaug.pipeline.verify import verify
 
 LENGTHS = (4, 3)
 FRONT, WRIST = "observation.images.front", "observation.images.wrist"
 DATA = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
 VIDEO = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
 COUNTED = ("frame_index", "episode_index", "index", "task_index")
+ANNOTATION = "annotation.human.action.task_description"
+PARTS = [{"start": 0, "end": 2, "text": "reach for it"}]
 
 
 def put(path: Path, given: Any) -> None:
@@ -42,6 +46,7 @@ def features() -> dict[str, Any]:
         WRIST: {"dtype": "image", "shape": shape, "names": sides},
         "action": {"dtype": "float32", "shape": [2], "names": ["x", "y"]},
         "timestamp": {"dtype": "float32", "shape": [1], "names": None},
+        ANNOTATION: {"dtype": "int64", "shape": [1], "names": None},
     }
     return given | {name: {"dtype": "int64", "shape": [1], "names": None} for name in COUNTED}
 
@@ -62,6 +67,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "episode_index": [number] * length,
             "index": list(range(at, at + length)),
             "task_index": tasks,
+            ANNOTATION: [1 - i for i in tasks],
         }
         path = folder / DATA.format(episode_chunk=number, episode_index=number)
         path.parent.mkdir(parents=True)
@@ -79,10 +85,17 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     }  # fmt: skip
     put(folder / "meta/info.json", info)
     listed = [WORDS[:1], WORDS]
-    rows = [{"episode_index": i, "tasks": listed[i], "length": n} for i, n in enumerate(LENGTHS)]
+    rows = [
+        {"episode_index": i, "tasks": listed[i], "length": n, "sub_tasks": PARTS, "trial": i + 7}
+        for i, n in enumerate(LENGTHS)
+    ]
     put(folder / "meta/episodes.jsonl", rows)
     put(folder / "meta/tasks.jsonl", [{"task_index": i, "task": s} for i, s in enumerate(WORDS)])
-    put(folder / "meta/modality.json", {"action": {"arm": {"start": 0, "end": 2}}})
+    annotation = {"human.action.task_description": {}}
+    put(
+        folder / "meta/modality.json",
+        {"action": {"arm": {"start": 0, "end": 2}}, "annotation": annotation},
+    )
     put(folder / "meta/stats.json", {"action": {"mean": [0, 0]}})
     return root
 
@@ -107,7 +120,7 @@ def test_it_is_read(recorded: Path) -> None:
     adapter = LeRobot()
     assert adapter.episodes(recorded) == ["toy/train/0", "toy/train/1"]
     read = adapter.read(recorded, "toy/train/1")
-    assert (read.length, read.descriptions) == (3, WORDS)
+    assert (read.length, read.descriptions) == (3, (*WORDS, "reach for it"))
     assert np.array_equal(read.views["wrist"].rgb(2), picture(2, 1))
     assert np.abs(read.views["front"].rgb(2).astype(int) - picture(6, 2)).mean() < 3
     assert np.allclose(read.robot.extra["action"][:, 0], np.arange(3) / 7)
@@ -151,10 +164,83 @@ def test_it_is_written_as_it_came(recorded: Path, tmp_path: Path) -> None:
     assert np.shape(counted[1]["stats"][WRIST]["mean"]) == (3, 1, 1)
     modality = "meta/modality.json"
     assert (new / modality).read_bytes() == (old / modality).read_bytes()
-    assert not (
-        new / "meta/stats.json"
-    ).exists()  # GR00T counts its own; these would be the old ones
+    counted_by_groot = json.loads((new / "meta/stats.json").read_text())
+    actions = [[t / 7, number] for number in (0, 1, 1) for t in range(LENGTHS[number])]
+    given = counted_by_groot["action"]
+    assert np.allclose(given["q99"], np.quantile(np.float32(actions), 0.99, 0))
+    assert np.allclose(given["std"], np.std(actions, 0))
     assert not adapter.faults(tmp_path)
+
+
+def test_all_words_follow_an_edit(recorded: Path, tmp_path: Path) -> None:
+    """GR00T's annotations number tasks, and the tables of episodes have words of their own."""
+    adapter = LeRobot()
+    read = adapter.read(recorded, "toy/train/1")
+    adapter.write(read, tmp_path, "toy/train/0", dict)
+    new = ("lift it", WORDS[1], "grope for it")
+    adapter.write(replace(read, descriptions=new), tmp_path, "toy/train/1", dict)
+    adapter.finish(recorded, tmp_path)
+    folder = tmp_path / "toy"
+    tasks = {one["task_index"]: one["task"] for one in lines(folder / "meta/tasks.jsonl")}
+    assert tasks == {0: WORDS[0], 1: WORDS[1], 2: new[0]}  # as they were numbered
+    for number, words in enumerate((WORDS, new)):
+        rows = pq.read_table(folder / DATA.format(episode_chunk=number, episode_index=number))
+        assert [tasks[i] for i in rows["task_index"].to_pylist()] == [words[0], words[0], words[1]]
+        said = [tasks[i] for i in rows[ANNOTATION].to_pylist()]
+        assert said == [words[1], words[1], words[0]]
+    before, after = lines(folder / "meta/episodes.jsonl")
+    assert after["tasks"] == list(new[:2])
+    assert (before["sub_tasks"], after["sub_tasks"]) == (PARTS, [{**PARTS[0], "text": new[2]}])
+    assert (before["trial"], after["trial"]) == (8, 8)
+    assert adapter.read(tmp_path, "toy/train/1").descriptions == new
+
+
+def everything(root: Path, folder: str) -> dict[str, Any]:
+    """All that a dataset holds, wherever it holds it."""
+    adapter, found = LeRobot(), {}
+    for key in adapter.episodes(root):
+        read = adapter.read(root, key)
+        frames = {
+            name: [view.rgb(t).tobytes() for t in range(read.length)]
+            for name, view in read.views.items()
+        }
+        counted = tables.statistics(root / folder, read.source.number)
+        found[key] = frames, adapter.untouched(read, False), read.descriptions, counted
+    info = json.loads((root / folder / "meta/info.json").read_text())
+    beside = {path.name: path.read_bytes() for path in (root / folder / "meta").glob("mod*.json")}
+    return {**found, "info": info, "beside": beside, "tasks": tables.tasks(root / folder)}
+
+
+def test_versions_round_trip(recorded: Path, tmp_path: Path) -> None:
+    """v2.1 to v3 and back, and the other way round: all but the statistics that v2.1 cannot hold, which are counted
+    anew."""
+    shutil.copytree(recorded, source := tmp_path / "a", dirs_exist_ok=True)
+    (source / "toy/meta/stats.json").unlink()
+    first = tmp_path / "filled"  # with the statistics of every feature
+    adapter = LeRobot()
+    for key in adapter.episodes(source):
+        adapter.write(adapter.read(source, key), first, key, dict)
+    adapter.finish(source, first)
+    names = ("v3.0", "v2.1", "v3.0")
+    roots = [first, *(tmp_path / f"{i}" for i in range(3))]
+    for i, version in enumerate(names):
+        done = convert(roots[i], roots[i + 1], f"lerobot@{version}")
+        assert (done.exit_code, done.failures) == (0, {})
+        assert bool(done.lost) == (version == "v2.1")
+        assert verify(roots[i + 1], roots[i]).passed
+        assert not adapter.faults(roots[i + 1])
+    assert len(list((roots[1] / "toy/videos").rglob("*.mp4"))) == 1
+    for one, other in ((0, 2), (1, 3)):
+        before, after = (everything(roots[i], "toy") for i in (one, other))
+        sizes = ("data_files_size_in_mb", "video_files_size_in_mb") if one == 0 else ()
+        assert all(after["info"].pop(name) for name in sizes)
+        for key in before:
+            assert before[key] == after[key], key
+    assert not (roots[1] / "toy/meta/episodes.jsonl").exists()
+    with pytest.raises(BadInput, match=r"lerobot@v3\.0 or lerobot@v2\.1"):
+        convert(first, tmp_path / "no", "lerobot@v1.6")
+    with pytest.raises(BadInput, match="lerobot@v2"):
+        convert(first, tmp_path / "no", "lerobot")
 
 
 @pytest.mark.parametrize(
