@@ -65,18 +65,18 @@ def covisible(
     ids = true.ids(t)
     seen = np.zeros(ids.shape, bool)
     still = np.isin(ids, list(static))
-    for view in scene.episode.views.values():
-        assert view.depth is not None
-        assert view.ids is not None
-        for when in {t, *range(0, scene.episode.length, OTHER_TIMES)}:
-            pixel, z = geometry.project(points, view.camera, when)
-            columns, rows = np.rint(pixel).astype(int).transpose(2, 0, 1)
+    for when in (t, *(set(range(0, scene.episode.length, OTHER_TIMES)) - {t})):
+        for view in scene.episode.views.values():
+            assert view.depth is not None
+            assert view.ids is not None
+            left = ~seen if when == t else ~seen & still
+            pixel, z = geometry.project(points[left], view.camera, when)
+            columns, rows = np.rint(pixel).astype(int).T
             inside = (z > 0) & (columns >= 0) & (rows >= 0)
             inside &= (columns < view.camera.width) & (rows < view.camera.height)
             rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
             near = np.abs(view.depth(when)[rows, columns] - z) < SAME_POINT[0] + SAME_POINT[1] * z
-            found = inside & near & (view.ids(when)[rows, columns] == ids)
-            seen |= found if when == t else found & still
+            seen[left] = inside & near & (view.ids(when)[rows, columns] == ids[left])
     return seen
 
 

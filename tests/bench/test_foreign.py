@@ -238,9 +238,9 @@ def test_cameras_move_as_far_as_their_rows_say() -> None:
 
 
 def test_rows_pool_squared_errors_of_all_views() -> None:
-    near = {"totals": [[0.2, 100], [0.1, 50], [0.1, 25]], "flicker": 1.0, "faults": []}
+    near = {"totals": [[0.19, 100], [0.095, 50], [0.1, 25]], "flicker": 1.0, "faults": []}
     far = near | {
-        "totals": [[0.0, 100], [0.0, 50], [0.1, 25]],
+        "totals": [[0.01, 100], [0.005, 50], [0.1, 25]],
         "flicker": None,
         "faults": ["holes"],
     }
@@ -249,5 +249,6 @@ def test_rows_pool_squared_errors_of_all_views() -> None:
         0
     ]
     assert row[2] == {"value": 30.0, "target": ">= 28"}
-    assert row[3] == {"value": 30.0, "target": ">= 26"}
-    assert row[5:] == [25.0, 1.0, 50]
+    assert row[4] == {"value": 30.0, "target": ">= 26"}
+    assert row[3] == row[5] == "27.2 to 40.0"
+    assert row[7:] == [25.0, 1.0, 50]
