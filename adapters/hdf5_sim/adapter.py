@@ -5,7 +5,7 @@ that it read: a file is gathered at the end of a run, from demonstrations that l
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
@@ -13,6 +13,7 @@ import h5py
 from rpaug_adapters.hdf5_sim import gather, layouts, places
 from rpaug_adapters.hdf5_sim.places import DATA, MANISKILL
 from rpaug_adapters.hdf5_sim.read import SimSource, read_episode
+from rpaug_adapters.hdf5_sim.reobserve import reobserve
 from rpaug_adapters.hdf5_sim.write import described, filter_keys, reached, write_episode
 from rpaug_adapters.shared.folders import PLACES, write_files
 from rpaug_adapters.shared.hdf5 import opened
@@ -80,6 +81,11 @@ class HDF5Sim(Adapter):
     def faults(self, root: Path) -> Sequence[str]:
         """Counts, filter keys and lists of episodes that are not those of the files."""
         return [*gather.faults(root)]
+
+    def reobserve(
+        self, root: Path, target: Path, simulator: Path, progress: Callable[[int, int], None]
+    ) -> tuple[int, Mapping[str, str]]:
+        return reobserve(root, target, simulator, progress)
 
     def finish(self, source: Path, target: Path) -> None:
         """Demonstrations into shared files."""

@@ -6,6 +6,7 @@ stay, so that a killed run loses nothing.
 
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -35,30 +36,61 @@ def gather(root: Path) -> None:
 
 def _gather(path: Path, staged: Mapping[str, Place]) -> None:
     before = {place.name: place for place in contents(path)} if path.exists() else {}
-    places = dict(sorted({**before, **staged}.items(), key=lambda one: natural(one[0])))
-    work = path.with_name(f".{path.name}{files.PART}")
-    keys: dict[str, list[str]] = {}
-    listed: dict[str, Any] = {}
-    with h5py.File(work, "w") as target:
-        for name, place in places.items():
-            with opened(place.path, place.within) as source:
-                copy(source, place, target, name)
-                for key, names in filter_keys(source, place).items():
-                    keys.setdefault(key, []).extend([name] if place.name in names else [])
-            if (one := described(place)) is not None:
-                own = one["episodes"][0] | {"episode_id": int(name.partition("_")[2])}
-                listed = {**one, **listed, "episodes": [*listed.get("episodes", ()), own]}
-        store_filter_keys(target, keys)
-        if DATA in target:
-            for name, count in _counts(target[DATA]).items():
-                target[DATA].attrs.modify(name, count)
-    _read(work)
-    os.replace(work, path)
-    if listed:
-        files.write_atomic(path.with_suffix(".json"), json_bytes(listed))
+    places = sorted({**before, **staged}.items(), key=lambda one: natural(one[0]))
+    with growing(path) as file:
+        for name, place in places:
+            file.add(place, name)
     for place in staged.values():
         place.path.with_suffix(".json").unlink(missing_ok=True)
         place.path.unlink()
+
+
+class GrowingFile:
+    """A file of demonstrations that grows beside the one whose place it takes in the end."""
+
+    def __init__(self, path: Path, target: h5py.File) -> None:
+        self.path, self.target = path, target
+        self.keys: dict[str, list[str]] = {}
+        self.listed: dict[str, Any] = {}
+
+    def add(self, place: Place, name: str) -> h5py.Group:
+        """Copy a demonstration under a name, with what belongs to it; returns its group."""
+        with opened(place.path, place.within) as source:
+            copy(source, place, self.target, name)
+            for key, names in filter_keys(source, place).items():
+                self.keys.setdefault(key, []).extend([name] if place.name in names else [])
+        if (one := described(place)) is not None:
+            own = one["episodes"][0] | {"episode_id": int(name.partition("_")[2])}
+            self.listed = {
+                **one,
+                **self.listed,
+                "episodes": [*self.listed.get("episodes", ()), own],
+            }
+        return (self.target[DATA] if place.robomimic else self.target)[name]
+
+    def close(self) -> None:
+        """Write what the file says of all."""
+        store_filter_keys(self.target, self.keys)
+        if DATA in self.target:
+            for name, count in _counts(self.target[DATA]).items():
+                self.target[DATA].attrs.modify(name, count)
+
+
+@contextmanager
+def growing(path: Path) -> Iterator[GrowingFile]:
+    """A file to add demonstrations to: read whole, and in its place, once the block succeeds and has added any."""
+    work = path.with_name(f".{path.name}{files.PART}")
+    try:
+        with h5py.File(work, "w") as target:
+            file = GrowingFile(path, target)
+            yield file
+            file.close()
+        if _read(work):
+            os.replace(work, path)
+    finally:
+        work.unlink(missing_ok=True)
+    if file.listed:
+        files.write_atomic(path.with_suffix(".json"), json_bytes(file.listed))
 
 
 def _counts(data: h5py.Group) -> dict[str, int]:
@@ -70,14 +102,16 @@ def _counts(data: h5py.Group) -> dict[str, int]:
     return {name: count for name, count in counts.items() if name in data.attrs}
 
 
-def _read(path: Path) -> None:
-    """Decode everything in a new file. Raises BadInput."""
-    for place in contents(path):
+def _read(path: Path) -> int:
+    """Decode everything in a new file; returns how many demonstrations there are. Raises BadInput."""
+    places = contents(path)
+    for place in places:
         with opened(place.path, place.within) as file:
             demo = layouts.demo(place, file)
         for one in demo.stored.values():
             for name in filter(None, (one.color, one.depth, one.ids)):
                 frames(demo, name)(0)
+    return len(places)
 
 
 def faults(root: Path) -> Iterator[str]:

@@ -38,6 +38,10 @@ COMMANDS = {
         "convert",
         "Write a dataset in another layout: images, depth, instance ids, words, cameras, robot, and a dataset card.",
     ),
+    "reobserve": (
+        "convert",
+        "Write a simulator's dataset with depth, instance ids, cameras and roles, as the simulator sees its states.",
+    ),
     "bench": (
         "bench",
         "Speed against error of every tier on one episode: each camera in turn is left out, and shown from the others.",

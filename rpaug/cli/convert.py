@@ -1,4 +1,4 @@
-"""`rpaug convert`: a dataset in another layout."""
+"""`rpaug convert`: a dataset in another layout. `rpaug reobserve`: with what its simulator sees."""
 
 from pathlib import Path
 from typing import Annotated
@@ -63,3 +63,38 @@ def convert(
     else:
         console.print("Nothing was written.")
     return done.exit_code
+
+
+def reobserve(
+    dataset: Dataset,
+    simulator: Annotated[
+        Path,
+        typer.Option(help="Python in whose environment the simulator (robosuite) is installed."),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder to write; must not exist.")],
+    as_json: AsJson = False,
+) -> int:
+    """Write a simulator's dataset with depth, instance ids, cameras and roles, as the simulator sees its states.
+
+    Each stored state is shown again in the simulator's own environment; no action is played. What it sees counts only
+    where its color is the stored one; other episodes are left out and named. `next_obs` are left out, for their last
+    image shows a state that no file holds.
+
+    Example: [bold]rpaug reobserve lift --simulator robosuite/bin/python --out lift_rgbd[/]
+    """
+    from rpaug.core import registry
+    from rpaug.core.errors import BadInput
+    from rpaug.core.files import apart
+
+    if out.exists():
+        raise BadInput(out, "--out", found="something there already", expected="a new path")
+    apart(out, dataset)
+    with progress_bar("looking", as_json) as progress:
+        done, failures = registry.adapter_for(dataset).reobserve(dataset, out, simulator, progress)
+    if as_json:
+        print_json({"episodes": done, "failures": failures, "out": str(out)})
+    else:
+        for key, reason in failures.items():
+            warn("skipped", f"{key}: {reason}")
+        say(f"{counted(done, 'episode')} in {out}")
+    return 0 if not failures else 1 if done else 2

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import ConfigDict
 
-from rpaug.core.errors import BadInput
+from rpaug.core.errors import BadInput, Unsupported
 from rpaug.core.types import Effect, Episode, Scene
 from rpaug.core.validation import Validated
 
@@ -161,6 +161,14 @@ class Adapter(ABC):
     def missing(self, root: Path) -> Path | None:  # most layouts can be read without any one file
         """The file that a dataset of this layout under `root` lacks, whose other files are there; or None."""
         return None
+
+    def reobserve(
+        self, root: Path, target: Path, simulator: Path, progress: Callable[[int, int], None]
+    ) -> tuple[int, Mapping[str, str]]:
+        """Write the dataset to a new folder with what its simulator sees in the states that it holds: depth, instance
+        ids, cameras, roles. `simulator` is the Python of that simulator. Returns how many episodes were written, and
+        why others were not. Raises Unsupported for layouts that hold no states."""
+        raise Unsupported(f"{self.name}: this layout holds no states of a simulator")
 
     def rename(self, root: Path, key: str, new: str) -> None:
         """Give an episode that a run wrote another key of its group, which is free."""

@@ -75,6 +75,10 @@ def test_a_settled_role_that_is_not_there_is_absent(scene: Scene) -> None:
     made, (wrong,) = settle(scene, {"table": SettledRole(handle=4711)})
     assert "table" not in made.roles
     assert "no such instance 4711" in wrong
+    made, wrong_ids = settle(
+        scene, {"table": SettledRole(handle=[4711, BALL])}
+    )  # of several, those that are
+    assert (made.roles["table"], wrong_ids) == ({BALL}, ())
     _, (wrong,) = settle(scene, {"table": SettledRole(color="magenta")})
     assert "nothing fits" in wrong
 

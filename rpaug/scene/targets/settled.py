@@ -78,12 +78,16 @@ def read(root: Path) -> dict[str, SettledRole]:
 def settle(scene: Scene, wanted: Mapping[str, SettledRole]) -> tuple[Scene, tuple[str, ...]]:
     """The scene in which these roles are what was settled, for certain, and what is wrong where one cannot be found.
 
-    A settled role that this episode has nothing for is absent: nothing else is taken for it.
+    Of several ids those that are in the episode count. A settled role that this episode has nothing for is absent:
+    nothing else is taken for it.
     """
     found: dict[str, Belief] = {}
     for role, one in wanted.items():
         try:
-            found[role] = Belief(targets.find(scene, one.target), 1.0, (NAME,))
+            ids = scene.instance_ids.intersection(
+                one.handle if isinstance(one.handle, list) else ()
+            )
+            found[role] = Belief(ids or targets.find(scene, one.target), 1.0, (NAME,))
         except TargetError as error:
             found[role] = Belief(frozenset(), 0.0, (f"{NAME}: {error}",))
     taken = frozenset[int]().union(*(belief.instance_ids for belief in found.values()))
