@@ -178,13 +178,14 @@ def _pressed(evidence: Evidence, hand: Collection[int], not_these: Collection[in
 def _table(
     evidence: Evidence, ground: Ground, arm: Collection[int], manipulated: Collection[int]
 ) -> Belief:
-    """The static thing that carries what the robot acts on, its neighbours and what lies under its path."""
+    """The static thing that carries what the robot acts on, at first and at last, its neighbours, and what lies under
+    its path and beside that."""
     near = _neighbors(evidence, set(arm) | set(manipulated))
     weights = dict.fromkeys(near, NEIGHBORS / max(len(near), 1))
     left = 1 - NEIGHBORS if near else 1.0
     share = left / 2 if evidence.gripper is not None else left
     weights |= dict.fromkeys(manipulated, share / max(len(manipulated), 1))
-    on = ground.carried(weights)
+    on = ground.carried(weights, NEAR)
     if not on.weight:
         return NOTHING
     lowest = [evidence.things[h].low[2] for h in manipulated]
@@ -205,7 +206,7 @@ def _table(
         pieces[best],
         weight * scores[best] / (scores[best] + second),
         (
-            f"{100 * weight:.0f} % of what the robot acts on, passes over and finds beside that falls on instance "
+            f"{100 * weight:.0f} % of what the robot acts on, works over and finds beside that falls on instance "
             f"{best}, level at {ground.top(best).height:.2f} m",
             f"the next best support has {100 * second / scores[best]:.0f} % of its score",
         ),

@@ -112,10 +112,10 @@ class Ground:
         return out
 
     def top(self, instance_id: int) -> LevelSurface:
-        """The largest level surface of a thing."""
+        """The level surface of a thing of which most was seen: an outline may be that of a mere rim."""
         return max(
             (level for level in self.levels if level.instance_id == instance_id),
-            key=lambda level: level.area,
+            key=lambda level: len(level.cells),
         )
 
     def hangs(self, instance_id: int) -> bool:
@@ -125,19 +125,23 @@ class Ground:
         heights = [level.height for level in self.levels if level.instance_id in on]
         return low - max((h for h in heights if h < low + THICK), default=low) > BESIDE
 
-    def carried(self, dropped: Mapping[int, float]) -> "Load":
-        """Let things fall straight down, each with its weight, and the gripper's path with the rest of 1; what lands
-        on a thing lands with it on what that falls on."""
+    def carried(self, dropped: Mapping[int, float], around: float) -> "Load":
+        """Let things fall straight down, each with its weight, from where they are at first and at last, and with the
+        rest of 1 the gripper's path and what is `around` metres beside it; what lands on a thing lands with it on what
+        that falls on."""
         rank: dict[int, int] = {}
         for level in self.levels:
             rank.setdefault(level.instance_id, len(rank))
         weight = dict.fromkeys(rank, 0.0)
         for instance_id, amount in dropped.items():
-            for on, part in self.falls(instance_id).items():
-                weight[on] += amount * part
-        path, rest = self._evidence.gripper, 1 - sum(dropped.values())
-        for on, part in (self.landing(path) if path is not None else {}).items():
-            weight[on] += rest * part
+            for frame in (0, -1):
+                for on, part in self.falls(instance_id, frame).items():
+                    weight[on] += amount * part / 2
+        if (path := self._evidence.gripper) is not None:
+            rest = 1 - sum(dropped.values())
+            beside = [(x, y, 0.0) for x in (-around, 0, around) for y in (-around, 0, around)]
+            for on, part in self.landing((path[:, None] + beside).reshape(-1, 3)).items():
+                weight[on] += rest * part
         passed = {}
         for instance_id in rank:
             for on, part in _stable(self.falls(instance_id)).items():

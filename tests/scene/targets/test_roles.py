@@ -16,6 +16,7 @@ from rpaug.core.types import Belief, Body, Scene
 from rpaug.scene.build import build
 from rpaug.scene.targets import roles
 from rpaug.scene.targets.observed import Evidence, Thing
+from rpaug.scene.targets.supports import Ground
 from rpaug.scene.targets.targets import Target, find
 from rpaug.scene.tracking import bodies
 
@@ -198,6 +199,41 @@ def test_what_comes_up_to_a_thing_was_brought_to_it_and_what_passes_by_was_not()
     assert roles._approached(evidence, 1, 2) == pytest.approx(1 - 0.02 / 0.62)
     assert roles._approached(evidence, 1, 3) == 0  # it went past
     assert roles._approached(evidence, 1, 4) == 0  # it stayed away
+
+
+def test_what_a_pit_shows_carries_less_than_the_plate_around_it() -> None:
+    plate, base, puck = 1, 2, 3
+    grid = np.mgrid[-0.6:0.6:60j, -0.6:0.6:60j].reshape(2, -1).T
+    pit = np.abs(grid).max(1) < 0.15
+    rim = np.array([[x, y] for x in np.linspace(-0.8, 0.8, 6) for y in (-0.8, 0.8)])
+    still, poses = np.tile(np.eye(4), (5, 1, 1)), np.tile(np.eye(4), (5, 1, 1))
+    poses[3:, :3, 3] = 0.4, 0, 0.1  # lifted out, and over the plate
+
+    def level(*parts: tuple[np.ndarray, float]) -> np.ndarray:
+        return np.concatenate([np.column_stack([xy, np.full(len(xy), z)]) for xy, z in parts])
+
+    surfaces = {
+        plate: level((grid[~pit], 0.05)),
+        base: level((grid[pit], 0.0), (rim, -0.6)),
+        puck: level((grid[np.abs(grid).max(1) < 0.03], 0.02)),
+    }
+    things = {
+        h: Thing(
+            h,
+            Body(frozenset([h]), *((poses, "aligned") if h == puck else (still, "static")), 0.0),
+            points,
+            np.tile([0, 0, 1.0], (len(points), 1)),
+            points.min(0),
+            points.max(0),
+        )
+        for h, points in surfaces.items()
+    }
+    gripper = poses[:, :3, 3] + [0, 0, 0.1]
+    sampled = SimpleNamespace(frames=np.arange(5))
+    ground = Ground(Evidence(things, sampled, gripper, np.ones((5, 3, 3))), ())  # type: ignore[arg-type]
+    assert ground.top(base).height == pytest.approx(0)
+    load = ground.carried({puck: 0.4}, roles.NEAR)
+    assert load.weight[plate] > load.weight[base] > 0
 
 
 def test_a_handle_in_the_hand_from_the_first_frame_is_no_link() -> None:
