@@ -209,6 +209,8 @@ def _drawn(
     )  # fmt: skip
     moved = frozenset(one for edit in carried(scene, t) for one in edit.instance_ids)
     witness = holes.Witness(known[0], K, camera.cam_to_world[t], surfels.edges.without(moved))
+    if scene.antialiased and not _stands(camera, scene.episode.views[name].camera, t):
+        drawn = holes.unmixed(drawn, witness)
     filled = holes.fill(drawn, witness)
     # Patches and stretched surfels are invented as much as what single views are filled with. The robot's shape is not:
     # it was held against the recording.
