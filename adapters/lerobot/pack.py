@@ -14,7 +14,14 @@ from typing import Any
 
 import numpy as np
 from rpaug_adapters.lerobot import stats, tables, words
-from rpaug_adapters.lerobot.read import is_depth, linked, read_episode, read_row
+from rpaug_adapters.lerobot.read import (
+    decode_images,
+    encoded,
+    is_depth,
+    linked,
+    read_episode,
+    read_row,
+)
 from rpaug_adapters.lerobot.tables import (
     DATA_PATH,
     EPISODES_PATH,
@@ -117,6 +124,12 @@ def _gather(about: Info, work: Path, like: Path) -> dict[str, Any]:
     }
     rows: list[dict[str, Any]] = []
     counts = _tables(about, work, own, spoken, rows)
+    for number, (_, path) in enumerate(own):
+        if keys := encoded(path):  # what was recorded is not decoded again
+            file = work / _data_path(about, number, rows[number])
+            held = tables.table(file, ["episode_index", *keys], number)
+            for key in keys:
+                decode_images(f"{file}: episode {number}", held, key)
     for key in about.of_kind("video"):
         (_own_videos if about.old else _videos)(about, work, own, key, rows)
     counted = [
@@ -211,8 +224,8 @@ def _tables(
             kind = about.features.get(name, {}).get("dtype", "int64")
             held = with_column(held, name, pa.array(values, pa.type_for_alias(kind)))
         place = shared.place((path / STAGED).stat().st_size)
-        old = about.path(number, {}, "data").relative_to(about.folder) if about.old else None
-        target = work / (old or filled(DATA_PATH, place))
+        row |= {f"data/{name}": value for name, value in place.items()}
+        target = work / _data_path(about, number, row)
         if not target.exists():
             if writer is not None:
                 writer.close()
@@ -225,7 +238,6 @@ def _tables(
                 **row,
                 "episode_index": number,
                 "length": length,
-                **{f"data/{name}": value for name, value in place.items()},
                 "dataset_from_index": at,
                 "dataset_to_index": at + length,
             }
@@ -237,6 +249,13 @@ def _tables(
     if writer is not None:
         writer.close()
     return statistics
+
+
+def _data_path(about: Info, number: int, row: dict[str, Any]) -> str:
+    """Where in the dataset an episode's rows go."""
+    if about.old:
+        return about.path(number, {}, "data").relative_to(about.folder).as_posix()
+    return filled(DATA_PATH, {name: row[f"data/{name}"] for name in ("chunk_index", "file_index")})
 
 
 def _spoken(about: Info, held: Any, spoken: Words) -> dict[str, list[int]]:

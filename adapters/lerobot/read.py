@@ -154,10 +154,35 @@ def _staged(about: Info, own: Path) -> Gathered:
 def read_row(own: Path) -> dict[str, Any]:
     """What the table of episodes is to say of an episode that is not gathered yet, but for what is counted. Raises
     BadInput."""
-    row = read_json(own / ROW, "an object") if (own / ROW).is_file() else {}
+    row = _stated(own).get("row", {})
     if not isinstance(row, dict):
-        raise BadInput(own / ROW, "JSON", found=repr(row)[:40], expected="an object")
+        raise BadInput(own / ROW, "row", found=repr(row)[:40], expected="an object")
     return row
+
+
+def encoded(own: Path) -> list[str]:
+    """The features of such an episode whose images were encoded by us. Raises BadInput."""
+    keys = _stated(own).get("encoded", [])
+    if not isinstance(keys, list) or not all(isinstance(key, str) for key in keys):
+        raise BadInput(own / ROW, "encoded", found=repr(keys)[:40], expected="names of features")
+    return keys
+
+
+def _stated(own: Path) -> dict[str, Any]:
+    given = read_json(own / ROW, "an object") if (own / ROW).is_file() else {}
+    if not isinstance(given, dict):
+        raise BadInput(own / ROW, "JSON", found=repr(given)[:40], expected="an object")
+    return given
+
+
+def decode_images(where: str, rows: Any, key: str) -> None:
+    """See that every image of a column decodes. Raises BadInput."""
+    for t, data in enumerate(blobs(where, rows, key)):
+        place = f"{where}, {key}, frame {t}"
+        if not tiff.is_one(data):
+            files.check_image(place, data)
+        if cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) is None:
+            raise BadInput(place, "image", found="undecodable data", expected="an image")
 
 
 def linked(own: Path) -> dict[str, float]:

@@ -31,7 +31,7 @@ EPISODES_PATH = EPISODES + "/chunk-{chunk_index:03d}/file-{file_index:03d}.parqu
 STAGED = "episode.parquet"  # an episode's own rows, while the dataset grows
 STATISTICS = "episode_stats.json"
 LINKED = "linked.json"  # videos of the folder that are recorded files, by key: seconds where the episode begins
-ROW = "episode.json"  # what the table of episodes says of it, but for what is counted
+ROW = "episode.json"  # `row`: what the table of episodes says of it, but for what is counted; `encoded`: new images
 COUNTED = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64",
            "index": "int64", "task_index": "int64"}  # fmt: skip
 VERSION, OLD = "v3.", "v2.1"

@@ -30,6 +30,7 @@ def write_episode(
 ) -> dict[str, bytes]:
     """Fill a folder; returns the files to lay beside."""
     kept: dict[str, Any] = {}
+    changed: set[str] = set()
     if recorded is None:
         episode = fresh.plain(episode)
         rows = fresh.rows(episode)
@@ -51,14 +52,16 @@ def write_episode(
     counted = stats.plain(_statistics(episode, about, rows, shown, kept))
     statistics = kept | (stats.old(counted) if about.old else counted)
     (work / STATISTICS).write_text(json.dumps(statistics))
-    (work / ROW).write_text(_json(episode, row), encoding="utf-8")
+    pictures = set(about.of_kind("image"))
+    encoded = sorted(pictures if recorded is None else pictures & changed)
+    (work / ROW).write_text(_json(episode, {"row": row, "encoded": encoded}), encoding="utf-8")
     return extra
 
 
-def _json(episode: Episode, row: Mapping[str, Any]) -> str:
+def _json(episode: Episode, stated: Mapping[str, Any]) -> str:
     """What the table of episodes says. Raises Unsupported."""
     try:
-        return json.dumps(row, ensure_ascii=False)
+        return json.dumps(stated, ensure_ascii=False)
     except (TypeError, ValueError) as error:
         reason = f"the table of episodes holds what JSON does not: {error}"
         raise Unsupported(f"{episode.key}: {reason}") from None

@@ -88,6 +88,7 @@ def filmed_depth(root: Path) -> Path:
         counted = json.loads((own / tables.STATISTICS).read_text())
         del counted[DEPTH]  # of metres
         (own / tables.STATISTICS).write_text(json.dumps(counted))
+        (own / tables.ROW).unlink()  # and of images
         with av.open(str(own / f"{DEPTH}.mp4"), "w", format="mp4") as film:
             options = {"g": "1", "x265-params": "lossless=1:log-level=none"}
             stream = film.add_stream("libx265", rate=10, options=options)

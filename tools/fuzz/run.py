@@ -35,6 +35,7 @@ LAYOUTS = {
     "latest_robomimic": "hdf5_sim",
     "maniskill": "hdf5_sim",
     "lerobot": "lerobot",
+    "lerobot_v21": "lerobot",
     "ego4d": "video",
     "recipe": "",
 }  # and the adapter that reads each; recipes need none
@@ -48,9 +49,10 @@ SHARES = {
     "latest_robomimic": 2,
     "maniskill": 2,
     "lerobot": 1,
+    "lerobot_v21": 1,
     "ego4d": 1,
     "recipe": 3,
-}  # of 32: what is quick is tried more
+}  # of 33: what is quick is tried more
 TURNS = [name for name, share in SHARES.items() for _ in range(share)]
 STARTS = ("os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "subprocess.Popen", "pty.spawn",
           "socket.connect", "shutil.rmtree", "os.remove", "os.rename", "os.chmod")  # fmt: skip

@@ -51,6 +51,15 @@ def lerobot(root: Path) -> None:
     writer.finish(root, root)
 
 
+def lerobot_v21(root: Path) -> None:
+    """One episode with files of its own, and annotations that number tasks."""
+    writer = adapter("lerobot").in_version("v2.1")
+    writer.write(replace(episode(), rate=10.0), root, "toy/train/0", dict)
+    modality = {"annotation": {"task": {"original_key": "task_index"}}}
+    (root / "toy/meta/modality.json").write_text(json.dumps(modality))
+    writer.finish(root, root)
+
+
 def rlds(root: Path) -> None:
     """One episode of our own writing: PNG, float images, packed tensors, a side file."""
     writer = adapter("rlds")

@@ -13,6 +13,7 @@ pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 
 import av
 import lerobot_samples
+import pyarrow as pa
 import pyarrow.parquet as pq
 from hypothesis import given
 from hypothesis import strategies as st
@@ -146,6 +147,25 @@ def test_a_part_of_a_recorded_file_is_taken_out_of_it(recorded: Path, tmp_path: 
         adapter.finish(recorded, out)
     for path in (out / "toy/videos").rglob("*.mp4"):
         assert video.count(path) == read.length
+
+
+def test_new_images_are_decoded_before_anything_is_dropped(recorded: Path, tmp_path: Path) -> None:
+    adapter, out = LeRobot(), tmp_path / "out"
+    read = adapter.read(recorded, KEY)
+    adapter.write(read, out, "toy/train/0", dict)
+    name = "image"  # of small images in the table
+    edited = replace(read, views={**read.views, name: halved(read.views[name])})
+    adapter.write(edited, out, "toy/train/1", dict)
+    for number in range(2):  # spoilt as a bad disk would
+        path = out / f"toy/train/{number}" / tables.STAGED
+        rows = pq.read_table(path)
+        at = rows.schema.get_field_index("observation.image")
+        cut = [{**one, "bytes": one["bytes"][:-9]} for one in rows[at].to_pylist()]
+        column = pa.array(cut, rows.schema.field(at).type)
+        pq.write_table(rows.set_column(at, "observation.image", column), path)
+    with pytest.raises(BadInput, match=r"episode 1, observation\.image, frame 0"):
+        adapter.finish(recorded, out)
+    assert (out / "toy/train/1" / tables.STAGED).is_file()
 
 
 @pytest.mark.parametrize("spoilt", [None, {"min": [0]}, {"mean": "x"}, 7])
