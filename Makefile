@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 TORCH ?= torch==2.13.0
 BIN := $(VENV)/bin
 
-.PHONY: demo test check unit wheel test-gpu test-tfds test-lerobot test-llm clean
+.PHONY: demo test check unit wheel test-gpu test-readers test-tfds test-lerobot test-llm clean
 .DEFAULT_GOAL := test
 
 $(VENV)/.installed: pyproject.toml
@@ -36,11 +36,16 @@ test-gpu: $(VENV)/.installed
 test-llm: $(VENV)/.installed
 	RPAUG_LLM=$$($(BIN)/python tools/fetch_llm.py) $(BIN)/python -m pytest -s tests/language/test_llm.py
 
+# RPAUG_READERS and RPAUG_TEST_DATA say where the readers and the recordings are (docs/readers.md).
+test-readers: $(VENV)/.installed
+	test -n "$(RPAUG_READERS)" && test -n "$(RPAUG_TEST_DATA)"
+	$(BIN)/python -m pytest tests/readers
+
 test-tfds: $(VENV)/.installed
 	$(BIN)/python -m pytest tests/readers/test_tfds_reader.py
 
 test-lerobot: $(VENV)/.installed
-	$(BIN)/python -m pytest tests/readers/test_lerobot_reader.py
+	$(BIN)/python -m pytest tests/readers/test_lerobot_reader.py tests/readers/test_lerobot_v21_readers.py
 
 clean:
 	rm -rf $(VENV) build dist demo-output *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -47,6 +47,7 @@ from rpaug_adapters.shared.folders import staged
 from rpaug import BadInput, files
 
 MIB = 2**20
+HUGGING_FACE = b"huggingface"  # key of a table's metadata
 SHARED = ("meta/episodes", "data", "videos")
 
 
@@ -230,7 +231,7 @@ def _tables(
             if writer is not None:
                 writer.close()
             target.parent.mkdir(parents=True, exist_ok=True)
-            writer = pq.ParquetWriter(target, held.schema, compression="snappy")
+            writer = pq.ParquetWriter(target, _schema(about, held), compression="snappy")
         assert writer is not None
         writer.write_table(held.cast(writer.schema))
         rows.append(
@@ -249,6 +250,17 @@ def _tables(
     if writer is not None:
         writer.close()
     return statistics
+
+
+def _schema(about: Info, held: Any) -> Any:
+    """The types of the columns. v2.1's loader tells images by what Hugging Face's library writes beside them."""
+    schema = held.schema
+    images = {key: {"_type": "Image"} for key in about.of_kind("image")}
+    given = schema.metadata or {}
+    if not about.old or not images or HUGGING_FACE in given:
+        return schema
+    stated = json.dumps({"info": {"features": images}}).encode()
+    return schema.with_metadata({**given, HUGGING_FACE: stated})
 
 
 def _data_path(about: Info, number: int, row: dict[str, Any]) -> str:

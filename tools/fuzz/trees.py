@@ -94,6 +94,14 @@ def spoilt_json(data: bytes, rng: np.random.Generator) -> bytes:
             return json.dumps(bent(json.loads(data), rng)).encode(errors="surrogatepass")
 
 
+def spoilt_lines(data: bytes, rng: np.random.Generator) -> bytes:
+    """One line of JSON spoilt, among others."""
+    lines = data.splitlines(keepends=True)
+    at = int(rng.integers(len(lines)))
+    lines[at] = spoilt_json(lines[at], rng) + b"\n"
+    return b"".join(lines)
+
+
 def spoilt_yaml(data: bytes, rng: np.random.Generator) -> bytes:
     """A YAML file, bent as a tree or as text; some grow from a few anchors, some name objects of Python."""
     match rng.integers(18):

@@ -162,6 +162,9 @@ def test_it_is_written_as_it_came(recorded: Path, tmp_path: Path) -> None:
     assert counted[2]["stats"]["index"]["max"] == [9]
     assert counted[1]["stats"]["action"].keys() == {"min", "max", "mean", "std", "count"}
     assert np.shape(counted[1]["stats"][WRIST]["mean"]) == (3, 1, 1)
+    for path in (new / "data").rglob("*.parquet"):  # or v2.1's loader takes images for plain values
+        stated = json.loads(pq.read_schema(path).metadata[b"huggingface"])
+        assert stated["info"]["features"] == {WRIST: {"_type": "Image"}}
     modality = "meta/modality.json"
     assert (new / modality).read_bytes() == (old / modality).read_bytes()
     counted_by_groot = json.loads((new / "meta/stats.json").read_text())
