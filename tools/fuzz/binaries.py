@@ -275,6 +275,9 @@ def spoilt(path: Path) -> Callable[[bytes, np.random.Generator], bytes]:
     """What spoils a file of its kind."""
     from trees import spoilt_json, spoilt_lines, spoilt_yaml
 
-    by = {".json": spoilt_json, ".jsonl": spoilt_lines, ".yaml": spoilt_yaml, ".pkl": spoilt_pickle, ".hdf5": spoilt_hdf5, ".h5": spoilt_hdf5,
-          ".parquet": spoilt_parquet, ".mp4": spoilt_video, ".png": spoilt_image}  # fmt: skip
+    by = {
+        ".json": spoilt_json, ".jsonl": spoilt_lines, ".yaml": spoilt_yaml, ".pkl": spoilt_pickle,
+        ".hdf5": spoilt_hdf5, ".h5": spoilt_hdf5, ".parquet": spoilt_parquet, ".mp4": spoilt_video,
+        ".png": spoilt_image,
+    }  # fmt: skip
     return spoilt_records if ".tfrecord" in path.name else by[path.suffix]
