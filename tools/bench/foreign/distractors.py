@@ -169,9 +169,9 @@ def main() -> None:
     if given.record:
         count = sum(len(things) for place, things in kept.items() if place.startswith(half))
         pages.record(
-            "foreign",
+            "foreign_placing",
             pages.Table(
-                id=f"distractors-{half}", title=f"Where distractors stand, {half}",
+                id=half, title=f"Where distractors stand, {half}",
                 columns=("figure", "share, %", "95 % interval"), rows=table, seeds=f"{count} things",
                 command=f"python -m tools.bench.foreign.distractors --data DATA{' --held' * given.held}",
                 **pages.stamp(),
@@ -198,14 +198,14 @@ def rows(kept: dict[str, list[dict[str, Any]]], half: str) -> list[list[pages.Ce
     cramped = [things for things in tasks if things not in roomy]
     if cramped:
         found = scoring.share([[bool(thing["near"]) for thing in things] for things in cramped])
-        said = f"{half}: {SAID['near']}, {len(cramped)} tasks without room there or farther off (said in the report)"
+        said = f"{half}: {SAID['near']}, {len(cramped)} tasks without room as asked"
         out.append([said, found.percent, f"{found.low} to {found.high}"])
     for name, target in WANTED.items():
         counted = roomy if name == "near" else tasks
         found = scoring.share([[bool(thing[name]) for thing in things] for things in counted])
         if name == "near":
             above = found.percent > ASKED
-            target = f"<= {ASKED + POINTS}" if above else f">= {ASKED - POINTS}"
+            target = f"<= {ASKED + POINTS:.1f}" if above else f">= {ASKED - POINTS:.1f}"
         figure: pages.Cell = {"value": found.percent, "target": target}
         where = f", {len(roomy)} tasks" if name == "near" else ""
         out.append([f"{half}: {SAID[name]}{where}", figure, f"{found.low} to {found.high}"])
