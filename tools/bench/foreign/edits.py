@@ -1,11 +1,11 @@
 """rpaug's edits of foreign recordings against the same states truly rendered again, by factor and world.
 
-    python -m tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits --twin FILE
+    python -m tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits [--held]
 
 One episode a task, compared at a few frames; rpaug sees them all. Each factor is drawn from the task's name as on the
 twin, rendered by the simulator (`tools.bench.foreign.changed`, run by --python), asked of rpaug as `tools.bench.edits`
-asks it, and scored alike. What was scored is kept in OUT and not scored again. FILE is what `tools.bench.edits --json`
-printed for the twin's own figures. Moved cameras have a bench of their own.
+asks it, and scored alike. What was scored is kept in OUT and not scored again. The twin's own
+figures are those of its page. Moved cameras have a bench of their own.
 """
 
 import argparse
@@ -280,6 +280,15 @@ def _figures(trial: Trial, factor: str) -> dict[str, Any]:
     return found
 
 
+def twins() -> dict[str, float]:
+    """The given figure of each factor on the twin where its images are hardest: what foreign worlds have at once."""
+    (hard,) = (table for table in pages.load("appearance").tables if table.id == "hard")
+    columns = [hard.columns.index(name) for name in ("anti-aliased", "specular", "cast shadows")]
+    return {
+        str(row[0]): min(float(str(row[k]).split(" / ")[0]) for k in columns) for row in hard.rows
+    }
+
+
 def rows(
     kept: Mapping[str, Mapping[str, Any]], half: str, twins: Mapping[str, float]
 ) -> list[list[pages.Cell]]:
@@ -346,7 +355,6 @@ def main() -> None:
     parser.add_argument("--python", type=Path, required=True, help="of the simulators' environment")
     parser.add_argument("--held", action="store_true", help="the set-aside tasks instead")
     parser.add_argument("--task", action="append", help="only these, as <world>.<task>")
-    parser.add_argument("--twin", type=Path, help="what tools.bench.edits --json printed")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--record", action="store_true", help="write docs/benchmarks' results")
     given = parser.parse_args()
@@ -366,17 +374,15 @@ def main() -> None:
                     continue
                 said = {method: round(one["psnr"], 1) for method, one in figures.items()}
                 print(place, said, "outside", figures[TOLD]["outside"], flush=True)
-    found = json.loads(given.twin.read_text())["summary"] if given.twin else []
-    twins = {one["factor"]: one["psnr"] for one in found if one["method"] == TOLD}
     tasks = "".join(f" --task {task}" for task in given.task or ())
     places = {place.rpartition("|")[0] for place in kept}
     command = (
         "tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits"
     )
     tell(
-        "foreign_edits", rows(kept, half, twins), given.record, id=f"edits-{half}", columns=COLUMNS,
+        "foreign_edits", rows(kept, half, twins()), given.record, id=f"edits-{half}", columns=COLUMNS,
         title=f"Edits against the truth, {half}", seeds=f"{len(places)} tasks, an episode each, {FRAMES} frames",
-        command=f"python -m {command}{' --held' * given.held}{' --twin twin.json' * bool(twins)}{tasks}",
+        command=f"python -m {command}{' --held' * given.held}{tasks}",
     )  # fmt: skip
 
 
