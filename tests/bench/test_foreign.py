@@ -218,6 +218,7 @@ def test_edits_are_told_by_medians_beside_the_twin_and_refused_tasks_apart() -> 
     assert found["no better than no edit"] == 1
     assert found["short of it, dB"] == {"value": 10.0, "target": "<= 3"}
     assert found["pixels changed outside, worst"] == {"value": 2, "target": "<= 0"}
+    assert edits.twins()["light_color"] > 20
 
 
 def test_a_thing_in_the_air_touches_nothing_and_one_inside_does() -> None:
