@@ -121,7 +121,7 @@ def test_an_unknown_layout_is_named(template: Path, tmp_path: Path) -> None:
     assert json.loads(result.stdout)["episodes"] == 2
 
 
-LAYOUTS = ("rlbench", "rlds", "rdt", "lerobot")
+LAYOUTS = ("rlbench", "rlds", "rdt", "hdf5_sim", "lerobot")
 RATE = 20
 
 
