@@ -29,7 +29,7 @@ from rpaug.twin.record import record
 DEPTH = "observation.images.{}_depth"
 KEY = "twin/train/0"
 TARGET = {"target": {"role": "manipulated"}}
-OTHER = {"target": {"handle": 13}}  # the twin's plain block, which nothing touches
+OTHER = {"target": {"handle": 177}}  # the cylinder of the twin, which nothing touches or names
 FIELDS: dict[str, dict[str, Any]] = {
     "recolor": {**TARGET, "color": {"rgb": [0.2, 0.4, 0.9]}},
     "retexture": TARGET,
