@@ -113,6 +113,9 @@ class Recolor(Operator):
     def says(self, edit: Edit) -> tuple[Painted, ...]:
         return named(edit)
 
+    def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
+        return albedo.guessed(edit["surfaces"])
+
 
 def named(edit: Edit) -> tuple[Painted, ...]:
     """The color word of an edit that paints surfaces in one color."""

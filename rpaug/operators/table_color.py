@@ -9,7 +9,7 @@ from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import RGB
 from rpaug.operators.recolor import AlbedoRatio, named
-from rpaug.scene.lighting import shading
+from rpaug.scene.lighting import albedo, shading
 from rpaug.scene.targets import targets
 
 
@@ -60,3 +60,6 @@ class TableColor(Operator):
 
     def says(self, edit: Edit) -> tuple[Painted, ...]:
         return named(edit)
+
+    def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
+        return albedo.guessed(edit["surfaces"])

@@ -175,6 +175,9 @@ class Texturing(Operator):
             word = shipped.pattern(edit["texture"])
         return (Painted(frozenset(one["handle"] for one in edit["surfaces"]), word),)
 
+    def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
+        return albedo.guessed(edit["surfaces"])
+
     def _frame(self, seen: dict[int, shading.ShadedPixels]) -> Float64[np.ndarray, "4 4"]:
         back = shading.frame(seen)
         if self.origin is None and self.turn is None:

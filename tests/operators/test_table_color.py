@@ -40,6 +40,24 @@ def test_the_old_albedo_is_swapped_for_one_in_range() -> None:
         assert np.abs(now[painted] - before[painted] * [0.5, 0.5, 0.25]).max() <= 1
 
 
+@pytest.mark.parametrize(("light", "guessed"), [(1.0, 0), (4.0, 1)])
+def test_a_table_as_bright_as_can_be_is_said_to_be_guessed(light: float, guessed: int) -> None:
+    recorded = small()
+    views = {
+        name: replace(
+            view, rgb=lambda t, rgb=view.rgb: np.minimum(light * rgb(t), 255).astype("u1")
+        )
+        for name, view in recorded.episode.views.items()
+    }
+    lit = replace(recorded, episode=replace(recorded.episode, views=views))
+    for albedo, count in ((None, guessed), ((0.6, 0.4, 0.4), 0)):
+        operator = TableColor(albedo=albedo)
+        edit = operator.sample(lit, np.random.default_rng(0))
+        (found,) = operator.falls_short(edit).items()
+        assert found[1] == (count, 1)
+        assert found[0].endswith("is a guess")
+
+
 def test_colosseums_range_is_the_default_and_is_covered() -> None:
     recorded = small()
     draws = np.array(

@@ -1,5 +1,6 @@
 """What color a thing has under its shading: read off its pixels, or fitted to a given one."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,14 +21,19 @@ HIGHLIGHT = 0.05  # least whitish part of a plain surface's pixel that is taken 
 LIT = 0.98  # quantile of shading that counts as fully lit: a new color must not be clipped where the old was not
 PLAIN = 0.03  # color distance within which a pixel is explained by one albedo and its shading
 PLAIN_SHARE = 0.8
+OVERLIT = 0.25  # share of clipped pixels from which a surface's true brightness is hidden
 
 
 @dataclass(frozen=True)
 class Albedo:
-    """A display color, and whether it alone explains the surface (`plain`) or is the mean of a pattern."""
+    """A display color, and whether it alone explains the surface (`plain`) or is the mean of a pattern.
+
+    So much of an `overlit` surface is recorded as bright as can be that its color may be brighter in truth.
+    """
 
     rgb: tuple[float, float, float]
     plain: bool
+    overlit: bool = False
 
 
 def pixels(episode: Episode, instance_id: int, count: int = 6) -> Float64[np.ndarray, "n 3"]:
@@ -69,13 +75,18 @@ def estimate(color: Float64[np.ndarray, "n 3"]) -> Albedo:
         color[high > DARK] @ mean / (mean @ mean)
     )  # clipped pixels too: they are the brightest
     red, green, blue = np.minimum(mean * np.quantile(shading, LIT), 1.0).tolist()
-    return Albedo((red, green, blue), bool(_explained(good, mean).mean() >= PLAIN_SHARE))
+    return Albedo(
+        (red, green, blue),
+        plain=bool(_explained(good, mean).mean() >= PLAIN_SHARE),
+        overlit=bool((high >= BRIGHT).mean() >= OVERLIT),
+    )
 
 
 def describe(
     episode: Episode, instance_id: int, known: tuple[float, float, float] | None = None
 ) -> dict[str, Any]:
-    """What an edit stores of an instance's surface: instance id, albedo (`known` if it is), and whether it is plain.
+    """What an edit stores of an instance's surface: instance id, albedo (`known` if it is), whether it is plain, and
+    whether it is `overlit`, unless its albedo is known.
 
     Raises Unsupported for a black one, and for one that no recorded pixel shows.
     """
@@ -85,7 +96,14 @@ def describe(
         raise Unsupported(
             f"instance {instance_id} is black: no shading can be read off it to paint with"
         )
-    return {"handle": instance_id, "albedo": list(rgb), "plain": found.plain}
+    surface = {"handle": instance_id, "albedo": list(rgb), "plain": found.plain}
+    return surface | ({"overlit": True} if found.overlit and known is None else {})
+
+
+def guessed(surfaces: Sequence[Mapping[str, Any]]) -> dict[str, tuple[int, int]]:
+    """How many of an edit's surfaces were too bright to tell their albedo, in the words of `Operator.falls_short`."""
+    words = "painted surfaces are recorded as bright as can be: how bright they come out is a guess"
+    return {words: (sum(one.get("overlit", False) for one in surfaces), len(surfaces))}
 
 
 def plain(episode: Episode, instance_id: int) -> bool:
