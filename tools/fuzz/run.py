@@ -73,8 +73,7 @@ def read(layout: str, root: Path) -> str:
     for key in list(keys)[:3]:
         episode = reader.read(root, key)
         reader.traps(episode)
-        if layout == "hdf5_sim":
-            reader.untouched(episode, False)
+        reader.untouched(episode, False)
         for view in episode.views.values():
             for image in (view.rgb, view.depth, view.ids):
                 for t in range(min(episode.length, 4)) if image is not None else ():
