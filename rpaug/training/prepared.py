@@ -19,12 +19,13 @@ from rpaug.core.errors import BadInput
 from rpaug.core.files import read_bytes, write_atomic
 from rpaug.core.types import Belief, Body, Scene
 from rpaug.render import zbuffer
+from rpaug.render.holes import Edges
 from rpaug.render.zbuffer import Source
 from rpaug.scene.recorded.parts import PartRecording
 from rpaug.scene.recorded.plates import Plate
 from rpaug.scene.recorded.surfels import Surfels
 
-VERSION = 2
+VERSION = 3
 ENDING = ".npz"
 IMAGES = ("rgb", "depth", "ids", "use")
 Arrays = dict[str, np.ndarray]
@@ -117,6 +118,7 @@ def _surfels(surfels: Surfels, arrays: Arrays) -> dict[str, Any]:
             }
             for part in surfels.parts
         ],
+        "edges": {name: _put(arrays, array) for name, array in vars(surfels.edges).items()},
     }
 
 
@@ -134,6 +136,7 @@ def _surfels_of(facts: Mapping[str, Any], arrays: Arrays) -> Surfels:
         plates={name: _plate(take(one)) for name, one in facts["plates"].items()},
         history={name: tuple(map(take, past)) for name, past in facts["history"].items()},
         parts=parts,
+        edges=Edges(**{name: arrays[held] for name, held in facts["edges"].items()}),
     )
 
 

@@ -114,14 +114,11 @@ class Scenes:
         bare = build(episode, with_bodies=False)
         masked = all(view.ids and view.depth for view in episode.views.values())
         plain = masked and plan.bodies and not plan.parts and not plan.gaussians
-        if self.folder is None or not plain or self.recipe.accuracy:
+        given = self.recipe.accuracy or self.recipe.arms  # what a prepared scene does not hold
+        if self.folder is None or not plain or given:
             return *prepare.prepare_scene(episode, self.recipe, self.tier, self.folder), None
-        arms = [path.read_bytes().hex() for path in self.recipe.arms]
-        name = store.key(
-            bare,
-            {"prepared": prepared.VERSION, "arms": arms, "roles": self.recipe.source.get("roles")},
-            0,
-        )
+        roles = self.recipe.source.get("roles")
+        name = store.key(bare, {"prepared": prepared.VERSION, "roles": roles}, 0)
         path = self.folder / f"{name}{prepared.ENDING}"
         moved = 1 in plan.representations.values()
         found = prepared.load(path, bare)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from arm_files import panda_mjcf
 
 from rpaug import BadInput
 from rpaug.core import registry
@@ -42,6 +43,9 @@ def test_what_is_read_back_is_what_was_kept(template: Path, tmp_path: Path) -> N
         assert np.array_equal(one.to_world, other.to_world)
     assert surfels_again is not None
     assert surfels_again.noise == kept.noise
+    assert len(kept.edges.instance_ids)
+    for name, array in vars(kept.edges).items():
+        assert np.array_equal(array, vars(surfels_again.edges)[name])
     assert prepared.size(surfels_again) == prepared.size(kept) > 0
     for t in (0, 3):
         one, other = (surfels.view(each, scene, "front", t) for each in (kept, surfels_again))
@@ -60,6 +64,17 @@ def test_a_folder_changes_nothing_but_the_time(
         assert torch.equal(image, first["cameras"]["front"][kind])
         assert torch.equal(image, again["cameras"]["front"][kind])
     assert len(list((tmp_path / "scenes").iterdir())) == 1
+
+
+def test_a_scene_with_an_arm_by_its_file_is_prepared_each_time(
+    template: Path, recipe: Path, tmp_path: Path
+) -> None:
+    """What is kept of a scene does not hold the arm's shape."""
+    (tmp_path / "panda.xml").write_text(panda_mjcf())
+    recipe.write_text(json.dumps(MOVE | {"arms": [str(tmp_path / "panda.xml")]}))
+    episodes = AugmentedEpisodes(template, recipe, frames=[1], scenes=tmp_path / "scenes")
+    assert episodes[0]["cameras"]["front"]
+    assert not [*(tmp_path / "scenes").glob(f"*{prepared.ENDING}")]
 
 
 @pytest.mark.parametrize("spoil", ["cut", "noise", "version"])

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float64
 
 from rpaug.core import geometry
 from rpaug.core.types import CameraView
-from rpaug.render.holes import Edges
+from rpaug.render.holes import NO_EDGES, Edges
 from rpaug.render.zbuffer import Source
 from rpaug.scene.recorded.plates import source_at, spread
 
@@ -48,7 +48,9 @@ def _known(source: Source) -> Bool[np.ndarray, "h w"]:
 
 
 def straight(seen: Sequence[Source], static: frozenset[int]) -> Edges:
-    """The edges of the `static` instance ids' faces, by what fixed cameras `seen` farthest."""
+    """The edges of the `static` instance ids' faces, by what fixed cameras have `seen` farthest, if there are any."""
+    if not seen:
+        return NO_EDGES
     clouds = [_cloud(source) for source in seen]
     rng = np.random.default_rng(0)
     ids: list[int] = []
