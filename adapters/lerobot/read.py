@@ -307,6 +307,9 @@ def _view(
     camera: Camera,
 ) -> CameraView:
     shape = camera.height, camera.width
+    if ids is not None and rows.column_names.count(ids) != 1:
+        found, expected = f"{rows.column_names.count(ids)} such columns", f"one, as {INFO} says"
+        raise BadInput(where, ids, found=found, expected=expected)
     recorded: Callable[[int], np.ndarray] = (
         Frames(spans[key])
         if key in spans
