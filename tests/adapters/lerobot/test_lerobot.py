@@ -219,6 +219,16 @@ def test_a_wrong_description_is_named(
         LeRobot().read(root, LeRobot().episodes(root)[0])
 
 
+def test_masks_that_are_described_and_not_there_are_named(recorded: Path, tmp_path: Path) -> None:
+    root = Path(shutil.copytree(recorded, tmp_path / "in"))
+    path = root / "toy/meta/info.json"
+    about = json.loads(path.read_text())
+    about["features"]["masks.wrist"] = about["features"]["masks.front"]
+    path.write_text(json.dumps(about))
+    with pytest.raises(BadInput, match=r"masks\.wrist: found 0 such columns"):
+        LeRobot().read(root, LeRobot().episodes(root)[0])
+
+
 def test_a_video_that_ends_early_is_named(recorded: Path, tmp_path: Path) -> None:
     root = Path(shutil.copytree(recorded, tmp_path / "in"))
     path = next((root / "toy/videos/observation.images.front").rglob("*.mp4"))
