@@ -23,7 +23,7 @@ from rpaug import BadInput
 
 CHILD = Path(__file__).with_name("hdf5_child.py")
 SLOWEST = 2**20  # bytes a second, at the least
-PATIENCE = 60  # seconds beside
+PATIENCE = 20  # seconds beside
 MOST = 2**28  # numbers in one dataset: more is taken for damage, before anything is allocated
 
 
