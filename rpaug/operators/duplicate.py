@@ -20,11 +20,12 @@ from rpaug.scene.targets import targets
 class Duplicate(Operator):
     """Put `count` copies of `target` on free places of the table, each turned by up to `turn`.
 
+    Without a target one thing that the robot leaves alone is drawn.
     Copies have instance ids of their own. They show what was recorded of the original: sides that nobody saw are
     missing, so `turn` is best kept small where cameras stand on one side. Things that the robot acts on are refused.
     """
 
-    target: targets.Target
+    target: targets.Target | None = None
     count: Annotated[int, Field(ge=1, le=20)] = 1
     turn: Annotated[float, Field(ge=0, le=np.pi)] = 0.5  # radians, at most
 
@@ -33,7 +34,8 @@ class Duplicate(Operator):
     phrases: ClassVar[tuple[str, ...]] = ("duplicate {target} [{count} times]",)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        originals = sorted(untouched.find_untouched(scene, self.target, "duplicating"))
+        target = untouched.pick(scene, self.target, rng, "duplicating")
+        originals = sorted(untouched.find_untouched(scene, target, "duplicating"))
         around = find_free_space(scene)
         one = standing.thing(scene, frozenset(originals), around, "duplicating")
         copies: list[Edit] = []
@@ -42,7 +44,7 @@ class Duplicate(Operator):
             found = standing.settle(one, around, self.turn, rng)
             if found is None:
                 raise Unsupported(
-                    f"duplicating {self.target}: no free place for copy {len(copies) + 1} of {self.count}"
+                    f"duplicating {target}: no free place for copy {len(copies) + 1} of {self.count}"
                 )
             spot, turn = found
             around = around.with_thing(standing.turned(one.outline, turn) + spot)

@@ -24,10 +24,10 @@ class Move(Operator):
     Free is what stays 5 cm away from other things and from all that moves, over the whole episode. `to` asks for a
     place of the target's middle in the world instead, `by` for one so many metres ahead and to the left of where it
     stands, as the robot sees it, and `near` for a draw from places `within` so many metres of another thing.
-    Things that the robot acts on are refused.
+    Things that the robot acts on are refused. Without a target one thing that the robot leaves alone is drawn.
     """
 
-    target: targets.Target
+    target: targets.Target | None = None
     shift: Annotated[float, Field(gt=0, le=10)] = 0.15  # metres, at most
     turn: Annotated[float, Field(ge=0, le=np.pi)] = 0.5  # radians, at most
     to: tuple[float, float] | None = None
@@ -48,7 +48,8 @@ class Move(Operator):
             raise ValueError("give one of `to`, `by` and `near`")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        instance_ids = untouched.find_untouched(scene, self.target, "moving")
+        target = untouched.pick(scene, self.target, rng, "moving")
+        instance_ids = untouched.find_untouched(scene, target, "moving")
         around = find_free_space(scene, leaving=instance_ids)
         one = standing.thing(scene, instance_ids, around, "moving")
         asked = self._asked(scene, one)
@@ -56,11 +57,11 @@ class Move(Operator):
             spot, turn = asked, float(rng.uniform(-self.turn, self.turn))
             if not around.free(standing.turned(one.outline, turn), one.top, spot):
                 place = np.round(spot, 3).tolist()
-                raise Unsupported(f"moving {self.target}: there is no room at {place}")
+                raise Unsupported(f"moving {target}: there is no room at {place}")
         else:
             found = standing.settle(one, around, self.turn, rng, self._near(scene, one))
             if found is None:
-                raise Unsupported(f"moving {self.target}: no free place {self._where()}")
+                raise Unsupported(f"moving {target}: no free place {self._where()}")
             spot, turn = found
         return {
             "handles": sorted(instance_ids),

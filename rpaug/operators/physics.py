@@ -66,10 +66,11 @@ class Physics(Operator):
 
     It is let go `height` metres (drawn) above where it stands, at `velocity`; what is held, as a drawer on its rails,
     stays held unless it is `loose`. The robot goes on as it was recorded: if
-    it touches the thing, or did in the recording, the actions are marked as no longer valid.
+    it touches the thing, or did in the recording, the actions are marked as no longer valid. Without a target one thing
+    that the robot leaves alone is drawn.
     """
 
-    target: targets.Target
+    target: targets.Target | None = None
     material: Annotated[str | None, AfterValidator(_known)] = None
     vision: str | None = None
     law: LAWS | None = None
@@ -96,8 +97,9 @@ class Physics(Operator):
     def ready(self) -> None:
         if self.material is None and self.vision is None and self.young is None:
             raise Unsupported(
-                f"physics of {self.target}: say its material, one of {', '.join(materials.shipped())}; or its young "
-                "(and law, density, poisson); or, as vision, a folder with a CLIPModel that tells it from pictures"
+                f"physics of {self.target or 'a thing'}: say its material, one of {', '.join(materials.shipped())}; "
+                "or its young (and law, density, poisson); or, as vision, a folder with a CLIPModel that tells it from "
+                "pictures"
             )
         if self.vision is not None and self.material is None:
             from rpaug.providers.clip import Clip
@@ -106,11 +108,12 @@ class Physics(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         self.ready()
-        instance_ids = _whole(scene, targets.find(scene, self.target))
-        untouched.check_seen(scene, self.target, "simulating")
+        target = untouched.pick(scene, self.target, rng, "simulating")
+        instance_ids = _whole(scene, targets.find(scene, target))
+        untouched.check_seen(scene, target, "simulating")
         for role in ("robot", "table", "background"):
             if instance_ids & scene.roles.get(role, frozenset()):
-                raise Unsupported(f"simulating {self.target}: it is the {role}")
+                raise Unsupported(f"simulating {target}: it is the {role}")
         name = self.material or self._recognised(scene, instance_ids)
         made_of = asdict(self._made_of(name))
         return {
@@ -118,7 +121,7 @@ class Physics(Operator):
             "name": name,
             "material": {**made_of, "law": Law(made_of["law"]).name.lower()},
             "height": float(rng.uniform(*self.height)),
-            "acted": self._acted(scene, instance_ids),
+            "acted": _acted(scene, instance_ids, target),
             "lamps": shadows.lamps(scene),
         }
 
@@ -163,10 +166,11 @@ class Physics(Operator):
         picture = simulate.portrait(scene, instance_ids)
         return names[Clip.load(Path(self.vision)).closest(picture, asked)]
 
-    def _acted(self, scene: Scene, instance_ids: frozenset[int]) -> str | None:
-        """Why the recorded actions depend on where the thing is, None if they do not."""
-        try:
-            untouched.check(scene, instance_ids, self.target, "simulating")
-        except Unsupported as error:
-            return str(error)
-        return None
+
+def _acted(scene: Scene, instance_ids: frozenset[int], target: targets.Target) -> str | None:
+    """Why the recorded actions depend on where the thing is, None if they do not."""
+    try:
+        untouched.check(scene, instance_ids, target, "simulating")
+    except Unsupported as error:
+        return str(error)
+    return None

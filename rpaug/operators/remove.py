@@ -31,10 +31,10 @@ class Remove(Operator):
     """Remove `target`: what other cameras and times saw behind it is shown, and only what nobody saw is painted.
 
     What is painted is the same in all cameras and frames, and marked as invented. Things that the robot acts on are
-    refused, since the recorded actions would be untrue.
+    refused, since the recorded actions would be untrue. Without a target one that the robot leaves alone is drawn.
     """
 
-    target: targets.Target
+    target: targets.Target | None = None
     inpaint: Inpainting = "fsr"
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
@@ -43,7 +43,8 @@ class Remove(Operator):
     settles: ClassVar[str] = "removal"
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        instance_ids = untouched.find_untouched(scene, self.target, "removing")
+        target = untouched.pick(scene, self.target, rng, "removing")
+        instance_ids = untouched.find_untouched(scene, target, "removing")
         return {"handles": sorted(instance_ids), "lamps": shadows.lamps(scene)}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from rpaug.core.errors import RpaugError, Unsupported
+from rpaug.core.errors import Unsupported
 from rpaug.core.interfaces import Edit, Needs, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.scene.lighting import shadows
@@ -14,8 +14,6 @@ from rpaug.scene.placement import standing, untouched
 from rpaug.scene.placement.free_space import FreeSpace
 from rpaug.scene.placement.placing import find_free_space
 from rpaug.scene.targets.targets import Target
-
-LARGEST = 0.4  # metres: what is wider is furniture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,9 +35,7 @@ class Spread(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         around = find_free_space(scene)
-        things = self._named(scene, around) if self.targets else _loose(scene, around)
-        if not things:
-            raise Unsupported("spreading: nothing stands on the table that the robot leaves alone")
+        things = self._named(scene, around) if self.targets else untouched.loose(scene, "spreading")
         around = find_free_space(
             scene, leaving=frozenset().union(*(one.instance_ids for one in things))
         )
@@ -70,20 +66,3 @@ class Spread(Operator):
     def _named(self, scene: Scene, around: FreeSpace) -> list[standing.StandingInstance]:
         named = [untouched.find_untouched(scene, each, "spreading") for each in self.targets or ()]
         return [standing.thing(scene, instance_ids, around, "spreading") for instance_ids in named]
-
-
-def _loose(scene: Scene, around: FreeSpace) -> list[standing.StandingInstance]:
-    """Small things on the table that no role is known of."""
-    taken = frozenset().union(*scene.roles.values()) if scene.roles else frozenset()
-    found = []
-    for body in scene.bodies:
-        if body.motion != "static" or body.copy_of or body.instance_ids & taken:
-            continue
-        try:
-            untouched.check(scene, body.instance_ids, "", "spreading")
-            one = standing.thing(scene, body.instance_ids, around, "spreading")
-        except RpaugError:
-            continue
-        if np.ptp(one.outline, axis=0).max() < LARGEST:
-            found.append(one)
-    return found

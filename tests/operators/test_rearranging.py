@@ -1,5 +1,7 @@
 """Things that the robot leaves alone stand elsewhere, apart from all others, or twice; what it touches is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tabletop import instance_id, scene, take
@@ -7,6 +9,8 @@ from tabletop import instance_id, scene, take
 from rpaug.core.errors import BadRecipe, Unsupported
 from rpaug.operators.duplicate import Duplicate
 from rpaug.operators.move import Move
+from rpaug.operators.physics import Physics
+from rpaug.operators.remove import Remove
 from rpaug.operators.spread import Spread
 from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.placement import placing, standing
@@ -117,6 +121,28 @@ def test_spread_leaves_alone_what_has_a_role():
     moved = {instance_id for move in edit["moves"] for instance_id in move["handles"]}
     assert moved
     assert not moved & frozenset().union(*scene().roles.values())
+
+
+@pytest.mark.parametrize("kind", [Move, Duplicate, Remove, Physics])
+def test_without_a_target_one_thing_that_the_robot_leaves_alone_is_drawn(kind):
+    operator = kind(material="rubber", particles=500) if kind is Physics else kind()
+    edits = [operator.sample(scene(), np.random.default_rng(seed)) for seed in range(6)]
+    if kind is Duplicate:
+        drawn = [{int(old) for copy in edit["copies"] for old in copy["handles"]} for edit in edits]
+    else:
+        drawn = [set(edit["handles"]) for edit in edits]
+    taken = frozenset().union(*scene().roles.values())
+    assert all(one and not one & taken for one in drawn)
+    assert len({tuple(sorted(one)) for one in drawn}) > 1
+
+
+def test_where_the_robot_leaves_nothing_alone_there_is_nothing_to_draw():
+    things = frozenset().union(*scene().roles.values())
+    bare = replace(
+        scene(), bodies=tuple(body for body in scene().bodies if body.instance_ids <= things)
+    )
+    with pytest.raises(Unsupported, match="nothing stands on the table that the robot leaves"):
+        Remove().sample(bare, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("operator", [Move, Duplicate])

@@ -3,9 +3,13 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from rpaug.core.errors import SourceLacks, Unsupported
+import numpy as np
+
+from rpaug.core.errors import RpaugError, SourceLacks, Unsupported
 from rpaug.core.memo import once
 from rpaug.core.types import Episode, Scene
+from rpaug.scene.placement import standing
+from rpaug.scene.placement.placing import find_free_space
 from rpaug.scene.sampled_frames import look
 from rpaug.scene.targets.targets import Target, find
 from rpaug.scene.tracking.touch import touching
@@ -13,6 +17,7 @@ from rpaug.scene.tracking.touch import touching
 FEW = 2  # looked-at frames: a contact seen less often is chance
 ACTED_ON = ("robot", "manipulated")
 CARRYING = ("table", "background")
+LARGEST = 0.4  # metres: what is wider is furniture
 
 
 def find_untouched(scene: Scene, target: Target, doing: str) -> frozenset[int]:
@@ -20,6 +25,38 @@ def find_untouched(scene: Scene, target: Target, doing: str) -> frozenset[int]:
     instance_ids = find(scene, target)
     check(scene, instance_ids, target, doing)
     return instance_ids
+
+
+def pick(scene: Scene, target: Target | None, rng: np.random.Generator, doing: str) -> Target:
+    """The target itself, or if there is none one of what is `loose`, drawn. Raises SourceLacks, Unsupported."""
+    if target is not None:
+        return target
+    among = loose(scene, doing)
+    return Target(handle=sorted(among[rng.integers(len(among))].instance_ids))
+
+
+def loose(scene: Scene, doing: str) -> list[standing.StandingInstance]:
+    """Small things that stand on the table, have no role and are left alone by the robot; at least one.
+
+    Raises SourceLacks without depth and masks, Unsupported if there is nothing of that kind.
+    """
+    check_seen(scene, "what the robot leaves alone", doing)
+    taken = frozenset().union(*scene.roles.values()) if scene.roles else frozenset()
+    around = find_free_space(scene)
+    found = []
+    for body in scene.bodies:
+        if body.motion != "static" or body.copy_of or body.instance_ids & taken:
+            continue
+        try:
+            check(scene, body.instance_ids, "", doing)
+            one = standing.thing(scene, body.instance_ids, around, doing)
+        except RpaugError:
+            continue
+        if np.ptp(one.outline, axis=0).max() < LARGEST:
+            found.append(one)
+    if not found:
+        raise Unsupported(f"{doing}: nothing stands on the table that the robot leaves alone")
+    return found
 
 
 def check(scene: Scene, instance_ids: frozenset[int], target: object, doing: str) -> None:
