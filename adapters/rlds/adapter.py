@@ -40,7 +40,7 @@ class RLDS(GatheredAdapter):
     def gathered(self, folder: Path) -> Mapping[str, int] | None:
         if leaves(folder) is None:
             return None
-        return {name: sum(one.lengths) for name, one in shards.splits(folder).items()}
+        return {name: one.count for name, one in shards.splits(folder).items()}
 
     def read(self, root: Path, key: str) -> Episode:
         folder, split, number = place(root, key)

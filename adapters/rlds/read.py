@@ -48,7 +48,7 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
     if known is None:
         raise BadInput(folder / FEATURES, "steps", found="none", expected="an RLDS dataset")
     example = Example(*shards.record(folder, split, number))
-    own = folder / split / str(number)
+    own = folder.joinpath(split, str(number))
     beside = cameras.load((own, folder))
     images = _found(folder, example, known, beside)
     length = _length(example, known)

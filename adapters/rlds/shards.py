@@ -10,7 +10,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,11 @@ class Split:
     name: str
     paths: tuple[Path, ...]
     lengths: tuple[int, ...]
+
+    @cached_property
+    def count(self) -> int:
+        """How many records all its files hold."""
+        return sum(self.lengths)
 
     def find(self, number: int) -> tuple[Path, int]:
         """The file of a record and its place there. Raises BadInput where file and `dataset_info.json` differ."""
@@ -138,10 +143,11 @@ def faults(folder: Path) -> Iterator[str]:
 
 def record(folder: Path, split: str, number: int) -> tuple[str, bytes]:
     """What to call an episode's record, and its bytes. Raises BadInput."""
-    path = folder / split / str(number) / STAGED
-    place = 0
-    if not path.is_file():
-        path, place = splits(folder)[split].find(number)
+    packed = splits(folder).get(split)
+    if packed is not None and number < packed.count:
+        path, place = packed.find(number)
+    else:
+        path, place = folder.joinpath(split, str(number), STAGED), 0
     return f"{path}: record {place}", tfrecord.read(path, place)
 
 
@@ -186,16 +192,16 @@ def _shards(
 ) -> dict[str, Any]:
     lengths = _divided(len(numbers), like.lengths)
     total, rest = 0, iter(numbers)
+    staged_in = os.fspath(folder / like.name)
     template = str(entry.get("filepathTemplate") or TEMPLATE)
     for i, length in enumerate(lengths):
         name = _file(template, str(described.get("name")), like.name, i, len(lengths))
         work = folder / f".{name}{files.PART}"
         with work.open("wb") as shard:
             for _ in range(length):
-                path = folder / like.name / str(next(rest)) / STAGED
-                total += path.stat().st_size - tfrecord.FRAME
-                with path.open("rb") as stream:
+                with open(f"{staged_in}/{next(rest)}/{STAGED}", "rb") as stream:
                     shutil.copyfileobj(stream, shard, 2**20)
+                    total += stream.tell() - tfrecord.FRAME
         os.replace(work, folder / name)
     return {"numBytes": str(total), "shardLengths": [str(length) for length in lengths]}
 
@@ -213,7 +219,7 @@ def _unpack(folder: Path) -> None:
     """Back to one file an episode: a finished output is to grow."""
     packed = splits(folder)
     for split in packed.values():
-        for number in range(sum(split.lengths)):
+        for number in range(split.count):
             path = folder / split.name / str(number) / STAGED
             if not path.exists():
                 data = tfrecord.read(*split.find(number))
@@ -228,9 +234,9 @@ def _drop(folder: Path, numbers: dict[str, list[int]]) -> None:
     """Remove the single files, and their folders where nothing lies beside them."""
     for split, held in numbers.items():
         for number in held:
-            path = folder / split / str(number) / STAGED
-            path.unlink()
-            if not any(path.parent.iterdir()):
-                path.parent.rmdir()
-        if not any((folder / split).iterdir()):
-            (folder / split).rmdir()
+            own = f"{folder}/{split}/{number}"
+            os.unlink(f"{own}/{STAGED}")
+            if not os.listdir(own):
+                os.rmdir(own)
+        if not os.listdir(folder / split):
+            os.rmdir(folder / split)

@@ -118,14 +118,12 @@ def load(folders: tuple[Path, ...]) -> Beside:
 
 def in_place(root: Path, folder: Path) -> None:
     """See that no `cameras.yaml` lies above the dataset's folder, where nobody would read it. Raises BadInput."""
-    for above in folder.relative_to(root).parents:
-        if (path := root / above / NAME).is_file():
-            raise BadInput(
-                path,
-                "folder",
-                found=path.parent,
-                expected=f"{folder}, with the dataset's own files",
-            )
+    above = folder
+    while above != root:
+        above = above.parent
+        if any(stamp(above / NAME)):
+            expected = f"{folder}, with the dataset's own files"
+            raise BadInput(above / NAME, "folder", found=above, expected=expected)
 
 
 @lru_cache(16)

@@ -84,7 +84,7 @@ class GatheredAdapter(Adapter):
 
 def place(root: Path, key: str) -> tuple[Path, str, int]:
     """Dataset, split and number of an episode."""
-    *above, split, number = PurePosixPath(key).parts
+    *above, split, number = key.split("/")
     return root.joinpath(*above), split, int(number)
 
 

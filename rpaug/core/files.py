@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -48,6 +49,7 @@ CHANNELS = {
     4: (1, 2),
     6: (3, 4),
 }  # by color type: decoded, stored
+SEGMENT = struct.Struct(">BBH")  # of a JPEG: 0xFF, its kind, its length
 MAX_SIDE = 16384  # pixels: a larger header is taken for damage, before anything is allocated
 
 
@@ -172,11 +174,13 @@ def check_jpeg(path: Path | str, data: bytes) -> tuple[int, int]:
     """Width and height of a JPEG that runs from its start to its end marker (ITU T.81, annex B). Raises BadInput."""
     if data[:2] != b"\xff\xd8":
         raise BadInput(path, "signature", found=repr(data[:2]), expected="a JPEG file")
-    if b"\xff\xd9" not in data[-64:]:  # some writers pad the end
+    if data.rfind(b"\xff\xd9", -64) < 0:  # some writers pad the end
         raise BadInput(path, "end", found="no end marker", expected="a whole JPEG")
     at = 2
-    while at + 9 <= len(data) and data[at] == 0xFF:
-        kind, length = data[at + 1], int.from_bytes(data[at + 2 : at + 4], "big")
+    while at + 9 <= len(data):
+        mark, kind, length = SEGMENT.unpack_from(data, at)
+        if mark != 0xFF:
+            break
         if kind == 0xFF:  # a fill byte
             at += 1
             continue
@@ -265,8 +269,12 @@ def atomic_folder(target: Path) -> Iterator[Path]:
         raise BadInput(
             target, "output", found="something there already", expected="a path that does not exist"
         )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    work = Path(tempfile.mkdtemp(prefix=f".{target.name}-", suffix=PART, dir=target.parent))
+    made = partial(tempfile.mkdtemp, PART, f".{target.name}-", target.parent)
+    try:
+        work = Path(made())
+    except FileNotFoundError:  # the first there
+        target.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(made())
     try:
         work.chmod(0o755)
         yield work

@@ -59,8 +59,11 @@ def execute(
     made_folders = output_folder.missing(run.target)
     write_atomic(run.target / report.SUMMARY, report.encode(run.marker))
     output_folder.sweep(run.target)
-    written = [*output_folder.reports(run).items(), *output_folder.reports(run, REJECTED).items()]
-    done = [(key, one["source"], one["copy"]) for key, one in written]
+    done = [
+        (key, one["source"], one["copy"])
+        for folder in ("", REJECTED)
+        for key, one in output_folder.Reports(run, folder).items()
+    ]
     todo = jobs(run, done)
     summary = Summary(resumed=len(done))
     total, finished = sum(len(job.copies) for job in todo), 0

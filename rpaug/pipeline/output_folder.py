@@ -2,7 +2,9 @@
 
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import chain, repeat
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -10,6 +12,7 @@ from rpaug.core import splits
 from rpaug.core.errors import BadInput
 from rpaug.core.files import PART, REJECTED, write_atomic
 from rpaug.pipeline import card, plan, report, role_facts
+from rpaug.pipeline.recipe import Option
 from rpaug.pipeline.run import Run, Summary, group_of
 
 
@@ -20,17 +23,27 @@ def keys(run: Run, folder: str = "") -> list[str]:
     return [key for key in held if PurePosixPath(key).parts[0] != REJECTED]
 
 
-def reports(run: Run, folder: str = "") -> dict[str, dict[str, Any]]:
-    """The report of every episode there. Raises BadInput for an episode without one."""
-    found = {}
-    for key in keys(run, folder):
-        own = run.target / folder / key
+class Reports(Mapping[str, dict[str, Any]]):
+    """The report of every episode in the target, or in a folder of it, each read when it is asked for: however many
+    there are, one is in memory. Raises BadInput for an episode without one."""
+
+    def __init__(self, run: Run, folder: str = "") -> None:
+        self._root = run.target / folder
+        self._keys = dict.fromkeys(keys(run, folder))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._keys)
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def __getitem__(self, key: str) -> dict[str, Any]:
+        own = self._root / key
         given = report.of(own)
         if given is None:
-            found_, expected = "none that can be read", "an episode of this run"
-            raise BadInput(own / report.NAME, "report", found=found_, expected=expected)
-        found[key] = given
-    return found
+            found, expected = "none that can be read", "an episode of this run"
+            raise BadInput(own / report.NAME, "report", found=found, expected=expected)
+        return given
 
 
 def missing(target: Path) -> list[Path]:
@@ -66,82 +79,86 @@ def close_gaps(run: Run, folder: str = "") -> None:
 
 def total(summary: Summary, run: Run) -> None:
     """Fill in what the reports in the target say."""
-    made, rejected = list(reports(run).values()), reports(run, REJECTED)
-    summary.copies = len(made)
-    for key, described in rejected.items():
-        summary.rejected[key] = "; ".join(described["gates"]["faults"])
-    summary.roles = _roles(run, [*made, *rejected.values()])
-    summary.left_out = _left_out(run, [*made, *rejected.values()])
-    summary.fell_short = _fell_short(run, made)
-    for described in made:
+    outcomes = [
+        EditOutcomes(number, option)
+        for number, step in enumerate(run.recipe.steps)
+        for option in step.options
+    ]
+    roles: dict[str, dict[str, Any]] = {}  # by group, by source
+    changed: dict[str, float] = {}
+    made = Reports(run)
+    copies = chain(
+        zip(repeat(True), made.items()), zip(repeat(False), Reports(run, REJECTED).items())
+    )
+    for kept, (key, described) in copies:
+        for one in outcomes:
+            one.add(described, kept)
+        if "roles" in described:
+            group = roles.setdefault(group_of(run.adapter, described["source"]), {})
+            group[described["source"]] = described["roles"]
+        if not kept:
+            summary.rejected[key] = "; ".join(described["gates"]["faults"])
+            continue
         if found := described["plan"].get("warnings"):
             summary.warnings[described["source"]] = list(found)
         for stage, seconds in described["seconds"].items():
             summary.seconds[stage] = round(summary.seconds.get(stage, 0.0) + seconds, 4)
-    for name in sorted({name for described in made for name in described["changed_share"]}):
-        shares = [described["changed_share"].get(name, 0.0) for described in made]
-        summary.changed_share[name] = round(sum(shares) / len(shares), 6)
+        for name, share in described["changed_share"].items():
+            changed[name] = changed.get(name, 0.0) + share
+    summary.copies = len(made)
+    summary.roles = [words for group in roles.values() for words in role_facts.disagreement(group)]
+    summary.left_out = [words for one in outcomes for words in one.left_out()]
+    summary.fell_short = [words for one in outcomes for words in one.fell_short()]
+    for name in sorted(changed):
+        summary.changed_share[name] = round(changed[name] / len(made), 6)
     _sources_warned(run, summary)
 
 
-def _left_out(run: Run, made: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Each edit that some episodes had nothing for: in how many of those that drew it, in how many copies, and the
-    first reason."""
-    found = []
-    for number, step in enumerate(run.recipe.steps):
-        for option in step.options:
-            drawn = [
-                (one["source"], draw.get("left_out"))
-                for one in made
-                for draw in one["draws"]
-                if draw["step"] == number
-                and (draw.get("op"), draw.get("fields")) == (option.name, option.fields)
-            ]
-            reasons = [(source, reason) for source, reason in drawn if reason]
-            if reasons:
-                of = ", ".join(map(str, plan.targets(option.operator)))
-                found.append(
-                    {
-                        "step": number,
-                        "edit": f"{option.name} of {of}" if of else option.name,
-                        "episodes": len({source for source, _ in reasons}),
-                        "drawn_in": len({source for source, _ in drawn}),
-                        "copies": len(reasons),
-                        "reason": reasons[0][1],
-                    }
-                )
-    return found
+@dataclass
+class EditOutcomes:
+    """What came of one edit of a recipe in the copies that drew it."""
 
+    step: int
+    option: Option
+    drawn_in: set[str] = field(default_factory=set)  # source episodes
+    lacked_in: dict[str, str] = field(default_factory=dict)  # source episodes, with the reasons
+    lacking: int = 0  # copies
+    short: dict[str, list[int]] = field(default_factory=dict)  # what: how many things of how many
 
-def _fell_short(run: Run, made: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """What edits could not do as asked, over all copies: which edit, what, and how many things of how many."""
-    found = []
-    for number, step in enumerate(run.recipe.steps):
-        for option in step.options:
-            total: dict[str, list[int]] = {}
-            for draw in (draw for one in made for draw in one["draws"] if draw["step"] == number):
-                drawn = draw.get("op"), draw.get("fields")
-                if draw.get("edit") is None or drawn != (option.name, option.fields):
-                    continue
-                for words, (missed, asked) in option.operator.falls_short(draw["edit"]).items():
-                    before = total.setdefault(words, [0, 0])
-                    total[words] = [before[0] + missed, before[1] + asked]
-            found += [
-                {"step": number, "edit": option.name, "what": words, "count": missed, "of": asked}
-                for words, (missed, asked) in total.items()
-                if missed
-            ]
-    return found
+    def add(self, described: Mapping[str, Any], kept: bool) -> None:
+        """Count one copy by its report; a rejected copy counts as having drawn the edit alone."""
+        for draw in described["draws"]:
+            drawn = draw["step"], draw.get("op"), draw.get("fields")
+            if drawn != (self.step, self.option.name, self.option.fields):
+                continue
+            self.drawn_in.add(described["source"])
+            if draw.get("left_out"):
+                self.lacking += 1
+                self.lacked_in.setdefault(described["source"], draw["left_out"])
+            if kept and draw.get("edit") is not None:
+                for words, counts in self.option.operator.falls_short(draw["edit"]).items():
+                    before = self.short.get(words, (0, 0))
+                    self.short[words] = [a + b for a, b in zip(before, counts, strict=True)]
 
+    def left_out(self) -> Iterator[dict[str, Any]]:
+        """Where episodes had nothing for it: in how many of those that drew it, in how many copies, the reason."""
+        if self.lacking:
+            of = ", ".join(map(str, plan.targets(self.option.operator)))
+            yield {
+                "step": self.step,
+                "edit": f"{self.option.name} of {of}" if of else self.option.name,
+                "episodes": len(self.lacked_in),
+                "drawn_in": len(self.drawn_in),
+                "copies": self.lacking,
+                "reason": next(iter(self.lacked_in.values())),
+            }
 
-def _roles(run: Run, made: Sequence[Mapping[str, Any]]) -> list[str]:
-    """In which roles the source episodes of one group differ."""
-    groups: dict[str, dict[str, Any]] = {}
-    for one in made:
-        if "roles" in one:
-            group = groups.setdefault(group_of(run.adapter, one["source"]), {})
-            group[one["source"]] = one["roles"]
-    return [words for group in groups.values() for words in role_facts.disagreement(group)]
+    def fell_short(self) -> Iterator[dict[str, Any]]:
+        """What it could not do as asked, over all copies that were kept."""
+        for words, (missed, asked) in self.short.items():
+            if missed:
+                name = self.option.name
+                yield {"step": self.step, "edit": name, "what": words, "count": missed, "of": asked}
 
 
 def write_card(run: Run) -> None:
@@ -149,7 +166,7 @@ def write_card(run: Run) -> None:
     given = card.text(
         run.source,
         run.adapter.name,
-        reports(run),
+        Reports(run),
         recipe=run.recipe.source,
         rejected=len(keys(run, REJECTED)),
         licence=run.licence,

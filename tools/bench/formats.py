@@ -1,11 +1,13 @@
 """A dataset copied through unedited: megabytes a processor second, and the memory it takes beside one episode's size.
 
     python tools/bench/formats.py [--layout rlds|lerobot] [--megabytes 2048] [--steps 64] [--size 640 480] [--json FILE]
+                                  [--augment]
 
 Makes a dataset of that size in a temporary folder (removed after), episodes of `steps` frames of that size: one RLDS
 shard of JPEG frames, or LeRobot v3 with two cameras in H.264. Then a process of its own reads every episode and writes
 it unedited, and gathers them, as `rpaug augment` does; its memory is what it has before, after the first episode, and
-at its peak. `--no-links` does so as on a file system without hard links.
+at its peak. `--no-links` does so as on a file system without hard links; `--augment` makes one copy of each with sensor
+noise instead, by `rpaug augment`.
 """
 
 import argparse
@@ -146,6 +148,30 @@ def copy(layout: str, source: Path, target: Path) -> dict[str, float]:
     }
 
 
+def augment(_layout: str, source: Path, target: Path) -> dict[str, float]:
+    """One noisy copy of each episode; what it took of this process."""
+    from rpaug.pipeline import recipe
+    from rpaug.pipeline.augment import Run, execute  # copying takes less memory without them
+
+    given = {"version": 1, "edits": [{"op": "sensor_noise"}], "copies": 1, "seed": 1}
+    run, first = Run(source, recipe.build(given), target), [0.0]
+    own = most_memory()
+
+    def progress(done: int, _: int) -> None:
+        if done == 1:
+            first[0] = most_memory()
+
+    execute(run, progress=progress)
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return {
+        "user_seconds": used.ru_utime,
+        "system_seconds": used.ru_stime,
+        "before_megabytes": own,
+        "first_episode_megabytes": first[0],
+        "peak_megabytes": most_memory(),
+    }
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(
@@ -153,6 +179,7 @@ def main() -> None:
     )
     parser.add_argument("--layout", choices=("rlds", "lerobot"), default="rlds")
     parser.add_argument("--no-links", action="store_true")
+    parser.add_argument("--augment", action="store_true")
     parser.add_argument("--megabytes", type=int, default=2048)
     parser.add_argument("--steps", type=int, default=64)
     parser.add_argument("--size", nargs=2, type=int, default=(640, 480))
@@ -162,7 +189,8 @@ def main() -> None:
     if given.copy:
         if given.no_links:
             without_links()
-        sys.stdout.write(json.dumps(copy(given.layout, *given.copy)))
+        measure = augment if given.augment else copy
+        sys.stdout.write(json.dumps(measure(given.layout, *given.copy)))
         return
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "in", Path(folder) / "out"
@@ -172,10 +200,12 @@ def main() -> None:
             source if rlds else Path(folder), given.megabytes, given.steps, tuple(given.size)
         )
         command = [sys.executable, __file__, "--layout", given.layout, "--copy", source, target]
-        command += ["--no-links"] * given.no_links
+        command += ["--no-links"] * given.no_links + ["--augment"] * given.augment
         measured = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
         payload = "*.tfrecord*" if rlds else "*.mp4"
-        files = [path.relative_to(source) for path in source.rglob(payload)]
+        files = (
+            () if given.augment else [path.relative_to(source) for path in source.rglob(payload)]
+        )
         same = all(filecmp.cmp(source / file, target / file, shallow=False) for file in files)
     busy = measured["user_seconds"] + measured["system_seconds"]
     figures = {
