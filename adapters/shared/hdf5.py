@@ -100,18 +100,27 @@ def member(path: Path, file: h5py.Group, name: str) -> h5py.Group | h5py.Dataset
     for part in name.split("/"):
         link = at.get(part, getlink=True) if isinstance(at, h5py.Group) else None
         if link is None:
-            raise BadInput(path, name, found="nothing", expected="a group or dataset")
+            where, expected = _where(file, name), "a group or dataset"
+            raise BadInput(path, where, found="nothing", expected=expected)
         if not isinstance(link, h5py.HardLink):
-            raise BadInput(path, name, found="a link", expected="data in the file itself")
+            where, expected = _where(file, name), "data in the file itself"
+            raise BadInput(path, where, found="a link", expected=expected)
         at = at[part]
     return at
+
+
+def _where(file: h5py.Group, name: str) -> str:
+    """A place below a group, from the file's root: names in spoilt files may be empty."""
+    return f"{file.name}/{name}".lstrip("/")
 
 
 def dataset(path: Path, file: h5py.Group, name: str) -> h5py.Dataset:
     """A dataset that lies in the file itself and is not absurdly large. Raises BadInput."""
     at = member(path, file, name)
     if not isinstance(at, h5py.Dataset) or at.external or at.is_virtual:
-        raise BadInput(path, name, found="no data of its own", expected="a dataset in the file")
+        where, expected = _where(file, name), "a dataset in the file"
+        raise BadInput(path, where, found="no data of its own", expected=expected)
     if at.size is None or at.size > MOST:
-        raise BadInput(path, name, found=f"{at.size} values", expected=f"at most {MOST}")
+        where, expected = _where(file, name), f"at most {MOST}"
+        raise BadInput(path, where, found=f"{at.size} values", expected=expected)
     return at

@@ -23,13 +23,8 @@ def main():
     env = suite.make("Lift", **given)
     with h5py.File(path) as file:
         demo = file["data/demo_0"]
-        env.reset_from_xml_string(env.edit_model_xml(demo.attrs["model_file"]))
-        env.sim.reset()
         seen = {}
-        for state in demo["states"][()]:
-            env.sim.set_state_from_flattened(state)
-            env.sim.forward()
-            shown = env._get_observations(force_update=True)
+        for shown in demos.sensed(env, demo.attrs["model_file"], demo["states"][()]):
             for name in demos.CAMERAS:
                 depth = get_real_depth_map(env.sim, shown[f"{name}_depth"][::-1])
                 seen.setdefault(f"{name}_depth", []).append(depth.reshape(32, 32, 1))

@@ -41,7 +41,7 @@ STARTS = (0.1, 0.5, 0.9)  # of an episode: where a pair of frames is compared
 Bumps = dict[str, Bump]
 
 
-def bumps(task: str) -> dict[str, Bumps]:
+def bumps(task: str, others: Sequence[str] = MOVED, wrist: str = "wrist") -> dict[str, Bumps]:
     """Each camera's motion in its own frame, by move."""
     rng = np.random.default_rng(zlib.crc32(task.encode()))
 
@@ -58,9 +58,9 @@ def bumps(task: str) -> dict[str, Bumps]:
         return bump(turn * axis, shift * by)
 
     return {
-        WITHIN: {name: within(0.1, 0.05) for name in MOVED},
-        BEYOND: {name: exactly(0.2, np.deg2rad(15)) for name in MOVED},
-        WRIST: {"wrist": exactly(0.02, 0.02)},
+        WITHIN: {name: within(0.1, 0.05) for name in others},
+        BEYOND: {name: exactly(0.2, np.deg2rad(15)) for name in others},
+        WRIST: {wrist: exactly(0.02, 0.02)},
     }
 
 
@@ -69,12 +69,11 @@ def frames(length: int) -> list[int]:
     return [t + k for t in (round(start * (length - 2)) for start in STARTS) for k in (0, 1)]
 
 
-def recorded_truth(
-    folder: Path, out: Path, python: Path
-) -> tuple[Episode, dict[str, Episode], dict[str, Bumps]]:
-    """A foreign episode, and by move what its simulator shows at `frames`."""
-    facts, robot = neutral.facts(folder), neutral.arrays(folder, "robot")
-    moves, at = bumps(facts["task"]), frames(len(robot["gripper_open"]))
+def shown(
+    folder: Path, episode: Episode, moves: Mapping[str, Bumps], out: Path, python: Path
+) -> dict[str, Episode]:
+    """By move what the simulator of a foreign episode shows at `frames`."""
+    at = frames(episode.length)
     changes = {
         move: {
             "bumps": {
@@ -85,13 +84,19 @@ def recorded_truth(
         for move, moved in moves.items()
     }
     edits.render(folder, out, python, at, changes)
-    episode = convert.read(folder)
-    robot = {name: value[at] for name, value in robot.items()}
+    robot = edits.robot(edits.thinned(episode, at))
     films = {move: edits.films(out / f"{move}.npz") for move in moves}
-    true = {
+    return {
         move: convert.episode(film, robot, episode.key, episode.key) for move, film in films.items()
     }
-    return episode, true, moves
+
+
+def recorded_truth(
+    folder: Path, out: Path, python: Path
+) -> tuple[Episode, dict[str, Episode], dict[str, Bumps]]:
+    """A foreign episode, and by move what its simulator shows at `frames`."""
+    episode, moves = convert.read(folder), bumps(neutral.facts(folder)["task"])
+    return episode, shown(folder, episode, moves, out, python), moves
 
 
 def twin_truth(task: str, seed: int) -> tuple[Episode, dict[str, Episode], dict[str, Bumps]]:

@@ -42,7 +42,10 @@ class Changed:
         self.albedos: dict[int, tuple[list[float], list[float]]] = {}
         things = simulated.shown(self.plain, self.world.groups)
         self.ids = self.facts["ids"]
-        self.geoms = {self.ids[name]: geoms for name, geoms in things.items()}
+        self.eyes = {name: simulated.Eye(**eye) for name, eye in self.facts["cameras"].items()}
+        self.geoms: dict[int, list[int]] = {}
+        for name, geoms in things.items():
+            self.geoms.setdefault(self.ids[name], []).extend(geoms)
 
     def film(self, frames: Sequence[int]) -> dict[str, dict[str, np.ndarray]]:
         """All cameras at `frames`."""
@@ -58,10 +61,11 @@ class Changed:
             model.vis.headlight.specular,
         ):
             light *= ratio
-        studio = simulated.Studio(model, by_geom, self.world.groups)
+        given = self.facts.get("studio", {})
+        studio = simulated.Studio(model, by_geom, self.world.groups, **given)
         bumps = {name: np.array(bump) for name, bump in self.change.get("bumps", {}).items()}
         states = {name: value[list(frames)] for name, value in self.states.items()}
-        out = studio.film(states, self.world.cameras, bumps)
+        out = studio.film(states, self.eyes, bumps)
         studio.close()
         return out
 

@@ -50,11 +50,10 @@ Changes = dict[str, dict[str, Any]]
 class Trial:
     """A foreign episode, and what is changed in it: looks in the twin's words, changes in the simulator's."""
 
-    def __init__(self, folder: Path, out: Path) -> None:
-        self.folder, self.out, self.facts = folder, out, neutral.facts(folder)
-        length = len(neutral.arrays(folder, "robot")["gripper_open"])
-        self.frames = np.unique(np.linspace(0, length - 1, FRAMES).round().astype(int)).tolist()
-        self.whole = convert.read(folder)
+    def __init__(self, folder: Path, whole: Episode, out: Path) -> None:
+        self.out, self.facts, self.whole = out, neutral.facts(folder), whole
+        last = whole.length - 1
+        self.frames = np.unique(np.linspace(0, last, FRAMES).round().astype(int)).tolist()
         self.episode = thinned(self.whole, self.frames)
         self.looks: dict[str, Look] = {}
         self.targets: dict[str, tuple[int, ...]] = {}
@@ -149,7 +148,8 @@ class Trial:
     def film(self, name: str) -> Episode:
         """A render of the simulator's as an episode."""
         found = films(self.out / f"{name}.npz")
-        return convert.episode(found, self._robot(), self.facts["instruction"], self.episode.key)
+        facts = robot(self.episode), self.facts["instruction"], self.episode.key
+        return convert.episode(found, *facts)
 
     def overlit(self) -> Mapping[str, Bool[np.ndarray, "h w"]]:
         """Pixels that do not follow the lamps, by camera/frame: lit beyond white, above or below their picture.
@@ -165,9 +165,6 @@ class Trial:
                 out[f"{name}/{t}"] = lost.any(-1) & (view.ids(t) > 0)
         return out
 
-    def _robot(self) -> dict[str, np.ndarray]:
-        return {k: v[self.frames] for k, v in neutral.arrays(self.folder, "robot").items()}
-
 
 def films(file: Path) -> dict[str, dict[str, np.ndarray]]:
     """A render of the simulator's, by camera."""
@@ -177,6 +174,12 @@ def films(file: Path) -> dict[str, dict[str, np.ndarray]]:
             camera, what = key.split("/")
             found.setdefault(camera, {})[what] = kept[key]
     return found
+
+
+def robot(episode: Episode) -> dict[str, Any]:
+    """What the robot of an episode did, as `convert.episode` takes it."""
+    names = "joint_positions", "gripper_to_world", "gripper_open"
+    return {name: getattr(episode.robot, name) for name in names}
 
 
 def thinned(episode: Episode, frames: list[int]) -> Episode:
@@ -239,12 +242,19 @@ def scored(
     folder: Path, out: Path, python: Path, kept: Mapping[str, Any]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Figures by world, task, factor and method of what is not kept yet."""
-    trial = Trial(folder, out)
+    facts = neutral.facts(folder)
+    place = f"{facts['world']}|{facts['task']}"
+    yield from figures(place, folder, Trial(folder, convert.read(folder), out), python, kept)
+
+
+def figures(
+    place: str, folder: Path, trial: Trial, python: Path, kept: Mapping[str, Any]
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Figures of one episode's factors and methods that are not kept yet, by `place` and factor."""
     changes = trial.changes()
-    place = f"{trial.facts['world']}|{trial.facts['task']}"
     if all(f"{place}|{factor}" in kept for factor in trial.looks):
         return
-    render(folder, out, python, trial.frames, changes)
+    render(folder, trial.out, python, trial.frames, changes)
     for factor in trial.looks:
         if f"{place}|{factor}" not in kept:
             try:

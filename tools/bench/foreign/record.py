@@ -88,7 +88,7 @@ def roles(
         if role == "manipulated":
             extra += simulated.pushed(model, states, arm)
         out[role] = {
-            "must": sorted(ids[name] for name in names),
+            "must": sorted({ids[name] for name in names}),
             "may": sorted({ids[name] for name in extra if name in ids and name not in names}),
         }
     return out

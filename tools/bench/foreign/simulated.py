@@ -166,12 +166,16 @@ def below(model: mujoco.MjModel, roots: Sequence[str]) -> set[str]:
 
 @dataclass
 class Studio:
-    """Renders a model's states: color as the simulator draws it, depth and instance ids of pixel centers."""
+    """Renders a model's states: color as the simulator draws it, depth and instance ids of pixel centers.
+
+    `headlamp`: MuJoCo's light goes with each camera, as with cameras of the model's own.
+    """
 
     model: mujoco.MjModel
     ids: np.ndarray  # by geom
     groups: Sequence[int]
     size: int = SIZE
+    headlamp: bool = False
 
     def __post_init__(self) -> None:
         self.data = mujoco.MjData(self.model)
@@ -216,6 +220,9 @@ class Studio:
             camera.pos[:] = pose[:3, 3]
             camera.forward[:] = pose[:3, 2]
             camera.up[:] = -pose[:3, 1]
+        for light in renderer.scene.lights if self.headlamp else ():
+            if light.headlight:
+                light.pos[:], light.dir[:] = pose[:3, 3], pose[:3, 2]
         return renderer.render().copy()
 
     def film(
