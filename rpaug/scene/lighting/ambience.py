@@ -14,6 +14,7 @@ from rpaug.scene.recorded import surface
 FRAMES = 8
 PASSES = 8  # of the alternation between albedos and light, both robust
 RIDGE = 3e-4  # of the light's terms but the even one, where few faces tell them
+FEW, NEARLY_ALL = 16, 0.1  # pixels of a thing's hue that tell its albedo, and their quantile
 HUE, HUES = 0.06, 64  # chromaticity within which a thing has one albedo, and more than there are
 DARK, CLIPPED = 0.03, 0.97  # brightest channel of pixels that tell something of light
 ENDS = (0.01, 0.995)  # quantiles of lightness that count as a recording's darkest and brightest
@@ -28,11 +29,12 @@ def estimate(episode: Episode) -> Ambience:
     """The irradiance that explains best how each thing's brightness depends on where its faces turn, 1 on level ones.
 
     Every hue of a thing has one albedo, fitted along; pixels that the fit leaves far off count less, and so do things
-    that face one way alone. Raises SourceLacks without depth.
+    that face one way alone. No image tells how bright light is, but none reflects more than falls on it: light is as
+    much above 1 as the whitest thing needs. Raises SourceLacks without depth.
     """
     if all(view.depth is None and view.proxy for view in episode.views.values()):
         return _unseen(episode)
-    facing, level, things = _seen(episode)
+    facing, level, high, things = _seen(episode)
     _, owner = np.unique(things, return_inverse=True)
     terms = irradiance.basis(facing.astype(np.float32)).astype(np.float64)
     found = irradiance.even()
@@ -53,8 +55,20 @@ def estimate(episode: Episode) -> Ambience:
         off = np.abs(scaled @ found - level)
         weight = fair / np.maximum(off, max(float(np.median(off)), 1e-3))
         found = found / max(float((irradiance.basis(UP) @ found)[0]), irradiance.LEAST)
+    found = found * max(_whitest(high / np.maximum(terms @ found, irradiance.LEAST), owner), 1.0)
     return Ambience(
         tuple(round(float(term), 5) for term in found), _tint(episode), _lightness(episode)
+    )
+
+
+def _whitest(albedo: Float64[np.ndarray, "n"], owner: Int[np.ndarray, "n"]) -> float:
+    """The highest albedo that nearly all of enough pixels of a thing's hue reach; 0 if none has so many."""
+    return max(
+        (
+            float(np.quantile(albedo[owner == one], NEARLY_ALL))
+            for one in np.flatnonzero(np.bincount(owner) >= FEW)
+        ),
+        default=0.0,
     )
 
 
@@ -78,9 +92,14 @@ def _tint(episode: Episode) -> tuple[float, float, float]:
 
 def _seen(
     episode: Episode,
-) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-    """World normals, brightness, and a number for the hue of a thing, of pixels inside things' outlines."""
-    normals, levels, hues = [], [], []
+) -> tuple[
+    Float64[np.ndarray, "n 3"],
+    Float64[np.ndarray, "n"],
+    Float64[np.ndarray, "n"],
+    Int[np.ndarray, "n"],
+]:
+    """World normals, mean and brightest channel, and a number for the hue of a thing, of pixels inside outlines."""
+    normals, levels, highest, hues = [], [], [], []
     for name, t, rgb, ids in sampling.images(episode, FRAMES):
         view = episode.views[name]
         if view.depth is None:
@@ -97,10 +116,16 @@ def _seen(
         chroma = np.rint(shown[:, :2] / shown.sum(1, keepdims=True) / HUE).astype(int)
         normals.append(surface.of_view(view, t, (), ids)(rows).facing.astype(float))
         levels.append(shown.mean(1))
+        highest.append(shown.max(1))
         hues.append((names.ravel()[rows] * HUES + chroma[:, 0]) * HUES + chroma[:, 1])
     if not normals or not sum(map(len, levels)):
         raise SourceLacks("light is told by surfaces, and this source has no depth to know them by")
-    return np.concatenate(normals), np.concatenate(levels), np.concatenate(hues)
+    return (
+        np.concatenate(normals),
+        np.concatenate(levels),
+        np.concatenate(highest),
+        np.concatenate(hues),
+    )
 
 
 def _telling(

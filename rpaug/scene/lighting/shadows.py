@@ -32,6 +32,7 @@ CELL, COARSE = (
 REACH = 0.3  # metres around the support's seen part in which shadows are drawn
 LOWEST, HIGHEST = np.deg2rad(15.0), np.deg2rad(80.0)  # above the horizon
 HEADINGS, HEIGHTS = 40, 8  # directions tried
+FINER = 4  # times that directions around the best are tried in half the steps
 LEAST = 0.1  # share of light that a shadow has to take to count
 SURE = 4.0  # standard errors by which a shadow is darker than what lies beside it
 AGREE = (
@@ -75,6 +76,48 @@ class Shade:
 
 
 @dataclass(frozen=True)
+class CastShadow:
+    """One lamp's shadow on the support's top, gone from the outlines `before` and fallen on the outlines `after`.
+
+    Outlines are convex and run around what the lamp does not reach: (n, 2) metres each. An edge is a pixel wide.
+    """
+
+    instance_ids: frozenset[int]
+    level: float
+    share: float  # of the support's light
+    before: tuple[Float64[np.ndarray, "n 2"], ...]
+    after: tuple[Float64[np.ndarray, "n 2"], ...]
+
+    def __call__(
+        self, color: Float32[np.ndarray, "n 3"], surface: Surface
+    ) -> Float32[np.ndarray, "n 3"]:
+        rows = np.flatnonzero(np.abs(surface.points[:, 2] - np.float32(self.level)) < APART)
+        at, pixel = surface.points[rows, :2], surface.footprint[rows]
+        was, now = (_covered(at, pixel, outlines) for outlines in (self.before, self.after))
+        out = color.copy()
+        out[rows] *= ((1 - self.share * now) / (1 - self.share * was))[:, None]
+        return np.clip(out, 0, 1)
+
+
+def _covered(
+    at: Float32[np.ndarray, "n 2"],
+    pixel: Float32[np.ndarray, "n"],
+    outlines: Sequence[Float64[np.ndarray, "k 2"]],
+) -> Float32[np.ndarray, "n"]:
+    """How much of each pixel at these places lies within one of the convex outlines, 0..1."""
+    out = np.zeros(len(at), np.float32)
+    wide = pixel[:, None] / 2
+    for corners in outlines:
+        near = (at > corners.min(0) - wide) & (at < corners.max(0) + wide)
+        rows = np.flatnonzero(near.all(1))
+        along = np.roll(corners, -1, 0) - corners
+        inwards = np.stack([-along[:, 1], along[:, 0]], 1) / np.linalg.norm(along, axis=1)[:, None]
+        depth = (at[rows] @ inwards.T - (corners * inwards).sum(1)).min(1)
+        out[rows] = np.maximum(out[rows], np.clip(0.5 + depth / pixel[rows], 0, 1))
+    return out
+
+
+@dataclass(frozen=True)
 class _SupportPlane:
     """The support from above: its origin, level and shape in cells, and what stands on it."""
 
@@ -100,13 +143,10 @@ def _lamps(scene: Scene) -> list[list[float]]:
     if table is None or not looks:
         return []
     found: list[list[float]] = []
-    grid = _directions()
     for _ in range(MOST_LAMPS):
-        scores = [_contrast(looks, direction, table) for direction in grid]
-        share, sure = max(scores, key=lambda score: score[1])
+        best, share, sure = _surest(looks, table)
         if share < LEAST or sure < SURE:
             break
-        best = grid[int(np.argmax([score[1] for score in scores]))]
         alone = [_contrast([look for look in looks if look.relative], best, table)]
         alone += [
             _contrast([replace(look, things=[one])], best, table)
@@ -181,15 +221,17 @@ def follow(before: Scene, after: Scene, cast: Sequence[Sequence[float]]) -> Scen
     table = _table(before, CELL) if cast else None
     if table is None:
         return after
-    gain = np.ones(table.shape, np.float32)
     old, new = list(_outlines(before, table)), list(_outlines(after, table))
+    fallen = []
     for *direction, share in cast:
-        was = _soft(_cast(old, np.array(direction), table))
-        now = _soft(_cast(new, np.array(direction), table))
-        gain *= (1 - share * now) / (1 - share * was)
-    if np.abs(gain - 1).max() < 1e-3:
-        return after
-    return replace(after, appearance=(*after.appearance, _shade(table, gain)))
+        was, now = (
+            [one for points in outlines if len(one := hull(_slid(points, np.array(direction)))) > 2]
+            for outlines in (old, new)
+        )
+        if list(map(np.ndarray.tobytes, was)) != list(map(np.ndarray.tobytes, now)):
+            shadow = CastShadow(table.instance_ids, table.level, share, tuple(was), tuple(now))
+            fallen.append(shadow)
+    return replace(after, appearance=(*after.appearance, *fallen)) if fallen else after
 
 
 def grounded(before: Scene, after: Scene) -> Scene:
@@ -211,12 +253,9 @@ def grounded(before: Scene, after: Scene) -> Scene:
     gain = np.ones(table.shape, np.float32)
     for direction in sky:
         gain -= np.float32(SKY / len(sky)) * _soft(_cast(new, direction, table))
-    return replace(after, appearance=(*after.appearance, _shade(table, gain)))
-
-
-def _shade(table: _SupportPlane, gain: Float32[np.ndarray, "r c"]) -> Shade:
     x, y = table.origin.tolist()
-    return Shade(table.instance_ids, (x, y), table.level, gain)
+    shade = Shade(table.instance_ids, (x, y), table.level, gain)
+    return replace(after, appearance=(*after.appearance, shade))
 
 
 def _photographed(scene: Scene) -> _SupportPlane | None:
@@ -318,6 +357,23 @@ def _brightness(scene: Scene, table: _SupportPlane, t: int) -> Float64[np.ndarra
     return np.stack(out)
 
 
+def _surest(
+    looks: Sequence[_Look], table: _SupportPlane
+) -> tuple[Float64[np.ndarray, "3"], float, float]:
+    """The direction whose shadows are surest, of a grid and then of finer ones around the best; as `_contrast` says."""
+    headings = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
+    heights = np.linspace(LOWEST, HIGHEST, HEIGHTS)
+    steps = np.array([headings[1], heights[1] - heights[0]])
+    tried = [(heading, up) for up in heights for heading in headings]
+    for _ in range(FINER + 1):
+        scores = [_contrast(looks, _towards(*angles), table) for angles in tried]
+        best = int(np.argmax([sure for _, sure in scores]))
+        angles, (share, sure) = tried[best], scores[best]
+        steps = steps / 2
+        tried = [tuple(angles + steps * (i, j)) for i in (0, -1, 1) for j in (0, -1, 1)]
+    return _towards(*angles), share, sure
+
+
 def _contrast(
     looks: Sequence[_Look], direction: Float64[np.ndarray, "3"], table: _SupportPlane
 ) -> tuple[float, float]:
@@ -354,10 +410,14 @@ def _cast(
     table: _SupportPlane,
 ) -> Bool[np.ndarray, "r c"]:
     """Cells that lie in the shadow of one of the casters."""
-    slide = direction[:2] / direction[2]
-    return _filled(
-        [points[:, :2] - np.maximum(points[:, 2:], 0) * slide for points in casters], table
-    )
+    return _filled([_slid(points, direction) for points in casters], table)
+
+
+def _slid(
+    points: Float[np.ndarray, "n 3"], direction: Float[np.ndarray, "3"]
+) -> Float64[np.ndarray, "n 2"]:
+    """Where the shadows of points, heights above the support, fall on it."""
+    return points[:, :2] - np.maximum(points[:, 2:], 0) * (direction[:2] / direction[2])
 
 
 def _filled(
@@ -377,17 +437,10 @@ def _soft(mask: Bool[np.ndarray, "r c"]) -> Float32[np.ndarray, "r c"]:
 def _sky() -> list[Float64[np.ndarray, "3"]]:
     """Unit vectors to parts of the sky from which level ground gets the same light each."""
     heights = np.arcsin(np.sqrt((np.arange(RINGS) + 0.5) / RINGS))
-    return [
-        np.array([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)])
-        for up in heights
-        for turn in 2 * np.pi * np.arange(SECTORS) / SECTORS
-    ]
+    turns = 2 * np.pi * np.arange(SECTORS) / SECTORS
+    return [_towards(turn, up) for up in heights for turn in turns]
 
 
-def _directions() -> list[Float64[np.ndarray, "3"]]:
-    """Unit vectors to where a lamp may be."""
-    return [
-        np.array([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)])
-        for up in np.linspace(LOWEST, HIGHEST, HEIGHTS)
-        for turn in 2 * np.pi * np.arange(HEADINGS) / HEADINGS
-    ]
+def _towards(heading: float, up: float) -> Float64[np.ndarray, "3"]:
+    """The unit vector to where a lamp may be."""
+    return np.array([np.cos(up) * np.cos(heading), np.cos(up) * np.sin(heading), np.sin(up)])

@@ -88,3 +88,21 @@ def test_a_shadow_lies_on_the_support_and_not_on_its_legs():
         points = np.array([[0.01, 0.01, 0.705], [0.01, 0.01, 0.3]], np.float32)
 
     assert shade(np.ones((2, 3), np.float32), TopAndLeg())[:, 0].tolist() == [0.5, 1.0]
+
+
+def test_a_new_shadow_ends_a_pixel_from_its_outline():
+    square = 0.1 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    shadow = shadows.CastShadow(frozenset([1]), 0.7, 0.4, (), (square, square + 0.05))
+    away = np.array([-0.05, -0.0011, 0.0, 0.0011, 0.05, 0.075], np.float32)
+
+    class Along:
+        points = np.stack([away, away + 0.002 * (away >= 0) + 0.01, 0 * away + 0.7], -1)
+        footprint = np.full(len(away), 0.002, np.float32)
+
+    color = np.linspace(0.1, 0.9, 18, dtype=np.float32).reshape(-1, 3)
+    after = shadow(color, Along())
+    np.testing.assert_array_equal(after[:2], color[:2])  # to the bit
+    np.testing.assert_allclose(after[2], 0.8 * color[2], rtol=1e-5)  # half of it lies within
+    np.testing.assert_allclose(after[3:], 0.6 * color[3:], rtol=1e-5)  # two outlines are no darker
+    stays = shadows.CastShadow(frozenset([1]), 0.7, 0.4, (square,), (square,))
+    np.testing.assert_array_equal(stays(color, Along()), color)

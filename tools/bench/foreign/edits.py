@@ -87,6 +87,7 @@ class Trial:
         value = drawn_things(self.take(self.episode, Look())) if factor == "distractor" else None
         look = self.looks[factor] = FACTORS[factor].change(start, names, value, rng)
         if factor.endswith("color") and factor != "light_color":
+            self.targets[factor] = targets[:1]  # of several that are moved together, one
             return {"color": {"id": targets[0], "rgb": look.tints[names[0]]}}
         if factor.endswith("texture"):
             cover = look.covers[names[0]]
