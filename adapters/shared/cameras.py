@@ -185,6 +185,8 @@ def _poses(where: Path, field: str, values: Any, length: int) -> Float64[np.ndar
         return np.tile(np.eye(4), (length, 1, 1))
     try:
         track = np.asarray(values, float)
+        if track.shape[1:] == (6,):  # as DROID gives them
+            track = euler_pose(track[:, :3], track[:, 3:])
         track = track.reshape((-1, 4, 4) if track.size % 16 == 0 else (-1, 3, 4))
     except (TypeError, ValueError, OverflowError):
         raise BadInput(where, field, found="no matrices", expected="4x4 or 3x4") from None
@@ -232,12 +234,7 @@ def _gripper(
         raise BadInput(beside.where, "gripper", found=found, expected=expected)
     position, turn = state[:, given.position], state[:, given.rotation]
     if given.convention == "euler_xyz":
-        x, y, z = (
-            np.stack([geometry.rotation(angle * axis) for angle in angles])
-            for angles, axis in zip(turn.T, np.eye(3), strict=True)
-        )
-        pose = np.tile(np.eye(4), (len(state), 1, 1))
-        pose[:, :3, :3], pose[:, :3, 3] = z @ y @ x, position
+        pose = euler_pose(position, turn)
     else:
         order = [0, 1, 2, 3] if given.convention == "quaternion_xyzw" else [1, 2, 3, 0]
         turn = turn[:, order]
@@ -247,6 +244,19 @@ def _gripper(
             raise BadInput(beside.where, f"gripper.key {given.key}", found=found, expected=expected)
         pose = geometry.pose_of(position, turn)
     return pose, None if given.opening is None else state[:, given.opening]
+
+
+def euler_pose(
+    position: Float64[np.ndarray, "t 3"], angles: Float64[np.ndarray, "t 3"]
+) -> Float64[np.ndarray, "t 4 4"]:
+    """Poses of positions in metres and angles in radians about the fixed x, then y, then z axis."""
+    x, y, z = (
+        np.stack([geometry.rotation(angle * axis) for angle in about])
+        for about, axis in zip(angles.T, np.eye(3), strict=True)
+    )
+    pose = np.tile(np.eye(4), (len(position), 1, 1))
+    pose[:, :3, :3], pose[:, :3, 3] = z @ y @ x, position
+    return pose
 
 
 def stated_camera(camera: Camera) -> dict[str, Any]:

@@ -36,9 +36,9 @@ def read(path: str, within: list[str] | None = None) -> None:
             if isinstance(held := _hard(file, group), h5py.Group):
                 held.visit(below.append)
             names += [f"{group}/{name}" for name in below]
-        for name in names:
+        for name in ["", *names]:
             try:
-                _read(_hard(file, name))
+                _read(_hard(file, name) if name else file)
             except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError):
                 continue  # the reader will find the same, and say it in its own words
 

@@ -17,7 +17,7 @@ import av
 import numpy as np
 from av.error import FFmpegError
 from av.video.frame import VideoFrame
-from av.video.reformatter import Colorspace
+from av.video.reformatter import Colorspace, VideoReformatter
 from jaxtyping import Int64, UInt8
 from rpaug_adapters.video import boxes
 
@@ -114,6 +114,11 @@ class Video:
     _open: dict[str, Any] = field(default_factory=dict, repr=False)
     _lock: Any = field(default_factory=RLock, repr=False)
 
+    def __del__(self) -> None:
+        """End the decoder's threads: PyAV's objects refer to one another, and would wait for the garbage collector."""
+        if "file" in self._open:
+            self._open["file"].close()
+
     @cached_property
     def facts(self) -> Facts:
         """Of the whole file. Raises BadInput."""
@@ -205,5 +210,7 @@ def matrix(given: Facts, frame: VideoFrame) -> Colorspace:
 
 def pixels(frame: VideoFrame, given: Facts) -> UInt8[np.ndarray, "h w 3"]:
     """A decoded frame as an upright RGB image."""
-    image = frame.reformat(format="rgb24", src_colorspace=matrix(given, frame)).to_ndarray()
+    # Of its own: a frame keeps the threads of the one that it makes itself for as long as it is kept.
+    made = VideoReformatter().reformat(frame, format="rgb24", src_colorspace=matrix(given, frame))
+    image = made.to_ndarray()
     return np.ascontiguousarray(np.rot90(image, given.quarter_turns))

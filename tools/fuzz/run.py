@@ -37,6 +37,7 @@ LAYOUTS = {
     "lerobot": "lerobot",
     "lerobot_v21": "lerobot",
     "ego4d": "video",
+    "droid": "droid",
     "recipe": "",
 }  # and the adapter that reads each; recipes need none
 SHARES = {
@@ -51,8 +52,9 @@ SHARES = {
     "lerobot": 1,
     "lerobot_v21": 1,
     "ego4d": 1,
+    "droid": 2,
     "recipe": 3,
-}  # of 33: what is quick is tried more
+}  # of 35: what is quick is tried more
 TURNS = [name for name, share in SHARES.items() for _ in range(share)]
 STARTS = ("os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "subprocess.Popen", "pty.spawn",
           "socket.connect", "shutil.rmtree", "os.remove", "os.rename", "os.chmod")  # fmt: skip

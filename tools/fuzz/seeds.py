@@ -203,6 +203,53 @@ def maniskill(root: Path) -> None:
     (root / "cube.json").write_text(json.dumps(about))
 
 
+def droid(root: Path) -> None:
+    """One raw episode: a camera filmed with both eyes, one whose depth was exported, metadata, words by uuid."""
+    rng = np.random.default_rng(6)
+    folder = root / "Lab/success/2023-07-07/morning"
+    (folder / "recordings/MP4").mkdir(parents=True)
+    (folder / "recordings/Depth/12").mkdir(parents=True)
+    with h5py.File(folder / "trajectory.h5", "w") as file:
+        for name in ("joint_position", "cartesian_velocity"):
+            file[f"action/{name}"] = rng.normal(size=(STEPS, 7))
+        seen = file.create_group("observation")
+        for name, size in {
+            "joint_positions": (7,),
+            "cartesian_position": (6,),
+            "gripper_position": (),
+        }.items():
+            seen[f"robot_state/{name}"] = rng.normal(size=(STEPS, *size))
+        for serial, kind in (("11", 0), ("12", 1)):
+            seen[f"camera_type/{serial}"] = np.full(STEPS, kind)
+            seen[f"camera_extrinsics/{serial}_left"] = rng.normal(size=(STEPS, 6))
+            seen[f"camera_intrinsics/{serial}_left"] = np.tile(
+                [[9.0, 0, 4], [0, 9, 4], [0, 0, 1]], (STEPS, 1, 1)
+            )
+        seen["timestamp/control/step_start"] = 66 * np.arange(STEPS)
+        file.attrs["current_task"] = "put it away"
+    for name, wide in (("11", 1), ("11-stereo", 2), ("12", 1)):
+        with av.open(folder / f"recordings/MP4/{name}.mp4", "w") as film:
+            stream = film.add_stream("mpeg4", rate=60)
+            stream.width, stream.height, stream.pix_fmt = wide * 16, 16, "yuv420p"
+            for image in rng.integers(0, 255, (STEPS, 16, wide * 16, 3), np.uint8):
+                film.mux(stream.encode(av.VideoFrame.from_ndarray(image)))
+            film.mux(stream.encode())
+    for t in range(STEPS):
+        data = cv2.imencode(".png", np.full((16, 16), 900, np.uint16))[1].tobytes()
+        (folder / f"recordings/Depth/12/{t}.png").write_bytes(data)
+    about = {
+        "uuid": "Lab+1",
+        "current_task": "put it away",
+        "hdf5_path": "success/2023-07-07/morning/trajectory.h5",
+    }
+    (folder / "metadata_Lab+1.json").write_text(json.dumps(about))
+    words = {"Lab+1": {"language_instruction1": "put it away", "language_instruction2": "clear up"}}
+    (root / "aggregated-annotations.json").write_text(json.dumps(words))
+    given = {"exterior_image_1_left": {"K": [[9.0, 0, 4], [0, 9, 4], [0, 0, 1]], "metres": 0.001,
+                                       "depth": "recordings/Depth/12"}}  # fmt: skip
+    (root / "cameras.yaml").write_text(yaml.safe_dump({"version": 1, "cameras": given}))
+
+
 def recipe(root: Path) -> None:
     """A recipe with fields of many kinds."""
     given = {
