@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from rpaug_adapters.lerobot import fresh, pack, tables, write
+from rpaug_adapters.lerobot import describe, fresh, pack, tables, write
 from rpaug_adapters.lerobot.read import LeRobotSource, read_episode
 from rpaug_adapters.lerobot.tables import INFO, STAGED, Info
 from rpaug_adapters.shared import cameras
@@ -85,7 +85,7 @@ class LeRobot(GatheredAdapter):
 
     def faults(self, root: Path) -> Sequence[str]:
         """Counts, places and statistics that are not those of the episodes."""
-        return [words for folder in datasets(root, INFO) for words in pack.faults(folder)]
+        return [words for folder in datasets(root, INFO) for words in describe.faults(folder)]
 
     def finish(self, source: Path, target: Path) -> None:
         """Episodes into shared files, and what else lies in `meta`: GR00T's `modality.json`, subtasks."""

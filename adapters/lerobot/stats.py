@@ -1,8 +1,8 @@
 """Statistics of a LeRobot dataset: least, most, mean, spread and quantiles of each feature, by episode and of all.
 
-Images are looked at in at most a hundred frames and at a coarser grid where they are large, their values in 0..1 and
-their statistics (3, 1, 1), as LeRobot's own are. Quantiles of several episodes are bounds: the least of their lower
-and the greatest of their upper ones, as LeRobot takes them.
+As LeRobot's own (huggingface/lerobot 7427f31, `datasets/compute_stats.py`): images are looked at in some of their
+frames and at a coarser grid where they are large, their values in 0..1 and their statistics (3, 1, 1). Quantiles are
+those of a histogram; of several episodes they are bounds, the least of the lower and the greatest of the upper ones.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -12,7 +12,13 @@ import numpy as np
 
 MOMENTS = ("min", "max", "mean", "std")
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-FRAMES, SIDE = 100, 150  # looked at: frames of an episode, pixels a side
+SIDE = 150  # pixels a side that are looked at
+FEWEST, MOST, POWER = (
+    100,
+    10_000,
+    0.75,
+)  # frames that are looked at: as many as there are to that power
+BINS, PADDING = 5000, 1e-10  # of a histogram, and what it reaches beyond the values
 Statistics = dict[str, np.ndarray]
 
 
@@ -20,19 +26,20 @@ def of_numbers(values: np.ndarray) -> Statistics:
     """Of a feature with one row a step; the statistics have the shape of a row, a single number that of (1,)."""
     rows = np.asarray(values, np.float64)
     rows = rows.reshape(len(rows), -1) if rows.ndim < 2 else rows
-    return _of(rows, 0) | {"count": np.array([len(rows)])}
+    return _of(rows) | {"count": np.array([len(rows)])}
 
 
 def of_images(image: Callable[[int], np.ndarray], length: int, most: float = 255.0) -> Statistics:
     """Of frames (h, w) or (h, w, c), by channel, divided by `most`."""
-    looked = np.unique(np.linspace(0, length - 1, min(length, FRAMES)).round().astype(int))
+    count = max(min(length, FEWEST), min(int(length**POWER), MOST))
+    looked = np.linspace(0, length - 1, count).round().astype(int)
     pixels = []
     for t in looked:
         frame = image(int(t))
         step = max(1, max(frame.shape[:2]) // SIDE) if max(frame.shape[:2]) >= 2 * SIDE else 1
         small = frame[::step, ::step]
         pixels.append(small.reshape(-1, small.shape[2] if small.ndim == 3 else 1))
-    found = _of(np.concatenate(pixels).astype(np.float32), 0)
+    found = _of(np.concatenate(pixels))
     shaped = {name: value.reshape(-1, 1, 1) / most for name, value in found.items()}
     return shaped | {"count": np.array([len(looked)])}
 
@@ -52,15 +59,30 @@ def recorded(given: object, shape: tuple[int, ...]) -> dict[str, Any] | None:
     return {name: one.tolist() for name, one in arrays.items()} | {"count": [int(count[0])]}
 
 
-def _of(rows: np.ndarray, axis: int) -> Statistics:
-    quantiles = np.quantile(rows, list(QUANTILES.values()), axis=axis)
+def _of(rows: np.ndarray) -> Statistics:
+    """Of each column of (n, k) rows."""
+    quantiles = np.stack([_quantiles(column) for column in rows.T], 1)
     return {
-        "min": rows.min(axis),
-        "max": rows.max(axis),
-        "mean": rows.mean(axis, dtype=np.float64),
-        "std": rows.std(axis, dtype=np.float64),
+        "min": rows.min(0),
+        "max": rows.max(0),
+        "mean": rows.mean(0, dtype=np.float64),
+        "std": rows.std(0, dtype=np.float64),
         **dict(zip(QUANTILES, quantiles, strict=True)),
     }
+
+
+def _quantiles(values: np.ndarray) -> np.ndarray:
+    """Where a histogram reaches each share of the values, in between in proportion; of one value, that."""
+    if len(values) == 1:
+        return np.repeat(values.astype(np.float64), len(QUANTILES))
+    edges = np.linspace(float(values.min()) - PADDING, float(values.max()) + PADDING, BINS + 1)
+    held = np.histogram(values, edges)[0]
+    reached = np.cumsum(held)
+    wanted = np.array([*QUANTILES.values()]) * len(values)
+    at = np.searchsorted(reached, wanted)
+    before = reached[at] - held[at]
+    within = edges[at] + (wanted - before) / held[at] * (edges[at + 1] - edges[at])
+    return np.where(at == 0, edges[0], within)
 
 
 def together(several: Iterable[Mapping[str, Mapping[str, Any]]]) -> dict[str, Statistics]:

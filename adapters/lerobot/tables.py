@@ -45,6 +45,10 @@ OLD_STATISTICS = "meta/episodes_stats.jsonl"
 # Bytes of one table, unpacked: more is taken for damage, before anything is allocated.
 LARGEST = 2**31
 MOST = 2**20  # episodes, likewise
+ROWS, BUFFER = (
+    256,
+    2**20,
+)  # of a table with many episodes: rows, and bytes of a column, that are looked at in one go
 FILES = 1000  # in a chunk, where nothing is told
 
 
@@ -189,15 +193,13 @@ def _splits(path: Path, given: dict[str, Any]) -> dict[str, range]:
 
 
 def table(path: Path, columns: list[str] | None = None, episode: int | None = None) -> Any:
-    """A parquet file's rows, or those of one episode. Raises BadInput for what is no parquet or damaged, and for an
-    absurd size."""
+    """A parquet file's rows, or those of one episode, of which a few are in memory that are another's. Raises BadInput
+    for what is no parquet or damaged, and for an absurd size."""
     pa, pq = arrow()
     if not path.is_file():
         raise BadInput(path, "file", found="nothing", expected="a parquet file")
     try:
-        import pyarrow.compute as compute
-
-        with pq.ParquetFile(path) as file:
+        with pq.ParquetFile(path, buffer_size=BUFFER) as file:
             about = file.metadata
             groups = [about.row_group(i) for i in range(about.num_row_groups)]
             size = sum(group.total_byte_size for group in groups)
@@ -206,11 +208,27 @@ def table(path: Path, columns: list[str] | None = None, episode: int | None = No
             if episode is None:
                 return file.read(columns, use_threads=False)
             wanted = [i for i, group in enumerate(groups) if _may_hold(group, episode)]
-            held = file.read_row_groups(wanted, columns, use_threads=False)
-            return held.filter(compute.equal(held["episode_index"], episode))
+            return _rows_of(file, wanted, columns, episode)
     except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
         found = str(error).split("\n")[0][:120]
         raise BadInput(path, "parquet", found=found, expected="a whole table") from None
+
+
+def _rows_of(file: Any, groups: list[int], columns: list[str] | None, episode: int) -> Any:
+    """The rows of an episode, which lie together: some recorders write all episodes of a file as one row group."""
+    pa, _ = arrow()
+    import pyarrow.compute as compute
+
+    schema, kept = file.schema_arrow, []
+    for batch in file.iter_batches(ROWS, groups, columns, use_threads=False):
+        own = batch.filter(compute.equal(batch["episode_index"], episode))
+        if own.num_rows:
+            kept.append(own)
+        elif kept:
+            break
+    if not kept:
+        return schema.empty_table().select(columns or schema.names)
+    return pa.Table.from_batches(kept).replace_schema_metadata(schema.metadata)
 
 
 def _may_hold(group: Any, episode: int) -> bool:

@@ -7,7 +7,8 @@ each episode has words and a report of its own; RDT's reader walks folders and f
 - RDT never turns OpenCV's BGR into RGB, so its JPEGs hold red and blue swapped (they look wrong in a viewer);
 - its reader drops episodes of fewer than 128 steps without a word, and fails on one where no joint moves;
 - it divides grippers by constants of its own arms; files made from other sources are multiplied by them first;
-- it wants all three cameras: one that is not there is black. A single arm is the right one.
+- it wants all three cameras: one that is not there is black. A single arm is the right one;
+- it reads every `*.hdf5` below its folder: rejected copies end in `.h5`, so that it finds none of them.
 """
 
 import os
@@ -22,7 +23,7 @@ from rpaug_adapters.shared.folders import natural, walk, write_files
 
 from rpaug import Adapter, BadInput, Episode, Side, files
 
-ENDING = ".hdf5"
+ENDING, REJECTED_ENDING = ".hdf5", ".h5"
 SHORTEST, MOVED = 128, 0.01  # steps; radians
 
 
@@ -37,7 +38,7 @@ class RDT(Adapter):
         for folder, _, names in walk(root):
             for name in names:
                 path = folder / name
-                if path.suffix == ENDING and not name.startswith("."):
+                if path.suffix == _ending(root) and not name.startswith("."):
                     own = path.parent.name == path.stem and path.parent != root
                     at = path.parent if own else path.with_suffix("")
                     keys.append(at.relative_to(root).as_posix())
@@ -51,13 +52,13 @@ class RDT(Adapter):
             raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
         recorded = episode.source if isinstance(episode.source, RDTSource) else None
         with files.atomic_folder(root / key) as work:
-            path = work / (PurePosixPath(key).name + ENDING)
+            path = work / (PurePosixPath(key).name + _ending(root))
             extra = write_episode(episode, recorded, path)
             write_files(work, {**extra, **side()})
 
     def rename(self, root: Path, key: str, new: str) -> None:
         path = _path(root, key)
-        os.rename(path, path.with_name(PurePosixPath(new).name + ENDING))
+        os.rename(path, path.with_name(PurePosixPath(new).name + path.suffix))
         super().rename(root, key, new)
 
     def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
@@ -81,5 +82,10 @@ class RDT(Adapter):
 
 def _path(root: Path, key: str) -> Path:
     """The file of an episode: in a folder of its own, or among others."""
-    own = root / key / (PurePosixPath(key).name + ENDING)
-    return own if own.is_file() else root / (key + ENDING)
+    own = root / key / (PurePosixPath(key).name + _ending(root))
+    return own if own.is_file() else root / (key + _ending(root))
+
+
+def _ending(root: Path) -> str:
+    """What files end in, among rejected copies and elsewhere."""
+    return REJECTED_ENDING if root.name == files.REJECTED else ENDING

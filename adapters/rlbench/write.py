@@ -4,7 +4,7 @@ import copy
 import os
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,9 @@ from rpaug_adapters.shared.folders import write_files
 from rpaug import Episode, Unsupported, files, geometry
 
 NUMBER = "variation_number.pkl"
-NEAR, FAR = 0.01, 10.0  # metres: depth range of cameras that were not recorded by CoppeliaSim
+# Metres: depth range of cameras that were not recorded by CoppeliaSim, where they saw nothing farther.
+NEAR, FAR = 0.01, 10.0
+Planes = list[tuple[float, float]]
 MOST_ID = 2**24 - 1  # in a mask of three channels
 THREADS = 2
 OLD_NUMPY_LACKS = b"numpy._core"  # RVT and RLBench run numpy <= 1.24
@@ -44,8 +46,9 @@ def write_episode(
     episode: Episode, recorded: RLBenchSource | None, work: Path, *, with_descriptions: bool
 ) -> None:
     """Fill a folder with the episode, beginning with what was recorded if anything was."""
+    planes = {name: _planes(episode, recorded, name) for name in episode.views}
     if recorded is None:
-        made = _fresh_pickles(episode)
+        made = _fresh_pickles(episode, planes)
     else:
         _copy_unknown(recorded, episode, work)
         demo, made = _edited_demo(recorded, episode), {}
@@ -53,7 +56,7 @@ def write_episode(
             made[LOW_DIM] = dump(demo)
         if with_descriptions or episode.descriptions != recorded.descriptions:
             made[DESCRIPTIONS] = dump(list(episode.descriptions))
-    _write_images(episode, recorded, work)
+    _write_images(episode, recorded, work, planes)
     write_files(work, made)
 
 
@@ -86,7 +89,7 @@ def _edited_demo(recorded: RLBenchSource, episode: Episode) -> Demo:
     return demo
 
 
-def _fresh_pickles(episode: Episode) -> dict[str, bytes]:
+def _fresh_pickles(episode: Episode, planes: Mapping[str, Planes]) -> dict[str, bytes]:
     """The three pickles of an episode that no RLBench simulation recorded."""
     robot, misc = episode.robot, []
     if robot.gripper_to_world is None or robot.gripper_open is None:
@@ -103,7 +106,7 @@ def _fresh_pickles(episode: Episode) -> dict[str, bytes]:
             K[[0, 1], [0, 1]] *= -1
             here[f"{name}_camera_extrinsics"] = view.camera.cam_to_world[t] @ FLIP
             here[f"{name}_camera_intrinsics"] = K
-            here[f"{name}_camera_near"], here[f"{name}_camera_far"] = NEAR, FAR
+            here[f"{name}_camera_near"], here[f"{name}_camera_far"] = planes[name][t]
         misc.append(here)
     demo = Demo()
     demo.__dict__ = {"_observations": [], "random_seed": None, "variation_number": 0}
@@ -146,17 +149,18 @@ def _velocities(episode: Episode) -> Float64[np.ndarray, "t j"]:
     return np.gradient(joints, 1 / episode.rate, axis=0)
 
 
-def _write_images(episode: Episode, recorded: RLBenchSource | None, work: Path) -> None:
+def _write_images(
+    episode: Episode, recorded: RLBenchSource | None, work: Path, planes: Mapping[str, Planes]
+) -> None:
     """All frames, a few at a time in threads: decoding and encoding release the interpreter."""
     with ThreadPoolExecutor(THREADS) as pool:
         jobs = []
         for name in episode.views:
-            planes = _planes(recorded, name, episode.length)
             kinds = _kinds(episode, recorded, name)
             for kind, _, _ in kinds:
                 (work / f"{name}_{kind}").mkdir()
             jobs += [
-                pool.submit(_write_frame, kinds, recorded, work, name, t, planes[t])
+                pool.submit(_write_frame, kinds, recorded, work, name, t, planes[name][t])
                 for t in range(episode.length)
             ]
         for job in jobs:
@@ -197,10 +201,14 @@ def _write_frame(
         )
 
 
-def _planes(recorded: RLBenchSource | None, name: str, length: int) -> list[tuple[float, float]]:
-    """Near and far plane of a camera at each frame, in metres."""
+def _planes(episode: Episode, recorded: RLBenchSource | None, name: str) -> Planes:
+    """Near and far plane of a camera at each frame, in metres: as recorded, or so that its farthest depth is held."""
     if recorded is None:
-        return [(NEAR, FAR)] * length
+        depth, far = episode.views[name].depth, FAR
+        for t in range(episode.length if depth else 0):
+            seen = depth(t)
+            far = max(far, float(seen[np.isfinite(seen)].max(initial=0.0)))
+        return [(NEAR, far)] * episode.length
     observations = recorded.demo._observations  # type: ignore[attr-defined]
     return [
         (float(o.misc[f"{name}_camera_near"]), float(o.misc[f"{name}_camera_far"]))

@@ -20,7 +20,7 @@ from typing import ClassVar
 
 from rpaug_adapters.rlds import fresh, shards, tfrecord
 from rpaug_adapters.rlds.features import FEATURES, leaves, without
-from rpaug_adapters.rlds.read import RLDSSource, read_episode, texts
+from rpaug_adapters.rlds.read import STEPS, RLDSSource, read_episode, texts
 from rpaug_adapters.rlds.write import encoded_episode
 from rpaug_adapters.shared import cameras
 from rpaug_adapters.shared.folders import GatheredAdapter, datasets, place, unlike, write_files
@@ -73,12 +73,17 @@ class RLDS(GatheredAdapter):
                 if not (folder / name).exists():
                     files.write_atomic(folder / name, data)
 
+    def unshared(self, episode: Episode) -> Sequence[str]:
+        source: RLDSSource = episode.source
+        known = {*source.shown, *source.languages, *(STEPS + name for name in episode.robot.extra)}
+        known |= {STEPS + words.partition(" (")[0] for words in episode.unread}
+        held = source.example.features
+        return sorted(name for name in held.keys() - known if held[name].values)
+
     def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
         source: RLDSSource = episode.source
         example = source.example
-        shown = {*source.images.values(), *source.ids.values()}
-        shown |= {leaf for leaf, _ in source.depths.values()}
-        names = example.features.keys() - {leaf.key for leaf in shown}
+        names = example.features.keys() - source.shown
         if edited_words:
             names -= {*Embeddings.among(names), *texts(example, leaves(source.folder) or {})}
         return {name: example.data[slice(*example.features[name].entry)] for name in names}

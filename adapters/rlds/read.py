@@ -41,6 +41,16 @@ class RLDSSource:
     languages: tuple[str, ...]
     descriptions: tuple[str, ...]
 
+    @property
+    def shown(self) -> set[str]:
+        """The features with images, depth and instance ids."""
+        leaves = [
+            *self.images.values(),
+            *self.ids.values(),
+            *(leaf for leaf, _ in self.depths.values()),
+        ]
+        return {leaf.key for leaf in leaves}
+
 
 def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
     """Episode `number` of a split, images lazy. Raises BadInput."""
@@ -70,9 +80,7 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
         )
 
     made = episodes.episode(key, beside, sizes, tracks, length, descriptions, view, recorded)
-    understood = {leaf.key for leaf in images.values()} | {leaf.key for leaf in ids.values()}
-    understood |= {leaf.key for leaf, _ in depths.values()}
-    unread = () if beside.views is not None else _unread(example, known, understood)
+    unread = () if beside.views is not None else _unread(example, known, made.source.shown)
     return replace(made, unread=unread)
 
 

@@ -145,6 +145,12 @@ class Adapter(ABC):
         """What the version that is written does not hold of an episode recorded in another version, in words."""
         return ()
 
+    def unshared(
+        self, episode: Episode
+    ) -> Sequence[str]:  # most layouts have a place for little else
+        """Names of what the files of an episode that was read hold, and no episode of another layout does."""
+        return ()
+
     def traps(self, episode: Episode) -> Sequence[str]:  # most layouts have none
         """What known readers of this layout would trip over in an episode, in words."""
         return ()

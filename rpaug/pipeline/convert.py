@@ -71,6 +71,11 @@ def _compared(writer: Adapter, target: Path, key: str, episode: Episode) -> list
     return list(dict.fromkeys(words for *_, words in found))
 
 
+def _unshared(reader: Adapter, recorded: Episode) -> list[str]:
+    """What no other layout is given of an episode."""
+    return [f"{name}: {compare_layouts.NO_PLACE}" for name in reader.unshared(recorded)]
+
+
 def _parties(source: Path, layout: str) -> tuple[Adapter, Adapter]:
     """Who reads and who writes. Raises BadInput."""
     name, _, version = layout.partition("@")
@@ -113,12 +118,13 @@ def convert(
         group = PurePosixPath(key_of(like, 0)).parent.as_posix()
         try:
             # Another layout takes the values alone: what was recorded beside them stays behind.
-            episode = reader.read(source, key)
-            episode = timed(episode if alike else replace(episode, source=None), fps)
+            recorded = reader.read(source, key)
+            episode = timed(recorded if alike else replace(recorded, source=None), fps)
             made = key_of(like, free.get(group, 0))
             given = converted(source, key, reader.name)
             writer.write(episode, target, made, partial(dict, {report.NAME: report.encode(given)}))
             lost = [*_compared(writer, target, made, episode), *writer.losses(episode)]
+            lost += () if alike else _unshared(reader, recorded)
         except RpaugError as error:
             done.failures[key] = str(error).removeprefix(f"{key}: ")
             continue

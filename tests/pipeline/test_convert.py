@@ -221,6 +221,15 @@ def test_names_come_back_and_policies_take_nothing_wrong_for_state(tmp_path: Pat
     assert np.array_equal(after.robot.extra["language_embedding"], vectors)
 
 
+def test_what_only_its_layout_holds_is_listed(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(RLBench, "unshared", lambda *_: ["seed"])
+    done = convert(template, tmp_path / "rlds", "rlds")
+    assert done.lost["seed: the layout has no place for it"] == done.episodes
+    assert "- seed: the layout has no place for it" in (tmp_path / "rlds/README.md").read_text()
+
+
 def test_a_rate_that_contradicts_the_source_is_refused(tmp_path: Path) -> None:
     episode = replace(demonstration(6), rate=5.0, source=None)
     RLDS().write(episode, tmp_path / "in", "a/1.0.0/train/0", dict)

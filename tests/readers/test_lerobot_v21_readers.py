@@ -1,7 +1,9 @@
 """Datasets of LeRobot v2.1 are read by those who need it: lerobot 0.1.0 as openpi pins it, and GR00T's loader."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import drivers
 import numpy as np
@@ -39,14 +41,22 @@ def augmented(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Epis
     return root / "out/toy", read
 
 
-def test_lerobot_as_openpi_pins_it(augmented: tuple[Path, list[Episode]], tmp_path: Path) -> None:
+def read_by(
+    environment: str, code: str, script: str, augmented: tuple[Path, list[Episode]], work: Path
+) -> tuple[dict[str, Any], Mapping[str, np.ndarray]]:
+    """What a reader in an environment of its own says of the dataset, and its arrays."""
     folder, episodes = augmented
-    python, code = drivers.reader("openpi/bin/python"), drivers.reader("lerobot_openpi")
-    home = {"HOME": str(tmp_path), "PYTHONPATH": str(code)}
-    stated = drivers.run(python, "read_with_openpi.py", folder, tmp_path / "f.npz", **home)
-    frames = np.load(tmp_path / "f.npz")
+    python, source = drivers.reader(f"{environment}/bin/python"), drivers.reader(code)
+    home = {"HOME": str(work), "PYTHONPATH": str(source)}
+    stated = drivers.run(python, script, folder, work / "f.npz", **home)
     assert stated["lengths"] == [one.length for one in episodes]
-    at = 0
+    return stated, np.load(work / "f.npz")
+
+
+def test_lerobot_as_openpi_pins_it(augmented: tuple[Path, list[Episode]], tmp_path: Path) -> None:
+    script = "read_with_openpi.py"
+    stated, frames = read_by("openpi", "lerobot_openpi", script, augmented, tmp_path)
+    episodes, at = augmented[1], 0
     for one in episodes:
         assert stated["tasks"][at : at + one.length] == list(one.source.tasks)
         for t in range(one.length):
@@ -66,12 +76,8 @@ def test_lerobot_as_openpi_pins_it(augmented: tuple[Path, list[Episode]], tmp_pa
 
 
 def test_groot(augmented: tuple[Path, list[Episode]], tmp_path: Path) -> None:
-    folder, episodes = augmented
-    python, code = drivers.reader("gr00t/bin/python"), drivers.reader("Isaac-GR00T")
-    home = {"HOME": str(tmp_path), "PYTHONPATH": str(code)}
-    stated = drivers.run(python, "read_with_gr00t.py", folder, tmp_path / "f.npz", **home)
-    frames = np.load(tmp_path / "f.npz")
-    assert stated["lengths"] == [one.length for one in episodes]
+    stated, frames = read_by("gr00t", "Isaac-GR00T", "read_with_gr00t.py", augmented, tmp_path)
+    episodes = augmented[1]
     for number, one in enumerate(episodes):
         words = stated["words"][number]["language.annotation.human.task_description"]
         assert words == list(one.source.tasks)

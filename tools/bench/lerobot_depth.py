@@ -1,9 +1,11 @@
 """Every operator on a LeRobot dataset whose depth is video: does it run, and are unedited codes the recorded ones?
 
-    python tools/bench/lerobot_depth.py [--frames 17] [--size 96] [--only move,remove] [--json FILE]
+    python tools/bench/lerobot_depth.py [--frames 17] [--size 96] [--only move,remove] [--vgg FILE] [--json FILE]
 
 Records one episode of the simulated tabletop, writes it as LeRobot with depth filmed as its recorder does (12 bits,
-HEVC), and edits it with one operator after another, the original kept. Folders are temporary and removed after.
+HEVC), and edits it with one operator after another, the original kept. `stylize` looks through the VGG16 in FILE;
+without one through the tests' stand-in, a small network of random weights: that it runs is shown, not how it looks.
+Folders are temporary and removed after.
 """
 
 import argparse
@@ -26,6 +28,9 @@ from rpaug.pipeline import recipe
 from rpaug.pipeline.augment import Run, execute
 from rpaug.twin.record import record
 
+sys.path.append(str(Path(__file__).parents[2] / "tests/helpers"))
+import vgg
+
 DEPTH = "observation.images.{}_depth"
 KEY = "twin/train/0"
 TARGET = {"target": {"role": "manipulated"}}
@@ -33,9 +38,9 @@ OTHER = {"target": {"handle": 177}}  # the cylinder of the twin, which nothing t
 FIELDS: dict[str, dict[str, Any]] = {
     "recolor": {**TARGET, "color": {"rgb": [0.2, 0.4, 0.9]}},
     "retexture": TARGET,
-    "stylize": {**TARGET, "style": {"sample": "all"}},
+    "stylize": {**TARGET, "style": {"sample": "all"}, "steps": 5},
     "object_size": TARGET,
-    "physics": {**TARGET, "material": "foam"},
+    "physics": {**OTHER, "material": "foam"},
     "camera_pose": {"camera": "front", "shift": 0.02, "turn": 0.02},
     "remove": OTHER,
     "move": OTHER,
@@ -87,9 +92,11 @@ def stored(root: Path, key: str) -> dict[str, list[np.ndarray]]:
     return found
 
 
-def tried(op: str, root: Path, out: Path) -> dict[str, Any]:
+def tried(op: str, root: Path, out: Path, network: Path) -> dict[str, Any]:
     """One operator: what came of it, and how many codes of the original and of the copy changed."""
     edit = {"op": op, **FIELDS.get(op, {})}
+    if op == "stylize":
+        edit["weights"] = str(network)
     given = {"version": 1, "edits": [edit], "copies": 1, "seed": 1, "keep_originals": True}
     begun = time.process_time()
     done = execute(Run(root, recipe.build(given), out))
@@ -114,6 +121,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=17)
     parser.add_argument("--size", type=int, default=96)
     parser.add_argument("--only", type=lambda names: names.split(","), default=None)
+    parser.add_argument("--vgg", type=Path)
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     found = []
@@ -122,7 +130,7 @@ def main() -> None:
         record("pick_block", 0, base / "twin", frames=given.frames, size=given.size)
         film(base / "in", base / "twin")
         for op in given.only or registry.operator_names():
-            one = tried(op, base / "in", base / op)
+            one = tried(op, base / "in", base / op, given.vgg or vgg.saved(base))
             found.append(one)
             sys.stdout.write(json.dumps(one) + "\n")
             sys.stdout.flush()

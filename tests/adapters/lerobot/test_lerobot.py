@@ -11,14 +11,10 @@ import pytest
 
 pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 
-import av
-import lerobot_samples
 import pyarrow as pa
 import pyarrow.parquet as pq
-from hypothesis import given
-from hypothesis import strategies as st
-from lerobot_samples import DEPTH, WORDS, dataset, episode, filmed_depth, halved, picture
-from rpaug_adapters.lerobot import LeRobot, codes, fresh, stats, tables
+from lerobot_samples import WORDS, dataset, episode, halved, picture
+from rpaug_adapters.lerobot import LeRobot, fresh, stats, tables
 from rpaug_adapters.lerobot.tables import filled
 from rpaug_adapters.shared import video
 from rpaug_adapters.shared.folders import unlike
@@ -168,13 +164,21 @@ def test_new_images_are_decoded_before_anything_is_dropped(recorded: Path, tmp_p
     assert (out / "toy/train/1" / tables.STAGED).is_file()
 
 
-@pytest.mark.parametrize("spoilt", [None, {"min": [0]}, {"mean": "x"}, 7])
-def test_statistics_that_are_no_statistics_are_counted_anew(spoilt: object) -> None:
-    whole = stats.plain({"a": stats.of_numbers(np.arange(3.0))})["a"]
-    assert stats.recorded(whole, (1,)) == whole
-    given = whole | spoilt if isinstance(spoilt, dict) and "mean" in spoilt else spoilt
-    assert stats.recorded(given, (1,)) is None
-    assert stats.recorded(whole, (2,)) is None
+def test_an_episode_in_one_large_row_group_is_read_alone(tmp_path: Path) -> None:
+    """As recorders write it that leave a file to pyarrow's defaults."""
+    path, count, length = tmp_path / "data.parquet", 40, 300
+    numbers = np.repeat(np.arange(count), length)
+    images = [bytes([n]) + os.urandom(3000) for n in numbers]
+    pq.write_table(pa.table({"episode_index": numbers, "image": images}), path)
+    assert pq.ParquetFile(path).metadata.num_row_groups == 1
+    before = pa.total_allocated_bytes()
+    for wanted in (0, 17, count - 1):
+        held = tables.table(path, episode=wanted)
+        assert held.num_rows == length
+        assert {data[0] for data in held["image"].to_pylist()} == {wanted}
+        assert pa.total_allocated_bytes() - before < 3 * held.nbytes
+    assert tables.table(path, episode=count).num_rows == 0
+    assert tables.table(path, ["episode_index"], count).column_names == ["episode_index"]
 
 
 def test_a_finished_dataset_can_grow(recorded: Path, tmp_path: Path) -> None:
@@ -240,180 +244,6 @@ def test_a_video_that_ends_early_is_named(recorded: Path, tmp_path: Path) -> Non
         LeRobot().read(root, KEY)
 
 
-def large(seed: int, t: int) -> np.ndarray:
-    return np.tile(picture(seed, t), (2, 2, 1))
-
-
-@pytest.mark.parametrize("codec", ["h264", "av1", "vp9"])
-def test_cuts_and_joins_lose_nothing(
-    codec: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    like = tmp_path / "like.mp4"
-    with av.open(str(like), "w") as made:
-        stream = made.add_stream(video.ENCODERS[codec], rate=10)
-        stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
-        video.open_encoders(made)
-        frame = av.VideoFrame.from_ndarray(large(0, 0), format="rgb24")
-        made.mux([*stream.encode(frame), *stream.encode()])
-    files = [tmp_path / f"{i}.mp4" for i in range(3)]
-    for i, path in enumerate(files):
-        video.encode((large(i, t) for t in range(3 + i)), path, 10, like)
-    whole = tmp_path / "whole.mp4"
-    parts = video.joined(files, whole)
-    for i, (start, end) in enumerate(parts):
-        assert abs(end - start - (3 + i) / 10) < 1e-4
-        span = video.Span(whole, start, 3 + i, 10)
-        assert video.check(span) == (96, 64)
-        assert video.cut(span, tmp_path / "part.mp4")
-        alone = video.Frames(video.Span(files[i], 0, 3 + i, 10))
-        part = video.Frames(video.Span(tmp_path / "part.mp4", 0, 3 + i, 10))
-        shared = video.Frames(span)
-        for t in range(3 + i):
-            assert np.array_equal(shared(t), alone(t))
-            assert np.array_equal(part(t), alone(t))
-    assert capfd.readouterr() == ("", "")  # encoders are quiet
-
-
-RECORDERS = {  # how somebody else's recorder encodes
-    "h264": ("libx264", {"preset": "ultrafast"}),
-    "h264, frames stored early": ("libx264", {"bf": "2"}),
-    "hevc": ("libx265", {"x265-params": "log-level=none:sao=0"}),
-    "av1": ("libsvtav1", {"preset": "12"}),
-}
-
-
-def no_link(*_: object) -> None:
-    """A file system without hard links."""
-    raise OSError
-
-
-@pytest.fixture(params=RECORDERS)
-def mixed(
-    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> tuple[Path, Path]:
-    """A dataset by such a recorder, and the staged episodes of an output, every other one edited."""
-    codec, options = RECORDERS[request.param]
-    for side in ("HEIGHT", "WIDTH"):
-        monkeypatch.setattr(lerobot_samples, side, video.HEVC_LEAST)
-    adapter, root, out = LeRobot(), tmp_path / "in", tmp_path / "out"
-    for number in range(2):
-        key = f"toy/train/{number}"
-        adapter.write(episode(number, 4 + number), root, key, dict)
-        for path in (root / key).glob("*.mp4"):
-            with av.open(str(path), "w", format="mp4") as made:
-                stream = made.add_stream(codec, rate=10, options={"g": "2", **options})
-                stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
-                video.open_encoders(made)
-                for t in range(4 + number):
-                    frame = av.VideoFrame.from_ndarray(picture(number, t), format="rgb24")
-                    made.mux(stream.encode(frame))
-                made.mux(stream.encode())
-    adapter.finish(root, root)
-    monkeypatch.setattr(
-        os, "link", no_link
-    )  # the originals are joined with the copies, not kept as they are
-    for number in range(4):
-        read = adapter.read(root, f"toy/train/{number // 2}")
-        if number % 2:
-            views = {name: halved(view) for name, view in read.views.items()}
-            read = replace(read, views=views)
-        adapter.write(read, out, f"toy/train/{number}", dict)
-    return root, out
-
-
-def test_originals_and_copies_stay_decodable(mixed: tuple[Path, Path]) -> None:
-    root, out = mixed
-    adapter = LeRobot()
-    adapter.finish(root, out)
-    assert len(list((out / "toy/videos/observation.images.front").rglob("*.mp4"))) == 2
-    for number in range(4):
-        recorded = adapter.read(root, f"toy/train/{number // 2}")
-        made = adapter.read(out, f"toy/train/{number}")
-        assert made.length == recorded.length
-        for name in ("front", "wrist"):
-            for t in range(made.length):
-                before, after = (one.views[name].rgb(t) for one in (recorded, made))
-                if number % 2:
-                    assert np.abs(after.astype(int) - before // 2).mean() < 3
-                else:
-                    assert np.array_equal(after, before)
-
-
-@pytest.mark.parametrize("mixed", [name for name in RECORDERS if name != "av1"], indirect=True)
-def test_nothing_is_dropped_before_all_is_decoded(
-    mixed: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Were unlike streams joined all the same, the run would say so, with every episode still there.
-
-    Not so in AV1, where each key frame has its parameters with it.
-    """
-    root, out = mixed
-    monkeypatch.setattr(video, "stream_format", lambda path: ())
-    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
-    with pytest.raises(BadInput, match=r"video|frame"):
-        LeRobot().finish(root, out)
-    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
-
-
-@pytest.fixture
-def filmed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for side in ("HEIGHT", "WIDTH"):
-        monkeypatch.setattr(lerobot_samples, side, video.HEVC_LEAST)
-    return filmed_depth(tmp_path / "filmed")
-
-
-def stored(root: Path, key: str) -> list[np.ndarray]:
-    span = LeRobot().read(root, key).source.spans[DEPTH]
-    frames = video.Frames(span, video.CODES)
-    return [frames(t) for t in range(span.length)]
-
-
-def test_filmed_depth_is_read_and_written_code_by_code(filmed: Path, tmp_path: Path) -> None:
-    adapter, out, key = LeRobot(), tmp_path / "out", "toy/train/1"
-    read, true = adapter.read(filmed, key), episode(1, 4)
-    depth = read.views["front"].depth
-    step = np.log(4.0 / 1.2) / codes.MOST * 4  # metres, where steps are longest
-    assert np.abs(depth(2) - true.views["front"].depth(2))[8:].max() < step
-    assert not depth(2)[:8, :8].any()
-    nearer = depth(1).copy()
-    nearer[20:30, 20:30] = 0.5
-    view = replace(read.views["front"], depth=lambda t: nearer if t == 1 else depth(t))
-    adapter.write(replace(read, views={**read.views, "front": view}), out, "toy/train/0", dict)
-    adapter.write(read, out, "toy/train/1", dict)
-    adapter.finish(filmed, out)
-    before, edited, kept = stored(filmed, key), stored(out, "toy/train/0"), stored(out, key)
-    for t in range(4):
-        assert np.array_equal(kept[t], before[t])
-        differs = edited[t] != before[t]
-        assert not differs[:20].any()
-        assert differs.sum() == (100 if t == 1 else 0)
-    assert np.abs(adapter.read(out, "toy/train/0").views["front"].depth(1) - nearer).max() < step
-    least = json.loads((out / "toy/meta/stats.json").read_text())[DEPTH]["q50"]
-    assert 500 < least[0][0][0] < 2000  # millimetres, as it was recorded
-
-
-@given(
-    low=st.floats(0, 1),
-    reach=st.floats(0.5, 50),
-    shift=st.floats(0.01, 5),
-    use_log=st.booleans(),
-)
-def test_codes_of_depth_come_back(low: float, reach: float, shift: float, use_log: bool) -> None:
-    scale = codes.Scale(low, low + reach, shift, use_log)
-    every = np.arange(1, codes.MOST + 1, dtype=np.uint16)[None]
-    assert np.array_equal(scale.codes(scale.metres(every)), every)
-    assert scale.codes(np.zeros((1, 1), np.float32)) == 0
-
-
-def test_depth_codes_that_mean_nothing_are_refused(filmed: Path) -> None:
-    path = filmed / "toy" / tables.INFO
-    given = json.loads(path.read_text())
-    given["features"][DEPTH]["info"]["video.depth_max"] = 0.1
-    path.write_text(json.dumps(given))
-    with pytest.raises(BadInput, match="depths that rise"):
-        LeRobot().read(filmed, "toy/train/0")
-
-
 def test_columns_that_count_have_statistics(recorded: Path) -> None:
     every = json.loads((recorded / "toy/meta/stats.json").read_text())
     assert (every["index"]["min"], every["index"]["max"]) == ([0], [11])
@@ -422,16 +252,6 @@ def test_columns_that_count_have_statistics(recorded: Path) -> None:
     rows = pq.read_table(path).to_pylist()
     assert [row["stats/index/max"] for row in rows] == [[4], [7], [11]]
     assert rows[0]["stats/task_index/count"] == [5]
-
-
-def test_statistics_of_parts_are_those_of_the_whole() -> None:
-    values = np.random.default_rng(0).normal(size=(30, 4))
-    parts = [{"a": stats.of_numbers(values[s])} for s in (slice(7), slice(7, 30))]
-    both, whole = stats.together(parts)["a"], stats.of_numbers(values)
-    for name in ("min", "max", "mean", "std", "count"):
-        assert np.allclose(both[name], whole[name])
-    assert np.array_equal(both["q01"], np.minimum(*(part["a"]["q01"] for part in parts)))
-    assert np.array_equal(both["q99"], np.maximum(*(part["a"]["q99"] for part in parts)))
 
 
 def test_without_pyarrow_the_extra_is_named(

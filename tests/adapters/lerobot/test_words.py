@@ -12,7 +12,7 @@ pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 import pyarrow as pa
 import pyarrow.parquet as pq
 from lerobot_samples import episode
-from rpaug_adapters.lerobot import LeRobot, pack, tables
+from rpaug_adapters.lerobot import LeRobot, describe, tables
 
 from rpaug import Unsupported
 
@@ -63,7 +63,7 @@ def recorded(tmp_path: Path) -> Path:
     for name, column in columns.items():
         rows = rows.append_column(name, column)
     pq.write_table(rows, path)
-    pack._write_words(
+    describe.write_words(
         folder / tables.SUBTASKS, "subtask", {text: i for i, text in enumerate(SUBTASKS)}
     )
     given = json.loads((folder / tables.INFO).read_text())

@@ -13,7 +13,7 @@ import yaml
 from rpaug_adapters.rdt import RDT
 from rpaug_adapters.rlbench import RLBench
 
-from rpaug import BadInput, CameraView, Episode, Unsupported
+from rpaug import BadInput, CameraView, Episode, Unsupported, files
 from rpaug.pipeline.contracts import AdapterContract
 
 KEY = "pour/episode_0"
@@ -347,3 +347,17 @@ def test_what_no_edit_reaches_is_listed_for_verify(tmp_path: Path, name: str) ->
         file.attrs["sim"] = True
     after = RDT().untouched(RDT().read(root, KEY), False)
     assert {one for one in before if before[one] != after[one]} == {name, "/, attribute sim"}
+
+
+def test_rdts_reader_finds_no_rejected_copy(tmp_path: Path) -> None:
+    """It takes every `*.hdf5` below its folder, the rejected copies of a run among them."""
+    adapter, out = RDT(), tmp_path / "out"
+    episode = adapter.read(dataset(tmp_path / "in"), KEY)
+    adapter.write(episode, out, "episode_0", dict)
+    adapter.write(episode, out / files.REJECTED, "episode_0", dict)
+    adapter.rename(out / files.REJECTED, "episode_0", "episode_1")
+    assert [path.stem for path in out.rglob("*.hdf5")] == ["episode_0"]
+    assert adapter.episodes(out) == ["episode_0"]
+    assert adapter.episodes(out / files.REJECTED) == ["episode_1"]
+    again = adapter.read(out / files.REJECTED, "episode_1")
+    assert np.array_equal(again.robot.joint_positions, episode.robot.joint_positions)

@@ -174,6 +174,22 @@ def test_where_nothing_is_depth_is_the_far_plane(dataset: Path, tmp_path: Path) 
     np.testing.assert_array_equal(back[1:], view.depth(0)[1:])
 
 
+def test_depth_beyond_the_usual_range_moves_the_far_plane(dataset: Path, tmp_path: Path) -> None:
+    """Of a source that is not CoppeliaSim's; where its camera sees nothing so far away the plane stays."""
+    episode = replace(RLBench().read(dataset, KEY), source=None)
+    view = episode.views["front"]
+    depth = view.depth(0).copy()
+    depth[0, :3] = 250.0, 0, np.inf
+    far = replace(view, depth=lambda t: depth if t else view.depth(0))
+    RLBench().write(replace(episode, views={**episode.views, "front": far}), tmp_path, KEY, dict)
+    back = RLBench().read(tmp_path, KEY).views["front"].depth(1)
+    assert back[0, :3] == pytest.approx(250.0)
+    np.testing.assert_allclose(back[1:], depth[1:], atol=1e-4)
+    misc = load(tmp_path / KEY / "low_dim_obs.pkl")._observations[1].misc
+    assert misc["front_camera_far"] == 250.0
+    assert {misc[f"{name}_camera_far"] for name in episode.views if name != "front"} <= {10.0}
+
+
 def test_unknown_files_and_fields_survive(dataset: Path, tmp_path: Path) -> None:
     def add(demo) -> None:  # type: ignore[no-untyped-def]
         demo.num_reset_attempts = 3

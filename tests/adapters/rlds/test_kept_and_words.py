@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import rlds_samples
 import yaml
 from rlds_samples import SIDE, STEPS, TEXT, image, several, tensor
 from rpaug_adapters.rlds import RLDS, tfrecord
@@ -159,6 +160,12 @@ def half_read(folder: Path) -> Path:
             "matrix": np.zeros(STEPS * 16, np.float32),
         },
     )
+
+
+def test_what_other_layouts_have_no_place_for_is_named(tmp_path: Path) -> None:
+    root = rlds_samples.dataset(tmp_path)
+    episode = RLDS().read(root, KEY)
+    assert RLDS().unshared(episode) == ["episode_metadata/file_path", "unknown"]
 
 
 def test_what_may_be_an_image_is_named_where_it_stays_as_it_was(tmp_path: Path) -> None:

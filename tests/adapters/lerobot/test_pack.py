@@ -1,0 +1,133 @@
+"""Videos of a LeRobot dataset are cut and joined without loss, and decoded before anything is dropped."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
+
+import av
+import lerobot_samples
+from lerobot_samples import episode, halved, picture
+from rpaug_adapters.lerobot import LeRobot
+from rpaug_adapters.shared import video
+
+from rpaug import BadInput
+
+
+def large(seed: int, t: int) -> np.ndarray:
+    return np.tile(picture(seed, t), (2, 2, 1))
+
+
+@pytest.mark.parametrize("codec", ["h264", "av1", "vp9"])
+def test_cuts_and_joins_lose_nothing(
+    codec: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    like = tmp_path / "like.mp4"
+    with av.open(str(like), "w") as made:
+        stream = made.add_stream(video.ENCODERS[codec], rate=10)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+        video.open_encoders(made)
+        frame = av.VideoFrame.from_ndarray(large(0, 0), format="rgb24")
+        made.mux([*stream.encode(frame), *stream.encode()])
+    files = [tmp_path / f"{i}.mp4" for i in range(3)]
+    for i, path in enumerate(files):
+        video.encode((large(i, t) for t in range(3 + i)), path, 10, like)
+    whole = tmp_path / "whole.mp4"
+    parts = video.joined(files, whole)
+    for i, (start, end) in enumerate(parts):
+        assert abs(end - start - (3 + i) / 10) < 1e-4
+        span = video.Span(whole, start, 3 + i, 10)
+        assert video.check(span) == (96, 64)
+        assert video.cut(span, tmp_path / "part.mp4")
+        alone = video.Frames(video.Span(files[i], 0, 3 + i, 10))
+        part = video.Frames(video.Span(tmp_path / "part.mp4", 0, 3 + i, 10))
+        shared = video.Frames(span)
+        for t in range(3 + i):
+            assert np.array_equal(shared(t), alone(t))
+            assert np.array_equal(part(t), alone(t))
+    assert capfd.readouterr() == ("", "")  # encoders are quiet
+
+
+RECORDERS = {  # how somebody else's recorder encodes
+    "h264": ("libx264", {"preset": "ultrafast"}),
+    "h264, frames stored early": ("libx264", {"bf": "2"}),
+    "hevc": ("libx265", {"x265-params": "log-level=none:sao=0"}),
+    "av1": ("libsvtav1", {"preset": "12"}),
+}
+
+
+def no_link(*_: object) -> None:
+    """A file system without hard links."""
+    raise OSError
+
+
+@pytest.fixture(params=RECORDERS)
+def mixed(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Path, Path]:
+    """A dataset by such a recorder, and the staged episodes of an output, every other one edited."""
+    codec, options = RECORDERS[request.param]
+    for side in ("HEIGHT", "WIDTH"):
+        monkeypatch.setattr(lerobot_samples, side, video.HEVC_LEAST)
+    adapter, root, out = LeRobot(), tmp_path / "in", tmp_path / "out"
+    for number in range(2):
+        key = f"toy/train/{number}"
+        adapter.write(episode(number, 4 + number), root, key, dict)
+        for path in (root / key).glob("*.mp4"):
+            with av.open(str(path), "w", format="mp4") as made:
+                stream = made.add_stream(codec, rate=10, options={"g": "2", **options})
+                stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
+                video.open_encoders(made)
+                for t in range(4 + number):
+                    frame = av.VideoFrame.from_ndarray(picture(number, t), format="rgb24")
+                    made.mux(stream.encode(frame))
+                made.mux(stream.encode())
+    adapter.finish(root, root)
+    monkeypatch.setattr(
+        os, "link", no_link
+    )  # the originals are joined with the copies, not kept as they are
+    for number in range(4):
+        read = adapter.read(root, f"toy/train/{number // 2}")
+        if number % 2:
+            views = {name: halved(view) for name, view in read.views.items()}
+            read = replace(read, views=views)
+        adapter.write(read, out, f"toy/train/{number}", dict)
+    return root, out
+
+
+def test_originals_and_copies_stay_decodable(mixed: tuple[Path, Path]) -> None:
+    root, out = mixed
+    adapter = LeRobot()
+    adapter.finish(root, out)
+    assert len(list((out / "toy/videos/observation.images.front").rglob("*.mp4"))) == 2
+    for number in range(4):
+        recorded = adapter.read(root, f"toy/train/{number // 2}")
+        made = adapter.read(out, f"toy/train/{number}")
+        assert made.length == recorded.length
+        for name in ("front", "wrist"):
+            for t in range(made.length):
+                before, after = (one.views[name].rgb(t) for one in (recorded, made))
+                if number % 2:
+                    assert np.abs(after.astype(int) - before // 2).mean() < 3
+                else:
+                    assert np.array_equal(after, before)
+
+
+@pytest.mark.parametrize("mixed", [name for name in RECORDERS if name != "av1"], indirect=True)
+def test_nothing_is_dropped_before_all_is_decoded(
+    mixed: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Were unlike streams joined all the same, the run would say so, with every episode still there.
+
+    Not so in AV1, where each key frame has its parameters with it.
+    """
+    root, out = mixed
+    monkeypatch.setattr(video, "stream_format", lambda path: ())
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    with pytest.raises(BadInput, match=r"video|frame"):
+        LeRobot().finish(root, out)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
