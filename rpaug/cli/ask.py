@@ -56,6 +56,13 @@ def ask(
     key_env: KeyVariable = "RPAUG_LLM_KEY",
     timeout: Patience = 60.0,
     price: Price = None,
+    one_call: Annotated[
+        bool,
+        typer.Option(help="Ask the model once, or have it split the wish and ask for each step."),
+    ] = True,
+    picture: Annotated[
+        bool, typer.Option("--picture", help="Show the model a view with numbered instances.")
+    ] = False,
     tier: Annotated[
         int,
         typer.Option(min=0, max=4, help="Least tier of --run; from 3 edited Gaussians are tuned."),
@@ -86,6 +93,8 @@ def ask(
     from rpaug.scene.build import build
     from rpaug.scene.targets import settled
 
+    if picture and not ground:
+        raise RpaugError("--picture shows recorded instances: leave out --no-ground")
     if run and into is None:
         raise RpaugError("--run needs --into: the folder to write")
     for path, flag in ((out, "--out"), (log, "--log"), (into, "--into")):
@@ -97,7 +106,7 @@ def ask(
     def scene() -> Scene:
         return settled.settle(build(recorded, with_bodies=True), settled.read(dataset))[0]
 
-    endpoint = _endpoint(llm, model, key_env, timeout, price)
+    endpoint = _endpoint(llm, model, key_env, timeout, price, not one_call, picture)
     understanding = endpoint or rounds.next_round
     try:
         asked = asking.ask(
@@ -134,6 +143,8 @@ def _endpoint(
     key_env: str,
     timeout: float,
     price: Price,
+    staged: bool,
+    pictures: bool,
 ) -> Any:
     if url is None:
         if model is not None:
@@ -144,7 +155,8 @@ def _endpoint(
     from rpaug.language.talk import WishModel
     from rpaug.providers.language import Endpoint
 
-    return WishModel(Endpoint.of(url, model, key_env=key_env, timeout=timeout, price=price))
+    found = Endpoint.of(url, model, key_env=key_env, timeout=timeout, price=price)
+    return WishModel(found, staged=staged, pictures=pictures)
 
 
 def _refused(reason: str, endpoint: Any, as_json: bool) -> int:

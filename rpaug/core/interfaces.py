@@ -17,6 +17,8 @@ from rpaug.core.validation import Validated
 Edit = dict[str, Any]
 """One drawn change as plain JSON values: enough, with the operator's fields, to replay it exactly."""
 
+Examples = tuple[tuple[str, Mapping[str, Any]], ...]
+"""Wishes in a person's words, each with the fields of the operator that it comes to."""
 
 Side = Callable[[], Mapping[str, bytes]]
 """Files to lay beside an episode's own, by name; asked for once all its images have been rendered."""
@@ -63,7 +65,8 @@ class Operator(metaclass=Validated):
     """One kind of edit. Subclasses are frozen keyword-only dataclasses; their fields are the recipe's keys, and taken
     from Python as from a recipe.
 
-    A subclass declares `effect`, what it `needs`, and for `rpaug ask` the `phrases` that ask for it (`core.phrases`).
+    A subclass declares `effect`, what it `needs`, and for `rpaug ask` the `phrases` that ask for it (`core.phrases`),
+    and two `examples`: wishes, and the fields that each comes to, which a language model is shown.
     `undone_as` are words by which a wish takes it back, beside its name. Two edits that `settle` the same ("size") of
     one thing cannot both hold: the later takes the earlier's place. Registering it under the entry-point group
     `rpaug.operators` makes its entry-point name an `op:` in recipes. `rpaug.OperatorContract` holds it to the promises
@@ -75,6 +78,7 @@ class Operator(metaclass=Validated):
     effect: ClassVar[Effect]
     needs: ClassVar[Needs] = Needs()
     phrases: ClassVar[tuple[str, ...]] = ()
+    examples: ClassVar[Examples] = ()
     undone_as: ClassVar[tuple[str, ...]] = ()
     settles: ClassVar[str] = ""
 

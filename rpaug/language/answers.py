@@ -1,22 +1,64 @@
-"""What a language model may answer, and what of it stands: valid edits that rest on the person's own words."""
+"""What a language model may answer, and what of it stands: valid edits, each resting on the person's own words.
 
-import json
+A dataset's text is shown to the model, so it may try to ask for something. Whatever is changed must therefore quote the
+wish, and what names a file or a network must stand in the wish as it is.
+"""
+
 import re
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic import Field, ValidationError
 
 from rpaug.assets import library
 from rpaug.core import registry
-from rpaug.language import manager
 from rpaug.language.making import lacking
-from rpaug.language.messages import Entry, Message
+from rpaug.language.messages import Entry, Message, WishContext
 from rpaug.pipeline import recipe
+from rpaug.pipeline.gates import Gates
 from rpaug.pipeline.recipe_errors import dotted
-from rpaug.scene.targets import relations, roles
 
 DEGREE = 0.017453292519943295
 SHORT = 200  # characters of a name or an instruction that is shown to a model
+MOST = 30  # edits
+FILE = re.compile(r"[/\\:~]|\.\w{1,5}$")
+"""What may name a file, an address or a network."""
+
+
+class WishEdit(Message):
+    """One entry of the recipe: an edit, or several of which each copy draws one."""
+
+    said: str = Field(min_length=1, max_length=500)
+    probability: float | None = Field(ge=0, le=1)
+    options: tuple[dict[str, Any], ...] = Field(min_length=1, max_length=MOST)
+
+
+class WishSettings(Message):
+    """What holds for the whole recipe; None leaves it as it is."""
+
+    said: str = Field(min_length=1, max_length=500)
+    copies: int | None = Field(ge=1, le=10_000)
+    seed: int | None = Field(ge=0, lt=2**53)
+    limit: int | None = Field(ge=1)
+    keep_originals: bool | None
+    gates: Gates | None
+
+    def entries(self) -> dict[str, Any]:
+        """The recipe's keys."""
+        named = {"copies": self.copies, "seed": self.seed, "keep_originals": self.keep_originals}
+        out: dict[str, Any] = {key: value for key, value in named.items() if value is not None}
+        out |= {"select": {"limit": self.limit}} if self.limit is not None else {}
+        return out | ({"gates": self.gates.model_dump(exclude_defaults=True)} if self.gates else {})
+
+
+class WishAnswer(Message):
+    """What a model makes of a wish: edits to add, earlier ones to drop, settings, or why it refuses."""
+
+    refuse: str = Field(max_length=500)
+    drop: tuple[int, ...] = Field(max_length=100)
+    edits: tuple[WishEdit, ...] = Field(max_length=MOST)
+    settings: WishSettings | None
+    notes: tuple[str, ...] = Field(max_length=MOST)
 
 
 class WishStep(Message):
@@ -27,14 +69,11 @@ class WishStep(Message):
 
 
 class WishPlan(Message):
-    """What the manager makes of a wish."""
+    """What the manager makes of a wish, where each step is asked alone."""
 
-    steps: tuple[WishStep, ...] = Field(max_length=30)
+    steps: tuple[WishStep, ...] = Field(max_length=MOST)
     drop: tuple[int, ...] = Field(max_length=100)
-    copies: int | None = Field(ge=1, le=10_000)
-    seed: int | None = Field(ge=0, lt=2**53)
-    limit: int | None = Field(ge=1)
-    keep_originals: bool | None
+    settings: WishSettings | None
     refuse: str = Field(max_length=500)
 
 
@@ -71,59 +110,88 @@ class Viewpoint(Message):
         return out | ({"turned": turned} if any(turned) else {})
 
 
-def plan(value: Any, stated: str, earlier: int) -> WishPlan:
+def understood(value: Any, stated: str, earlier: int) -> WishAnswer:
+    """The answer, if all that it changes quotes the wish. Raises ValueError."""
+    found: WishAnswer = valid(WishAnswer, value)
+    if found.refuse and (found.edits or found.drop or found.settings):
+        raise ValueError("either refuse, or give edits, drop and settings")
+    _within(found.drop, earlier)
+    quoted = [edit.said for edit in found.edits]
+    for said in (*quoted, *([found.settings.said] if found.settings else [])):
+        if not _normal(said) or _normal(said) not in _normal(stated):
+            raise ValueError(f"said {said!r}: these are not words of the wish")
+    return found
+
+
+def planned(value: Any, stated: str, earlier: int) -> WishPlan:
     """The manager's answer, if all of it rests on the wish. Raises ValueError."""
-    found = valid(WishPlan, value)
-    wish = manager.normal(stated)
+    found: WishPlan = valid(WishPlan, value)
     for step in found.steps:
-        if manager.normal(step.said) not in wish or not manager.normal(step.said):
+        if not _normal(step.said) or _normal(step.said) not in _normal(stated):
             raise ValueError(f"said {step.said!r}: these are not words of the wish")
         if step.op not in registry.operator_names():
             raise ValueError(f"op {step.op!r}: there are: {', '.join(registry.operator_names())}")
-    if any(not 0 <= number < earlier for number in found.drop):
-        raise ValueError(
-            f"drop {list(found.drop)}: there are {earlier} earlier edits, counted from 0"
-        )
+    _within(found.drop, earlier)
     if found.refuse and found.steps:
         raise ValueError("either refuse, or give steps")
     return found
 
 
-def edits(value: Any, op: str, known: frozenset[str], generates: bool = False) -> list[Entry]:
-    """The operator's edits, if each is valid and names only what was said. Raises ValueError, RpaugError."""
-    found = value.get("edits") if isinstance(value, dict) else None
-    if (
-        not isinstance(found, list)
-        or not 0 < len(found) <= 30
-        or not all(isinstance(e, dict) for e in found)
-    ):
-        raise ValueError('expected {"edits": [...]} with 1 to 30 edits')
-    for edit in found:
-        fields = {name: field for name, field in edit.items() if name != "op"}
-        if edit.get("op") != op:
-            raise ValueError(f"op {edit.get('op')!r}: expected {op!r}")
-        recipe.option(op, fields)
-        needs = registry.operator(op).needs
-        for name in (*needs.targets, *needs.anchors):
-            for word in _words(fields.get(name)):
-                if word not in known:
-                    raise ValueError(f"{name}: {word!r} was not said")
-        if op == "insert" and not fields.get("asset"):
-            if not generates:
-                library.find(fields.get("category"), fields.get("color"))
-            elif lacking(edit) and (new := _words(fields.get("category")) - known):
-                raise ValueError(f"category: {', '.join(sorted(new))!r} was not said")
-    return found
+def _within(drop: Sequence[int], earlier: int) -> None:
+    if any(not 0 <= number < earlier for number in drop):
+        raise ValueError(f"drop {list(drop)}: there are {earlier} earlier edits, counted from 0")
 
 
-def viewpoint(value: Any, cameras: tuple[str, ...]) -> Viewpoint:
-    found = valid(Viewpoint, value)
-    for name in found.cameras:
-        if name not in cameras and found.cameras != ("static",):
-            raise ValueError(
-                f"camera {name!r}: there are: {', '.join(map(short, cameras))}, or static for all"
-            )
-    return found
+def entry(edit: WishEdit, stated: str, setting: WishContext) -> Entry:
+    """The recipe's entry for an edit of the answer. Raises ValueError, RpaugError with what is amiss."""
+    options = [_option(one, stated, setting) for one in edit.options]
+    made = options[0] if len(options) == 1 else {"one_of": options}
+    chance = edit.probability
+    return made | ({"probability": chance} if chance is not None and chance < 1 else {})
+
+
+def _option(given: Mapping[str, Any], stated: str, setting: WishContext) -> Entry:
+    op = given.get("op")
+    if op not in registry.operator_names():
+        raise ValueError(f"op {op!r}: there are: {', '.join(registry.operator_names())}")
+    fields = {name: value for name, value in given.items() if name != "op" and value is not None}
+    if op == "camera_pose":
+        seen: Viewpoint = valid(Viewpoint, fields | _absent(Viewpoint, fields))
+        for name in seen.cameras:
+            if name not in (*setting.cameras, "static"):
+                there = ", ".join(map(short, setting.cameras))
+                raise ValueError(f"camera {name!r}: there are: {there}, or static for all")
+        return seen.edit()
+    recipe.option(op, fields)
+    for text in _texts(fields):
+        if FILE.search(text) and text not in stated:
+            raise ValueError(f"{op}: {text!r} was not said")
+    if op == "insert" and "asset" not in fields:
+        edit = {"op": op, **fields}
+        if not setting.generates or not lacking(edit):
+            library.find(fields.get("category"), fields.get("color"))
+    return {"op": op, **fields}
+
+
+def _absent(kind: type[Message], fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields that may be None, and are where a model leaves them out."""
+    return {
+        name: None
+        for name in kind.model_fields
+        if name not in fields and name.startswith(("most_",))
+    }
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """All texts within a value."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for inner in value.values():
+            yield from _texts(inner)
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            yield from _texts(inner)
 
 
 def valid(kind: Any, value: Any) -> Any:
@@ -135,32 +203,10 @@ def valid(kind: Any, value: Any) -> Any:
         raise ValueError("; ".join(faults[:5])) from None
 
 
-def known_words(stated: str, earlier: tuple[Entry, ...]) -> frozenset[str]:
-    """All words that were said, now or in earlier targets."""
-    text = f"{stated} {json.dumps(earlier)}".lower()
-    return frozenset(_stem(word) for word in re.findall(r"[a-z0-9_]+", text))
-
-
-def _words(value: Any) -> set[str]:
-    """The words in targets that name a thing."""
-    if isinstance(value, list | tuple):
-        return set().union(*map(_words, value)) if value else set()
-    text = value.get("text") if isinstance(value, dict) else value
-    if isinstance(value, dict) and value.get("handle") is not None:
-        numbers = value["handle"] if isinstance(value["handle"], list) else [value["handle"]]
-        return {str(number) for number in numbers}
-    if not isinstance(text, str):
-        return set()
-    grammar = {word for spelling, _ in relations.SPELLED for word in spelling}
-    skipped = grammar | relations.FILLERS | relations.ANYTHING | set(roles.NAMES)
-    return {_stem(word) for word in re.findall(r"[a-z0-9_]+", text.lower())} - {
-        _stem(w) for w in skipped
-    }
-
-
-def _stem(word: str) -> str:
-    return word[:-1] if word.endswith("s") and not word.endswith("ss") else word
-
-
 def short(text: str) -> str:
+    """A name or an instruction, of bounded length, on one line."""
     return " ".join(text.split())[:SHORT]
+
+
+def _normal(text: str) -> str:
+    return " ".join(re.findall(r"\w+", text.lower()))

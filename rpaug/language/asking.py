@@ -1,28 +1,35 @@
 """One wish through all stages: understood, grounded in a recorded scene, checked as a recipe, and logged."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
 import yaml
 
-from rpaug.core.errors import BadRecipe, RpaugError, TargetError, Unsupported
+from rpaug.core.errors import BadRecipe, RpaugError
 from rpaug.core.types import Episode, Scene
-from rpaug.language import declared, grounding, making, refiner, rounds
+from rpaug.language import making, refiner, rounds
 from rpaug.language.making import Maker
-from rpaug.language.messages import Answer, Entry, NotUnderstood, Trace, WishContext
+from rpaug.language.messages import Answer, NotUnderstood, Trace, WishContext
+from rpaug.language.recording import Recording
 from rpaug.language.rounds import History
-from rpaug.pipeline import plan
 from rpaug.pipeline import recipe as recipes
-from rpaug.scene.targets import targets
 
 
 class Understanding(Protocol):
-    """What turns a wish after some rounds into edits: the grammar, or a language model. Raises NotUnderstood."""
+    """What turns a wish after some rounds into edits: the grammar, or a language model, which looks at the recording.
 
-    def __call__(self, history: History, stated: str, setting: WishContext) -> Answer: ...
+    Raises NotUnderstood.
+    """
+
+    def __call__(
+        self,
+        history: History,
+        stated: str,
+        setting: WishContext,
+        recording: Recording | None = None,
+    ) -> Answer: ...
 
 
 @dataclass(frozen=True)
@@ -87,66 +94,30 @@ def ask(
     """
     history = history or History()
     setting = setting.model_copy(update={"generates": maker is not None})
-    answer = understanding(history, stated, setting)
+    recording = Recording(scene) if scene is not None else None
+    answer = understanding(history, stated, setting, recording)
     _built(answer)
     trace = list(answer.trace)
-    there = scene() if scene is not None and answer.edits else None
-    if there is not None:
-        trace += _grounded(there, answer.edits)
+    if recording and answer.edits:
+        trace += recording.ground(answer)
     found = list(making.provided(answer.edits, maker))
     trace += [done for _, done in found if done is not None]
     edits = tuple(edit for edit, _ in found)
     settings, output = refiner.refined(edits, answer.settings, tier)
     trace.append(Trace(stage="refiner", by="plan", input=list(edits), output=output))
     answer = answer.model_copy(update={"edits": edits, "settings": settings})
-    if there is not None:
-        _tried(there, _built(answer))
+    _built(answer)
+    if recording and answer.edits:
+        recording.check(answer)
     return AskResult(answer.recipe(), answer.notes, tuple(trace), history.after(stated, answer))
 
 
-def _built(answer: Answer) -> recipes.Recipe:
-    """The recipe that an answer comes to. Raises NotUnderstood if it is not valid."""
+def _built(answer: Answer) -> None:
+    """See that an answer comes to a valid recipe. Raises NotUnderstood."""
     try:
-        return recipes.build(answer.recipe(), name="the wish")
+        recipes.build(answer.recipe(), name="the wish")
     except BadRecipe as error:
         raise NotUnderstood(f"the wish comes to a recipe that is not valid: {error}") from None
-
-
-def _grounded(scene: Scene, edits: tuple[Entry, ...]) -> Iterator[Trace]:
-    """Every target and the things it is told by, found in the scene. Raises RpaugError."""
-    for value in _targets(edits):
-        found = {}
-        for phrase in grounding.phrases(value):
-            found[phrase] = sorted(targets.find(scene, targets.Target(text=phrase, all=True)))
-        whole = targets.Target.model_validate(value)
-        found[str(whole)] = sorted(targets.find(scene, whole))
-        yield Trace(stage="grounding", by="scene", input=value, output=found)
-
-
-def _tried(scene: Scene, made: recipes.Recipe) -> None:
-    """See that every edit can be drawn in the scene. Raises RpaugError."""
-    for step in made.steps:
-        for option in step.options:
-            if option.operator.needs.gaussians:  # fitted only when the recipe runs
-                continue
-            try:
-                plan.check(option.operator, scene)
-                option.operator.sample(scene, np.random.default_rng(0))
-            except TargetError:
-                raise
-            except Unsupported as error:
-                raise Unsupported(f"{option.name}: {error}") from None
-
-
-def _targets(edits: tuple[Entry, ...]) -> Iterator[Any]:
-    """Each target once. What an edit before brings along is not looked for: it was never recorded."""
-    seen = []
-    for edit in edits:
-        for one in edit.get("one_of", [edit]):
-            for value in (*declared.targets(one), *declared.anchors(one)):
-                if value not in seen:
-                    seen.append(value)
-                    yield value
 
 
 def _line(text: str) -> str:

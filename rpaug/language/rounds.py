@@ -93,8 +93,10 @@ def said_after(stated: str, before: Sequence[str], setting: WishContext) -> Answ
     return next_round(history, stated, setting)
 
 
-def next_round(history: History, stated: str, setting: WishContext) -> Answer:
-    """What a wish comes to after these rounds, by the grammar. Raises NotUnderstood."""
+def next_round(
+    history: History, stated: str, setting: WishContext, recording: object = None
+) -> Answer:
+    """What a wish comes to after these rounds, by the grammar, which needs no recording. Raises NotUnderstood."""
     if len(stated) > LONGEST:
         raise NotUnderstood(
             f"a wish of {len(stated)} characters; at most {LONGEST}: say it in several"

@@ -1,44 +1,47 @@
-"""JSON Schemas that a language model's answers are held to: of plans, of camera motions, of an operator's edits."""
+"""The JSON Schema that a language model's answer to a wish is held to."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rpaug.core import registry
 from rpaug.language import answers
 from rpaug.pipeline import recipe
 
+PLACES = ("textures", "weights", "vision", "harmoniser", "inpaint")
+"""Fields that name a folder, a file or a network: nobody says them in a wish."""
+
+
+def of_wish(cameras: Sequence[str], ops: Sequence[str] | None = None) -> dict[str, Any]:
+    """The schema of a `WishAnswer` whose edits are of these operators, all if None, and move only these cameras."""
+    schema = answers.WishAnswer.model_json_schema()
+    whole, used = recipe.schema()["$defs"], dict[str, Any]()
+    kinds = [_option(op, whole, cameras) for op in ops or registry.operator_names()]
+    _gather(kinds, whole, used)
+    schema["$defs"] |= used
+    options = schema["$defs"]["WishEdit"]["properties"]["options"]
+    schema["$defs"]["WishEdit"]["properties"]["options"] = {**options, "items": {"anyOf": kinds}}
+    return plain(schema)
+
 
 def of_plan() -> dict[str, Any]:
+    """The schema of a `WishPlan`."""
     schema = answers.WishPlan.model_json_schema()
     schema["$defs"]["WishStep"]["properties"]["op"] = {"enum": registry.operator_names()}
-    return schema
+    return plain(schema)
 
 
-def of_viewpoint(cameras: tuple[str, ...]) -> dict[str, Any]:
-    """The schema of a camera's motion: only cameras that there are."""
-    schema = answers.Viewpoint.model_json_schema()
-    schema["properties"]["cameras"]["items"] = {"enum": [*map(answers.short, cameras), "static"]}
-    schema["properties"]["cameras"]["maxItems"] = max(1, len(cameras))
-    return schema
-
-
-def of_edits(op: str) -> dict[str, Any]:
-    whole = recipe.schema()["$defs"]
-    one = {name: value for name, value in whole[f"op_{op}"].items() if name != "title"}
-    one["properties"] = {"op": {"const": op}} | {
-        name: value
-        for name, value in one["properties"].items()
-        if name not in ("op", "probability")
-    }
-    schema = {
-        "type": "object",
-        "properties": {"edits": {"type": "array", "items": one, "minItems": 1, "maxItems": 30}},
-        "required": ["edits"],
-        "additionalProperties": False,
-    }
-    used: dict[str, Any] = {}
-    _gather(schema, whole, used)
-    return schema | ({"$defs": used} if used else {})
+def _option(op: str, whole: Mapping[str, Any], cameras: Sequence[str]) -> dict[str, Any]:
+    """An operator's fields as a person may mean them; a camera's motion as a `Viewpoint`."""
+    if op == "camera_pose":
+        one = answers.Viewpoint.model_json_schema()
+        one["properties"]["cameras"]["items"] = {"enum": [*map(answers.short, cameras), "static"]}
+        one["properties"]["cameras"]["maxItems"] = max(1, len(cameras))
+    else:
+        one = dict(whole[f"op_{op}"])
+    out = ("op", "probability", *PLACES)
+    fields = {name: value for name, value in one["properties"].items() if name not in out}
+    required = ["op", *(name for name in one.get("required", []) if name != "op")]
+    return {**one, "properties": {"op": {"const": op}} | fields, "required": required}
 
 
 def _gather(value: Any, whole: Mapping[str, Any], used: dict[str, Any]) -> None:

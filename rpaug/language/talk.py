@@ -1,113 +1,147 @@
-"""A language model in the place of the grammar: the same stages, each asked with a prompt and held to a schema.
+"""A language model understands a wish: it sees what the recording holds, and what it answers must hold there.
 
-Whatever the model says, an edit stands only if it is valid, if the words it rests on are the person's own, and if the
-names in its targets were said. So text out of a dataset cannot ask for anything, and a model that makes things up is
-told so, a bounded number of times.
+One call does the work of manager, operation and renderer; `staged` asks them one after the other, for models that do
+better with little at a time. What is wrong with an answer (an invalid field, a thing that is not there) is told to the
+model, a bounded number of times.
 """
 
+import base64
 import json
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from rpaug.assets import library
 from rpaug.assets.textures import shipped
 from rpaug.core import registry
-from rpaug.core.errors import RpaugError
-from rpaug.language import answers, declared, manager, rounds, schemas, templates
-from rpaug.language.messages import (
-    Answer,
-    Entry,
-    Mention,
-    Message,
-    NotUnderstood,
-    Trace,
-    WishContext,
-)
+from rpaug.language import answers, declared, rounds, schemas, templates
+from rpaug.language.answers import WishAnswer
+from rpaug.language.messages import Answer, Entry, Mention, NotUnderstood, Trace, WishContext
 from rpaug.language.prompting import prompt
+from rpaug.language.recording import Recording
 from rpaug.language.rounds import History
 from rpaug.providers.language import Endpoint
 
 
 class WishModel:
-    """Understands wishes by asking an endpoint; `usage` says what that has cost."""
+    """Understands wishes by asking an endpoint; `usage` says what that has cost.
 
-    def __init__(self, endpoint: Endpoint) -> None:
+    `staged`: the wish is split first, and each step asked alone. `pictures`: the model sees a numbered image too.
+    """
+
+    def __init__(self, endpoint: Endpoint, *, staged: bool = False, pictures: bool = False) -> None:
         self._endpoint = endpoint
+        self._staged = staged
+        self._pictures = pictures
 
     @property
     def usage(self) -> dict[str, Any]:
         """Requests, retries, tokens, seconds, and the cost if prices are known."""
         return self._endpoint.usage.describe(self._endpoint.price)
 
-    def __call__(self, history: History, stated: str, setting: WishContext) -> Answer:
+    def __call__(
+        self,
+        history: History,
+        stated: str,
+        setting: WishContext,
+        recording: Recording | None = None,
+    ) -> Answer:
         """What a wish comes to. Raises NotUnderstood, or LanguageError where the endpoint is of no use."""
         if not 0 < len(stated.strip()) <= rounds.LONGEST:
             raise NotUnderstood(
                 f"a wish has 1 to {rounds.LONGEST} characters, not {len(stated.strip())}"
             )
-        wish = history.wish(stated, setting)
-        question = {
-            "wish": stated,
-            "cameras": [answers.short(name) for name in setting.cameras],
-            "instructions": [answers.short(text) for text in setting.instructions[:5]],
-            "earlier": list(wish.edits),
-        }
-        trace: list[Trace] = []
-        check = partial(answers.plan, stated=stated, earlier=len(wish.edits))
-        plan: answers.WishPlan = self._asked(
-            "manager", question, schemas.of_plan(), check, trace, operators=operators()
+        talk = _Talk(self._endpoint, history, setting, recording, self._pictures)
+        if not self._staged:
+            return talk.ask("wish", stated, stated)
+        plan = talk.split(stated)
+        answer = talk.before.model_copy(
+            update={"edits": tuple(_without(talk.before.edits, plan.drop))}
         )
-        if plan.refuse:
-            raise NotUnderstood(f"{self._endpoint.model}: {self._endpoint.hidden(plan.refuse)}")
-        edits = [edit for number, edit in enumerate(wish.edits) if number not in plan.drop]
-        mention = wish.mention
         for step in plan.steps:
-            made = self._made(
-                step, mention, wish.setting, answers.known_words(stated, wish.edits), trace
-            )
-            edits += made
-            named = [target for edit in made for target in declared.targets(edit)]
-            mention = Mention(kind="target", target=named[-1]) if named else mention
-        settings = dict(wish.settings) | _settings(plan)
-        if not (plan.steps or plan.drop or _settings(plan)):
-            raise NotUnderstood(f"{self._endpoint.model} finds no change in {stated!r}")
-        answer = Answer(
-            edits=tuple(edits),
-            settings=settings,
-            mention=mention,
-            notes=_unused(stated, plan),
-            trace=tuple(trace),
-        )
+            answer = talk.ask("wish", step.said, stated, [step.op], answer)
         return answer.model_copy(
-            update={"notes": (*answer.notes, *_compared(history, stated, setting, answer))}
+            update={
+                "settings": {**answer.settings, **_settings(plan.settings)},
+                "trace": tuple(talk.trace),
+            }
         )
 
-    def _made(
+
+class _Talk:
+    """What is asked for one wish."""
+
+    def __init__(
         self,
-        step: answers.WishStep,
-        mention: Mention | None,
+        endpoint: Endpoint,
+        history: History,
         setting: WishContext,
-        known: frozenset[str],
-        trace: list[Trace],
-    ) -> list[Entry]:
-        if step.op == "camera_pose":
-            question: dict[str, Any] = {
-                "step": step.said,
-                "cameras": list(map(answers.short, setting.cameras)),
-            }
-            seen = partial(answers.viewpoint, cameras=setting.cameras)
-            schema = schemas.of_viewpoint(setting.cameras)
-            return [self._asked("renderer", question, schema, seen, trace).edit()]
-        it = mention.target if mention and mention.kind == "target" else None
-        question = {"step": step.said, "op": step.op, "it": it}
-        check = partial(answers.edits, op=step.op, known=known, generates=setting.generates)
-        return self._asked(
-            "operation", question, schemas.of_edits(step.op), check, trace,
-            categories=", ".join(sorted({one.category for one in library.assets()})),
-            textures=", ".join(shipped.NAMES),
-        )  # fmt: skip
+        recording: Recording | None,
+        pictures: bool,
+    ) -> None:
+        self._endpoint, self._setting, self._recording = endpoint, setting, recording
+        last = history.rounds[-1] if history.rounds else None
+        self.before = (
+            Answer(edits=last.edits, settings=last.settings, mention=last.mention)
+            if last
+            else Answer(edits=())
+        )
+        self._said = [one.said for one in history.rounds]
+        self._picture = recording.picture() if recording and pictures else None
+        self.trace: list[Trace] = []
+
+    def split(self, stated: str) -> answers.WishPlan:
+        """The wish as steps, by the manager. Raises NotUnderstood where it refuses."""
+        check = partial(answers.planned, stated=stated, earlier=len(self.before.edits))
+        plan: answers.WishPlan = self._asked(
+            "manager", self._question(stated), schemas.of_plan(), check
+        )
+        self._heed(plan.refuse)
+        return plan
+
+    def ask(
+        self,
+        stage: str,
+        asked: str,
+        stated: str,
+        ops: Sequence[str] | None = None,
+        before: Answer | None = None,
+    ) -> Answer:
+        """What comes after `before` (all earlier rounds, if None) of the words that are asked for."""
+        before = before or self.before
+        took: list[WishAnswer] = []
+
+        def check(value: Any) -> Answer:
+            found = answers.understood(value, stated, len(before.edits))
+            took[:] = [found]
+            if found.refuse:
+                return before
+            answer = _after(before, found, self._setting, stated)
+            if self._recording and answer.edits:
+                list(self._recording.ground(answer))
+                self._recording.check(answer)
+            return answer
+
+        schema = schemas.of_wish(self._setting.cameras, ops)
+        answer: Answer = self._asked(stage, self._question(asked, before), schema, check, ops)
+        self._heed(took[0].refuse)
+        if answer.edits == before.edits and answer.settings == before.settings:
+            raise NotUnderstood(f"{self._endpoint.model} finds no change in {asked!r}")
+        return answer.model_copy(update={"trace": tuple(self.trace)})
+
+    def _question(self, asked: str, before: Answer | None = None) -> dict[str, Any]:
+        before, seen = before or self.before, self._recording
+        question: dict[str, Any] = {
+            "wish": asked,
+            "cameras": [answers.short(name) for name in self._setting.cameras],
+            "instructions": [answers.short(text) for text in self._setting.instructions[:5]],
+            "instances": seen.inventory if seen else [],
+            "said": self._said[-5:],
+            "earlier": list(before.edits),
+        }
+        if seen and before.edits:
+            question["drawn"] = seen.drawn(before)
+        return question
 
     def _asked(
         self,
@@ -115,59 +149,70 @@ class WishModel:
         question: Mapping[str, Any],
         schema: dict[str, Any],
         check: Any,
-        trace: list[Trace],
-        **values: str,
+        ops: Sequence[str] | None = None,
     ) -> Any:
         words = prompt(stage)
-        messages = words.messages(json.dumps(question, ensure_ascii=False), **values)
-        found = self._endpoint.ask(messages, stage, schemas.plain(schema), check)
-        output = found.model_dump() if isinstance(found, Message) else found
-        label = f"{stage}.v{words.version}"
-        shown = json.loads(self._endpoint.hidden(json.dumps(output)))
-        trace.append(
-            Trace(stage=stage, by=self._endpoint.model, input=dict(question), output=shown,
-                  prompt={"file": label, "messages": messages})
+        messages: list[dict[str, Any]] = [
+            *words.messages(
+                json.dumps(question, ensure_ascii=False),
+                operators=operators(ops),
+                categories=", ".join(sorted({one.category for one in library.assets()})),
+                textures=", ".join(shipped.NAMES),
+            )
+        ]
+        logged = {"file": f"{stage}.v{words.version}", "messages": [*messages]}
+        if self._picture:
+            messages[-1] = {"role": "user", "content": _shown(messages[-1], self._picture)}
+        found = self._endpoint.ask(messages, stage, schema, check)
+        output = json.loads(self._endpoint.hidden(json.dumps(found.model_dump(exclude={"trace"}))))
+        self.trace.append(
+            Trace(stage=stage, by=self._endpoint.model, input=dict(question), output=output,
+                  prompt=logged)
         )  # fmt: skip
         return found
 
-
-def _settings(plan: answers.WishPlan) -> dict[str, Any]:
-    named = {"copies": plan.copies, "seed": plan.seed, "keep_originals": plan.keep_originals}
-    out = {name: value for name, value in named.items() if value is not None}
-    return out | ({"select": {"limit": plan.limit}} if plan.limit is not None else {})
+    def _heed(self, refuse: str) -> None:
+        if refuse:
+            raise NotUnderstood(f"{self._endpoint.model}: {self._endpoint.hidden(refuse)}")
 
 
-def _unused(stated: str, plan: answers.WishPlan) -> tuple[str, ...]:
-    """What of the wish no step rests on, to be told."""
-    left = manager.normal(stated)
-    for step in plan.steps:
-        left = left.replace(manager.normal(step.said), " ")
-    words = [
-        word
-        for word in re.findall(r"[a-z0-9]+", left)
-        if word not in ("and", "then", "the", "please")
+def _after(before: Answer, found: WishAnswer, setting: WishContext, stated: str) -> Answer:
+    """The recipe after an answer: without what it drops, with what it adds."""
+    new = [answers.entry(edit, stated, setting) for edit in found.edits]
+    options = [one for edit in new for one in edit.get("one_of", [edit])]
+    named = [target for one in options for target in declared.targets(one)]
+    return Answer(
+        edits=(*_without(before.edits, found.drop), *new),
+        settings={**before.settings, **_settings(found.settings)},
+        mention=Mention(kind="target", target=named[-1]) if named else before.mention,
+        notes=tuple(answers.short(note) for note in found.notes),
+    )
+
+
+def _settings(given: answers.WishSettings | None) -> dict[str, Any]:
+    return given.entries() if given else {}
+
+
+def _without(edits: Sequence[Entry], drop: Sequence[int]) -> list[Entry]:
+    return [edit for number, edit in enumerate(edits) if number not in drop]
+
+
+def _shown(message: Mapping[str, Any], picture: bytes) -> list[dict[str, Any]]:
+    """A question in parts: its words, and the picture."""
+    url = f"data:image/png;base64,{base64.b64encode(picture).decode()}"
+    return [
+        {"type": "text", "text": message["content"]},
+        {"type": "image_url", "image_url": {"url": url}},
     ]
-    return (f"no step rests on: {' '.join(words)}",) if words else ()
 
 
-def _compared(
-    history: History, stated: str, setting: WishContext, answer: Answer
-) -> tuple[str, ...]:
-    """What the offline grammar makes of the same wish, where it makes something else of it."""
-    try:
-        other = rounds.next_round(history, stated, setting)
-    except RpaugError:
-        return ("the offline grammar does not understand this wish",)
-    if other.edits == answer.edits:
-        return ()
-    return (f"the offline grammar reads it as: {json.dumps(list(other.edits))}",)
-
-
-def operators() -> str:
-    """What can be asked for: every operator with its first sentence, and how it may be said."""
+def operators(ops: Sequence[str] | None = None) -> str:
+    """What can be asked for: each operator's meaning, and wishes with the fields that they come to."""
     lines = []
-    for name in registry.operator_names():
-        stated = ", ".join(f'"{one}"' for one in templates.examples(name))
-        first = (registry.operator(name).__doc__ or "").splitlines()[0]
-        lines.append(f"- {name}: {first}" + (f" e.g. {stated}" if stated else ""))
+    for name in ops or registry.operator_names():
+        kind = registry.operator(name)
+        lines.append(f"- {name}: {' '.join((kind.__doc__ or '').split())}")
+        lines += [f"  {wish!r}: {json.dumps(given)}" for wish, given in kind.examples]
+        if not kind.examples:
+            lines += [f"  {wish!r}" for wish in templates.examples(name)]
     return "\n".join(lines)

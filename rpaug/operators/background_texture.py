@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from rpaug.core.interfaces import Examples
 from rpaug.operators.texturing import Texturing
 from rpaug.scene.targets.targets import BACKGROUND, Target
 
@@ -17,4 +18,8 @@ class BackgroundTexture(Texturing):
     scale: Annotated[float, Field(gt=0)] = 1.2
 
     phrases: ClassVar[tuple[str, ...]] = ("change the texture of the background",)
+    examples: ClassVar[Examples] = (
+        ("turn the walls and the floor into brick", {"texture": "bricks_red"}),
+        ("random background", {}),
+    )
     undone_as: ClassVar[tuple[str, ...]] = ("background", "walls", "floor", "texture", "textures")

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from rpaug.core import geometry
 from rpaug.core.errors import TargetError
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Examples, Operator
 from rpaug.core.types import Effect, Scene
 
 Motion = tuple[float, float, float]
@@ -33,6 +33,13 @@ class CameraPose(Operator):
 
     effect: ClassVar[Effect] = Effect.CAMERA | Effect.PIXELS
     phrases: ClassVar[tuple[str, ...]] = ("jitter {camera} [by up to {shift:length}]",)
+    examples: ClassVar[Examples] = (
+        ("jitter all fixed cameras by up to 3 cm", {"camera": "static", "shift": 0.03}),
+        (
+            "nudge the wrist cam about half a degree",
+            {"camera": "wrist", "shift": 0, "turn": 0.0087},
+        ),
+    )
     undone_as: ClassVar[tuple[str, ...]] = ("camera", "cameras", "viewpoint", "view", "camera pose")
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ from rpaug.assets import library
 from rpaug.assets.library import Asset
 from rpaug.core import geometry, instance_ids
 from rpaug.core.errors import TargetError, Unsupported
-from rpaug.core.interfaces import Added, Edit, Operator
+from rpaug.core.interfaces import Added, Edit, Examples, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Unit
 from rpaug.operators.insert import (
@@ -96,6 +96,10 @@ class Distractors(Operator):
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     phrases: ClassVar[tuple[str, ...]] = ("add {count} distractors",)
+    examples: ClassVar[Examples] = (
+        ("three random objects near where the gripper goes", {"count": 3, "near": "path"}),
+        ("clutter that looks like the target", {"count": 4, "like": "target", "groups": 2}),
+    )
     undone_as: ClassVar[tuple[str, ...]] = ("distractor", "distractors", "clutter")
 
     def ready(self) -> None:

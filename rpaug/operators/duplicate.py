@@ -8,7 +8,7 @@ from pydantic import Field
 
 from rpaug.core import instance_ids
 from rpaug.core.errors import Unsupported
-from rpaug.core.interfaces import Edit, Needs, Operator
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator
 from rpaug.core.types import Body, Effect, Scene
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import standing, untouched
@@ -32,6 +32,10 @@ class Duplicate(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("target",))
     phrases: ClassVar[tuple[str, ...]] = ("duplicate {target} [{count} times]",)
+    examples: ClassVar[Examples] = (
+        ("another two of the blue block", {"target": "blue block", "count": 2}),
+        ("clone instance 12", {"target": {"handle": 12}}),
+    )
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         target = untouched.pick(scene, self.target, rng, "duplicating")

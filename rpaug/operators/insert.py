@@ -13,7 +13,7 @@ from rpaug.compose.inserted import draw as draw_all
 from rpaug.core import geometry, instance_ids
 from rpaug.core.color_space import from_linear, nearest, to_linear
 from rpaug.core.errors import RpaugError, Unsupported
-from rpaug.core.interfaces import Added, Edit, Needs, Operator
+from rpaug.core.interfaces import Added, Edit, Examples, Needs, Operator
 from rpaug.core.types import Ambience, Body, Effect, Gaussians, Scene
 from rpaug.operators.fields import Interval
 from rpaug.providers import harmonise
@@ -68,6 +68,10 @@ class Insert(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(anchors=("near",))
     phrases: ClassVar[tuple[str, ...]] = ("add a {category:mug|bowl|book} [near {near}]",)
+    examples: ClassVar[Examples] = (
+        ("a mug next to the drawer", {"category": "mug", "near": "drawer"}),
+        ("put a banana on the table", {"category": "banana"}),
+    )
 
     def __post_init__(self) -> None:
         if self.at is not None and self.near is not None:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32
 from pydantic import Field
 
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Examples, Operator
 from rpaug.core.types import Effect, Scene, Surface
 from rpaug.scene.lighting import light
 
@@ -51,6 +51,10 @@ class LightColor(Operator):
 
     effect: ClassVar[Effect] = Effect.RGB
     phrases: ClassVar[tuple[str, ...]] = ("change the color of the lights",)
+    examples: ClassVar[Examples] = (
+        ("dim the lights by half", {"range": [[0.25, 0.25, 0.25], [0.25, 0.25, 0.25]]}),
+        ("a warm evening light", {"range": [[0.5, 0.38, 0.25], [0.5, 0.38, 0.25]]}),
+    )
     undone_as: ClassVar[tuple[str, ...]] = (
         "light",
         "lights",

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int32
 from pydantic import Field
 
-from rpaug.core.interfaces import Edit, Needs, Operator
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator
 from rpaug.core.types import Effect, Scene, Surface
 from rpaug.operators.fields import Unit
 from rpaug.scene.lighting import light
@@ -75,6 +75,10 @@ class LightDirection(Operator):
     effect: ClassVar[Effect] = Effect.RGB
     needs: ClassVar[Needs] = Needs(depth=True)
     phrases: ClassVar[tuple[str, ...]] = ("move the lamp", "turn the lamp by up to {turn:angle}")
+    examples: ClassVar[Examples] = (
+        ("let the lamp shine from somewhere else", {"turn": 0.8}),
+        ("light straight from above", {"to": [0, 0, -1]}),
+    )
     undone_as: ClassVar[tuple[str, ...]] = (
         "light",
         "lights",

@@ -8,7 +8,7 @@ from jaxtyping import Float64
 from pydantic import Field
 
 from rpaug.core.errors import Unsupported
-from rpaug.core.interfaces import Edit, Needs, Operator
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import standing, untouched
@@ -40,6 +40,10 @@ class Move(Operator):
     phrases: ClassVar[tuple[str, ...]] = (
         "move {target} by up to {shift:length}",
         "move {target} next to {near}",
+    )
+    examples: ClassVar[Examples] = (
+        ("shift the mug 5 cm to the left", {"target": "mug", "by": [0, 0.05], "turn": 0}),
+        ("the plate somewhere else near the box", {"target": "plate", "near": "box"}),
     )
     settles: ClassVar[str] = "place"
 

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field
 
 from rpaug.core import geometry
 from rpaug.core.errors import Unsupported
-from rpaug.core.interfaces import Edit, Needs, Operator
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator
 from rpaug.core.types import Body, Effect, Scene
 from rpaug.operators.fields import Interval
 from rpaug.scene.lighting import shadows
@@ -76,6 +76,10 @@ class ObjectSize(Operator):
     needs: ClassVar[Needs] = Needs(targets=("target",))
     phrases: ClassVar[tuple[str, ...]] = (
         "resize {target} [to between {range:number} and {range:number} times its size]",
+    )
+    examples: ClassVar[Examples] = (
+        ("make the bowl a fifth smaller", {"target": "bowl", "range": [0.8, 0.8]}),
+        ("vary the cup's size by 10 %", {"target": "cup", "range": [0.9, 1.1]}),
     )
     undone_as: ClassVar[tuple[str, ...]] = ("size", "resizing")
     settles: ClassVar[str] = "size"

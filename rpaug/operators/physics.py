@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from rpaug.core.errors import RpaugError, Unsupported
-from rpaug.core.interfaces import Edit, Needs, Operator
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval
 from rpaug.physics import materials, simulate
@@ -92,6 +92,13 @@ class Physics(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("target",))
     phrases: ClassVar[tuple[str, ...]] = ("make {target} behave like {material:rubber|jelly|sand}",)
+    examples: ClassVar[Examples] = (
+        ("let the green can melt like jelly", {"target": "green can", "material": "jelly"}),
+        (
+            "drop the block from 10 cm as if of rubber",
+            {"target": "block", "material": "rubber", "height": [0.1, 0.1]},
+        ),
+    )
     settles: ClassVar[str] = "material"
 
     def ready(self) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from rpaug.core import color_space
-from rpaug.core.interfaces import Edit, Needs, Operator, Painted
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB, Color
 from rpaug.scene.lighting import albedo, shading
@@ -91,6 +91,13 @@ class Recolor(Operator):
     effect: ClassVar[Effect] = Effect.RGB
     needs: ClassVar[Needs] = Needs(targets=("target",))
     phrases: ClassVar[tuple[str, ...]] = ("paint {target} {color}", "recolor {target} in {color}")
+    examples: ClassVar[Examples] = (
+        ("paint the cup navy", {"target": "cup", "color": "navy"}),
+        (
+            "some other color for what is grasped",
+            {"target": {"role": "manipulated"}, "color": {"sample": "colosseum"}},
+        ),
+    )
     undone_as: ClassVar[tuple[str, ...]] = ("color", "colour", "colors", "colours", "paint")
     settles: ClassVar[str] = "look"
 

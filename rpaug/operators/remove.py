@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import AfterValidator
 
 from rpaug.core.errors import RpaugError
-from rpaug.core.interfaces import Edit, Needs, Operator
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.providers import inpaint
 from rpaug.scene.lighting import shadows
@@ -40,6 +40,10 @@ class Remove(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("target",))
     phrases: ClassVar[tuple[str, ...]] = ("remove {target}",)
+    examples: ClassVar[Examples] = (
+        ("get rid of the white pad", {"target": "white pad"}),
+        ("clear instances 4 and 7 away", {"target": {"handle": [4, 7]}}),
+    )
     settles: ClassVar[str] = "removal"
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:

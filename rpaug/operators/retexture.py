@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rpaug.core.interfaces import Examples
 from rpaug.operators.texturing import Texturing
 
 
@@ -11,3 +12,7 @@ class Retexture(Texturing):
     """Lay an image on `target`, in the frame of its body: as COLOSSEUM's `object_texture` does."""
 
     phrases: ClassVar[tuple[str, ...]] = ("cover {target} with {texture:denim|walnut|terrazzo}",)
+    examples: ClassVar[Examples] = (
+        ("cover the box with denim", {"target": "box", "texture": "denim"}),
+        ("any pattern on where it goes", {"target": {"role": "receiver"}}),
+    )

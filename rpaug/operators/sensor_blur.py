@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import UInt8
 from pydantic import Field
 
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Examples, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval
 
@@ -36,6 +36,10 @@ class SensorBlur(Operator):
     effect: ClassVar[Effect] = Effect.RGB
     phrases: ClassVar[tuple[str, ...]] = (
         "blur the images [by between {sigma:number} and {sigma:number} pixels]",
+    )
+    examples: ClassVar[Examples] = (
+        ("slightly out of focus", {"sigma": [0.5, 1.0]}),
+        ("blur by 2 pixels", {"sigma": [2, 2]}),
     )
     undone_as: ClassVar[tuple[str, ...]] = ("blur",)
     settles: ClassVar[str] = "sensor blur"

@@ -9,7 +9,7 @@ from jaxtyping import UInt8
 from pydantic import Field
 
 from rpaug.core import color_space
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Examples, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval
 
@@ -40,6 +40,10 @@ class SensorExposure(Operator):
 
     effect: ClassVar[Effect] = Effect.RGB
     phrases: ClassVar[tuple[str, ...]] = ("vary the exposure",)
+    examples: ClassVar[Examples] = (
+        ("one stop brighter", {"stops": [1, 1]}),
+        ("under- and overexposed by up to half a stop", {"stops": [-0.5, 0.5]}),
+    )
     undone_as: ClassVar[tuple[str, ...]] = ("exposure",)
     settles: ClassVar[str] = "sensor exposure"
 

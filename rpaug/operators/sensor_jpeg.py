@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import UInt8
 from pydantic import Field
 
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Examples, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval
 
@@ -41,6 +41,10 @@ class SensorJPEG(Operator):
     effect: ClassVar[Effect] = Effect.RGB
     phrases: ClassVar[tuple[str, ...]] = (
         "compress the images as jpeg [with quality {quality:count} to {quality:count}]",
+    )
+    examples: ClassVar[Examples] = (
+        ("jpeg artifacts", {}),
+        ("compress at quality 40", {"quality": [40, 40]}),
     )
     undone_as: ClassVar[tuple[str, ...]] = ("jpeg", "compression")
     settles: ClassVar[str] = "sensor jpeg"

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import UInt8
 from pydantic import Field
 
-from rpaug.core.interfaces import Edit, Operator
+from rpaug.core.interfaces import Edit, Examples, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import Interval, seed
 
@@ -43,6 +43,10 @@ class SensorNoise(Operator):
 
     effect: ClassVar[Effect] = Effect.RGB
     phrases: ClassVar[tuple[str, ...]] = ("add noise to the images",)
+    examples: ClassVar[Examples] = (
+        ("grainy images", {"read": [0.01, 0.03]}),
+        ("noise of up to 3 %", {"read": [0, 0.03]}),
+    )
     undone_as: ClassVar[tuple[str, ...]] = ("noise",)
     settles: ClassVar[str] = "sensor noise"
 

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from rpaug.core.errors import Unsupported
-from rpaug.core.interfaces import Edit, Needs, Operator
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator
 from rpaug.core.types import Effect, Scene
 from rpaug.scene.lighting import shadows
 from rpaug.scene.placement import standing, untouched
@@ -31,6 +31,13 @@ class Spread(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("targets",))
     phrases: ClassVar[tuple[str, ...]] = ("rearrange everything", "shuffle {targets}")
+    examples: ClassVar[Examples] = (
+        ("shuffle whatever lies around", {}),
+        (
+            "rearrange the cup and the plate by up to 10 cm",
+            {"targets": ["cup", "plate"], "shift": 0.1},
+        ),
+    )
     undone_as: ClassVar[tuple[str, ...]] = ("spread", "shuffle")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from rpaug.assets.textures import folder, shipped
 from rpaug.core.errors import BadInput, TargetError, Unsupported
-from rpaug.core.interfaces import Edit, Needs, Operator, Painted
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.types import Effect, Scene, Surface
 from rpaug.gaussians.painting import Painting
 from rpaug.operators import fields, texturing
@@ -62,6 +62,10 @@ class Stylize(Operator):
     effect: ClassVar[Effect] = Effect.RGB
     needs: ClassVar[Needs] = Needs(targets=("target",), gaussians=True)
     phrases: ClassVar[tuple[str, ...]] = ("stylize {target} [like {style:rust|denim}]",)
+    examples: ClassVar[Examples] = (
+        ("the cup in the style of rust", {"target": "cup", "style": "rust"}),
+        ("stylize the drawer like denim", {"target": "drawer", "style": "denim"}),
+    )
     undone_as: ClassVar[tuple[str, ...]] = ("texture", "textures")
     settles: ClassVar[str] = "look"
 

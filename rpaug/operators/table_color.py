@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from rpaug.core.interfaces import Edit, Needs, Operator, Painted
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import RGB
 from rpaug.operators.recolor import AlbedoRatio, named
@@ -27,6 +27,10 @@ class TableColor(Operator):
     effect: ClassVar[Effect] = Effect.RGB
     needs: ClassVar[Needs] = Needs(targets=("target",))
     phrases: ClassVar[tuple[str, ...]] = ("change the color of the table",)
+    examples: ClassVar[Examples] = (
+        ("a gray tabletop", {"range": [[0.5, 0.5, 0.5], [0.5, 0.5, 0.5]]}),
+        ("random table colors", {}),
+    )
     undone_as: ClassVar[tuple[str, ...]] = (
         "table",
         "table color",

@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from rpaug.core.interfaces import Examples
 from rpaug.operators.texturing import Texturing
 from rpaug.scene.targets.targets import TABLE, Target
 
@@ -17,6 +18,10 @@ class TableTexture(Texturing):
     scale: Annotated[float, Field(gt=0)] = 0.6
 
     phrases: ClassVar[tuple[str, ...]] = ("change the texture of the table",)
+    examples: ClassVar[Examples] = (
+        ("a marble table", {"texture": "marble_white"}),
+        ("some other table surface", {}),
+    )
     undone_as: ClassVar[tuple[str, ...]] = (
         "table",
         "table color",

@@ -7,6 +7,7 @@ __all__ = [
     "convert",
     "copies",
     "fit",
+    "gates",
     "inputs",
     "inspect",
     "left_out",

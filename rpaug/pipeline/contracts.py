@@ -118,6 +118,11 @@ class OperatorContract:
                 given = phrases.fields([(slot.field, slot.example[1]) for slot in slots])
                 TypeAdapter(kind).validate_python(given)
 
+    def test_each_example_is_a_valid_edit(self) -> None:
+        kind = type(self.operator())
+        for _, given in kind.examples:
+            TypeAdapter(kind).validate_python(dict(given))
+
     def test_what_it_says_is_plain_and_covers_what_it_paints(self) -> None:
         scene, operator = self.scene(), self.operator()
         edit = self._edit(scene)

@@ -11,6 +11,8 @@ from rpaug.cli import app
 from rpaug.pipeline import recipe
 
 RUNNER = CliRunner()
+BLUR = {"said": "blur", "probability": None, "options": [{"op": "sensor_blur", "sigma": [1, 1]}]}
+BLURRED = json.dumps({"refuse": "", "drop": [], "edits": [BLUR], "settings": None, "notes": []})
 
 
 def ask(*arguments: object, code: int = 0) -> str:
@@ -74,19 +76,14 @@ def test_nothing_is_overwritten(data: Path, tmp_path: Path) -> None:
     assert (tmp_path / "r.yaml").read_text() == "mine"
     ask(data, "blur the images", "--run", code=2)
     ask(data, "blur the images", "--llm", "http://localhost:1", code=2)
+    ask(data, "blur the images", "--picture", "--no-ground", code=2)
 
 
 def test_a_model_is_asked_and_its_key_is_nowhere(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RPAUG_LLM_KEY", KEY)
-    none = dict.fromkeys(("copies", "seed", "limit", "keep_originals"))
-    steps = [{"said": "blur the images", "op": "sensor_blur"}]
-    answers = [
-        {"steps": steps, "drop": [], **none, "refuse": ""},
-        {"edits": [{"op": "sensor_blur", "sigma": [1, 1]}]},
-    ]
-    play = lambda h, n: h.answer(completion(json.dumps(answers[n - 1]), prompt_tokens=10))  # noqa: E731
+    play = lambda h, n: h.answer(completion(BLURRED, prompt_tokens=20))  # noqa: E731
     out, log = tmp_path / "r.yaml", tmp_path / "log.jsonl"
     with served(play) as (endpoint, _):
         stated = ask(
@@ -97,21 +94,15 @@ def test_a_model_is_asked_and_its_key_is_nowhere(
     assert "cost: 2e-05" in stated
     for text in (stated, out.read_text(), log.read_text()):
         assert KEY not in text
-    assert "manager.v1" in log.read_text()
+    assert "wish.v1" in log.read_text()
 
 
 def test_the_key_is_in_nothing_that_a_run_writes(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RPAUG_LLM_KEY", KEY)
-    none = dict.fromkeys(("copies", "seed", "limit", "keep_originals"))
-    step = {"said": "blur the images", "op": "sensor_blur"}
-    answers = [
-        {"steps": [step], "drop": [], **none, "refuse": ""},
-        {"edits": [{"op": "sensor_blur", "sigma": [1, 1]}]},
-    ]
     out = tmp_path / "out"
-    with served(lambda h, n: h.answer(completion(json.dumps(answers[n - 1])))) as (endpoint, _):
+    with served(lambda h, n: h.answer(completion(BLURRED))) as (endpoint, _):
         ask(
             data, "blur the images", "--llm", endpoint.url, "--model", "small", "--no-ground",
             "--run", "--into", out,

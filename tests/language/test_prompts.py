@@ -6,8 +6,6 @@ import pytest
 
 from rpaug.language import answers, prompting
 from rpaug.language.messages import WishContext
-from rpaug.language.rounds import said_after
-from rpaug.pipeline import recipe
 
 STAGES = sorted(prompting.LATEST)
 
@@ -27,24 +25,13 @@ def test_every_stage_has_a_prompt_with_examples(stage: str) -> None:
 def test_the_managers_examples_are_valid() -> None:
     for asked, answered in prompting.prompt("manager").examples:
         question = json.loads(asked)
-        answers.plan(json.loads(answered), question["wish"], len(question["earlier"]))
+        answers.planned(json.loads(answered), question["wish"], len(question["earlier"]))
 
 
-def test_the_operations_examples_are_what_the_grammar_says() -> None:
-    for asked, answered in prompting.prompt("operation").examples:
-        question, edits = json.loads(asked), json.loads(answered)["edits"]
-        known = answers.known_words(f"{question['step']} {question['it']}", ())
-        assert answers.edits({"edits": edits}, question["op"], known) == edits
-        before = [f"paint the {question['it']} red"] if question["it"] else []
-        assert (
-            list(said_after(question["step"], before, WishContext()).edits[len(before) :]) == edits
-        )
-
-
-def test_the_renderers_examples_are_what_the_grammar_says() -> None:
-    for asked, answered in prompting.prompt("renderer").examples:
+def test_the_wishs_examples_are_valid_recipes() -> None:
+    for asked, answered in prompting.prompt("wish").examples:
         question = json.loads(asked)
+        found = answers.understood(json.loads(answered), question["wish"], len(question["earlier"]))
         setting = WishContext(cameras=tuple(question["cameras"]))
-        edit = answers.viewpoint(json.loads(answered), setting.cameras).edit()
-        assert edit == said_after(question["step"], (), setting).edits[0]
-        recipe.option("camera_pose", {name: value for name, value in edit.items() if name != "op"})
+        made = [answers.entry(edit, question["wish"], setting) for edit in found.edits]
+        assert bool(made) != bool(found.refuse)

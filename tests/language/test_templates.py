@@ -1,5 +1,6 @@
 """Operators' own phrases: as rules of the grammar, and as examples of what may be said."""
 
+import json
 from dataclasses import dataclass
 
 import pytest
@@ -94,7 +95,16 @@ def test_what_we_say_of_ours_is_understood(name: str) -> None:
 
 
 def test_a_model_is_told_of_every_operator_and_how_to_ask_for_it() -> None:
-    lines = talk.operators().splitlines()
-    assert len(lines) == len(registry.operator_names())
-    assert "- remove: Remove `target`" in talk.operators()
-    assert 'e.g. "remove the red block"' in talk.operators()
+    told = talk.operators()
+    for name in registry.operator_names():
+        kind = registry.operator(name)
+        assert f"- {name}: {(kind.__doc__ or '').split()[0]}" in told
+        wish, given = kind.examples[0]
+        assert f"{wish!r}: {json.dumps(given)}" in told
+
+
+def test_a_model_is_told_phrases_where_an_operator_brings_no_examples(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(registry.operator("remove"), "examples", ())
+    assert "'remove the red block'" in talk.operators(["remove"])
