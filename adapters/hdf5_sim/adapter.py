@@ -83,9 +83,14 @@ class HDF5Sim(Adapter):
         return [*gather.faults(root)]
 
     def reobserve(
-        self, root: Path, target: Path, simulator: Path, progress: Callable[[int, int], None]
+        self,
+        root: Path,
+        target: Path,
+        simulator: Path,
+        progress: Callable[[int, int], None],
+        color: bool = False,
     ) -> tuple[int, Mapping[str, str]]:
-        return reobserve(root, target, simulator, progress)
+        return reobserve(root, target, simulator, progress, color)
 
     def finish(self, source: Path, target: Path) -> None:
         """Demonstrations into shared files."""

@@ -47,6 +47,11 @@ class StoredCamera:
     metres: float = 1.0
     ids: str | None = None
 
+    @property
+    def names(self) -> list[str]:
+        """Its datasets."""
+        return [name for name in (self.color, self.depth, self.ids) if name]
+
 
 @dataclass(frozen=True)
 class Demonstration:
@@ -220,8 +225,7 @@ def _see_lengths(
         found, expected = "no images", "observations with color: replay the states with cameras"
         raise BadInput(place.path, f"{place.group}/obs", found=found, expected=expected)
     for one in stored.values():
-        names = [name for name in (one.color, one.depth, one.ids) if name]
-        for name in names + [f"next_{name}" for name in names if following]:
+        for name in one.names + [f"next_{name}" for name in one.names if following]:
             like = held[name.removeprefix("next_")].shape[1:]
             shape = held[name].shape if name in held else None
             if shape != (rows, *like):
@@ -237,7 +241,7 @@ def _tracks(
     following: bool,
 ) -> dict[str, Float64[np.ndarray, "t k"]]:
     """Every dataset of numbers with one or two axes and a row an image or an action, by the name all layouts share."""
-    shown = {name for one in stored.values() for name in (one.color, one.depth, one.ids)}
+    shown = {name for one in stored.values() for name in one.names}
     found = {}
     for name, one in held.items():
         if name in shown or name.startswith(f"{NEXT}/") or one.dtype.kind not in "fiub":
@@ -299,7 +303,7 @@ def _rate(env: Any) -> float | None:
 def _unread(
     place: Place, held: Mapping[str, h5py.Dataset], stored: Mapping[str, StoredCamera]
 ) -> tuple[str, ...]:
-    shown = {name for one in stored.values() for name in (one.color, one.depth, one.ids)}
+    shown = {name for one in stored.values() for name in one.names}
     return tuple(
         f"{name} ({one.dtype}, {'x'.join(map(str, one.shape))}) is not understood: it stays as it is"
         for name, one in held.items()

@@ -1,9 +1,9 @@
 """Depth, instance ids and cameras of states that a simulator recorded, seen again by the simulator itself.
 
 It renders each stored state in its own environment (`simulator.py`); no action is played. What it sees is believed only
-where its color is the stored one. The file that is written has what the source has, and in `obs`, as robosuite names
-it, `<camera>_depth`, `<camera>_segmentation_instance`, and `<camera>_pose`, which `cameras.yaml` tells of. `next_obs`
-are left out: the last of them shows a state that no file holds.
+where its color is the stored one, or where its color is asked for too. The file that is written has what the source
+has, and in `obs`, as robosuite names it, `<camera>_depth`, `<camera>_segmentation_instance`, and `<camera>_pose`, which
+`cameras.yaml` tells of. `next_obs` are left out: the last of them shows a state that no file holds.
 """
 
 import json
@@ -33,6 +33,14 @@ SCRIPT = Path(__file__).with_name("simulator.py")
 LEVELS, SHARE = 8, 0.01  # of 255, and of an image's pixels: drivers draw edges otherwise
 DEPTH, IDS, POSE = "depth", "segmentation_instance", "pose"
 ROLES = "roles.yaml"
+OTHERWISE = (
+    "its model or version is another, or the images were made by playing the actions again, as LIBERO does: "
+    "`--color` takes the simulator's color too"
+)
+MANISKILL = (
+    "rpaug looks at states of robosuite and LIBERO; ManiSkill looks at its own: `python -m mani_skill.trajectory."
+    "replay_trajectory --use-env-states -o rgb+depth+segmentation --traj-path FILE`"
+)
 
 
 class Simulator:
@@ -77,11 +85,16 @@ class Simulator:
 
 
 def reobserve(
-    root: Path, target: Path, python: Path, progress: Callable[[int, int], None]
+    root: Path,
+    target: Path,
+    python: Path,
+    progress: Callable[[int, int], None],
+    color: bool = False,
 ) -> tuple[int, dict[str, str]]:
     """Write each file below `root` again, with what its simulator sees in its states, to the new folder `target`.
 
-    Returns how many demonstrations were written, and which were not and why. Raises BadInput.
+    `color`: the simulator's color takes the place of the stored one, and need not be like it. Returns how many
+    demonstrations were written, and which were not and why. Raises BadInput.
     """
     paths = [
         path
@@ -102,12 +115,14 @@ def reobserve(
                     progress(every.index(place), len(every))
                     try:
                         answer, seen, demo = _seen(simulator, place, Path(folder) / "seen.npz")
+                        if not color:
+                            _compare(demo, seen)
                     except (Unsupported, BadInput) as error:
                         failures[f"{path.relative_to(root).with_suffix('')}/{place.name}"] = str(
                             error
                         )
                         continue
-                    _lay(file.add(place, place.name), demo, seen)
+                    _lay(file.add(place, place.name), demo, seen, color)
                     settled.add(demo, seen, answer)
     finally:
         simulator.close()
@@ -120,28 +135,32 @@ def reobserve(
 def _seen(
     simulator: Simulator, place: Place, out: Path
 ) -> tuple[dict[str, Any], dict[str, np.ndarray], Demonstration]:
-    """What the simulator sees, if its color is the stored one. Raises Unsupported."""
+    """What the simulator sees. Raises Unsupported."""
     with opened(place.path, place.within) as file:
         demo = layouts.demo(place, file)
         group = file[place.group]
+        if not place.robomimic:
+            raise Unsupported(f"{place.path}: {place.group}: {MANISKILL}")
         told = "model_file" in group.attrs and "env_args" in file[DATA].attrs
         if not told or "states" not in group or len(group["states"]) != demo.steps:
             where, lacks = f"{place.path}: {place.group}", "model_file, env_args and a state a step"
             raise Unsupported(f"{where}: found no states to look at; expected {lacks}")
-    answer, seen = simulator.look(demo, out)
+    return *simulator.look(demo, out), demo
+
+
+def _compare(demo: Demonstration, seen: dict[str, np.ndarray]) -> None:
+    """See that the color is the stored one. Raises Unsupported."""
     for one in demo.stored.values():
         color, stored = seen[f"{one.camera}/rgb"], frames(demo, one.color)
         for t, image in enumerate(color):
             off = np.abs(image.astype(np.int16) - stored(t)).max(2) > LEVELS
             if off.mean() > SHARE:
-                words = f"{one.color}, frame {t}: {100 * off.mean():.1f} % of the simulator's pixels are others"
-                raise Unsupported(
-                    f"{place.path}: {place.group}/{words}: its model or version is another"
-                )
-    return answer, seen, demo
+                share = f"{100 * off.mean():.1f} % of the simulator's pixels are others"
+                place = f"{demo.place.path}: {demo.place.group}/{one.color}, frame {t}"
+                raise Unsupported(f"{place}: {share}: {OTHERWISE}")
 
 
-def _lay(group: h5py.Group, demo: Demonstration, seen: dict[str, np.ndarray]) -> None:
+def _lay(group: h5py.Group, demo: Demonstration, seen: dict[str, np.ndarray], color: bool) -> None:
     """Write what was seen as robosuite and robomimic name it."""
     if NEXT in group:
         del group[NEXT]
@@ -151,6 +170,8 @@ def _lay(group: h5py.Group, demo: Demonstration, seen: dict[str, np.ndarray]) ->
             f"{one.camera}_{IDS}": seen[f"{one.camera}/ids"][..., None],
             f"{one.camera}_{POSE}": seen[f"{one.camera}/pose"].reshape(demo.steps, 16),
         }
+        if color:
+            new[one.color.removeprefix("obs/")] = seen[f"{one.camera}/rgb"]
         for name, rows in new.items():
             rows = rows[:, ::-1] if demo.flipped and rows.ndim == 4 else rows
             if f"obs/{name}" in group:

@@ -1,4 +1,4 @@
-"""Looks again at states that robosuite recorded: runs in the simulator's own environment, without rpaug.
+"""Looks again at states that robosuite or LIBERO recorded: runs in the simulator's own environment, without rpaug.
 
 Lines of JSON come in, `{path, group, cameras: {name: [width, height]}, out}`; each is answered by one, `{error}` or
 `{instances: {name: id}, robot: [id, ...], moved: [id, ...]}`, and a file of arrays: color, depth in metres as robomimic
@@ -11,6 +11,8 @@ that the world itself has. Names of instances are those of their first bodies.
 import json
 import os
 import sys
+import tempfile
+import xml.etree.ElementTree as ET
 from typing import Any
 
 os.environ.setdefault("MUJOCO_GL", "egl")
@@ -24,7 +26,7 @@ class Watcher:
 
     def __init__(self) -> None:
         self.env: Any = None
-        self.made = ""
+        self.made = "", ""
 
     def look(
         self, path: str, group: str, cameras: dict[str, list[int]], out: str
@@ -34,7 +36,8 @@ class Watcher:
         import numpy as np
 
         with h5py.File(path, "r") as file:
-            self._make(file["data"].attrs["env_args"])
+            told = file["data"].attrs
+            self._make(told["env_args"], told.get("bddl_file_content", ""))
             states = file[group]["states"][()]
             model, words = file[group].attrs["model_file"], file[group].attrs.get("ep_meta", "{}")
         self._load(model, words)
@@ -52,7 +55,7 @@ class Watcher:
                 ):
                     reels.setdefault(f"{name}/{kind}", []).append(shot)
         for name, (width, height) in cameras.items():
-            fovy = np.radians(sim.model.cam_fovy[sim.model.camera_name2id(name)])
+            fovy = np.radians(sim.model.cam_fovy[sim.model.camera_name2id(self._named(name))])
             focal = height / 2 / np.tan(fovy / 2)
             centre = [[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]]
             found[f"{name}/K"] = np.array(centre)
@@ -63,9 +66,10 @@ class Watcher:
         moved = {int(ids[geom]) for geom in range(len(ids)) if way[bodies[geom]] > MOVES}
         return {**answer, "moved": sorted(moved - {0, *answer["robot"]})}
 
-    def _make(self, given: str) -> None:
-        """The environment of a file's `env_args`; controllers draw nothing, and other versions refuse them."""
-        if given == self.made:
+    def _make(self, given: str, task: str) -> None:
+        """The environment of a file's `env_args`, with LIBERO's task; controllers draw nothing, and other versions
+        refuse them."""
+        if (given, task) == self.made:
             return
         import robosuite
 
@@ -73,14 +77,37 @@ class Watcher:
         left = ("controller_configs", "camera_segmentations")
         kwargs = {key: value for key, value in settings["env_kwargs"].items() if key not in left}
         seen = {"has_renderer": False, "has_offscreen_renderer": True, "use_camera_obs": False}
-        self.env = robosuite.make(settings["env_name"], **kwargs | seen | {"ignore_done": True})
-        self.made = given
+        with tempfile.NamedTemporaryFile("w", suffix=".bddl") as file:
+            if task:
+                import libero.libero.envs  # its environments are robosuite's from now on
+
+                file.write(task)
+                file.flush()
+                kwargs["bddl_file_name"] = file.name
+            self.env = robosuite.make(settings["env_name"], **kwargs | seen | {"ignore_done": True})
+        self.made = given, task
 
     def _load(self, model: str, words: str) -> None:
         if hasattr(self.env, "set_ep_meta"):
             self.env.set_ep_meta(json.loads(words))
-        self.env.reset_from_xml_string(self.env.edit_model_xml(model))
+        libero = bool(self.made[1])
+        own = self._with_files(model) if libero else self.env.edit_model_xml(model)
+        self.env.reset_from_xml_string(own)
         self.env.sim.reset()
+
+    def _with_files(self, model: str) -> str:
+        """The model with the files of robosuite and LIBERO as they are installed, wherever the recorder's lay."""
+        from robosuite.models import assets_root
+
+        places = {"/robosuite/models/assets/": assets_root, "/assets/": self.env.custom_asset_dir}
+        root = ET.fromstring(model)
+        for one in root.iter():
+            for place, here in places.items():
+                _, found, below = one.get("file", "").rpartition(place)
+                if found:
+                    one.set("file", os.path.join(here, below))
+                    break
+        return ET.tostring(root, encoding="unicode")
 
     def _instances(self) -> tuple[Any, dict[str, Any]]:
         """The instance id of each geom, their names, and which are the robot's."""
@@ -101,10 +128,14 @@ class Watcher:
                 mine.add(int(ids[geom]))
         return ids, {"instances": names, "robot": sorted(mine)}
 
+    def _named(self, name: str) -> str:
+        """The model's name of a camera: LIBERO's files leave out the robot's."""
+        return name if name in self.env.sim.model.camera_names else f"robot0_{name}"
+
     def _shoot(self, name: str, size: list[int], ids: Any) -> tuple[Any, Any, Any, Any]:
         import numpy as np
 
-        sim = self.env.sim
+        sim, name = self.env.sim, self._named(name)
         given = {"camera_name": name, "width": size[0], "height": size[1]}
         rgb, depth = sim.render(**given, depth=True)
         marks, sim.model._model.site_size[:] = (

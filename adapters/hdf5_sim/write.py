@@ -236,7 +236,6 @@ def reached(source: SimSource) -> set[str]:
     """The datasets that edits reach, by their places below the demonstration."""
     names: set[str] = set()
     for one in source.stored.values():
-        own = {name for name in (one.color, one.depth, one.ids) if name}
-        names |= own | {f"next_{name}" for name in own}
+        names |= {*one.names, *(f"next_{name}" for name in one.names)}
         names |= {f"{PARAMETERS}/{one.camera}/{kind}" for kind in ("extrinsic_cv", "cam2world_gl")}
     return names

@@ -69,9 +69,14 @@ def reobserve(
     dataset: Dataset,
     simulator: Annotated[
         Path,
-        typer.Option(help="Python in whose environment the simulator (robosuite) is installed."),
+        typer.Option(
+            help="Python in whose environment the simulator is installed: robosuite or LIBERO."
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; must not exist.")],
+    color: Annotated[
+        bool, typer.Option("--color", help="Take the simulator's color too, whatever is stored.")
+    ] = False,
     as_json: AsJson = False,
 ) -> int:
     """Write a simulator's dataset with depth, instance ids, cameras and roles, as the simulator sees its states.
@@ -90,7 +95,8 @@ def reobserve(
         raise BadInput(out, "--out", found="something there already", expected="a new path")
     apart(out, dataset)
     with progress_bar("looking", as_json) as progress:
-        done, failures = registry.adapter_for(dataset).reobserve(dataset, out, simulator, progress)
+        adapter = registry.adapter_for(dataset)
+        done, failures = adapter.reobserve(dataset, out, simulator, progress, color)
     if as_json:
         print_json({"episodes": done, "failures": failures, "out": str(out)})
     else:

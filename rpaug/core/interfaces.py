@@ -173,11 +173,17 @@ class Adapter(ABC):
         return None
 
     def reobserve(
-        self, root: Path, target: Path, simulator: Path, progress: Callable[[int, int], None]
+        self,
+        root: Path,
+        target: Path,
+        simulator: Path,
+        progress: Callable[[int, int], None],
+        color: bool = False,
     ) -> tuple[int, Mapping[str, str]]:
         """Write the dataset to a new folder with what its simulator sees in the states that it holds: depth, instance
-        ids, cameras, roles. `simulator` is the Python of that simulator. Returns how many episodes were written, and
-        why others were not. Raises Unsupported for layouts that hold no states."""
+        ids, cameras, roles, and `color` too, which need not be the stored one then. `simulator` is the Python of that
+        simulator. Returns how many episodes were written, and why others were not. Raises Unsupported for layouts that
+        hold no states."""
         raise Unsupported(f"{self.name}: this layout holds no states of a simulator")
 
     def rename(self, root: Path, key: str, new: str) -> None:

@@ -26,6 +26,7 @@ MODEL = """<mujoco><worldbody>
   <body name="robot0_base"><geom size="1"/><body name="robot0_link1"><joint/><geom size="1"/></body></body>
   <body name="cube_main"><freejoint/><geom size="1"/></body>
 </worldbody></mujoco>"""
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 ROBOSUITE = """
 import sys
 from types import SimpleNamespace
@@ -37,7 +38,8 @@ class Sim:
         model = mujoco.MjModel.from_xml_string(xml)
         self.data = SimpleNamespace(_data=mujoco.MjData(model))
         self.model = SimpleNamespace(_model=model, stat=model.stat, vis=model.vis, cam_fovy=model.cam_fovy,
-                                     camera_name2id=lambda name: model.camera(name).id)
+                                     camera_name2id=lambda name: model.camera(name).id,
+                                     camera_names=[model.camera(i).name for i in range(model.ncam)])
     def reset(self): pass
     def set_state_from_flattened(self, state): self.data._data.qpos[:] = state[1 : 1 + self.model._model.nq]
     def forward(self):
@@ -84,8 +86,8 @@ def dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path.parent
 
 
-def reobserved(source: Path, out: Path) -> tuple[int, str]:
-    given = ["reobserve", str(source), "--simulator", sys.executable, "--out", str(out)]
+def reobserved(source: Path, out: Path, *more: str) -> tuple[int, str]:
+    given = ["reobserve", str(source), "--simulator", sys.executable, "--out", str(out), *more]
     result = CliRunner().invoke(app, given)
     return result.exit_code, result.output + result.stderr
 
@@ -128,6 +130,59 @@ def test_what_looks_otherwise_is_left_out_and_named(dataset: Path, tmp_path: Pat
     with h5py.File(tmp_path / "out/lift.hdf5") as file:
         assert file["data"].attrs["total"] == sim_samples.STEPS
         assert not len(file["mask/valid"])
+
+
+def test_the_simulators_color_takes_the_place_of_another(dataset: Path, tmp_path: Path) -> None:
+    with h5py.File(dataset / "lift.hdf5", "r+") as file:
+        recorded = file["data/demo_1/obs/agentview_image"][()]
+        file["data/demo_1/obs/agentview_image"][1] += 9
+    assert reobserved(dataset, tmp_path / "out", "--color")[0] == 0
+    with h5py.File(tmp_path / "out/lift.hdf5") as file:
+        assert np.array_equal(file["data/demo_1/obs/agentview_image"][()], recorded)
+
+
+LIBERO = """
+import robosuite
+from pathlib import Path
+
+def make(name, bddl_file_name, **settings):
+    assert Path(bddl_file_name).read_text() == "(define)"
+    env = robosuite.Env()
+    env.custom_asset_dir = str(Path(__file__).parent)
+    return env
+
+robosuite.make = make
+"""
+
+
+def test_liberos_task_files_and_cameras_are_found(dataset: Path, tmp_path: Path) -> None:
+    """Its environments are made by importing it; its files lie elsewhere than where it was recorded."""
+    packages = tmp_path / "packages"
+    for folder in ("libero/libero/envs", "robosuite/models"):
+        (packages / folder).mkdir(parents=True)
+    (packages / "robosuite.py").rename(packages / "robosuite/__init__.py")
+    (packages / "robosuite/models/__init__.py").write_text("assets_root = '/nowhere'")
+    for name in ("libero", "libero/libero"):
+        (packages / name / "__init__.py").touch()
+    (packages / "libero/libero/envs/__init__.py").write_text(LIBERO)
+    (packages / "libero/libero/envs/cube.obj").write_text(TETRAHEDRON)
+    mesh = '<asset><mesh name="m" file="/elsewhere/libero/assets/cube.obj"/></asset><worldbody>'
+    with h5py.File(dataset / "lift.hdf5", "r+") as file:
+        file["data"].attrs["bddl_file_content"] = "(define)"
+        for demo in file["data"].values():
+            demo.attrs["model_file"] = MODEL.replace("<worldbody>", mesh, 1)
+            for group in ("obs", "next_obs"):
+                demo.move(f"{group}/robot0_eye_in_hand_image", f"{group}/eye_in_hand_rgb")
+    code, words = reobserved(dataset, tmp_path / "out")
+    assert code == 0, words
+    assert ADAPTER.read(tmp_path / "out", "lift/demo_0").views["eye_in_hand"].camera.placed
+
+
+def test_maniskills_own_tool_is_named(tmp_path: Path) -> None:
+    sim_samples.maniskill(tmp_path / "in/cube.h5")
+    code, words = reobserved(tmp_path / "in", tmp_path / "out")
+    assert code == 2
+    assert "replay_trajectory" in "".join(words.split())
 
 
 def test_a_simulator_that_fails_is_quoted(dataset: Path, tmp_path: Path) -> None:
