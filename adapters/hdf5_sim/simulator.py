@@ -79,8 +79,6 @@ class Watcher:
         seen = {"has_renderer": False, "has_offscreen_renderer": True, "use_camera_obs": False}
         with tempfile.NamedTemporaryFile("w", suffix=".bddl") as file:
             if task:
-                import libero.libero.envs  # its environments are robosuite's from now on
-
                 file.write(task)
                 file.flush()
                 kwargs["bddl_file_name"] = file.name
