@@ -8,6 +8,7 @@ What moves as one is one instance (MuJoCo's welds); of what stands still it is e
 that the world itself has. Names of instances are those of their first bodies.
 """
 
+import importlib
 import json
 import os
 import sys
@@ -79,6 +80,7 @@ class Watcher:
         seen = {"has_renderer": False, "has_offscreen_renderer": True, "use_camera_obs": False}
         with tempfile.NamedTemporaryFile("w", suffix=".bddl") as file:
             if task:
+                importlib.import_module("libero.libero.envs")  # they are robosuite's from now on
                 file.write(task)
                 file.flush()
                 kwargs["bddl_file_name"] = file.name
