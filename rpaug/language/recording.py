@@ -37,7 +37,7 @@ class Recording:
 
     @cached_property
     def inventory(self) -> list[dict[str, Any]]:
-        """Every instance in measured facts: lengths in centimetres, `at` ahead of the robot's foot, left of it, up.
+        """Every instance in measured facts; `at_m` is its middle in the world.
 
         No words out of the recording stand in it, so it cannot ask for anything.
         """
@@ -46,16 +46,37 @@ class Recording:
         sampled = look(scene.episode)
         groups = [frozenset([row.instance_id]) for row in rows]
         at = places.places(scene, sampled, groups) if sampled.cameras else {}
+        frame = places.robot_frame(scene, sampled)
+        foot = -frame[:3, 3] @ frame[:3, :3]
         found = []
         for row, group in zip(rows, groups, strict=True):
             facts: dict[str, Any] = {"id": row.instance_id, "color": row.color_name}
             facts |= {"role": row.role} if row.role else {}
             facts |= {"size_cm": _whole(row.size_cm)} if any(row.size_cm) else {}
-            facts |= {"at_cm": _whole(100 * at[group].middle)} if group in at else {}
+            facts |= (
+                {"at_m": _metres(at[group].middle @ frame[:3, :3] + foot)} if group in at else {}
+            )
             facts |= {"moves": True} if row.moving else {}
             facts |= {"moves_with": sorted(row.body - group)} if len(row.body) > 1 else {}
-            found.append(facts | {"cameras": sorted(row.pixels)})
+            found.append(facts | {"cameras": sorted(k for k, n in row.pixels.items() if n)})
         return found
+
+    @cached_property
+    def axes(self) -> dict[str, Any]:
+        """In the world: where the robot's foot is, what is ahead of it and to its left, where cameras are and look."""
+        frame = places.robot_frame(self.scene, look(self.scene.episode))
+        views = {
+            name: view.camera.cam_to_world[0] for name, view in self.scene.episode.views.items()
+        }
+        return {
+            "robot_at_m": _metres(-frame[:3, 3] @ frame[:3, :3]),
+            "ahead": _metres(frame[0, :3]),
+            "left": _metres(frame[1, :3]),
+            "views": {
+                name: {"at_m": _metres(pose[:3, 3]), "looks": _metres(pose[:3, 2])}
+                for name, pose in views.items()
+            },
+        }
 
     def drawn(self, earlier: Answer) -> list[dict[str, Any]]:
         """What the first copy draws for each earlier edit, so that "darker" has something to be darker than."""
@@ -119,6 +140,10 @@ def _told(draw: copies.Draw) -> dict[str, Any]:
 
 def _short(value: Any) -> bool:
     return len(str(value)) <= 60
+
+
+def _metres(lengths: Iterable[float]) -> list[float]:
+    return [round(float(one), 2) + 0.0 for one in lengths]
 
 
 def _whole(lengths: Iterable[float]) -> list[int]:

@@ -136,6 +136,7 @@ class _Talk:
             "cameras": [answers.short(name) for name in self._setting.cameras],
             "instructions": [answers.short(text) for text in self._setting.instructions[:5]],
             "instances": seen.inventory if seen else [],
+            "axes": seen.axes if seen else None,
             "said": self._said[-5:],
             "earlier": list(before.edits),
         }

@@ -77,7 +77,7 @@ class LightDirection(Operator):
     phrases: ClassVar[tuple[str, ...]] = ("move the lamp", "turn the lamp by up to {turn:angle}")
     examples: ClassVar[Examples] = (
         ("let the lamp shine from somewhere else", {"turn": 0.8}),
-        ("light straight from above", {"to": [0, 0, -1]}),
+        ("light straight from above", {"to": [0, 0, 1]}),
     )
     undone_as: ClassVar[tuple[str, ...]] = (
         "light",

@@ -3,9 +3,10 @@
 import json
 from typing import Any
 
+import numpy as np
 import pytest
 from endpoints import KEY, completion, served
-from tabletop import gl, instance_id, scene
+from tabletop import gl, instance_id, scene, take
 
 from rpaug.core import registry
 from rpaug.language import asking, schemas
@@ -192,7 +193,9 @@ def test_the_model_sees_the_recording_and_is_told_what_does_not_hold_there() -> 
     question = json.loads(words["text"])
     (one,) = [fact for fact in question["instances"] if fact["id"] == there]
     assert one["color"] == "green"
-    assert len(one["at_cm"]) == len(one["size_cm"]) == 3
+    true = take().poses["cylinder"][0, :3, 3]
+    np.testing.assert_allclose(one["at_m"], true, atol=0.03)
+    assert question["axes"]["views"]["overhead"]["looks"][2] < -0.5
     assert question["drawn"][0]["color"] == [0.0, 0.0, 1.0]
     assert picture["image_url"]["url"].startswith("data:image/png;base64,iVBOR")
     assert "base64" not in found.log
