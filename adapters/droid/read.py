@@ -188,6 +188,8 @@ def _eyes(folder: Path, tracks: Mapping[str, np.ndarray]) -> tuple[dict[str, Eye
         found = _filmed(folder / "recordings", serial)
         if not found:
             unread.append(f"{name}: camera {serial} has no video")
+        broken = {eye.shown[0][0].facts.broken for eye in found} - {0}
+        unread += [f"{name}: the last {n} frames of its video do not decode" for n in broken]
         eyes |= {f"{name}_{eye.side}": eye for eye in found}
     if not eyes:
         raise BadInput(folder / "recordings/MP4", "videos", found="none", expected="SERIAL.mp4")

@@ -30,6 +30,7 @@ from rpaug import Adapter, BadInput, CameraView, Episode, Robot, Side, Unsupport
 ENDINGS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi")
 STAGED, ANNOTATIONS = "video", "annotations.json"
 VIEW = "ego"
+BROKEN = "the last {} frames of the video do not decode and are left out"
 FOREIGN = ("meta/info.json",)  # datasets that hold videos and are not made of them
 
 
@@ -91,7 +92,9 @@ class Videos(Adapter):
         robot = Robot(still, still, None, None, {"seconds": (at - at[0])[:, None]})
         stated = notes.descriptions
         source = VideoSource(video, view, notes, beside, stated)
-        return Episode(key, {VIEW: view}, robot, stated, video.length, source)
+        broken = video.facts.broken
+        unread = (BROKEN.format(broken),) if broken and video.reaches_end else ()
+        return Episode(key, {VIEW: view}, robot, stated, video.length, source, unread=unread)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source

@@ -1,8 +1,8 @@
 """Writing a video like another: its codec, size, rate, times and rotation, with some frames new.
 
 What no edit touched is taken from the recorded frame as decoded, not through RGB and back: in frames that changed, too,
-for planes of 8 bits with halved chroma, where only the blocks of changed pixels are new. Sound of a whole video is
-copied as it is.
+where only the samples of changed pixels are new, whatever their bits and however many pixels share a color sample.
+Sound of a whole video is copied as it is.
 """
 
 from collections.abc import Callable
@@ -13,6 +13,8 @@ import av
 import numpy as np
 from av.error import FFmpegError
 from av.video.frame import VideoFrame
+from av.video.plane import VideoPlane
+from av.video.reformatter import VideoReformatter
 from jaxtyping import Bool, UInt8
 from rpaug_adapters.shared.video import HEVC_LEAST, open_encoders
 from rpaug_adapters.video import boxes
@@ -29,7 +31,6 @@ ENCODERS = {
     "av1": ("libsvtav1", {"crf": "12"}),
     "ffv1": ("ffv1", {}),
 }  # by the name of the decoder: near lossless (docs/why/video.md)
-PLANAR = ("yuv420p", "yuvj420p")
 Seen = Callable[[int], UInt8[np.ndarray, "h w 3"]]
 
 
@@ -109,22 +110,40 @@ def changed(video: Video, t: int, image: UInt8[np.ndarray, "h w 3"]) -> VideoFra
     given, recorded = video.facts, video.frame(t)
     differs = np.rot90((image != video.rgb(t)).any(-1), -given.quarter_turns)
     lay = np.ascontiguousarray(np.rot90(image, -given.quarter_turns))
-    wanted = recorded.format.name
-    new = VideoFrame.from_ndarray(lay, format="rgb24").reformat(
-        format=wanted, dst_colorspace=matrix(given, recorded)
+    new = VideoReformatter().reformat(
+        VideoFrame.from_ndarray(lay, format="rgb24"),
+        format=recorded.format.name,
+        dst_colorspace=matrix(given, recorded),
     )
     new.color_range = recorded.color_range
-    if wanted in PLANAR and given.width % 2 == 0 and given.height % 2 == 0:
-        before, after = recorded.to_ndarray(), new.to_ndarray()
-        new = VideoFrame.from_ndarray(np.where(_planes(differs), after, before), format=wanted)
+    if _planar(recorded):
+        for old, plane in zip(recorded.planes, new.planes, strict=True):
+            kept = _samples(~differs, plane.width, plane.height)
+            kind = np.uint8 if recorded.format.components[0].bits == 8 else np.uint16
+            before, after = (_rows(one, kind) for one in (old, plane))
+            np.copyto(after, before, where=kept)
     elif not differs.any():
-        new = recorded.reformat(format=wanted)
+        new = recorded
     return new
 
 
-def _planes(differs: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h3 w"]:
-    """Which samples of the three planes, stacked as PyAV does, show one of the pixels."""
-    height, width = differs.shape
-    blocks = differs.reshape(height // 2, 2, width // 2, 2).any((1, 3))
-    chroma = np.concatenate([blocks.ravel(), blocks.ravel()]).reshape(-1, width)
-    return np.concatenate([differs, chroma])
+def _planar(frame: VideoFrame) -> bool:
+    """Whether each plane holds one number a sample, in whole bytes."""
+    parts = frame.format.components
+    return len(parts) == len(frame.planes) and all(part.bits >= 8 for part in parts)
+
+
+def _samples(kept: Bool[np.ndarray, "h w"], width: int, height: int) -> Bool[np.ndarray, "y x"]:
+    """Which samples of a plane show only such pixels; a plane of color may have one for several pixels."""
+    by = tuple(-(-full // part) for full, part in zip(kept.shape, (height, width), strict=True))
+    edge = [
+        (0, part * n - full) for full, part, n in zip(kept.shape, (height, width), by, strict=True)
+    ]
+    whole = np.pad(kept, edge, constant_values=True)
+    return whole.reshape(height, by[0], width, by[1]).all((1, 3))
+
+
+def _rows(plane: VideoPlane, kind: type[np.unsignedinteger]) -> np.ndarray:
+    """The numbers of a plane, in its own memory."""
+    rows = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
+    return rows.view(kind)[:, : plane.width]

@@ -8,17 +8,20 @@ that of BT.709 from 720 rows on and BT.601 below, which is what players assume.
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from threading import RLock
 from typing import Any
 
 import av
 import numpy as np
+from av.container import InputContainer
 from av.error import FFmpegError
 from av.video.frame import VideoFrame
 from av.video.reformatter import Colorspace, VideoReformatter
+from av.video.stream import VideoStream
 from jaxtyping import Int64, UInt8
+from rpaug_adapters.shared.texts import stamp
 from rpaug_adapters.video import boxes
 
 from rpaug import BadInput, files
@@ -39,7 +42,7 @@ class Facts:
     """What a video's header and packets tell, without decoding: `times` are presentation times in `time_base`.
 
     `width` and `height` are as stored; `quarter_turns` says how often to turn a stored frame counter-clockwise
-    (`np.rot90`) to see it upright.
+    (`np.rot90`) to see it upright. `broken` frames at the end do not decode and are in neither.
     """
 
     times: Int64[np.ndarray, "t"]
@@ -51,6 +54,7 @@ class Facts:
     width: int
     height: int
     quarter_turns: int
+    broken: int = 0
 
     @property
     def seconds(self) -> np.ndarray:
@@ -58,8 +62,10 @@ class Facts:
         return (self.times - self.times[0]) * float(self.time_base)
 
 
-def facts(path: Path) -> Facts:
-    """Read a video's packets. Raises BadInput where it is no video, or one without whole frames."""
+@lru_cache(64)
+def facts(path: Path, _modified: int, _size: int) -> Facts:
+    """Read a video's packets, once, and decode its last group of pictures: what is cut off or spoilt is there. Raises
+    BadInput where it is no video, or one without whole frames."""
     try:
         with av.open(str(path)) as file:
             if not file.streams.video:
@@ -84,9 +90,14 @@ def facts(path: Path) -> Facts:
             keys = np.array(sorted(pts for pts, key in shown if key), np.int64)
             if not len(keys):
                 raise BadInput(path, "key frames", found="none", expected="one to begin with")
+            broken = _broken(file, times[np.searchsorted(times, keys[-1]) :])
+            times = times[: len(times) - broken]
+            if not len(times):
+                raise BadInput(path, "frames", found="none that decodes", expected="a whole video")
             return Facts(
                 times=times,
-                keys=keys,
+                keys=keys[keys <= times[-1]],
+                broken=broken,
                 time_base=stream.time_base,
                 rate=stream.average_rate or stream.guessed_rate,
                 codec=stream.codec_context.name,
@@ -97,6 +108,25 @@ def facts(path: Path) -> Facts:
             )
     except (FFmpegError, OSError, ValueError) as error:
         raise BadInput(path, "video", found=_words(error), expected="a video") from None
+
+
+def _broken(file: InputContainer, last: Int64[np.ndarray, "n"]) -> int:
+    """How many of the last frames do not decode; the first of them is a key frame."""
+    stream = file.streams.video[0]
+    stream.codec_context.thread_count = 1
+    file.seek(int(last[0]), stream=stream, backward=True)
+    seen = {frame.pts for frame in _frames(file, stream) if not frame.is_corrupt}
+    sound = next((n for n, when in enumerate(last.tolist()) if when not in seen), len(last))
+    return len(last) - sound
+
+
+def _frames(file: InputContainer, stream: VideoStream) -> Iterator[VideoFrame]:
+    """Frames as they are decoded; what does not decode is passed over."""
+    for packet in file.demux(stream):
+        try:
+            yield from packet.decode()
+        except FFmpegError:
+            continue
 
 
 def _words(error: Exception) -> str:
@@ -122,7 +152,7 @@ class Video:
     @cached_property
     def facts(self) -> Facts:
         """Of the whole file. Raises BadInput."""
-        return facts(self.path)
+        return facts(self.path, *stamp(self.path))
 
     @property
     def length(self) -> int:
@@ -133,6 +163,11 @@ class Video:
     def whole(self) -> bool:
         """Whether these are all frames of the file."""
         return self.length == len(self.facts.times)
+
+    @property
+    def reaches_end(self) -> bool:
+        """Whether the last frame of the file is among these."""
+        return self.first + self.length == len(self.facts.times)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -196,9 +231,12 @@ class Video:
             self._open.clear()
             file = av.open(str(self.path))
             stream = file.streams.video[0]
-            stream.thread_type = "AUTO"
+            if self.facts.broken:  # threads would fail on frames before the spoilt one
+                stream.codec_context.thread_count = 1
+            else:
+                stream.thread_type = "AUTO"
             file.seek(start, stream=stream, backward=True)
-            self._open.update(file=file, frames=file.decode(stream), at=start)
+            self._open.update(file=file, frames=_frames(file, stream), at=start)
         return self._open["frames"]
 
 

@@ -10,6 +10,7 @@ from rpaug.core.types import CameraView, Episode
 
 LOSSY = 34.0  # dB: a JPEG or a video at the quality that is written shows a recording better
 FAR = 1e-3  # metres by which depth may be off where a layout rounds it
+ON_TIME = 1e-4  # seconds: what LeRobot's own reader bears
 NEAR = 1e-4  # of numbers that are float32 in a layout
 Level = Literal["bad", "lost", "near"]
 Found = tuple[Level, str, str, str]
@@ -33,6 +34,13 @@ def compare(key: str, recorded: Episode, made: Episode, times: Sequence[int]) ->
         yield "lost", key, "rate", f"frames a second: {NO_PLACE}"
     elif recorded.rate is not None and made.rate != recorded.rate:
         yield "near", key, "rate", "frames a second: rounded to a whole number"
+    elif made.rate is not None and _off_grid(recorded, made.rate):
+        yield (
+            "near",
+            key,
+            "rate",
+            "times of frames: evenly apart now; they were not, or at no whole number a second",
+        )
     yield from (("lost", key, "unread", words) for words in recorded.unread)
     yield from _robot(key, recorded, made)
     for name, view in recorded.views.items():
@@ -43,6 +51,15 @@ def compare(key: str, recorded: Episode, made: Episode, times: Sequence[int]) ->
             yield "bad", key, "images", words
         else:
             yield from _view(key, name, view, other, times)
+
+
+def _off_grid(recorded: Episode, rate: float) -> bool:
+    """Whether recorded times of frames are others than those of a rate."""
+    times = recorded.robot.extra.get("seconds")
+    if times is None:
+        return False
+    apart = np.ravel(times)[: recorded.length] - np.arange(recorded.length) / rate
+    return bool(np.abs(apart).max() > ON_TIME)
 
 
 def _counterpart(

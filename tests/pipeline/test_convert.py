@@ -290,3 +290,14 @@ def test_a_converted_episode_that_was_spoilt_is_found(template: Path) -> None:
     robot = replace(episode.robot, joint_positions=episode.robot.joint_positions + 0.1)
     bent = replace(episode, robot=robot)
     assert [one[2] for one in compare_layouts.compare("x", episode, bent, [0])] == ["robot"]
+
+
+def test_uneven_times_are_said(template: Path) -> None:
+    recorded = registry.read(template, None)
+    times = np.arange(recorded.length) / 10
+    for shift, wanted in ((0.0, 0), (0.01, 1)):
+        times[1] += shift
+        robot = replace(recorded.robot, extra={**recorded.robot.extra, "seconds": times[:, None]})
+        made = replace(recorded, rate=10.0)
+        found = compare_layouts.compare("", replace(recorded, robot=robot), made, [0])
+        assert sum(topic == "rate" for _, _, topic, _ in found) == wanted

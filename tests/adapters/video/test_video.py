@@ -7,7 +7,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from rpaug_adapters.video import Videos, ego4d
+from rpaug_adapters.video import Videos, ego4d, encode
 from rpaug_adapters.video import stream as video_stream
 from rpaug_adapters.video.stream import Video
 from videos import HEIGHT, WIDTH, picture, turn, write
@@ -319,3 +319,88 @@ def test_real_videos(samples: Path) -> None:
         assert (episode.length, (view.camera.width, view.camera.height)) == (length, size)
         assert view.camera.assumed
         assert view.rgb(length - 1).std() > 10
+
+
+KINDS = {
+    "ten_bits.mp4": ("libx264", "yuv420p10le", (96, 64)),
+    "half_color.avi": ("mjpeg", "yuvj422p", (96, 64)),
+    "full_color.mp4": ("libx264", "yuv444p", (95, 63)),
+    "gray.mkv": ("ffv1", "gray", (95, 63)),
+    "sixteen_bits.mkv": ("ffv1", "gray16le", (95, 63)),
+    "odd.webm": ("libvpx-vp9", "yuv420p", (95, 63)),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_unedited_samples_of_every_kind_stay(tmp_path: Path, name: str) -> None:
+    codec, pixels, size = KINDS[name]
+    path = write(tmp_path / name, 3, codec=codec, size=size, pixels=pixels)
+    episode = Videos().read(tmp_path, path.stem)
+    recorded = episode.source.video
+    assert (episode.views["ego"].camera.width, episode.views["ego"].camera.height) == size
+    image = recorded.rgb(1).copy()
+    image[:20, :30] //= 2
+    made = encode.changed(recorded, 1, image)
+    assert (
+        np.abs(
+            video_stream.pixels(made, recorded.facts)[:20, :30].astype(int) - image[:20, :30]
+        ).mean()
+        < 3
+    )
+    for old, new in zip(recorded.frame(1).planes, made.planes, strict=True):
+        a, b = (np.frombuffer(one, np.uint8).reshape(one.height, -1) for one in (old, new))
+        first = one_block(old.height)
+        assert np.array_equal(a[first:, : old.width], b[first:, : old.width])
+    out = copied(brighter(episode), tmp_path / "out")
+    again = Video(out)
+    assert (again.facts.pixels, again.size, again.length) == (recorded.facts.pixels, size, 3)
+
+
+def one_block(height: int) -> int:
+    """The first row of a plane that shows nothing of the upper 20 of 63 or 64."""
+    return 20 if height > 40 else 10
+
+
+def test_a_broken_last_group_is_left_out_and_said(tmp_path: Path) -> None:
+    path = write(tmp_path / "clip.mp4", 20, gop=5)
+    whole = Videos().read(tmp_path, "clip")
+    with av.open(str(path)) as file:
+        packets = [(one.pos, one.size) for one in file.demux(video=0) if one.size]
+    data = bytearray(path.read_bytes())
+    for at, size in packets[-2:]:
+        data[at : at + size] = bytes(size)
+    wanted = [whole.views["ego"].rgb(t) for t in range(16)]
+    path.write_bytes(data)
+    episode = Videos().read(tmp_path, "clip")
+    assert episode.length == 16
+    assert episode.unread == ("the last 4 frames of the video do not decode and are left out",)
+    for t in (15, 3, 14):
+        assert np.array_equal(episode.views["ego"].rgb(t), wanted[t])
+
+
+def test_packets_are_read_once_for_all_cuts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(tmp_path / "long.mp4", 20)
+    (tmp_path / "clips.yaml").write_text(
+        "version: 1\nclips:\n  - {video: long, start: 0.0, end: 0.2}\n  - {video: long, start: 0.3, end: 0.5}\n"
+    )
+    for key in Videos().episodes(tmp_path):
+        Videos().read(tmp_path, key).views["ego"].rgb(0)
+    before = video_stream.facts.cache_info().misses
+    assert Video(path).length == 20
+    assert video_stream.facts.cache_info().misses == before
+
+
+def test_a_video_that_is_let_go_leaves_no_threads(tmp_path: Path) -> None:
+    def threads() -> int:
+        return len(list(Path("/proc/self/task").iterdir()))
+
+    path, counts = write(tmp_path / "clip.mp4", 20), []
+    for _ in range(4):
+        shown = Video(path)
+        for t in range(20):
+            shown.rgb(t)
+        del shown
+        counts.append(threads())
+    assert counts[-1] <= counts[0]

@@ -31,13 +31,14 @@ def write(
     gop: int = 5,
     sound: bool = False,
     size: tuple[int, int] = (WIDTH, HEIGHT),
+    pixels: str = "yuv420p",
 ) -> Path:
     """A video at 30 frames a second, or with frames at `times` in units of 1/15360 s."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w", options={"video_track_timescale": "15360"}) as made:
         stream = made.add_stream(codec, rate=30)
         stream.width, stream.height = size
-        stream.pix_fmt = "yuv420p"
+        stream.pix_fmt = pixels
         stream.codec_context.time_base = Fraction(1, 15360)
         stream.gop_size = gop
         stream.options = {"crf": "8"}
