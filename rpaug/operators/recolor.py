@@ -23,14 +23,16 @@ class AlbedoRatio:
     """Pixel = albedo x shading (+ highlight): swap the albedo, keep the rest.
 
     Shading is the least-squares scale of the old albedo, led by its bright channels (so pure red can turn pure blue);
-    where a channel's own ratio is safe it is used instead, which keeps the texture's hues. On a plain surface the part
-    of a pixel that is white rather than old albedo is its highlight (dichromatic model, Shafer 1985) and stays.
+    where a channel's own ratio is safe it is used instead, which keeps the texture's hues. On a plain surface, or one
+    of a few `hues`, the part of a pixel that is white rather than albedo is its highlight (dichromatic model, Shafer
+    1985) and stays.
     """
 
     instance_ids: frozenset[int]
     old: tuple[float, float, float]
     new: tuple[float, float, float]
     plain: bool
+    hues: tuple[tuple[float, float, float], ...] = ()
 
     @property
     def asked(self) -> tuple[float, float, float]:
@@ -42,7 +44,7 @@ class AlbedoRatio:
     ) -> Float32[np.ndarray, "n 3"]:
         old, new = np.array(self.old, np.float32), np.array(self.new, np.float32)
         highlight = (
-            albedo.highlight(color, old) if self.plain else np.zeros((len(color), 1), np.float32)
+            albedo.highlight(color, old) if self.plain else albedo.highlights(color, self.hues)
         )
         matte = color - highlight
         shading = matte @ old / max(float(old @ old), 1e-6)
@@ -114,7 +116,7 @@ class Recolor(Operator):
             if self.mode == "lab":
                 painted.append(LabShift(instance_ids, old, (red, green, blue)))
             else:
-                painted.append(AlbedoRatio(instance_ids, old, (red, green, blue), surface["plain"]))
+                painted.append(ratio(surface, (red, green, blue)))
         return replace(scene, appearance=(*scene.appearance, *painted))
 
     def says(self, edit: Edit) -> tuple[Painted, ...]:
@@ -122,6 +124,13 @@ class Recolor(Operator):
 
     def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
         return albedo.guessed(edit["surfaces"])
+
+
+def ratio(surface: Edit, new: tuple[float, float, float]) -> AlbedoRatio:
+    """The repainting of one surface, as an edit stores it, in a new color."""
+    hues = tuple(tuple(hue) for hue in surface.get("hues", ()))
+    old = tuple(surface["albedo"])
+    return AlbedoRatio(frozenset([surface["handle"]]), old, new, surface["plain"], hues)
 
 
 def named(edit: Edit) -> tuple[Painted, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import RGB
-from rpaug.operators.recolor import AlbedoRatio, named
+from rpaug.operators.recolor import named, ratio
 from rpaug.scene.lighting import albedo, shading
 from rpaug.scene.targets import targets
 
@@ -54,12 +54,7 @@ class TableColor(Operator):
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["color"]
-        painted = [
-            AlbedoRatio(
-                frozenset([one["handle"]]), tuple(one["albedo"]), (red, green, blue), one["plain"]
-            )
-            for one in edit["surfaces"]
-        ]
+        painted = [ratio(one, (red, green, blue)) for one in edit["surfaces"]]
         return replace(scene, appearance=(*scene.appearance, *painted))
 
     def says(self, edit: Edit) -> tuple[Painted, ...]:

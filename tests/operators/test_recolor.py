@@ -12,6 +12,7 @@ from rpaug import Scene, TargetError, Unsupported
 from rpaug.operators.fields import Palette
 from rpaug.operators.recolor import AlbedoRatio, Recolor
 from rpaug.pipeline.contracts import OperatorContract, shown
+from rpaug.scene.lighting import albedo
 from rpaug.scene.targets.targets import Target
 
 UNIT = st.floats(0.15, 1.0)
@@ -49,6 +50,24 @@ def edited(old, new, plain: bool = True):  # type: ignore[no-untyped-def]
     """The repainting as a function of color alone: it does not ask where a pixel lies."""
     ratio = AlbedoRatio(frozenset({1}), tuple(old), tuple(new), plain)
     return lambda color: ratio(color, None)
+
+
+def test_each_part_of_a_thing_of_two_colors_keeps_its_highlight() -> None:
+    light = np.linspace(0.2, 0.9, 200)[:, None]
+    red, blue, new = np.array([0.9, 0.1, 0.1]), np.array([0.1, 0.2, 0.8]), np.array([0.5, 0.9, 0.7])
+    matte = np.concatenate([light * red, light * blue])
+    shine = 0.2 * (np.arange(400) % 200 > 180)[:, None]  # where the light is strongest
+    found = albedo.estimate(np.clip(matte + shine, 0, 1))
+    assert not found.plain
+    assert len(found.hues) == 2
+    paint = AlbedoRatio(frozenset({1}), (1.0, 1.0, 1.0), tuple(new), False, found.hues)
+    out = paint((matte + shine).astype(np.float32), None)
+    assert np.abs(out - np.clip(new * matte + shine, 0, 1)).max() < 0.01
+
+
+def test_a_pattern_of_many_colors_has_no_highlights() -> None:
+    found = albedo.estimate(np.random.default_rng(0).uniform(0.1, 0.9, (500, 3)))
+    assert (found.plain, found.hues) == (False, ())
 
 
 @given(COLOR, COLOR)

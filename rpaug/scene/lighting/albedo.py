@@ -21,6 +21,9 @@ HIGHLIGHT = 0.05  # least whitish part of a plain surface's pixel that is taken 
 LIT = 0.98  # quantile of shading that counts as fully lit: a new color must not be clipped where the old was not
 PLAIN = 0.03  # color distance within which a pixel is explained by one albedo and its shading
 PLAIN_SHARE = 0.8
+HUES = 4  # at most, that together explain a thing of several colors
+TRIED = 64  # pixels, each as the hue of all others
+MATTE = 0.5  # of its hue's typical light: a highlight lies where the matte part is well lit too
 OVERLIT = 0.25  # share of clipped pixels from which a surface's true brightness is hidden
 
 
@@ -28,12 +31,14 @@ OVERLIT = 0.25  # share of clipped pixels from which a surface's true brightness
 class Albedo:
     """A display color, and whether it alone explains the surface (`plain`) or is the mean of a pattern.
 
+    Where a few `hues` together explain a surface that is not plain, they are its parts' colors under typical light.
     So much of an `overlit` surface is recorded as bright as can be that its color may be brighter in truth.
     """
 
     rgb: tuple[float, float, float]
     plain: bool
     overlit: bool = False
+    hues: tuple[tuple[float, float, float], ...] = ()
 
 
 def pixels(episode: Episode, instance_id: int, count: int = 6) -> Float64[np.ndarray, "n 3"]:
@@ -75,11 +80,29 @@ def estimate(color: Float64[np.ndarray, "n 3"]) -> Albedo:
         color[high > DARK] @ mean / (mean @ mean)
     )  # clipped pixels too: they are the brightest
     red, green, blue = np.minimum(mean * np.quantile(shading, LIT), 1.0).tolist()
+    plain = bool(_explained(good, mean).mean() >= PLAIN_SHARE)
     return Albedo(
         (red, green, blue),
-        plain=bool(_explained(good, mean).mean() >= PLAIN_SHARE),
+        plain=plain,
         overlit=bool((high >= BRIGHT).mean() >= OVERLIT),
+        hues=() if plain else _hues(good),
     )
+
+
+def _hues(color: Float64[np.ndarray, "n 3"]) -> tuple[tuple[float, float, float], ...]:
+    """The few colors that explain nearly all pixels by their shading and highlights, the most frequent first; none if
+    no few do."""
+    left = color
+    found: list[np.ndarray] = []
+    while len(left) > (1 - PLAIN_SHARE) * len(color):
+        if len(found) == HUES:
+            return ()
+        tried = left[:: max(1, len(left) // TRIED)]
+        own = left[max((_explained(left, hue) for hue in tried), key=np.count_nonzero)]
+        found.append(np.median(own, 0))
+        _, explained = _lit(left.astype(np.float32), found[-1].astype(np.float32))
+        left = left[~explained]
+    return tuple((float(red), float(green), float(blue)) for red, green, blue in found)
 
 
 def describe(
@@ -97,6 +120,8 @@ def describe(
             f"instance {instance_id} is black: no shading can be read off it to paint with"
         )
     surface = {"handle": instance_id, "albedo": list(rgb), "plain": found.plain}
+    if found.hues:
+        surface["hues"] = [list(hue) for hue in found.hues]
     return surface | ({"overlit": True} if found.overlit and known is None else {})
 
 
@@ -137,6 +162,28 @@ def highlight(
     on_old, on_white = color @ old, color @ white
     part = np.minimum((a * on_white - b * on_old) / determinant, color.min(1))
     return np.where(part > HIGHLIGHT, part, 0).astype(np.float32)[:, None]
+
+
+def highlights(
+    color: Float32[np.ndarray, "n 3"], hues: Sequence[tuple[float, float, float]]
+) -> Float32[np.ndarray, "n 1"]:
+    """The same on a surface of several hues: the least white part by which one of them explains a pixel, 0 if none."""
+    least = np.full((len(color), 1), np.inf, np.float32)
+    for hue in hues:
+        part, explained = _lit(color, np.array(hue, np.float32))
+        least[explained] = np.minimum(least[explained], part[explained])
+    return np.where(np.isfinite(least), least, 0).astype(np.float32)
+
+
+def _lit(
+    color: Float32[np.ndarray, "n 3"], hue: Float32[np.ndarray, "3"]
+) -> tuple[Float32[np.ndarray, "n 1"], Bool[np.ndarray, "n"]]:
+    """The white part of each pixel, were it of this hue, and whether hue and white part explain it."""
+    part = highlight(color, hue)
+    matte = color - part
+    shade = matte @ hue / max(float(hue @ hue), 1e-9)
+    off = np.linalg.norm(matte - shade[:, None] * hue, axis=1)
+    return part, (off < PLAIN) & ((part[:, 0] == 0) | (shade > MATTE))
 
 
 def _explained(

@@ -14,7 +14,8 @@ from rpaug.scene.recorded import surface
 FRAMES = 8
 PASSES = 8  # of the alternation between albedos and light, both robust
 RIDGE = 3e-4  # of the light's terms but the even one, where few faces tell them
-FEW, NEARLY_ALL = 16, 0.1  # pixels of a thing's hue that tell its albedo, and their quantile
+FEW, NEARLY_ALL = 16, (0.1, 0.9)  # pixels of a thing's hue that tell its albedo, and quantiles
+AGREE = 1.05  # of one of them, at most, is the other
 HUE, HUES = 0.06, 64  # chromaticity within which a thing has one albedo, and more than there are
 DARK, CLIPPED = 0.03, 0.97  # brightest channel of pixels that tell something of light
 ENDS = (0.01, 0.995)  # quantiles of lightness that count as a recording's darkest and brightest
@@ -62,14 +63,16 @@ def estimate(episode: Episode) -> Ambience:
 
 
 def _whitest(albedo: Float64[np.ndarray, "n"], owner: Int[np.ndarray, "n"]) -> float:
-    """The highest albedo that nearly all of enough pixels of a thing's hue reach; 0 if none has so many."""
-    return max(
-        (
-            float(np.quantile(albedo[owner == one], NEARLY_ALL))
-            for one in np.flatnonzero(np.bincount(owner) >= FEW)
-        ),
-        default=0.0,
-    )
+    """The highest albedo on which nearly all of enough pixels of a thing's hue agree; 0 if none do.
+
+    Where they do not agree, the light is not understood well enough there to tell an albedo by it.
+    """
+    found = 0.0
+    for one in np.flatnonzero(np.bincount(owner) >= FEW):
+        low, high = np.quantile(albedo[owner == one], NEARLY_ALL)
+        if high < AGREE * low:
+            found = max(found, float(low))
+    return found
 
 
 def _unseen(episode: Episode) -> Ambience:
