@@ -1,8 +1,8 @@
 """Language models behind any OpenAI-compatible endpoint: bounded in time, size and tries, and silent about the key.
 
-Only `POST {url}/chat/completions` is used, with `response_format` of type `json_schema`. What comes back is checked by
-the caller; its complaint is told to the model, a bounded number of times. Redirects are not followed: they could carry
-the key elsewhere.
+Only `POST {url}/chat/completions` is used. How a server wants to be asked is found out (`rpaug.providers.negotiation`).
+What comes back is checked by the caller; its complaint is told to the model, a bounded number of times. Redirects are
+not followed: they could carry the key elsewhere.
 """
 
 import contextlib
@@ -13,23 +13,25 @@ import socket
 import ssl
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from rpaug.core.errors import RpaugError
+from rpaug.providers import negotiation, replies, strict_schema
+from rpaug.providers.negotiation import Messages
 
 MOST_BYTES = 2**20  # of one reply
-MOST_TOKENS = 1024  # asked for in one reply
+MOST_TOKENS = 2048  # asked for in one reply; four times as many after one that was cut off
 LONGEST_WAIT = 10.0  # seconds that a rate limit may ask for before it is an error
 FEW = 3  # tries of one question, of each kind: answers that are wrong, and servers that are busy
 BUSY = (408, 429, 500, 502, 503, 504)
 SHOWN = 200  # characters of what a server said, in an error
+STUMBLES = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
+"""What a caller's check may raise of an answer that it did not reckon with."""
 
 T = TypeVar("T")
-Messages = Sequence[Mapping[str, Any]]
-"""A talk; what is said is a text, or a list of parts, some of which may be images."""
 
 
 class LanguageError(RpaugError):
@@ -42,6 +44,14 @@ class _Busy(Exception):
     def __init__(self, why: str, wait: float | None) -> None:
         super().__init__(why)
         self.wait = wait
+
+
+class _Declined(Exception):
+    """The server does not take the request; `words` are its own, without the key."""
+
+    def __init__(self, why: str, words: str) -> None:
+        super().__init__(why)
+        self.words = words
 
 
 @dataclass
@@ -80,16 +90,27 @@ class Endpoint:
         model: str,
         *,
         key_env: str = "RPAUG_LLM_KEY",
+        key: str | None = None,
         timeout: float = 60.0,
         price: tuple[float, float] | None = None,
     ) -> "Endpoint":
-        """An endpoint with the key that is in the environment, if any. Raises LanguageError for a URL that is none."""
-        parts = urlsplit(url)
-        if parts.scheme not in ("http", "https") or not parts.hostname:
+        """An endpoint with the key that is in the environment, if any.
+
+        Raises LanguageError for a URL that is none, and for a key that stands in URL or model or that no header takes.
+        """
+        try:
+            parts = urlsplit(url)
+            sound = parts.scheme in ("http", "https") and parts.hostname and parts.port != 0
+        except ValueError:
+            sound = False
+        if not sound:
             raise LanguageError(f"--llm: {_without_user(url)!r} is no http or https URL")
-        if parts.username or parts.password or parts.query:
+        key = os.environ.get(key_env, "").strip() if key is None else key.strip()
+        if not (key.isascii() and key.isprintable()):
+            raise LanguageError("the endpoint's key has characters that no HTTP header may have")
+        if parts.username or parts.password or parts.query or (key and key in url + model):
             raise LanguageError("--llm: give the key in the environment, not in the URL")
-        return cls(url.rstrip("/"), model, os.environ.get(key_env, ""), timeout, price)
+        return cls(url.rstrip("/"), model, key, timeout, price)
 
     def ask(
         self,
@@ -101,26 +122,32 @@ class Endpoint:
     ) -> T:
         """The model's answer, as `check` makes it of the JSON. What it complains of is told to the model.
 
-        With a `temperature` the same question may be answered in several ways. `check` raises ValueError or RpaugError.
-        Raises LanguageError when the tries are spent.
+        A property that `schema` does not require is left out of what `check` is given where the model says null. The
+        key, should the model repeat it, is stars. With a `temperature` the same question may be answered in several
+        ways. Raises LanguageError when the tries are spent, and with the model's words when it refuses to answer.
         """
         given = [dict(message) for message in messages]
-        complaint = ""
+        complaint, tokens = "", MOST_TOKENS
         for attempt in range(FEW):
             self.usage.retries += attempt > 0
-            stated, cut = self._patiently(self._body(given, name, schema, temperature))
+            reply = self._reply(given, name, schema, temperature, tokens)
+            if reply.refusal:
+                shown = self.hidden(" ".join(reply.refusal.split()))[: 2 * SHOWN]
+                raise LanguageError(f"{self.url}: {self.model} refuses: {shown}")
             try:
-                if cut:
-                    raise ValueError(f"it was cut off after {MOST_TOKENS} tokens; be brief")
-                return check(_json(stated))
-            except (ValueError, RpaugError) as error:
+                if reply.cut:
+                    tokens *= 4
+                    raise ValueError("it was cut off; be brief")
+                value = strict_schema.answered(replies.parsed(reply.text), schema)
+                return check(json.loads(self.hidden(json.dumps(value, ensure_ascii=False))))
+            except (RpaugError, *STUMBLES) as error:
                 complaint = self.hidden(" ".join(str(error).split()))[: 5 * SHOWN]
+            # A server may have taken no notice of the schema: the first complaint tells it in words.
+            wanted = "Answer with JSON." if attempt else negotiation.wanted(schema)
+            said = self.hidden(reply.text)[: 20 * SHOWN] or "(nothing)"
             given += [
-                {"role": "assistant", "content": stated[: 20 * SHOWN]},
-                {
-                    "role": "user",
-                    "content": f"That cannot be used: {complaint}\nAnswer with JSON.",
-                },
+                {"role": "assistant", "content": said},
+                {"role": "user", "content": f"That cannot be used: {complaint}\n{wanted}"},
             ]
         raise LanguageError(
             f"{self.url}: {self.model} gave {FEW} answers that cannot be used; the last: {complaint[: 2 * SHOWN]}"
@@ -128,28 +155,44 @@ class Endpoint:
 
     def hidden(self, text: str) -> str:
         """The text without the key, wherever it may have come from."""
-        return text.replace(self.key, "***") if self.key else text
+        for key in filter(None, {self.key, json.dumps(self.key)[1:-1]}):
+            text = text.replace(key, "***")
+        return text
 
-    def _body(
-        self, messages: Messages, name: str, schema: dict[str, Any], temperature: float
-    ) -> bytes:
-        form = {
-            "type": "json_schema",
-            "json_schema": {"name": name, "schema": schema, "strict": True},
-        }
-        body = {
-            "model": self.model, "messages": list(messages), "response_format": form,
-            "temperature": temperature, "max_tokens": MOST_TOKENS, "stream": False,
-        }  # fmt: skip
-        return json.dumps(body).encode()
+    def _reply(
+        self,
+        messages: Messages,
+        name: str,
+        schema: dict[str, Any],
+        temperature: float,
+        tokens: int,
+    ) -> replies.Reply:
+        """What the model said, asked in the way that the server takes. Raises LanguageError."""
+        server = (self.url, self.model)
+        way = negotiation.TAKEN.get(server, negotiation.Way())
+        while True:
+            body = way.body(self.model, messages, name, schema, temperature, tokens)
+            try:
+                reply = self._patiently(json.dumps(body).encode())
+            except _Declined as declined:
+                other = way.otherwise(declined.words)
+                if other is None:
+                    raise LanguageError(f"{self.url}: {declined}") from None
+                way = other
+                self.usage.retries += 1
+                continue
+            negotiation.TAKEN[server] = way
+            self.usage.tokens_in += reply.tokens[0]
+            self.usage.tokens_out += reply.tokens[1]
+            return reply
 
-    def _patiently(self, body: bytes) -> tuple[str, bool]:
-        """What the model said, and whether it was cut off; a busy server is asked again. Raises LanguageError."""
+    def _patiently(self, body: bytes) -> replies.Reply:
+        """The completion; a busy server is asked again. Raises LanguageError, or _Declined."""
         for attempt in range(FEW):
             self.usage.requests += 1
             start = time.monotonic()
             try:
-                return self._stated(self._posted(body))
+                return self._posted(body)
             except _Busy as busy:
                 wait = busy.wait if busy.wait is not None else 0.5 * 2**attempt
                 if attempt == FEW - 1 or wait > LONGEST_WAIT:
@@ -163,8 +206,8 @@ class Endpoint:
                 self.usage.seconds += time.monotonic() - start
         raise AssertionError("unreachable")
 
-    def _posted(self, body: bytes) -> bytes:
-        """The reply's bytes. Raises LanguageError, or _Busy."""
+    def _posted(self, body: bytes) -> replies.Reply:
+        """The completion. Raises LanguageError, _Busy, or _Declined."""
         parts = urlsplit(self.url)
         headers = {"Content-Type": "application/json", "Accept": "application/json"}
         if self.key:
@@ -188,41 +231,47 @@ class Endpoint:
             raise LanguageError(f"{self.url}: no whole answer within {self.timeout:g} s")
         if len(data) > MOST_BYTES:
             raise LanguageError(f"{self.url}: the reply exceeds {MOST_BYTES} bytes")
-        if reply.status != 200:
-            self._complain(reply.status, reply.getheader("Retry-After"), data)
-        return data
+        headers = {name.lower(): value for name, value in reply.getheaders()}
+        return self._opened(reply.status, headers, data)
 
-    def _complain(self, status: int, wait: str | None, data: bytes) -> None:
-        shown = self.hidden(" ".join(data.decode("utf-8", "replace").split()))[:SHOWN]
-        if status in BUSY:
-            seconds = float(wait) if wait and wait.strip().isdigit() else None
-            raise _Busy(f"status {status} ({shown})", seconds)
+    def _opened(self, status: int, headers: Mapping[str, str], data: bytes) -> replies.Reply:
+        """The completion in a reply that is no error, wherever it says so."""
+        try:
+            value = json.loads(data)
+        except (ValueError, RecursionError):
+            value = None
+        text = data.decode("utf-8", "replace")
+        inner = replies.error(value)
+        if status == 200 and inner is not None:
+            status = inner[0] or 400
+        if status != 200:
+            self._complain(status, replies.wait(headers), inner[1] if inner else text)
+        try:
+            return replies.read(value)
+        except ValueError:
+            shown = self.hidden(text)[:SHOWN]
+            raise LanguageError(f"{self.url}: that is no chat completion: {shown!r}") from None
+
+    def _complain(self, status: int, wait: float | None, words: str) -> None:
+        words = self.hidden(" ".join(words.split()))
+        shown = words[:SHOWN]
         if 300 <= status < 400:
             raise LanguageError(
                 f"{self.url}: it redirects, which is not followed; give the URL it leads to"
             )
+        # Some servers (llama.cpp) answer 500 to a parameter that they do not take, some gateways 404.
+        named = status not in (401, 403, 408, 429) and negotiation.NAMED.search(words)
+        if status in BUSY and not named:
+            raise _Busy(f"status {status} ({shown})", wait)
         why = {
             401: "the key is not accepted",
             403: "the key is not allowed this",
-            404: "no such path or model",
+            404: "no such path or model; most servers' URLs end in /v1",
         }
-        raise LanguageError(f"{self.url}: status {status}: {why.get(status, 'refused')} ({shown})")
-
-    def _stated(self, data: bytes) -> tuple[str, bool]:
-        """The text of the first choice, and whether it was cut off. Raises LanguageError."""
-        try:
-            reply = json.loads(data)
-            choice = reply["choices"][0]
-            stated, cut = choice["message"]["content"], choice.get("finish_reason") == "length"
-            used = reply.get("usage") or {}
-            self.usage.tokens_in += int(used.get("prompt_tokens") or 0)
-            self.usage.tokens_out += int(used.get("completion_tokens") or 0)
-        except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
-            shown = self.hidden(data[:SHOWN].decode("utf-8", "replace"))
-            raise LanguageError(f"{self.url}: that is no chat completion: {shown!r}") from None
-        if not isinstance(stated, str):
-            raise LanguageError(f"{self.url}: the model said nothing")
-        return stated, cut
+        fault = f"status {status}: {why.get(status, 'refused')} ({shown})"
+        if named or status in (400, 422):
+            raise _Declined(fault, words)
+        raise LanguageError(f"{self.url}: {fault}")
 
 
 @contextlib.contextmanager
@@ -230,15 +279,9 @@ def _connection(
     scheme: str, host: str, port: int | None, timeout: float, late: threading.Event
 ) -> Iterator[http.client.HTTPConnection]:
     """A connection that is cut after `timeout` seconds in all, however slowly bytes trickle; then `late` is set."""
-    if scheme == "https":
-        context = ssl.create_default_context()
-        connection: http.client.HTTPConnection = http.client.HTTPSConnection(
-            host, port, timeout=timeout, context=context
-        )
-    else:
-        connection = http.client.HTTPConnection(host, port, timeout=timeout)
-    connection.connect()
-    opened = connection.sock
+    secure = scheme == "https"
+    connection = http.client.HTTPConnection(host, port or (443 if secure else 80), timeout=timeout)
+    opened = socket.create_connection((connection.host, connection.port), timeout)
 
     def cut() -> None:
         late.set()
@@ -248,21 +291,17 @@ def _connection(
     timer = threading.Timer(timeout, cut)
     timer.daemon = True
     timer.start()
+    connection.sock = opened
     try:
+        if secure:
+            opened = connection.sock = ssl.create_default_context().wrap_socket(
+                opened, server_hostname=host, do_handshake_on_connect=False
+            )
+            opened.do_handshake()  # only now: it may be cut like all that follows
         yield connection
     finally:
         timer.cancel()
         connection.close()
-
-
-def _json(stated: str) -> Any:
-    """The JSON value of a reply. Raises ValueError."""
-    try:
-        return json.loads(stated)
-    except RecursionError:
-        raise ValueError("nested too deeply") from None
-    except ValueError as error:
-        raise ValueError(f"not JSON: {error}") from None
 
 
 def _without_user(url: str) -> str:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+from rpaug.providers import negotiation
 from rpaug.providers.language import Endpoint
 
 KEY = "sk-very-secret-0123"
@@ -41,8 +42,9 @@ def served(
 ) -> Iterator[tuple[Endpoint, list]]:
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     server.daemon_threads = True
+    negotiation.TAKEN.clear()  # another server may have had this port
     server.seen, server.play = [], play  # type: ignore[attr-defined]
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
     try:
         url = f"http://127.0.0.1:{server.server_port}/v1"
         yield Endpoint(url, "small", KEY, timeout, (1.0, 2.0)), server.seen  # type: ignore[attr-defined]
