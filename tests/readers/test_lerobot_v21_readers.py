@@ -90,3 +90,23 @@ def test_groot(augmented: tuple[Path, list[Episode]], tmp_path: Path) -> None:
     given = stated["statistics"]["action"]["hand"]
     assert np.allclose(given["q99"], np.quantile(actions, 0.99, 0), atol=1e-5)
     assert np.allclose(given["std"], actions.std(0), atol=1e-5)
+
+
+def test_groot_n1(augmented: tuple[Path, list[Episode]], tmp_path: Path) -> None:
+    """`LeRobotSingleDataset`, which N1 and N1.5 train with."""
+    script = "read_with_gr00t_n1.py"
+    stated, frames = read_by("gr00t", "Isaac-GR00T-n1", script, augmented, tmp_path)
+    for number, one in enumerate(augmented[1]):
+        assert stated["words"][str(number)] == list(one.source.tasks)
+        for t in range(one.length):
+            at = f"{number}/{t}"
+            joints, action = (
+                one.robot.extra[key][t] for key in ("observation.joint_positions", "action")
+            )
+            assert np.allclose(frames[f"{at}/state.arm"], joints, atol=1e-6)
+            assert np.allclose(frames[f"{at}/action.hand"], action, atol=1e-6)
+            ours = one.views["front"].rgb(t)[..., ::-1]  # OpenCV's order
+            assert np.abs(frames[f"{at}/video.front"].astype(int) - ours).mean() < 2
+    actions = np.concatenate([one.robot.extra["action"] for one in augmented[1]])
+    given = stated["statistics"]["action"]["hand"]
+    assert np.allclose(given["q99"], np.quantile(actions, 0.99, 0), atol=1e-5)
