@@ -145,7 +145,11 @@ def _within(drop: Sequence[int], earlier: int) -> None:
 def entry(edit: WishEdit, stated: str, setting: WishContext) -> Entry:
     """The recipe's entry for an edit of the answer. Raises ValueError, RpaugError with what is amiss."""
     options = [_option(one, stated, setting) for one in edit.options]
-    made = options[0] if len(options) == 1 else {"one_of": options}
+    if len(options) == 1:
+        made = options[0]
+    else:
+        weights = [{"weight": w} if (w := one.get("weight")) else {} for one in edit.options]
+        made = {"one_of": [one | weight for one, weight in zip(options, weights, strict=True)]}
     chance = edit.probability
     return made | ({"probability": chance} if chance is not None and chance < 1 else {})
 
@@ -154,7 +158,8 @@ def _option(given: Mapping[str, Any], stated: str, setting: WishContext) -> Entr
     op = given.get("op")
     if op not in registry.operator_names():
         raise ValueError(f"op {op!r}: there are: {', '.join(registry.operator_names())}")
-    fields = {name: value for name, value in given.items() if name != "op" and value is not None}
+    out = ("op", "weight")
+    fields = {name: value for name, value in given.items() if name not in out and value is not None}
     if op == "camera_pose":
         seen: Viewpoint = valid(Viewpoint, fields | _absent(Viewpoint, fields))
         for name in seen.cameras:

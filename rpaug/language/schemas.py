@@ -1,5 +1,6 @@
 """The JSON Schema that a language model's answer to a wish is held to."""
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -41,7 +42,49 @@ def _option(op: str, whole: Mapping[str, Any], cameras: Sequence[str]) -> dict[s
     out = ("op", "probability", *PLACES)
     fields = {name: value for name, value in one["properties"].items() if name not in out}
     required = ["op", *(name for name in one.get("required", []) if name != "op")]
-    return {**one, "properties": {"op": {"const": op}} | fields, "required": required}
+    fixed = {"op": {"const": op}, "weight": {"type": "number", "exclusiveMinimum": 0}}
+    return {**one, "properties": fixed | fields, "required": required}
+
+
+def fields(op: str) -> str:
+    """An operator's fields in a line: each name, what it takes, and what holds where it is left out."""
+    whole = recipe.schema()["$defs"]
+    one = whole[f"op_{op}"]
+    told = []
+    for name, value in one["properties"].items():
+        if name in ("op", "probability", *PLACES):
+            continue
+        given = "" if name in one.get("required", []) else f" = {json.dumps(value.get('default'))}"
+        told.append(f"{name}: {_taken(value, whole)}{given}")
+    return "; ".join(told)
+
+
+def _taken(value: Mapping[str, Any], whole: Mapping[str, Any]) -> str:
+    """What a value of a schema looks like, in few words."""
+    if "$ref" in value:
+        name = value["$ref"].removeprefix("#/$defs/")
+        return "target" if name == "Target" else _taken(whole[name], whole)
+    for several in ("anyOf", "oneOf"):
+        if several in value:
+            kinds = [_taken(one, whole) for one in value[several] if one != {"type": "null"}]
+            return " or ".join(dict.fromkeys(kinds))
+    if "const" in value or "enum" in value:
+        return "|".join(map(str, value.get("enum", [value.get("const")])))
+    if value.get("type") == "array":
+        items = value.get("prefixItems") or [value["items"]] * value.get("maxItems", 1)
+        more = "" if "maxItems" in value else ", ..."
+        return f"[{', '.join(_taken(one, whole) for one in items)}{more}]"
+    if value.get("type") == "object":
+        inner = value.get("properties", {})
+        return "{" + ", ".join(f"{k}: {_taken(one, whole)}" for k, one in inner.items()) + "}"
+    low = value.get("minimum", value.get("exclusiveMinimum"))
+    high = value.get("maximum", value.get("exclusiveMaximum"))
+    bounds = "" if low is None and high is None else f" {_side(low)}..{_side(high)}"
+    return f"{value.get('type', 'any')}{bounds}"
+
+
+def _side(bound: float | None) -> str:
+    return "" if bound is None else f"{bound:g}"
 
 
 def _gather(value: Any, whole: Mapping[str, Any], used: dict[str, Any]) -> None:

@@ -208,11 +208,13 @@ def _shown(message: Mapping[str, Any], picture: bytes) -> list[dict[str, Any]]:
 
 
 def operators(ops: Sequence[str] | None = None) -> str:
-    """What can be asked for: each operator's meaning, and wishes with the fields that they come to."""
+    """What can be asked for: each operator's meaning, its fields, and wishes with what they come to."""
     lines = []
     for name in ops or registry.operator_names():
         kind = registry.operator(name)
         lines.append(f"- {name}: {' '.join((kind.__doc__ or '').split())}")
+        if name != "camera_pose":  # given as a viewpoint
+            lines.append(f"  fields: {schemas.fields(name)}")
         lines += [f"  {wish!r}: {json.dumps(given)}" for wish, given in kind.examples]
         if not kind.examples:
             lines += [f"  {wish!r}" for wish in templates.examples(name)]
