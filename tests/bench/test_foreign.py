@@ -18,11 +18,13 @@ from tools.bench.foreign import (
     distractors,
     edits,
     neutral,
+    reobserved,
     roles,
     run,
     scoring,
     simulated,
 )
+from tools.bench.harness import pages
 
 NAMES = [f"task-{k}" for k in range(9)]
 IDS = st.sets(st.integers(1, 6))
@@ -253,3 +255,16 @@ def test_rows_pool_squared_errors_of_all_views() -> None:
     assert row[4] == {"value": 30.0, "target": ">= 26"}
     assert row[3] == row[5] == "27.2 to 40.0"
     assert row[7:] == [25.0, 1.0, 50]
+
+
+def test_what_was_left_out_or_seen_otherwise_misses_its_target(tmp_path: Path) -> None:
+    one = {"images": 4, "pixels": 8, "depths": 0, "masks": 0}
+    found = {"Lift": {"demo_0": one}, "Stack": {"demo_0": one, "demo_1": one | {"depths": 3}}}
+    for task, demonstrations in found.items():
+        (tmp_path / "compared" / task).mkdir(parents=True)
+        (tmp_path / "compared" / task / "compared.json").write_text(json.dumps(demonstrations))
+    lift, stack = reobserved.exactness(tmp_path, {"Lift": 0, "Stack": 1})
+    assert lift[:2] == ["Lift", 1]
+    assert all(pages.met(cell) for cell in lift if isinstance(cell, dict))
+    assert [pages.met(cell) for cell in stack if isinstance(cell, dict)] == [False, False, True]
+    assert stack[3:5] == [8, 16]

@@ -130,7 +130,8 @@ def compared(task: str, path: Path) -> dict[str, dict[str, int]]:
     """By demonstration of a re-observed file: pixels, depths that are not robosuite's, and pixels of other instances
     than their geom has elsewhere, or of instances that hold bodies which can move apart."""
     with h5py.File(path) as file:
-        size = file[f"data/demo_0/obs/{CAMERAS[0]}_image"].shape[1]
+        first = next(iter(file["data"].values()))
+        size = first[f"obs/{CAMERAS[0]}_image"].shape[1]
         given = settings(size) | {"camera_depths": True, "camera_segmentations": "element"}
         env, found = suite.make(task, **given), {}
         for name, demo in file["data"].items():
