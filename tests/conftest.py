@@ -11,6 +11,9 @@ from rolling import demonstration
 from rpaug.core.registry import adapter
 from rpaug.core.types import Scene
 
+for name in ("RPAUG_LLM_URL", "RPAUG_LLM_MODEL", "RPAUG_LLM_KEY"):
+    os.environ.pop(name, None)  # no test asks the model that a developer has settled on
+os.environ["XDG_CONFIG_HOME"] = os.devnull
 EPISODES = "rlbench_open_drawer/all_variations/episodes"
 
 

@@ -9,6 +9,7 @@ from rpaug.cli.console import (
     AsJson,
     Dataset,
     KeyVariable,
+    Llm,
     ModelName,
     Patience,
     Price,
@@ -48,10 +49,7 @@ def ask(
     ground: Annotated[
         bool, typer.Option(help="Look for every target in a recorded scene before answering.")
     ] = True,
-    llm: Annotated[
-        str | None,
-        typer.Option(help="URL of an OpenAI-compatible endpoint, instead of the grammar."),
-    ] = None,
+    llm: Llm = None,
     model: ModelName = None,
     key_env: KeyVariable = "RPAUG_LLM_KEY",
     timeout: Patience = 60.0,
@@ -90,9 +88,11 @@ def ask(
     from rpaug.core.types import Scene
     from rpaug.language import asking, rounds
     from rpaug.language.messages import NotUnderstood
+    from rpaug.providers import llm_settings
     from rpaug.scene.build import build
     from rpaug.scene.targets import settled
 
+    llm_settings.refuse_keys(wish, (key_env, llm_settings.KEY))
     if picture and not ground:
         raise RpaugError("--picture shows recorded instances: leave out --no-ground")
     if run and into is None:
@@ -146,17 +146,11 @@ def _endpoint(
     staged: bool,
     pictures: bool,
 ) -> Any:
-    if url is None:
-        if model is not None:
-            raise RpaugError("--model needs --llm: the endpoint's URL")
-        return None
-    if model is None:
-        raise RpaugError("--llm needs --model: the name of the model to ask")
     from rpaug.language.talk import WishModel
-    from rpaug.providers.language import Endpoint
+    from rpaug.providers import llm_settings
 
-    found = Endpoint.of(url, model, key_env=key_env, timeout=timeout, price=price)
-    return WishModel(found, staged=staged, pictures=pictures)
+    found = llm_settings.endpoint(url, model, key_env=key_env, timeout=timeout, price=price)
+    return None if found is None else WishModel(found, staged=staged, pictures=pictures)
 
 
 def _refused(reason: str, endpoint: Any, as_json: bool) -> int:

@@ -43,6 +43,13 @@ Arms = Annotated[
 Licence = Annotated[
     str | None, typer.Option(help="Of the source, for the dataset card, where it states none.")
 ]
+Llm = Annotated[
+    str | None,
+    typer.Option(
+        "--llm",
+        help="URL of an OpenAI-compatible endpoint; `off`: none, whatever environment and llm.toml say.",
+    ),
+]
 ModelName = Annotated[str | None, typer.Option(help="Name of the model to ask there.")]
 KeyVariable = Annotated[
     str, typer.Option(help="Environment variable that holds the endpoint's key.")

@@ -8,6 +8,7 @@ import typer
 from rpaug.cli.console import (
     AsJson,
     KeyVariable,
+    Llm,
     ModelName,
     Patience,
     Price,
@@ -49,12 +50,7 @@ def diagnose(
     ] = None,
     copies: Annotated[int, typer.Option(min=1, help="Copies of each episode in the recipe.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the recipe and of the analysis.")] = 0,
-    llm: Annotated[
-        str | None,
-        typer.Option(
-            help="URL of an OpenAI-compatible endpoint that sees pictures, instead of rules."
-        ),
-    ] = None,
+    llm: Llm = None,
     model: ModelName = None,
     second_llm: Annotated[
         str | None, typer.Option(help="URL of a second one: only causes that both name are kept.")
@@ -68,20 +64,24 @@ def diagnose(
 ) -> int:
     """Say why rollouts failed, and write the recipe against it.
 
-    Without --llm a rule-based analyst compares measured image statistics with the recordings'. Exit codes: 0 a recipe,
-    or nothing to fix; 1 failures that nothing measured explains, or that no edit helps; 2 an error, nothing written.
+    --llm names a model that sees pictures. Without one a rule-based analyst compares measured image statistics with
+    the recordings'. Exit codes: 0 a recipe, or nothing to fix; 1 failures that nothing measured explains, or that no
+    edit helps; 2 an error, nothing written.
 
     Example: [bold]rpaug diagnose eval.jsonl --dataset data/push_button --out next.yaml --report why.html[/]
     """
     from rpaug.diagnosis import diagnose as judge
     from rpaug.diagnosis import page, read, reference
+    from rpaug.providers import llm_settings
 
     beside = None if out is None else out.parent / "diagnosis.json"
     for path, flag in ((out, "--out"), (beside, "--out"), (report, "--report")):
         if path is not None and path.exists():
             raise BadInput(path, flag, found="something there already", expected="a new path")
-    analyst = _vision(llm, model, key_env, timeout, price)
-    second = _vision(second_llm, second_model, second_key_env, timeout, price)
+    analyst = vision(llm, model, key_env, timeout, price)
+    if second_model is not None and second_llm is None:
+        raise RpaugError("--second-model needs the endpoint's URL: --second-llm")
+    second = vision(second_llm or llm_settings.OFF, second_model, second_key_env, timeout, price)
     if second is not None and analyst is None:
         raise RpaugError("--second-llm cross-checks --llm: give that too")
     rollouts = read(evaluation, camera)
@@ -103,23 +103,22 @@ def diagnose(
     return 0 if found.recipe is not None or found.verdict == "nothing to fix" else 1
 
 
-def _vision(
+def vision(
     url: str | None,
     model: str | None,
     key_env: str,
     timeout: float,
     price: Price,
 ) -> Any:
-    if url is None:
-        if model is not None:
-            raise RpaugError(f"model {model!r} needs an endpoint's URL: --llm, --second-llm")
-        return None
-    if model is None:
-        raise RpaugError("an endpoint needs the name of its model: --model, --second-model")
-    from rpaug.diagnosis.vision import Vision
-    from rpaug.providers.language import Endpoint
+    """The vision model that options, environment or file name; None where the rules judge."""
+    from rpaug.providers import llm_settings
 
-    return Vision(Endpoint.of(url, model, key_env=key_env, timeout=timeout, price=price))
+    found = llm_settings.endpoint(url, model, key_env=key_env, timeout=timeout, price=price)
+    if found is None:
+        return None
+    from rpaug.diagnosis.vision import Vision
+
+    return Vision(found)
 
 
 def _show(found: Any, out: Path | None) -> None:

@@ -6,7 +6,19 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.console import AsJson, Dataset, console, plain, print_json
+from rpaug.cli.console import (
+    AsJson,
+    Dataset,
+    KeyVariable,
+    Llm,
+    ModelName,
+    Patience,
+    Price,
+    console,
+    plain,
+    print_json,
+)
+from rpaug.cli.diagnose import vision
 
 
 def loop(
@@ -32,12 +44,17 @@ def loop(
         Path | None, typer.Option(help="Trained before: round 0 judges it and trains none.")
     ] = None,
     resume: Annotated[bool, typer.Option(help="Go on with a loop that was stopped.")] = False,
+    llm: Llm = None,
+    model: ModelName = None,
+    key_env: KeyVariable = "RPAUG_LLM_KEY",
+    timeout: Patience = 60.0,
+    price: Price = None,
     as_json: AsJson = False,
 ) -> int:
     """Train a policy, evaluate it, find out why it failed, augment against that, and train again.
 
     Commands run without a shell; what they print goes into log files. {round} counts from 0. An evaluation is what
-    `rpaug diagnose` reads.
+    `rpaug diagnose` reads. --llm names a model that judges pictures, as there.
 
     Example: [bold]rpaug loop data/train --train "python train.py --data {data} --out {policy}"
     --eval "python eval.py {policy} {evaluation}" --out looped[/]
@@ -46,7 +63,10 @@ def loop(
 
     asked = looping.Loop(dataset, train, evaluate, out, rounds, copies, workers, seed, policy)
     looping.check(asked, resume)
-    done = looping.run(asked, resume=resume, tell=lambda words: _tell(words, as_json))
+    analyst = vision(llm, model, key_env, timeout, price)
+    done = looping.run(
+        asked, resume=resume, tell=lambda words: _tell(words, as_json), analyst=analyst
+    )
     if as_json:
         print_json({"out": str(out), "rounds": [asdict(one) for one in done]})
         return 0

@@ -16,6 +16,7 @@ import yaml
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.core.files import PART, apart, write_atomic
 from rpaug.diagnosis import reading
+from rpaug.diagnosis.analyst import Analyst
 from rpaug.diagnosis.diagnose import diagnose
 from rpaug.diagnosis.evaluation import Evaluation
 from rpaug.diagnosis.messages import Diagnosis
@@ -97,11 +98,18 @@ def check(loop: Loop, resume: bool = False) -> None:
             )
 
 
-def run(loop: Loop, *, resume: bool = False, tell: Tell = lambda words: None) -> list[LoopRound]:
+def run(
+    loop: Loop,
+    *,
+    resume: bool = False,
+    tell: Tell = lambda words: None,
+    analyst: Analyst | None = None,
+) -> list[LoopRound]:
     """Go round until the rounds are done or nothing is left to mend; what is finished already is not done again.
 
-    Every step's result appears by one rename, so a stopped loop can be resumed. Raises BadInput, and RpaugError with
-    the last words of a command that failed.
+    Failures are judged by `analyst`, by rules where there is none; each round's diagnosis names it. Every step's result
+    appears by one rename, so a stopped loop can be resumed. Raises BadInput, LanguageError, and RpaugError with the
+    last words of a command that failed.
     """
     check(loop, resume)
     loop.out.mkdir(parents=True, exist_ok=True)
@@ -109,7 +117,7 @@ def run(loop: Loop, *, resume: bool = False, tell: Tell = lambda words: None) ->
     data = [loop.dataset]
     for number in range(loop.rounds + 1):
         _write(loop, done)
-        done.append(_round(loop, number, data, tell))
+        done.append(_round(loop, number, data, tell, analyst))
         if not done[-1].copies:
             break
         data.append(_home(loop, number) / "data")
@@ -117,7 +125,9 @@ def run(loop: Loop, *, resume: bool = False, tell: Tell = lambda words: None) ->
     return done
 
 
-def _round(loop: Loop, number: int, data: Sequence[Path], tell: Tell) -> LoopRound:
+def _round(
+    loop: Loop, number: int, data: Sequence[Path], tell: Tell, analyst: Analyst | None
+) -> LoopRound:
     home, clock = _home(loop, number), _Clock()
     home.mkdir(exist_ok=True)
     if number == 0 and loop.policy is not None:
@@ -132,7 +142,7 @@ def _round(loop: Loop, number: int, data: Sequence[Path], tell: Tell) -> LoopRou
     tell(f"round {number}: {this.success:.0%} of {rollouts} rollouts succeeded")
     if number == loop.rounds:
         return this
-    given = clock("diagnose", lambda: _diagnosed(loop, home, found))
+    given = clock("diagnose", lambda: _diagnosed(loop, home, found, analyst))
     causes = tuple(cause.factor for cause in given.causes)
     tell(f"round {number}: {given.verdict}{': ' * bool(causes)}{', '.join(causes)}")
     copies = 0
@@ -227,11 +237,11 @@ def _made(result: Path, command: Callable[[Path], list[str]], log: Path) -> Path
     return result
 
 
-def _diagnosed(loop: Loop, home: Path, found: Evaluation) -> Diagnosis:
+def _diagnosed(loop: Loop, home: Path, found: Evaluation, analyst: Analyst | None) -> Diagnosis:
     path = home / "diagnosis.json"
     if path.exists():
         return Diagnosis.model_validate_json(path.read_bytes())
-    given = diagnose(found, loop.dataset, seed=loop.seed, copies=loop.copies)
+    given = diagnose(found, loop.dataset, analyst=analyst, seed=loop.seed, copies=loop.copies)
     if given.recipe is not None:
         write_atomic(home / "recipe.yaml", yaml.safe_dump(given.recipe, sort_keys=False).encode())
     write_atomic(path, given.model_dump_json(indent=1).encode())

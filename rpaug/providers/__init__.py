@@ -12,6 +12,7 @@ __all__ = [
     "harmonise",
     "inpaint",
     "language",
+    "llm_settings",
     "poses",
     "segment",
     "words",

@@ -127,3 +127,20 @@ def test_a_broken_endpoint_leaves_nothing(data: Path, tmp_path: Path) -> None:
         )
     assert "the key is not accepted" in stated
     assert not list(tmp_path.iterdir())
+
+
+def test_a_key_in_a_wish_is_asked_of_nobody(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RPAUG_LLM_KEY", KEY)
+    files = ("--out", tmp_path / "r", "--log", tmp_path / "l", "--history", tmp_path / "h")
+    with served(lambda h, n: h.answer(completion(KEY))) as (endpoint, seen):
+        monkeypatch.setenv("RPAUG_LLM_URL", endpoint.url)
+        monkeypatch.setenv("RPAUG_LLM_MODEL", "small")
+        stated = ask(data, f"blur the images {KEY}", *files, code=2)
+        assert not seen
+        assert KEY not in stated
+        assert not list(tmp_path.iterdir())
+        ask(data, "blur the images", code=2)  # the environment names the model
+        assert seen
+    ask(data, "blur the images", "--llm", "off")
