@@ -152,3 +152,29 @@ def test_a_command_that_fails_is_quoted(
 def test_a_program_that_is_not_there(tmp_path: Path, commands: tuple[str, str]) -> None:
     with pytest.raises(RpaugError, match="expected a program"):
         loop.run(loop.Loop(SAMPLE, "/no/such {policy}", commands[1], tmp_path / "out"))
+
+
+def test_an_analyst_judges_instead_of_the_rules(
+    commands: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def judged(found: Any, dataset: Path, **how: Any) -> Any:
+        asked.append(how["analyst"])
+        raise RpaugError("judged")
+
+    monkeypatch.setattr(loop, "diagnose", judged)
+    one: Any = object()
+    with pytest.raises(RpaugError, match="judged"):
+        loop.run(loop.Loop(SAMPLE, *commands, tmp_path / "looped", copies=1), analyst=one)
+    assert asked == [one]
+
+
+def test_a_model_without_a_url_is_refused(commands: tuple[str, str], tmp_path: Path) -> None:
+    train, evaluate = commands
+    given = CliRunner().invoke(
+        app,
+        ["loop", str(SAMPLE), "--train", train, "--eval", evaluate, "--out", str(tmp_path / "o"), "--model", "m"],
+    )  # fmt: skip
+    assert given.exit_code == 2
+    assert "--llm" in given.output
