@@ -13,7 +13,7 @@ from rpaug.operators.physics import Physics
 from rpaug.operators.remove import Remove
 from rpaug.operators.spread import Spread
 from rpaug.pipeline.contracts import OperatorContract, shown
-from rpaug.scene.placement import placing, standing
+from rpaug.scene.placement import placing, standing, untouched, zones
 from rpaug.scene.placement.free_space import CELL
 from rpaug.scene.targets.targets import Target
 
@@ -143,6 +143,26 @@ def test_where_the_robot_leaves_nothing_alone_there_is_nothing_to_draw():
     )
     with pytest.raises(Unsupported, match="nothing stands on the table that the robot leaves"):
         Remove().sample(bare, np.random.default_rng(0))
+
+
+def test_what_stands_by_the_target_is_not_drawn(monkeypatch):
+    """The target is brought to 4 cm from the cylinder."""
+    drawn = {frozenset(one.instance_ids) for one in untouched.loose(scene(), "")}
+    cylinder = frozenset([instance_id("cylinder")])
+    points = placing.points_of(scene(), cylinder)
+    beside = points[points[:, 0] == points[:, 0].max()] + np.array([0.04, 0, 0])
+    monkeypatch.setattr(zones, "target_places", lambda there: beside)
+    left = {frozenset(one.instance_ids) for one in untouched.loose(scene(), "")}
+    assert left < drawn
+    assert cylinder in drawn - left
+
+
+def test_without_a_target_nothing_is_known_to_be_beside_the_point():
+    lost = replace(
+        scene(), roles={k: v for k, v in scene().roles.items() if k in ("table", "robot")}
+    )
+    with pytest.raises(Unsupported, match="what the task is about is not known"):
+        Remove().sample(lost, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("operator", [Move, Duplicate])

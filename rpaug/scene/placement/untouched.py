@@ -8,8 +8,8 @@ import numpy as np
 from rpaug.core.errors import RpaugError, SourceLacks, Unsupported
 from rpaug.core.memo import once
 from rpaug.core.types import Episode, Scene
-from rpaug.scene.placement import standing
-from rpaug.scene.placement.placing import find_free_space
+from rpaug.scene.placement import standing, zones
+from rpaug.scene.placement.placing import find_free_space, points_of
 from rpaug.scene.sampled_frames import look
 from rpaug.scene.targets.targets import Target, find
 from rpaug.scene.tracking.touch import touching
@@ -18,6 +18,7 @@ FEW = 2  # looked-at frames: a contact seen less often is chance
 ACTED_ON = ("robot", "manipulated")
 CARRYING = ("table", "background")
 LARGEST = 0.4  # metres: what is wider is furniture
+APART = 0.05  # metres from the receiver and wherever the target comes to be: what stands nearer may matter to it
 
 
 def find_untouched(scene: Scene, target: Target, doing: str) -> frozenset[int]:
@@ -36,13 +37,20 @@ def pick(scene: Scene, target: Target | None, rng: np.random.Generator, doing: s
 
 
 def loose(scene: Scene, doing: str) -> list[standing.StandingInstance]:
-    """Small things that stand on the table, have no role and are left alone by the robot; at least one.
+    """Small things that stand on the table apart from what the task is about, have no role and are left alone by the
+    robot; at least one.
 
     Raises SourceLacks without depth and masks, Unsupported if there is nothing of that kind.
     """
     check_seen(scene, "what the robot leaves alone", doing)
     taken = frozenset().union(*scene.roles.values()) if scene.roles else frozenset()
     around = find_free_space(scene)
+    if not zones.acted_on(scene):
+        raise Unsupported(
+            f"{doing}: what the task is about is not known, so anything may matter to it"
+        )
+    goal = points_of(scene, scene.roles.get("receiver", frozenset()))
+    about = around.near(np.concatenate([zones.target_places(scene), goal]), APART)
     found = []
     for body in scene.bodies:
         if body.motion != "static" or body.copy_of or body.instance_ids & taken:
@@ -52,7 +60,8 @@ def loose(scene: Scene, doing: str) -> list[standing.StandingInstance]:
             one = standing.thing(scene, body.instance_ids, around, doing)
         except RpaugError:
             continue
-        if np.ptp(one.outline, axis=0).max() < LARGEST:
+        apart = not (around.covered(one.outline + one.middle) & about).any()
+        if apart and np.ptp(one.outline, axis=0).max() < LARGEST:
             found.append(one)
     if not found:
         raise Unsupported(f"{doing}: nothing stands on the table that the robot leaves alone")

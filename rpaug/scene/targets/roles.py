@@ -27,7 +27,7 @@ SIDE = 0.03  # metres: parts of one piece of furniture are within each other's o
 SMALLER = 0.25  # of the table's area: what lies flush on it and is smaller is a thing on it
 REACH = 0.25  # metres: what stays so near to the gripper is the hand
 AS_FIRM = 0.7  # of the firmest contact: of things that are touched so the largest is the receiver
-LEAST_SURE = 0.8  # of what is taken for want of anything else: the table, or what is touched where nothing moves
+LEAST_SURE = 0.8  # of what is taken for want of anything else: what is nearest, or is touched where nothing moves
 SOME = 0.3  # of the last frames, or of the outline: less contact makes no receiver
 LATE = 8  # the last so many-th part of the sampled frames shows where a thing was brought
 
@@ -37,14 +37,14 @@ NOTHING = Belief(frozenset(), 0.0)
 def believe(
     episode: Episode, bodies: Sequence[Body], sampled: SampledFrames | None = None
 ) -> dict[str, Belief]:
-    """What is believed of each role that anything speaks for; see NAMES. Every instance id has one role at most, but
-    for a table that is the receiver, and some have none.
+    """What is believed of each role that anything speaks for; see NAMES. Every instance id has one role at most, and
+    some have none.
 
     robot: what hangs on the gripper from the first frame on, and the base that this chain grows out of. manipulated:
     what else moves and is touched by the robot, or if nothing does what the gripper touches longest. table: what most
     falls on that the robot acts on, passes over, or finds beside that. receiver: the static thing that the
-    manipulated is hinged to or touches at the end, with all that stands within its outline; the table only if there
-    is nothing else. background: what is left and larger than the table, or outside its bounds.
+    manipulated is hinged to or touches at the end, with all that stands within its outline; never the table.
+    background: what is left and larger than the table, or outside its bounds.
     """
     sampled = look(episode) if sampled is None else sampled
     evidence = gather(episode, bodies, sampled)
@@ -74,7 +74,7 @@ def believe(
     return {
         name: replace(belief, confidence=min(belief.confidence, SUREST))
         for name, belief in found.items()
-        if belief.instance_ids
+        if belief.instance_ids or (belief.reasons and not belief.confidence)
     }
 
 
@@ -406,7 +406,8 @@ def _receiver(
     table: Collection[int],
 ) -> Belief:
     """What the manipulated touches, is in or is over at the end, or came up to; what stands within that thing's
-    outline, and what it is one with: what touches it and holds it up if it hangs."""
+    outline, and what it is one with: what touches it and holds it up if it hangs. The table is none: what is done to a
+    receiver would be done to the whole of it."""
     free = evidence.things.keys() - set(not_these) - set(table)
     brought = {
         h: max((_brought(evidence, ground, m, h) for m in manipulated), default=(0.0, ""))
@@ -421,11 +422,8 @@ def _receiver(
         main = max(came, key=lambda h: came[h], default=0)
         other = came.get(main, 0.0)
         if other <= share / 2:
-            return Belief(
-                frozenset(table if share else ()),
-                LEAST_SURE * share * (1 - other),
-                (f"the manipulated ends over the table with {100 * share:.0f} % of its outline",),
-            )
+            over = f"the manipulated ends over the table with {100 * share:.0f} % of its outline"
+            return Belief(frozenset(), 0.0, (f"{over}, and at nothing else",) if share else ())
         among = [main]
         brought[main] = (LEAST_SURE * other, "touches nothing at the end, and is nearest then to")
     main = max(among, key=lambda h: evidence.things[h].size.prod())
