@@ -422,8 +422,8 @@ def _receiver(
         main = max(came, key=lambda h: came[h], default=0)
         other = came.get(main, 0.0)
         if other <= share / 2:
-            over = f"the manipulated ends over the table with {100 * share:.0f} % of its outline"
-            return Belief(frozenset(), 0.0, (f"{over}, and at nothing else",) if share else ())
+            ends = f"the manipulated ends over the table with {100 * share:.0f} % of its outline"
+            return Belief(frozenset(), 0.0, (f"{ends}, and at nothing else",) if share else ())
         among = [main]
         brought[main] = (LEAST_SURE * other, "touches nothing at the end, and is nearest then to")
     main = max(among, key=lambda h: evidence.things[h].size.prod())
