@@ -45,10 +45,8 @@ OLD_STATISTICS = "meta/episodes_stats.jsonl"
 # Bytes of one table, unpacked: more is taken for damage, before anything is allocated.
 LARGEST = 2**31
 MOST = 2**20  # episodes, likewise
-ROWS, BUFFER = (
-    256,
-    2**20,
-)  # of a table with many episodes: rows, and bytes of a column, that are looked at in one go
+# Of a table with many episodes: rows, and bytes of a column, that are looked at in one go.
+ROWS, BUFFER = 256, 2**20
 FILES = 1000  # in a chunk, where nothing is told
 
 
@@ -199,7 +197,8 @@ def table(path: Path, columns: list[str] | None = None, episode: int | None = No
     if not path.is_file():
         raise BadInput(path, "file", found="nothing", expected="a parquet file")
     try:
-        with pq.ParquetFile(path, buffer_size=BUFFER) as file:
+        # Buffered ahead, as by default, a whole row group is in memory while one episode of it is looked for.
+        with pq.ParquetFile(path, buffer_size=BUFFER, pre_buffer=False) as file:
             about = file.metadata
             groups = [about.row_group(i) for i in range(about.num_row_groups)]
             size = sum(group.total_byte_size for group in groups)

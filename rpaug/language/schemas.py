@@ -46,9 +46,11 @@ def _option(op: str, whole: Mapping[str, Any], cameras: Sequence[str]) -> dict[s
     return {**one, "properties": fixed | fields, "required": required}
 
 
-def fields(op: str) -> str:
-    """An operator's fields in a line: each name, what it takes, and what holds where it is left out."""
-    whole = recipe.schema()["$defs"]
+def fields(op: str, whole: Mapping[str, Any]) -> str:
+    """An operator's fields in a line: each name, what it takes, and what holds where it is left out.
+
+    `whole` are the definitions of the recipes' schema.
+    """
     one = whole[f"op_{op}"]
     told = []
     for name, value in one["properties"].items():

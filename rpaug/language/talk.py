@@ -20,6 +20,7 @@ from rpaug.language.messages import Answer, Entry, Mention, NotUnderstood, Trace
 from rpaug.language.prompting import prompt
 from rpaug.language.recording import Recording
 from rpaug.language.rounds import History
+from rpaug.pipeline import recipe
 from rpaug.providers.language import Endpoint
 
 
@@ -53,13 +54,15 @@ class WishModel:
             )
         talk = _Talk(self._endpoint, history, setting, recording, self._pictures)
         if not self._staged:
-            return talk.ask("wish", stated, stated)
+            return talk.ask(stated, stated)
         plan = talk.split(stated)
         answer = talk.before.model_copy(
             update={"edits": tuple(_without(talk.before.edits, plan.drop))}
         )
         for step in plan.steps:
-            answer = talk.ask("wish", step.said, stated, [step.op], answer)
+            answer = talk.ask(step.said, stated, [step.op], answer)
+        if not (plan.steps or plan.drop or _settings(plan.settings)):
+            raise NotUnderstood(f"{self._endpoint.model} finds no change in {stated!r}")
         return answer.model_copy(
             update={
                 "settings": {**answer.settings, **_settings(plan.settings)},
@@ -101,7 +104,6 @@ class _Talk:
 
     def ask(
         self,
-        stage: str,
         asked: str,
         stated: str,
         ops: Sequence[str] | None = None,
@@ -123,7 +125,7 @@ class _Talk:
             return answer
 
         schema = schemas.of_wish(self._setting.cameras, ops)
-        answer: Answer = self._asked(stage, self._question(asked, before), schema, check, ops)
+        answer: Answer = self._asked("wish", self._question(asked, before), schema, check, ops)
         self._heed(took[0].refuse)
         if answer.edits == before.edits and answer.settings == before.settings:
             raise NotUnderstood(f"{self._endpoint.model} finds no change in {asked!r}")
@@ -209,12 +211,12 @@ def _shown(message: Mapping[str, Any], picture: bytes) -> list[dict[str, Any]]:
 
 def operators(ops: Sequence[str] | None = None) -> str:
     """What can be asked for: each operator's meaning, its fields, and wishes with what they come to."""
-    lines = []
+    lines, definitions = [], recipe.schema()["$defs"]
     for name in ops or registry.operator_names():
         kind = registry.operator(name)
         lines.append(f"- {name}: {' '.join((kind.__doc__ or '').split())}")
         if name != "camera_pose":  # given as a viewpoint
-            lines.append(f"  fields: {schemas.fields(name)}")
+            lines.append(f"  fields: {schemas.fields(name, definitions)}")
         lines += [f"  {wish!r}: {json.dumps(given)}" for wish, given in kind.examples]
         if not kind.examples:
             lines += [f"  {wish!r}" for wish in templates.examples(name)]

@@ -156,6 +156,9 @@ def test_a_refusal_and_no_change_are_not_understood() -> None:
         asked("make me a sandwich", wished(refuse="no operator makes a sandwich"))
     with pytest.raises(NotUnderstood, match="no change"):
         asked("hello", wished())
+    nothing = {"steps": [], "drop": [], "settings": None, "refuse": ""}
+    with pytest.raises(NotUnderstood, match="no change"):
+        asked("hello", nothing, staged=True)
 
 
 def test_a_round_may_drop_earlier_edits() -> None:
