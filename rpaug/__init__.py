@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from rpaug.core.interfaces import Operator as Operator
     from rpaug.core.interfaces import Painted as Painted
     from rpaug.core.interfaces import Side as Side
+    from rpaug.core.jit import kernel as kernel
     from rpaug.core.types import Appearance as Appearance
     from rpaug.core.types import Body as Body
     from rpaug.core.types import Camera as Camera
@@ -98,6 +99,7 @@ _EXPORTS = {
     "find_target": "rpaug.scene.targets.targets:find",
     "geometry": "rpaug.core.geometry",
     "inspect": "rpaug.pipeline.python_api",
+    "kernel": "rpaug.core.jit",
     "read": "rpaug.pipeline.python_api",
     "replay": "rpaug.pipeline.python_api",
     "safe_yaml": "rpaug.core.safe_yaml",

@@ -1,8 +1,8 @@
 """Pickles without running them: a whitelist reader, and a writer that old readers understand.
 
-A pickle is a program. Before one is opened its opcodes are listed (`pickletools.genops` parses without executing)
-and held against bounds that no honest file exceeds; then it is loaded with every global looked up in a table of
-stand-ins. Whatever is not in the table is refused by name.
+A pickle is a program. Before one is opened its opcodes are walked without executing them (their codes and arguments
+are those of `pickletools.opcodes`) and held against bounds that no honest file exceeds; then it is loaded with every
+global looked up in a table of stand-ins. Whatever is not in the table is refused by name.
 """
 
 import io
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rpaug import BadInput, files
+from rpaug import BadInput, files, kernel
 
 MAX_BYTES = 256 * 2**20
 
@@ -72,7 +72,7 @@ for _core in ("numpy.core", "numpy._core"):
     _NAMES[f"{_core}.multiarray", "scalar"] = _scalar
     _NAMES[f"{_core}.numeric", "_frombuffer"] = _frombuffer
 
-_FORBIDDEN = {
+_FORBIDDEN = [
     "PERSID",
     "BINPERSID",
     "EXT1",
@@ -82,7 +82,20 @@ _FORBIDDEN = {
     "OBJ",
     "NEXT_BUFFER",
     "READONLY_BUFFER",
-}
+]
+_MEMO = ["PUT", "BINPUT", "LONG_BINPUT"]  # they name where in a list of that length a value is kept
+_CODES = {op.name: ord(op.code) for op in pickletools.opcodes}
+# By opcode: bytes of its argument, minus the bytes of its own count of bytes, or minus ten times a number of lines.
+_UNKNOWN, _LINE = -100, -10
+_COUNTS = {pickletools.TAKEN_FROM_ARGUMENT1: -1, pickletools.TAKEN_FROM_ARGUMENT4: -4,
+           pickletools.TAKEN_FROM_ARGUMENT4U: -4, pickletools.TAKEN_FROM_ARGUMENT8U: -8,
+           pickletools.UP_TO_NEWLINE: _LINE}  # fmt: skip
+_SIZES = np.full(256, _UNKNOWN)
+for _op in pickletools.opcodes:
+    _SIZES[ord(_op.code)] = _COUNTS.get(_op.arg.n, _op.arg.n) if _op.arg else 0
+_SIZES[_CODES["GLOBAL"]] = 2 * _LINE
+_SIZES[[_CODES[name] for name in _FORBIDDEN]] = _UNKNOWN
+_PUT, _STOP = np.array([_CODES[name] for name in _MEMO]), _CODES["STOP"]
 
 
 class _Reader(pickle.Unpickler):
@@ -93,19 +106,57 @@ class _Reader(pickle.Unpickler):
 
 
 def _check(path: Path, data: bytes) -> None:
-    """Refuse what could exhaust memory before the loader sees it."""
-    for count, (opcode, argument, _) in enumerate(pickletools.genops(data)):
-        if opcode.name in _FORBIDDEN:
-            raise BadInput(
-                path,
-                "pickle",
-                found=f"opcode {opcode.name}",
-                expected="plain arrays, numbers and text",
-            )
-        if opcode.name in ("PUT", "BINPUT", "LONG_BINPUT") and int(argument) > count:
-            raise BadInput(
-                path, "pickle", found=f"memo index {argument}", expected=f"at most {count}"
-            )
+    """Refuse what could exhaust memory before the loader sees it. Raises BadInput."""
+    at, index, most = _first_fault(np.frombuffer(data, np.uint8), _SIZES, _PUT, _STOP)
+    if at < 0:
+        return
+    found, expected = f"memo index {index}", f"at most {most}"
+    if at == len(data):
+        found, expected = "an end in the middle", "a whole pickle"
+    elif index < 0:
+        name = next((name for name, code in _CODES.items() if code == data[at]), f"{data[at]:#x}")
+        found, expected = f"opcode {name}", "plain arrays, numbers and text"
+    raise BadInput(path, "pickle", found=found, expected=expected)
+
+
+@kernel
+def _first_fault(data, sizes, puts, stop):
+    """(where, memo index, largest allowed): an opcode that is not known, or a memo index above the number of opcodes
+    before it. -1 is nowhere, the length of the data an argument beyond its end."""
+    at, count = 0, 0
+    while at < len(data):
+        code, start = data[at], at + 1
+        size = sizes[code]
+        if size <= _UNKNOWN:
+            return at, -1, count
+        end, value = start, 0
+        if size > 0:
+            end += size
+        elif size <= _LINE:
+            for _ in range(size // _LINE):
+                while end < len(data) and data[end] != 10:
+                    end += 1
+                end += 1
+        elif size < 0:
+            end -= size
+        if end > len(data):
+            return len(data), -1, count
+        if size > _LINE:  # little endian, and a line of digits
+            for i in range(min(end, start + 8) - 1, start - 1, -1):
+                value = value * 256 + data[i]
+            if size < 0:
+                if value < 0 or value > len(data) - end:
+                    return len(data), -1, count
+                end += value
+        elif (code == puts).any():
+            for i in range(start, end - 1):
+                value = min(value * 10 + data[i] - 48, 2**40)
+        if (code == puts).any() and (value < 0 or value > count):
+            return at, value, count
+        if code == stop:
+            return -1, 0, 0
+        at, count = end, count + 1
+    return len(data), -1, count
 
 
 def load(path: Path) -> Any:

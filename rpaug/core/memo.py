@@ -44,6 +44,11 @@ def bare(scene: Scene) -> Scene:
     return replace(scene, appearance=(), sensor=(), ambience=None, descriptions=())
 
 
+def recorded(episode: Episode) -> Episode:
+    """The episode without what a recipe makes of its words: what is found in its images hangs on no recipe."""
+    return replace(episode, embeddings=Episode.embeddings)
+
+
 def of_episode(find: Callable[..., Found]) -> Callable[..., Found]:
     """Remember some answers for as long as the episode, the first argument, lives; the others are hashable."""
     every: WeakKeyDictionary[Episode, OrderedDict[Hashable, Found]] = WeakKeyDictionary()

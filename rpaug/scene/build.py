@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rpaug.core import sampling
+from rpaug.core import memo, sampling
 from rpaug.core.errors import Unsupported
-from rpaug.core.memo import once
 from rpaug.core.types import Belief, Body, Episode, Scene
 from rpaug.scene.instances import by_motion, rgb_episode
 from rpaug.scene.instances.found import FoundInstances, InstanceFinder
@@ -70,12 +69,11 @@ class ByMasks:
     def find(self, episode: Episode) -> FoundInstances:
         if not all(view.depth and view.ids for view in episode.views.values()):
             return FoundInstances(episode, _untracked(episode))
-        recorded = replace(episode, embeddings=Episode.embeddings)  # what a recipe makes of words
-        tracked, beliefs = _tracked(recorded, tuple(self.arms))
+        tracked, beliefs = _tracked(memo.recorded(episode), tuple(self.arms))
         return FoundInstances(episode, tracked, roles.held(beliefs), beliefs=beliefs)
 
 
-@once
+@memo.once
 def _tracked(
     episode: Episode, arms: tuple[Kinematics, ...]
 ) -> tuple[tuple[Body, ...], dict[str, Belief]]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int, Int32
 
+from rpaug.core import memo
 from rpaug.core.jit import kernel
-from rpaug.core.memo import once
 from rpaug.core.types import Episode
 
 MOST_FRAMES = 32  # looked at per episode, beside the frames where the gripper opens or closes
@@ -61,11 +61,11 @@ def frames_to_look_at(episode: Episode, most: int = MOST_FRAMES) -> Int[np.ndarr
 def look(episode: Episode, frames: Iterable[int] | None = None) -> SampledFrames:
     """Decode `frames` (default: `frames_to_look_at`) of every camera that has both depth and instance ids."""
     if frames is None:
-        return _at_all(episode)
+        return _at_all(memo.recorded(episode))
     return _decoded(episode, np.array(sorted(set(frames)), int))
 
 
-@once
+@memo.once
 def _at_all(episode: Episode) -> SampledFrames:
     return _decoded(episode, frames_to_look_at(episode))
 
