@@ -40,9 +40,15 @@ NAMES: Mapping[str, tuple[float, float, float]] = {
 
 ALIASES: Mapping[str, str] = {
     "grey": "gray",
-    "turquoise": "cyan",
-    "crimson": "red",
-    "lilac": "violet",
+    **dict.fromkeys(("turquoise", "aqua"), "cyan"),
+    **dict.fromkeys(("crimson", "scarlet", "vermilion"), "red"),
+    **dict.fromkeys(("lilac", "indigo", "lavender", "mauve"), "violet"),
+    "burgundy": "maroon",
+    "emerald": "green",
+    "fuchsia": "magenta",
+    "golden": "gold",
+    "ivory": "white",
+    "khaki": "tan",
 }
 
 # A plain word also means the shades that people call by it.
@@ -148,10 +154,14 @@ def ciede2000(
 
 
 def canonical(word: str) -> str | None:
-    """The name in NAMES that a word stands for, or None."""
+    """The name in NAMES that a word stands for, or None. "Reddish", "bluish" and "whitish" are near names."""
     word = word.lower()
-    word = ALIASES.get(word, word)
-    return word if word in NAMES else None
+    stem = word.removesuffix("ish")
+    near = (stem, stem + "e", stem[:-1]) if stem and stem != word else ()
+    for spelled in (word, *near):
+        if (name := ALIASES.get(spelled, spelled)) in NAMES:
+            return name
+    return None
 
 
 def rgb(name: str) -> tuple[float, float, float]:
@@ -172,6 +182,18 @@ def nearest(color: Float[np.ndarray, "3"]) -> str:
 def means(name: str, shade: str) -> bool:
     """Would a person call `shade` by `name`?"""
     return shade == name or shade in SHADES.get(name, ())
+
+
+def akin(name: str, shade: str) -> bool:
+    """Could people mean the color `shade` by `name`: one of its hue, or without hue as it is? Both stand in NAMES."""
+    if means(name, shade) or means(shade, name):
+        return True
+    first, second = (
+        np.hypot(*to_lab(np.array(NAMES[one]))[1:]) < COLORLESS for one in (name, shade)
+    )
+    if first or second:
+        return bool(first and second and {name, shade} != {"black", "white"})
+    return hued(name, np.array(NAMES[shade])) or hued(shade, np.array(NAMES[name]))
 
 
 def hued(name: str, color: Float[np.ndarray, "3"]) -> bool:

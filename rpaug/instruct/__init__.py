@@ -6,32 +6,67 @@ longer there, or where the words would now fit another thing as well, the copy i
 words that lie.
 """
 
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from rpaug.core.interfaces import Edit, Operator
 from rpaug.core.types import Scene
 from rpaug.instruct import changes
 from rpaug.instruct.judging import Judge, Untrue
 from rpaug.instruct.phrases import phrases
+from rpaug.scene.targets.nouns import HANDLING
 
-__all__ = ["Untrue", "followed", "phrases"]
+__all__ = ["Followed", "Untrue", "followed", "phrases"]
+
+# Articles and joining words that English lacks. Where one stands the rules cannot read.
+FOREIGN = frozenset(
+    {
+        "le", "la", "les", "une", "du", "des", "et", "dans", "sur", "el", "los", "las", "una", "y", "del", "al", "en",
+        "der", "das", "dem", "den", "ein", "eine", "einen", "und", "auf", "il", "lo", "gli", "e", "nel", "o", "os",
+        "um", "uma", "het", "een", "de", "op",
+    }
+)  # fmt: skip
+ENGLISH = HANDLING | {"the", "it", "up", "then", "with", "of", "and"}
 
 
-def followed(scene: Scene, edits: Sequence[tuple[Operator, Edit]]) -> tuple[str, ...]:
+@dataclass(frozen=True)
+class Followed:
+    """The descriptions after the edits; `left` says in sentences which stayed as they were though they may not hold."""
+
+    texts: tuple[str, ...]
+    left: tuple[str, ...] = ()
+
+
+def followed(scene: Scene, edits: Sequence[tuple[Operator, Edit]]) -> Followed:
     """The descriptions after the edits. Raises Untrue.
 
     `scene` is the edited one, `edits` are what was drawn, in order, by the operators that drew it.
     """
-    if not any(True for text in scene.descriptions for _ in phrases(text)):
-        return scene.descriptions
     made = changes.of(scene, edits)
     if not made:
-        return scene.descriptions
+        return Followed(scene.descriptions)
     judge = Judge(changes.recorded(scene), changes.rearranged(scene), made)
-    after = tuple(judge.rewritten(text) for text in scene.descriptions)
+    read = [any(True for _ in phrases(text)) and _english(text) for text in scene.descriptions]
+    after = tuple(
+        judge.rewritten(text) if known else text
+        for text, known in zip(scene.descriptions, read, strict=True)
+    )
     for text in after:
         _see_nothing_old(text, scene.descriptions, after)
-    return after
+    left = tuple(
+        f"{text!r} is not in English: it was left as it is and may not hold after the edits"
+        for text in scene.descriptions
+        if not _english(text)
+    )
+    return Followed(after, left)
+
+
+def _english(text: str) -> bool:
+    """Could a text be English, as far as its commonest words tell? One of color and noun alone could."""
+    words = {*re.findall(r"[^\W\d_]+", text.lower())}
+    letters = not words or all(word.isascii() for word in words)
+    return bool(words & ENGLISH or letters) and not words & FOREIGN
 
 
 def _see_nothing_old(text: str, before: Sequence[str], after: Sequence[str]) -> None:

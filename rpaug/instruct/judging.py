@@ -130,11 +130,7 @@ class Judge:
             return phrase.color
         named = self._named(phrase)
         if named is None:
-            doubtful = [h for h in self._loose() if color_space.means(phrase.color, self._was(h))]
-            if doubtful:
-                raise Untrue(
-                    f"it cannot be told whether {phrase.text!r} is instance {doubtful[0]}, which was painted"
-                )
+            self._doubt(phrase, frozenset(self._loose()), "was painted")
             return phrase.color
         new = {words.get(instance_id, phrase.color) for instance_id in named}
         if None in new and self._alone(phrase, named):
@@ -142,7 +138,8 @@ class Judge:
         if None in new:
             raise Untrue(f"{phrase.text!r} has another pattern now, and no one color")
         names = {str(name) for name in new}
-        if all(color_space.means(phrase.color, name) for name in names):
+        toned = phrase.tint is not None and " " in phrase.tint.text and named <= words.keys()
+        if not toned and all(color_space.means(phrase.color, name) for name in names):
             return phrase.color
         if len(names) > 1:
             raise Untrue(f"{phrase.text!r} is {' and '.join(sorted(names))} now")
@@ -197,21 +194,29 @@ class Judge:
     ) -> None:
         """See that none of these could be meant by a phrase that nothing was found for. Raises Untrue.
 
+        A color that nothing of its noun has may be that of any whose own is akin, or else of any at all.
         `alone`: the robot was seen to leave them alone, or the edit would have been refused. So they are not "the
         handle" of "grip the handle"; a color that fits them is doubted all the same.
         """
         if alone and phrase.handled and phrase.color is None:
             return
+        kin = self._kin(phrase)
         for instance_id in sorted(instance_ids):
-            alike = phrase.color is None or color_space.means(phrase.color, self._was(instance_id))
             if (
-                alike
+                (kin is None or instance_id in kin)
                 and self._rows[instance_id].role not in targets.APART
                 and self._fits(phrase, instance_id)
             ):
                 raise Untrue(
                     f"it cannot be told whether {phrase.text!r} is instance {instance_id}, which {what}"
                 )
+
+    def _kin(self, phrase: InstructionPhrase) -> frozenset[int] | None:
+        """All whose color is akin to the phrase's; None, for any, without a color and where none of its noun's is."""
+        if phrase.color is None:
+            return None
+        kin = frozenset(h for h in self._rows if color_space.akin(phrase.color, self._was(h)))
+        return kin if not self._of_kind(phrase) or kin & self._of_kind(phrase) else None
 
     def _named(
         self, phrase: InstructionPhrase, after: bool = False, rank: str | None = None
@@ -225,7 +230,27 @@ class Judge:
             return None  # known without a look at any image
         stated = phrase.stated(rank or phrase.ranked)
         found = self._found(stated, after, every=False)
-        return self._found(stated, after) if found is None else found
+        found = self._found(stated, after) if found is None else found
+        if found is None and phrase.color and noun and self._meanings(noun):
+            return self._nearly(phrase, after, rank)
+        return found
+
+    def _nearly(
+        self, phrase: InstructionPhrase, after: bool, rank: str | None
+    ) -> frozenset[int] | None:
+        """The one thing of a phrase's noun that people may call by its color: silver is white to them.
+
+        Of several it is the one that the task is about, by its role.
+        """
+        plain = replace(phrase, color=None, nouns=phrase.nouns[-1:]).stated(rank or phrase.ranked)
+        alike = [
+            h
+            for h in self._found(plain, after) or ()
+            if color_space.akin(str(phrase.color), self._was(h))
+        ]
+        with_role = [h for h in alike if self._rows[h].role not in ("", *targets.APART)]
+        only = alike if len(alike) == 1 else with_role
+        return frozenset(only) if len(only) == 1 else None
 
     def _found(self, stated: str, after: bool, every: bool = True) -> frozenset[int] | None:
         if (after, stated, every) not in self._known:
@@ -273,7 +298,7 @@ class Judge:
 
 def _goes_by(thing: Added, nouns: tuple[str, ...]) -> bool:
     """Could a new thing be called by these nouns? By its kind, a part of its name, or a word as broad as its shape."""
-    if not nouns:
+    if not nouns or nouns[-1] in ANYTHING:
         return True
     noun = nouns[-1]
     for stated in (noun, noun.removesuffix("s"), noun.removesuffix("es")):

@@ -49,6 +49,8 @@ NOWHERE = frozenset(
         "off", "other", "others", "away", "together", "upright", "clockwise", "anticlockwise", "same", "last",
     }
 )  # fmt: skip
+# Words before a color word that are part of it: "dark red".
+TONES = frozenset({"dark", "light", "bright", "pale", "deep", "vivid", "pastel", "neon"})
 PARTICLES = frozenset({"up", "down", "out"})
 LARGE, SMALL = "large", "small"
 # Words for sizes: which way they mean, and the word for the other way, if there is one that compares as they do.
@@ -79,7 +81,7 @@ class Word:
 
 @dataclass(frozen=True)
 class InstructionPhrase:
-    """A thing in an instruction's words. `color` is the color's own name, `tint` the word for it.
+    """A thing in an instruction's words. `color` is the color's own name, `tint` the words for it ("dark red").
 
     `rank` is a word for its size or its place. `handled` is what a verb such as "grip" or "push" acts on.
     """
@@ -154,7 +156,7 @@ def _side_of(word: Word, text: str) -> bool:
 
 def _named(word: Word, between: str) -> bool:
     """Does a thing begin here, whatever stands before: with a color, or after a number?"""
-    return color_space.canonical(word.text) is not None or bool(re.search(r"\d", between))
+    return _colored(word) or bool(re.search(r"\d", between))
 
 
 def _handled(before: str) -> bool:
@@ -164,20 +166,44 @@ def _handled(before: str) -> bool:
     return bool(stated) and stated[-1] in HANDLING
 
 
+def _colored(word: Word) -> bool:
+    return color_space.canonical(word.text) is not None
+
+
+def _tint(words: Sequence[Word]) -> Sequence[Word]:
+    """The first color words of a run that stand together, with their tone: "navy blue", "dark red"."""
+    start = next((k for k, word in enumerate(words) if _colored(word)), len(words))
+    stop = start
+    while stop < len(words) and _colored(words[stop]):
+        stop += 1
+    while start and start < stop and words[start - 1].text in TONES:
+        start -= 1
+    return words[start:stop]
+
+
 def _by_color(group: Sequence[Word]) -> Iterator[list[Word]]:
-    """A run of words, cut before every color word but the first."""
-    cuts = [k for k, word in enumerate(group) if color_space.canonical(word.text)][1:]
-    for start, stop in zip([0, *cuts], [*cuts, len(group)], strict=True):
-        yield list(group[start:stop])
+    """A run of words, cut before all color words but the first."""
+    start = 0
+    tint = _tint(group)
+    while tint:
+        stop = group.index(tint[-1]) + 1
+        tint = _tint(group[stop:])
+        end = group.index(tint[0]) if tint else len(group)
+        yield list(group[start:end])
+        start = end
+    if not start:
+        yield list(group)
 
 
 def _phrase(words: Sequence[Word]) -> InstructionPhrase | None:
-    tint = next((word for word in words if color_space.canonical(word.text)), None)
+    tints = _tint(words)
     ranks = [word for word in words if word.text in SIZES or word.text in PLACES]
-    nouns = tuple(word.text for word in words if word is not tint and word not in ranks)
+    nouns = tuple(word.text for word in words if word not in tints and word not in ranks)
     while nouns and nouns[-1] in NOWHERE:
         nouns = nouns[:-1]
-    color = color_space.canonical(tint.text) if tint else None
+    color = color_space.canonical(tints[-1].text) if tints else None
+    spelled = " ".join(word.text for word in tints)
+    tint = Word(spelled, tints[0].start, tints[-1].end) if tints else None
     rank = ranks[0] if ranks else None
     # "the orange on the plate" is a fruit, and "the orange" alone has no noun.
     if color == "orange" and not nouns:
@@ -188,14 +214,18 @@ def _phrase(words: Sequence[Word]) -> InstructionPhrase | None:
 
 
 def changed(text: str, word: Word, new: str) -> str:
-    """The text with another word in a word's place, or none, its article and its capital kept right."""
+    """The text with another word in a word's place, or none, its article and its capitals kept right."""
     before, after = text[: word.start], text[word.end :]
-    capital = text[word.start].isupper()
+    old = text[word.start : word.end]
+    if new and len(old) > 1 and old.isupper():
+        new = new.upper()
     if not new:  # the word after it takes its place
         new, after = after.lstrip(), ""
-    new = new[:1].upper() + new[1:] if capital else new
-    article = re.search(r"\b([Aa])n?( +)$", before)
+    if old[:1].isupper():
+        new = new[:1].upper() + new[1:]
+    article = re.search(r"\b([Aa])[nN]?( +)$", before)
     if article:
-        right = article[1] + ("n" if new[:1].lower() in tuple("aeiou") else "")
+        vowel = "N" if new[:2].isupper() else "n"
+        right = article[1] + (vowel if new[:1].lower() in tuple("aeiou") else "")
         before = before[: article.start()] + right + article[2]
     return before + new + after

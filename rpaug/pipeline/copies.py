@@ -90,6 +90,7 @@ class Made:
     plan: planning.Plan
     tally: report.Tally
     untrue: str = ""
+    left: tuple[str, ...] = ()
     gates: gating.Gates | None = None
     attempt: int = 0
     seconds: float = 0.0
@@ -242,12 +243,13 @@ def render(
     """
     settled = planning.settle(plan, scene)
     untrue = ""
+    left: tuple[str, ...] = ()
     edits = [
         (one.option.operator, one.edit) for one in draws if one.option and one.edit is not None
     ]
     try:
         words = instruct.followed(scene, edits)
-        scene = replace(scene, descriptions=words)
+        scene, left = replace(scene, descriptions=words.texts), words.left
     except instruct.Untrue as error:
         untrue = str(error)
     shown, settled = (scene, settled) if untrue else _refined(scene, settled)
@@ -268,7 +270,7 @@ def render(
             )
 
     episode = views.edited(shown, settled.representations, watch, settled.blended, kept)
-    return Made(episode, scene, draws, settled, tally, untrue)
+    return Made(episode, scene, draws, settled, tally, untrue, left)
 
 
 def _refined(scene: Scene, plan: planning.Plan) -> tuple[Scene, planning.Plan]:

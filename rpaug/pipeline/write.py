@@ -108,9 +108,12 @@ def side_files(
 
 
 def _words(made: Made) -> dict[str, Any] | None:
-    """The instructions before and after, where an edit made them other ones."""
+    """The instructions before and after, where an edit made them other ones or left some that may not hold."""
     before, after = made.scene.episode.descriptions, made.episode.descriptions
-    return None if before == after else {"recorded": list(before), "written": list(after)}
+    if before == after and not made.left:
+        return None
+    words: dict[str, Any] = {"recorded": list(before), "written": list(after)}
+    return {**words, "left": list(made.left)} if made.left else words
 
 
 def drawn(made: Made) -> int:

@@ -49,7 +49,7 @@ def test_plain_words_cover_their_shades() -> None:
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(KeyError, match="there are: azure"):
-        color_space.rgb("mauve-ish")
+        color_space.rgb("glaucous")
 
 
 def test_typical_leaves_out_highlights_and_shadows() -> None:

@@ -26,7 +26,7 @@ from rpaug.scene.targets.survey import survey
 def after(recorded: Scene, *edits: dict) -> tuple[str, ...]:
     made = recipe.build({"version": 1, "edits": list(edits)})
     edited, draws = copies.draw(recorded, made, 1)
-    return instruct.followed(edited, [(one.option.operator, one.edit) for one in draws])
+    return instruct.followed(edited, [(one.option.operator, one.edit) for one in draws]).texts
 
 
 def given(*texts: str) -> Scene:
@@ -86,6 +86,50 @@ class TestFollowed:
         judge = Judge(scene(), scene(), Changes(words={block: "navy"}))
         judge._found = lambda *_, **__: frozenset([block])  # type: ignore[method-assign]
         assert judge.rewritten(stated.descriptions[0]) == stated.descriptions[0]
+
+    @pytest.mark.parametrize(
+        ("thing", "color", "text", "new"),
+        [
+            ("block_plain", "green", "pick up the RED block", "pick up the GREEN block"),
+            ("cylinder", "orange", "LIFT A GREEN CYLINDER", "LIFT AN ORANGE CYLINDER"),
+            ("pad", "blue", "put it on the white pad", "put it on the blue pad"),
+            ("block_plain", "blue", "push the reddish block", "push the blue block"),
+            ("cylinder", "purple", "lift the greenish cylinder", "lift the purple cylinder"),
+            ("block_plain", "green", "push the dark red block", "push the green block"),
+            ("block_plain", "cyan", "slide the bright red block", "slide the cyan block"),
+            ("block_small", "yellow", "take the navy blue block", "take the yellow block"),
+            ("block_small", "pink", "grab the light blue block", "grab the pink block"),
+            ("block_plain", "green", "push the scarlet block", "push the green block"),
+            ("cylinder", "purple", "move the emerald cylinder", "move the purple cylinder"),
+            ("block_plain", "blue", "push the block that is red", "push the block that is blue"),
+        ],
+    )  # fmt: skip
+    def test_near_names_tones_and_capitals_follow(self, thing, color, text, new):
+        paint = {"op": "recolor", "target": {"handle": instance_id(thing)}, "color": color}
+        assert after(given(text), paint) == (new,)
+
+    def test_a_near_name_that_two_things_may_have_is_refused(self, block):
+        paint = {"op": "recolor", "target": {"handle": instance_id("block_plain")}, "color": "blue"}
+        with pytest.raises(Untrue, match="cannot be told"):
+            after(given("push the pink block"), paint)
+
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "pose le bloc rouge sur le plateau",
+            "recoge el objeto rojo",
+            "lege den roten Würfel auf die Matte",
+            "把红色方块放到垫子上",
+        ],
+    )
+    def test_another_language_is_left_with_a_line(self, text):
+        paint = {"op": "recolor", "target": {"handle": instance_id("block_plain")}, "color": "blue"}
+        made = recipe.build({"version": 1, "edits": [paint]})
+        edited, draws = copies.draw(given(text), made, 1)
+        found = instruct.followed(edited, [(one.option.operator, one.edit) for one in draws])
+        assert found.texts == (text,)
+        assert len(found.left) == 1
+        assert instruct.followed(given(text), []) == instruct.Followed((text,))
 
     def patterned(self, texture: str) -> dict:
         return {"op": "retexture", "target": {"role": "manipulated"}, "texture": texture}
@@ -275,7 +319,7 @@ class TestSizes:
 
     def grown(self, name: str, factor: float, *texts: str) -> tuple[str, ...]:
         instance_id = cups().truth.handles[name]
-        return instruct.followed(edited(two_cups(), instance_id, *texts, scale=factor), [])
+        return instruct.followed(edited(two_cups(), instance_id, *texts, scale=factor), []).texts
 
     def test_the_smaller_one_that_is_the_larger_now_is_called_so(self):
         stated = ("put the small cup into the large one", "Put the small blue cup away")
@@ -295,7 +339,7 @@ class TestSizes:
         with pytest.raises(Untrue, match=r"1\.10 times its size"):
             instruct.followed(stated, [])
         stated = edited(scene(), tall, "take the large green cylinder", scale=1.1)
-        assert instruct.followed(stated, []) == stated.descriptions
+        assert instruct.followed(stated, []).texts == stated.descriptions
 
     def test_neither_the_smallest_nor_the_largest_is_refused(self):
         (small,) = targets.find(scene(), targets.Target(text="smallest block"))
@@ -318,7 +362,7 @@ class TestGone:
         stated = edited(
             scene(), instance_id("cylinder"), f"put the {block} block on the pad", "lift it"
         )
-        assert instruct.followed(stated, []) == stated.descriptions
+        assert instruct.followed(stated, []).texts == stated.descriptions
 
     def test_a_noun_that_means_nothing_here_may_be_what_is_gone(self):
         stated = "put the block on the pad near the gizmo"
@@ -334,7 +378,7 @@ class TestGone:
     )
     def test_what_the_robot_handles_is_not_what_it_left_alone(self, stated):
         gone = edited(scene(), instance_id("cylinder"), stated)
-        assert instruct.followed(gone, []) == gone.descriptions
+        assert instruct.followed(gone, []).texts == gone.descriptions
 
     def test_a_color_tells_more_than_the_verb(self):
         with pytest.raises(Untrue, match="was taken out"):
@@ -347,7 +391,7 @@ class TestGone:
         for stated in ("take the block next to the cylinder", "take the leftmost cylinder"):
             gone = edited(scene(), instance_id("cylinder"), stated, **moved)
             if "leftmost" in stated:  # the only one is so wherever it stands
-                assert instruct.followed(gone, []) == gone.descriptions
+                assert instruct.followed(gone, []).texts == gone.descriptions
             else:
                 with pytest.raises(Untrue, match="was moved"):
                     instruct.followed(gone, [])
@@ -398,7 +442,8 @@ class TestAdded:
     """A new thing that the words fit as well makes them unclear."""
 
     def put(self, asset: str, *texts: str) -> tuple[str, ...]:
-        return instruct.followed(given(*texts), [(Insert(), {"things": [{"asset": asset}]})])
+        scene = given(*texts)
+        return instruct.followed(scene, [(Insert(), {"things": [{"asset": asset}]})]).texts
 
     @pytest.mark.parametrize(
         ("asset", "text"),
@@ -409,6 +454,10 @@ class TestAdded:
             ("block_oak", "put the cube on the pad"),
             ("apple", "put the apple in the bowl"),
             ("bottle_green", "take the green one"),
+            ("can_red", "pick up the red thing"),
+            ("bottle_green", "grasp the green object"),
+            ("apple", "move the round red item"),
+            ("apple", "put the fruit in the bowl"),
         ],
     )
     def test_such_a_thing_is_refused(self, asset: str, text: str) -> None:
