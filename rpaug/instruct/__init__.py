@@ -10,14 +10,18 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from rpaug.core.interfaces import Edit, Operator
 from rpaug.core.types import Scene
 from rpaug.instruct import changes
 from rpaug.instruct.judging import Judge, Untrue
 from rpaug.instruct.phrases import phrases
+from rpaug.instruct.wording import Wording
+from rpaug.providers.language import LanguageError
 from rpaug.scene.targets.nouns import HANDLING
 
-__all__ = ["Followed", "Untrue", "followed", "phrases"]
+__all__ = ["Followed", "Untrue", "followed", "phrases", "wording"]
 
 # Articles and joining words that English lacks. Where one stands the rules cannot read.
 FOREIGN = frozenset(
@@ -32,34 +36,59 @@ ENGLISH = HANDLING | {"the", "it", "up", "then", "with", "of", "and"}
 
 @dataclass(frozen=True)
 class Followed:
-    """The descriptions after the edits; `left` says in sentences which stayed as they were though they may not hold."""
+    """The descriptions after the edits; `left` says in sentences which stayed as they were though they may not hold,
+    and what a model was asked for in vain."""
 
     texts: tuple[str, ...]
     left: tuple[str, ...] = ()
 
 
-def followed(scene: Scene, edits: Sequence[tuple[Operator, Edit]]) -> Followed:
+def followed(
+    scene: Scene,
+    edits: Sequence[tuple[Operator, Edit]],
+    model: Wording | None = None,
+    rng: np.random.Generator | None = None,
+) -> Followed:
     """The descriptions after the edits. Raises Untrue.
 
-    `scene` is the edited one, `edits` are what was drawn, in order, by the operators that drew it.
+    `scene` is the edited one, `edits` are what was drawn, in order, by the operators that drew it. A `model` may be
+    asked before the rules, and for paraphrases, of which `rng` draws.
     """
     made = changes.of(scene, edits)
-    if not made:
+    if not made and model is None:
         return Followed(scene.descriptions)
     judge = Judge(changes.recorded(scene), changes.rearranged(scene), made)
-    read = [any(True for _ in phrases(text)) and _english(text) for text in scene.descriptions]
+    left: list[str] = []
     after = tuple(
-        judge.rewritten(text) if known else text
-        for text, known in zip(scene.descriptions, read, strict=True)
+        _worded(text, judge, model, left) if made else text for text in scene.descriptions
     )
     for text in after:
         _see_nothing_old(text, scene.descriptions, after)
-    left = tuple(
-        f"{text!r} is not in English: it was left as it is and may not hold after the edits"
-        for text in scene.descriptions
-        if not _english(text)
-    )
-    return Followed(after, left)
+    if model is not None and model.paraphrases and rng is not None:
+        varied = [
+            model.varied(text, judge, rng) if _english(text) else (text, _unread(text))
+            for text in after
+        ]
+        after = tuple(text for text, _ in varied)
+        left += [why for _, why in varied if why and why not in left]
+    return Followed(after, tuple(left))
+
+
+def _worded(text: str, judge: Judge, model: Wording | None, left: list[str]) -> str:
+    """One description after the edits, by the model or by the rules. Raises Untrue."""
+    readable = _english(text)
+    if model is not None and model.first:
+        try:
+            return model.rewritten(text, judge, readable)
+        except LanguageError as error:
+            left.append(f"{text!r} was worded by rules: {error}")
+    if not readable:
+        left.append(_unread(text))
+    return judge.rewritten(text) if readable else text
+
+
+def _unread(text: str) -> str:
+    return f"{text!r} is not in English: it was left as it is and may not hold after the edits"
 
 
 def _english(text: str) -> bool:

@@ -1,5 +1,7 @@
 """What an instruction's phrases mean before and after the edits, and what must become of their words."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -28,6 +30,10 @@ from rpaug.scene.targets.survey import InstanceSummary, survey
 BROAD = frozenset(
     {"block", "box", "cube", "cup", "cylinder", "ball", "sphere", "pad", "container", "bowl"}
 )
+
+
+SPELLED = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+COUNTS = {word: str(count) for count, word in enumerate(SPELLED, 2)}
 
 
 class Untrue(RpaugError):
@@ -60,6 +66,76 @@ class Judge:
         for place, word in sorted(new, key=lambda entry: -entry[0].start):
             text = changed(text, place, word)
         return text
+
+    def hold(self, new: str, old: str) -> None:
+        """See that another wording names the same things, as they are after the edits, and no others. Raises Untrue."""
+        before, after = ([*phrases(text)] for text in (old, new))
+        if _numbers(old) != _numbers(new):
+            raise Untrue(f"{new!r} has other numbers than {old!r}")
+        meant = [self._means_now(phrase, before) for phrase in after]
+        for phrase in before:
+            named, heads = self._named(phrase), {one.nouns[-1:] for one in after}
+            if named not in meant if named else phrase.nouns[-1:] not in heads:
+                raise Untrue(f"{new!r} does not name {phrase.text!r} of {old!r}")
+        known = [one for one in map(self._named, before) if one]
+        for phrase, named in zip(after, meant, strict=True):
+            if named and named not in known:
+                raise Untrue(f"{phrase.text!r} is not what {old!r} is about")
+
+    def _means_now(
+        self, phrase: InstructionPhrase, before: Sequence[InstructionPhrase]
+    ) -> frozenset[int] | None:
+        """What a phrase of a new wording means after the edits; None for a noun of the old that nothing is known of.
+        Raises Untrue."""
+        self._there(replace(phrase, color=None, tint=None))
+        noun = phrase.nouns[-1] if phrase.nouns else ""
+        stated = {word for one in before for word in one.nouns}
+        places = {one.rank.text for one in before if one.rank}
+        if phrase.rank and phrase.rank.text in PLACES and phrase.rank.text not in places:
+            raise Untrue(f"{phrase.text!r} says another place")
+        if noun and noun not in ANYTHING | stated and not self._meanings(noun):
+            raise Untrue(f"{phrase.text!r} is nothing that the recording shows")
+        for one in self._changes.added:
+            if (phrase.color is None or color_space.means(phrase.color, one.color)) and _goes_by(
+                one, phrase.nouns
+            ):
+                raise Untrue(
+                    f"a {one.color} {one.kind} was put in: {phrase.text!r} could be it too"
+                )
+        if phrase.color is None:
+            return self._named(phrase)
+        kind = self._of_kind(phrase) if noun not in ("", *ANYTHING) else frozenset(self._rows)
+        words = self._changes.words
+        own = {h: words[h] if h in words else self._was(h) for h in kind or self._rows}
+        alike = frozenset(
+            h for h, word in own.items() if word and color_space.means(phrase.color, word)
+        )
+        alike -= {h for h in alike if self._rows[h].role in targets.APART}
+        if not alike:
+            recorded = self._named(phrase)
+            unheard = recorded is None and phrase.text not in (one.text for one in before)
+            if unheard or (words and (recorded is None or recorded & words.keys())):
+                raise Untrue(f"nothing is {phrase.text!r} after the edits")
+            return recorded
+        return alike
+
+    @property
+    def things(self) -> list[str]:
+        """The recorded instances, each in a line."""
+        return [str(row) for _, row in sorted(self._rows.items())]
+
+    @property
+    def edits(self) -> list[str]:
+        """What was changed, each in a sentence."""
+        made = self._changes
+        return [
+            *(f"{h} is {word or 'of no one color'} now" for h, word in made.words.items()),
+            *(f"{h} is {scale:.2f} times its size" for h, scale in made.scales.items()),
+            *(f"{h} was moved" for h in sorted(made.moved)),
+            *(f"{h} is there more than once" for h in sorted(made.copied)),
+            *(f"{h} was taken out" for h in sorted(made.removed)),
+            *(f"a {one.color} {one.name.replace('_', ' ')} was put in" for one in made.added),
+        ]
 
     def _there(self, phrase: InstructionPhrase) -> None:
         """See that what is named is still there, and only once. Raises Untrue."""
@@ -164,6 +240,12 @@ class Judge:
                 and self._fits(phrase, instance_id)
             ):
                 raise Untrue(f"instance {instance_id} was painted {new}: {stated} could be it too")
+        if name is not None and name != phrase.color:
+            for instance_id in self._others(phrase):
+                if color_space.means(name, self._was(instance_id)):
+                    raise Untrue(
+                        f"instance {instance_id} is {self._was(instance_id)}: {stated} could be it too"
+                    )
         if name is not None and color_space.canonical(name) is None:  # a pattern, not a color
             for instance_id in self._others(phrase):
                 if not albedo.plain(self._recorded.episode, instance_id):
@@ -294,6 +376,13 @@ class Judge:
 
     def _was(self, instance_id: int) -> str:
         return self._rows[instance_id].color_name
+
+
+def _numbers(text: str) -> list[str]:
+    """The numbers of a text, in words or figures, one apart: it is an article as well."""
+    found = re.findall(r"\d+|[a-z]+", text.lower())
+    figures = [COUNTS.get(word, word) for word in found]
+    return sorted(one for one in figures if one.isdigit() and one != "1")
 
 
 def _goes_by(thing: Added, nouns: tuple[str, ...]) -> bool:

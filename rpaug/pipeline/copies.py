@@ -13,14 +13,16 @@ from typing import Any
 from rpaug import instruct
 from rpaug.compose import views
 from rpaug.core.errors import Missing, TargetError, Unsupported
+from rpaug.core.interfaces import Operator
 from rpaug.core.types import Episode, Scene
 from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
 from rpaug.pipeline import plan as planning
 from rpaug.pipeline import report, self_check
-from rpaug.pipeline.recipe import Option, Recipe, option
+from rpaug.pipeline.recipe import Instructions, Option, Recipe, option
 from rpaug.scene.recorded.surfels import Surfels
 
+WORDS = 2**31  # the random stream of a copy's words: no step's
 ORIGINAL = 0
 """The copy number of an untouched episode; augmented copies count from 1."""
 
@@ -118,6 +120,7 @@ class Made:
         return (*found, *self.known)
 
 
+Words = Callable[[Scene, Sequence[tuple[Operator, Any]]], instruct.Followed]
 Judge = Callable[[Made], Sequence[str]]
 """Is handed a draw without known faults and returns the faults that its images show. A writer's judge writes the copy
 as it judges it, so that every image is rendered once."""
@@ -136,10 +139,11 @@ def rendered(made: Made) -> Sequence[str]:
 
 @dataclass(frozen=True)
 class Known:
-    """A draw that was judged before: its number and, where a report has them, its described draws."""
+    """A draw that was judged before: its number and, where a report has them, its described draws and its words."""
 
     attempt: int = 0
     draws: Sequence[Mapping[str, Any]] | None = None
+    words: Sequence[str] | None = None
 
 
 def draw_copy(
@@ -151,12 +155,15 @@ def draw_copy(
     draw is made again, whatever it came to. Raises Missing, BadRecipe.
     """
     if copy == ORIGINAL:
-        prepared = replace(prepared, recipe=replace(prepared.recipe, steps=(), gates=None))
+        prepared = replace(
+            prepared,
+            recipe=replace(prepared.recipe, steps=(), gates=None, instructions=Instructions()),
+        )
     scene, recipe = prepared.scene, prepared.recipe
     if known is not None:
         if known.draws is not None:
-            return _made(prepared, *redraw(scene, known.draws), known.attempt)
-        return _made(prepared, *draw(scene, recipe, copy, known.attempt), known.attempt)
+            return _made(prepared, *redraw(scene, known.draws), copy, known)
+        return _made(prepared, *draw(scene, recipe, copy, known.attempt), copy, known)
     judged: list[tuple[Draw, ...]] = []
     seconds = 0.0
     for attempt in range(recipe.gates.tries if recipe.gates else 1):
@@ -166,16 +173,25 @@ def draw_copy(
         if draws in judged:
             continue
         judged.append(draws)
-        made = replace(_made(prepared, edited, draws, attempt), seconds=seconds)
+        made = replace(_made(prepared, edited, draws, copy, Known(attempt)), seconds=seconds)
         faults = made.known or tuple(judge(made))
         if not faults:
             return made
     return replace(made, faults=faults)
 
 
-def _made(prepared: PreparedEpisode, scene: Scene, draws: tuple[Draw, ...], attempt: int) -> Made:
-    gates = prepared.recipe.gates
-    made = render(scene, draws, prepared.plan, gates is not None, prepared.surfels)
+def _made(
+    prepared: PreparedEpisode, scene: Scene, draws: tuple[Draw, ...], copy: int, known_draw: Known
+) -> Made:
+    recipe, gates = prepared.recipe, prepared.recipe.gates
+    rng = recipe.generator(scene.episode.key, copy, WORDS)
+
+    def words(scene: Scene, edits: Sequence[tuple[Operator, Any]]) -> instruct.Followed:
+        if known_draw.words is not None:
+            return instruct.Followed(tuple(known_draw.words))
+        return instruct.followed(scene, edits, recipe.wording, rng)
+
+    made = render(scene, draws, prepared.plan, gates is not None, prepared.surfels, words)
     known = [made.untrue] if made.untrue else []
     known += [] if prepared.keep_invalid else verdict.invalid(scene.simulated)
     if prepared.recipe.self_check:
@@ -187,7 +203,7 @@ def _made(prepared: PreparedEpisode, scene: Scene, draws: tuple[Draw, ...], atte
             for draw in draws
             if draw.option and draw.left_out
         ]
-    return replace(made, gates=gates, attempt=attempt, known=tuple(known))
+    return replace(made, gates=gates, attempt=known_draw.attempt, known=tuple(known))
 
 
 def draw(
@@ -235,11 +251,12 @@ def render(
     plan: planning.Plan,
     counted: bool = False,
     kept: Callable[[], Surfels] | None = None,
+    words: Words = instruct.followed,
 ) -> Made:
     """The edited episode, every image still to be rendered when a writer or a trainer asks for it.
 
     `counted` counts changed pixels that no edit reaches, for the gates, as frames pass by. `kept` gives the recorded
-    scene's surfels, which all copies of an episode share.
+    scene's surfels, which all copies of an episode share. `words` gives the instructions after the edits.
     """
     settled = planning.settle(plan, scene)
     untrue = ""
@@ -248,8 +265,8 @@ def render(
         (one.option.operator, one.edit) for one in draws if one.option and one.edit is not None
     ]
     try:
-        words = instruct.followed(scene, edits)
-        scene, left = replace(scene, descriptions=words.texts), words.left
+        followed = words(scene, edits)
+        scene, left = replace(scene, descriptions=followed.texts), followed.left
     except instruct.Untrue as error:
         untrue = str(error)
     shown, settled = (scene, settled) if untrue else _refined(scene, settled)

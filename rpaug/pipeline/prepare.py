@@ -124,6 +124,7 @@ def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, 
     """The recorded scene without Gaussians, and the plan with errors measured where the recipe asks for an accuracy."""
     for operator in operators(recipe):
         operator.ready()
+    _ = recipe.wording  # raises before any work where no model is named
     episode = replace(episode, embeddings=_embeddings(recipe.embeddings))
     plan = replace(planning.make(operators(recipe), episode, tier), refine=recipe.refine)
     plan = replace(plan, warnings=(*plan.warnings, *episode.unread))

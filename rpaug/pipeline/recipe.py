@@ -5,6 +5,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,6 +16,7 @@ from rpaug.core import registry
 from rpaug.core.errors import BadRecipe, RpaugError
 from rpaug.core.files import read_bytes
 from rpaug.core.interfaces import Operator
+from rpaug.instruct.wording import Wording, wording
 from rpaug.pipeline.gates import Gates
 from rpaug.pipeline.recipe_errors import Faults
 from rpaug.pipeline.recipe_yaml import Path_, kind_of, override, parse
@@ -49,6 +51,18 @@ class Accuracy(BaseModel):
     depth_mm: Annotated[float, Field(gt=0)] | None = None
 
 
+class Instructions(BaseModel):
+    """Who words instructions after edits: `rules`, or a language model first and rules where its words do not hold.
+
+    With `paraphrases` each text of a copy is one of so many that a model says instead of it, or itself.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    by: Literal["rules", "model"] = "rules"
+    paraphrases: Annotated[int, Field(ge=0, le=20, strict=True)] = 0
+
+
 def _unless_off(given: Any) -> Any:
     """`off` has no limits; that there is no self-check either is read off the source (`Recipe.self_check`)."""
     return None if given is False else given
@@ -71,6 +85,7 @@ class _Top(BaseModel):
     refine: Annotated[int, Field(ge=0, le=10_000, strict=True)] = 0
     on_missing: OnMissing = "skip_edit"
     embeddings: Annotated[str, Field(min_length=1)] = "refuse"
+    instructions: Instructions = Instructions()
     roles: dict[settled.Role, settled.SettledRole] = {}
     edits: list[dict[str, Any]] = []
     gates: Annotated[Gates | None, BeforeValidator(_unless_off)] = None
@@ -136,6 +151,12 @@ class Recipe:
     on_missing: OnMissing = "skip_edit"
     embeddings: str = "refuse"  # vectors of changed words: "refuse", "drop", or a sentence model
     roles: Mapping[str, settled.SettledRole] = field(default_factory=dict)  # that a person settled
+    instructions: Instructions = field(default_factory=Instructions)
+
+    @cached_property
+    def wording(self) -> Wording | None:
+        """The language model that words instructions, None without one. Raises LanguageError where none is named."""
+        return wording(self.instructions.by == "model", self.instructions.paraphrases)
 
     @property
     def self_check(self) -> bool:
@@ -211,6 +232,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         on_missing=top.on_missing,
         embeddings=top.embeddings,
         roles=dict(top.roles),
+        instructions=top.instructions,
     )
 
 

@@ -136,7 +136,8 @@ def replay(
     donor = partial(adapter.read, source, donor_key) if donor_key else None
     scene, made_plan = prepare_scene(episode, recipe, plan["tier"], donor=donor)
     kept = not any(fault.startswith(verdict.INVALID) for fault in judged.get("faults", ()))
-    known = Known(judged.get("attempt", 0), described["draws"])
+    words = (described.get("words") or {}).get("written")
+    known = Known(judged.get("attempt", 0), described["draws"], words)
     prepared = PreparedEpisode(scene, made_plan, recipe, keep_invalid=kept)
     made = draw_copy(prepared, described["copy"], known=known)
     place = CopyPlace(described["source"], described["copy"], target, key)

@@ -56,7 +56,7 @@ class TestFollowed:
             f"Grasp a {block} block, then place it on the pad",
             "lift the block",
         )
-        new = "orange" if block != "orange" else "azure"
+        new = "olive"
         assert after(stated, self.paint(new)) == (
             f"pick up the {new} block and lift it up to the target",
             f"Grasp an {new} block, then place it on the pad",
@@ -64,7 +64,7 @@ class TestFollowed:
         )
 
     def test_words_that_name_nothing_may_not_keep_the_old_color(self, block):
-        new = "orange" if block != "orange" else "azure"
+        new = "olive"
         stated = given(f"lift the {block} block", f"lift_{block}_block_table")
         with pytest.raises(Untrue, match=f"still says '{block}'"):
             after(stated, self.paint(new))
@@ -93,7 +93,7 @@ class TestFollowed:
             ("block_plain", "green", "pick up the RED block", "pick up the GREEN block"),
             ("cylinder", "orange", "LIFT A GREEN CYLINDER", "LIFT AN ORANGE CYLINDER"),
             ("pad", "blue", "put it on the white pad", "put it on the blue pad"),
-            ("block_plain", "blue", "push the reddish block", "push the blue block"),
+            ("block_plain", "purple", "push the reddish block", "push the purple block"),
             ("cylinder", "purple", "lift the greenish cylinder", "lift the purple cylinder"),
             ("block_plain", "green", "push the dark red block", "push the green block"),
             ("block_plain", "cyan", "slide the bright red block", "slide the cyan block"),
@@ -101,7 +101,7 @@ class TestFollowed:
             ("block_small", "pink", "grab the light blue block", "grab the pink block"),
             ("block_plain", "green", "push the scarlet block", "push the green block"),
             ("cylinder", "purple", "move the emerald cylinder", "move the purple cylinder"),
-            ("block_plain", "blue", "push the block that is red", "push the block that is blue"),
+            ("block_plain", "cyan", "push the block that is red", "push the block that is cyan"),
         ],
     )  # fmt: skip
     def test_near_names_tones_and_capitals_follow(self, thing, color, text, new):
@@ -130,6 +130,11 @@ class TestFollowed:
         assert found.texts == (text,)
         assert len(found.left) == 1
         assert instruct.followed(given(text), []) == instruct.Followed((text,))
+
+    def test_the_color_of_another_is_refused(self):
+        paint = {"op": "recolor", "target": {"handle": instance_id("block_plain")}, "color": "blue"}
+        with pytest.raises(Untrue, match="is azure: blue block could be it too"):
+            after(given("push the red block"), paint)
 
     def patterned(self, texture: str) -> dict:
         return {"op": "retexture", "target": {"role": "manipulated"}, "texture": texture}
