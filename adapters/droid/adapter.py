@@ -55,8 +55,8 @@ class DROID(Adapter):
             reason = "the layout holds recordings of DROID as they were filmed, and this is none"
             raise Unsupported(f"{episode.key}: {reason}")
         with files.atomic_folder(root / key) as work:
-            extra = write_episode(episode, episode.source, work, key)
-            write_files(work, {**extra, **side()})
+            extra, said = write_episode(episode, episode.source, work, key)
+            write_files(work, {**extra, **side(*said)})
 
     def key_at(self, like: str, index: int) -> str:
         return (PurePosixPath(like).parent / f"episode_{index}").as_posix()

@@ -43,8 +43,13 @@ SHORTS = {
 }
 
 
-def write_episode(episode: Episode, source: DroidSource, work: Path, key: str) -> dict[str, bytes]:
-    """Fill a folder; returns the files to lay beside it. Raises Unsupported where a video cannot be encoded."""
+def write_episode(
+    episode: Episode, source: DroidSource, work: Path, key: str
+) -> tuple[dict[str, bytes], list[str]]:
+    """Fill a folder; returns the files to lay beside it, and what could not be had, in words.
+
+    Raises Unsupported where a video cannot be encoded.
+    """
     edited = [
         name for name, view in episode.views.items() if view.rgb is not source.views[name].rgb
     ]
@@ -57,10 +62,11 @@ def write_episode(episode: Episode, source: DroidSource, work: Path, key: str) -
                 target = work / path.relative_to(source.folder)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 _keep(path, target)
+    said: list[str] = []
     for path, video in videos.items():
         target = work / path.relative_to(source.folder)
         target.parent.mkdir(parents=True, exist_ok=True)
-        encode.write(target, video, _shown(episode, source, video))
+        said += encode.write(target, video, _shown(episode, source, video))
     for name, view in episode.views.items():
         _lay_depth(source, name, view, work)
     moved = _lay_trajectory(episode, source, work / TRAJECTORY)
@@ -72,7 +78,8 @@ def write_episode(episode: Episode, source: DroidSource, work: Path, key: str) -
     if source.beside.where.is_file():
         extra[cameras.NAME] = files.read_bytes(source.beside.where)
     rest = {**episode.views, **{name: source.views[name] for name in moved}}
-    return extra | cameras.moved(replace(episode, views=rest), source.views, source.beside)
+    extra |= cameras.moved(replace(episode, views=rest), source.views, source.beside)
+    return extra, said
 
 
 def _keep(path: Path, target: Path) -> None:

@@ -19,6 +19,8 @@ from pathlib import Path
 
 import av
 import numpy as np
+from av.video.frame import VideoFrame
+from av.video.plane import VideoPlane
 from jaxtyping import UInt8, UInt16
 
 from rpaug import BadInput, files
@@ -371,6 +373,18 @@ def _write(
             made.mux(stream.encode(frame))
         if stream is not None:
             made.mux(stream.encode())
+
+
+def planar(frame: VideoFrame) -> bool:
+    """Whether each plane holds one number a sample, in whole bytes."""
+    parts = frame.format.components
+    return len(parts) == len(frame.planes) and all(part.bits >= 8 for part in parts)
+
+
+def samples(plane: VideoPlane, kind: type[np.unsignedinteger]) -> np.ndarray:
+    """The numbers of a plane, (rows, columns), in its own memory."""
+    rows = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
+    return rows.view(kind)[:, : plane.width]
 
 
 def open_encoders(made: av.container.OutputContainer) -> None:

@@ -105,18 +105,18 @@ class Videos(Adapter):
             raise BadInput(root / key, "output", found="an episode", expected="a key that is free")
         view, video = episode.views[VIEW], recorded.video
         with files.atomic_folder(root / key) as work:
-            path = work / (STAGED + video.path.suffix.lower())
+            path, said = work / (STAGED + video.path.suffix.lower()), ()
             if view.rgb is recorded.view.rgb and video.whole:
                 shutil.copyfile(video.path, path)
             else:
-                encode.write(path, video, view.rgb)
+                said = encode.write(path, video, view.rgb)
             stated = recorded.notes.described()
             if episode.descriptions != recorded.descriptions:
                 stated["narrations"] = ego4d.reworded(recorded.notes, episode.descriptions)
             extra = {ANNOTATIONS: json_bytes(stated)}
             if _is_measured(view, recorded):
                 extra |= cameras.moved(episode, {VIEW: recorded.view}, recorded.beside)
-            write_files(work, {**extra, **side()})
+            write_files(work, {**extra, **side(*said)})
 
     def key_at(self, like: str, index: int) -> str:
         parts = PurePosixPath(like).parts

@@ -1,11 +1,13 @@
 """Writing a video like another: its codec, size, rate, times and rotation, with some frames new.
 
-What no edit touched is taken from the recorded frame as decoded, not through RGB and back: in frames that changed, too,
-where only the samples of changed pixels are new, whatever their bits and however many pixels share a color sample.
-Sound of a whole video is copied as it is.
+Groups of pictures that no edit touched keep their packets (`shared.splice`). In the others what no edit touched is
+taken from the recorded frame as decoded, not through RGB and back: in frames that changed, too, where only the samples
+of changed pixels are new, whatever their bits and however many pixels share a color sample. Sound of a whole video is
+copied as it is.
 """
 
 from collections.abc import Callable
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -13,29 +15,40 @@ import av
 import numpy as np
 from av.error import FFmpegError
 from av.video.frame import VideoFrame
-from av.video.plane import VideoPlane
 from av.video.reformatter import VideoReformatter
 from jaxtyping import Bool, UInt8
-from rpaug_adapters.shared.video import HEVC_LEAST, open_encoders
+from rpaug_adapters.shared import splice
+from rpaug_adapters.shared.video import HEVC_LEAST, open_encoders, planar, samples
 from rpaug_adapters.video import boxes
 from rpaug_adapters.video.stream import Facts, Video, matrix
 
 from rpaug import Unsupported
 
+FINEST = {"flags": "+qscale", "global_quality": "236"}  # quantised by 2, in units of 1/118
 ENCODERS = {
-    "h264": ("libx264", {"crf": "12", "preset": "medium"}),
+    "h264": (
+        "libx264",
+        {"crf": "12", "preset": "medium", "x264-params": f"sps-id={splice.X264_ID}"},
+    ),
     "hevc": ("libx265", {"crf": "12", "preset": "medium", "x265-params": "log-level=error"}),
-    "mpeg4": ("mpeg4", {"qscale": "2"}),
-    "mjpeg": ("mjpeg", {"qscale": "2"}),
+    "mpeg4": ("mpeg4", FINEST),
+    "mjpeg": ("mjpeg", FINEST),
     "vp9": ("libvpx-vp9", {"crf": "12", "b": "0"}),
     "av1": ("libsvtav1", {"crf": "12"}),
     "ffv1": ("ffv1", {}),
 }  # by the name of the decoder: near lossless (docs/why/video.md)
+B_DEPTH = 2  # frames that these encoders store before one that is shown before them
+IN_ORDER = {
+    "h264": {"bf": "0"},
+    "hevc": {"x265-params": "log-level=error:bframes=0"},
+}  # where the recorded frames are stored as shown
+FEW = 5  # frames: x265 4.2 makes up times of storage for fewer with B frames
 Seen = Callable[[int], UInt8[np.ndarray, "h w 3"]]
 
 
-def write(target: Path, video: Video, shown: Seen) -> None:
-    """Write `shown` into a file like the video's. Frames equal to the recorded ones keep their planes.
+def write(target: Path, video: Video, shown: Seen) -> tuple[str, ...]:
+    """Write `shown` into a file like the video's: packets stay from each key frame to the next change, and in what is
+    encoded anew the samples of unchanged pixels are as decoded. Returns what could not be had, in words.
 
     Raises Unsupported where nothing here encodes the codec.
     """
@@ -49,35 +62,39 @@ def write(target: Path, video: Video, shown: Seen) -> None:
         raise Unsupported(
             f"{video.path}: {size} in HEVC; its encoder takes {HEVC_LEAST} pixels a side or more"
         )
-    name, options = ENCODERS[codec]
-    timescale = {"video_track_timescale": str(given.time_base.denominator)}
-    mp4 = target.suffix in (".mp4", ".mov", ".m4v")
-    try:
+    name, usual = ENCODERS[codec]
+    in_order = usual | IN_ORDER.get(codec, {})
+    early = splice.stored(video.path).early
+
+    def new(t: int) -> Any:
+        image = shown(t - video.first)
+        return None if np.array_equal(image, video.rgb(t - video.first)) else image
+
+    def encode(frames: splice.New, path: Path) -> None:
+        timescale = {"video_track_timescale": str(given.time_base.denominator)}
+        mp4 = path.suffix in splice.MP4
+        first = list(islice(frames, FEW))
+        options = usual if early >= B_DEPTH and len(first) == FEW else in_order
         with (
             av.open(str(video.path)) as source,
-            av.open(str(target), "w", options=timescale if mp4 else {}) as made,
+            av.open(str(path), "w", options=timescale if mp4 else {}) as made,
         ):
             stream: Any = made.add_stream(name, rate=given.rate, options=options)
             _like(stream, source.streams.video[0], given)
-            sound = [
-                (one, made.add_stream_from_template(one))
-                for one in source.streams.audio
-                if video.whole
-            ]
             open_encoders(made)
-            _pictures(made, stream, video, shown)
-            copies = {heard.index: copied for heard, copied in sound}
-            # From the file's beginning: a seek to 0 leaves out what an audio encoder was primed with.
-            for packet in source.demux(*(heard for heard, _ in sound)) if sound else ():
-                if packet.dts is not None:
-                    packet.stream = copies[packet.stream.index]
-                    made.mux(packet)
+            _pictures(made, stream, video, chain(first, frames))
+
+    begin = int(video.times()[0])
+    span = range(video.first, video.first + video.length)
+    try:
+        said = splice.write(video.path, span, new, encode, target, begin=begin, sound=video.whole)
     except FFmpegError as error:
         if getattr(error, "errno", None) == 28:  # a full disk is told as one
             raise OSError(28, "No space left on device") from None
         raise Unsupported(f"{video.path}: {given.codec} cannot be written: {error}") from None
-    if mp4:
+    if target.suffix in splice.MP4:
         boxes.copy_matrix(video.path, target)
+    return said
 
 
 def _like(stream: Any, recorded: Any, given: Facts) -> None:
@@ -92,12 +109,17 @@ def _like(stream: Any, recorded: Any, given: Facts) -> None:
         context.sample_aspect_ratio = before.sample_aspect_ratio
 
 
-def _pictures(made: Any, stream: Any, video: Video, shown: Seen) -> None:
+def _pictures(made: Any, stream: Any, video: Video, frames: splice.New) -> None:
     times = video.times()
     gaps = np.append(np.diff(times), int(np.median(np.diff(times))) if len(times) > 1 else 1)
-    for t, (when, gap) in enumerate(zip(times.tolist(), gaps.tolist(), strict=True)):
-        frame = changed(video, t, shown(t))
-        frame.pts, frame.time_base, frame.duration = when, video.facts.time_base, gap
+    for number, image in frames:
+        t = number - video.first
+        frame = changed(video, t, video.rgb(t) if image is None else image)
+        frame.pts, frame.time_base, frame.duration = (
+            int(times[t]),
+            video.facts.time_base,
+            int(gaps[t]),
+        )
         frame.pict_type = 0  # the encoder's to choose
         for packet in stream.encode(frame):
             made.mux(packet)
@@ -116,24 +138,18 @@ def changed(video: Video, t: int, image: UInt8[np.ndarray, "h w 3"]) -> VideoFra
         dst_colorspace=matrix(given, recorded),
     )
     new.color_range = recorded.color_range
-    if _planar(recorded):
+    if planar(recorded):
         for old, plane in zip(recorded.planes, new.planes, strict=True):
-            kept = _samples(~differs, plane.width, plane.height)
+            kept = _kept(~differs, plane.width, plane.height)
             kind = np.uint8 if recorded.format.components[0].bits == 8 else np.uint16
-            before, after = (_rows(one, kind) for one in (old, plane))
+            before, after = (samples(one, kind) for one in (old, plane))
             np.copyto(after, before, where=kept)
     elif not differs.any():
         new = recorded
     return new
 
 
-def _planar(frame: VideoFrame) -> bool:
-    """Whether each plane holds one number a sample, in whole bytes."""
-    parts = frame.format.components
-    return len(parts) == len(frame.planes) and all(part.bits >= 8 for part in parts)
-
-
-def _samples(kept: Bool[np.ndarray, "h w"], width: int, height: int) -> Bool[np.ndarray, "y x"]:
+def _kept(kept: Bool[np.ndarray, "h w"], width: int, height: int) -> Bool[np.ndarray, "y x"]:
     """Which samples of a plane show only such pixels; a plane of color may have one for several pixels."""
     by = tuple(-(-full // part) for full, part in zip(kept.shape, (height, width), strict=True))
     edge = [
@@ -141,9 +157,3 @@ def _samples(kept: Bool[np.ndarray, "h w"], width: int, height: int) -> Bool[np.
     ]
     whole = np.pad(kept, edge, constant_values=True)
     return whole.reshape(height, by[0], width, by[1]).all((1, 3))
-
-
-def _rows(plane: VideoPlane, kind: type[np.unsignedinteger]) -> np.ndarray:
-    """The numbers of a plane, in its own memory."""
-    rows = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
-    return rows.view(kind)[:, : plane.width]

@@ -20,8 +20,9 @@ Edit = dict[str, Any]
 Examples = tuple[tuple[str, Mapping[str, Any]], ...]
 """Wishes in a person's words, each with the fields of the operator that it comes to."""
 
-Side = Callable[[], Mapping[str, bytes]]
-"""Files to lay beside an episode's own, by name; asked for once all its images have been rendered."""
+Side = Callable[..., Mapping[str, bytes]]
+"""Files to lay beside an episode's own, by name; asked for once all its images have been rendered. Given what could not
+be had in writing it, in words, for the report's warnings."""
 
 
 @dataclass(frozen=True)

@@ -156,7 +156,7 @@ class Episode:
     length: int
     source: Any = None
     provenance: Provenance | None = None
-    side: Callable[[], Mapping[str, bytes]] | None = None
+    side: Callable[..., Mapping[str, bytes]] | None = None
     rate: float | None = None
     unread: tuple[str, ...] = ()
     embeddings: Embeddings = Embeddings()

@@ -149,7 +149,7 @@ def verify(
     return verification.verify(Path(path), registry.dataset(dataset), frames=frames)
 
 
-def _report(episode: Episode, layout: str) -> Mapping[str, bytes]:
+def _report(episode: Episode, layout: str, *_said: str) -> Mapping[str, bytes]:
     """What lies beside an episode that was not augmented: where it was read, if it was."""
     origin = episode.provenance
     if origin is None:

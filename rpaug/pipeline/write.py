@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -69,10 +69,10 @@ def write(
     """
     start = time.perf_counter()
 
-    def side() -> Mapping[str, bytes]:
+    def side(*said: str) -> Mapping[str, bytes]:
         if strict and (faults := made.judged()):
             raise Rejected("; ".join(faults))
-        return side_files(made, recipe, place.source, place.copy, seconds, start)
+        return side_files(made, recipe, place.source, place.copy, seconds, start, *said)
 
     adapter.write(made.recorded, place.root, place.key, side)
 
@@ -84,8 +84,10 @@ def side_files(
     copy: int,
     seconds: Mapping[str, float],
     start: float,
+    *said: str,
 ) -> Mapping[str, bytes]:
-    """The report of a copy whose images are rendered, and its hole masks. It was begun to be written at `start`."""
+    """The report of a copy whose images are rendered, and its hole masks. It was begun to be written at `start`; what
+    the adapter `said` of it is a warning."""
     spent = {"render": made.tally.seconds, "write": time.perf_counter() - start}
     judged = made.judged()
     gates = gating.described(made.figures, judged, made.attempt) if made.gates or judged else None
@@ -95,7 +97,7 @@ def side_files(
         synthetic=copy != ORIGINAL,
         recipe=dict(recipe),
         draws=[draw.describe() for draw in made.draws],
-        plan=made.plan.describe(),
+        plan=replace(made.plan, warnings=(*made.plan.warnings, *said)).describe(),
         tally=made.tally,
         surfels=drawn(made),
         gaussians=len(made.scene.gaussians or ()),
