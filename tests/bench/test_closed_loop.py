@@ -129,7 +129,7 @@ def test_a_policy_learns_one_sample_by_heart(monkeypatch: pytest.MonkeyPatch) ->
     pose = geometry.rigid(np.array([np.pi, 0.0, 0.3]), views.metres(np.array([40.3, 20.6, 9.8])))
     colors = rng.integers(0, 256, (len(points), 3)).astype(np.uint8)
     sample = samples.Sample(points.astype(np.float32), colors, 0, 0, pose, True)
-    trained = training.train([sample], [], tasks=1, most=1, steps=80, seed=0)
+    trained = training.train([sample], [], tasks=1, most=1, steps=40, seed=0)
     action = policy.decide(trained, views.project(sample.points, sample.colors), 0)
     assert np.linalg.norm(action.pose[:3, 3] - pose[:3, 3]) < 0.02
     assert action.pose[:3, 2] @ pose[:3, 2] > 0.95

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.gl
 
 
 def recorded(**look):
-    take = twin.perform("push_button", 2, frames=17, look=twin.Look(**look))
+    take = twin.perform("push_button", 2, frames=11, look=twin.Look(**look))
     return take, build(take.episode, with_bodies=True)
 
 
@@ -49,7 +49,7 @@ def test_a_shadow_goes_with_what_casts_it(shaded):
     true = twin.perform(
         "push_button",
         2,
-        frames=17,
+        frames=11,
         look=twin.Look(shadows=True),
         factor="removal",
         target="block_textured",
