@@ -1,5 +1,6 @@
 """The library of things to insert: what ships, and what its user added, found by category, color and size."""
 
+import contextlib
 import io
 import json
 import os
@@ -81,6 +82,27 @@ def find(
             f"no asset fits category {category}, color {color}, size {size}; categories are: {kinds}"
         )
     return found
+
+
+def closest(
+    category: str | None = None,
+    color: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> tuple[tuple[Asset, ...], tuple[float, float, float] | None]:
+    """Things as `find` gives them, or those that come to the same once painted or scaled, and the color to paint them.
+
+    What consists of Gaussians takes no paint. Raises TargetError for a category or a color word that there is not.
+    """
+    paint = color_space.canonical(color) if color else None
+    for bounds in (size, None):
+        with contextlib.suppress(TargetError):
+            return find(category, color, bounds), None
+        if paint is not None:
+            with contextlib.suppress(TargetError):
+                bare = tuple(one for one in find(category, None, bounds) if not one.gaussians)
+                if bare:
+                    return bare, color_space.rgb(paint)
+    return find(category, color, None), None
 
 
 def get(name: str) -> Asset:

@@ -113,6 +113,8 @@ def sense(
     """The image as the camera's own faults would give it: the same whenever it is asked for again."""
     name = int.from_bytes(hashlib.blake2b(camera.encode(), digest_size=8).digest(), "little")
     for number, effect in enumerate(sensor):
+        if effect.cameras is not None and camera not in effect.cameras:
+            continue
         image = effect(image, np.random.default_rng([effect.seed, name, t, number]))
     return image
 

@@ -366,6 +366,10 @@ class Sensor(Protocol):
     @property
     def seed(self) -> int: ...
 
+    @property
+    def cameras(self) -> tuple[str, ...] | None:
+        """Those that it happens in, None for all."""
+
     def __call__(
         self, image: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator
     ) -> UInt8[np.ndarray, "h w 3"]: ...

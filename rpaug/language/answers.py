@@ -6,9 +6,9 @@ wish, and what names a file or a network must stand in the wish as it is.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError
 
 from rpaug.assets import library
 from rpaug.core import registry
@@ -77,16 +77,31 @@ class WishPlan(Message):
     refuse: str = Field(max_length=500)
 
 
+def _span(value: Any) -> Any:
+    """One number is low and high of a range."""
+    return (value, value) if isinstance(value, int | float) else value
+
+
+Metre = Annotated[float, Field(ge=-10, le=10)]
+Degree = Annotated[float, Field(ge=-180, le=180)]
+Metres = Annotated[tuple[Metre, Metre], BeforeValidator(_span)]
+Degrees = Annotated[tuple[Degree, Degree], BeforeValidator(_span)]
+
+
 class Viewpoint(Message):
-    """A camera's motion as seen through it: metres and degrees, or limits of a random one."""
+    """A camera's motion as seen through it: ranges in metres and degrees, or limits of a random one.
+
+    `look_at` is a place of the world that it then looks at.
+    """
 
     cameras: tuple[str, ...] = Field(min_length=1, max_length=20)
-    right: float = Field(ge=-10, le=10)
-    up: float = Field(ge=-10, le=10)
-    forward: float = Field(ge=-10, le=10)
-    turn_up: float = Field(ge=-180, le=180)
-    turn_right: float = Field(ge=-180, le=180)
-    turn_clockwise: float = Field(ge=-180, le=180)
+    right: Metres
+    up: Metres
+    forward: Metres
+    turn_up: Degrees
+    turn_right: Degrees
+    turn_clockwise: Degrees
+    look_at: tuple[float, float, float] | None
     random: bool
     most_metres: float | None = Field(ge=0, le=10)
     most_degrees: float | None = Field(ge=0, le=180)
@@ -103,11 +118,17 @@ class Viewpoint(Message):
             return out | {
                 name: round(value, 4) for name, value in limits.items() if value is not None
             }
-        out["by"] = [round(value, 4) or 0 for value in (self.right, -self.up, self.forward)]
-        turned = [
-            round(v * DEGREE, 4) or 0 for v in (self.turn_up, self.turn_right, self.turn_clockwise)
-        ]
-        return out | ({"turned": turned} if any(turned) else {})
+        down = (-self.up[1], -self.up[0])
+        by = _motion((self.right, down, self.forward), 1.0)
+        turned = _motion((self.turn_up, self.turn_right, self.turn_clockwise), DEGREE)
+        out |= {"by": by} | ({"turned": turned} if turned != [0, 0, 0] else {})
+        return out | ({"toward": list(self.look_at)} if self.look_at is not None else {})
+
+
+def _motion(spans: Sequence[tuple[float, float]], unit: float) -> list[Any]:
+    """A motion along or about three axes: exact, or its low and high."""
+    low, high = ([round(span[end] * unit, 4) or 0 for span in spans] for end in (0, 1))
+    return low if low == high else [low, high]
 
 
 def understood(value: Any, stated: str, earlier: int) -> WishAnswer:
@@ -174,7 +195,7 @@ def _option(given: Mapping[str, Any], stated: str, setting: WishContext) -> Entr
     if op == "insert" and "asset" not in fields:
         edit = {"op": op, **fields}
         if not setting.generates or not lacking(edit):
-            library.find(fields.get("category"), fields.get("color"))
+            library.closest(fields.get("category"), fields.get("color"))
     return {"op": op, **fields}
 
 
@@ -183,7 +204,7 @@ def _absent(kind: type[Message], fields: Mapping[str, Any]) -> dict[str, Any]:
     return {
         name: None
         for name in kind.model_fields
-        if name not in fields and name.startswith(("most_",))
+        if name not in fields and name in ("most_metres", "most_degrees", "look_at")
     }
 
 

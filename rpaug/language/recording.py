@@ -7,8 +7,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float64, UInt8
 
+from rpaug.core import geometry
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.files import encode_png
 from rpaug.core.pixels import grown
@@ -17,6 +18,7 @@ from rpaug.language import declared, grounding
 from rpaug.language.messages import Answer, Entry, Trace
 from rpaug.pipeline import copies, plan
 from rpaug.pipeline import recipe as recipes
+from rpaug.scene.lighting import albedo
 from rpaug.scene.sampled_frames import look
 from rpaug.scene.targets import places, targets
 from rpaug.scene.targets.survey import survey
@@ -51,15 +53,28 @@ class Recording:
         found = []
         for row, group in zip(rows, groups, strict=True):
             facts: dict[str, Any] = {"id": row.instance_id, "color": row.color_name}
+            shown = albedo.words(scene.episode, row.instance_id) if row.role != "robot" else ()
+            facts |= {"shows": list(shown)} if len(shown) > 1 else {}
             facts |= {"role": row.role} if row.role else {}
             facts |= {"size_cm": _whole(row.size_cm)} if any(row.size_cm) else {}
             facts |= (
                 {"at_m": _metres(at[group].middle @ frame[:3, :3] + foot)} if group in at else {}
             )
             facts |= {"moves": True} if row.moving else {}
+            end = self._end(row.instance_id) if row.moving and row.role != "robot" else None
+            if end is not None and group in at:
+                there = at[group].middle @ frame[:3, :3] + foot
+                facts["ends_at_m"] = _metres(geometry.transform(end, there))
             facts |= {"moves_with": sorted(row.body - group)} if len(row.body) > 1 else {}
             found.append(facts | {"cameras": sorted(k for k, n in row.pixels.items() if n)})
         return found
+
+    def _end(self, instance_id: int) -> Float64[np.ndarray, "4 4"] | None:
+        """The motion in the world from the first frame to the last."""
+        body = next((one for one in self.scene.bodies if instance_id in one.instance_ids), None)
+        if body is None:
+            return None
+        return np.asarray(body.to_world[-1] @ geometry.inverse(body.to_world[0]))
 
     @cached_property
     def axes(self) -> dict[str, Any]:

@@ -4,15 +4,22 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
+import cv2
 import numpy as np
+from jaxtyping import Float64
 from pydantic import Field
 
 from rpaug.core import geometry
-from rpaug.core.errors import TargetError
+from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.interfaces import Edit, Examples, Operator
 from rpaug.core.types import Effect, Scene
 
 Motion = tuple[float, float, float]
+
+
+def _bounds(given: Motion | tuple[Motion, Motion]) -> Float64[np.ndarray, "2 3"]:
+    """Low and high of a motion, the same for one that is exact."""
+    return np.broadcast_to(np.array(given, float), (2, 3))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,14 +29,16 @@ class CameraPose(Operator):
     The motion is drawn in the camera's own frame, so 2 cm is 2 cm along the image axes however the rig stands.
     Nothing in the world moves: recorded actions stay true. `camera` is a name, several names, or "static" for all
     cameras that never move. `by` and `turned` ask for one exact motion instead, in the same frame (x right, y down,
-    z ahead): metres along its axes, and a rotation vector in radians.
+    z ahead): metres along its axes, and a rotation vector in radians; two of them are low and high of what is drawn.
+    With `toward` a camera that stands still then looks at that place of the world, with its upper side up as before.
     """
 
     camera: str | tuple[str, ...]
     shift: Annotated[float, Field(ge=0, le=10)] = 0.1  # metres, at most, along each axis
     turn: Annotated[float, Field(ge=0, le=3.2)] = 0.05  # radians, at most, about each axis
-    by: Motion | None = None  # metres
-    turned: Motion | None = None  # radians
+    by: Motion | tuple[Motion, Motion] | None = None  # metres
+    turned: Motion | tuple[Motion, Motion] | None = None  # radians
+    toward: Motion | None = None  # metres
 
     effect: ClassVar[Effect] = Effect.CAMERA | Effect.PIXELS
     phrases: ClassVar[tuple[str, ...]] = ("jitter {camera} [by up to {shift:length}]",)
@@ -47,19 +56,41 @@ class CameraPose(Operator):
             value = getattr(self, name)
             if value is not None and not np.abs(value).max() <= most:
                 raise ValueError(f"{name}: {list(value)} is not within {-most}..{most}")
+            if value is not None and (np.diff(_bounds(value), axis=0) < 0).any():
+                raise ValueError(f"{name}: low {value[0]} exceeds high {value[1]}")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        if self.by is not None or self.turned is not None:
-            still = (0.0, 0.0, 0.0)
-            motion = {"turn": list(self.turned or still), "shift": list(self.by or still)}
-            return dict.fromkeys(self._names(scene), motion)
-        return {
-            name: {
-                "turn": rng.uniform(-self.turn, self.turn, 3).tolist(),
-                "shift": rng.uniform(-self.shift, self.shift, 3).tolist(),
+        names = self._names(scene)
+        if self.by is None and self.turned is None and self.toward is None:
+            drawn = {
+                name: {
+                    "turn": rng.uniform(-self.turn, self.turn, 3).tolist(),
+                    "shift": rng.uniform(-self.shift, self.shift, 3).tolist(),
+                }
+                for name in names
             }
-            for name in self._names(scene)
-        }
+        else:
+            turned, by = (_bounds(given or (0.0, 0.0, 0.0)) for given in (self.turned, self.by))
+            motion = {"turn": rng.uniform(*turned).tolist(), "shift": rng.uniform(*by).tolist()}
+            drawn = dict.fromkeys(names, motion)
+        if self.toward is None:
+            return drawn
+        return {name: self._aimed(scene, name, motion) for name, motion in drawn.items()}
+
+    def _aimed(self, scene: Scene, name: str, motion: Edit) -> Edit:
+        """The motion with a turn after which the camera looks at `toward`: the least one, about an axis across."""
+        camera = scene.cameras[name]
+        if not camera.fixed:
+            raise Unsupported(f"camera {name!r} moves: it cannot look at one place")
+        bump = geometry.rigid(np.array(motion["turn"]), np.array(motion["shift"]))
+        there = geometry.transform(
+            geometry.inverse(camera.cam_to_world[0] @ bump), np.array(self.toward)
+        )
+        across = np.cross([0.0, 0.0, 1.0], there)
+        angle = float(np.arctan2(np.linalg.norm(across), there[2]))
+        axis = across / max(float(np.linalg.norm(across)), 1e-9)
+        aim = bump @ geometry.rigid(angle * axis, np.zeros(3))
+        return {"turn": cv2.Rodrigues(aim[:3, :3])[0][:, 0].tolist(), "shift": aim[:3, 3].tolist()}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         self._known(scene, edit)

@@ -1,5 +1,6 @@
 """Values that recipes give to several operators."""
 
+import colorsys
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar
 
@@ -31,12 +32,21 @@ def seed(rng: np.random.Generator) -> int:
 
 @dataclass(frozen=True)
 class Palette:
-    """One or more display sRGB colors of which one is drawn."""
+    """Display sRGB colors of which one is drawn: some, or those whose hue (degrees), saturation and value lie within
+    `hsv`, two bounds each.
 
-    colors: tuple[tuple[float, float, float], ...]
+    A range of hues may go through 0: from 350 to 10 is red.
+    """
+
+    colors: tuple[tuple[float, float, float], ...] = ()
+    hsv: tuple[tuple[float, float], ...] = ()
 
     def draw(self, rng: np.random.Generator) -> list[float]:
         """One color, each as likely."""
+        if self.hsv:
+            (low, high), *rest = self.hsv
+            hue = rng.uniform(low, high if high >= low else high + 360) % 360
+            return list(colorsys.hsv_to_rgb(hue / 360, *(rng.uniform(*one) for one in rest)))
         return list(self.colors[int(rng.integers(len(self.colors)))])
 
 
@@ -58,9 +68,26 @@ def _palette(value: Any) -> Palette:
             lab = _triple(content, [(0, 100), (-128, 128), (-128, 128)])
             red, green, blue = np.clip(color.from_lab(np.array(lab)), 0, 1)
             return Palette(((float(red), float(green), float(blue)),))
+        if kind == "hsv":
+            return Palette(hsv=_ranges(content))
     raise ValueError(
-        "expected a color word, {rgb: [r, g, b]} in 0..1, {lab: [L, a, b]} or {sample: colosseum}"
+        "expected a color word, {rgb: [r, g, b]} in 0..1, {lab: [L, a, b]}, "
+        "{hsv: [[low, high] of hue in degrees, of saturation, of value]} or {sample: colosseum}"
     )
+
+
+def _ranges(content: Any) -> tuple[tuple[float, float], ...]:
+    if not isinstance(content, list | tuple) or len(content) != 3:
+        raise ValueError("expected ranges of hue, saturation and value")
+    given = []
+    for value, most in zip(content, (360, 1, 1), strict=True):
+        low, high, _ = _triple(
+            [*value, 0] if isinstance(value, list | tuple) else value, [(0, most)] * 3
+        )
+        if most == 1 and low > high:
+            raise ValueError(f"low {low} exceeds high {high}")
+        given.append((low, high))
+    return tuple(given)
 
 
 def _triple(content: Any, bounds: list[tuple[float, float]]) -> tuple[float, float, float]:
@@ -100,6 +127,24 @@ Color = Annotated[
                     }
                     for kind in ("rgb", "lab")
                 ),
+                {
+                    "type": "object",
+                    "properties": {
+                        "hsv": {
+                            "type": "array",
+                            "items": {
+                                "type": "array",
+                                "items": {"type": "number"},
+                                "minItems": 2,
+                                "maxItems": 2,
+                            },
+                            "minItems": 3,
+                            "maxItems": 3,
+                        }
+                    },
+                    "required": ["hsv"],
+                    "additionalProperties": False,
+                },
                 {
                     "type": "object",
                     "properties": {"sample": {"const": "colosseum"}},

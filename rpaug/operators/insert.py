@@ -48,10 +48,11 @@ Sizes = Annotated[Interval[float], AfterValidator(_metres)]
 class Insert(Operator):
     """Insert one thing of the library: by name, or drawn from a category, a color word and a longest side in metres.
 
-    It stands at rest on a free place of the table, or at `at`: 5 cm away from other things and from all that moves. It
-    is lit by the light that the recording shows, unless `harmonise` is off. With `near` its place is drawn from those
-    that are `within` so many metres of that thing. With `harmoniser` "libcom:FOLDER", what libcom's network makes of it
-    in all views becomes one factor a channel, the same for all of them.
+    What the library has in no such color or size is painted or scaled. It stands at rest on a free place of the table,
+    or at `at`: 5 cm away from other things and from all that moves. It is lit by the light that the recording shows,
+    unless `harmonise` is off. With `near` its place is drawn from those that are `within` so many metres of that thing.
+    With `harmoniser` "libcom:FOLDER", what libcom's network makes of it in all views becomes one factor a channel, the
+    same for all of them.
     """
 
     asset: str | None = None
@@ -81,11 +82,14 @@ class Insert(Operator):
         harmonise.ready(self.harmoniser)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        choices = library.find(self.category, self.color, self.size)
-        if self.asset is not None:
-            choices = (library.get(self.asset),)
+        if self.asset is None:
+            choices, paint = library.closest(self.category, self.color, self.size)
+        else:
+            choices, paint = (library.get(self.asset),), None
         near = None if self.near is None else (targets.find(scene, self.near), self.within)
-        things = [_draw(scene, choices, self.scale, rng, self.at, near)]
+        size = None if self.asset is not None else self.size
+        thing = _draw(scene, choices, self.scale, size, rng, self.at, near)
+        things = [thing if paint is None else {**thing, "color": list(paint)}]
         if not self.harmonise:
             return {"things": things, **AS_IT_COMES}
         return suited(scene, {"things": things, **light(scene)}, self.harmoniser)
@@ -101,6 +105,7 @@ def _draw(
     scene: Scene,
     choices: tuple[Asset, ...],
     scale: float,
+    size: tuple[float, float] | None,
     rng: np.random.Generator,
     at: tuple[float, float] | None,
     near: tuple[frozenset[int], float] | None,
@@ -110,7 +115,9 @@ def _draw(
     for _ in range(TRIES):
         asset = choices[int(rng.integers(len(choices)))]
         turn = float(rng.uniform(-np.pi, np.pi))
-        pose, outline, top = at_rest(asset.name, scale, turn)
+        longest = asset.largest if size is None else float(np.clip(asset.largest, *size))
+        times = scale * (longest / asset.largest)
+        pose, outline, top = at_rest(asset.name, times, turn)
         beside = None if near is None else standing.beside(scene, near[0], outline, near[1])
         middle = np.array(at) if at is not None else around.draw(outline, top, rng, beside)
         if middle is not None and around.free(outline, top, middle):
@@ -120,7 +127,7 @@ def _draw(
         raise Unsupported(f"inserting {asset.name}: there is no room {where}")
     pose[:3, 3] += [*middle, around.level]
     (fresh,) = instance_ids.free(scene, 1)
-    return {"asset": asset.name, "scale": scale, "handle": fresh, "pose": pose.tolist()}
+    return {"asset": asset.name, "scale": times, "handle": fresh, "pose": pose.tolist()}
 
 
 def at_rest(

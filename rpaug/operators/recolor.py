@@ -25,7 +25,7 @@ class AlbedoRatio:
     Shading is the least-squares scale of the old albedo, led by its bright channels (so pure red can turn pure blue);
     where a channel's own ratio is safe it is used instead, which keeps the texture's hues. On a plain surface, or one
     of a few `hues`, the part of a pixel that is white rather than albedo is its highlight (dichromatic model, Shafer
-    1985) and stays.
+    1985) and stays. Of a `part` only the pixels of these hues are painted.
     """
 
     instance_ids: frozenset[int]
@@ -33,6 +33,7 @@ class AlbedoRatio:
     new: tuple[float, float, float]
     plain: bool
     hues: tuple[tuple[float, float, float], ...] = ()
+    part: tuple[int, ...] = ()  # of the hues: pixels of others stay
 
     @property
     def asked(self) -> tuple[float, float, float]:
@@ -51,7 +52,11 @@ class AlbedoRatio:
         gain = new / np.maximum(old, np.float32(1e-6))
         trust = np.clip((UNSAFE_GAIN - gain) / (UNSAFE_GAIN - SAFE_GAIN), 0, 1)
         out = trust * gain * matte + (1 - trust) * new * shading[:, None]
-        return np.clip(out + highlight, 0, 1).astype(np.float32)
+        painted = np.clip(out + highlight, 0, 1).astype(np.float32)
+        if not self.part:
+            return painted
+        mine = np.isin(albedo.owners(color, self.hues), self.part)
+        return np.where(mine[:, None], painted, color)
 
 
 @dataclass(frozen=True)
@@ -82,19 +87,22 @@ class Recolor(Operator):
     """Paint `target` in `color`. Depth, masks and every other pixel stay as recorded.
 
     `albedo` is the old color where it is known (a simulation's material); else it is estimated from the pixels of
-    each instance. `mode: lab` is the paper's shift in CIELAB, kept for comparison.
+    each instance. `mode: lab` is the paper's shift in CIELAB, kept for comparison. `only`, a color word, paints what is
+    of that color on a thing of several: the red handle of a hammer.
     """
 
     target: targets.Target
     color: Color
     albedo: RGB | None = None
     mode: Literal["albedo", "lab"] = "albedo"
+    only: str | None = None
 
     effect: ClassVar[Effect] = Effect.RGB
     needs: ClassVar[Needs] = Needs(targets=("target",))
     phrases: ClassVar[tuple[str, ...]] = ("paint {target} {color}", "recolor {target} in {color}")
     examples: ClassVar[Examples] = (
         ("paint the cup navy", {"target": "cup", "color": "navy"}),
+        ("the hammer's red handle green", {"target": "hammer", "color": "green", "only": "red"}),
         (
             "some other color for what is grasped",
             {"target": {"role": "manipulated"}, "color": {"sample": "colosseum"}},
@@ -103,8 +111,24 @@ class Recolor(Operator):
     undone_as: ClassVar[tuple[str, ...]] = ("color", "colour", "colors", "colours", "paint")
     settles: ClassVar[str] = "look"
 
+    def __post_init__(self) -> None:
+        if self.only is not None and color_space.canonical(self.only) is None:
+            raise ValueError(
+                f"only: no such color word: {self.only!r}; there are: {', '.join(color_space.NAMES)}"
+            )
+        if self.only is not None and (self.mode == "lab" or self.albedo is not None):
+            raise ValueError(
+                "only: parts are told by their recorded colors, without mode lab or albedo"
+            )
+
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = sorted(targets.find(scene, self.target))
+        if self.only is not None:
+            word = color_space.canonical(self.only) or self.only
+            found = shading.paintable(
+                instance_ids, lambda one: albedo.part(scene.episode, one, word)
+            )
+            return {"color": self.color.draw(rng), **found}
         described = shading.describe(scene, instance_ids, self.albedo)
         return {"color": self.color.draw(rng), **described}
 
@@ -130,10 +154,12 @@ def ratio(surface: Edit, new: tuple[float, float, float]) -> AlbedoRatio:
     """The repainting of one surface, as an edit stores it, in a new color."""
     hues = tuple(tuple(hue) for hue in surface.get("hues", ()))
     old = tuple(surface["albedo"])
-    return AlbedoRatio(frozenset([surface["handle"]]), old, new, surface["plain"], hues)
+    part = tuple(surface.get("part", ()))
+    return AlbedoRatio(frozenset([surface["handle"]]), old, new, surface["plain"], hues, part)
 
 
 def named(edit: Edit) -> tuple[Painted, ...]:
     """The color word of an edit that paints surfaces in one color."""
-    painted = frozenset(surface["handle"] for surface in edit["surfaces"])
+    # A part that is not most of a thing leaves it its color word.
+    painted = frozenset(s["handle"] for s in edit["surfaces"] if 0 in s.get("part", [0]))
     return (Painted(painted, color_space.nearest(np.array(edit["color"]))),)

@@ -1,6 +1,6 @@
 """A camera that exposes longer or shorter."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, ClassVar
 
@@ -9,46 +9,64 @@ from jaxtyping import UInt8
 from pydantic import Field
 
 from rpaug.core import color_space
-from rpaug.core.interfaces import Edit, Examples, Operator
-from rpaug.core.types import Effect, Scene
+from rpaug.core.interfaces import Edit, Examples
 from rpaug.operators.fields import Interval
+from rpaug.operators.sensing import Sensing
 
 
 @dataclass(frozen=True)
 class Exposure:
-    """Twice the light for each of `stops`, clipped where the display ends."""
+    """Twice the light for each of `stops`, times `gains` of red, green and blue, clipped where the display ends.
+
+    What is displayed (0..1) is then raised to `gamma`: above 1 the middle tones are darker.
+    """
 
     stops: float
+    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    gamma: float = 1.0
     seed: int = 0
+    cameras: tuple[str, ...] | None = None
 
     def __call__(
         self, image: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator
     ) -> UInt8[np.ndarray, "h w 3"]:
-        return self._table[image]
+        return np.take_along_axis(self._table, image.reshape(-1, 3), 0).reshape(image.shape)
 
     @cached_property
-    def _table(self) -> UInt8[np.ndarray, "256"]:
-        light = color_space.to_linear(np.arange(256) / 255.0) * 2.0**self.stops
-        return np.rint(255 * np.clip(color_space.from_linear(light), 0, 1)).astype(np.uint8)
+    def _table(self) -> UInt8[np.ndarray, "256 3"]:
+        light = color_space.to_linear(np.arange(256) / 255.0)[:, None] * 2.0**self.stops
+        shown = np.clip(color_space.from_linear(light * np.array(self.gains)), 0, 1)
+        return np.rint(255 * shown**self.gamma).astype(np.uint8)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorExposure(Operator):
-    """Draw the change in stops (photographic doublings of light) from `stops`, once for all cameras and frames."""
+class SensorExposure(Sensing):
+    """Draw the change in stops (photographic doublings of light) from `stops`; all frames get the same.
+
+    `gain` draws a factor of light for red, green and blue each, as a wrong white balance has it; `gamma` the power to
+    which what is displayed is raised.
+    """
 
     stops: Interval[Annotated[float, Field(ge=-8, le=8)]] = (-1.0, 1.0)
+    gain: Interval[Annotated[float, Field(gt=0, le=8)]] = (1.0, 1.0)
+    gamma: Interval[Annotated[float, Field(ge=0.1, le=10)]] = (1.0, 1.0)
 
-    effect: ClassVar[Effect] = Effect.RGB
+    makes: ClassVar = Exposure
     phrases: ClassVar[tuple[str, ...]] = ("vary the exposure",)
     examples: ClassVar[Examples] = (
         ("one stop brighter", {"stops": [1, 1]}),
-        ("under- and overexposed by up to half a stop", {"stops": [-0.5, 0.5]}),
+        (
+            "each camera off by up to half a stop and 5 % of white balance",
+            {"stops": [-0.5, 0.5], "gain": [0.95, 1.05], "each": True},
+        ),
     )
     undone_as: ClassVar[tuple[str, ...]] = ("exposure",)
     settles: ClassVar[str] = "sensor exposure"
 
-    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        return {"stops": float(rng.uniform(*self.stops))}
-
-    def apply(self, scene: Scene, edit: Edit) -> Scene:
-        return replace(scene, sensor=(*scene.sensor, Exposure(**edit)))
+    def draw(self, rng: np.random.Generator) -> Edit:
+        drawn: Edit = {"stops": float(rng.uniform(*self.stops))}
+        if self.gain != (1, 1):
+            drawn["gains"] = rng.uniform(*self.gain, 3).tolist()
+        if self.gamma != (1, 1):
+            drawn["gamma"] = float(rng.uniform(*self.gamma))
+        return drawn

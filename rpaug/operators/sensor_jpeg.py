@@ -1,6 +1,6 @@
 """What a camera's JPEG compression leaves of an image."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import cv2
@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import UInt8
 from pydantic import Field
 
-from rpaug.core.interfaces import Edit, Examples, Operator
-from rpaug.core.types import Effect, Scene
+from rpaug.core.interfaces import Edit, Examples
 from rpaug.operators.fields import Interval
+from rpaug.operators.sensing import Sensing
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,7 @@ class JPEG:
 
     quality: int
     seed: int = 0
+    cameras: tuple[str, ...] | None = None
 
     def __call__(
         self, image: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator
@@ -33,12 +34,12 @@ class JPEG:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorJPEG(Operator):
-    """Draw the quality (1 worst, 100 best) from `quality`, once for all cameras and frames."""
+class SensorJPEG(Sensing):
+    """Draw the quality (1 worst, 100 best) from `quality`; all frames get the same."""
 
     quality: Interval[Annotated[int, Field(ge=1, le=100)]] = (30, 90)
 
-    effect: ClassVar[Effect] = Effect.RGB
+    makes: ClassVar = JPEG
     phrases: ClassVar[tuple[str, ...]] = (
         "compress the images as jpeg [with quality {quality:count} to {quality:count}]",
     )
@@ -49,8 +50,5 @@ class SensorJPEG(Operator):
     undone_as: ClassVar[tuple[str, ...]] = ("jpeg", "compression")
     settles: ClassVar[str] = "sensor jpeg"
 
-    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+    def draw(self, rng: np.random.Generator) -> Edit:
         return {"quality": int(rng.integers(self.quality[0], self.quality[1] + 1))}
-
-    def apply(self, scene: Scene, edit: Edit) -> Scene:
-        return replace(scene, sensor=(*scene.sensor, JPEG(**edit)))

@@ -1,15 +1,15 @@
 """Noise of the camera's sensor: some in the dark, and more in bright light."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
 from jaxtyping import UInt8
 from pydantic import Field
 
-from rpaug.core.interfaces import Edit, Examples, Operator
-from rpaug.core.types import Effect, Scene
+from rpaug.core.interfaces import Edit, Examples
 from rpaug.operators.fields import Interval, seed
+from rpaug.operators.sensing import Sensing
 
 Amount = Annotated[float, Field(ge=0, le=1)]
 
@@ -21,6 +21,7 @@ class Noise:
     read: float
     shot: float
     seed: int
+    cameras: tuple[str, ...] | None = None
 
     def __call__(
         self, image: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator
@@ -31,7 +32,7 @@ class Noise:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorNoise(Operator):
+class SensorNoise(Sensing):
     """Draw the noise's strength once, uniformly; the noise itself is new in every camera and frame.
 
     `read` is its standard deviation in the dark and `shot` the variance that full brightness adds, both of values 0..1
@@ -41,7 +42,7 @@ class SensorNoise(Operator):
     read: Interval[Amount] = (0.0, 0.02)
     shot: Interval[Amount] = (0.0, 0.001)
 
-    effect: ClassVar[Effect] = Effect.RGB
+    makes: ClassVar = Noise
     phrases: ClassVar[tuple[str, ...]] = ("add noise to the images",)
     examples: ClassVar[Examples] = (
         ("grainy images", {"read": [0.01, 0.03]}),
@@ -50,12 +51,9 @@ class SensorNoise(Operator):
     undone_as: ClassVar[tuple[str, ...]] = ("noise",)
     settles: ClassVar[str] = "sensor noise"
 
-    def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+    def draw(self, rng: np.random.Generator) -> Edit:
         return {
             "read": float(rng.uniform(*self.read)),
             "shot": float(rng.uniform(*self.shot)),
             "seed": seed(rng),
         }
-
-    def apply(self, scene: Scene, edit: Edit) -> Scene:
-        return replace(scene, sensor=(*scene.sensor, Noise(**edit)))

@@ -29,7 +29,7 @@ class Sample(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    sample: Literal["all", "wood", "stone", "fabric", "checker", "noise"]
+    sample: Literal["all", "wood", "stone", "fabric", "checker", "noise", "metal"]
 
 
 ANY = Sample(sample="all")
@@ -38,9 +38,10 @@ ANY = Sample(sample="all")
 def check(texture: str | Sample, textures: Path | None) -> None:
     """That a texture's name or kind can be drawn from. Raises ValueError."""
     if textures is None and isinstance(texture, str):
-        if texture not in shipped.NAMES:
+        if texture not in shipped.NAMES and texture not in color_space.NAMES:
             raise ValueError(
-                f"no texture is called {texture!r}; there are: {', '.join(shipped.NAMES)}"
+                f"no texture is called {texture!r}; there are: {', '.join(shipped.NAMES)}; "
+                "or a color word"
             )
     elif textures is not None and texture != ANY and isinstance(texture, Sample):
         raise ValueError("kinds are of the shipped textures; from a folder sample all, or name one")
@@ -112,9 +113,10 @@ class Textured:
 class Texturing(Operator):
     """Base of the operators that lay an image on things; they differ in what they are laid on.
 
-    `texture` names an image of the shipped set, or of the folder `textures` if one is given, or draws one. `scale` is
-    the metres it is wide. Its frame stands in the target's middle, turned about the vertical to its side faces;
-    `origin` (metres) and `turn` (a rotation vector, radians) set it in the body's own frame instead.
+    `texture` names an image of the shipped set, or of the folder `textures` if one is given, or draws one; a color word
+    is plain paint that hides the old pattern. `scale` is the metres it is wide. Its frame stands in the target's
+    middle, turned about the vertical to its side faces; `origin` (metres) and `turn` (a rotation vector, radians) set
+    it in the body's own frame instead.
     """
 
     target: targets.Target

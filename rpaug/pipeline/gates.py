@@ -181,8 +181,9 @@ def _color(scene: Scene) -> float | None:
     for number, edit in enumerate(scene.appearance):
         if isinstance(edit, Paint):
             shown = _painted(scene, number + 1)
+            before = _painted(scene, number) if getattr(edit, "part", ()) else None
             found += [
-                _difference(shown, instance_id, edit.asked)
+                _difference(shown, before, instance_id, edit.asked)
                 for instance_id in sorted(edit.instance_ids)
             ]
     return max((value for value in found if value is not None), default=None)
@@ -204,9 +205,12 @@ def _painted(scene: Scene, count: int) -> Episode:
 
 
 def _difference(
-    shown: Episode, instance_id: int, asked: tuple[float, float, float]
+    shown: Episode, before: Episode | None, instance_id: int, asked: tuple[float, float, float]
 ) -> float | None:
+    """Of what differs from the episode before, of the whole instance if that is None."""
     seen = albedo.pixels(shown, instance_id)
+    if before is not None:
+        seen = seen[(seen != albedo.pixels(before, instance_id)).any(1)]
     if not len(seen):
         return None
     got, wanted = np.array(albedo.estimate(seen).rgb), np.array(asked)

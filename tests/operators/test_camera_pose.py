@@ -7,7 +7,7 @@ import pytest
 from analytic import scene
 from pydantic import TypeAdapter, ValidationError
 
-from rpaug import BadRecipe, Scene, TargetError
+from rpaug import BadRecipe, Scene, TargetError, Unsupported
 from rpaug.core import geometry
 from rpaug.operators.camera_pose import CameraPose
 from rpaug.pipeline.contracts import OperatorContract
@@ -96,6 +96,35 @@ def test_an_exact_motion_is_no_draw(recorded):
     # The image's y axis points down: 5 cm against it is 5 cm up in the image.
     np.testing.assert_allclose(after[0, :3, 3], before[0, :3, 3] - 0.05 * before[0, :3, 1])
     np.testing.assert_array_equal(after[0, :3, :3], before[0, :3, :3])
+
+
+def test_a_motion_may_be_drawn_between_two(recorded):
+    low, high = (0.0, -0.1, 0.0), (0.0, -0.05, 0.0)
+    operator = CameraPose(camera="front", by=(low, high), turned=((0, 0, -0.1), (0, 0, 0.1)))
+    drawn = [operator.sample(recorded, np.random.default_rng(n))["front"] for n in range(20)]
+    lifts = [-one["shift"][1] for one in drawn]
+    rolls = [one["turn"][2] for one in drawn]
+    assert 0.05 <= min(lifts) < max(lifts) <= 0.1
+    assert -0.1 <= min(rolls) < 0 < max(rolls) <= 0.1
+    assert all(one["shift"][::2] == [0, 0] and one["turn"][:2] == [0, 0] for one in drawn)
+    with pytest.raises(BadRecipe, match=r"low .* exceeds high"):
+        CameraPose(camera="front", by=(high, low))
+
+
+def test_a_camera_can_be_aimed_at_a_place(recorded):
+    place = np.array([0.1, -0.2, 0.05])
+    operator = CameraPose(camera="front", by=(0.0, -0.1, 0.0), toward=tuple(place))
+    edit = operator.sample(recorded, np.random.default_rng(0))
+    camera = operator.apply(recorded, json.loads(json.dumps(edit))).cameras["front"]
+    before = recorded.cameras["front"].cam_to_world[0]
+    np.testing.assert_allclose(
+        camera.cam_to_world[0, :3, 3], before[:3, 3] - 0.1 * before[:3, 1], atol=1e-9
+    )
+    seen = geometry.transform(geometry.inverse(camera.cam_to_world[0]), place)
+    np.testing.assert_allclose(seen[:2], 0, atol=1e-9)
+    assert seen[2] > 0
+    with pytest.raises(Unsupported, match="'wrist' moves"):
+        CameraPose(camera="wrist", toward=(0, 0, 0)).sample(recorded, np.random.default_rng(0))
 
 
 def test_a_motion_has_limits():

@@ -6,6 +6,7 @@ from tabletop import instance_id, scene, take
 
 from rpaug.assets import library
 from rpaug.compose import inserted
+from rpaug.core import color_space
 from rpaug.core.errors import BadRecipe, TargetError, Unsupported
 from rpaug.operators.distractors import Distractors
 from rpaug.operators.insert import Insert
@@ -86,6 +87,21 @@ def test_a_query_draws_only_what_fits():
     assert drawn <= {"mug_red", "mug_blue"}
     with pytest.raises(TargetError, match="no asset is called 'piano'"):
         Insert(asset="piano").sample(scene(), rng)
+
+
+def test_what_the_library_lacks_in_a_color_or_size_is_painted_or_scaled():
+    rng = np.random.default_rng(0)
+    wish = Insert(category="mug", color="purple", size=(0.05, 0.06))
+    edit = wish.sample(scene(), rng)
+    (thing,) = edit["things"]
+    assert color_space.nearest(np.array(thing["color"])) == "purple"
+    assert 0.05 <= thing["scale"] * library.get(thing["asset"]).largest <= 0.06 + 1e-9
+    assert wish.says(edit)[0].color == "purple"
+    for color in ("red", "blue"):  # what there is in that color is taken as it is
+        assert "color" not in Insert(category="mug", color=color).sample(scene(), rng)["things"][0]
+    for unknown in ({"category": "piano"}, {"category": "mug", "color": "plaid"}):
+        with pytest.raises(TargetError):
+            Insert(**unknown).sample(scene(), rng)
 
 
 def test_a_thing_can_be_painted_after_it_was_inserted(edited):

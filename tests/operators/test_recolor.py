@@ -1,5 +1,6 @@
 """Recoloring against what a truly repainted surface would show."""
 
+import colorsys
 from dataclasses import replace
 
 import numpy as np
@@ -7,10 +8,12 @@ import pytest
 from analytic import BALL, scene
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
 
-from rpaug import Scene, TargetError, Unsupported
-from rpaug.operators.fields import Palette
+from rpaug import BadRecipe, Scene, TargetError, Unsupported
+from rpaug.operators.fields import Color, Palette
 from rpaug.operators.recolor import AlbedoRatio, Recolor
+from rpaug.pipeline import gates
 from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.lighting import albedo
 from rpaug.scene.targets.targets import Target
@@ -63,6 +66,65 @@ def test_each_part_of_a_thing_of_two_colors_keeps_its_highlight() -> None:
     paint = AlbedoRatio(frozenset({1}), (1.0, 1.0, 1.0), tuple(new), False, found.hues)
     out = paint((matte + shine).astype(np.float32), None)
     assert np.abs(out - np.clip(new * matte + shine, 0, 1)).max() < 0.01
+
+
+def halves(first: tuple[int, ...], second: tuple[int, ...]) -> Scene:
+    """The ball half in one color and half in another, light and dark alike."""
+    recorded = scene({"front": (1.0, -0.9, 0.8)}, length=1)
+    view = recorded.episode.views["front"]
+    ids, rgb = view.ids(0), view.rgb(0).copy()
+    rows, columns = np.nonzero(ids == BALL)
+    light = 0.4 + 0.5 * (rows - rows.min()) / np.ptp(rows)
+    left = columns < columns.mean()
+    rgb[rows, columns] = np.where(left[:, None], first, second) * light[:, None]
+    views = {"front": replace(view, rgb=lambda t: rgb)}
+    return replace(recorded, episode=replace(recorded.episode, views=views))
+
+
+def test_a_part_is_told_by_its_color_and_the_rest_stays() -> None:
+    recorded = halves((250, 10, 10), (120, 120, 120))
+    paint = Recolor(target=Target(handle=BALL), color=Palette(((0.0, 0.5, 0.0),)), only="red")
+    edit = paint.sample(recorded, np.random.default_rng(0))
+    after = shown(paint.apply(recorded, edit)).views["front"].rgb(0)
+    before = recorded.episode.views["front"].rgb(0)
+    red = before[..., 0] > 3.0 * before[..., 1]
+    red &= recorded.episode.views["front"].ids(0) == BALL
+    assert red.any()
+    np.testing.assert_array_equal((after != before).any(-1), red)
+    assert (after[red][:, 1] > 2 * after[red][:, 0]).all()
+    assert gates._color(paint.apply(recorded, edit)) < 3  # type: ignore[operator]
+
+
+def test_a_part_that_there_is_not_is_refused_with_what_there_is() -> None:
+    recorded = halves((250, 10, 10), (120, 120, 120))
+    for only, why in (("blue", "nothing blue; it shows"), ("red", "red all over")):
+        here = halves((250, 10, 10), (240, 10, 10)) if "all" in why else recorded
+        paint = Recolor(target=Target(handle=BALL), color=Palette(((0.0, 0.5, 0.0),)), only=only)
+        with pytest.raises((TargetError, Unsupported), match=why):
+            paint.sample(here, np.random.default_rng(0))
+    with pytest.raises(BadRecipe, match="no such color word"):
+        Recolor(target=Target(handle=BALL), color=Palette(((0.0, 0.5, 0.0),)), only="handle")
+
+
+@given(st.floats(0, 360), st.floats(0, 360), st.floats(0.2, 1), st.integers(0, 99))
+def test_a_color_is_drawn_within_hue_saturation_and_value(
+    low: float, high: float, most: float, seed: int
+) -> None:
+    given = {"hsv": [[low, high], [0.2, most], [0.5, 0.8]]}
+    color = TypeAdapter(Color).validate_python(given)
+    hue, saturation, value = colorsys.rgb_to_hsv(*color.draw(np.random.default_rng(seed)))
+    hue = 360 * hue
+    assert (
+        low - 1e-6 <= hue <= high + 1e-6 if low <= high else hue >= low - 1e-6 or hue <= high + 1e-6
+    )
+    assert 0.2 - 1e-9 <= saturation <= most + 1e-9
+    assert 0.5 - 1e-9 <= value <= 0.8 + 1e-9
+
+
+def test_ranges_of_color_are_checked() -> None:
+    for wrong in ([[0, 400], [0, 1], [0, 1]], [[0, 10], [0.5, 0.2], [0, 1]], [[0, 10], [0, 1]]):
+        with pytest.raises(ValidationError):
+            TypeAdapter(Color).validate_python({"hsv": wrong})
 
 
 def test_a_pattern_of_many_colors_has_no_highlights() -> None:

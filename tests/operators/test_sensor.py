@@ -1,11 +1,13 @@
 """Sensor effects come last, change images only, and are the same whenever an image is asked for again."""
 
+import json
+
 import numpy as np
 import pytest
 from analytic import scene
 from pydantic import TypeAdapter, ValidationError
 
-from rpaug import Operator, Scene
+from rpaug import Operator, Scene, TargetError
 from rpaug.operators.sensor_blur import Blur, SensorBlur
 from rpaug.operators.sensor_exposure import Exposure, SensorExposure
 from rpaug.operators.sensor_jpeg import JPEG, SensorJPEG
@@ -105,12 +107,54 @@ def test_jpeg_loses_more_at_lower_quality_and_keeps_red_red() -> None:
     assert np.abs(JPEG(90)(red, RNG).astype(int) - red).max() < 6
 
 
+def test_it_happens_in_the_cameras_that_are_named_alone() -> None:
+    recorded, operator = small(), SensorExposure(stops=(-1, -1), cameras=("front",))
+    after = operator.apply(recorded, operator.sample(recorded, np.random.default_rng(0)))
+    views = recorded.episode.views
+    assert shown(after).views["front"].rgb(0).mean() < 0.8 * views["front"].rgb(0).mean()
+    np.testing.assert_array_equal(shown(after).views["overhead"].rgb(0), views["overhead"].rgb(0))
+    with pytest.raises(TargetError, match="no camera is called 'wrist'"):
+        SensorNoise(cameras=("wrist",)).sample(recorded, np.random.default_rng(0))
+
+
+def test_each_camera_may_have_a_draw_of_its_own() -> None:
+    recorded, operator = small(), SensorExposure(stops=(-1, 1), gain=(0.9, 1.1), each=True)
+    edit = operator.sample(recorded, np.random.default_rng(0))
+    assert set(edit["each"]) == {"front", "overhead"}
+    assert edit["each"]["front"] != edit["each"]["overhead"]
+    after = operator.apply(recorded, json.loads(json.dumps(edit)))
+    for name, drawn in edit["each"].items():
+        alone = Exposure(**drawn)(recorded.episode.views[name].rgb(0), RNG)
+        np.testing.assert_array_equal(shown(after).views[name].rgb(0), alone)
+
+
+def test_gains_tint_and_gamma_bends_the_middle() -> None:
+    white = grey(128)
+    red = Exposure(0.0, gains=(1.2, 1.0, 1.0))(white, RNG)
+    assert (red[..., 0] > 128).all()
+    assert (red[..., 1:] == 128).all()
+    assert Exposure(0.0, gamma=1.1)(white, RNG)[0, 0, 0] < 128
+    ends = Exposure(0.0, gamma=1.1)(np.array([[[0, 255, 255]]], np.uint8), RNG)
+    assert ends.tolist() == [[[0, 255, 255]]]
+
+
+def test_a_smear_spreads_a_point_along_its_direction() -> None:
+    point = np.zeros((21, 21, 3), np.uint8)
+    point[10, 10] = 250
+    out = Blur(sigma=0, length=6, angle=0.0)(point, RNG)[..., 0].astype(int)
+    assert out[10].sum() == pytest.approx(250, abs=8)
+    assert (np.flatnonzero(out[10]) == np.arange(7, 14)).all()
+    assert out[:9].max() == out[12:].max() == 0
+    down = Blur(sigma=0, length=6, angle=np.pi / 2)(point, RNG)[..., 0].astype(int)
+    np.testing.assert_allclose(down, out.T, atol=1)
+
+
 @pytest.mark.parametrize(
     ("kind", "fields"),
     [
         (SensorNoise, {"read": [0.2, 0.1]}),
         (SensorNoise, {"shot": [-0.1, 0.1]}),
-        (SensorBlur, {"sigma": [0, 1]}),
+        (SensorBlur, {"sigma": [-1, 1]}),
         (SensorJPEG, {"quality": [0, 50]}),
         (SensorExposure, {"stops": [1, -1]}),
     ],

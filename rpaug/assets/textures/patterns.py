@@ -104,6 +104,12 @@ def grain(
     return mix(ground, other, 0.4 + contrast * octaves(rng, wavelength))
 
 
+def brushed(rng: np.random.Generator, ground: Color) -> Picture:
+    """Metal with fine scratches along it. How it shines is left to the light that the recording shows."""
+    scratch = 0.05 * noise(rng, 2, 60) + 0.03 * noise(rng, 6, 60) + 0.02 * noise(rng, 120)
+    return np.asarray(ground) * (1 + scratch)[..., None]
+
+
 def patches(rng: np.random.Generator, colors: Sequence[Color], wavelength: float) -> Picture:
     """Patches of plain colors with soft edges: camouflage, paint."""
     out = np.ones((SIDE, SIDE, 3)) * np.asarray(colors[0])

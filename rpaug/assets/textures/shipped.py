@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.assets.textures import patterns as p
+from rpaug.core import color_space
 from rpaug.core.errors import RpaugError
 
 Draw = Callable[[np.random.Generator], p.Picture]
@@ -160,6 +161,11 @@ KINDS: Mapping[str, Mapping[str, Draw]] = {
             wavelength=180,
             contrast=0.4,
         ),
+        "cork": partial(
+            p.speckle,
+            ground=(0.76, 0.58, 0.38),
+            grains=[(0.42, 0.28, 0.17), (0.87, 0.72, 0.52), (0.58, 0.40, 0.25)],
+        ),
         "camouflage": partial(
             p.patches,
             colors=[
@@ -181,6 +187,12 @@ KINDS: Mapping[str, Mapping[str, Draw]] = {
             wavelength=50,
         ),
     },
+    "metal": {
+        "steel_brushed": partial(p.brushed, ground=(0.62, 0.63, 0.65)),
+        "steel_dark": partial(p.brushed, ground=(0.30, 0.31, 0.33)),
+        "brass_brushed": partial(p.brushed, ground=(0.78, 0.64, 0.30)),
+        "copper_brushed": partial(p.brushed, ground=(0.74, 0.45, 0.31)),
+    },
 }
 
 NAMES: Mapping[str, Draw] = {name: draw for kind in KINDS.values() for name, draw in kind.items()}
@@ -193,7 +205,8 @@ PATTERNS = {
     "tweed": "tweed", "plaid": "plaid", "stripes": "striped", "felt": "felt", "polka": "dotted",
     "checker": "checkered", "chessboard": "checkered", "bricks": "brick", "tiles": "tiled", "plaster": "plastered",
     "rust": "rusty", "moss": "mossy", "sand": "sandy", "clouds": "clouded", "camouflage": "camouflaged",
-    "paint": "spattered",
+    "paint": "spattered", "cork": "cork",
+    **dict.fromkeys(("steel", "brass", "copper"), "metal"),
 }  # fmt: skip
 
 
@@ -204,7 +217,12 @@ def pattern(name: str) -> str:
 
 @lru_cache(8)
 def image(name: str) -> UInt8[np.ndarray, "256 256 3"]:
-    """A shipped texture, always the same for its name. Raises RpaugError listing the known ones."""
+    """A shipped texture, always the same for its name; a color word is plain paint.
+
+    Raises RpaugError listing the known ones.
+    """
+    if name in color_space.NAMES:
+        return np.full((256, 256, 3), np.rint(255 * np.array(color_space.rgb(name))), np.uint8)
     if name not in NAMES:
         raise RpaugError(f"no texture is called {name!r}; there are: {', '.join(NAMES)}")
     seed = int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "little")

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float32, Float64
+from jaxtyping import Bool, Float32, Float64, Int64
 
-from rpaug.core import memo, sampling
-from rpaug.core.errors import Unsupported
+from rpaug.core import color_space, memo, sampling
+from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Episode
 
 LEAST_PIXELS = 8
@@ -21,10 +21,18 @@ HIGHLIGHT = 0.05  # least whitish part of a plain surface's pixel that is taken 
 LIT = 0.98  # quantile of shading that counts as fully lit: a new color must not be clipped where the old was not
 PLAIN = 0.03  # color distance within which a pixel is explained by one albedo and its shading
 PLAIN_SHARE = 0.8
+PARTS, PART_SHARE = (
+    8,
+    0.97,
+)  # hues at most by which parts are told, and the pixels that they must explain
+SEEN = 4000  # pixels from which parts are told
 HUES = 4  # at most, that together explain a thing of several colors
 TRIED = 64  # pixels, each as the hue of all others
 MATTE = 0.5  # of its hue's typical light: a highlight lies where the matte part is well lit too
 OVERLIT = 0.25  # share of clipped pixels from which a surface's true brightness is hidden
+
+
+Rgb = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -89,13 +97,15 @@ def estimate(color: Float64[np.ndarray, "n 3"]) -> Albedo:
     )
 
 
-def _hues(color: Float64[np.ndarray, "n 3"]) -> tuple[tuple[float, float, float], ...]:
-    """The few colors that explain nearly all pixels by their shading and highlights, the most frequent first; none if
-    no few do."""
+def _hues(
+    color: Float64[np.ndarray, "n 3"], most: int = HUES, share: float = PLAIN_SHARE
+) -> tuple[tuple[float, float, float], ...]:
+    """The few colors that explain this share of pixels by their shading and highlights, the most frequent first; none
+    if no few do."""
     left = color
     found: list[np.ndarray] = []
-    while len(left) > (1 - PLAIN_SHARE) * len(color):
-        if len(found) == HUES:
+    while len(left) > (1 - share) * len(color):
+        if len(found) == most:
             return ()
         tried = left[:: max(1, len(left) // TRIED)]
         own = left[max((_explained(left, hue) for hue in tried), key=np.count_nonzero)]
@@ -123,6 +133,75 @@ def describe(
     if found.hues:
         surface["hues"] = [list(hue) for hue in found.hues]
     return surface | ({"overlit": True} if found.overlit and known is None else {})
+
+
+def part(episode: Episode, instance_id: int, word: str) -> dict[str, Any]:
+    """As `describe`, of what is of one color word on a thing of several: `part` numbers its `hues` that are.
+
+    Raises Unsupported for a thing of one color, or of so many that its parts cannot be told, and TargetError if none
+    of its colors goes by the word.
+    """
+    seen, hues, found = _parts(episode, instance_id)
+    owner = owners(seen.astype(np.float32), hues)
+    names = [color_space.nearest(np.array(one)) for one in found]
+    own = [number for number, one in enumerate(names) if color_space.means(word, one)] or [
+        number for number, one in enumerate(found) if color_space.hued(word, np.array(one))
+    ]
+    if not own:
+        shown = ", ".join(dict.fromkeys(names))
+        raise TargetError(f"instance {instance_id} has nothing {word}; it shows {shown}")
+    if len(own) == len(hues):
+        raise Unsupported(f"instance {instance_id} is {word} all over: leave out `only`")
+    whole = estimate(seen[np.isin(owner, own)])
+    return {
+        "handle": instance_id,
+        "albedo": list(whole.rgb),
+        "plain": len(own) == 1,
+        "hues": [list(hue) for hue in hues],
+        "part": own,
+    }
+
+
+def words(episode: Episode, instance_id: int) -> tuple[str, ...]:
+    """The color words of a thing's parts, none where they are too many to tell."""
+    try:
+        _, _, found = _parts(episode, instance_id)
+    except Unsupported:
+        return ()
+    return tuple(dict.fromkeys(color_space.nearest(np.array(one)) for one in found))
+
+
+@memo.of_episode
+def _parts(
+    episode: Episode, instance_id: int
+) -> tuple[Float64[np.ndarray, "n 3"], Sequence[Rgb], Sequence[Rgb]]:
+    """Pixels of a thing, the hues that part it, and the color of each part. Raises Unsupported."""
+    seen = pixels(episode, instance_id)
+    if not len(seen):
+        raise Unsupported(f"instance {instance_id} cannot be painted: no recorded image shows it")
+    seen = seen[:: max(1, len(seen) // SEEN)]
+    high = seen.max(1)
+    hues = _hues(seen[(high > DARK) & (high < BRIGHT)], PARTS, PART_SHARE)
+    if not hues:
+        raise Unsupported(f"instance {instance_id} has too many colors to tell its parts by them")
+    owner = owners(seen.astype(np.float32), hues)
+    own = [seen[owner == number] for number in range(len(hues))]
+    # A hue that another one explains as well owns nothing.
+    kept = [number for number, one in enumerate(own) if len(one)]
+    return seen, [hues[number] for number in kept], [estimate(own[number]).rgb for number in kept]
+
+
+def owners(
+    color: Float32[np.ndarray, "n 3"], hues: Sequence[tuple[float, float, float]]
+) -> Int64[np.ndarray, "n"]:
+    """Which of the hues each pixel has: the one whose shading comes nearest, or that shows a highlight there."""
+    costs = []
+    for hue in np.array(hues, np.float32):
+        shade = color @ hue / max(float(hue @ hue), 1e-9)
+        off = np.linalg.norm(color - shade[:, None] * hue, axis=1)
+        _, explained = _lit(color, hue)
+        costs.append(np.where(explained, np.minimum(off, PLAIN), off))
+    return np.argmin(costs, 0)
 
 
 def guessed(surfaces: Sequence[Mapping[str, Any]]) -> dict[str, tuple[int, int]]:

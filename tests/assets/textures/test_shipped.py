@@ -9,7 +9,7 @@ from rpaug.assets.textures import shipped
 
 def test_there_are_many_of_several_kinds() -> None:
     assert len(shipped.NAMES) >= 40
-    assert set(shipped.KINDS) >= {"wood", "stone", "fabric", "checker", "noise"}
+    assert set(shipped.KINDS) >= {"wood", "stone", "fabric", "checker", "noise", "metal"}
     assert sum(map(len, shipped.KINDS.values())) == len(shipped.NAMES)
 
 
@@ -47,6 +47,12 @@ def test_a_name_always_gives_the_same_texture(images: dict[str, np.ndarray]) -> 
 def test_people_have_a_word_for_each() -> None:
     assert {shipped.pattern(name) for name in shipped.NAMES} >= {"checkered", "plaid", "wooden"}
     assert shipped.pattern("ash_grey") == "wooden"
+
+
+def test_a_color_word_is_plain_paint() -> None:
+    image = shipped.image("teal")
+    assert image.shape == (256, 256, 3)
+    assert (image == [0, 128, 128]).all()
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
