@@ -14,7 +14,7 @@ from rpaug.core.types import Effect, Scene, Sensor
 
 @dataclass(frozen=True, kw_only=True)
 class Sensing(Operator):
-    """Base of the sensor operators. `cameras` names those it happens in, all if left out; `each` draws for each anew."""
+    """Base of the sensor operators. `cameras` names those it happens in, None for all; `each` draws for each anew."""
 
     cameras: tuple[str, ...] | None = None
     each: bool = False
