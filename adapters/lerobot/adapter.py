@@ -66,8 +66,8 @@ class LeRobot(GatheredAdapter):
         folder, _, _ = self.free(root, key)
         about = _described(episode, recorded, folder, key, self.version)
         with files.atomic_folder(root / key) as work:
-            extra = write.write_episode(episode, recorded, about, work)
-            write_files(work, {**extra, **side()})
+            extra, said = write.write_episode(episode, recorded, about, work)
+            write_files(work, {**extra, **side(*said)})
             if not (folder / INFO).exists():  # last: a write that failed leaves nothing
                 files.write_atomic(folder / INFO, json.dumps(about.given, indent=4).encode())
             given = recorded and recorded.info.folder / cameras.NAME

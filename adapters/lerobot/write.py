@@ -11,7 +11,7 @@ import numpy as np
 from rpaug_adapters.lerobot import codes, fresh, stats, tables, tiff, words
 from rpaug_adapters.lerobot.read import LeRobotSource, blobs, is_depth
 from rpaug_adapters.lerobot.tables import COUNTED, LINKED, ROW, STAGED, STATISTICS, Info
-from rpaug_adapters.shared import cameras, video
+from rpaug_adapters.shared import cameras, splice, video
 from rpaug_adapters.shared.images import reencoded
 from rpaug_adapters.shared.texts import read_json
 from rpaug_adapters.shared.video import Frames, Span
@@ -27,8 +27,9 @@ Shown = dict[
 
 def write_episode(
     episode: Episode, recorded: LeRobotSource | None, about: Info, work: Path
-) -> dict[str, bytes]:
-    """Fill a folder; returns the files to lay beside."""
+) -> tuple[dict[str, bytes], list[str]]:
+    """Fill a folder; returns the files to lay beside, and what could not be had, in words."""
+    said: list[str] = []
     kept: dict[str, Any] = {}
     changed: set[str] = set()
     if recorded is None:
@@ -45,7 +46,7 @@ def write_episode(
         row = words.row_replaced(recorded.row, now)
         rows, changed = _edited(episode, recorded, now)
         extra = cameras.moved(episode, recorded.views, recorded.beside, recorded.own)
-        shown, filmed = _videos(episode, recorded, about, work)
+        shown, filmed, said = _videos(episode, recorded, about, work)
         kept = _kept(recorded, about, changed | filmed)
     pq = tables.arrow()[1]
     pq.write_table(rows, work / STAGED, compression="snappy")
@@ -55,7 +56,7 @@ def write_episode(
     pictures = set(about.of_kind("image"))
     encoded = sorted(pictures if recorded is None else pictures & changed)
     (work / ROW).write_text(_json(episode, {"row": row, "encoded": encoded}), encoding="utf-8")
-    return extra
+    return extra, said
 
 
 def _json(episode: Episode, stated: Mapping[str, Any]) -> str:
@@ -144,10 +145,11 @@ def _depth(episode: Episode, recorded: LeRobotSource, name: str) -> Any:
 
 def _videos(
     episode: Episode, recorded: LeRobotSource, about: Info, work: Path
-) -> tuple[Shown, set[str]]:
-    """Write every video of the episode; returns what each shows, and which an edit changed: the others are taken as
-    they are."""
+) -> tuple[Shown, set[str], list[str]]:
+    """Write every video of the episode; returns what each shows, which an edit changed (the others are taken as they
+    are), and what could not be had."""
     shown: Shown = {}
+    said: list[str] = []
     changed: set[str] = set()
     linked: dict[str, float] = {}
     names = {key: name for name, key in recorded.images.items()}
@@ -166,10 +168,9 @@ def _videos(
         if not _same(image, before, episode.length):
             changed.add(key)
             if filmed:
-                _encode_depth(episode, recorded, key, image, before, target)
+                said += _edited_depth(recorded, key, image, before, target)
             else:
-                every = (image(t) for t in range(episode.length))
-                video.encode(every, target, span.rate, span.path)
+                said += _edited_span(span, image, before, video.encode, target)
         # Episodes of v2.1 are to share files in v3.
         elif recorded.info.old > about.old or not link(span.path, target):
             taken_out(span, target, filmed)
@@ -177,7 +178,7 @@ def _videos(
             linked[key] = span.start
     if linked:
         (work / LINKED).write_text(json.dumps(linked))
-    return shown, changed
+    return shown, changed, said
 
 
 def link(path: Path, target: Path) -> bool:
@@ -215,18 +216,38 @@ def _metric(
     return image, codes.unit(feature) or codes.UNITS["mm"], image
 
 
-def _encode_depth(
-    episode: Episode, recorded: LeRobotSource, key: str, after: Image, before: Image, target: Path
-) -> None:
+def _edited_depth(
+    recorded: LeRobotSource, key: str, after: Image, before: Image, target: Path
+) -> tuple[str, ...]:
     """Write a video of depth; codes of what no edit touched stay as they are."""
     info, span = recorded.info, recorded.spans[key]
     scale = codes.scale(info.folder / tables.INFO, key, info.features[key])
     stored = Frames(span, video.CODES)
-    every = (
-        np.where(after(t) == before(t), stored(t), scale.codes(after(t)))
-        for t in range(episode.length)
-    )
-    video.encode_codes(every, target, span.rate, span.path)
+
+    def edited(t: int) -> np.ndarray:
+        return np.where(after(t) == before(t), stored(t), scale.codes(after(t)))
+
+    return _edited_span(span, edited, stored, video.encode_codes, target)
+
+
+def _edited_span(
+    span: Span, after: Image, before: Image, encode: Callable[..., None], target: Path
+) -> tuple[str, ...]:
+    """Write a span of which some frames changed; what could not be had."""
+    first = splice.first_frame(span)
+    if first is None:
+        encode((after(t) for t in range(span.length)), target, span.rate, span.path)
+        return ()
+
+    def new(t: int) -> np.ndarray | None:
+        image = after(t - first)
+        return None if np.array_equal(image, before(t - first)) else image
+
+    def write(frames: splice.New, path: Path) -> None:
+        every = (before(t - first) if image is None else image for t, image in frames)
+        encode(every, path, span.rate, span.path)
+
+    return splice.write(span.path, range(first, first + span.length), new, write, target)
 
 
 def _same(one: Image, other: Image, length: int) -> bool:

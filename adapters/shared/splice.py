@@ -29,11 +29,10 @@ import numpy as np
 from av.error import FFmpegError
 from av.video.frame import VideoFrame
 from jaxtyping import Bool, Int64
-from rpaug_adapters.shared.video import opened, planar, samples
+from rpaug_adapters.shared.video import Span, opened, planar, samples
 
 from rpaug import BadInput
 
-X264_ID = 31  # of our parameter sets: the largest that x264 takes
 HEVC_ID = 15  # its code has 9 bits, that of x265's 0 has one: a byte is put in, and all after it stays aligned
 AVC_HEAD, HEVC_HEAD = 5, 22  # bytes before the parameter sets of a header (ISO/IEC 14496-15)
 LENGTH = 4  # bytes that say how long a unit of a packet is, as FFmpeg writes them
@@ -110,6 +109,17 @@ def stored(path: Path) -> StoredFrames:
     )
 
 
+def first_frame(span: Span) -> int | None:
+    """Which of a file's frames is a span's first; None where others lie between its frames. Raises BadInput."""
+    with opened(span.path) as file:
+        tick = file.streams.video[0].time_base
+    assert tick is not None
+    numbers = [span.number(one * tick) for one in stored(span.path).times.tolist()]
+    first = numbers.index(0) if 0 in numbers else len(numbers)
+    inside = numbers[first : first + span.length] == list(range(span.length))
+    return first if inside else None
+
+
 def _refreshes(codec: str, data: bytes) -> bool:
     """Whether a key frame's packet makes decoding independent of all before it."""
     if codec in IDR:
@@ -132,8 +142,8 @@ def write(
     where that is not None. Returns why all had to be encoded anew, where an edit left frames as they were.
 
     `encode` writes frames to a file of their own, in the target's container, one packet a frame, H.264 with parameter
-    sets numbered X264_ID. `new` is asked in order, once a frame; again where all must be encoded after all. Raises
-    BadInput, and what `encode` raises.
+    sets numbered `video.X264_ID`. `new` is asked in order, once a frame; again where all must be encoded after all.
+    Raises BadInput, and what `encode` raises.
     """
     lies, parts = stored(source), target.with_name(f".parts-{target.name}")
     why, edited, left = lies.unfit, 0, 0

@@ -29,6 +29,7 @@ KEPT = 8  # decoded frames
 ENCODERS = {"h264": "libx264", "hevc": "libx265", "av1": "libsvtav1", "vp9": "libvpx-vp9"}
 X265 = "log-level=none:open-gop=0:bframes=0"
 CODES = "gray12le"  # pixel format of 12-bit codes
+X264_ID = 31  # of parameter sets: the largest that x264 takes
 QUALITY = "10"  # constant rate factor: what was not edited comes back nearly as it was
 EVERY = 2  # frames from one key frame to the next, as LeRobot has it: any frame is near one
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
@@ -303,6 +304,7 @@ def encode(
         options["x265-params"] = X265
     if codec == "h264":
         options["bf"] = "0"  # frames in the order they are shown
+        options["x264-params"] = f"sps-id={X264_ID}"  # beside another encoder's (`shared.splice`)
     if codec == "av1":
         options["preset"] = "8"
     _write(images, "rgb24", target, rate, (ENCODERS[codec], pixels, options))

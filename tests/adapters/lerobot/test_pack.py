@@ -65,15 +65,12 @@ def no_link(*_: object) -> None:
     raise OSError
 
 
-@pytest.fixture(params=RECORDERS)
-def mixed(
-    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> tuple[Path, Path]:
-    """A dataset by such a recorder, and the staged episodes of an output, every other one edited."""
-    codec, options = RECORDERS[request.param]
+def recorded(root: Path, recorder: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Two episodes by such a recorder, of 4 and 5 frames, a key frame every other one."""
+    codec, options = RECORDERS[recorder]
     for side in ("HEIGHT", "WIDTH"):
         monkeypatch.setattr(lerobot_samples, side, video.HEVC_LEAST)
-    adapter, root, out = LeRobot(), tmp_path / "in", tmp_path / "out"
+    adapter = LeRobot()
     for number in range(2):
         key = f"toy/train/{number}"
         adapter.write(episode(number, 4 + number), root, key, dict)
@@ -87,6 +84,16 @@ def mixed(
                     made.mux(stream.encode(frame))
                 made.mux(stream.encode())
     adapter.finish(root, root)
+    return root
+
+
+@pytest.fixture(params=RECORDERS)
+def mixed(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Path, Path]:
+    """A dataset by such a recorder, and the staged episodes of an output, every other one edited."""
+    adapter, out = LeRobot(), tmp_path / "out"
+    root = recorded(tmp_path / "in", request.param, monkeypatch)
     monkeypatch.setattr(
         os, "link", no_link
     )  # the originals are joined with the copies, not kept as they are
@@ -131,3 +138,41 @@ def test_nothing_is_dropped_before_all_is_decoded(
     with pytest.raises(BadInput, match=r"video|frame"):
         LeRobot().finish(root, out)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("recorder", RECORDERS)
+def test_what_an_edit_of_some_frames_leaves_keeps_its_packets(
+    recorder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    adapter, out = LeRobot(), tmp_path / "out"
+    root = recorded(tmp_path / "in", recorder, monkeypatch)
+    read = adapter.read(root, "toy/train/1")
+    front = read.views["front"]
+    edited = replace(front, rgb=lambda t: front.rgb(t) // 2 if t == 3 else front.rgb(t))
+    said: list[str] = []
+
+    def side(*words: str) -> dict[str, bytes]:
+        said.extend(words)
+        return {}
+
+    adapter.write(replace(read, views={**read.views, "front": edited}), out, "toy/train/0", side)
+    adapter.finish(root, out)
+    assert said == []
+    made = adapter.read(out, "toy/train/0")
+    before = packets(read.source.spans["observation.images.front"].path)[4:]
+    after = packets(made.source.spans["observation.images.front"].path)
+    assert len(after) == 5
+    assert after[:2] == before[:2]
+    for t in range(5):
+        shown = made.views["front"].rgb(t)
+        if before[t] == after[t]:
+            assert np.array_equal(shown, front.rgb(t))
+        assert np.abs(shown.astype(int) - edited.rgb(t)).mean() < 3
+    assert after[3] != before[3]
+
+
+def packets(path: Path) -> list[bytes]:
+    """Of each frame, in the order shown."""
+    with av.open(str(path)) as file:
+        held = sorted((one.pts, bytes(one)) for one in file.demux(video=0) if one.size)
+    return [data for _, data in held]
