@@ -39,7 +39,8 @@ class Frame:
 @dataclass(frozen=True)
 class RenderedFrame:
     """A frame rendered anew: what was recorded, what is seen now, its hole mask if it can have one, the seconds its
-    thread took, and its mask where that is rendered anew and written."""
+    thread took, its mask where that is rendered anew and written, and which pixels of a moved camera show what moves.
+    """
 
     camera: str
     t: int
@@ -48,6 +49,7 @@ class RenderedFrame:
     hole: Bool[np.ndarray, "h w"] | None
     seconds: float
     ids: Int32[np.ndarray, "h w"] | None = None
+    moving: Bool[np.ndarray, "h w"] | None = None
 
 
 Watch = Callable[[RenderedFrame], None]
@@ -139,6 +141,7 @@ def _composited(scene: Scene, name: str, pool: Pooled, watch: Watch) -> CameraVi
 
 def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Watch) -> CameraView:
     recorded = scene.episode.views[name]
+    stands = scene.cameras[name] is recorded.camera
 
     @lru_cache(max(KEPT_FRAMES, KEPT_PIXELS // (recorded.camera.width * recorded.camera.height)))
     def frame(t: int) -> Frame:
@@ -147,7 +150,8 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
         made = replace(made, rgb=sense(scene.sensor, made.rgb, name, t))
         spent = time.thread_time() - start
         ids = made.ids if recorded.ids and not recorded.inferred else None
-        watch(RenderedFrame(name, t, recorded.rgb(t), made.rgb, made.hole, spent, ids))
+        moving = None if stands else np.isin(made.ids, list(scene.moving))
+        watch(RenderedFrame(name, t, recorded.rgb(t), made.rgb, made.hole, spent, ids, moving))
         return made
 
     return CameraView(

@@ -516,6 +516,12 @@ class Scene:
         return self.bodies if self.recorded_bodies is None else self.recorded_bodies
 
     @property
+    def moving(self) -> frozenset[int]:
+        """Instance ids of the robot and of all that did not stand still when recorded."""
+        moved = [body.instance_ids for body in self.tracked if body.motion != "static"]
+        return frozenset().union(self.roles.get("robot", ()), *moved)
+
+    @property
     def instance_ids(self) -> frozenset[int]:
         """All instance ids the scene knows."""
         return frozenset().union(*(body.instance_ids for body in self.bodies))

@@ -111,7 +111,12 @@ class Made:
             return gating.Figures()
         outside = sum(self.tally.outside.values())
         return gating.measure(
-            self.scene, self.episode, self.plan.representations, outside, self.tally.holes
+            self.scene,
+            self.episode,
+            self.plan.representations,
+            outside,
+            self.tally.holes,
+            self.tally.moving,
         )
 
     def judged(self) -> tuple[str, ...]:
@@ -280,6 +285,9 @@ def render(
             tally.mask(camera, t, frame.ids)
         if frame.hole is not None:
             tally.hole(camera, t, frame.hole)
+            if frame.moving is not None:
+                counts = int((frame.hole & frame.moving).sum()), int(frame.moving.sum())
+                tally.moving[camera, t] = counts
         elif counted:
             ids = scene.episode.views[camera].ids
             tally.outside[camera, t] = gating.beyond(

@@ -22,6 +22,7 @@ from rpaug.scene.tracking import agreement
 
 MOMENTS = 8  # pairs of neighbouring frames that flicker and agreement are measured at
 STILL = 1e-3  # metres of depth up to which a pixel shows the same place in the next frame
+CURES = {"moving": ": nobody recorded it from there; the robot's file shows it (arms: [FILE])"}
 FAINT = 0.02  # brightest channel below which no hue can be told
 
 Limit = Annotated[float, Field(ge=0)] | None
@@ -39,6 +40,7 @@ class Gates(BaseModel):
     outside: Annotated[int, Field(ge=0)] | None = 0
     reprojection: Limit = 5.0
     holes: Limit = 0.15
+    moving: Limit = 0.1
     flicker: Limit = 2.0
     color: Limit = 5.0
     self_check: bool = True
@@ -49,7 +51,7 @@ class Gates(BaseModel):
         for name, value in asdict(figures).items():
             limit = getattr(self, name)
             if value is not None and limit is not None and value > limit:
-                found.append(f"{name} {value:.4g}, at most {limit:g}")
+                found.append(f"{name} {value:.4g}, at most {limit:g}{CURES.get(name, '')}")
         return found
 
 
@@ -59,7 +61,8 @@ class Figures:
 
     `outside` counts changed pixels, over all frames of cameras shown by their recorded pixels, where no edit reaches.
     `reprojection` is the median distance in millimetres between the points of one camera and the surface the next one
-    sees there. `holes` is the share of invented pixels in the moved camera that has most. `flicker` is by how many
+    sees there. `holes` is the share of invented pixels in the moved camera that has most, `moving` the share of them
+    among the pixels that show the robot and what else moves. `flicker` is by how many
     grey levels more than in the recording fixed cameras' pixels change between two frames in which they show the
     same place. `color` is the CIEDE2000 difference between the color a thing was to take and the one it shows, its
     brightness apart, which shading decides.
@@ -68,6 +71,7 @@ class Figures:
     outside: int | None = None
     reprojection: float | None = None
     holes: float | None = None
+    moving: float | None = None
     flicker: float | None = None
     color: float | None = None
 
@@ -92,10 +96,12 @@ def measure(
     representations: Mapping[str, int],
     outside: int,
     holes: Mapping[str, Bool[np.ndarray, "h w"]],
+    moving: Mapping[tuple[str, int], tuple[int, int]],
 ) -> Figures:
     """The figures of an edited scene and the episode it shows.
 
-    `outside` was counted frame by frame (`beyond`); `holes` are masks by camera/frame. Sensor effects change every
+    `outside` was counted frame by frame (`beyond`); `holes` are masks by camera/frame, `moving` counts by camera and
+    frame: of the pixels that show what moves, those that nobody recorded, and all. Sensor effects change every
     pixel anew in every frame: with them neither `outside` nor `flicker` can be told.
     """
     anew = any(tier > 0 for tier in representations.values())
@@ -105,6 +111,7 @@ def measure(
         if anew
         else None,
         holes=_holes(holes),
+        moving=_moving(moving),
         flicker=None if scene.sensor else _flicker(scene, made),
         color=_color(scene),
     )
@@ -141,6 +148,14 @@ def _holes(holes: Mapping[str, Bool[np.ndarray, "h w"]]) -> float | None:
     for key, mask in holes.items():
         shares.setdefault(key.rsplit("/", 1)[0], []).append(float(mask.mean()))
     return max((float(np.mean(found)) for found in shares.values()), default=None)
+
+
+def _moving(counts: Mapping[tuple[str, int], tuple[int, int]]) -> float | None:
+    """Over all frames of the worst camera; None where nothing that moves is seen."""
+    totals: dict[str, np.ndarray] = {}
+    for (camera, _), pair in counts.items():
+        totals[camera] = totals.get(camera, 0) + np.array(pair)
+    return max((float(unseen / all) for unseen, all in totals.values() if all), default=None)
 
 
 def _flicker(scene: Scene, made: Episode) -> float | None:

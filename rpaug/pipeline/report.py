@@ -25,6 +25,8 @@ SUMMARY = "rpaug.summary.json"
 class Tally:
     """Counts what changes while frames are rendered; safe to use from several threads.
 
+    `moving` are, by moved camera and frame, the pixels that show what moves: those that nobody recorded, and all.
+
     `added` are instance ids that edits brought in; of each `shown` keeps, by camera, the frame whose mask has most of
     it and how many pixels those are.
     """
@@ -36,6 +38,7 @@ class Tally:
     total: dict[tuple[str, int], int] = field(default_factory=dict)
     outside: dict[tuple[str, int], int] = field(default_factory=dict)
     holes: dict[str, Bool[np.ndarray, "h w"]] = field(default_factory=dict)
+    moving: dict[tuple[str, int], tuple[int, int]] = field(default_factory=dict)
     seconds: float = 0.0
     lock: Any = field(default_factory=Lock)
 

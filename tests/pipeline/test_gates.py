@@ -26,12 +26,21 @@ BLUE = (0.1, 0.2, 0.9)
 
 def figures(scene: Scene) -> Figures:
     """Of an edited scene, all its frames rendered."""
-    made = copies.render(scene, (), plan.Plan(0, dict.fromkeys(EYES, 0), True), counted=True)
+    made = copies.render(
+        scene, (), plan.Plan(0, dict.fromkeys(scene.cameras, 0), True), counted=True
+    )
     for view in made.episode.views.values():
         for t in range(scene.episode.length):
             view.rgb(t)
     outside = sum(made.tally.outside.values())
-    return measure(made.scene, made.episode, made.plan.representations, outside, made.tally.holes)
+    return measure(
+        made.scene,
+        made.episode,
+        made.plan.representations,
+        outside,
+        made.tally.holes,
+        made.tally.moving,
+    )
 
 
 def recorded(**changes: object) -> Scene:
@@ -99,6 +108,29 @@ def test_a_moved_camera_agrees_with_the_others_and_has_holes() -> None:
     assert 0 < found.holes < 1
 
 
+def test_what_moves_must_have_been_recorded_from_where_the_camera_is_now() -> None:
+    """A ball rolls in over the border of the only camera: from further left there is more of it."""
+    scene = analytic_scene({"front": (0.0, -0.8, 0.7)}, length=4)
+
+    def of(shift: float) -> Figures:
+        edit = {"front": {"turn": [0.0, 0.0, 0.0], "shift": [shift, 0.0, 0.0]}}
+        return figures(CameraPose(camera="front").apply(scene, edit))
+
+    little, far = of(-0.01), of(-0.12)
+    assert little.moving is not None
+    assert far.moving is not None
+    assert little.moving < Gates().moving < far.moving  # type: ignore[operator]
+    (fault,) = (fault for fault in Gates().faults(far) if fault.startswith("moving "))
+    assert "arms: [FILE]" in fault
+    assert figures(painted(recorded())).moving is None
+
+
+def test_the_worst_camera_counts_for_what_moves() -> None:
+    counts = {("front", 0): (1, 4), ("front", 1): (0, 6), ("side", 0): (3, 5), ("top", 0): (0, 0)}
+    found = measure(recorded(), recorded().episode, {"front": 0}, 0, {}, counts)
+    assert found.moving == 0.6
+
+
 def test_a_camera_that_is_not_where_it_says_disagrees() -> None:
     scene = recorded()
     edit = {"front": {"turn": [0.0, 0.0, 0.0], "shift": [0.02, 0.0, 0.0]}}
@@ -110,7 +142,7 @@ def test_a_camera_that_is_not_where_it_says_disagrees() -> None:
     lying = replace(
         made.episode, views={**made.episode.views, "front": replace(view, camera=wrong)}
     )
-    found = measure(moved, lying, made.plan.representations, 0, {})
+    found = measure(moved, lying, made.plan.representations, 0, {}, {})
     assert found.reprojection is not None
     assert 5 < found.reprojection < 15
 

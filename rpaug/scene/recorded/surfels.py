@@ -10,6 +10,8 @@ A view at time t draws, in this order (an earlier source keeps a pixel that a la
 6. *the robot's shape* by its file, where nobody saw the robot;
 7. *patches*: what nobody ever saw behind edited bodies, painted.
 
+What moves and is cut off by the border of the camera's own image goes on beyond it, but for what its file shows.
+
 All but the first are carved by the first: a surfel where the own camera saw farther is not there. And all but the
 first take on the first's light, thing by thing.
 
@@ -42,6 +44,7 @@ from rpaug.scene.recorded.robot import PartColors
 HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
 SAME_PLACE = 0.01  # metres: what another camera saw this close to what the own one shows of a body is the same
 BLURRED = 0.006  # of the width of photographs: so far a thing shows beside its outline
+BORDER = 0.25  # of an image's longer side: so far what it cuts off is continued
 NOISES = 3.0  # standard deviations of depth noise within which two depths are one surface
 
 
@@ -209,13 +212,58 @@ def _drawn(
     )  # fmt: skip
     moved = frozenset(one for edit in carried(scene, t) for one in edit.instance_ids)
     witness = holes.Witness(known[0], K, camera.cam_to_world[t], surfels.edges.without(moved))
-    if scene.antialiased and not _stands(camera, scene.episode.views[name].camera, t):
-        drawn = holes.unmixed(drawn, witness)
+    continued = np.zeros_like(drawn.hole)
+    if not _stands(camera, scene.episode.views[name].camera, t):
+        if scene.antialiased:
+            drawn = holes.unmixed(drawn, witness)
+        drawn, continued = _continued(drawn, known, surfels.tolerance, scene, name, t)
     filled = holes.fill(drawn, witness)
-    # Patches and stretched surfels are invented as much as what single views are filled with. The robot's shape is not:
-    # it was held against the recording.
-    invented = drawn.rough | (drawn.source >= len(known) + len(shape))
+    # Patches, stretched surfels and what goes on beyond a border are invented as much as what single views are filled
+    # with. The robot's shape is not: it was held against the recording.
+    invented = drawn.rough | continued | (drawn.source >= len(known) + len(shape))
     return drawn, replace(filled, hole=drawn.hole | invented)
+
+
+def _continued(
+    drawn: Rendered, known: list[Source], near: float, scene: Scene, name: str, t: int
+) -> tuple[Rendered, Bool[np.ndarray, "h w"]]:
+    """What is drawn of a moved camera's view, with what moves continued where the border of its own image cuts it off,
+    and the pixels that this gives.
+
+    The border's pixels are repeated beyond it, at their depth, where no other camera sees through them. They hide what
+    is farther, but nothing that moves: that was recorded.
+    """
+    own, *others = known[: len(scene.episode.views)]
+    modelled = frozenset(part.instance_id for part in scene.robot_parts)
+    margin = round(BORDER * max(own.ids.shape))
+
+    def widened(image: np.ndarray) -> np.ndarray:
+        return np.pad(image, [(margin, margin)] * 2 + [(0, 0)] * (image.ndim - 2), mode="edge")
+
+    use = widened(among(own.ids, scene.moving - modelled) & (own.use is None or own.use))
+    use[margin:-margin, margin:-margin] = False
+    if not use.any():
+        return drawn, np.zeros_like(drawn.hole)
+    camera, K = scene.cameras[name], own.K.copy()
+    K[:2, 2] += margin
+    rgb, depth, ids = (widened(image) for image in (own.rgb, own.depth, own.ids))
+    beyond = zbuffer.lift(Source(K, own.cam_to_world, rgb, depth, ids, use, carved=True), near)
+    shots = [
+        zbuffer.render(
+            camera.K, camera.cam_to_world[t], (camera.width, camera.height), [beyond], witness, near
+        )
+        for witness in others or (None,)
+    ]
+    shot, farther = shots[0], (drawn.depth == 0) | (shots[0].depth < drawn.depth)
+    found = ~np.any([one.hole for one in shots], axis=0)
+    found &= drawn.hole | (farther & ~among(drawn.ids, scene.moving))
+    return replace(
+        drawn,
+        rgb=np.where(found[..., None], shot.rgb, drawn.rgb),
+        depth=np.where(found, shot.depth, drawn.depth),
+        ids=np.where(found, shot.ids, drawn.ids),
+        hole=drawn.hole & ~found,
+    ), found
 
 
 def _as_recorded(view: CameraView, t: int) -> Rendered:

@@ -102,6 +102,25 @@ def test_a_ball_at_another_time_leaves_no_ghost(recorded, kept):
         assert ghost.sum() <= 0.15 * (ids == BALL).sum()  # its outline, to half a pixel
 
 
+def test_what_moves_goes_on_beyond_the_border_that_cut_it(recorded):
+    """The ball half out of the frame: a camera alone repeats its border, others see through what is not there."""
+    wrong = {}
+    for names in (["front"], ["front", "side"]):
+        few = scene({name: EYES[name] for name in names}, length=8)
+        bumped, t = moved(few, "front", turn=(0, 0, 0), shift=(-0.12, 0, 0)), 0
+        own = few.episode.views["front"].ids(t)
+        assert (own[:, 0] == BALL).any()
+        kept = surfels.build(few)
+        drawn, (_, _, ids) = surfels.view(kept, bumped, "front", t), truth(bumped, "front", t)
+        ball, balls = drawn.ids == BALL, ids == BALL
+        still = replace(bumped, bodies=few.bodies[:1])  # no body moves, so nothing is continued
+        short = surfels.view(kept, still, "front", t).ids == BALL
+        assert (balls & ~ball).sum() < 0.5 * (balls & ~short).sum()
+        assert drawn.hole[ball & ~short].all()
+        wrong[len(names)] = (ball & ~balls).sum()
+    assert wrong[2] < wrong[1]
+
+
 def test_a_still_of_one_camera():
     lone = scene({"front": EYES["front"]}, length=1)
     drawn = surfels.view(surfels.build(lone), moved(lone, "front"), "front", 0)
