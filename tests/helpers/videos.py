@@ -8,6 +8,7 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
+from rpaug_adapters.shared.video import open_encoders
 from rpaug_adapters.video import boxes
 
 WIDTH, HEIGHT = 96, 64
@@ -43,6 +44,7 @@ def write(
         stream.gop_size = gop
         stream.options = {"crf": "8"}
         heard = made.add_stream("aac", rate=48000) if sound else None
+        open_encoders(made)
         for t in range(length):
             frame = av.VideoFrame.from_ndarray(picture(t, *size), format="rgb24")
             frame.time_base = stream.codec_context.time_base

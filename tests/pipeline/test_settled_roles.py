@@ -100,7 +100,7 @@ def test_a_color_settles_a_role(scene: Scene) -> None:
             "version: 1\nroles: {table: {handle: 1, color: red}}\n",
             "exactly one of handle and color",
         ),
-        ("version: 1\nroles: {table: {color: reddish}}\n", "no color is called 'reddish'"),
+        ("version: 1\nroles: {table: {color: blarg}}\n", "no color is called 'blarg'"),
         ("version: 1\nroles: {table: {name: desk}}\n", "give handle or color"),
         ("version: 1\nroles: {table: {handle: '1'}}\n", "roles.table.handle"),
         ("a: &a [*a]\n", "line 1"),

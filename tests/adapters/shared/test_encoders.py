@@ -12,6 +12,7 @@ import os, sys
 import av
 import numpy as np
 from rpaug_adapters.shared import video
+os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # whatever the process that started it is
 with av.open(sys.argv[1], "w") as made:
     stream = made.add_stream(video.ENCODERS["av1"], rate=10)
     stream.width = stream.height = 64

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rpaug_adapters.shared import splice
+from rpaug_adapters.shared.video import open_encoders
 from rpaug_adapters.video import Videos, encode
 from rpaug_adapters.video.stream import Video
 from videos import picture
@@ -42,6 +43,7 @@ def filmed(path: Path, codec: str, options: dict[str, str]) -> Path:
         stream = made.add_stream(codec, rate=30, options={"g": str(GROUP), "crf": "24", **more})
         stream.width, stream.height = SIZE
         stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+        open_encoders(made)
         for t in range(LENGTH):
             frame = av.VideoFrame.from_ndarray(np.roll(picture(t), 3 * t, 1), format="rgb24")
             frame.pts, frame.time_base = t, Fraction(1, 30)
