@@ -301,3 +301,21 @@ def test_uneven_times_are_said(template: Path) -> None:
         made = replace(recorded, rate=10.0)
         found = compare_layouts.compare("", replace(recorded, robot=robot), made, [0])
         assert sum(topic == "rate" for _, _, topic, _ in found) == wanted
+
+
+def test_numbers_that_float32_rounds_are_said(template: Path) -> None:
+    recorded = registry.adapter("rlbench").read(
+        template, "roll_ball/all_variations/episodes/episode0"
+    )
+    ticks = 1.7e12 + 100.0 * np.arange(recorded.length)[:, None]
+
+    def told(track: np.ndarray) -> list[str]:
+        one, other = (
+            replace(recorded, robot=replace(recorded.robot, extra={"stamp": rows}))
+            for rows in (ticks, track)
+        )
+        return [words for *_, words in compare_layouts.compare("a", one, other, [0])]
+
+    assert told(ticks) == []
+    (words,) = told(ticks.astype(np.float32).astype(float))
+    assert words == "stamp: numbers too large for float32 are rounded"
