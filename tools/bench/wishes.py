@@ -92,7 +92,7 @@ class Chosen:
         name, *inner = path.split(".")
         value = getattr(self.operator, name, None)
         for one in inner:
-            value = None if value is None else value[int(one)]
+            value = value[int(one)] if isinstance(value, list | tuple) else None
         return [] if value is None else np.ravel(np.array(value, float)).tolist()
 
 
