@@ -117,6 +117,7 @@ class Made:
             outside,
             self.tally.holes,
             self.tally.moving,
+            self.gates.limits,
         )
 
     def judged(self) -> tuple[str, ...]:
@@ -196,7 +197,8 @@ def _made(
             return instruct.Followed(tuple(known_draw.words))
         return instruct.followed(scene, edits, recipe.wording, rng)
 
-    made = render(scene, draws, prepared.plan, gates is not None, prepared.surfels, words)
+    counted = gates is not None and gates.outside is not None
+    made = render(scene, draws, prepared.plan, counted, prepared.surfels, words)
     known = [made.untrue] if made.untrue else []
     known += [] if prepared.keep_invalid else verdict.invalid(scene.simulated)
     if prepared.recipe.self_check:

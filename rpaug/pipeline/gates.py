@@ -4,8 +4,8 @@ All figures are taken from rendered frames, beside the recorded ones. A figure i
 measure; then its gate passes.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from typing import Annotated, Any, Protocol, runtime_checkable
 
@@ -45,6 +45,11 @@ class Gates(BaseModel):
     color: Limit = 5.0
     self_check: bool = True
 
+    @property
+    def limits(self) -> frozenset[str]:
+        """The figures that are measured: those with a limit."""
+        return frozenset(one.name for one in fields(Figures) if getattr(self, one.name) is not None)
+
     def faults(self, figures: "Figures") -> list[str]:
         """Which limits the figures exceed, in words."""
         found = []
@@ -55,9 +60,13 @@ class Gates(BaseModel):
         return found
 
 
+UNASKED = Gates(outside=None, reprojection=None, flicker=None, color=None)
+"""What a recipe that moves cameras is held to where it has no gates of its own: most of what is shown was recorded."""
+
+
 @dataclass(frozen=True)
 class Figures:
-    """What one copy measures; None where there is nothing to measure.
+    """What one copy measures; None where there is nothing to measure, or no limit.
 
     `outside` counts changed pixels, over all frames of cameras shown by their recorded pixels, where no edit reaches.
     `reprojection` is the median distance in millimetres between the points of one camera and the surface the next one
@@ -97,24 +106,26 @@ def measure(
     outside: int,
     holes: Mapping[str, Bool[np.ndarray, "h w"]],
     moving: Mapping[tuple[str, int], tuple[int, int]],
+    limits: Collection[str],
 ) -> Figures:
-    """The figures of an edited scene and the episode it shows.
+    """The figures of an edited scene and the episode it shows, those that have `limits`.
 
     `outside` was counted frame by frame (`beyond`); `holes` are masks by camera/frame, `moving` counts by camera and
     frame: of the pixels that show what moves, those that nobody recorded, and all. Sensor effects change every
     pixel anew in every frame: with them neither `outside` nor `flicker` can be told.
     """
-    anew = any(tier > 0 for tier in representations.values())
-    return Figures(
-        outside=None if scene.sensor else outside,
-        reprojection=agreement.median_mm(made.views.values(), _moments(made.length))
-        if anew
-        else None,
-        holes=_holes(holes),
-        moving=_moving(moving),
-        flicker=None if scene.sensor else _flicker(scene, made),
-        color=_color(scene),
-    )
+    told = set(limits) - ({"outside", "flicker"} if scene.sensor else set())
+    if not any(tier > 0 for tier in representations.values()):
+        told -= {"reprojection"}
+    ways: dict[str, Callable[[], float | None]] = {
+        "outside": lambda: outside,
+        "reprojection": lambda: agreement.median_mm(made.views.values(), _moments(made.length)),
+        "holes": lambda: _holes(holes),
+        "moving": lambda: _moving(moving),
+        "flicker": lambda: _flicker(scene, made),
+        "color": lambda: _color(scene),
+    }
+    return Figures(**{name: way() for name, way in ways.items() if name in told})  # type: ignore[arg-type]
 
 
 def beyond(

@@ -3,7 +3,7 @@
 import fnmatch
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,8 +16,9 @@ from rpaug.core import registry
 from rpaug.core.errors import BadRecipe, RpaugError
 from rpaug.core.files import read_bytes
 from rpaug.core.interfaces import Operator
+from rpaug.core.types import Effect
 from rpaug.instruct.wording import Wording, wording
-from rpaug.pipeline.gates import Gates
+from rpaug.pipeline.gates import UNASKED, Gates
 from rpaug.pipeline.recipe_errors import Faults
 from rpaug.pipeline.recipe_yaml import Path_, kind_of, override, parse
 from rpaug.scene.targets import settled
@@ -223,7 +224,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         select=top.select,
         steps=tuple(step for step in steps if step),
         source=json.loads(json.dumps(tree)),
-        gates=top.gates,
+        gates=top.gates or _unasked(tree, steps),
         accuracy=top.accuracy,
         arms=tuple(top.arms),
         depth_model=top.depth_model,
@@ -234,6 +235,16 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         roles=dict(top.roles),
         instructions=top.instructions,
     )
+
+
+def _unasked(tree: Mapping[str, Any], steps: Iterable[Step | None]) -> Gates | None:
+    """Gates of a recipe that has none: those of moved cameras, where an edit moves them."""
+    options = (option for step in steps if step for option in step.options)
+    if tree.get("gates") is False or not any(
+        Effect.CAMERA in one.operator.effect for one in options
+    ):
+        return None
+    return UNASKED
 
 
 def option(name: str, fields: dict[str, Any]) -> Option:

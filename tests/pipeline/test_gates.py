@@ -1,5 +1,6 @@
 """Each figure says what it should of edits whose faults are known."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,14 +18,18 @@ from rpaug.operators.fields import Palette
 from rpaug.operators.recolor import AlbedoRatio, Recolor
 from rpaug.operators.sensor_noise import SensorNoise
 from rpaug.pipeline import copies, plan
-from rpaug.pipeline.gates import Figures, Gates, beyond, described, measure
+from rpaug.pipeline.gates import UNASKED, Figures, Gates, beyond, described, measure
+from rpaug.pipeline.recipe import Recipe
 from rpaug.scene.targets.targets import Target
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}
 BLUE = (0.1, 0.2, 0.9)
 
 
-def figures(scene: Scene) -> Figures:
+EVERY = Gates().limits
+
+
+def figures(scene: Scene, limits: Collection[str] = EVERY) -> Figures:
     """Of an edited scene, all its frames rendered."""
     made = copies.render(
         scene, (), plan.Plan(0, dict.fromkeys(scene.cameras, 0), True), counted=True
@@ -40,6 +45,7 @@ def figures(scene: Scene) -> Figures:
         outside,
         made.tally.holes,
         made.tally.moving,
+        limits,
     )
 
 
@@ -125,9 +131,35 @@ def test_what_moves_must_have_been_recorded_from_where_the_camera_is_now() -> No
     assert figures(painted(recorded())).moving is None
 
 
+def test_a_limit_that_is_off_is_not_measured() -> None:
+    edit = {"front": {"turn": [0.0, 0.0, 0.0], "shift": [0.1, 0.0, 0.0]}}
+    found = figures(CameraPose(camera="front").apply(recorded(), edit), UNASKED.limits)
+    assert set(found.describe()) == {"holes", "moving"}
+
+
+@pytest.mark.parametrize(
+    ("edits", "gates", "held"),
+    [
+        ([{"op": "camera_pose", "camera": "front"}], {}, UNASKED),
+        (
+            [{"one_of": [{"op": "sensor_noise"}, {"op": "camera_pose", "camera": "front"}]}],
+            {},
+            UNASKED,
+        ),
+        ([{"op": "camera_pose", "camera": "front"}], {"gates": False}, None),
+        ([{"op": "camera_pose", "camera": "front"}], {"gates": {"tries": 5}}, Gates(tries=5)),
+        ([{"op": "sensor_noise"}], {}, None),
+    ],
+)
+def test_a_recipe_that_moves_cameras_is_held_to_what_was_recorded(
+    edits: list[dict[str, object]], gates: dict[str, object], held: Gates | None
+) -> None:
+    assert Recipe.from_dict({"version": 1, "edits": edits, **gates}).gates == held
+
+
 def test_the_worst_camera_counts_for_what_moves() -> None:
     counts = {("front", 0): (1, 4), ("front", 1): (0, 6), ("side", 0): (3, 5), ("top", 0): (0, 0)}
-    found = measure(recorded(), recorded().episode, {"front": 0}, 0, {}, counts)
+    found = measure(recorded(), recorded().episode, {"front": 0}, 0, {}, counts, EVERY)
     assert found.moving == 0.6
 
 
@@ -142,7 +174,7 @@ def test_a_camera_that_is_not_where_it_says_disagrees() -> None:
     lying = replace(
         made.episode, views={**made.episode.views, "front": replace(view, camera=wrong)}
     )
-    found = measure(moved, lying, made.plan.representations, 0, {}, {})
+    found = measure(moved, lying, made.plan.representations, 0, {}, {}, EVERY)
     assert found.reprojection is not None
     assert 5 < found.reprojection < 15
 
