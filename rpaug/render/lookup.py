@@ -7,15 +7,19 @@ from rpaug.render.pinhole import NEAR, map_pixel
 
 ENOUGH = 0.3  # of the taps' weight must be on the same thing, or its nearest pixel counts alone
 BLENDED = 3  # sources whose colors are averaged at most, where the first does not show the place
+COARSE = 2.0  # times as coarse as what won a pixel: such a recording is not averaged with it
 ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel's color unblended
 
 
 @kernel
 def add_color(
-    rgb, ids, near, use, instance_ids, factors, lens, back, target, index, tolerance, nearest, source, pixel, won, out,
-    total,
+    rgb, ids, near, use, instance_ids, factors, lens, back, target, index, tolerance, nearest, source, pixel, stretch,
+    won, out, total,
 ):  # fmt: skip
-    """Add this source's color to each pixel that it won, or that another but the first won and it shows too."""
+    """Add this source's color to each pixel that it won, or that another but the first won and it shows too.
+
+    `stretch` is the length that the winner's recorded pixel has in the view.
+    """
     across, along, found = np.empty(4), np.empty(4), np.empty(3)
     height, width = ids.shape
     for v in range(nearest.shape[0]):
@@ -29,6 +33,8 @@ def add_color(
                 row, column = pixel[v, u] // width, pixel[v, u] % width
             else:
                 if not ahead > NEAR or not (-0.5 < x < width - 0.5 and -0.5 < y < height - 0.5):
+                    continue
+                if target[0] * ahead > COARSE * stretch[v, u] * lens[0]:
                     continue
                 row, column = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
                 off = abs(near[row, column] * ahead - nearest[v, u])

@@ -31,6 +31,7 @@ COARSER = (
 )  # added to the rank each time a view doubles a recorded pixel's length: later than any source
 STREAK = 2  # doublings of its length at which a pixel at least twice as long as wide is not drawn
 BEYOND = 1 << 16  # added to the rank of what reaches past its own pixel: later than any source
+EARLIER = BEYOND >> 1  # taken from the rank of what comes before all others, however stretched
 
 
 @dataclass(frozen=True)
@@ -136,8 +137,10 @@ def render(
         _draw(
             near, prints.slope, prints.edge, prints.line, intrinsics(each.K),
             relative(each.cam_to_world, cam_to_world), relative(cam_to_world, each.cam_to_world), target,
-            index, index - len(lifted) * each.before, seen, lens, back, tolerance, nearest, rank, source, pixel,
+            index, index - EARLIER * each.before, seen, lens, back, tolerance, nearest, rank, source, pixel,
         )  # fmt: skip
+    rank += EARLIER * (rank < 0)
+    stretch = np.ldexp(1.0, rank % EARLIER // COARSER)
     rgb = np.zeros((height, width, 3), np.float32)
     ids = _won_ids(source, pixel, sources)
     weight = np.zeros((height, width), np.float32)
@@ -146,8 +149,8 @@ def render(
         use = np.ones(each.ids.shape, bool) if each.use is None else each.use
         add_color(
             each.rgb, each.ids, each.lifted.near, use, each.gains.instance_ids, each.gains.factors, intrinsics(each.K),
-            relative(cam_to_world, each.cam_to_world), target, index, tolerance, nearest, source, pixel, ids, rgb,
-            weight,
+            relative(cam_to_world, each.cam_to_world), target, index, tolerance, nearest, source, pixel, stretch, ids,
+            rgb, weight,
         )  # fmt: skip
     rgb /= np.maximum(weight, 1)[..., None]
     with np.errstate(divide="ignore", over="ignore"):
@@ -199,12 +202,10 @@ def _draw(
             area = (x[1] - x[0]) * (y[3] - y[0]) - (y[1] - y[0]) * (x[3] - x[0])
             if not area > 1e-12:  # seen from behind, edge on, or not a number
                 continue
-            place = first
-            if first >= 0:
-                doublings = _doublings(x, y, half)
-                if doublings < 0:
-                    continue
-                place += COARSER * doublings
+            doublings = _doublings(x, y, half)
+            if doublings < 0:
+                continue
+            place = first + COARSER * doublings
             # 1/z is affine in the target's pixels too: take it through three corners.
             dx = ((w[1] - w[0]) * (y[3] - y[0]) - (w[3] - w[0]) * (y[1] - y[0])) / area
             dy = ((w[3] - w[0]) * (x[1] - x[0]) - (w[1] - w[0]) * (x[3] - x[0])) / area

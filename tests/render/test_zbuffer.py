@@ -156,6 +156,31 @@ def test_streaks_are_not_drawn():
     assert near.rough.all()  # one recorded pixel is six
 
 
+def test_what_was_put_elsewhere_has_no_streaks_either():
+    grazing = replace(_painted_plane((0.0, -1.4, 0.15), 50), before=True)
+    above = _painted_plane((0.0, -0.1, 1.0), 200)
+    view = render(above.K, above.cam_to_world, (96, 80), [above, grazing])
+    assert (view.source[30:50, 38:58] == 0).all()
+    slanted = replace(_painted_plane((0.0, -1.4, 0.8), 50), before=True)
+    view = render(above.K, above.cam_to_world, (96, 80), [above, slanted])
+    assert (view.source[30:50, 38:58] == 1).all()
+    assert view.rough[30:50, 38:58].any()
+
+
+def test_coarse_recordings_do_not_color_what_finer_ones_show():
+    """Beside the first, recordings of a place are averaged: as fine ones, not one whose pixel spans six of theirs."""
+    near, far = _painted_plane((0.0, -0.1, 1.0), 200), _painted_plane((0.0, -0.6, 6.0), 50)
+    first = replace(near, use=np.zeros(near.ids.shape, bool))
+    middle = np.s_[30:50, 38:58]
+
+    def gray(*others: Source) -> np.ndarray:
+        return render(near.K, near.cam_to_world, (96, 80), [first, *others]).image[middle]
+
+    assert (gray(near, far) == 200).all()
+    assert (gray(near, replace(near, rgb=np.full_like(near.rgb, 100))) == 150).all()
+    assert (gray(far) == 50).all()
+
+
 def test_colors_never_cross_ids():
     """A red thing on a black one, moved by half a pixel: no pixel is a mixture."""
     K, depth = pinhole(16, 16), np.full((16, 16), 1.0, np.float32)

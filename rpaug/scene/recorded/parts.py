@@ -19,6 +19,7 @@ from rpaug.scene.recorded.plates import among, source_at, spread
 CANDIDATES = 16  # frames, spread over the episode, that are looked at
 MOST = 4  # recordings kept of a body
 CELL = 0.01  # metres: how finely it is told what is new in a recording
+FINENESS = (np.inf, 0.2, 0.1)  # of a cell: a pixel this small, or smaller, shows it anew
 NEW = 0.08  # of all cells: a recording that adds less is not kept
 TRUSTED = 0.003  # metres: residual of a track up to which its poses carry surfels
 
@@ -67,16 +68,18 @@ def recorded(scene: Scene, noise: float, tolerance: float, rim: int) -> tuple[Pa
 
 
 def _seen(source: Source, body: Body, t: int) -> _Seen | None:
-    """What a recording shows of the body, and which cells of the body's own frame that fills."""
+    """What a recording shows of the body, and which cells of the body's own frame that fills, each so finely."""
     use = among(source.ids, body.instance_ids) & np.isfinite(source.depth) & (source.depth > 0)
     if not use.any():
         return None
     points = geometry.unproject(np.where(use, source.depth, 0).astype(np.float64), source.K)[use]
     own = geometry.inverse(body.to_world[t]) @ source.cam_to_world
-    cells = np.floor(geometry.transform(own, points) / CELL).astype(np.int64) & 0x1FFFFF
-    packed = cells[:, 0] << 42 | cells[:, 1] << 21 | cells[:, 2]
+    cells = np.floor(geometry.transform(own, points) / CELL).astype(np.int64) & 0xFFFFF
+    packed = cells[:, 0] << 40 | cells[:, 1] << 20 | cells[:, 2]
+    pitch = points[:, 2] / source.K[0, 0]
+    finer = [packed[pitch <= CELL * share] | n << 60 for n, share in enumerate(FINENESS)]
     part = PartRecording(body.instance_ids, replace(source, use=use), body.to_world[t])
-    return part, set(packed.tolist())
+    return part, set(np.concatenate(finer).tolist())
 
 
 def _most_telling(seen: list[_Seen]) -> Iterator[PartRecording]:

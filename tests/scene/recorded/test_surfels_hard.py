@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic import BALL, BOX, EYES, LENGTH, TABLE, ball_at, scene, seen_by, shoot
+from analytic import BALL, BOX, EYES, LENGTH, TABLE, ball_at, pinhole, scene, seen_by, shoot
 
 from rpaug.core import geometry
 from rpaug.core.types import Body
-from rpaug.scene.recorded import surfels
+from rpaug.render.zbuffer import Source
+from rpaug.scene.recorded import parts, surfels
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +63,22 @@ def test_a_part_outside_the_frame_now_is_drawn_from_another_time(recorded):
     both = (drawn.ids == BALL) & (ids == BALL)
     assert both.sum() > 0.7 * (ids == BALL).sum()
     assert np.median(np.abs(drawn.depth - depth)[both]) < 2e-3
+
+
+def test_a_close_look_at_a_part_is_kept_though_it_shows_no_new_place():
+    """Cameras before a wall that moves, one of them half as far: it sees a quarter of what the others see."""
+    K, size = pinhole(), (80, 96)
+    wall = Body(frozenset({BALL}), np.eye(4)[None], "gripper")
+
+    def before(distance):
+        pose = np.eye(4)
+        pose[2, 3] = -distance
+        flat = np.full(size, distance, np.float32)
+        seen = Source(K, pose, np.zeros((*size, 3), np.uint8), flat, np.full(size, BALL, np.int32))
+        return parts._seen(seen, wall, 0)
+
+    kept = list(parts._most_telling([before(0.4), before(0.2), before(0.41)]))
+    assert -0.2 in [part.source.cam_to_world[2, 3] for part in kept]
 
 
 @pytest.mark.parametrize("change", [{"ambiguous": True}, {"motion": "unknown"}, {"residual": 0.02}])
