@@ -344,7 +344,8 @@ class Surface(Protocol):
 class Appearance(Protocol):
     """A function on surfaces: recorded color in, edited color out.
 
-    `instance_ids` are the instances it applies to, None for all. It is called with colors in display sRGB 0..1 and
+    `instance_ids` are the instances it applies to, None for all; of those, instance ids in `unlit`, if it has such an
+    attribute, show no surface and are left as they are. It is called with colors in display sRGB 0..1 and
     with where they lie, and must treat every row alone, so that any carrier (pixels, surfels, Gaussians) can use it.
     What depends on `surface.points` and `surface.normals` alone is the same in all cameras and at all times.
     """

@@ -30,12 +30,14 @@ def composite(
     color = rgb.astype(np.float32) / np.float32(255)
     touched = np.zeros(rgb.shape[:2], bool)
     for edit in appearance:
-        if edit.instance_ids is None:
+        unlit = getattr(edit, "unlit", ()) if ids is not None else ()
+        if edit.instance_ids is None and not unlit:
             everywhere = surfaces(np.arange(touched.size))
             color = edit(color.reshape(-1, 3), everywhere).reshape(color.shape)
             touched[:] = True
         elif ids is not None:
-            inside = _among(ids, np.array(sorted(edit.instance_ids), ids.dtype))
+            inside = _among(ids, np.array(sorted(edit.instance_ids or unlit), ids.dtype))
+            inside = ~inside if edit.instance_ids is None else inside
             if inside.any():
                 touched |= _apply(edit, color, inside, antialiased, surfaces)
     return _quantised(rgb, color, touched)

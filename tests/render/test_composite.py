@@ -65,6 +65,30 @@ def test_an_edit_that_changes_no_color_changes_no_pixel(
     assert np.array_equal(composite(rgb, ids, [], antialiased), rgb)
 
 
+@dataclass(frozen=True)
+class Dim:
+    """Half the light, everywhere but in the sky."""
+
+    unlit: tuple[int, ...]
+    instance_ids: frozenset[int] | None = None
+
+    def __call__(self, color: np.ndarray, surface: object) -> np.ndarray:
+        return color / 2
+
+
+def test_a_skyline_is_lit_as_much_as_there_is_ground_in_its_pixels() -> None:
+    """Gray sky above white ground; the last row of the sky is a quarter of ground."""
+    rgb, ids = np.full((12, 9, 3), 120, np.uint8), np.zeros((12, 9), np.int32)
+    rgb[6:], ids[6:] = 240, 1
+    rgb[5] = 150
+    lit = composite(rgb, ids, [Dim((0,))], antialiased=True)
+    assert (lit[:5] == 120).all()
+    assert (np.abs(lit[5:].astype(int) - 120) <= 2).all()  # 0.75 sky, 0.25 ground
+    sharp = composite(rgb, ids, [Dim((0,))], antialiased=False)
+    assert np.array_equal(sharp[:6], rgb[:6])
+    assert (sharp[6:] == 120).all()
+
+
 @settings(deadline=None)
 @given(IMAGES, LABELS)
 def test_every_pixel_inside_a_sharp_mask_is_painted(rgb: np.ndarray, ids: np.ndarray) -> None:
