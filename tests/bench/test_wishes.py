@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -90,3 +91,24 @@ def test_every_wish_says_what_is_wanted() -> None:
         assert list(row) == ["scene", "after", "wish", "expect", "want"]
         for way in row["want"] or ():
             assert way == "refuse" or all("op" in one or "settings" in one for one in way)
+
+
+def test_a_model_is_asked_without_what_is_judged_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = scene({"front": (1.6, 0.3, 1.0)}, length=2)
+    episode = SimpleNamespace(views={"front": None}, descriptions=("push the box",))
+    monkeypatch.setattr(wishes, "recorded", lambda path: (episode, here))
+    row = {"scene": "box", "after": "a red box", "wish": "blue", "expect": "azure", "want": [[]]}
+    first = json.loads(wishes.question(row, Path(), [])[-1]["content"])
+    edit = {"said": "red", "probability": None, "options": [RED]}
+    answer = wishes.REFUSED | {"refuse": "", "edits": [edit]}
+    second = json.loads(wishes.question(row, Path(), [answer])[-1]["content"])
+    assert (first["wish"], first["said"]) == ("a red box", [])
+    assert (second["wish"], second["said"], second["earlier"]) == ("blue", ["a red box"], [RED])
+    assert "azure" not in json.dumps([first, second])
+
+
+def test_a_sample_goes_by_words_not_by_their_order() -> None:
+    rows = [{"scene": "box", "wish": str(number)} for number in range(9)]
+    taken = {rows[n]["wish"] for n in wishes.sample(rows, 4)}
+    assert len(taken) == 4
+    assert taken == {rows[::-1][n]["wish"] for n in wishes.sample(rows[::-1], 4)}

@@ -2,6 +2,7 @@
 
     python tools/bench/wishes.py WISHES --recordings FOLDER --answers FILE   a model's answers, replayed
     python tools/bench/wishes.py WISHES --recordings FOLDER --offline        without a model
+    python tools/bench/wishes.py WISHES --recordings FOLDER --questions      what a model is asked, to be answered
 
 WISHES holds a JSON value a line: `scene` (a folder of FOLDER), `after` (an earlier wish or null), `wish`, `expect` (in
 its writer's words) and `want`, the same for a rule: a list of what is right, each "refuse" or a list of edits. Each is
@@ -13,13 +14,17 @@ blue), `same` (one color for all) and `optional`. A mapping with `settings` alon
 with `notes` that something must be said of how the wish was taken. `want` null is for a person: the recipe is printed.
 
 FILE holds {"n": the wish's line from 0, "a" after it for the wish before, "answer": what the model says} a line.
+`--questions` prints the messages that come before every question, then {"n": ..., "question": ...} a line, for each
+that `--answers` has no answer to: a wish with one before it takes two turns. What is judged by is not in them.
 """
 
 import argparse
+import hashlib
 import json
 import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -36,6 +41,7 @@ from rpaug.core.errors import RpaugError
 from rpaug.core.types import Episode, Scene
 from rpaug.language import asking, rounds
 from rpaug.language.asking import AskResult
+from rpaug.language.messages import NotUnderstood
 from rpaug.language.rounds import History
 from rpaug.language.talk import WishModel
 from rpaug.pipeline import recipe as recipes
@@ -43,6 +49,7 @@ from rpaug.scene.build import build
 from rpaug.scene.targets import targets
 
 ALWAYS = (1.0, 1.0)
+REFUSED = {"refuse": "not answered yet", "drop": [], "edits": [], "settings": None, "notes": []}
 NEAR = 1e-3
 DRAWS = 60  # of a field that draws colors
 TURNED = 0.6  # cosine: a lamp so near the direction that is wanted is there
@@ -249,26 +256,35 @@ def recorded(path: Path) -> tuple[Episode, Scene]:
     return episode, build(episode, with_bodies=True)
 
 
-def said(row: Mapping[str, Any], folder: Path, answers: Sequence[Any] | None) -> Any:
+def said(
+    row: Mapping[str, Any],
+    folder: Path,
+    answers: Sequence[Any] | None,
+    asked: list[Any] | None = None,
+) -> Any:
     """What comes of a wish, after the one before it if there is one. Raises RpaugError.
 
-    `answers` are what a model says to each; None asks without a model.
+    `answers` are what a model says to each; None asks without a model. `asked` gets the messages of each question.
     """
     episode, scene = recorded(folder / row["scene"])
     history, result = History(), None
     wishes = [one for one in (row["after"], row["wish"]) if one is not None]
     for number, wish in enumerate(wishes):
         understanding: asking.Understanding = rounds.next_round
-        with served(partial(_say, answers[number] if answers else None)) as (endpoint, _):
+        with served(partial(_say, answers[number] if answers else None)) as (endpoint, seen):
             if answers:
                 understanding = WishModel(endpoint)
-            result = asking.ask(
-                wish,
-                asking.setting_of(episode),
-                lambda: scene,
-                history=history,
-                understanding=understanding,
-            )
+            try:
+                result = asking.ask(
+                    wish,
+                    asking.setting_of(episode),
+                    lambda: scene,
+                    history=history,
+                    understanding=understanding,
+                )
+            finally:
+                if asked is not None:
+                    asked.append(seen[0][1]["messages"])
         history = result.history
     return result
 
@@ -277,28 +293,58 @@ def _say(answer: Any, handler: Handler, number: int) -> None:
     handler.answer(completion(json.dumps(answer)))
 
 
+def question(row: Mapping[str, Any], folder: Path, answers: Sequence[Any]) -> list[Any]:
+    """The messages that a model gets after it has said `answers` to the wishes before. Raises RpaugError."""
+    asked: list[Any] = []
+    with suppress(NotUnderstood):
+        said(row, folder, [*answers, REFUSED], asked)
+    return list(asked[len(answers)])
+
+
+def sample(rows: Sequence[Mapping[str, Any]], size: int) -> list[int]:
+    """The lines of so many wishes, chosen by the hash of their words."""
+    keys = [hashlib.sha256(f"{row['scene']}{row['wish']}".encode()).hexdigest() for row in rows]
+    return sorted(sorted(range(len(rows)), key=keys.__getitem__)[:size])
+
+
 def main() -> None:
     """Print what is not right, and the figures."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wishes", type=Path)
     parser.add_argument("--recordings", type=Path, required=True)
-    how = parser.add_mutually_exclusive_group(required=True)
-    how.add_argument("--answers", type=Path, nargs="+", help="files; a later one's answers hold")
+    parser.add_argument("--answers", type=Path, nargs="+", help="files; a later one's answers hold")
+    how = parser.add_mutually_exclusive_group()
     how.add_argument("--offline", action="store_true")
+    how.add_argument("--questions", action="store_true", help="print what a model is asked")
+    parser.add_argument("--sample", type=int, help="so many of the wishes, by hash")
     parser.add_argument("--only", nargs="+", help="scenes, or numbers of wishes")
     parser.add_argument("--quiet", action="store_true", help="the figures alone")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
+    if options.offline == bool(options.answers) and not options.questions:
+        parser.error("one of --answers, --offline and --questions")
     rows = [json.loads(line) for line in options.wishes.read_text().splitlines()]
     answers: dict[str, Any] = {}
     for path in options.answers or ():
         lines = map(json.loads, path.read_text().splitlines())
         answers |= {str(one["n"]): one["answer"] for one in lines}
     count: Counter[str] = Counter()
+    taken = sample(rows, options.sample or len(rows))
+    before = None
     for n, row in sorted(enumerate(rows), key=lambda one: str(one[1]["scene"])):
-        if options.only and not {str(n), row["scene"]} & set(options.only):
+        if n not in taken or (options.only and not {str(n), row["scene"]} & set(options.only)):
             continue
         keys = [f"{n}a"] * (row["after"] is not None) + [str(n)]
+        if options.questions:
+            known = [answers[key] for key in keys if key in answers]
+            if len(known) < len(keys):
+                *shared, last = question(row, options.recordings, known)
+                if not before:
+                    before = shared
+                    sys.stdout.write(json.dumps({"messages": before}) + "\n")
+                line = {"n": keys[len(known)], "question": json.loads(last["content"])}
+                sys.stdout.write(json.dumps(line, ensure_ascii=False) + "\n")
+            continue
         if options.answers and any(key not in answers for key in keys):
             count["not answered"] += 1
             continue
@@ -319,7 +365,8 @@ def main() -> None:
                 f"   want {json.dumps(want)}\n   {came}\n"
             )
             sys.stdout.flush()
-    sys.stdout.write(json.dumps(dict(sorted(count.items())), indent=1) + "\n")
+    if not options.questions:
+        sys.stdout.write(json.dumps(dict(sorted(count.items())), indent=1) + "\n")
 
 
 if __name__ == "__main__":
