@@ -1,72 +1,249 @@
-"""A whole wish into steps, each taken in turn: the longest beginning that means something, then the rest."""
+"""A whole wish into clauses, each read in turn: the longest beginning that is understood to the last word, then the rest."""
+# ruff: noqa: E501  # patterns and word lists are easiest to read whole
 
+import contextlib
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
-from rpaug.language import phrasing
-from rpaug.language.forbidding import barred, respect
-from rpaug.language.gathering import WishState, take
-from rpaug.language.grounding import ARTICLES
-from rpaug.language.messages import Answer, Entry, Meant, NotUnderstood, Trace, Wish
-from rpaug.language.operation import meant
-from rpaug.language.settings import chance, settings
-from rpaug.language.undoing import RESTART, UNDO, undo
-from rpaug.language.verbs import POLITE, THANKS
+from rpaug.assets import library
+from rpaug.core import color_space, registry
+from rpaug.core.errors import RpaugError
+from rpaug.language import naming, reading, repair, templates, words
+from rpaug.language.calling import called
+from rpaug.language.declared import own_role, targets
+from rpaug.language.meaning import MOST, Reader
+from rpaug.language.messages import Answer, Entry, Meant, Mention, NotUnderstood, Trace, Wish
+from rpaug.language.naming import Namer
+from rpaug.language.recording import Recording
 
-MOST_STEPS = 30
-FIRST = re.compile(rf"^(?:{POLITE}\b[, ]*)+")
-AFTER = re.compile(rf"(?:[, ]+{THANKS})+$")
+PLAIN = (
+    (r"[’`]", "'"), (r"[“”\"]|(?<!\w)'|'(?!\w)", " "), (r"[–—]", "-"), (r"→|=>|-+>|\bbecomes\b", " -> "), (r"≥|>=|(?<!-)>", " at least "), (r"≤|<=", " at most "),
+    (r"≈|~", " about "), (r"\+ ?/ ?-|\+-|plus[ /-]minus|plus or minus", "±"), (r"°", " degrees "), (r"\bw/", "with "), (r"\bboth (?=the [^,;]+ and )", ""),
+    (r"(?<=[a-z])'s\b(?<!it's)(?<!there's)(?<!that's)(?<!let's)(?<!what's)", ""), (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"\bgrey", "gray"), (r"colour", "color"), (r"\bu\b", "you"),
+    (r"\bshd\b", "should"), (r"\b(?:diff|diffrent)\b", "different"), (r"\bsth\b", "something"), (r"(?<=\d)(?=[a-z%])", " "),
+    (r"(\d+)/(\d+)(?= ?(?:inch|cm|of|the|m\b))", lambda m: f"{int(m[1]) / int(m[2]):.4g}"), (r"\(((?![^)]*\d ?,)[^)]*)\)", r" , \1 , "),
+    (r"(?<!\d) \.|\.(?!\d)|[;!?]+", " ; "), (r"\n+", ", "), (r"\bphoto[- ]?graph", "photo"), (r"(?<=[a-z]):(?= )|(?<=[a-z]) -(?= )", " : "), (r" a?round(?= at random| by|$| ?[,;])", ""), (r" +", " "), (r" ?(?:[,;] ?)*; ?(?:[,;] ?)*", " ; "), (r" ?,(?: ?,)* ?", ", "),
+)  # fmt: skip
 BREAK = re.compile(
-    r"(?:\s*[;.]\s+|\s*;\s*|,? and then |, then | then |,? but |,? (?=without )"
-    r"|,? while (?:also )?(?=[a-z]+ing )|, and |, | and (?:also )?)"
+    r" ; |,? while (?:also )?|,? (?=without )|,? and then |,? then |,? but (?:also )?(?=leave|keep|far|nothing|only|no |not |don't|do not|never|without|make|paint|add|[a-z ]+ (?:must|should|stays?|untouched|unchanged))|,? and (?:also )?|, | so (?=that|the|we|it|they|there)| because | since "
 )
-
-
-def answer(wish: Wish) -> Answer:
-    """What a wish comes to, by the grammar. Raises NotUnderstood, and then nothing of the wish holds."""
-    text = normal(wish.stated)
-    if not text:
-        raise NotUnderstood("nothing was said")
-    text, found = settings(text)
-    known = dict(wish.settings) | found
-    gathered = WishState(wish, list(wish.edits), known, wish.mention, did=bool(found))
-    if text:
-        _run(text, gathered)
-    respect(gathered)
-    if not gathered.did or not (gathered.edits or gathered.wish.edits):
-        raise NotUnderstood(f"{wish.stated!r}: that asks for no change, so there is nothing to do")
-    steps = [one.input for one in gathered.trace if one.stage != "phrasing"]
-    whole = Trace(
-        stage="manager", by="grammar", input=wish.stated, output={"steps": steps, "settings": found}
+REASON = re.compile(
+    r"(?:so|because|since|in order|to (?:teach|test|see|simulate|check)|otherwise|i think|this is|we need to (?:see|test)|the policy|my policy|our|like that)\b[^,;]*"
+    r"|(?:the )?[a-z ]+? (?:is|are|was|look|looks|blend|blends|have|has)(?: always)? (?:too|very|super|so|hard|already|now|ood|bad|boring|ugly|both|into|[a-z]+ here)\b[^,;]*"
+)
+CLEAR = re.compile(  # what holds of all that is put in
+    r"(?:(?:but |and |just |somewhere )?(?:so (?:that )?)?(?:far|well away|away|out of|clear|nothing|not|never)\b.*\b(?:from|way|of|path|hits?|touch|collide)\b[^,;]*"
+    r"|(?:so (?:that )?|somewhere |where )?(?:it|they|the [a-z]+) (?:won't|will not|doesn't|does not|don't|not|never|can't|cannot) [^,;]*)"
+)
+KEEP = re.compile(
+    r"(?:please )?(?:leave|keep|hold|preserve)s? (?P<a>.+?)(?: (?:alone|in peace|as (?:it is|they are|it was|is|are|recorded|original|it|they)|unchanged|untouched|the same|fixed|constant|where (?:it is|they are)|white|red|out of it|though))?"
+    r"|(?P<b>.+?) (?:stays?|remains?|must stay|should stay|must remain|must be kept|keeps?)(?: .*)?"
+    r"|(?:do not|don't|dont|never|must not|without|not|avoid|hands off|and not)(?: (?:touch|touching|change|changing|edit|editing|move|moving|alter|altering|affect|affecting))? (?P<c>.+)"
+    r"|(?P<d>.+?) (?:untouched|unchanged|fixed|constant|alone|as (?:it is|they are|is)|(?:must|should|may|shall) (?:not|never) (?:be )?(?:changed?|touched|moved?|altered|edited|affected|painted|recolored)|don't touch)"
+    r"|only (?P<f>.+?) (?:should |must |shall |may )?(?:be )?(?:left|stays?|remains?|visible|kept)(?: on the table)?"
+    r"|(?P<e>nothing else|not the others?|only that)(?: .*)?"
+)
+ELSE = re.compile(
+    r"(?:and )?(?:else|otherwise|(?:in |for )?(?:the )?(?:other|rest|remaining)(?: \d+ ?%)?(?: of (?:the )?(?:time|copies))?(?: copies)?),? (?:leave|keep|like|as|unchanged|untouched|the original|stays?)\b[^;]*"
+)
+OTHERS = re.compile(
+    r"(?:the )?(?:others?|rest|rest of .*|other .*|everything else|all else|else|originals?|it|anything else)$"
+)
+SHARE = rf"(?:{words.NUMBER}|half|a half)"
+CHANCES = (
+    rf"(?:with |at )?(?:a |an )?(?:probability|prob|chance|p)\.?(?: of| is)? ?=? ?(?P<p1>{words.DIGITS}) ?(?P<c1>%|percent)?",
+    rf"(?:with )?(?:a |an )?(?P<p2>{words.DIGITS}) ?(?P<c2>%|percent)? (?:probability|prob|chance|likelihood)",
+    rf"(?:in |for |on )?(?:about |around |roughly )?(?P<p3>{words.NUMBER}) ?(?P<c3>%|percent)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes|runs|demos|recordings)?(?=$|,| ;)",
+    rf"(?:in |for |on )?(?:about )?(?P<p4>{words.NUMBER}) ?(?P<c4>%|percent) of (?:the |all )?(?:copies|cases|time|episodes|runs|demos|recordings)",
+    r"(?:in )?(?:every |each )(?P<n5>second|other|third|fourth|fifth|tenth|\d+) ?(?:th|rd|nd)? (?:copy|episode|case|time)(?: or so)?",
+    r"(?:in )?(?P<k6>1|one|2|two) (?:in|of|out of) (?:every )?(?P<n6>two|three|four|five|ten|\d+) ?(?:copies|cases|times|episodes)?",
+    r"(?:in |for )?(?:the )?(?P<w7>other half|half|a half|a third|a quarter|a fifth|a tenth|two thirds|three quarters|most)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes)(?: only)?|(?P<w8>sometimes|occasionally|half the time|in the other half)",
+)  # fmt: skip
+ORDINAL = {
+    "second": 2,
+    "other": 2,
+    "third": 3,
+    "fourth": 4,
+    "fifth": 5,
+    "tenth": 10,
+    **{w: int(n) for w, n in words.WORDS.items() if n >= 1},
+}
+PARTS = {"half": 0.5, "a half": 0.5, "other half": 0.5, "in the other half": 0.5, "sometimes": 0.5, "occasionally": 0.25, "half the time": 0.5, "a third": 0.3333,
+         "a quarter": 0.25, "a fifth": 0.2, "a tenth": 0.1, "two thirds": 0.6667, "three quarters": 0.75, "most": 0.75}  # fmt: skip
+SETTINGS = (
+    ("copies", rf"(?:(?:make|write|give me|create|produce|generate|with|in|as|i need|i want|for) )*(?:a total of )?(?P<value>{words.NUMBER}) (?:augmented )?(?:copies|versions|variants|variations)(?: each)?(?: (?:of|per|for) (?:each |every |an |the )?episode)?(?: please)?(?! of)"),
+    ("keep_originals", r"(?:(?:keep|keeping|write|with|include|retain|preserve)(?: all)?(?: of)?(?: the)? originals?(?: (?:episodes|recordings))?|(?:the )?originals?(?: should be| must be| are)? (?:kept|included|retained))(?: in| too| as well| also)?(?P<value>)"),
+    ("seed", r"(?:with |use |using |set )*(?:the |a )?(?:random )?seed(?: number)?(?: of| to| is| as)? ?=? ?(?P<value>\d+)"),
+    ("select", rf"(?:(?:only|in|for|on|of|from|using|do|take) )+(?:only |just )?(?:the )?first (?P<value>{words.NUMBER} )?(?:episodes?|recordings?|demonstrations?|demos?)(?: only)?"),
+)  # fmt: skip
+UNDO = re.compile(
+    r"(?:no )?(?:undo|forget about|forget|revert|cancel|take back|roll back|drop|remove)(?: (?P<what>[a-z0-9_ ]+?))?(?: again)?"
+    r"|(?P<passive>[a-z0-9_ ]+?) (?:should|must|has to) be (?:undone|reverted|taken back)"
+)
+UNDO_LAST = re.compile(
+    r"(?:undo|revert|cancel|take back|scratch that)(?: (?:it|this|that|the last (?:step|edit|change|one)|last))?(?: again)?"
+)
+RESTART = re.compile(
+    r"start (?:over|again|afresh|from scratch)|(?:forget|undo) everything|clear the recipe"
+)
+BACK = re.compile(
+    r"(?:put|bring|give|add) (?P<a>.+?) back(?: in)?|keep (?P<b>.+?)(?: though| after all)"
+)
+SAME = re.compile(
+    r"(?:the )?same (?:for|with|to|on|thing (?:for|with)) (?P<a>.+)|(?:and )?(?P<b>(?:the|that|this) .+?) (?:as well|too|also|likewise)|do that (?:for|to|with) (?P<c>.+)(?: too)?"
+)
+INSTEAD = re.compile(
+    rf",? (?:and )?(?:instead of|rather than|not) (?:the |an? )?{words.COLOR}(?= |,|$)"
+)
+FROM = re.compile(rf",? from (?P<tint>{words.COLOR})(?= (?:in)?to )")
+QUESTION = re.compile(
+    r"(?:is|are|does|did|why|who|when|where|which|what(?! about\b)|how(?! about\b)|whatever happens)\b(?! the robot (?:moves|manipulates|holds))"
+)
+HEADING = re.compile(
+    r"(?:make|so|to make) (?:it|this|things|the task) (?:harder|more difficult|tougher|more diverse|more robust) : "
+)
+FACT = re.compile(
+    rf"(?P<what>[^,;]+?) (?:is|are) (?P<tint>{words.COLOR})(?P<now> here| now| already| at the moment)?"
+)
+HEADED = re.compile(r"(?P<what>[^,;:]+?) : (?P<rest>[^:]*\b(?:it|them)\b.*)")
+MOST_CLAUSES = 30
+OWN = frozenset(
+    re.findall(
+        "[a-z]{3,}",
+        " ".join(
+            [
+                *(
+                    one.pattern
+                    for one in (REASON, CLEAR, KEEP, ELSE, OTHERS, UNDO, BACK, SAME, RESTART)
+                ),
+                *CHANCES,
+                *(one for _, one in SETTINGS),
+            ]
+        ),
     )
+)
+"""The words that this module knows."""
+
+
+@dataclass
+class WishState:
+    """What has been gathered of one wish so far."""
+
+    wish: Wish
+    namer: Namer
+    edits: list[Entry]
+    settings: dict[str, Any]
+    mention: Mention | None
+    notes: list[str] = field(default_factory=list)
+    fresh: list[Entry] = field(default_factory=list)  # edits of this wish
+    kept: list[str] = field(default_factory=list)  # what must stay as it is
+    did: bool = False
+    trace: list[Trace] = field(default_factory=list)
+    verb: str = ""
+
+    def clause(self, text: str) -> reading.Clause:
+        """Some words of the wish as tokens."""
+        return reading.clause(text, self.wish.setting.cameras, self.nouns)
+
+    @cached_property
+    def nouns(self) -> frozenset[str]:
+        return _nouns(self.wish)
+
+    def here(self) -> Wish:
+        """The wish as the next clause sees it."""
+        return self.wish.model_copy(update={"edits": tuple(self.edits), "mention": self.mention})
+
+
+def answer(wish: Wish, recording: Recording | None = None) -> Answer:
+    """What a wish comes to, offline. Raises NotUnderstood, and then nothing of the wish holds."""
+    text = normal(wish.stated)
+    mended, notes = repair.repaired(text, reading.known(wish.setting.cameras) | OWN | _nouns(wish))
+    try:
+        return _answer(wish, mended, notes, recording)
+    except RpaugError:
+        if mended == text:
+            raise
+        with contextlib.suppress(RpaugError):
+            return _answer(wish, text, [], recording)
+        raise
+
+
+def _answer(wish: Wish, text: str, notes: list[str], recording: Recording | None) -> Answer:
+    if QUESTION.match(text):
+        raise NotUnderstood(f"{wish.stated!r}: a question; say what is to be changed")
+    text, found = settings(text)
+    state = WishState(
+        wish,
+        Namer(recording, wish.mention),
+        list(wish.edits),
+        dict(wish.settings) | found,
+        wish.mention,
+        did=bool(found),
+    )
+    state.notes += notes
+    if text:
+        _run(text, state)
+    _respect(state)
+    if not state.did or not (state.edits or state.wish.edits):
+        raise NotUnderstood(f"{wish.stated!r}: that asks for no change, so there is nothing to do")
+    whole = Trace(
+        stage="manager", by="words", input=wish.stated, output={"read": text, "settings": found}
+    )
+    state.notes += state.namer.notes
     return Answer(
-        edits=tuple(gathered.edits),
-        settings=gathered.settings,
-        mention=gathered.mention,
-        notes=tuple(gathered.notes),
-        trace=(whole, *gathered.trace),
+        edits=tuple(_drawn(state.edits)),
+        settings=state.settings,
+        mention=state.mention,
+        notes=tuple(dict.fromkeys(state.notes)),
+        trace=(whole, *state.trace),
     )
 
 
 def normal(stated: str) -> str:
-    """Lower case, single spaces, no politeness, no mark at the end."""
-    text = re.sub(r"[’`]", "'", stated.lower())
-    text = re.sub(r"\s+", " ", text).strip().rstrip("?!. ")
-    return phrasing.plain(AFTER.sub("", FIRST.sub("", text))).strip()
+    """Lower case, one spelling of marks and units, no marks at the ends."""
+    text = stated.lower()
+    for pattern, other in PLAIN:
+        text = re.sub(pattern, other, text)
+    return text.strip(" ,;:")
 
 
-def _run(text: str, gathered: WishState) -> None:
-    """Take the longest beginning that is one step, then go on with the rest. Raises NotUnderstood."""
-    verb, steps = "", 0
-    while text:
-        steps += 1
-        if steps > MOST_STEPS:
-            raise NotUnderstood(f"more than {MOST_STEPS} steps: say them in several wishes")
-        reason: NotUnderstood | None = None
+def undone(stated: str) -> bool:
+    """Does the wish ask for nothing but the round before to be undone?"""
+    return bool(UNDO_LAST.fullmatch(normal(stated)))
+
+
+def _nouns(wish: Wish) -> frozenset[str]:
+    """The words of the instructions, and of what was asked for before."""
+    stated = " ".join(
+        (*wish.setting.instructions, *(str(one) for edit in wish.edits for one in edit.values()))
+    )
+    stated += " " + " ".join(f"{one.name} {one.category}" for one in library.assets())
+    return frozenset(re.findall(r"[a-z]+", stated.lower())) | {one.name for one in library.assets()}
+
+
+def _run(text: str, state: WishState) -> None:
+    """Take the longest beginning that is one clause, then go on with the rest. Raises NotUnderstood."""
+    for _ in range(MOST_CLAUSES):
+        if not (text := text.strip(" ,;:")):
+            return
+        text = HEADING.sub("", text)
+        if (
+            (headed := HEADED.fullmatch(text))
+            and _whole(headed["what"], state)
+            and (named := naming.begins(headed["what"].split(), state.nouns))
+        ):
+            state.mention, text = (
+                Mention(kind="target", target=state.namer.target(named[1])),
+                headed["rest"],
+            )
+        reason: RpaugError | None = None
         for part, rest in _beginnings(text):
             try:
-                verb = _step(part, verb, gathered)
-            except NotUnderstood as error:
+                _clause(part, state)
+            except RpaugError as error:
                 reason = error  # that of the shortest beginning tells most
                 continue
             text = rest
@@ -74,54 +251,427 @@ def _run(text: str, gathered: WishState) -> None:
         else:
             assert reason is not None
             raise reason
+    raise NotUnderstood(f"more than {MOST_CLAUSES} clauses: say them in several wishes")
 
 
 def _beginnings(text: str) -> Iterator[tuple[str, str]]:
     """The text as a whole, and then every shorter beginning with what remains, the longest first."""
-    yield FIRST.sub("", text), ""
+    yield text, ""
     for match in reversed(list(BREAK.finditer(text))):
-        part, rest = text[: match.start()].strip(" ,;."), text[match.end() :].strip(" ,;.")
+        part, rest = text[: match.start()].strip(" ,;"), text[match.end() :].strip(" ,;")
         if part and rest:
-            yield FIRST.sub("", part), FIRST.sub("", rest) if "but" not in match.group() else rest
+            reason = re.match(r" (?:so|because|since) ", match.group())
+            yield part, f"{match.group().strip()} {rest}" if reason else rest
 
 
-def _step(part: str, verb: str, gathered: WishState) -> str:
-    """One step; returns its verb, which the next may leave out. Raises NotUnderstood and then changes nothing."""
+def _clause(part: str, state: WishState) -> None:
+    """One clause. Raises RpaugError and then changes nothing."""
+    part = re.sub(
+        r"^(?:(?:and|but|also|then|or|now|please|pls|plz|no|first|finally|next),? )+", "", part
+    ).strip(" ,;:")
+    if not part or all(one.kind in ("filler", "and") for one in state.clause(part).tokens):
+        return
     if RESTART.fullmatch(part):
-        gathered.edits, gathered.fresh, gathered.mention, gathered.did = [], [], None, True
-        return ""
-    for order in phrasing.orders(part):
-        if back := UNDO.fullmatch(order):
-            undo(back["what"], gathered)
-            return ""
-    if barred(part, gathered):
-        return verb
-    either = re.fullmatch(r"either (.+?),? or (.+)", part)
-    if either:
-        take(_alternatives([either[1], either[2]], gathered), None, gathered)
-        return ""
+        state.edits, state.fresh, state.mention, state.did = [], [], None, True
+    elif UNDO_LAST.fullmatch(part) and state.wish.edits:
+        _undo("that", state)
+    elif (
+        (back := UNDO.fullmatch(part))
+        and state.wish.edits
+        and _undo(back["what"] or back["passive"], state, only=part.startswith(("drop", "remove")))
+    ):
+        return
+    elif (back := BACK.fullmatch(part)) and any(edit.get("op") == "remove" for edit in state.edits):
+        _back(back["a"] or back["b"], state)
+    elif (same := SAME.fullmatch(part)) and state.edits and state.fresh == []:
+        _same(same["a"] or same["b"] or same["c"], state)
+    elif not (_kept(part, state) or _reason(part, state)):
+        _edit(part, state)
+
+
+def _edit(part: str, state: WishState) -> None:
     part, share = chance(part)
+    recorded = FROM.search(part)
+    part = INSTEAD.sub("", FROM.sub("", part)).strip(" ,;:")
+    if re.search(r"\bor\b", part):
+        part = re.sub(r",? ?(?:with )?50 ?/ ?50|, whichever$", "", part)
+    options = re.split(r",? or (?:else )?(?=[a-z]+ )", re.sub(r"^either ", "", part))
+    found = None
     try:
-        found = meant(part, gathered.here())
-    except NotUnderstood:
-        if not verb or not re.match(r"(?:the|its?|all|every|both|a|an|\d+|object|handle)\b", part):
+        found = _meant(part, state)
+    except RpaugError:
+        if len(options) < 2:
             raise
-        found = meant(f"{verb} {part}", gathered.here())
-    take(found, share, gathered)
-    output = {"edits": list(found.edits), "notes": list(found.notes)}
-    if found.order != part:
-        put = Trace(stage="phrasing", by="grammar", input=part, output=found.order)
-        gathered.trace.append(put)
-    gathered.trace.append(Trace(stage=found.stage, by="grammar", input=part, output=output))
-    own = found.order.split(" ")[0]
-    return "" if own in ARTICLES else own
+        found = _alternatives(options, state)
+    if recorded:
+        found = _of_that_color(found, recorded["tint"])
+    _take(found, share, state, part)
 
 
-def _alternatives(parts: Sequence[str], gathered: WishState) -> Meant:
+def _of_that_color(found: Meant, tint: str) -> Meant:
+    """The edits, painting only what was recorded in a color. Raises NotUnderstood for other edits than a new color."""
+    word = color_space.canonical(tint)
+    plain = [one for edit in found.edits for one in edit.get("one_of", [edit])]
+    if word is None or any(edit["op"] != "recolor" for edit in plain):
+        raise NotUnderstood(f"'from {tint}': only a new color can be for what has that color now")
+    edits = tuple(
+        {"one_of": [{**one, "only": word} for one in edit["one_of"]]}
+        if "one_of" in edit
+        else {**edit, "only": word}
+        for edit in found.edits
+    )
+    return found.model_copy(update={"edits": edits})
+
+
+def _meant(part: str, state: WishState) -> Meant:
+    wish = state.here()
+    state.namer.mention = state.mention
+    reader = Reader(wish, state.namer)
+    if (fits := templates.fitting(part, wish, state.namer, state.nouns, shipped=False)) is not None:
+        return fits
+    try:
+        return reader.read(state.clause(part))
+    except RpaugError:
+        if (
+            fits := templates.fitting(part, wish, state.namer, state.nouns, shipped=True)
+        ) is not None:
+            return fits
+        if not state.verb or state.clause(part).has("remove", "add", "move", "copy"):
+            raise
+        return reader.read(state.clause(f"{state.verb} {part}"))
+
+
+def _alternatives(parts: Sequence[str], state: WishState) -> Meant:
     options: list[Entry] = []
     for part in parts:
-        found = meant(FIRST.sub("", part), gathered.here())
+        found = _meant(part, state)
         if len(found.edits) != 1 or found.replaces:
-            raise NotUnderstood(f"{part!r} is no single edit, and `either` draws one of two")
+            raise NotUnderstood(f"{part!r} is no single edit, and `or` draws one of several")
         options += found.edits[0].get("one_of", found.edits)
+        if found.mention and found.mention.kind == "target":
+            state.namer.mention = state.mention = found.mention
     return Meant(edits=({"one_of": options},))
+
+
+def _reason(part: str, state: WishState) -> bool:
+    """Is it why somebody wants it, or how things are? It asks for nothing, and that is told."""
+    if any(
+        edit.get("op") in ("insert", "distractors", "duplicate") for edit in state.fresh
+    ) and CLEAR.fullmatch(part):
+        state.notes.append(
+            f"{part!r}: what is put in stands clear of other things and of all that moves"
+        )
+        return True
+    fact = None if part.startswith(("our", "my ")) else FACT.fullmatch(part)
+    named = naming.begins((fact["what"] if fact else part).split(), state.nouns)
+    if fact and (named is None or not _true(fact, named[1], state)):
+        return False
+    if not fact and not REASON.fullmatch(part):
+        return False
+    if (
+        named
+        and not named[1].fresh
+        and (fact or not part.startswith(("so", "this", "that", "i ", "we ", "our")))
+    ):
+        state.mention = Mention(kind="target", target=state.namer.target(named[1]))
+    state.notes.append(f"{part!r} is taken as a reason, not as an edit")
+    return True
+
+
+def _true(fact: re.Match[str], named: naming.Named, state: WishState) -> bool:
+    """Is the thing of that color as it was recorded?"""
+    if fact["now"] or state.namer.recording is None:
+        return bool(fact["now"])
+    ids, tint = state.namer.ids(state.namer.target(named)), words.colors(fact["tint"])[0]
+    seen = [row["color"] for row in state.namer.rows if row["id"] in ids]
+    return isinstance(tint, str) and any(color_space.means(tint, one) for one in seen)
+
+
+def _kept(part: str, state: WishState) -> bool:
+    """Does it say what must stay as it is? That is held against the edits at the end."""
+    if ELSE.fullmatch(part):
+        return True
+    found = KEEP.fullmatch(part)
+    if found is None:
+        return False
+    what = next(value for value in found.groups() if value is not None).strip(" ,")
+    what = re.sub(r"^(?:(?:all|any|anything about|of|never|a) )+", "", what)
+    if OTHERS.match(what) or found["e"]:
+        return True
+    parts = [
+        re.sub(r"^(?:the|a|an|its|your) ", "", one)
+        for one in re.split(r",? and (?:the )?|, (?:the )?", what)
+    ]
+    if not all(_whole(one, state) for one in parts):
+        if " but " not in part and (found["a"] or found["c"]):
+            raise NotUnderstood(f"{part!r}: it is not clear what must stay as it is")
+        return False
+    state.kept += parts
+    state.namer.kept += [
+        named[1] for one in parts if (named := naming.begins(one.split(), state.nouns))
+    ]
+    return True
+
+
+def _whole(what: str, state: WishState) -> bool:
+    """Is it a thing, a camera or the light, and no word more?"""
+    read = state.clause(what)
+    kinds = {token.kind for token in read.tokens} - {"filler"}
+    return len(kinds) == 1 and kinds <= {"thing", "camera", "light", "lit", "image"}
+
+
+def _respect(state: WishState) -> None:
+    """Take what must stay as it is out of the edits of this wish. Raises NotUnderstood where that is not possible."""
+    for what in state.kept:
+        for edit in list(state.fresh):
+            for option in edit.get("one_of", [edit]):
+                if _touched(what, option, state):
+                    _spare(what, edit, option, state)
+
+
+def _touched(what: str, edit: Entry, state: WishState) -> bool:
+    if called(what, edit):
+        return True
+    named = naming.begins(what.split(), state.nouns)
+    role = own_role(edit["op"])
+    about = targets(edit) or ([{"role": role}] if role else [])
+    if not about or named is None:
+        return False
+    where = state.namer.target(named[1])
+    if state.namer.recording is None:
+        return where in about
+    ids = state.namer.ids({"text": where, "all": True} if isinstance(where, str) else where)
+    return any(ids & state.namer.ids(one) for one in about)
+
+
+def _spare(what: str, edit: Entry, option: Entry, state: WishState) -> None:
+    named = naming.begins(what.split(), state.nouns)
+    place = next(
+        (
+            name
+            for name in registry.operator(option["op"]).needs.targets
+            if option.get(name) is not None
+        ),
+        None,
+    )
+    if (
+        state.namer.recording is None
+        or named is None
+        or place is None
+        or isinstance(option[place], list)
+    ):
+        raise NotUnderstood(
+            f"{what!r} must not change, and the same wish asks for: {_short(option)}"
+        )
+    where = state.namer.target(named[1])
+    ids = state.namer.ids({"text": where, "all": True} if isinstance(where, str) else where)
+    option[place] = state.namer.without(option[place], ids)
+    state.notes.append(f"{what!r} is left out of {_short(edit)}")
+
+
+def chance(part: str) -> tuple[str, float | None]:
+    """A clause without the share of copies that it is meant for, and that. Raises NotUnderstood for no share."""
+    for pattern in CHANCES:
+        found = re.search(rf"(?:(?<=, )|(?<= )|^)(?:{pattern})(?= |,|$)", part)
+        if found is None:
+            continue
+        given = {name: value for name, value in found.groupdict().items() if value}
+        if word := given.get("w7") or given.get("w8"):
+            share = PARTS[word]
+        elif n := given.get("n5") or given.get("n6"):
+            share = words.tidy(
+                float(ORDINAL.get(given.get("k6", "1"), given.get("k6", 1)))
+                / float(ORDINAL.get(n, n))
+            )
+        else:
+            value = next(value for name, value in given.items() if name.startswith("p"))
+            share = words.tidy(
+                words.number(value) / (100 if any(name.startswith("c") for name in given) else 1)
+            )
+        if "c3" in given and not re.search(
+            "copies|cases|time|episodes|runs|demos|recordings", found.group()
+        ):
+            continue
+        if not 0 <= share <= 1:
+            raise NotUnderstood(f"{found.group()!r} is no probability")
+        rest = f"{part[: found.start()]} {part[found.end() :]}"
+        return re.sub(r" +", " ", re.sub(r" ?,(?: ?,)*", ",", rest)).strip(" ,:"), share
+    return part, None
+
+
+def settings(text: str) -> tuple[str, dict[str, Any]]:
+    """The wish without what it says about the whole recipe, and that."""
+    found: dict[str, Any] = {}
+    for name, pattern in SETTINGS:
+        match = re.search(
+            rf"(?:^|[,;] |(?<= )and |(?<= ))(?:{pattern})(?=$| ?[,;:]| (?:with|where|in which|and)\b)",
+            text,
+        )
+        if match is None or (
+            name == "copies" and re.match(r"(?:in|for) (?:half|most)", match.group())
+        ):
+            continue
+        value = (match["value"] or "").strip()
+        if name == "keep_originals":
+            found[name] = True
+        elif name == "select":
+            found[name] = {"limit": int(words.number(value)) if value else 1}
+        else:
+            number = words.number(value)
+            if number != int(number) or (number < 1 and name == "copies"):
+                raise NotUnderstood(f"{value!r} is no number of copies")
+            found[name] = int(number)
+        rest = (
+            re.sub(r"^ ?(?:with|where|in which) ", "make ", text[match.end() :])
+            if name == "copies"
+            else text[match.end() :]
+        )
+        text = (
+            re.sub(r"(?:,|;| and| but|:)*$", "", text[: match.start()].strip())
+            + " ; "
+            + rest.strip(" ,;:")
+        )
+        text = re.sub(r"^(?:and|but) ", "", text.strip(" ,;:"))
+    return text, found
+
+
+def _undo(what: str | None, state: WishState, only: bool = False) -> bool:
+    """Take earlier edits back. With `only` it may be no undoing after all, and False says so."""
+    what = re.sub(r"^(?:the|that|my) ", "", what or "").strip()
+    left = [edit for edit in state.edits if not called(what, edit)]
+    if what in ("", "this", "that", "it"):
+        left = list(state.edits[:-1])
+    if len(left) == len(state.edits) or (
+        only
+        and not all(
+            edit.get("op") in ("insert", "distractors", "duplicate")
+            for edit in state.edits
+            if edit not in left
+        )
+    ):
+        if only:
+            return False
+        there = "; ".join(map(_short, state.edits))
+        raise NotUnderstood(f"nothing that was asked for is called {what!r}; there is: {there}")
+    state.edits, state.did, state.mention = left, True, None
+    return True
+
+
+def _back(what: str, state: WishState) -> None:
+    """Things that were removed stay after all."""
+    named = naming.begins(what.split(), state.nouns)
+    if named is None:
+        raise NotUnderstood(f"{what!r}: which thing is meant?")
+    where, kept = state.namer.target(named[1]), list[Entry]()
+    for edit in state.edits:
+        if edit.get("op") != "remove" or edit["target"] != where:
+            ids = (
+                state.namer.ids(where)
+                if edit.get("op") == "remove" and state.namer.recording
+                else frozenset[int]()
+            )
+            if ids and ids & state.namer.ids(edit["target"]):
+                edit = {**edit, "target": state.namer.without(edit["target"], ids)}
+            kept.append(edit)
+    if kept == state.edits:
+        raise NotUnderstood(f"{what!r} was not removed")
+    state.edits, state.did = kept, True
+
+
+def _same(what: str, state: WishState) -> None:
+    """The last edit once more, for another thing."""
+    named, last = naming.begins(what.split(), state.nouns), state.edits[-1]
+    place = (
+        next((name for name in registry.operator(last["op"]).needs.targets if name in last), None)
+        if "op" in last
+        else None
+    )
+    if named is None or named[0] != len(what.split()) or place is None:
+        raise NotUnderstood(f"the same for {what!r}: the edit before has no thing that it is about")
+    where = state.namer.target(named[1])
+    _take(
+        Meant(edits=({**last, place: where},), mention=Mention(kind="target", target=where)),
+        None,
+        state,
+        what,
+    )
+
+
+def _take(found: Meant, share: float | None, state: WishState, part: str) -> None:
+    """Add what a clause means. A later look, size or light of the same thing takes the place of an earlier one's."""
+    state.did = True
+    state.mention = found.mention or state.mention
+    state.verb = next(
+        (
+            word
+            for word in part.split()[:3]
+            if reading.CLASSES.get(word) in ("remove", "add", "move", "copy", "vary")
+        ),
+        state.verb,
+    )
+    state.notes += found.notes
+    for k in found.replaces:
+        state.fresh = [one for one in state.fresh if one is not state.edits[k]]
+        state.edits[k] = found.edits[0]
+    for edit in () if found.replaces else found.edits:
+        group = _key(edit)
+        edit = {**edit, "probability": share} if share is not None else edit
+        same = [k for k, other in enumerate(state.edits) if group and _key(other) == group]
+        if same and any(state.edits[same[0]] is one for one in state.fresh):
+            if share is None or state.edits[same[0]].get("probability") is None:
+                raise NotUnderstood(
+                    f"two edits of one wish give one thing a {group[0] if group else ''}: {_short(edit)}"
+                )
+            same = []
+        if same:
+            state.notes.append(f"takes the place of: {_short(state.edits[same[0]])}")
+            state.edits[same[0]] = edit
+        else:
+            state.edits.append(edit)
+        state.fresh.append(edit)
+    if len(state.edits) > MOST * 4:
+        raise NotUnderstood("too many edits: say them in several wishes")
+    output = {"edits": list(found.edits), "notes": list(found.notes)}
+    state.trace.append(Trace(stage=found.stage, by="words", input=part, output=output))
+
+
+def _drawn(edits: list[Entry]) -> Iterator[Entry]:
+    """Edits that give one thing one of several looks, each to a share of the copies, as one draw."""
+    for edit in edits:
+        alike = [
+            one
+            for one in edits
+            if "probability" in one and "op" in one and _key(one) and _key(one) == _key(edit)
+        ]
+        if len(alike) < 2 or "probability" not in edit:
+            yield edit
+        elif edit is alike[0]:
+            whole = words.tidy(sum(one["probability"] for one in alike))
+            if whole > 1:
+                raise NotUnderstood(f"shares of {whole:g} in all: {_short(edit)}")
+            options = [
+                {
+                    **{n: v for n, v in one.items() if n != "probability"},
+                    "weight": one["probability"],
+                }
+                for one in alike
+            ]
+            yield {"one_of": options, **({"probability": whole} if whole < 1 else {})}
+
+
+def _key(edit: Entry) -> tuple[str, str] | None:
+    """What an edit settles, and of what."""
+    if "op" not in edit:
+        return None
+    group, role, named = (
+        registry.operator(edit["op"]).settles,
+        own_role(edit["op"]),
+        registry.operator(edit["op"]).needs.targets,
+    )
+    if not group or (named and not role and not targets(edit)):
+        return None  # without a target one is drawn
+    return group, repr(targets(edit) or [{"role": role}])
+
+
+def _short(edit: Entry) -> str:
+    return ", ".join(f"{name} {value}" for name, value in edit.items())

@@ -14,7 +14,7 @@ from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.files import encode_png
 from rpaug.core.pixels import grown
 from rpaug.core.types import Scene
-from rpaug.language import declared, grounding
+from rpaug.language import declared
 from rpaug.language.messages import Answer, Entry, Trace
 from rpaug.pipeline import copies, plan
 from rpaug.pipeline import recipe as recipes
@@ -126,7 +126,7 @@ class Recording:
         """Every target and the things it is told by, found in the scene. Raises RpaugError."""
         for value in _targets(answer.edits):
             found = {}
-            for phrase in grounding.phrases(value):
+            for phrase in declared.phrases(value):
                 every = targets.Target(text=phrase, all=True)
                 found[phrase] = sorted(targets.find(self.scene, every))
             whole = targets.Target.model_validate(value)

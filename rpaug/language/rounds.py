@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from rpaug.core.errors import BadInput
 from rpaug.core.files import read_bytes
-from rpaug.language import manager, undoing
+from rpaug.language import manager
 from rpaug.language.messages import (
     Answer,
     Entry,
@@ -19,6 +19,7 @@ from rpaug.language.messages import (
     Wish,
     WishContext,
 )
+from rpaug.language.recording import Recording
 
 MOST = 200  # rounds kept
 LONGEST = 1000  # characters of a wish: what is longer is no wish, and takes long to tell so
@@ -80,13 +81,8 @@ def load(path: Path) -> History:
         ) from None
 
 
-def undone(stated: str) -> bool:
-    """Does the wish ask for nothing but the round before to be undone?"""
-    return manager.normal(stated) in undoing.UNDO_LAST
-
-
 def said_after(stated: str, before: Sequence[str], setting: WishContext) -> Answer:
-    """What a wish comes to after others, by the grammar. Raises NotUnderstood."""
+    """What a wish comes to after others, offline. Raises NotUnderstood."""
     history = History()
     for one in before:
         history = history.after(one, next_round(history, one, setting))
@@ -94,13 +90,13 @@ def said_after(stated: str, before: Sequence[str], setting: WishContext) -> Answ
 
 
 def next_round(
-    history: History, stated: str, setting: WishContext, recording: object = None
+    history: History, stated: str, setting: WishContext, recording: Recording | None = None
 ) -> Answer:
-    """What a wish comes to after these rounds, by the grammar, which needs no recording. Raises NotUnderstood."""
+    """What a wish comes to after these rounds, offline. Raises NotUnderstood."""
     if len(stated) > LONGEST:
         raise NotUnderstood(
             f"a wish of {len(stated)} characters; at most {LONGEST}: say it in several"
         )
-    if undone(stated) and history.rounds:
+    if manager.undone(stated) and history.rounds:
         return history.before()
-    return manager.answer(history.wish(stated, setting))
+    return manager.answer(history.wish(stated, setting), recording)

@@ -1,70 +1,132 @@
-"""Operators' own phrases as rules of the grammar: `core.phrases` says how they are written."""
+"""Operators' own phrases as ways to ask for them: `core.phrases` says how they are written."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Sequence
 from functools import cache
 from typing import Any
 
 from rpaug.core import phrases, registry
 from rpaug.core.interfaces import Operator
 from rpaug.core.phrases import Group, Part, Slot
-from rpaug.language import slots
-from rpaug.language.grammar import SLOTS, Rule, Said, done
-from rpaug.language.grounding import thing, things
-from rpaug.language.messages import Meant, Mention
-from rpaug.language.renderer import cameras
+from rpaug.language import naming, reading, words
+from rpaug.language.messages import Meant, Mention, NotUnderstood, Wish
+from rpaug.language.naming import Namer, Target
 
-VALUES: Mapping[str, tuple[str, Callable[[str], Any]]] = {
-    "color": (SLOTS["color"], slots.color),
-    "share": (SLOTS["share"], slots.share),
-    "count": (SLOTS["number"], slots.count),
-    "number": (SLOTS["number"], lambda words: slots.tidy(slots.number(words))),
-    "length": (SLOTS["length"], slots.length),
-    "angle": (SLOTS["angle"], slots.angle),
+Rule = Callable[..., Meant | None]
+KINDS = {
+    "share": "share",
+    "count": "number",
+    "number": "number",
+    "length": "length",
+    "angle": "angle",
+    "color": "color",
 }
-"""For each kind of slot that needs nothing but its words: the pattern it fits, and its value."""
+"""Each kind of slot that is one token, and the kind of that token."""
+OF_KIND = {"count": words.NUMBER, "number": words.NUMBER}
+
+
+def fitting(
+    stated: str, wish: Wish, namer: Namer, nouns: Collection[str], *, shipped: bool
+) -> Meant | None:
+    """What some words mean by the phrases of operators that ship, or of those that do not; None if they fit none."""
+    return next(
+        (found for one in _rules(shipped) if (found := one(stated, wish, namer, nouns))), None
+    )
 
 
 @cache
-def rules() -> tuple[Rule, ...]:
-    """A rule for each phrase of the operators that do not ship: those that do have modules of rules in this folder."""
+def _rules(shipped: bool) -> tuple[Rule, ...]:
     return tuple(
         rule(name, registry.operator(name), text)
         for name in registry.operator_names()
-        if not registry.shipped(name)
+        if registry.shipped(name) == shipped
         for text in registry.operator(name).phrases
     )
 
 
 def rule(op: str, operator: type[Operator], text: str) -> Rule:
-    """The rule of one phrase. Raises RpaugError for one that is not well-formed."""
-    found: list[Slot] = []
-    pattern = _pattern(phrases.parse(text, operator), found)
+    """The rule of one phrase: what some words mean if they fit it to the last one, else None.
 
-    def make(stated: Said) -> Meant:
+    Raises RpaugError for a phrase that is not well-formed.
+    """
+    found: list[Slot] = []
+    pattern = re.compile(_pattern(phrases.parse(text, operator), found))
+
+    def make(
+        stated: str, wish: Wish, namer: Namer | None = None, nouns: Collection[str] = ()
+    ) -> Meant | None:
+        fits = pattern.fullmatch(stated)
+        namer = namer or Namer(None, wish.mention)
+        if fits is None:
+            return None
         values: list[tuple[str, Any]] = []
-        each, mention = "", None
-        every: list[Any] = []  # things of the field `each`: an edit for each of them
-        value: Any
+        each, every, mention = "", list[Target](), None
         for number, slot in enumerate(found):
-            words = stated.get(name := f"slot{number}")
-            if words is None:
+            spoken = fits[f"slot{number}"]
+            if spoken is None:
                 continue
-            if slot.kind == "camera":
-                value, mention = cameras(Said({"camera": words}, stated.wish))
-            elif slot.kind == "target" and slot.field in operator.needs.targets:
-                each, every, value = slot.field, things(stated, name), None
-                mention = Mention(kind="target", target=every[0]) if len(every) == 1 else None
-            elif slot.kind in ("target", "targets"):
-                value = (thing if slot.kind == "target" else things)(stated, name)
+            if slot.kind in ("target", "targets"):
+                things = _things(spoken, namer, nouns)
+                if things is None or (
+                    slot.kind == "target"
+                    and slot.field not in operator.needs.targets
+                    and len(things) > 1
+                ):
+                    return None
+                if slot.kind == "target" and slot.field in operator.needs.targets:
+                    each, every = slot.field, things
+                    mention = Mention(kind="target", target=things[0]) if len(things) == 1 else None
+                value: Any = things if slot.kind == "targets" else things[0]
+            elif slot.choices:
+                value = spoken
             else:
-                value = words if slot.choices else VALUES[slot.kind][1](words)
+                value = _value(slot.kind, spoken, wish)
+                if value is None:
+                    return None
+                if slot.kind == "camera":
+                    mention = Mention(kind="camera", cameras=value)
             values.append((slot.field, value))
         edit = {"op": op, **phrases.fields(values)}
-        edits = [{**edit, each: one} for one in every] or [edit]
-        return done(*edits, mention=mention)
+        return Meant(edits=tuple({**edit, each: one} for one in every) or (edit,), mention=mention)
 
-    return Rule((re.compile(pattern),), make)
+    return make
+
+
+def _things(spoken: str, namer: Namer, nouns: Collection[str]) -> list[Target] | None:
+    """The targets that some words list; None if they are more than that."""
+    read = reading.clause(spoken, (), nouns)
+    named = read.things()
+    if (
+        not named
+        or any(one.fresh for one in named)
+        or any(one.kind != "and" and one.text != "the" for one in read.tokens)
+    ):
+        return None
+    return [
+        namer.target(one) if not one.several else naming.every(namer.target(one)) for one in named
+    ]
+
+
+def _value(kind: str, spoken: str, wish: Wish) -> Any:
+    """What the words of a slot come to; None if they are of another kind."""
+    try:
+        read = reading.clause(spoken, wish.setting.cameras)
+    except NotUnderstood:
+        if kind == "camera":
+            raise
+        return None
+    token = read.one("camera" if kind == "camera" else KINDS[kind])
+    if token is None or [one for one in read.tokens if one.kind not in reading.WEAK]:
+        return None
+    if kind == "camera":
+        return (
+            token.value[0]
+            if isinstance(token.value, list) and len(token.value) == 1
+            else token.value or None
+        )
+    if kind == "color":
+        return token.value[0] if len(token.value) == 1 else None
+    return token.value.low if token.value.how == "exact" else None
 
 
 def _pattern(part: Part, found: list[Slot]) -> str:
@@ -76,13 +138,11 @@ def _pattern(part: Part, found: list[Slot]) -> str:
         return f"(?:{'|'.join(every)}){'' if part.needed else '?'}"
     name = f"slot{len(found)}"
     found.append(part)
-    if part.choices:
-        pattern = slots.any_of(part.choices)
-    elif part.kind in ("target", "targets"):
-        pattern = SLOTS["thing"]
-    else:
-        pattern = SLOTS["camera"] if part.kind == "camera" else VALUES[part.kind][0]
-    return rf"(?:^| )(?P<{name}>{pattern})"
+    return rf"(?:^| )(?P<{name}>{_either(part.choices) if part.choices else OF_KIND.get(part.kind, '.+?')})"
+
+
+def _either(choices: Sequence[str]) -> str:
+    return "(?:" + "|".join(re.escape(one) for one in sorted(choices, key=len, reverse=True)) + ")"
 
 
 def examples(name: str) -> list[str]:

@@ -91,7 +91,10 @@ class Physics(Operator):
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("target",))
-    phrases: ClassVar[tuple[str, ...]] = ("make {target} behave like {material:rubber|jelly|sand}",)
+    phrases: ClassVar[tuple[str, ...]] = (
+        "(make|let|have) {target} (behave|act|fall|move|bend) (like|as) {material:rubber|jelly|sand|foam|cloth}",
+        "(simulate|treat) {target} (as|like) {material:rubber|jelly|sand|foam|cloth}",
+    )
     examples: ClassVar[Examples] = (
         ("let the green can melt like jelly", {"target": "green can", "material": "jelly"}),
         (
@@ -100,6 +103,12 @@ class Physics(Operator):
         ),
     )
     settles: ClassVar[str] = "material"
+
+    def __post_init__(self) -> None:
+        if self.target is not None and self.target.role in ("table", "robot", "background"):
+            raise ValueError(
+                f"target: things on the table are simulated, not the {self.target.role}"
+            )
 
     def ready(self) -> None:
         if self.material is None and self.vision is None and self.young is None:

@@ -7,7 +7,7 @@ import yaml
 from tabletop import gl, scene, take
 
 from rpaug.core.errors import BadInput, TargetError, Unsupported
-from rpaug.language import asking, grounding, rounds
+from rpaug.language import asking, declared, rounds
 from rpaug.language.messages import NotUnderstood, WishContext
 from rpaug.pipeline import recipe
 
@@ -95,7 +95,7 @@ def test_an_over_long_wish_is_refused():
     ],
 )
 def test_the_phrases_inside_a_target(stated, inner):
-    assert grounding.phrases(stated) == inner
+    assert declared.phrases(stated) == inner
 
 
 def test_notes_and_wishes_cannot_break_out_of_their_comment():

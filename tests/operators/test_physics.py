@@ -4,6 +4,7 @@ import json
 from dataclasses import fields, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -191,7 +192,15 @@ def test_a_vision_model_tells_what_a_thing_is_made_of(tmp_path: Path) -> None:
 
 @pytest.mark.gl
 def test_the_table_cannot_be_let_go() -> None:
+    recorded = scene()
+    (table,) = recorded.roles["table"]
     with pytest.raises(Unsupported, match="it is the table"):
-        Physics(target=Target(role="table"), material="jelly").sample(
-            scene(), np.random.default_rng(0)
+        Physics(target=Target(handle=table), material="jelly").sample(
+            recorded, np.random.default_rng(0)
         )
+
+
+@pytest.mark.parametrize("role", ["table", "robot", "background"])
+def test_only_things_on_the_table_are_simulated(role: Any) -> None:
+    with pytest.raises(BadRecipe, match=f"not the {role}"):
+        Physics(target=Target(role=role), material="jelly")

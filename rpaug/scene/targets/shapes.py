@@ -18,7 +18,9 @@ WORDS: dict[str, frozenset[str]] = {
     **dict.fromkeys(("bowl", "dish"), frozenset({"bowl"})),
     **dict.fromkeys(("pot", "pan"), frozenset({"cup", "bowl"})),
     **dict.fromkeys(("ball", "sphere", "orange", "marble"), frozenset({"ball"})),
-    **dict.fromkeys(("pad", "plate", "mat", "patch", "coaster", "sheet"), frozenset({"pad"})),
+    **dict.fromkeys(
+        ("pad", "plate", "mat", "patch", "coaster", "sheet", "tile", "slab"), frozenset({"pad"})
+    ),
 }
 FEWEST = 40  # points from which a shape is told
 LARGEST = 0.25  # metres: what is longer is furniture, of no shape

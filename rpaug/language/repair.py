@@ -1,0 +1,60 @@
+"""Spelling: unknown words become the known word of this scene that is nearest, and that is told."""
+
+import re
+from collections.abc import Collection
+
+from rpaug.scene.targets.relations import singular
+
+SHORTEST = 4  # letters of a word that can be mended; of five to seven one may be wrong, of more two
+
+
+def distance(first: str, second: str) -> int:
+    """How many letters are put in, left out, changed, or exchanged with their neighbor (Damerau 1964, restricted)."""
+    rows = [list(range(len(second) + 1))]
+    for i, a in enumerate(first, 1):
+        row = [i]
+        for j, b in enumerate(second, 1):
+            row.append(min(row[-1] + 1, rows[-1][j] + 1, rows[-1][j - 1] + (a != b)))
+            if i > 1 and j > 1 and a == second[j - 2] and first[i - 2] == b:
+                row[-1] = min(row[-1], rows[-2][j - 2] + 1)
+        rows.append(row)
+    return rows[-1][-1]
+
+
+def nearest(word: str, known: Collection[str]) -> str | None:
+    """The one known word of the same first letter that a word misspells; None for none, or several as near."""
+    most = 1 if len(word) < 8 else 2
+    near = [
+        (distance(word, one), one)
+        for one in known
+        if one[0] == word[0] and abs(len(one) - len(word)) <= most and len(one) >= SHORTEST
+    ]
+    near = sorted(
+        pair
+        for pair in near
+        if pair[0] <= most and (len(word) > SHORTEST or sorted(word) == sorted(pair[1]))
+    )
+    if (
+        len(word) < SHORTEST
+        or not near
+        or len([pair for pair in near if pair[0] == near[0][0]]) > 1
+    ):
+        return None
+    return near[0][1]
+
+
+def repaired(text: str, known: Collection[str]) -> tuple[str, list[str]]:
+    """The text with its misspelt words mended, and a note for each."""
+    notes: list[str] = []
+
+    def mend(found: re.Match[str]) -> str:
+        word = found.group()
+        if word in known or singular(word) in known:
+            return word
+        other = nearest(word, known)
+        if other is None:
+            return word
+        notes.append(f"{word!r} is read as {other!r}")
+        return other
+
+    return re.sub(r"(?<![a-z0-9_#-])[a-z]+(?![a-z0-9_'-])", mend, text), notes
