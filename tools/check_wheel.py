@@ -1,5 +1,6 @@
 """Builds the wheel, installs it afresh without dependencies being fetched again, and uses it from elsewhere."""
 
+import os
 import subprocess
 import sys
 import sysconfig
@@ -60,9 +61,11 @@ def main() -> None:
             str(wheel),
         ]
         subprocess.run(install, check=True)
-        # The dependencies are those of this environment; only rpaug itself must come from the wheel.
+        # The dependencies are those of this environment; only rpaug itself must come from the wheel,
+        # whatever checkout a shell's PYTHONPATH names.
         (site / "dependencies.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
-        subprocess.run([str(python), "-c", USE, str(site)], check=True, cwd=work)
+        alone = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        subprocess.run([str(python), "-c", USE, str(site)], check=True, cwd=work, env=alone)
 
 
 if __name__ == "__main__":
