@@ -1,6 +1,7 @@
 """Values that recipes give to several operators."""
 
 import colorsys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar
 
@@ -11,6 +12,10 @@ from rpaug.core import color_space as color
 
 Unit = Annotated[float, Field(ge=0, le=1)]
 RGB = tuple[Unit, Unit, Unit]
+
+Triple = tuple[float, float, float]
+ALIKE = 0.95  # cosine between two colors: those of lime and green are 1, of red and orange 0.89
+REDRAWN = 20  # times a color of a range, before it is one like another thing's
 
 Number = TypeVar("Number", int, float)
 
@@ -38,16 +43,39 @@ class Palette:
     A range of hues may go through 0: from 350 to 10 is red.
     """
 
-    colors: tuple[tuple[float, float, float], ...] = ()
+    colors: tuple[Triple, ...] = ()
     hsv: tuple[tuple[float, float], ...] = ()
 
-    def draw(self, rng: np.random.Generator) -> list[float]:
-        """One color, each as likely."""
+    def draw(self, rng: np.random.Generator, taken: Sequence[Triple] = ()) -> list[float]:
+        """One color, each as likely; drawn again while it is like one that is `taken`, if there are others."""
         if self.hsv:
-            (low, high), *rest = self.hsv
-            hue = rng.uniform(low, high if high >= low else high + 360) % 360
-            return list(colorsys.hsv_to_rgb(hue / 360, *(rng.uniform(*one) for one in rest)))
-        return list(self.colors[int(rng.integers(len(self.colors)))])
+            drawn = self._ranged(rng)
+            for _ in range(REDRAWN):
+                if not _any_alike(drawn, taken):
+                    break
+                drawn = self._ranged(rng)
+            return list(drawn)
+        apart = [one for one in self.colors if not _any_alike(one, taken)]
+        drawn = self.colors[int(rng.integers(len(self.colors)))]
+        if apart and drawn not in apart:
+            drawn = apart[int(rng.integers(len(apart)))]
+        return list(drawn)
+
+    def _ranged(self, rng: np.random.Generator) -> Triple:
+        (low, high), *rest = self.hsv
+        hue = rng.uniform(low, high if high >= low else high + 360) % 360
+        saturation, value = (float(rng.uniform(*one)) for one in rest)
+        return colorsys.hsv_to_rgb(hue / 360, saturation, value)
+
+
+def _any_alike(one: Triple, others: Sequence[Triple]) -> bool:
+    return any(_alike(one, other) for other in others)
+
+
+def _alike(one: Triple, other: Triple) -> bool:
+    """Can shading make one color look like the other? It scales a color and leaves its direction."""
+    long = np.linalg.norm(one) * np.linalg.norm(other)
+    return float(np.dot(one, other)) > ALIKE * float(long)
 
 
 def _palette(value: Any) -> Palette:
@@ -90,7 +118,7 @@ def _ranges(content: Any) -> tuple[tuple[float, float], ...]:
     return tuple(given)
 
 
-def _triple(content: Any, bounds: list[tuple[float, float]]) -> tuple[float, float, float]:
+def _triple(content: Any, bounds: list[tuple[float, float]]) -> Triple:
     if not isinstance(content, list | tuple) or len(content) != 3:
         raise ValueError("expected three numbers")
     for value, (low, high) in zip(content, bounds, strict=True):

@@ -87,7 +87,8 @@ class Recolor(Operator):
     """Paint `target` in `color`. Depth, masks and every other pixel stay as recorded.
 
     `albedo` is the old color where it is known (a simulation's material); else it is estimated from the pixels of
-    each instance. `mode: lab` is the paper's shift in CIELAB, kept for comparison. `only`, a color word, paints what is
+    each instance. Of several colors none is drawn like that of another thing that the same copy repaints, while there
+    are others. `mode: lab` is the paper's shift in CIELAB, kept for comparison. `only`, a color word, paints what is
     of that color on a thing of several: the red handle of a hammer.
     """
 
@@ -123,14 +124,20 @@ class Recolor(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = sorted(targets.find(scene, self.target))
+        taken = [
+            painted.asked
+            for painted in scene.appearance
+            if isinstance(painted, AlbedoRatio | LabShift)
+            and painted.instance_ids.isdisjoint(instance_ids)
+        ]
         if self.only is not None:
             word = color_space.canonical(self.only) or self.only
             found = shading.paintable(
                 instance_ids, lambda one: albedo.part(scene.episode, one, word)
             )
-            return {"color": self.color.draw(rng), **found}
+            return {"color": self.color.draw(rng, taken), **found}
         described = shading.describe(scene, instance_ids, self.albedo)
-        return {"color": self.color.draw(rng), **described}
+        return {"color": self.color.draw(rng, taken), **described}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["color"]

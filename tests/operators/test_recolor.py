@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from rpaug import BadRecipe, Scene, TargetError, Unsupported
+from rpaug.core import color_space
 from rpaug.operators.fields import Color, Palette
 from rpaug.operators.recolor import AlbedoRatio, Recolor
 from rpaug.pipeline import gates
@@ -197,3 +198,23 @@ def test_a_target_that_is_not_there_is_an_error_that_lists_what_is() -> None:
     operator = Recolor(target=Target(handle=4711), color=Palette(((0, 0, 1),)))
     with pytest.raises(TargetError, match=f"4711.*{BALL}"):
         operator.sample(small(), np.random.default_rng(0))
+
+
+@given(seed=st.integers(0, 999), taken=st.sampled_from(sorted(color_space.RLBENCH)))
+def test_no_color_is_drawn_that_shading_alone_tells_from_another_things(
+    seed: int, taken: str
+) -> None:
+    palette = Palette(tuple(color_space.RLBENCH.values()))
+    other = np.array(color_space.RLBENCH[taken])
+    drawn = np.array(palette.draw(np.random.default_rng(seed), [tuple(other.tolist())]))
+    assert drawn @ other <= 0.95 * np.linalg.norm(drawn) * np.linalg.norm(other)
+
+
+def test_two_things_of_one_copy_are_told_apart_by_color() -> None:
+    recorded, rng = small(), np.random.default_rng(0)
+    lime, green, red = (color_space.RLBENCH[name] for name in ("lime", "green", "red"))
+    other = AlbedoRatio(frozenset([BALL + 1]), lime, lime, True)
+    painted = replace(recorded, appearance=(other,))
+    operator = Recolor(target=Target(handle=BALL), color=Palette((green, red)))
+    assert all(operator.sample(painted, rng)["color"] == list(red) for _ in range(8))
+    assert Palette((green,)).draw(rng, [lime]) == list(green)  # what was asked for by name stays

@@ -44,7 +44,8 @@ def believe(
     what else moves and is touched by the robot, or if nothing does what the gripper touches longest. table: what most
     falls on that the robot acts on, passes over, or finds beside that. receiver: the static thing that the
     manipulated is hinged to or touches at the end, with all that stands within its outline; never the table.
-    background: what is left and larger than the table, or outside its bounds.
+    background: what is left and larger than the table, or outside its bounds; a rim on the table's edge is none and
+    has no role.
     """
     sampled = look(episode) if sampled is None else sampled
     evidence = gather(episode, bodies, sampled)
@@ -56,13 +57,16 @@ def believe(
     if not manipulated.instance_ids:
         manipulated = _pressed(evidence, hand, arm.keys() | table.instance_ids)
     robot = _robot(evidence, ground, arm, manipulated.instance_ids, table.instance_ids)
-    background = _background(evidence, table, robot.instance_ids | manipulated.instance_ids)
+    taken = robot.instance_ids | manipulated.instance_ids
+    around = _around(evidence, ground, table.instance_ids, manipulated.instance_ids, taken)
+    rims = frozenset(h for h in around if _on_edge(evidence, ground, h, table.instance_ids))
+    background = Belief(
+        around - rims,
+        table.confidence if table.instance_ids else 0.0,
+        ("larger than the table, beside it or below it, and no part of the robot",),
+    )
     receiver = _receiver(
-        evidence,
-        ground,
-        manipulated.instance_ids,
-        robot.instance_ids | background.instance_ids | manipulated.instance_ids,
-        table.instance_ids,
+        evidence, ground, manipulated.instance_ids, taken | around, table.instance_ids
     )
     found = {
         "manipulated": manipulated,
@@ -179,7 +183,7 @@ def _table(
     evidence: Evidence, ground: Ground, arm: Collection[int], manipulated: Collection[int]
 ) -> Belief:
     """The static thing that carries what the robot acts on, at first and at last, its neighbours, and what lies under
-    its path and beside that."""
+    its path and beside that. Of containers side by side it is none that something is brought into."""
     near = _neighbors(evidence, set(arm) | set(manipulated))
     weights = dict.fromkeys(near, NEIGHBORS / max(len(near), 1))
     left = 1 - NEIGHBORS if near else 1.0
@@ -202,8 +206,9 @@ def _table(
         return NOTHING
     weight = on.together(pieces[best])
     second = max((score for h, score in scores.items() if h not in pieces[best]), default=0.0)
+    ends = {h for h in pieces[best] if _ends_in(evidence, ground, h, pieces[best], manipulated)}
     return Belief(
-        pieces[best],
+        pieces[best] - ends,
         weight * scores[best] / (scores[best] + second),
         (
             f"{100 * weight:.0f} % of what the robot acts on, works over and finds beside that falls on instance "
@@ -226,6 +231,26 @@ def _flush(evidence: Evidence, ground: Ground, best: int) -> frozenset[int]:
             and level is ground.top(level.instance_id)
             and _overlap(evidence.things[level.instance_id], evidence.things[best])
         )
+    )
+
+
+def _ends_in(
+    evidence: Evidence,
+    ground: Ground,
+    one: int,
+    flush: Collection[int],
+    manipulated: Collection[int],
+) -> bool:
+    """Is a piece of the table a container of its own, that what is moved is brought into from another piece?
+
+    It rises above its level surface, where two leaves of one table are even.
+    """
+    if evidence.things[one].high[2] < ground.top(one).height + THICK:
+        return False
+    others = [h for h in flush if h != one]
+    return any(
+        sum(ground.falls(m).get(h, 0.0) for h in others) > OFTEN < ground.falls(m, -1).get(one, 0.0)
+        for m in manipulated
     )
 
 
@@ -370,32 +395,49 @@ def _overlap(a: Thing, b: Thing) -> bool:
     return bool((a.low[:2] < b.high[:2] + SIDE).all() and (b.low[:2] < a.high[:2] + SIDE).all())
 
 
-def _background(evidence: Evidence, table: Belief, taken: Collection[int]) -> Belief:
-    """What stands still and is broader than the table, or begins beyond it."""
-    if not table.instance_ids:
-        return NOTHING
+def _around(
+    evidence: Evidence,
+    ground: Ground,
+    table: Collection[int],
+    manipulated: Collection[int],
+    taken: Collection[int],
+) -> frozenset[int]:
+    """What stands still below the table, or that nothing is brought to and is larger than it or begins beyond it."""
+    if not table:
+        return frozenset()
     things = evidence.things
-    low = np.min([things[h].low for h in table.instance_ids], 0)
-    high = np.max([things[h].high for h in table.instance_ids], 0)
+    low = np.min([things[h].low for h in table], 0)
+    high = np.max([things[h].high for h in table], 0)
     broad = (high - low)[:2].max()
-    found = frozenset(
+    goals = {h for m in manipulated for h, part in ground.falls(m, -1).items() if part > OFTEN}
+    return frozenset(
         h
         for h, thing in things.items()
         if thing.static
-        and h not in table.instance_ids
+        and h not in table
         and h not in taken
         and (
-            thing.size.max() > broad
-            or (thing.low[:2] > high[:2]).any()
-            or (thing.high[:2] < low[:2]).any()
-            or thing.high[2] < low[2] - SIDE
+            thing.high[2] < low[2] - SIDE
+            or (
+                h not in goals
+                and (
+                    thing.size.max() > broad
+                    or (thing.low[:2] > high[:2]).any()
+                    or (thing.high[:2] < low[:2]).any()
+                )
+            )
         )
     )
-    return Belief(
-        found,
-        table.confidence,
-        ("larger than the table, beside it or below it, and no part of the robot",),
-    )
+
+
+def _on_edge(evidence: Evidence, ground: Ground, one: int, table: Collection[int]) -> bool:
+    """Does a thing stand on the table as a rim does? It touches the table and begins at its level, and most of it is
+    over the table; of a wall behind it more is seen than that."""
+    over = sum(ground.falls(one).get(h, 0.0) for h in table)
+    touches = max(evidence.strongest(one, table), evidence.early(one, table))
+    bottom = evidence.things[one].low[2]
+    level = any(bottom > ground.top(h).height - THICK for h in table)
+    return level and over > OFTEN and touches >= OFTEN
 
 
 def _receiver(

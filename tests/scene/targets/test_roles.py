@@ -166,6 +166,47 @@ def test_what_stands_on_the_table_is_not_the_table() -> None:
     assert found["receiver"].instance_ids == {PAD}
 
 
+def test_a_rim_on_the_tables_edge_is_no_background_and_a_wall_beside_the_table_is() -> None:
+    world = boxes.pick_and_place()
+    rim = Box((0.04, 1.16, 0.08), boxes.at(-0.33, 0, 0.04))  # longer than the table
+    wall = Box((0.02, 1.4, 1.0), boxes.at(-0.36, 0, 0.2))
+    rimmed = _believed(replace(world, boxes={**world.boxes, OTHER: rim}))
+    walled = _believed(replace(world, boxes={**world.boxes, OTHER: wall}))
+    assert rimmed["background"].instance_ids == {FLOOR, WALL}
+    assert rimmed["receiver"].instance_ids == {PAD}
+    assert walled["background"].instance_ids == {FLOOR, WALL, OTHER}
+
+
+@pytest.mark.parametrize(("wall", "table"), [(0.1, {1}), (0.0, {1, 2})])
+def test_of_two_bins_one_is_brought_into_and_two_leaves_are_one_table(
+    wall: float, table: set[int]
+) -> None:
+    grid = np.mgrid[0:0.4:20j, 0:0.4:20j].reshape(2, -1).T
+    flat = np.column_stack([grid, np.zeros(len(grid))])
+    rim = np.column_stack([grid[:40], np.full(40, wall)])
+    block, poses = 3, np.tile(np.eye(4), (5, 1, 1))
+    poses[:, 0, 3] = 0, 0.1, 0.2, 0.3, 0.42
+    still = np.tile(np.eye(4), (5, 1, 1))
+    surfaces = {
+        1: (still, flat, rim),
+        2: (still, flat + np.array([0.42, 0, 0]), rim + np.array([0.42, 0, 0])),
+        block: (poses, 0.1 * flat + [0.2, 0.2, 0.02]),
+    }
+    things = {}
+    for h, (track, *parts) in surfaces.items():
+        points = np.concatenate(parts)
+        normals = np.repeat(
+            [[0, 0, 1.0], [1.0, 0, 0]], [len(parts[0]), len(points) - len(parts[0])], axis=0
+        )
+        motion = "aligned" if h == block else "static"
+        body = Body(frozenset([h]), track, motion, 0.0)
+        things[h] = Thing(h, body, points, normals, points.min(0), points.max(0))
+    gripper = poses[:, :3, 3] + [0.2, 0.2, 0.1]
+    sampled = SimpleNamespace(frames=np.arange(5))
+    evidence = Evidence(things, sampled, gripper, np.ones((5, 3, 3)))  # type: ignore[arg-type]
+    assert roles._table(evidence, Ground(evidence, ()), (), {block}).instance_ids == table
+
+
 def test_what_hangs_is_one_with_what_holds_it_up() -> None:
     world = boxes.pick_and_place()
     block = world.boxes[BLOCK].poses.copy()

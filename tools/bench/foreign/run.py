@@ -2,10 +2,10 @@
 
     python -m tools.bench.foreign.run --data data --out run [--held] [--recipe robust] [--each 2]
 
-The first episode of each task, thinned in time. With --each, a task gets one copy by `robust` and that many other
-recipes, in turn over tasks and recipes in the order of the SHA-256 of their names. OUT gets `<half>.json`, which keeps
-what was run, and `<half>/<task>/<recipe>-<copy>.png`: three cameras by the first, middle and last frame, four times as
-large.
+The first episode of each task, whole; a few of its frames are rendered and judged. With --each, a task gets one copy by
+`robust` and that many other recipes, in turn over tasks and recipes in the order of the SHA-256 of their names. OUT
+gets `<half>.json`, which keeps what was run, and `<half>/<task>/<recipe>-<copy>.png`: three cameras by the first,
+middle and last frame, four times as large.
 """
 
 import argparse
@@ -13,6 +13,7 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +21,18 @@ import cv2
 import numpy as np
 import rpaug_recipes
 
-import rpaug
 from rpaug.core import registry
-from rpaug.core.errors import Rejected, RpaugError
+from rpaug.core.errors import RpaugError
 from rpaug.core.files import encode_png, write_atomic
 from rpaug.core.types import Episode
 from rpaug.physics import materials
-from rpaug.pipeline import report
-from tools.bench.foreign.edits import tell, thinned
+from rpaug.pipeline import copies, prepare
+from rpaug.pipeline.recipe import Recipe
+from rpaug.scene.recorded.surfels import recorded
+from tools.bench.foreign.edits import tell
 from tools.bench.harness import pages
 
-FRAMES = 8  # of an episode, evenly spread
+FRAMES = 4  # of an episode that are rendered to be judged, evenly spread
 COPIES = {"robust": 4}  # of a recipe; one of the others
 ASIDE = {"stylize": "needs a network's weights"}
 SHOWN = ("front", "left_shoulder", "overhead")
@@ -69,41 +71,42 @@ def _digest(name: str) -> str:
     return hashlib.sha256(name.encode()).hexdigest()
 
 
-def first(root: Path) -> Episode:
-    """The first episode of a dataset, thinned."""
-    episode = registry.read(root, None)
-    frames = np.unique(np.linspace(0, episode.length - 1, FRAMES).round().astype(int))
-    thin = thinned(episode, frames.tolist())
-    return Episode(thin.key, thin.views, thin.robot, thin.descriptions, thin.length)
-
-
 def one(episode: Episode, recipe: Path, copy: int, picture: Path) -> dict[str, Any]:
     """What became of one copy: `kept`, `rejected` or `refused` with the reason, and the edits that were left out."""
     try:
-        made = rpaug.augment(episode, str(recipe), copy)
-        tiles = [
-            [made.views[name].rgb(t) for t in _shown(made)] for name in SHOWN if name in made.views
-        ]
-    except Rejected as error:
-        return {"became": "rejected", "why": str(error).partition("rejected: ")[2]}
+        asked = Recipe.from_yaml(recipe)
+        scene, plan = prepare.prepare_scene(episode, asked, 0)
+        prepare.ground(scene, asked)
+        prepared = copies.PreparedEpisode(scene, plan, asked, cache(partial(recorded, scene)))
+        made = copies.draw_copy(prepared, copy, judged)
     except RpaugError as error:
         return {"became": "refused", "why": str(error)}
-    assert made.side is not None
-    told = json.loads(made.side()[report.NAME])
+    if made.faults:
+        return {"became": "rejected", "why": "; ".join(made.faults)}
+    views, last = made.episode.views, episode.length - 1
+    frames = 0, last // 2, last
+    tiles = [[views[name].rgb(t) for t in frames] for name in SHOWN if name in views]
     image = np.concatenate([np.concatenate(row, 1) for row in tiles], 0)
     picture.parent.mkdir(parents=True, exist_ok=True)
     size = image.shape[1] * LARGER, image.shape[0] * LARGER
     picture.write_bytes(encode_png(cv2.resize(image, size, interpolation=cv2.INTER_NEAREST)))
-    left = {str(draw["op"]): draw["left_out"] for draw in told["draws"] if draw.get("left_out")}
+    told = [draw.describe() for draw in made.draws]
+    left = {str(draw["op"]): draw["left_out"] for draw in told if draw.get("left_out")}
     return {
         "became": "kept",
         "left_out": left,
-        "edits": [d["op"] for d in told["draws"] if d.get("edit")],
+        "edits": [draw["op"] for draw in told if draw.get("edit")],
     }
 
 
-def _shown(episode: Episode) -> tuple[int, ...]:
-    return 0, episode.length // 2, episode.length - 1
+def judged(made: copies.Made) -> Sequence[str]:
+    """The faults that a few frames show, evenly spread, beside those that the gates look for in frames of their own."""
+    if made.gates is None:
+        return ()
+    for view in made.episode.views.values():
+        for t in np.linspace(0, made.episode.length - 1, FRAMES).round().astype(int).tolist():
+            view.rgb(t)
+    return made.judged()
 
 
 def rows(kept: Mapping[str, Mapping[str, Any]], half: str) -> list[list[pages.Cell]]:
@@ -187,7 +190,7 @@ def main() -> None:
             place = f"{root.name}|{name}|{copy}"
             if place in kept or (given.recipe and name not in given.recipe):
                 continue
-            episode = episode or first(root)
+            episode = episode or registry.read(root, None)
             picture = given.out / half / root.name / f"{name.replace('/', '-')}-{copy}.png"
             kept[place] = one(episode, paths[name], copy, picture)
             write_atomic(file, json.dumps(kept, indent=1).encode())
