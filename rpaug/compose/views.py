@@ -17,7 +17,7 @@ from rpaug.core.types import CameraView, Episode, Scene, Sensor
 from rpaug.render import holes
 from rpaug.render.composite import composite
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene.recorded import pooled, surface, surfels
+from rpaug.scene.recorded import lit, pooled, surface, surfels
 
 if TYPE_CHECKING:
     from rpaug.gaussians import fill_gaussians
@@ -129,7 +129,8 @@ def _composited(scene: Scene, name: str, pool: Pooled, watch: Watch) -> CameraVi
     def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
         start = time.thread_time()
         ids = view.ids(t) if view.ids else None
-        surfaces = surface.of_view(view, t, scene.bodies, ids, pool)
+        light = partial(lit.share, scene.episode, name, scene.moving, t)
+        surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light)
         before = view.rgb(t)
         image = composite(before, ids, scene.appearance, scene.antialiased, surfaces)
         image = sense(scene.sensor, image, name, t)
@@ -191,7 +192,13 @@ def _finished(
     """The image with what was inserted, and every appearance edit on all of it."""
     camera = scene.cameras[name]
     rgb, depth, ids = inserted.draw(scene, camera, t, before)
-    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool)
+
+    def light() -> Float32[np.ndarray, "h w"] | None:
+        view = scene.episode.views[name]
+        known = lit.share(scene.episode, name, scene.moving, t) if pool and view.ids else None
+        return None if known is None or not view.ids else np.where(ids == view.ids(t), known, 1)
+
+    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light)
     image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces)
     return Frame(image, depth, ids, hole & (ids == before[2]))
 

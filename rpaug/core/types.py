@@ -325,8 +325,9 @@ class Surface(Protocol):
 
     `points` are metres in the frame of the row's own body (`Body.to_world` at that time undone), `normals` unit
     vectors there, towards whoever looks; `facing` are the same normals in the world. `footprint` is the width in
-    metres that one pixel covers on the surface. `ids` are instance ids. Raises Unsupported where a source has no
-    depth to tell it from.
+    metres that one pixel covers on the surface. `ids` are instance ids. `lit` is the share of its light that a place
+    has now, of that which it was recorded in at other times, 1 where nothing tells. Raises Unsupported where a source
+    has no depth to tell it from.
     """
 
     @property
@@ -339,6 +340,8 @@ class Surface(Protocol):
     def facing(self) -> Float32[np.ndarray, "n 3"]: ...
     @property
     def footprint(self) -> Float32[np.ndarray, "n"]: ...
+    @property
+    def lit(self) -> Float32[np.ndarray, "n"]: ...
 
 
 class Appearance(Protocol):

@@ -76,7 +76,8 @@ class Textured:
     """Pixel = albedo x shading (+ highlight): the albedo comes from the texture at the pixel's place on its body.
 
     Shading is what the old albedo leaves of the pixel; where the old surface was patterned, `smooth` tells the pattern
-    from the light. `to_texture` carries points from the body's frame into the texture's.
+    from the light, and shadows that wander over it stay. `to_texture` carries points from the body's frame into the
+    texture's.
     """
 
     instance_ids: frozenset[int]
@@ -99,7 +100,10 @@ class Textured:
             highlight = np.zeros((len(color), 1), np.float32)
         shade = (color - highlight) @ old / max(float(old @ old), 1e-4)
         if self.smooth is not None:
-            shade = self.smooth.of(shade, surface.points, surface.facing)
+            lit = surface.lit
+            shade = (
+                self.smooth.of(shade / np.maximum(lit, 0.02), surface.points, surface.facing) * lit
+            )
         return np.clip(new * shade[:, None] + highlight, 0, 1).astype(np.float32)
 
     def _albedo(self, surface: Surface) -> Float32[np.ndarray, "n 3"]:

@@ -20,13 +20,15 @@ SMOOTH = 0.5  # radians, about: a surface that turns by less within one pixel ha
 EXTENT = 2.0  # standard deviations of a Gaussian that its one color stands for
 
 Depth = Callable[[], Float32[np.ndarray, "h w"]]
+Light = Callable[[], Float32[np.ndarray, "h w"] | None] | None
 
 
 @dataclass(frozen=True)
 class PixelSurface:
     """Pixels of one image, given by flat index; depth is decoded only if somebody asks where they lie.
 
-    `pool` says what other frames of the same camera showed beside them, None for this one alone.
+    `pool` says what other frames of the same camera showed beside them, None for this one alone; `light` is an image
+    of `lit.share`, or None where nothing tells.
     """
 
     rows: Int[np.ndarray, "n"]
@@ -36,6 +38,7 @@ class PixelSurface:
     t: int
     bodies: Sequence[Body]
     pool: Callable[[], Pool] | None = None
+    light: Light = None
 
     @property
     def ids(self) -> Int32[np.ndarray, "n"]:
@@ -56,6 +59,13 @@ class PixelSurface:
     @property
     def footprint(self) -> Float32[np.ndarray, "n"]:
         return self._in_world[2]
+
+    @property
+    def lit(self) -> Float32[np.ndarray, "n"]:
+        light = self.light() if self.light else None
+        return (
+            np.ones(len(self.rows), np.float32) if light is None else light.reshape(-1)[self.rows]
+        )
 
     @cached_property
     def _in_world(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -83,6 +93,7 @@ def of_view(
     bodies: Sequence[Body],
     ids: Int32[np.ndarray, "h w"] | None,
     pool: Callable[[], Pool] | None = None,
+    light: Light = None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
     """The surfaces that pixels of one recorded image show, by their flat index; its depth is decoded once at most."""
 
@@ -93,7 +104,7 @@ def of_view(
             raise SourceLacks("this edit needs recorded depth, and this source has none")
         return known
 
-    return of_image(depth, ids, view.camera, t, bodies, pool)
+    return of_image(depth, ids, view.camera, t, bodies, pool, light)
 
 
 def depth_of(view: CameraView, t: int) -> Float32[np.ndarray, "h w"] | None:
@@ -110,10 +121,11 @@ def of_image(
     t: int,
     bodies: Sequence[Body],
     pool: Callable[[], Pool] | None = None,
+    light: Light = None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
     """The surfaces behind pixels of an image that `camera` took at t, by their flat index."""
     instance_ids = np.zeros((camera.height, camera.width), np.int32) if ids is None else ids
-    return lambda rows: PixelSurface(rows, depth, instance_ids, camera, t, bodies, pool)
+    return lambda rows: PixelSurface(rows, depth, instance_ids, camera, t, bodies, pool, light)
 
 
 @dataclass(frozen=True)
@@ -145,6 +157,10 @@ class GaussianSurface:
     @property
     def footprint(self) -> Float32[np.ndarray, "n"]:
         return EXTENT * np.median(self.gaussians.scales[self.rows], axis=1)
+
+    @property
+    def lit(self) -> Float32[np.ndarray, "n"]:
+        return np.ones(len(self.rows), np.float32)
 
     @cached_property
     def _directions(self) -> tuple[np.ndarray, np.ndarray]:
