@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 TORCH ?= torch==2.13.0
 BIN := $(VENV)/bin
 
-.PHONY: demo test check unit wheel test-gpu test-readers test-tfds test-lerobot test-llm clean
+.PHONY: demo test check unit wheel test-gpu readers test-readers test-tfds test-lerobot test-llm clean
 .DEFAULT_GOAL := test
 
 $(VENV)/.installed: pyproject.toml
@@ -35,6 +35,12 @@ test-gpu: $(VENV)/.installed
 
 test-llm: $(VENV)/.installed
 	RPAUG_LLM=$$($(BIN)/python tools/fetch_llm.py) $(BIN)/python -m pytest -s tests/language/test_llm.py
+
+# Makes other people's readers from their pins, and runs all tests with them.
+readers: $(VENV)/.installed
+	test -n "$(RPAUG_READERS)" && test -n "$(RPAUG_TEST_DATA)"
+	tools/readers.sh
+	$(MAKE) test-readers
 
 # RPAUG_READERS and RPAUG_TEST_DATA say where the readers and the recordings are (docs/readers.md).
 test-readers: $(VENV)/.installed

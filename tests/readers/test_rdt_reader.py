@@ -47,6 +47,7 @@ def lengthened(episode: Episode, length: int) -> Episode:
         joint_velocities=robot.joint_velocities[at],
         gripper_to_world=robot.gripper_to_world[at],
         gripper_open=robot.gripper_open[at],
+        extra={name: track[at] for name, track in robot.extra.items()},
     )
     views = {name: longer(view) for name, view in episode.views.items()}
     return replace(episode, views=views, robot=held, length=length, source=None)

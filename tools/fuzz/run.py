@@ -4,8 +4,9 @@
 
 Each case takes a tiny whole dataset, spoils one file by that file's own structure (checksums and zlib streams stay
 right where the format has them), and reads all of it: keys, episode, every image. It must be read, or be refused with
-an error of rpaug that names a file and a place. Case number i is always the same. Cases run in a process of their own,
-so that a crash of a C library is seen and counted; with `--state` a run that was stopped goes on where it was.
+an error of rpaug that names a file and a place. A `clip` that is read is written again with one frame changed: the copy
+must decode whole and show the other frames. Case number i is always the same. Cases run in a process of their own, so
+that a crash of a C library is seen and counted; with `--state` a run that was stopped goes on where it was.
 """
 
 import argparse
@@ -37,6 +38,7 @@ LAYOUTS = {
     "lerobot": "lerobot",
     "lerobot_v21": "lerobot",
     "ego4d": "video",
+    "clip": "video",
     "droid": "droid",
     "recipe": "",
 }  # and the adapter that reads each; recipes need none
@@ -52,12 +54,17 @@ SHARES = {
     "lerobot": 1,
     "lerobot_v21": 1,
     "ego4d": 1,
+    "clip": 1,
     "droid": 2,
     "recipe": 3,
-}  # of 35: what is quick is tried more
+}  # of 36: what is quick is tried more
 TURNS = [name for name, share in SHARES.items() for _ in range(share)]
 STARTS = ("os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "subprocess.Popen", "pty.spawn",
           "socket.connect", "shutil.rmtree", "os.remove", "os.rename", "os.chmod")  # fmt: skip
+WRITTEN, NEAR = (
+    "written",
+    8.0,
+)  # where copies go; levels, on average, that a frame encoded anew is off at most
 
 
 def read(layout: str, root: Path) -> str:
@@ -83,12 +90,49 @@ def read(layout: str, root: Path) -> str:
     return "read"
 
 
+def spliced(root: Path) -> str:
+    """Read a video, and write it with its middle frame black; what came of it. Raises what reading and writing raise,
+    and ValueError where the copy does not show what it should."""
+    import shutil
+    from dataclasses import replace
+
+    import numpy as np
+
+    from rpaug.core.registry import adapter
+
+    outcome, videos, out = read("video", root), adapter("video"), root.parent / WRITTEN
+    for key in videos.episodes(root):
+        episode = videos.read(root, key)
+        ((name, view),) = episode.views.items()
+        middle = episode.length // 2
+
+        def shown(t: int, view: Any = view, middle: int = middle) -> np.ndarray:
+            return view.rgb(t) if t != middle else np.zeros_like(view.rgb(t))
+
+        try:
+            changed = replace(episode, views={name: replace(view, rgb=shown)})
+            videos.write(changed, out, key, lambda *words: {})
+            made = videos.read(out, key)
+            images = [made.views[name].rgb(t).astype(int) for t in range(made.length)]
+        finally:
+            shutil.rmtree(out, ignore_errors=True)
+        if len(images) != episode.length:
+            raise ValueError(f"{len(images)} frames written of {episode.length}")
+        off = [abs(image - shown(t)).mean() for t, image in enumerate(images)]
+        if max(off) > NEAR:
+            raise ValueError(f"frame {int(np.argmax(off))} is {max(off):.0f} levels off")
+        outcome = "written"
+    return outcome
+
+
 def named(error: Any, root: Path) -> bool:
     """Whether an error says where: a file of the dataset, and a place in it."""
     if type(error).__name__ == "BadRecipe":
         place = re.escape(str(root)) + r"/recipe/recipe\.yaml:\d+: "
         # A fault goes on to a second line where what was found has one.
         return re.match(place, str(error)) is not None
+    if type(error).__name__ == "Unsupported":
+        return str(root) in str(error)
     return bool(getattr(error, "field", "")) and str(root) in str(getattr(error, "where", ""))
 
 
@@ -106,11 +150,14 @@ def work(first: int, end: int, progress: Path) -> None:
 
     def watch(event: str, about: tuple[Any, ...]) -> None:
         ours = event == "subprocess.Popen" and str(CHILD) in about[1]
+        # What is written, and what the removal of a folder, seen itself, removes in it.
+        ours |= bool(about) and str(about[0]).startswith(str(base / WRITTEN))
+        ours |= event == "os.remove" and about[1] != -1
         if armed and event in STARTS and not ours:
             started.append(event)
 
-    sys.addaudithook(watch)
     base = Path(tempfile.mkdtemp(dir="/dev/shm" if os.path.isdir("/dev/shm") else None))
+    sys.addaudithook(watch)
     places: dict[str, list[tuple[Path, bytes]]] = {}
     for name in LAYOUTS:
         getattr(seeds, name)(base / name)
@@ -140,7 +187,8 @@ def work(first: int, end: int, progress: Path) -> None:
         begun, wrong = time.process_time(), None
         armed = True
         try:
-            outcome = read(LAYOUTS[name], base / name)
+            whole = base / name
+            outcome = spliced(whole) if name == "clip" else read(LAYOUTS[name], whole)
         except RpaugError as error:
             outcome = "refused"
             if not named(error, base):

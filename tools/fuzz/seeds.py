@@ -312,3 +312,16 @@ def ego4d(root: Path) -> None:
         (root / "v2" / name).write_text(json.dumps(given))
     cuts = {"clips": [{"video": "toy", "start": 0.0, "end": 0.1}]}
     (root / "v2/full_scale/clips.yaml").write_text(yaml.safe_dump(cuts))
+
+
+def clip(root: Path) -> None:
+    """A video of several groups of pictures, some of whose frames are stored early."""
+    root.mkdir(parents=True)
+    with av.open(root / "walk.mp4", "w") as file:
+        stream = file.add_stream("libx264", rate=30, options={"g": "4", "x264-params": "threads=1"})
+        stream.width, stream.height, stream.pix_fmt = 32, 32, "yuv420p"
+        ramp = np.add.outer(np.arange(32), np.arange(32)).astype(np.uint8)
+        for t in range(12):
+            image = np.stack([ramp * 4, np.roll(ramp, 2 * t, 1) * 3, 255 - ramp * 2], -1)
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(image)))
+        file.mux(stream.encode())

@@ -17,6 +17,8 @@ from rpaug_adapters.video import Videos, encode
 from rpaug_adapters.video.stream import Video
 from videos import picture
 
+from rpaug import Unsupported
+
 SIZE = (96, 64)
 LENGTH, GROUP = 24, 8
 CLOSED = "bframes=0:open-gop=0"
@@ -35,17 +37,21 @@ KINDS = {  # encoder, options, ending
 }
 
 
-def filmed(path: Path, codec: str, options: dict[str, str]) -> Path:
+def drawn(t: int) -> np.ndarray:
+    return np.roll(picture(t), 3 * t, 1)
+
+
+def filmed(path: Path, codec: str, options: dict[str, str], pixels: str = "yuv420p") -> Path:
     """A clip of LENGTH frames that move, a key frame every GROUP."""
     quiet = {"x265-params": f"log-level=none:keyint={GROUP}:{options.get('x265-params', '')}"}
     with av.open(str(path), "w") as made:
         more = options | (quiet if codec == "libx265" else {})
         stream = made.add_stream(codec, rate=30, options={"g": str(GROUP), "crf": "24", **more})
         stream.width, stream.height = SIZE
-        stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+        stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else pixels
         open_encoders(made)
         for t in range(LENGTH):
-            frame = av.VideoFrame.from_ndarray(np.roll(picture(t), 3 * t, 1), format="rgb24")
+            frame = av.VideoFrame.from_ndarray(drawn(t), format="rgb24")
             frame.pts, frame.time_base = t, Fraction(1, 30)
             made.mux(stream.encode(frame))
         made.mux(stream.encode())
@@ -160,6 +166,30 @@ def test_what_cannot_be_spliced_is_encoded_anew_and_said(
     assert why in said[0]
     made = Videos().read(tmp_path / "out", "video_0").views["ego"]
     assert all(np.abs(made.rgb(t).astype(int) - changed.rgb(t)).mean() < 3 for t in range(LENGTH))
+
+
+@pytest.mark.parametrize(
+    ("codec", "pixels", "ending"),
+    [("libvpx", "yuv420p", ".webm"), ("prores_ks", "yuv422p10le", ".mov")],
+    ids=["vp8", "prores"],
+)
+def test_codecs_that_are_not_written_are_read_copied_and_refused_by_name(
+    codec: str, pixels: str, ending: str, tmp_path: Path
+) -> None:
+    filmed(tmp_path / f"a{ending}", codec, {}, pixels)
+    episode = Videos().read(tmp_path, "a")
+    view = episode.views["ego"]
+    assert all(np.abs(view.rgb(t).astype(int) - drawn(t)).mean() < 12 for t in range(LENGTH))
+    Videos().write(episode, tmp_path / "out", "video_0", dict)
+    copied = Videos().read(tmp_path / "out", "video_0").source.video.path
+    assert copied.read_bytes() == (tmp_path / f"a{ending}").read_bytes()
+    changed = replace(view, rgb=painted(episode.source.video, {11}))
+    name = "vp8" if codec == "libvpx" else "prores"
+    with pytest.raises(
+        Unsupported, match=rf"a\{ending}: .*{name} cannot be written; these can: h264"
+    ):
+        Videos().write(replace(episode, views={"ego": changed}), tmp_path / "out", "video_1", dict)
+    assert {path.stem for path in (tmp_path / "out").iterdir()} == {"video_0"}
 
 
 def test_a_stream_that_would_show_other_pixels_is_not_kept(

@@ -168,7 +168,8 @@ def below(model: mujoco.MjModel, roots: Sequence[str]) -> set[str]:
 class Studio:
     """Renders a model's states: color as the simulator draws it, depth and instance ids of pixel centers.
 
-    `headlamp`: MuJoCo's light goes with each camera, as with cameras of the model's own.
+    `headlamp`: cameras are the model's own. MuJoCo places them itself: the last bit of a place changes pixels by a level;
+    where one was moved its light goes with it.
     """
 
     model: mujoco.MjModel
@@ -200,22 +201,29 @@ class Studio:
         frame[:3, :3], frame[:3, 3] = body.xmat.reshape(3, 3), body.xpos
         return frame @ eye.pose
 
-    def shoot(self, pose: np.ndarray, fovy: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Color (h, w, 3) uint8, depth (h, w) metres and instance ids (h, w) from a camera; 0 where nothing is."""
+    def shoot(
+        self, pose: np.ndarray, fovy: float, own: str | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Color (h, w, 3) uint8, depth (h, w) metres and instance ids (h, w) from a camera; 0 where nothing is.
+
+        `own` names the model's camera that stands there.
+        """
         self.model.vis.global_.fovy = fovy
-        rgb = self._drawn(self.color, pose)
+        rgb = self._drawn(self.color, pose, own)
         self.exact.enable_depth_rendering()
-        depth = self._drawn(self.exact, pose).astype(np.float32)
+        depth = self._drawn(self.exact, pose, own).astype(np.float32)
         self.exact.disable_depth_rendering()
         self.exact.enable_segmentation_rendering()
-        geom, kind = np.moveaxis(self._drawn(self.exact, pose), -1, 0)
+        geom, kind = np.moveaxis(self._drawn(self.exact, pose, own), -1, 0)
         self.exact.disable_segmentation_rendering()
         hit = (geom >= 0) & (kind == mujoco.mjtObj.mjOBJ_GEOM)
         ids = np.where(hit, self.ids[np.where(hit, geom, 0)], 0).astype(np.int32)
         return rgb, np.where(ids > 0, depth, 0).astype(np.float32), ids
 
-    def _drawn(self, renderer: mujoco.Renderer, pose: np.ndarray) -> np.ndarray:
-        renderer.update_scene(self.data, scene_option=self.option)
+    def _drawn(self, renderer: mujoco.Renderer, pose: np.ndarray, own: str | None) -> np.ndarray:
+        renderer.update_scene(self.data, -1 if own is None else own, self.option)
+        if own is not None:
+            return renderer.render().copy()
         for camera in renderer.scene.camera:
             camera.pos[:] = pose[:3, 3]
             camera.forward[:] = pose[:3, 2]
@@ -238,8 +246,10 @@ class Studio:
         for t in range(len(states["qpos"])):
             restore(self.model, self.data, states, t)
             for name, eye in cameras.items():
-                pose = self.pose(eye) @ (np.eye(4) if not bumps else bumps.get(name, np.eye(4)))
-                shots = *self.shoot(pose, eye.fovy), pose
+                bump = (bumps or {}).get(name)
+                pose = self.pose(eye) @ (np.eye(4) if bump is None else bump)
+                own = name if self.headlamp and bump is None else None
+                shots = *self.shoot(pose, eye.fovy, own), pose
                 for reel, shot in zip(reels[name].values(), shots, strict=True):
                     reel.append(shot)
         return {
