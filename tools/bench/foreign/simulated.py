@@ -168,8 +168,8 @@ def below(model: mujoco.MjModel, roots: Sequence[str]) -> set[str]:
 class Studio:
     """Renders a model's states: color as the simulator draws it, depth and instance ids of pixel centers.
 
-    `headlamp`: cameras are the model's own. MuJoCo places them itself: the last bit of a place changes pixels by a level;
-    where one was moved its light goes with it.
+    `headlamp`: cameras are the model's own. MuJoCo places them itself: the last bit of a place changes pixels by a
+    level. Where one was moved its light goes with it.
     """
 
     model: mujoco.MjModel
