@@ -205,8 +205,8 @@ def _bound(
     for n in range(len(rows)):
         _ray(rows[n], columns[n], target, pose, ray)
         for way in range(8):
-            if not 0.0 < edge[n, way] < np.inf:
-                continue
+            if not (0.0 < edge[n, way] < np.inf and plane[n, way] < np.inf):
+                continue  # a walk that reached nothing ends nowhere
             _ray(ends[n, way, 0], ends[n, way, 1], target, pose, start)
             for k in range(len(instance_ids)):
                 if instance_ids[k] != found[n, way]:

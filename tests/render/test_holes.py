@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug.render.holes import Witness, fill, unmixed
+from rpaug.render.holes import Edges, Witness, fill, unmixed
 from rpaug.render.zbuffer import Rendered, Source
 
 
@@ -126,6 +126,25 @@ def test_what_the_frame_cut_off_goes_on_beyond_it():
     assert (ids[14:18, 22:26] == 2).all()
     assert (ids[:8] == 1).all()
     assert (fill(view).ids[12:20, 30:] == 1).any()  # without it, the wall behind the arm
+
+
+def test_filling_ends_where_all_that_walks_reach_is_refuted_and_the_first_pixel_shows_a_face() -> (
+    None
+):
+    """A walk that leaves the image names the first pixel; its face was continued there, and nothing was ever chosen."""
+    hole = np.zeros((32, 32), bool)
+    hole[14:18, 25:] = True  # walks to the right leave the image
+    view, witness = _cut_off(hole, shift=0)
+    depth = np.where(hole, 9.0, 3.0).astype(np.float32)
+    ids = np.ones(hole.shape, np.int32)
+    seen = replace(witness.source, depth=depth, ids=ids)  # it saw through what is around the hole
+    faces = Edges(
+        np.array([1], np.int32), np.array([[0, 0, -1.0, -9.0]]), np.array([[0, 0, -1.0, -20.0]])
+    )
+    shown = replace(view, depth=np.where(hole, 0, depth), ids=np.where(hole, 0, ids))
+    near = np.where(np.arange(32 * 32).reshape(32, 32) == 0, 9.0, shown.depth).astype(np.float32)
+    filled = fill(replace(shown, depth=near), replace(witness, source=seen, edges=faces))
+    assert (filled.ids[hole] == 1).all()
 
 
 def test_a_surface_that_the_camera_saw_through_is_not_continued():
