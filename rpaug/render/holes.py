@@ -104,7 +104,7 @@ def fill(view: Rendered, witness: Witness | None = None) -> Rendered:
         hole.any()
     ):  # again where no walk from a pixel reaches a drawn one, or only what cannot be there
         rows, columns = np.nonzero(hole)
-        ends, steps, away, plane = _walks(near, ids, hole, rows, columns)
+        ends, steps, away, plane = _walks(near, ids, hole, view.hole, rows, columns)
         at, kind = (ends[..., 0], ends[..., 1]), np.zeros(plane.shape, np.int8)
         edge = near[at]
         if witness:
@@ -237,7 +237,7 @@ def _ray(row, column, target, pose, out):
 
 
 @kernel
-def _walks(near, ids, hole, rows, columns):
+def _walks(near, ids, hole, made, rows, columns):
     """Per hole pixel and way (opposite ones are neighbours), where a walk ends, its steps and length, and 1/z continued
     from its end."""
     ends = np.zeros((len(rows), 8, 2), np.int32)
@@ -248,7 +248,7 @@ def _walks(near, ids, hole, rows, columns):
         for way in range(8):
             sign = 1 - 2 * (way % 2)
             down, right = sign * AXES[way // 2][0], sign * AXES[way // 2][1]
-            i, j, count, edge, tilt = _walk(near, ids, hole, rows[n], columns[n], down, right)
+            i, j, count, edge, tilt = _walk(near, ids, hole, made, rows[n], columns[n], down, right)
             if count < 0:
                 continue
             ends[n, way, 0], ends[n, way, 1] = i, j
@@ -294,8 +294,11 @@ def _continues(edge, slope, steps, rim, tilt, paces):
 
 
 @kernel
-def _walk(near, ids, hole, row, column, down, right):
-    """First drawn pixel that way, the steps to it (-1: none), its 1/z, and how that changes per step back."""
+def _walk(near, ids, hole, made, row, column, down, right):
+    """First pixel that way which is no hole, the steps to it (-1: none), its 1/z, and how that changes per step back.
+
+    What was `made` up in an earlier round tells no slope.
+    """
     height, width = hole.shape
     i, j, steps = row, column, 0
     while hole[i, j]:
@@ -304,7 +307,12 @@ def _walk(near, ids, hole, row, column, down, right):
             return i, j, -1, 0.0, 0.0
     edge = near[i, j]
     a, b = i + down, j + right
-    if not (0 <= a < height and 0 <= b < width) or hole[a, b] or ids[a, b] != ids[i, j]:
+    if (
+        not (0 <= a < height and 0 <= b < width)
+        or made[a, b]
+        or made[i, j]
+        or ids[a, b] != ids[i, j]
+    ):
         return i, j, steps, edge, 0.0
     slope = edge - near[a, b]
     believable = 0.5 * edge < edge + slope * steps < 2.0 * edge
