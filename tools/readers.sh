@@ -19,7 +19,7 @@ source_of() {
     git -C "$1" checkout --quiet "$3"
 }
 
-# environment FOLDER PYTHON PACKAGE...
+# environment FOLDER PYTHON PACKAGE...      torch===VERSION: no other build of it, beside which torchvision does not load
 environment() {
     local folder=$1
     [ "$(cat "$folder/.pins" 2>/dev/null)" = "$*" ] && return
@@ -57,7 +57,7 @@ rvt() {
     rm -rf RVT/rvt/libs/peract_colab/peract_colab
     mkdir -p RVT/rvt/libs/peract_colab
     ln -s "$PWD/peract_colab" RVT/rvt/libs/peract_colab/peract_colab
-    environment rvt python3.11 torch==2.13.0 numpy==1.23.5 pillow==13.0.0 scipy omegaconf einops==0.8.2 psutil==7.2.2 \
+    environment rvt python3.11 torch===2.13.0 numpy==1.23.5 pillow==13.0.0 scipy omegaconf einops==0.8.2 psutil==7.2.2 \
         natsort trimesh==5.2.0
     [ -d rvt_deps ] || rvt/bin/pip install --quiet --no-deps --target rvt_deps natsort psutil==7.2.2 omegaconf \
         einops==0.8.2 antlr4-python3-runtime==4.9.3 scipy pillow==13.0.0
@@ -66,7 +66,7 @@ rvt() {
 lerobot() {
     source_of lerobot_src huggingface/lerobot 7427f31801f944f5ec9ce53cda02862ce7d1638b
     local pins=(
-        torch==2.13.0 torchvision==0.28.0 numpy==2.2.6 pyarrow==26.0.1 pandas==2.3.3 datasets==4.8.5 av==15.1.0
+        torch===2.13.0 torchvision==0.28.0 numpy==2.2.6 pyarrow==26.0.1 pandas==2.3.3 datasets==4.8.5 av==15.1.0
         huggingface_hub==1.33.0 jsonlines==4.0.0 packaging==25.0 draccus==0.11.6 einops==0.8.2
         opencv-python-headless==5.0.0.93 deepdiff==9.1.0 safetensors==0.8.0 gymnasium==1.4.0
     )
@@ -79,7 +79,7 @@ lerobot() {
 
 openpi() {
     source_of lerobot_openpi huggingface/lerobot 0cf864870cf29f4738d3ade893e6fd13fbd7cdb5
-    environment openpi python3.11 torch==2.7.1 torchvision==0.22.1 numpy==1.26.4 datasets==3.6.0 pyarrow==19.0.1 \
+    environment openpi python3.11 torch===2.7.1 torchvision==0.22.1 numpy==1.26.4 datasets==3.6.0 pyarrow==19.0.1 \
         av==15.1.0 jsonlines==4.0.0 packaging==24.2 huggingface-hub==0.36.2 draccus==0.10.0 einops==0.8.2 \
         opencv-python-headless==4.10.0.84 deepdiff==9.1.0 safetensors==0.8.0 imageio==2.38.1
 }
@@ -87,7 +87,7 @@ openpi() {
 gr00t() {
     source_of Isaac-GR00T NVIDIA/Isaac-GR00T 0c8fb7d52a89f9bcb4369053813315df647533c2
     source_of Isaac-GR00T-n1 NVIDIA/Isaac-GR00T 16d0dae
-    environment gr00t python3.11 torch==2.7.1 torchvision==0.22.1 numpy==2.4.6 pandas==3.0.6 pyarrow==19.0.1 \
+    environment gr00t python3.11 torch===2.7.1 torchvision==0.22.1 numpy==2.4.6 pandas==3.0.6 pyarrow==19.0.1 \
         opencv-python-headless==4.10.0.84 av==15.1.0 tqdm==4.70.1 decord==0.6.0 numpydantic==2.0.0
 }
 
@@ -96,9 +96,9 @@ sim() {
     source_of robomimic_now ARISE-Initiative/robomimic d309eaecc18acf4152a830a895a6984b8ac71b05
     source_of robomimic_libero ARISE-Initiative/robomimic 62ed2de905caeb9133136e4d14d810a8b6baa96c
     source_of LIBERO Lifelong-Robot-Learning/LIBERO 8f1084e3132a39270c3a13ebe37270a43ece2a01
-    environment robomimic python3.11 torch==2.13.0 torchvision==0.28.0 numpy==2.4.6 h5py==3.16.0 tqdm==4.70.1 \
+    environment robomimic python3.11 torch===2.7.1 torchvision==0.22.1 numpy==2.4.6 h5py==3.16.0 tqdm==4.70.1 \
         termcolor==3.3.0 six==1.17.0 psutil==7.2.2 tensorboardX==2.6.5
-    environment maniskill python3.11 torch==2.13.0 mani_skill==3.0.1 numpy==1.26.4
+    environment maniskill python3.11 torch===2.13.0 mani_skill==3.0.1 numpy==1.26.4
     environment robosuite python3.11 robosuite==1.5.2 mujoco==3.3.0 numpy==2.4.6 h5py==3.16.0
 }
 
