@@ -409,7 +409,8 @@ def _around(
     low = np.min([things[h].low for h in table], 0)
     high = np.max([things[h].high for h in table], 0)
     broad = (high - low)[:2].max()
-    goals = {h for m in manipulated for h, part in ground.falls(m, -1).items() if part > OFTEN}
+    ends = {h for m in manipulated for h, part in ground.falls(m, -1).items() if part > OFTEN}
+    goals = {h for h in ends if not _on_edge(evidence, ground, h, table)}
     return frozenset(
         h
         for h, thing in things.items()
