@@ -133,7 +133,7 @@ def _gripper(tracks: Mapping[str, np.ndarray]) -> np.ndarray | None:
 
     if held := parts("robot0_eef_pos", "robot0_eef_quat"):
         return _pose(held[0], held[1])
-    if held := parts("extra/tcp_pose"):  # ManiSkill: w first
+    if (held := parts("extra/tcp_pose")) and held[0].shape[1:] == (7,):  # ManiSkill: w first
         return _pose(held[0][:, :3], np.roll(held[0][:, 3:], -1, 1))
     if (held := parts("ee_pos", "ee_ori")) and held[0].shape[1:] == held[1].shape[1:] == (3,):
         return np.stack([_turned(*row) for row in zip(*held, strict=True)])
@@ -158,6 +158,6 @@ def _opening(tracks: Mapping[str, np.ndarray]) -> np.ndarray | None:
     """Whether the gripper was told to be open, 1, or shut, 0, as robosuite's single arms are told."""
     action = tracks.get("action")
     jaws = _among(tracks, ("robot0_gripper_qpos", "gripper_states"))
-    if action is None or jaws is None or action.shape[1] != ARM:
+    if action is None or jaws is None or action.shape[1:] != (ARM,):
         return None
     return (action[:, -1] <= 0).astype(np.float64)

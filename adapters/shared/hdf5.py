@@ -90,7 +90,7 @@ def opened(path: Path, within: tuple[str, ...] | None = None) -> Iterator[h5py.F
             raise BadInput(path, "HDF5", found=found, expected="a whole file")
         with h5py.File(path, "r") as file:
             yield file
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
+    except (OSError, RuntimeError, LookupError, ValueError, TypeError, MemoryError) as error:
         raise BadInput(path, "HDF5", found=str(error)[:120], expected="a whole file") from None
 
 

@@ -39,7 +39,7 @@ def read(path: str, within: list[str] | None = None) -> None:
         for name in ["", *names]:
             try:
                 _read(_hard(file, name) if name else file)
-            except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError):
+            except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError):
                 continue  # the reader will find the same, and say it in its own words
 
 
