@@ -3,18 +3,19 @@
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import yaml
 
 from rpaug.core.errors import BadRecipe, RpaugError
 from rpaug.core.types import Episode, Scene
-from rpaug.language import making, refiner, rounds
-from rpaug.language.making import Maker
+from rpaug.language import rounds
 from rpaug.language.messages import Answer, NotUnderstood, Trace, WishContext
-from rpaug.language.recording import Recording
 from rpaug.language.rounds import History
-from rpaug.pipeline import recipe as recipes
+
+if TYPE_CHECKING:
+    from rpaug.language.making import Maker
+    from rpaug.language.recording import Recording
 
 
 class Understanding(Protocol):
@@ -28,7 +29,7 @@ class Understanding(Protocol):
         history: History,
         stated: str,
         setting: WishContext,
-        recording: Recording | None = None,
+        recording: "Recording | None" = None,
     ) -> Answer: ...
 
 
@@ -84,7 +85,7 @@ def ask(
     history: History | None = None,
     understanding: Understanding = rounds.next_round,
     tier: int = 0,
-    maker: Maker | None = None,
+    maker: "Maker | None" = None,
 ) -> AskResult:
     """The recipe for a wish. `scene` builds a recorded scene in which every target must be found.
 
@@ -92,6 +93,9 @@ def ask(
     TargetError or Unsupported for one that the scene has nothing for, NotMade where making fails. Nothing is written
     but what was made.
     """
+    from rpaug.language import making, refiner  # only here: they bring the library of things
+    from rpaug.language.recording import Recording  # only here: it brings numba and the pipeline
+
     history = history or History()
     setting = setting.model_copy(update={"generates": maker is not None})
     recording = Recording(scene) if scene is not None else None
@@ -114,6 +118,8 @@ def ask(
 
 def _built(answer: Answer) -> None:
     """See that an answer comes to a valid recipe. Raises NotUnderstood."""
+    from rpaug.pipeline import recipe as recipes  # only here: it brings every operator
+
     try:
         recipes.build(answer.recipe(), name="the wish")
     except BadRecipe as error:

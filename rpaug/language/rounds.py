@@ -3,13 +3,11 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from rpaug.core.errors import BadInput
-from rpaug.core.files import read_bytes
-from rpaug.language import manager
 from rpaug.language.messages import (
     Answer,
     Entry,
@@ -19,7 +17,9 @@ from rpaug.language.messages import (
     Wish,
     WishContext,
 )
-from rpaug.language.recording import Recording
+
+if TYPE_CHECKING:
+    from rpaug.language.recording import Recording
 
 MOST = 200  # rounds kept
 LONGEST = 1000  # characters of a wish: what is longer is no wish, and takes long to tell so
@@ -70,6 +70,8 @@ class History(Message):
 
 def load(path: Path) -> History:
     """The history in a file; none yet if there is no such file. Raises BadInput."""
+    from rpaug.core.files import read_bytes  # only here: it brings OpenCV
+
     if not path.exists():
         return History()
     try:
@@ -90,9 +92,11 @@ def said_after(stated: str, before: Sequence[str], setting: WishContext) -> Answ
 
 
 def next_round(
-    history: History, stated: str, setting: WishContext, recording: Recording | None = None
+    history: History, stated: str, setting: WishContext, recording: "Recording | None" = None
 ) -> Answer:
     """What a wish comes to after these rounds, offline. Raises NotUnderstood."""
+    from rpaug.language import manager  # only here: it brings the library of things and numba
+
     if len(stated) > LONGEST:
         raise NotUnderstood(
             f"a wish of {len(stated)} characters; at most {LONGEST}: say it in several"

@@ -19,7 +19,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests/language"))
 
 import known
-from test_grammar import given, rounded
+from test_grammar import rounded, understood
 
 from rpaug.core import registry
 
@@ -41,7 +41,7 @@ def main() -> None:
     silent, obeyed, refused, start = 0, 0, 0, time.process_time()
     for one in cases:
         there = one.needs is None or one.needs in registry.operator_names()
-        want, got = (rounded(one.answer) if there else None), given(one)
+        want, got = (rounded(one.answer) if there else None), understood(one)
         count[f"{one.kind} right"] += got == want
         count[f"{one.kind} all"] += 1
         silent += want is None and got is not None

@@ -3,7 +3,7 @@
     python tools/bench/start.py [--repeat 9]
 
 Median over the repeats of user and system time of `rpaug --help` and `rpaug inspect --help`, and of a command line of
-typer's with one empty command, which is the least that any of them can take.
+typer's with one empty command, which is the least that any of them can take; and of importing what understands wishes.
 """
 
 import argparse
@@ -17,6 +17,7 @@ COMMANDS = {
     "rpaug --help": ["-m", "rpaug.cli", "--help"],
     "rpaug inspect --help": ["-m", "rpaug.cli", "inspect", "--help"],
     "typer alone": ["-c", BARE, "--help"],
+    "words, imported": ["-c", "import rpaug.language.asking"],
 }
 
 
