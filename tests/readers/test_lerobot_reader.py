@@ -67,6 +67,9 @@ def test_an_edited_dataset_is_read(read, tmp_path: Path) -> None:
     assert stated["lengths"] == [5, 3, 5, 3, 4, 4]
     assert (stated["episodes"], stated["frames"]) == (6, 24)
     assert set(old_said["tasks"].values()) == {"pick it up", "put it down"}
+    index = stated["statistics"]["index"]  # as LeRobot counts 0 to 23
+    assert (index["min"], index["max"], index["count"]) == ([0], [23], [24])
+    assert np.allclose([index["mean"], index["std"]], [[11.5], [np.arange(24).std()]])
     for key, value in old.items():
         index, _, name = key.partition("/")
         if int(index) < 8 and name not in ("index",):

@@ -13,7 +13,7 @@ pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-from lerobot_samples import WORDS, dataset, episode, halved, picture
+from lerobot_samples import HEIGHT, WIDTH, WORDS, dataset, episode, halved, picture
 from rpaug_adapters.lerobot import LeRobot, fresh, stats, tables
 from rpaug_adapters.lerobot.tables import filled
 from rpaug_adapters.shared import video
@@ -242,6 +242,56 @@ def test_a_video_that_ends_early_is_named(recorded: Path, tmp_path: Path) -> Non
     shutil.move(short, path)
     with pytest.raises(BadInput, match=r"frame 1: found none at 0\.6"):
         LeRobot().read(root, KEY)
+
+
+def test_what_an_edit_of_images_leaves_and_counts(recorded: Path, tmp_path: Path) -> None:
+    """An image feature (no video) takes an edit exactly; counted columns count on; calibration in info.json stays."""
+    root = Path(shutil.copytree(recorded, tmp_path / "in"))
+    path = root / "toy" / tables.INFO
+    given = json.loads(path.read_text())
+    calibration = {
+        "intrinsics": [[50.0, 0, 24], [0, 50, 16], [0, 0, 1]],
+        "extrinsics": np.eye(4).tolist(),
+    }
+    for key in ("observation.image", "observation.images.front"):
+        given["features"][key]["info"] = (given["features"][key].get("info") or {}) | calibration
+    path.write_text(json.dumps(given | {"calibration": calibration}))
+    adapter = LeRobot()
+    read = adapter.read(root, KEY)
+    edited = replace(read, views={**read.views, "image": halved(read.views["image"])})
+    for number, one in enumerate([read, edited]):
+        adapter.write(one, tmp_path / "out", f"toy/train/{number}", dict)
+    adapter.finish(root, tmp_path / "out")
+    views = adapter.read(tmp_path / "out", KEY).views
+    for t in range(3):
+        assert np.array_equal(views["image"].rgb(t), read.views["image"].rgb(t) // 2)
+        assert np.array_equal(views["front"].rgb(t), read.views["front"].rgb(t))
+    after = json.loads((tmp_path / "out/toy" / tables.INFO).read_text())
+    assert after["calibration"] == calibration
+    for key in ("observation.image", "observation.images.front"):
+        assert after["features"][key] == given["features"][key]
+    (table,) = (tmp_path / "out/toy/meta/episodes").rglob("*.parquet")
+    first, second = pq.read_table(table).to_pylist()
+    for row, index in ((first, range(3)), (second, range(3, 6))):
+        for name, value in stats.plain({"index": stats.of_numbers(np.array(index))})[
+            "index"
+        ].items():
+            assert row[f"stats/index/{name}"] == pytest.approx(value), name
+    name = "stats/observation.image/mean"
+    assert np.allclose(np.array(second[name]), np.array(first[name]) / 2, atol=1 / 255)
+
+
+def test_found_masks_are_not_written_as_recorded(recorded: Path, tmp_path: Path) -> None:
+    adapter = LeRobot()
+    read = adapter.read(recorded, KEY)
+    assert read.views["wrist"].ids is None
+    found = replace(read.views["wrist"], ids=lambda t: np.full((HEIGHT, WIDTH), 7, np.int32))
+    changed = {**read.views, "wrist": halved(found)}
+    adapter.write(replace(read, views=changed), tmp_path, "toy/train/0", dict)
+    adapter.finish(recorded, tmp_path)
+    assert adapter.read(tmp_path, "toy/train/0").views["wrist"].ids is None
+    features = json.loads((tmp_path / "toy" / tables.INFO).read_text())["features"]
+    assert [key for key in features if key.startswith("masks.")] == ["masks.front"]
 
 
 def test_columns_that_count_have_statistics(recorded: Path) -> None:
