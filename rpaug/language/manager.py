@@ -22,7 +22,7 @@ from rpaug.language.recording import Recording
 PLAIN = (
     (r"[’`]", "'"), (r"[“”\"]|(?<!\w)'|'(?!\w)", " "), (r"[–—]", "-"), (r"→|=>|-+>|\bbecomes\b", " -> "), (r"≥|>=|(?<!-)>", " at least "), (r"≤|<=", " at most "),
     (r"≈|~", " about "), (r"\+ ?/ ?-|\+-|plus[ /-]minus|plus or minus", "±"), (r"°", " degrees "), (r"\bw/", "with "), (r"\bboth (?=the [^,;]+ and )", ""),
-    (r"(?<=[a-z])'s\b(?<!it's)(?<!there's)(?<!that's)(?<!let's)(?<!what's)", ""), (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"\bgrey", "gray"), (r"colour", "color"), (r"\bu\b", "you"),
+    (r"(?<=[a-z])'s\b(?<!it's)(?<!there's)(?<!that's)(?<!let's)(?<!what's)", ""), (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"\bgrey", "gray"), (r"colour", "color"), (r"\bu\b", "you"), (r"\b(?:all )?(?:the )?(stuff|things|objects) (?:(?:what|that|which) (?:is|are) )?(?=not needed)", r"\1 "),
     (r"\bshd\b", "should"), (r"\b(?:diff|diffrent)\b", "different"), (r"\bsth\b", "something"), (r"(?<=\d)(?=[a-z%])", " "),
     (r"(\d+)/(\d+)(?= ?(?:inch|cm|of|the|m\b))", lambda m: f"{int(m[1]) / int(m[2]):.4g}"), (r"\(((?![^)]*\d ?,)[^)]*)\)", r" , \1 , "),
     (r"(?<!\d) \.|\.(?!\d)|[;!?]+", " ; "), (r"\n+", ", "), (r"\bphoto[- ]?graph", "photo"), (r"(?<=[a-z]):(?= )|(?<=[a-z]) -(?= )", " : "), (r" a?round(?= at random| by|$| ?[,;])", ""), (r" +", " "), (r" ?(?:[,;] ?)*; ?(?:[,;] ?)*", " ; "), (r" ?,(?: ?,)* ?", ", "),
@@ -327,15 +327,11 @@ def _meant(part: str, state: WishState) -> Meant:
     wish = state.here()
     state.namer.mention = state.mention
     reader = Reader(wish, state.namer)
-    if (fits := templates.fitting(part, wish, state.namer, state.nouns, shipped=False)) is not None:
+    if (fits := templates.fitting(part, wish, state.namer, state.nouns)) is not None:
         return fits
     try:
         return reader.read(state.clause(part))
     except RpaugError:
-        if (
-            fits := templates.fitting(part, wish, state.namer, state.nouns, shipped=True)
-        ) is not None:
-            return fits
         if not state.verb or state.clause(part).has("remove", "add", "move", "copy"):
             raise
         return reader.read(state.clause(f"{state.verb} {part}"))
@@ -440,8 +436,14 @@ def _touched(what: str, edit: Entry, state: WishState) -> bool:
     where = state.namer.target(named[1])
     if state.namer.recording is None:
         return where in about
-    ids = state.namer.ids({"text": where, "all": True} if isinstance(where, str) else where)
+    ids = _spared(where, state)
     return any(ids & state.namer.ids(one) for one in about)
+
+
+def _spared(where: naming.Target, state: WishState) -> frozenset[int]:
+    """What must stay: of one thing that one, of several all that fit. Raises TargetError where one of several is meant."""
+    last = where.split()[-1] if isinstance(where, str) else ""
+    return state.namer.ids(where if last == naming.singular(last) else naming.every(where))
 
 
 def _spare(what: str, edit: Entry, option: Entry, state: WishState) -> None:
@@ -464,7 +466,7 @@ def _spare(what: str, edit: Entry, option: Entry, state: WishState) -> None:
             f"{what!r} must not change, and the same wish asks for: {_short(option)}"
         )
     where = state.namer.target(named[1])
-    ids = state.namer.ids({"text": where, "all": True} if isinstance(where, str) else where)
+    ids = _spared(where, state)
     option[place] = state.namer.without(option[place], ids)
     state.notes.append(f"{what!r} is left out of {_short(edit)}")
 
@@ -618,6 +620,8 @@ def _take(found: Meant, share: float | None, state: WishState, part: str) -> Non
         edit = {**edit, "probability": share} if share is not None else edit
         same = [k for k, other in enumerate(state.edits) if group and _key(other) == group]
         if same and any(state.edits[same[0]] is one for one in state.fresh):
+            if state.edits[same[0]] == edit:  # said twice
+                continue
             if share is None or state.edits[same[0]].get("probability") is None:
                 raise NotUnderstood(
                     f"two edits of one wish give one thing a {group[0] if group else ''}: {_short(edit)}"

@@ -9,7 +9,7 @@ from typing import Any
 from rpaug.assets import library
 from rpaug.core import color_space
 from rpaug.core.errors import MissingExtra, TargetError
-from rpaug.language import naming, words
+from rpaug.language import naming, templates, words
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.naming import Named, Namer, Target
 from rpaug.language.reading import Clause
@@ -86,7 +86,10 @@ class Reader:
             tokens = list(clause.tokens)
             found = way(clause)
             if found is not None:
-                clause.done()
+                try:
+                    clause.done()
+                except NotUnderstood as error:
+                    raise NotUnderstood(f"{error}{self._nearest(clause)}") from None
                 return found.model_copy(
                     update={"stage": "renderer" if way == self.camera else "operation"}
                 )
@@ -94,7 +97,14 @@ class Reader:
         unknown = next(
             (one.text for one in clause.tokens if one.kind in ("unknown", "thing")), clause.text
         )
-        raise NotUnderstood(f"{clause.text!r}: it is not clear what to do with {unknown!r}")
+        why = f"{clause.text!r}: it is not clear what to do with {unknown!r}"
+        raise NotUnderstood(f"{why}{self._nearest(clause)}")
+
+    def _nearest(self, clause: Clause) -> str:
+        """What of this clause would be understood, said of its first thing."""
+        every = [one for one in (*clause.taken, *clause.tokens) if one.kind == "thing"]
+        named = next((f"the {one.value.words}" for one in every if not one.value.pronoun), None)
+        return templates.nearest(clause.text, named)
 
     # Cameras: x right, y down, z into the scene; a positive turn about x looks up, about y right, about z clockwise.
 
@@ -578,11 +588,7 @@ class Reader:
         clause.every("remove")
         if clearing or clause.has("strangers", "rest"):
             named = clause.things()
-            if (
-                clearing
-                and not clause.has("strangers")
-                and [one.words for one in named] not in ([], ["table"], ["desk"], ["scene"])
-            ):
+            if [one.words for one in named] not in ([], ["table"], ["desk"], ["scene"]):
                 raise NotUnderstood(
                     f"{clause.text!r}: clear what? `clear the table` takes away all that the task does not need"
                 )
@@ -953,6 +959,7 @@ class Reader:
             if colors and clause.has("any", "paint"):
                 banned = clause.every("color")[-1].value
         tints, pictures = clause.every("color"), clause.every("texture")
+        notes = ("gloss stays as it was recorded",) if clause.every("gloss") else ()
         styled = bool(clause.every("style"))
         at_table = clause.every("on", "add") if named_none else []
         laid, painted, anyhow = (
@@ -988,7 +995,9 @@ class Reader:
             for where in places
         ]
         return _done(
-            *edits, mention=Mention(kind="target", target=places[0]) if len(places) == 1 else None
+            *edits,
+            mention=Mention(kind="target", target=places[0]) if len(places) == 1 else None,
+            notes=notes,
         )
 
     def _places(
@@ -1001,7 +1010,7 @@ class Reader:
             *(self.namer.ids(naming.every(self.namer.target(one))) for one in apart)
         )
         if not every:
-            targets = [self.namer.target(one) for one in named]
+            targets = [self.namer.counted(one) for one in named]
             if apart:
                 return [self.namer.without(naming.every(one), kept) for one in targets]
             if any(one.several for one in named) and each:
@@ -1060,7 +1069,7 @@ class Reader:
         if not named:
             raise NotUnderstood("which thing is meant?")
         targets = [
-            naming.every(self.namer.target(one)) if one.several else self.namer.target(one)
+            naming.every(self.namer.counted(one)) if one.several else self.namer.target(one)
             for one in named
         ]
         last = Mention(kind="target", target=targets[0]) if len(targets) == 1 else None

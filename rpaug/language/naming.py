@@ -334,6 +334,17 @@ class Namer:
             words = singular(words)
         return self._seen({"text": words, "all": True} if named.several else words, words)
 
+    def counted(self, named: Named) -> Target:
+        """The target of things of which it was said how many they are. Raises NotUnderstood for another number."""
+        found = self.target(named)
+        if named.count is not None and self.recording is not None:
+            there = len(self.groups(every(found)))
+            if there != named.count:
+                raise NotUnderstood(
+                    f"{named.words!r}: {named.count} are meant, and {there} are found"
+                )
+        return found
+
     def _seen(self, target: Target, words: str) -> Target:
         """The target, in another color's name if nothing of the scene is of the one that was said."""
         tints = [word for word in words.split() if word in NEARLY]

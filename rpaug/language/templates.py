@@ -1,4 +1,7 @@
-"""Operators' own phrases as ways to ask for them: `core.phrases` says how they are written."""
+"""Operators' own phrases: as ways to ask for those of other packages, and as what would be understood of ours.
+
+`core.phrases` says how they are written.
+"""
 
 import re
 from collections.abc import Callable, Collection, Sequence
@@ -22,24 +25,24 @@ KINDS = {
     "color": "color",
 }
 """Each kind of slot that is one token, and the kind of that token."""
+PLAIN_WORDS = frozenset(
+    re.findall("[a-z]+", "the a of to by up in with and make change red block bowl cup degrees")
+)
+"""Words of the examples that say nothing of what is asked for."""
 OF_KIND = {"count": words.NUMBER, "number": words.NUMBER}
 
 
-def fitting(
-    stated: str, wish: Wish, namer: Namer, nouns: Collection[str], *, shipped: bool
-) -> Meant | None:
-    """What some words mean by the phrases of operators that ship, or of those that do not; None if they fit none."""
-    return next(
-        (found for one in _rules(shipped) if (found := one(stated, wish, namer, nouns))), None
-    )
+def fitting(stated: str, wish: Wish, namer: Namer, nouns: Collection[str]) -> Meant | None:
+    """What some words mean by the phrases of other packages' operators; None if they fit none."""
+    return next((found for one in _rules() if (found := one(stated, wish, namer, nouns))), None)
 
 
 @cache
-def _rules(shipped: bool) -> tuple[Rule, ...]:
+def _rules() -> tuple[Rule, ...]:
     return tuple(
         rule(name, registry.operator(name), text)
         for name in registry.operator_names()
-        if registry.shipped(name) == shipped
+        if not registry.shipped(name)
         for text in registry.operator(name).phrases
     )
 
@@ -143,6 +146,20 @@ def _pattern(part: Part, found: list[Slot]) -> str:
 
 def _either(choices: Sequence[str]) -> str:
     return "(?:" + "|".join(re.escape(one) for one in sorted(choices, key=len, reverse=True)) + ")"
+
+
+def nearest(stated: str, thing: str | None) -> str:
+    """What would be understood and shares most words with what was not; "" where none shares any."""
+    said = set(re.findall(r"[a-z]+", stated)) - PLAIN_WORDS
+
+    def shared(name: str) -> int:
+        own = (name.replace("_", " "), *registry.operator(name).undone_as, *examples(name))
+        return len(said & set(re.findall(r"[a-z]+", " ".join(own))))
+
+    name = max(registry.operator_names(), key=shared)
+    told = next(iter(examples(name)), "") if shared(name) else ""
+    told = told.replace(phrases.EXAMPLES["target"][0], thing) if thing else told
+    return f"; understood would be, for one: {told!r}" if told else ""
 
 
 def examples(name: str) -> list[str]:

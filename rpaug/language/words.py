@@ -189,7 +189,6 @@ def _texture_words() -> frozenset[str]:
     )
 
 
-TEXTURED = {"texture", "textures", "pattern", "patterns", "surface", "finish", "look", "style"}
 UNSAID = {
     "a",
     "an",

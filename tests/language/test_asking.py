@@ -51,11 +51,18 @@ def test_both_sides_of_a_relation_are_found_first():
         ("remove the manipulated object", Unsupported),
         ("paint the block red", TargetError),  # there are several
         ("make the cylinder blurple", NotUnderstood),
+        ("paint both cylinders red", NotUnderstood),  # there is one
     ],
 )
 def test_what_the_scene_has_nothing_for_is_refused(wish, error):
     with pytest.raises((error, Unsupported)):
         asking.ask(wish, setting(), scene)
+
+
+@gl
+def test_what_is_named_beside_the_distractors_is_not_passed_over():
+    asked = asking.ask("remove the distractors and the block on the pad", setting(), scene)
+    assert [edit["op"] for edit in asked.recipe["edits"]] == ["remove", "remove"]
 
 
 def test_a_talk_goes_on_and_back(tmp_path):

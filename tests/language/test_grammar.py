@@ -89,6 +89,8 @@ def test_every_operator_can_be_asked_for() -> None:
         ("cold 6500 K light", "6500 K is the recorded light's white"),
         ("move the mug to the left", "how far"),
         ("light it from the left", "from above"),
+        ("jitter the mug's lid", "understood would be, for one: 'jitter the front camera"),
+        ("paint the cup crinkly", "understood would be, for one: 'paint the cup blue'"),
     ],
 )
 def test_a_refusal_says_why(wish: str, why: str) -> None:
@@ -97,6 +99,9 @@ def test_a_refusal_says_why(wish: str, why: str) -> None:
 
 
 def test_what_is_taken_for_granted_is_told() -> None:
+    matte = said_after("make the cup matte black", (), WishContext())
+    assert matte.edits == ({"op": "recolor", "target": "cup", "color": "black"},)
+    assert matte.notes == ("gloss stays as it was recorded",)
     answer = said_after("look from further left", (), WishContext(cameras=("front",)))
     assert answer.notes == ("10 cm, since no length was named",)
     after = said_after("paint the cup blue", ["paint the cup red"], WishContext())
