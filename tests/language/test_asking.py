@@ -61,7 +61,7 @@ def test_what_the_scene_has_nothing_for_is_refused(wish, error):
 
 @gl
 def test_what_is_named_beside_the_distractors_is_not_passed_over():
-    asked = asking.ask("remove the distractors and the block on the pad", setting(), scene)
+    asked = asking.ask("remove the distractors and the largest block", setting(), scene)
     assert [edit["op"] for edit in asked.recipe["edits"]] == ["remove", "remove"]
 
 
