@@ -133,6 +133,25 @@ def test_what_lies_in_another_thing_does_not_come_out_of_its_sides():
     assert growing.largest(recorded, frozenset([drawer]), foot, 1.02) == (1.02, None)
 
 
+def test_what_lies_under_another_things_top_does_not_come_out_there(monkeypatch):
+    rng = np.random.default_rng(0)
+    frame = rng.uniform((-0.3, -0.03, 0.0), (0.3, 0.03, 0.5), (6000, 3))
+    frame = frame[(np.abs(frame[:, 0]) > 0.25) | (frame[:, 2] > 0.4)]
+    clouds = {1: frame, 2: rng.uniform((-0.24, -0.01, 0.0), (0.0, 0.01, 0.39), (2000, 3))}
+    monkeypatch.setattr(growing, "points_of", lambda scene, ids: clouds[min(ids)])
+    bodies = [
+        SimpleNamespace(instance_ids=frozenset({one}), to_world=np.tile(np.eye(4), (3, 1, 1)))
+        for one in clouds
+    ]
+    window = SimpleNamespace(tracked=bodies, roles={"manipulated": frozenset({2})})
+    foot = np.array([-0.12, 0.0, 0.0])
+    fits, what = growing.largest(window, frozenset({2}), foot, 1.3)
+    assert what == "the sides of 1, in which it lies"
+    assert 0.39 < fits * 0.39 < 0.41
+    clouds[1] = frame[frame[:, 2] < 0.4]
+    assert growing.largest(window, frozenset({2}), foot, 1.3) == (1.3, None)
+
+
 def test_a_cabinet_takes_its_drawer_along_as_far_as_the_grip_bears():
     take = twin.perform("open_drawer", 3, frames=17, size=96)
     recorded = build(take.episode, with_bodies=True)

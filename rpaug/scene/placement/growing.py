@@ -135,8 +135,8 @@ def _within(
 ) -> tuple[float, str | None]:
     """The largest factor at which nothing comes out of the sides of a thing that it lay in.
 
-    Sides are those of the upright prism around what was seen of the other thing. Out of the top, and the way that the
-    thing itself moves, it may come: there it is open.
+    Sides are those of the upright prism around what was seen of the other thing. The way that the thing itself moves it
+    may come out: there it is open. So it is at the top, unless some of the other thing was seen above it.
     """
     way = _way(scene, instance_ids)
     apart = instance_ids.union(*(scene.roles.get(role, frozenset()) for role in APART))
@@ -151,17 +151,25 @@ def _within(
         beyond = (points[:, :2] @ normals.T - offsets).max(1)
         if (below & (beyond < -INSIDE)).sum() < FEW:
             continue
-        held = points[below & (beyond < 0), :2]
-        closed = np.abs(normals @ way) < OPEN
+        held = points[below & (beyond < 0)]
+        closed, ceiling = np.abs(normals @ way) < OPEN, _ceiling(other, held)
         fits = 1.0
         for factor in np.linspace(1.0, wanted, STEPS + 1)[1:].tolist():
-            grown = pivot[:2] + factor * (held - pivot[:2])
-            out = (grown @ normals[closed].T - offsets[closed]).max(1, initial=-np.inf)
-            if (out > INSIDE).sum() >= FEW:
+            grown = pivot + factor * (held - pivot)
+            out = (grown[:, :2] @ normals[closed].T - offsets[closed]).max(1, initial=-np.inf)
+            if ((out > INSIDE) | (grown[:, 2] > ceiling)).sum() >= FEW:
                 names = ", ".join(map(str, sorted(body.instance_ids)))
                 return fits, f"the sides of {names}, in which it lies"
             fits = factor
     return wanted, None
+
+
+def _ceiling(other: Float64[np.ndarray, "n 3"], held: Float64[np.ndarray, "m 3"]) -> float:
+    """The height of what was lowest seen of a thing above all that lies in it, metres; without end if nothing was."""
+    normals, offsets = _sides(hull(held))
+    over = (other[:, :2] @ normals.T - offsets).max(1) < 0
+    heights = other[over & (other[:, 2] > held[:, 2].max()), 2]
+    return float(heights.min()) if len(heights) >= FEW else np.inf
 
 
 def _way(scene: Scene, instance_ids: frozenset[int]) -> Float64[np.ndarray, "2"]:
