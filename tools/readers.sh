@@ -99,7 +99,7 @@ sim() {
     environment robomimic python3.11 torch===2.7.1 torchvision==0.22.1 numpy==2.4.6 h5py==3.16.0 tqdm==4.70.1 \
         termcolor==3.3.0 six==1.17.0 psutil==7.2.2 tensorboardX==2.6.5
     environment maniskill python3.11 torch===2.13.0 mani_skill==3.0.1 numpy==1.26.4
-    environment robosuite python3.11 robosuite==1.5.2 mujoco==3.3.0 numpy==2.4.6 h5py==3.16.0
+    environment robosuite python3.11 robosuite==1.5.2 mujoco==3.3.0 numpy==1.26.4 h5py==3.16.0
 }
 
 [ $# -gt 0 ] || set -- rlbench tfds rdt droid rvt lerobot openpi gr00t sim
