@@ -11,6 +11,7 @@ points tell of it and agree with it, and few do without it. What moves is left o
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, permutations
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int32
@@ -18,6 +19,7 @@ from jaxtyping import Bool, Float64, Int32
 from rpaug.core import geometry
 from rpaug.core.types import CameraView, Episode
 from rpaug.render import denoise
+from rpaug.render.zbuffer import Source
 from rpaug.scene.recorded.plates import source_at, spread
 
 FRAMES = 4  # times that are looked at
@@ -77,12 +79,7 @@ def check(
     views = {name: view for name, view in episode.views.items() if view.depth is not None}
     limits = {n: 1e3 * (tolerated if v.camera.fixed else moving) for n, v in views.items()}
     names = list(views)
-    pairs = {
-        (name, other): _compared(episode, name, other)
-        for name in names
-        for other in names
-        if other != name
-    }
+    pairs = _compared(episode, list(permutations(names, 2)))
     blamed: list[str] = []
     while len(names) > 2 and _worst(pairs, names, limits) > 1:
         without = {name: _worst(pairs, [n for n in names if n != name], limits) for name in names}
@@ -102,8 +99,8 @@ def disagreement(episode: Episode, name: str, instance_ids: Collection[int]) -> 
     The upper quartile: most points lie where an error cannot be told. Infinite if too few are shared.
     """
     others = [n for n, v in episode.views.items() if v.camera.fixed and n != name and v.depth]
-    found = [_compared(episode, name, other, instance_ids)[2] for other in others]
-    off = np.abs(np.concatenate([np.zeros(0), *found]))
+    found = _compared(episode, [(name, other) for other in others], instance_ids)
+    off = np.abs(np.concatenate([np.zeros(0), *(off for _, _, off in found.values())]))
     return float(np.quantile(off, QUARTILE)) if len(off) >= FEWEST else np.inf
 
 
@@ -186,38 +183,60 @@ def _cost(
 
 
 def _compared(
-    episode: Episode, name: str, other: str, instance_ids: Collection[int] | None = None
-) -> _Pair:
-    """Points of one camera (of some instances), the normals of what the other saw there, and signed distances, all
-    in metres."""
-    found = [_at(episode, name, other, t, instance_ids) for t in spread(episode.length)[:FRAMES]]
-    points, normals, off = (np.concatenate(part) for part in zip(*found, strict=True))
-    return points, normals, off
+    episode: Episode,
+    pairs: Sequence[tuple[str, str]],
+    instance_ids: Collection[int] | None = None,
+) -> dict[tuple[str, str], _Pair]:
+    """By pair of cameras: points of the first (of some instances), the normals of what the other saw there, and signed
+    distances, all in metres."""
+    found: dict[tuple[str, str], list[_Pair]] = {pair: [] for pair in pairs}
+    for t in spread(episode.length)[:FRAMES]:
+        seen = {name: _seen(episode.views[name], t, episode.length) for name in {*chain(*pairs)}}
+        for name, other in pairs:
+            found[name, other].append(_held(seen[name], seen[other], instance_ids))
+    out = {}
+    for pair, at in found.items():
+        points, normals, off = (np.concatenate(part) for part in zip(*at, strict=True))
+        out[pair] = points, normals, off
+    return out
 
 
-def _at(
-    episode: Episode, name: str, other: str, t: int, instance_ids: Collection[int] | None
-) -> _Pair:
-    mine, theirs = source_at(episode.views[name], t), source_at(episode.views[other], t)
-    depth = np.where(np.isfinite(mine.depth) & (mine.depth > 0), mine.depth, 0.0)
-    depth = np.where(_still(episode.views[name], t, episode.length), depth, 0.0)
+@dataclass(frozen=True)
+class _Seen:
+    """What one camera saw at one time: its pixels' points and normals in its own axes, and which of them rest."""
+
+    plate: Source
+    surface: Float64[np.ndarray, "h w 3"]
+    normal: Float64[np.ndarray, "h w 3"]
+    still: Bool[np.ndarray, "h w"]
+
+
+def _seen(view: CameraView, t: int, length: int) -> _Seen:
+    plate = source_at(view, t)
+    surface = geometry.unproject(plate.depth.astype(np.float64), plate.K)
+    return _Seen(plate, surface, _normals(surface, plate.ids), _still(view, t, length))
+
+
+def _held(one: _Seen, other: _Seen, instance_ids: Collection[int] | None) -> _Pair:
+    """One camera's points against the planes that another saw at the same time."""
+    mine, theirs = one.plate, other.plate
+    told = one.still & np.isfinite(mine.depth) & (mine.depth > 0)
     if instance_ids is not None:
-        depth = np.where(np.isin(mine.ids, list(instance_ids)), depth, 0.0)
-    use = np.zeros(depth.shape, bool)
-    use[::STRIDE, ::STRIDE] = depth[::STRIDE, ::STRIDE] > 0
+        told &= np.isin(mine.ids, list(instance_ids))
+    use = np.zeros(told.shape, bool)
+    use[::STRIDE, ::STRIDE] = told[::STRIDE, ::STRIDE]
     # Relative to the camera, so that a scene far from the origin loses no digits.
-    points = geometry.unproject(depth.astype(np.float64), mine.K)[use] @ mine.cam_to_world[:3, :3].T
-    surface = geometry.unproject(theirs.depth.astype(np.float64), theirs.K)
+    points = one.surface[use] @ mine.cam_to_world[:3, :3].T
     turn = theirs.cam_to_world[:3, :3]
     seen = (points - (theirs.cam_to_world[:3, 3] - mine.cam_to_world[:3, 3])) @ turn
     kept, row, column = _same(seen, mine.ids[use], theirs.depth, theirs.ids, theirs.K)
-    normal, surface = _normals(surface, theirs.ids)[row, column], surface[row, column]
+    normal, surface = other.normal[row, column], other.surface[row, column]
     off = ((seen[kept] - surface) * normal).sum(1)
     # Of a thin wall each may have seen another side: what faces the other camera must face this one.
     eye = (mine.cam_to_world[:3, 3] - theirs.cam_to_world[:3, 3]) @ turn
     facing = (surface * normal).sum(1) * ((surface - eye) * normal).sum(1) > 0
     # What moves tells of two clocks as much as of two places.
-    good = np.isfinite(off) & facing & _still(episode.views[other], t, episode.length)[row, column]
+    good = np.isfinite(off) & facing & other.still[row, column]
     return points[kept][good], (normal @ turn.T)[good], off[good]
 
 
