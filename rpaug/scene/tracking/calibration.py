@@ -202,7 +202,7 @@ def _compared(
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _CameraAt:
     """What one camera saw at one time: its pixels' points and normals in its own axes, and which of them rest."""
 
     plate: Source
@@ -211,13 +211,13 @@ class _Seen:
     still: Bool[np.ndarray, "h w"]
 
 
-def _seen(view: CameraView, t: int, length: int) -> _Seen:
+def _seen(view: CameraView, t: int, length: int) -> _CameraAt:
     plate = source_at(view, t)
     surface = geometry.unproject(plate.depth.astype(np.float64), plate.K)
-    return _Seen(plate, surface, _normals(surface, plate.ids), _still(view, t, length))
+    return _CameraAt(plate, surface, _normals(surface, plate.ids), _still(view, t, length))
 
 
-def _held(one: _Seen, other: _Seen, instance_ids: Collection[int] | None) -> _Pair:
+def _held(one: _CameraAt, other: _CameraAt, instance_ids: Collection[int] | None) -> _Pair:
     """One camera's points against the planes that another saw at the same time."""
     mine, theirs = one.plate, other.plate
     told = one.still & np.isfinite(mine.depth) & (mine.depth > 0)
