@@ -48,8 +48,10 @@ def load(data: bytes, most: int) -> tuple[Any, yaml.Node | None]:
         line = data[: error.start].count(b"\n") + 1
         raise NotPlain(line, f"byte {error.start}, not UTF-8", "text") from None
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        raise NotPlain(mark.line + 1 if mark else None, str(error.problem)[:120], "YAML") from None
+        line = error.problem_mark.line + 1 if error.problem_mark else None
+        if "nesting depth" in str(error.problem):  # libyaml's own limit, 1000: its scanner reads ahead
+            raise NotPlain(line, f"more than {DEEPEST} levels", "a flatter file") from None
+        raise NotPlain(line, str(error.problem)[:120], "YAML") from None
     except yaml.reader.ReaderError as error:
         line = data[: error.position].count(b"\n") + 1
         raise NotPlain(line, str(error).split("\n")[0][:120], "text") from None
