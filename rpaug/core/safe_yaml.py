@@ -49,7 +49,8 @@ def load(data: bytes, most: int) -> tuple[Any, yaml.Node | None]:
         raise NotPlain(line, f"byte {error.start}, not UTF-8", "text") from None
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else None
-        if "nesting depth" in str(error.problem):  # libyaml's own limit, 1000: its scanner reads ahead
+        # libyaml's scanner reads ahead, and has a limit of its own: 1000 levels.
+        if "nesting depth" in str(error.problem):
             raise NotPlain(line, f"more than {DEEPEST} levels", "a flatter file") from None
         raise NotPlain(line, str(error.problem)[:120], "YAML") from None
     except yaml.reader.ReaderError as error:
