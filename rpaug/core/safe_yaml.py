@@ -48,11 +48,12 @@ def load(data: bytes, most: int) -> tuple[Any, yaml.Node | None]:
         line = data[: error.start].count(b"\n") + 1
         raise NotPlain(line, f"byte {error.start}, not UTF-8", "text") from None
     except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else None
+        mark = error.problem_mark
+        at = mark.line + 1 if mark else None
         # libyaml's scanner reads ahead, and has a limit of its own: 1000 levels.
         if "nesting depth" in str(error.problem):
-            raise NotPlain(line, f"more than {DEEPEST} levels", "a flatter file") from None
-        raise NotPlain(line, str(error.problem)[:120], "YAML") from None
+            raise NotPlain(at, f"more than {DEEPEST} levels", "a flatter file") from None
+        raise NotPlain(at, str(error.problem)[:120], "YAML") from None
     except yaml.reader.ReaderError as error:
         line = data[: error.position].count(b"\n") + 1
         raise NotPlain(line, str(error).split("\n")[0][:120], "text") from None
