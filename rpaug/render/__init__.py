@@ -9,6 +9,7 @@ __all__ = [
     "outlines",
     "pinhole",
     "splat",
+    "unmix",
     "window",
     "zbuffer",
 ]

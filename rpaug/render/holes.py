@@ -120,63 +120,6 @@ def fill(view: Rendered, witness: Witness | None = None) -> Rendered:
     )
 
 
-def unmixed(view: Rendered, witness: Witness) -> Rendered:
-    """The view without outlines of what moved aside: colors that the witness, source 0, recorded mixed with a nearer
-    thing's beside them, and that no nearer thing is beside any more, are those of their neighbours."""
-    depth = view.depth.astype(np.float64)
-    near = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
-    near[view.hole] = -1.0
-    mixed = np.zeros(near.shape, np.bool_)
-    seen, source = np.maximum(nearness(witness.source), 0.0), witness.source
-    back = relative(witness.cam_to_world, source.cam_to_world)
-    _beside(near, view.source, intrinsics(witness.K), back, intrinsics(source.K), seen, mixed)
-    rgb = view.rgb.copy()
-    _cleaned(view.rgb, view.ids, mixed | view.hole, *np.nonzero(mixed), rgb)
-    return replace(view, rgb=rgb)
-
-
-@kernel
-def _beside(near, source, target, back, lens, seen, out):
-    """Pixels of source 0 that were recorded beside something nearer, and are not beside it now."""
-    height, width = seen.shape
-    for v in range(near.shape[0]):
-        for u in range(near.shape[1]):
-            if source[v, u] != 0:
-                continue
-            here = near[v, u] * (1.0 + SAME_LAYER)
-            x, y, ahead = map_pixel(u, v, near[v, u], target, back, lens)
-            if not (ahead > NEAR and -0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
-                continue
-            if _largest(seen, int(y + 0.5), int(x + 0.5)) * ahead > here:
-                out[v, u] = _largest(near, v, u) <= here
-
-
-@inlined
-def _largest(image, row, column):
-    """The largest value of a pixel and those around it."""
-    largest = image[row, column]
-    for i in range(max(0, row - 1), min(image.shape[0], row + 2)):
-        for j in range(max(0, column - 1), min(image.shape[1], column + 2)):
-            largest = max(largest, image[i, j])
-    return largest
-
-
-@kernel
-def _cleaned(rgb, ids, bad, rows, columns, out):
-    """Means of the colors around these pixels that show the same thing and are not bad; kept where there are none."""
-    for n in range(len(rows)):
-        row, column, count, total = rows[n], columns[n], 0, np.zeros(3)
-        for i in range(max(0, row - 1), min(bad.shape[0], row + 2)):
-            for j in range(max(0, column - 1), min(bad.shape[1], column + 2)):
-                if not bad[i, j] and ids[i, j] == ids[row, column]:
-                    count += 1
-                    for channel in range(3):
-                        total[channel] += rgb[i, j, channel]
-        if count:
-            for channel in range(3):
-                out[row, column, channel] = total[channel] / count
-
-
 @kernel
 def _judge(rows, columns, plane, target, back, lens, seen, out):
     """What a camera (`lens`, reached by `back`) that saw 1/z = `seen` says of each continued surface."""

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug.render.holes import Edges, Witness, fill, unmixed
+from rpaug.render.holes import Edges, Witness, fill
 from rpaug.render.zbuffer import Rendered, Source
 
 
@@ -163,28 +163,3 @@ def test_mixed_colors_of_an_outline_are_not_continued():
     rgb = np.where((rim & ~hole)[..., None], np.float32(1), view.rgb)
     filled = fill(replace(view, rgb=rgb)).rgb[hole]
     np.testing.assert_allclose(filled, 0.5, atol=1e-6)
-
-
-def test_an_outline_that_was_mixed_with_what_moved_aside_is_clean():
-    """A white thing (id 2) was recorded over columns 12 to 17 and mixed into the wall's column 18."""
-    hole = np.zeros((32, 32), bool)
-    view, witness = _cut_off(hole, shift=0)
-    recorded = np.full((32, 32), 4.0, np.float32)
-    recorded[:, 12:18] = 1.0
-    witness = replace(witness, source=replace(witness.source, depth=recorded))
-    rgb = np.full((32, 32, 3), 0.25, np.float32)
-    rgb[:, 18] = 0.6
-    wall = np.full((32, 32), 4.0, np.float32)
-    hole[:, 12:18] = True
-    aside = replace(
-        view, rgb=rgb, depth=np.where(hole, 0, wall), ids=np.where(hole, 0, 1).astype(np.int32), hole=hole,
-        source=np.where(hole, -1, 0).astype(np.int16),
-    )  # fmt: skip
-    clean = unmixed(aside, witness)
-    assert (clean.rgb[:, 18:] == 0.25).all()
-    still = replace(
-        aside, depth=recorded, hole=np.zeros_like(hole), source=np.zeros((32, 32), np.int16)
-    )
-    np.testing.assert_array_equal(unmixed(still, witness).rgb, rgb)  # still beside it
-    other = replace(aside, source=np.where(hole, -1, 1).astype(np.int16))
-    np.testing.assert_array_equal(unmixed(other, witness).rgb, rgb)  # recorded by another camera

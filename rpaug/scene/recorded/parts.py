@@ -57,7 +57,7 @@ def recorded(scene: Scene, noise: float, tolerance: float, rim: int) -> tuple[Pa
     seen: dict[frozenset[int], list[_Seen]] = {body.instance_ids: [] for body in bodies}
     for t in spread(scene.episode.length)[:CANDIDATES] if bodies else ():
         for view in scene.episode.views.values():
-            source = source_at(view, t, noise, carved=True)
+            source = source_at(view, t, noise, carved=True, mixed=scene.antialiased)
             for body in bodies:
                 if (found := _seen(source, body, t)) is not None:
                     seen[body.instance_ids].append(found)
@@ -70,6 +70,7 @@ def recorded(scene: Scene, noise: float, tolerance: float, rim: int) -> tuple[Pa
 def _seen(source: Source, body: Body, t: int) -> _Seen | None:
     """What a recording shows of the body, and which cells of the body's own frame that fills, each so finely."""
     use = among(source.ids, body.instance_ids) & np.isfinite(source.depth) & (source.depth > 0)
+    use &= True if source.use is None else source.use
     if not use.any():
         return None
     points = geometry.unproject(np.where(use, source.depth, 0).astype(np.float64), source.K)[use]

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float32, Int32, UInt8
 
 from rpaug.core.types import CameraView
 from rpaug.render.denoise import smooth
+from rpaug.render.unmix import plain
 from rpaug.render.zbuffer import Source, lift
 
 PLATE_SAMPLES = (
@@ -28,15 +29,21 @@ class Plate:
 
 
 def source_at(
-    view: CameraView, t: int, noise: float = 0.0, distant: bool = False, carved: bool = False
+    view: CameraView,
+    t: int,
+    noise: float = 0.0,
+    distant: bool = False,
+    carved: bool = False,
+    mixed: bool = False,
 ) -> Source:
-    """One recorded image as surfels, its depth smoothed if noisy; a source without masks has instance id 0
-    everywhere.
+    """One recorded image as surfels, its depth smoothed if noisy; a source without masks has instance id 0 everywhere.
+
+    Colors that are `mixed` at outlines are cleaned, for other places than the camera's own.
     """
     assert view.depth is not None  # build() refuses sources without depth
     depth = view.depth(t)
     ids = view.ids(t) if view.ids is not None else np.zeros(depth.shape, np.int32)
-    return Source(
+    source = Source(
         K=view.camera.K,
         cam_to_world=view.camera.cam_to_world[t],
         rgb=view.rgb(t),
@@ -45,6 +52,7 @@ def source_at(
         distant=distant,
         carved=carved,
     )
+    return plain(source) if mixed else source
 
 
 def among(ids: Int32[np.ndarray, "h w"], instance_ids: frozenset[int]) -> Bool[np.ndarray, "h w"]:
@@ -65,7 +73,12 @@ def spread(length: int) -> list[int]:
 
 
 def plate(
-    view: CameraView, length: int, static: frozenset[int], noise: float, tolerance: float
+    view: CameraView,
+    length: int,
+    static: frozenset[int],
+    noise: float,
+    tolerance: float,
+    mixed: bool = False,
 ) -> Plate:
     """Per pixel, the median of its first few static recordings in spread order; stops when all have enough."""
     size = (view.camera.height, view.camera.width)
@@ -80,8 +93,9 @@ def plate(
             wanted &= among(now_ids, static) & ((count == 0) | (now_ids == ids))
         if not wanted.any():
             continue
-        now = source_at(view, t)
+        now = source_at(view, t, mixed=mixed)
         good = wanted & among(now.ids, static) & np.isfinite(now.depth) & (now.depth > 0)
+        good &= True if now.use is None else now.use
         agrees = (now.ids == ids) & (
             np.abs(now.depth - depths[0]) < max(SAME_DEPTH, 5 * noise) * depths[0]
         )

@@ -30,7 +30,7 @@ from rpaug.core.errors import SourceLacks, TargetError
 from rpaug.core.jit import kernel
 from rpaug.core.pixels import grown
 from rpaug.core.types import Camera, CameraView, Scene
-from rpaug.render import denoise, holes, window, zbuffer
+from rpaug.render import denoise, holes, unmix, window, zbuffer
 from rpaug.render.gains import matched
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 from rpaug.render.window import Window
@@ -98,12 +98,13 @@ def recorded(scene: Scene) -> Surfels:
                 f"{name}: moving a camera needs recorded depth, and this source has none"
             )
     noise = _noise(scene)
-    near = tolerance(noise)
+    near, mixed = tolerance(noise), scene.antialiased
     fixed = {name: view for name, view in views.items() if static and view.camera.fixed}
     moving = {name: view for name, view in views.items() if static and not view.camera.fixed}
-    plates = {name: plate(view, length, static, noise, near) for name, view in fixed.items()}
+    plates = {name: plate(view, length, static, noise, near, mixed) for name, view in fixed.items()}
     history = {
-        name: tuple(_history(view, length, static, noise, near)) for name, view in moving.items()
+        name: tuple(_history(view, length, static, noise, near, mixed))
+        for name, view in moving.items()
     }
     moved = parts.recorded(scene, noise, near, _rim(scene))
     ends = edges.straight([edges.farthest(view, length) for view in fixed.values()], static)
@@ -215,7 +216,7 @@ def _drawn(
     continued = np.zeros_like(drawn.hole)
     if not _stands(camera, scene.episode.views[name].camera, t):
         if scene.antialiased:
-            drawn = holes.unmixed(drawn, witness)
+            drawn = unmix.unmixed(drawn, witness)
         drawn, continued = _continued(drawn, known, surfels.tolerance, scene, name, t)
     filled = holes.fill(drawn, witness)
     # Patches, stretched surfels and what goes on beyond a border are invented as much as what single views are filled
@@ -367,7 +368,10 @@ def _recordings(
     now = {name: names(view) for name, view in views.items()}
     for name in views:
         if name != own:
-            yield from like(source_at(views[name], t, surfels.noise, carved=True))
+            now_there = source_at(
+                views[name], t, surfels.noise, carved=True, mixed=scene.antialiased
+            )
+            yield from like(now_there)
     for name, kept in surfels.plates.items():
         hidden = kept.known & ~among(now[name], surfels.static - edited)
         if hidden.any():
@@ -421,10 +425,10 @@ def _rim(scene: Scene) -> int:
 
 
 def _history(
-    view: CameraView, length: int, static: frozenset[int], noise: float, near: float
+    view: CameraView, length: int, static: frozenset[int], noise: float, near: float, mixed: bool
 ) -> Iterator[Source]:
     for t in sorted(spread(length)[:HISTORY_FRAMES]):
-        past = source_at(view, t, noise, carved=True)
-        use = among(past.ids, static)
+        past = source_at(view, t, noise, carved=True, mixed=mixed)
+        use = among(past.ids, static) & (True if past.use is None else past.use)
         if use.any():
             yield zbuffer.lift(replace(past, use=use), near)

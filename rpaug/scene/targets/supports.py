@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ CELL = 0.03  # metres: a surface seen in one square is there all over it
 ROW = 1 << 20  # squares of a row of the world
 AROUND = np.array([x * ROW + y for x in (-1, 0, 1) for y in (-1, 0, 1)])
 SOME = 100  # points of a thing that are dropped
+RAYS = 100_000  # lines of sight that may tell of a hole, at most
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ class Ground:
         self._evidence = evidence
         self.levels = levels([t for h, t in evidence.things.items() if h not in arm])
         self._landed: dict[tuple[int, int], Mapping[int, float]] = {}
+        self._holes: dict[float, np.ndarray] = {}
 
     def falls(self, instance_id: int, frame: int = 0) -> Mapping[int, float]:
         """What a thing lands on if it falls straight down in a frame: share of its outline by instance id."""
@@ -91,25 +94,50 @@ class Ground:
     def landing(self, points: Float64[np.ndarray, "n 3"], without: int = 0) -> dict[int, float]:
         """Share of the points that land on each thing; a surface a little above a point still counts as below.
 
-        A point within a level's outline lands there unless something lower was seen at that place: frames have a hole.
+        A point within a level's outline lands there unless somebody saw through the level at that place: frames have a
+        hole. What stands on a table hides it, and the floor that is seen below from beside tells of no hole.
         """
         left = np.ones(len(points), bool)
         cells = _cells(points[:, :2])
-        seen = [_among(cells, level.cells) for level in self.levels]
-        lower = np.cumsum(seen[::-1], 0)[::-1] - seen if seen else []
         out: dict[int, float] = {}
-        for level, here, others in zip(self.levels, seen, lower, strict=True):
+        for level in self.levels:
             if level.instance_id == without:
                 continue
+            here = _among(cells, level.cells)
             under = left & (points[:, 2] > level.height - THICK)
-            unsure = under & ~here & (others == 0)
+            unsure = under & ~here
             if unsure.any():
                 unsure[unsure] = level.within(points[unsure, :2])
+            if unsure.any():
+                unsure[unsure] = ~_among(cells[unsure], self._seen_through(level.height))
             under = (under & here) | unsure
             if under.any():
                 out[level.instance_id] = out.get(level.instance_id, 0.0) + float(under.mean())
             left &= ~under
         return out
+
+    def _seen_through(self, height: float) -> Int[np.ndarray, "c"]:
+        """The squares in which a line of sight from above a height ends below it."""
+        if height not in self._holes:
+            eyes, ends = self._sights
+            part = (height - eyes[:, 2]) / np.where(
+                ends[:, 2] == eyes[:, 2], np.nan, ends[:, 2] - eyes[:, 2]
+            )
+            through = (eyes[:, 2] > height) & (ends[:, 2] < height - THICK)
+            at = eyes[through, :2] + part[through, None] * (ends - eyes)[through, :2]
+            self._holes[height] = np.unique(_cells(at))
+        return self._holes[height]
+
+    @cached_property
+    def _sights(self) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3"]]:
+        """Where lines of sight begin and end, evenly chosen from all sampled frames."""
+        sampled = self._evidence.sampled
+        known = np.flatnonzero(sampled.depth > 0)
+        known = known[:: max(1, len(known) // RAYS)]
+        s, c, _, _ = np.unravel_index(known, sampled.depth.shape)
+        return sampled.cam_to_world[s, c, :3, 3], sampled.points.reshape(-1, 3)[known].astype(
+            np.float64
+        )
 
     def top(self, instance_id: int) -> LevelSurface:
         """The level surface of a thing of which most was seen: an outline may be that of a mere rim."""
@@ -176,4 +204,4 @@ def _stable(parts: Mapping[int, float]) -> Mapping[int, float]:
 def _among(cells: Int[np.ndarray, "n"], ordered: Int[np.ndarray, "c"]) -> Bool[np.ndarray, "n"]:
     """Which numbers are among the ascending ones."""
     at = np.minimum(np.searchsorted(ordered, cells), len(ordered) - 1)
-    return ordered[at] == cells
+    return ordered[at] == cells if len(ordered) else np.zeros(len(cells), bool)

@@ -274,12 +274,51 @@ def test_what_a_pit_shows_carries_less_than_the_plate_around_it() -> None:
         for h, points in surfaces.items()
     }
     gripper = poses[:, :3, 3] + [0, 0, 0.1]
-    sampled = SimpleNamespace(frames=np.arange(5))
+    seen = np.concatenate([surfaces[plate], surfaces[base]])  # by one camera above
+    sampled = SimpleNamespace(
+        frames=np.arange(5),
+        depth=np.ones((5, 1, 1, len(seen))),
+        points=np.tile(seen, (5, 1, 1, 1, 1)),
+        cam_to_world=np.tile(boxes.at(0, 0, 3), (5, 1, 1, 1)),
+    )
     ground = Ground(Evidence(things, sampled, gripper, np.ones((5, 3, 3))), ())  # type: ignore[arg-type]
     assert ground.top(base).height == pytest.approx(0)
     load = ground.carried({puck: 0.4}, roles.NEAR)
     fallen = load.weight[base] - load.passed[plate, base]
     assert load.weight[plate] > fallen > 0
+
+
+def test_a_floor_that_is_seen_below_a_table_from_beside_is_no_hole_in_it() -> None:
+    table, floor, box = 1, 2, 3
+    grid = np.mgrid[-0.5:0.5:50j, -0.5:0.5:50j].reshape(2, -1).T
+    hidden = np.abs(grid - [0.2, 0]).max(1) < 0.1  # the box stands there
+    still = Body(frozenset([0]), np.tile(np.eye(4), (2, 1, 1)), "static", 0.0)
+
+    def thing(instance_id: int, xy: np.ndarray, z: float) -> Thing:
+        points = np.column_stack([xy, np.full(len(xy), z)])
+        up = np.tile([0, 0, 1.0], (len(points), 1))
+        return Thing(instance_id, still, points, up, points.min(0), points.max(0))
+
+    def landing(eye: np.ndarray, ends: np.ndarray) -> dict[int, float]:
+        """What the box lands on if the ends were seen from a place."""
+        sampled = SimpleNamespace(
+            frames=np.arange(1),
+            depth=np.ones((1, 1, 1, len(ends))),
+            points=ends[None, None, None],
+            cam_to_world=boxes.at(*eye)[None, None],
+        )
+        things = {
+            table: thing(table, grid[~hidden], 0.0),
+            floor: thing(floor, grid, -0.7),
+            box: thing(box, grid[hidden], 0.2),
+        }
+        evidence = Evidence(things, sampled, None, np.ones((1, 3, 3)))  # type: ignore[arg-type]
+        return Ground(evidence, ()).landing(things[box].points, box)
+
+    below = np.column_stack([grid, np.full(len(grid), -0.7)])
+    assert landing(np.array([2, 0, -0.3]), below) == {table: 1.0}
+    through = landing(np.array([0.2, 0, 2]), below[hidden])
+    assert through[floor] > 0.3  # but for what is next to the table that was seen
 
 
 def test_a_handle_in_the_hand_from_the_first_frame_is_no_link() -> None:

@@ -1,11 +1,12 @@
 """Every shipped recipe on every foreign task: copies kept, rejected and refused with the reasons, and sheets for eyes.
 
-    python -m tools.bench.foreign.run --data data --out run [--held] [--recipe robust] [--each 2]
+    python -m tools.bench.foreign.run --data data --out run [--held] [--recipe robust] [--each 2] [--arms recorded]
 
 The first episode of each task, whole; a few of its frames are rendered and judged. With --each, a task gets one copy by
 `robust` and that many other recipes, in turn over tasks and recipes in the order of the SHA-256 of their names. OUT
 gets `<half>.json`, which keeps what was run, and `<half>/<task>/<recipe>-<copy>.png`: three cameras by the first,
-middle and last frame, four times as large.
+middle and last frame, four times as large. With --arms, rpaug is given the robots' files, which the neutral folders
+name.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -29,6 +31,7 @@ from rpaug.physics import materials
 from rpaug.pipeline import copies, prepare
 from rpaug.pipeline.recipe import Recipe
 from rpaug.scene.recorded.surfels import recorded
+from tools.bench.foreign import convert, neutral
 from tools.bench.foreign.edits import tell
 from tools.bench.harness import pages
 
@@ -71,10 +74,19 @@ def _digest(name: str) -> str:
     return hashlib.sha256(name.encode()).hexdigest()
 
 
-def one(episode: Episode, recipe: Path, copy: int, picture: Path) -> dict[str, Any]:
+def arms(recorded: Path, task: str, half: str) -> tuple[Path, ...]:
+    """The robot's file, as the first recorded episode of a task names it; none where it has none."""
+    folder = convert.finished(recorded / half / task)[0]
+    model = neutral.facts(folder)["model"]
+    return (folder / model,) if model else ()
+
+
+def one(
+    episode: Episode, recipe: Path, copy: int, picture: Path, files: tuple[Path, ...] = ()
+) -> dict[str, Any]:
     """What became of one copy: `kept`, `rejected` or `refused` with the reason, and the edits that were left out."""
     try:
-        asked = Recipe.from_yaml(recipe)
+        asked = replace(Recipe.from_yaml(recipe), arms=files)
         scene, plan = prepare.prepare_scene(episode, asked, 0)
         prepare.ground(scene, asked)
         prepared = copies.PreparedEpisode(scene, plan, asked, cache(partial(recorded, scene)))
@@ -173,6 +185,9 @@ def main() -> None:
     parser.add_argument("--task", action="append", help="only these, as <world>.<task>")
     parser.add_argument("--recipe", action="append", help="only these")
     parser.add_argument("--each", type=int, help="other recipes than robust a task, in turn")
+    parser.add_argument(
+        "--arms", type=Path, metavar="RECORDED", help="give rpaug the robots' files"
+    )
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--record", action="store_true", help="write docs/benchmarks' results")
     given = parser.parse_args()
@@ -192,11 +207,13 @@ def main() -> None:
                 continue
             episode = episode or registry.read(root, None)
             picture = given.out / half / root.name / f"{name.replace('/', '-')}-{copy}.png"
-            kept[place] = one(episode, paths[name], copy, picture)
+            files = arms(given.arms, root.name, half) if given.arms else ()
+            kept[place] = one(episode, paths[name], copy, picture, files)
             write_atomic(file, json.dumps(kept, indent=1).encode())
             print(place, kept[place], flush=True)
     tasks = {place.split("|")[0] for place in kept}
     each = "" if given.each is None else f" --each {given.each}"
+    each += " --arms RECORDED" * bool(given.arms)
     origin = {
         "seeds": f"{len(tasks)} tasks, one episode each",
         "command": f"python -m tools.bench.foreign.run --data DATA{' --held' * given.held}{each}",
