@@ -40,7 +40,7 @@ AGREE = (
 )
 MOST_LAMPS = 3
 FEW = 12  # cells
-LOOKS = 4  # frames at which the shadows of what moves are looked for
+LOOKS = 8  # frames at which the shadows of what moves are looked for
 CORNERS = 96  # directions in which a thing's outline is kept
 BESIDE = 3  # cells around an outline that it is compared with
 SOFT = 0.7  # cells: standard deviation of a shadow's edge

@@ -56,7 +56,8 @@ def believe(
     table = _table(evidence, ground, arm, manipulated.instance_ids)
     if not manipulated.instance_ids:
         manipulated = _pressed(evidence, hand, arm.keys() | table.instance_ids)
-    robot = _robot(evidence, ground, arm, manipulated.instance_ids, table.instance_ids)
+    believed = table.instance_ids if table.confidence >= BOUND else frozenset[int]()
+    robot = _robot(evidence, ground, arm, manipulated.instance_ids, believed)
     taken = robot.instance_ids | manipulated.instance_ids
     around = _around(evidence, ground, table.instance_ids, manipulated.instance_ids, taken)
     rims = frozenset(h for h in around if _on_edge(evidence, ground, h, table.instance_ids))

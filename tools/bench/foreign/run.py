@@ -213,17 +213,19 @@ def main() -> None:
             print(place, kept[place], flush=True)
     tasks = {place.split("|")[0] for place in kept}
     each = "" if given.each is None else f" --each {given.each}"
+    each += "".join(f" --recipe {name}" for name in given.recipe or ())
     each += " --arms RECORDED" * bool(given.arms)
     origin = {
         "seeds": f"{len(tasks)} tasks, one episode each",
         "command": f"python -m tools.bench.foreign.run --data DATA{' --held' * given.held}{each}",
     }
+    by_file = bool(given.arms)
     tell(
-        "foreign_recipes", rows(kept, half), given.record, id=f"recipes-{half}", columns=COLUMNS,
-        title=f"Shipped recipes, {half}", **origin,
+        "foreign_recipes", rows(kept, half), given.record, id=f"recipes-{half}{'-arms' * by_file}",
+        columns=COLUMNS, title=f"Shipped recipes, {half}{', arm by its file' * by_file}", **origin,
     )  # fmt: skip
     tell(
-        "foreign_recipes", reasons(kept, half), given.record, id=f"reasons-{half}",
+        "foreign_recipes", reasons(kept, half), given.record and not by_file, id=f"reasons-{half}",
         columns=("what", "copies", "reason"), title=f"What was not made, {half}", **origin,
     )  # fmt: skip
 
