@@ -137,7 +137,7 @@ def _hand(evidence: Evidence, arm: Collection[int]) -> frozenset[int]:
 
 
 def _moved(evidence: Evidence, arm: Collection[int], hand: Collection[int]) -> Belief:
-    """What moves, is no part of the arm, and was touched by the hand or by what that moved."""
+    """What moves, is no part of the arm, and was touched by the hand or by what that moved; farthest first."""
     movers = {h for h, thing in evidence.things.items() if not thing.static} - set(arm)
     if not hand:
         return Belief(frozenset(movers), 0.6 if movers else 0.0, ("it moves; no gripper is seen",))
@@ -149,18 +149,16 @@ def _moved(evidence: Evidence, arm: Collection[int], hand: Collection[int]) -> B
     found = frozenset(acted.keys() - hand)
     if not found:
         return NOTHING
-    main = max(found, key=lambda h: evidence.steps(h).sum())
-    moves = evidence.steps(main) > REST
-    near = evidence.pushed(main, {h: steps for h, steps in acted.items() if h != main})
-    return Belief(
-        found,
-        float(near.sum() / moves.sum()),
-        (
-            f"instance {main} moves in {moves.sum()} steps from one sampled frame to the next, in {near.sum()} of "
-            "them beside the hand or what that moves; it rests during "
-            f"{100 * evidence.rest(main):.0f} % of the gripper's way",
-        ),
-    )
+    shares, reasons = [], []
+    for h in sorted(found, key=lambda h: -evidence.steps(h).sum()):
+        moves = int((evidence.steps(h) > REST).sum())
+        near = int(evidence.pushed(h, {o: s for o, s in acted.items() if o != h}).sum())
+        shares.append(near / moves)
+        reasons.append(
+            f"instance {h} moves in {moves} steps from one sampled frame to the next, in {near} of them beside the "
+            f"hand or what that moves; it rests during {100 * evidence.rest(h):.0f} % of the gripper's way"
+        )
+    return Belief(found, min(shares), tuple(reasons))  # as sure as the least sure thing in it
 
 
 def _pressed(evidence: Evidence, hand: Collection[int], not_these: Collection[int]) -> Belief:

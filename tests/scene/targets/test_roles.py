@@ -151,6 +151,32 @@ def test_what_falls_beside_what_falls_was_not_pushed() -> None:
     assert evidence.pushed(1, {2: np.array([True, False])}).tolist() == [True, False]
 
 
+def test_what_is_manipulated_is_as_sure_as_the_least_sure_thing_in_it() -> None:
+    hand, held, pushed = 1, 2, 3
+    steps = 9
+    poses = np.tile(np.eye(4), (steps, 1, 1))
+    poses[:, 0, 3] = 0.02 * np.arange(steps)
+    gaps = np.full((steps, 3, 3), 0.1)
+    gaps[:, :2, :2] = 0.0
+    gaps[:4, 2, :] = gaps[:4, :, 2] = (
+        0.0  # the hand is beside it in half of its way, then it rolls on
+    )
+    low, high = np.zeros(3), np.full(3, 0.1)
+    things = {
+        h: Thing(h, Body(frozenset([h]), poses, "aligned", 0.0), low[None], low[None], low, high)
+        for h in (hand, held, pushed)
+    }
+    sampled = SimpleNamespace(frames=np.arange(steps))
+    evidence = Evidence(things, sampled, None, gaps)  # type: ignore[arg-type]
+    found = roles._moved(evidence, [hand], [hand])
+    assert found.instance_ids == {held, pushed}
+    assert found.confidence == pytest.approx(4 / 8)
+    assert len(found.reasons) == 2
+    assert any(
+        f"instance {pushed} moves in 8 steps" in why and "in 4 of" in why for why in found.reasons
+    )
+
+
 def test_what_stands_on_the_table_is_not_the_table() -> None:
     world = boxes.pick_and_place()
     tray = Box((0.3, 0.3, 0.03), boxes.at(0.1, -0.14, 0.015))
