@@ -13,6 +13,7 @@ __all__ = [
     "keyframes",
     "memo",
     "metrics",
+    "owner",
     "phrases",
     "pixels",
     "registry",

@@ -7,6 +7,7 @@ anything is allocated for it, `decode_*` and `encode_*` for its pixels. What can
 
 import os
 import shutil
+import stat
 import struct
 import tempfile
 import zlib
@@ -54,8 +55,11 @@ MAX_SIDE = 16384  # pixels: a larger header is taken for damage, before anything
 
 
 def read_bytes(path: Path) -> bytes:
-    """The whole file. Raises BadInput if it cannot be read."""
+    """The whole file. Raises BadInput if it cannot be read, or is none (a pipe would never end)."""
     try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            found = "a folder" if path.is_dir() else "a pipe, a socket or a device"
+            raise BadInput(path, "file", found=found, expected="a regular file")
         return path.read_bytes()
     except FileNotFoundError:
         raise BadInput(path, "file", found="nothing", expected="a file") from None
@@ -284,13 +288,16 @@ def atomic_folder(target: Path) -> Iterator[Path]:
         raise
 
 
-def write_atomic(target: Path, data: bytes) -> None:
-    """Write a file so that it is either the old one or the whole new one."""
+def write_atomic(target: Path, data: bytes, durable: bool = False) -> None:
+    """Write a file so that it is either the old one or the whole new one; a `durable` one after a power cut as well."""
     target.parent.mkdir(parents=True, exist_ok=True)
     descriptor, work = tempfile.mkstemp(prefix=f".{target.name}-", suffix=PART, dir=target.parent)
     try:
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(data)
+            if durable:
+                stream.flush()
+                os.fsync(stream.fileno())
         os.chmod(work, 0o644)
         os.replace(work, target)
     except BaseException:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from rpaug.core import splits
 from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED, apart, write_atomic
+from rpaug.core.owner import owned
 from rpaug.pipeline import output_folder, prepare, report
 from rpaug.pipeline import workers as local
 from rpaug.pipeline.job import Job
@@ -53,11 +54,17 @@ def execute(
     """Augment a dataset. Raises BadInput for what is wrong before the first episode.
 
     A bad episode among good ones is skipped and named in the summary. Every finished episode appears by one rename,
-    so a killed run leaves only whole ones and can be resumed. If nothing could be made, nothing is left behind.
+    so a killed run leaves only whole ones and can be resumed. If nothing could be made, nothing is left behind. While
+    it runs the target is its own: another run is refused.
     """
+    with owned(run.target):
+        return _executed(run, workers, resume, progress)
+
+
+def _executed(run: Run, workers: int, resume: bool, progress: Progress) -> Summary:
     check(run, resume)
     made_folders = output_folder.missing(run.target)
-    write_atomic(run.target / report.SUMMARY, report.encode(run.marker))
+    write_atomic(run.target / report.SUMMARY, report.encode(run.marker), durable=True)
     output_folder.sweep(run.target)
     done = [
         (key, one["source"], one["copy"])
@@ -75,6 +82,7 @@ def execute(
         elif outcome.error and outcome.job.copies:  # who borrows from it says so too
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
+    output_folder.sweep(run.target)  # what workers that died left
     written_to = [folder for folder in ("", REJECTED) if output_folder.keys(run, folder)]
     if written_to:
         for folder in written_to:
@@ -82,7 +90,8 @@ def execute(
             run.adapter.finish(run.source, run.target / folder)
         output_folder.total(summary, run)
         output_folder.write_card(run)
-        write_atomic(run.target / report.SUMMARY, report.encode(vars(summary) | run.marker))
+        described = report.encode(vars(summary) | run.marker)
+        write_atomic(run.target / report.SUMMARY, described, durable=True)
     elif made_folders:
         shutil.rmtree(made_folders[-1], ignore_errors=True)
     return summary

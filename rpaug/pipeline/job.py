@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from rpaug.core import registry
+from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
 from rpaug.core.types import Episode
 from rpaug.pipeline import report
@@ -56,6 +57,13 @@ def augment(job: Job) -> Iterator[dict[str, Any]]:
         place = CopyPlace(job.key, copy, job.target, key)
         place = write_copy(adapter, prepared, place, shared)
         yield json.loads((place.root / key / report.NAME).read_bytes())
+
+
+def left(job: Job) -> Job:
+    """The job without the copies that are there already, rejected ones among them."""
+    places = [job.target / folder for folder in ("", REJECTED)]
+    copies = [one for one in job.copies if not any((at / one[1]).exists() for at in places)]
+    return replace(job, copies=tuple(copies))
 
 
 def _donor(adapter: Adapter, job: Job) -> Callable[[], Episode] | None:

@@ -2,16 +2,18 @@
 
 import errno
 import os
+import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from functools import cache
+from multiprocessing import get_context, parent_process
 from typing import Any
 
 from rpaug.core.errors import Missing, RpaugError
-from rpaug.pipeline.job import Job, augment
+from rpaug.pipeline.job import Job, augment, left
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -39,26 +41,74 @@ class Outcome:
 
 
 def run(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
-    """Outcomes as they come; after a fatal one no job is started. Output does not depend on `workers`."""
+    """Outcomes as they come; after a fatal one no job is started. Output does not depend on `workers`.
+
+    What was under way when a worker died is tried once more, job by job; one whose worker dies again is left out.
+    Workers end with this process, however that ends.
+    """
     if workers <= 1:
         for job in jobs:
             yield (outcome := attempt(job))
             if outcome.fatal:
                 return
         return
-    # spawn: a forked child would inherit the parent's thread pools in whatever state they are
-    with _one_thread_each(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = list(reversed(jobs))
-        running: dict[Future[Outcome], Job] = {}
-        while waiting or running:
-            while waiting and len(running) < 2 * workers:
-                job = waiting.pop()
-                running[pool.submit(attempt, job)] = job
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                outcome = _result(future, running.pop(future))
-                if outcome.fatal:
-                    waiting.clear()
+    todo, fatal = list(jobs), False
+    with _one_thread_each():
+        while todo and not fatal:
+            lost: list[Job] = []
+            for outcome in _pooled(todo, workers, lost):
+                fatal |= outcome.fatal
                 yield outcome
+            for job in () if fatal else lost:
+                again: list[Job] = []
+                rest = left(job)
+                if rest.copies or not job.copies:
+                    yield from _pooled([rest], 1, again)
+                if again:
+                    yield Outcome(job, [], f"{job.key}: {DIED}")
+
+
+def _pooled(todo: list[Job], workers: int, lost: list[Job]) -> Iterator[Outcome]:
+    """Outcomes of a pool of fresh processes, until one dies: `lost` gets what was under way, `todo` keeps the rest."""
+    running: dict[Future[Outcome], Job] = {}
+    # spawn: a forked child would inherit the parent's thread pools in whatever state they are
+    context = get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        while (todo and not lost) or running:
+            while todo and not lost and len(running) < 2 * workers:
+                job = todo.pop(0)
+                try:
+                    running[pool.submit(_watched, job)] = job
+                except BrokenProcessPool:
+                    lost.append(job)
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                job = running.pop(future)
+                try:
+                    outcome = future.result()
+                except BrokenProcessPool:
+                    lost.append(job)
+                    continue
+                if outcome.fatal:
+                    todo.clear()
+                yield outcome
+
+
+def _watched(job: Job) -> Outcome:
+    """One job in a worker that ends as soon as the process that began it does, be it killed."""
+    _watch()
+    return attempt(job)
+
+
+@cache
+def _watch() -> None:
+    parent = parent_process()
+    assert parent is not None
+
+    def end() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=end, daemon=True).start()
 
 
 def attempt(job: Job) -> Outcome:
@@ -87,13 +137,6 @@ def attempt(job: Job) -> Outcome:
             f"{job.key}: a fault in rpaug ({name}: {error}); RPAUG_DEBUG=1 shows where",
         )
     return Outcome(job, reports)
-
-
-def _result(future: Future[Outcome], job: Job) -> Outcome:
-    try:
-        return future.result()
-    except BrokenProcessPool:
-        return Outcome(job, [], DIED, fatal=True)
 
 
 @contextmanager

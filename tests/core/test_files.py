@@ -1,5 +1,6 @@
 """Files that are whole or absent, and images checked before decoding."""
 
+import os
 import struct
 import zlib
 from pathlib import Path
@@ -10,7 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpaug import BadInput
-from rpaug.core.files import atomic_folder, check_png, decode_png, encode_png, write_atomic
+from rpaug.core.files import (
+    atomic_folder,
+    check_png,
+    decode_png,
+    encode_png,
+    read_bytes,
+    write_atomic,
+)
 
 IMAGE = np.arange(5 * 7 * 3, dtype=np.uint8).reshape(5, 7, 3)
 
@@ -91,3 +99,19 @@ def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
     write_atomic(tmp_path / "x", b"2")
     assert (tmp_path / "x").read_bytes() == b"2"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_pipe_or_a_folder_in_place_of_a_file_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "3.png")
+    with pytest.raises(BadInput, match=r"3\.png.*a pipe, a socket or a device.*a regular file"):
+        read_bytes(tmp_path / "3.png")
+    with pytest.raises(BadInput, match="a folder"):
+        read_bytes(tmp_path)
+
+
+@pytest.mark.parametrize("durable", [False, True])
+def test_what_is_written_is_whole(tmp_path: Path, durable: bool) -> None:
+    for data in (b"one", b"other"):
+        write_atomic(tmp_path / "report.json", data, durable)
+        assert (tmp_path / "report.json").read_bytes() == data
+    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]

@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,9 +18,10 @@ from rpaug_adapters.rlbench import RLBench
 from rpaug_adapters.rlbench.pickles import load
 from runs import GROUP, augment, contents
 
+from rpaug.core import owner
 from rpaug.core.errors import BadInput
 from rpaug.core.files import decode_png
-from rpaug.pipeline import recipe, report, write
+from rpaug.pipeline import recipe, report, workers, write
 from rpaug.pipeline.augment import Run, execute
 
 RECIPE = {
@@ -243,6 +246,107 @@ def test_a_killed_run_is_resumed_to_the_same_bytes(template: Path, tmp_path: Pat
     other.write_text(json.dumps(RECIPE | {"seed": 4}))
     with pytest.raises(BadInput, match="another recipe"):
         augment(many, recipe.load(other), out, resume=True)
+
+
+def long_run(template: Path, tmp_path: Path) -> tuple[list[str], Path, Path]:
+    """A command that augments six episodes on two workers, its input and its output."""
+    many, out = tmp_path / "many", tmp_path / "out"
+    for number in range(6):
+        shutil.copytree(
+            template / GROUP / f"episode{number % 2}", many / GROUP / f"episode{number}"
+        )
+    (tmp_path / "r.yaml").write_text(json.dumps(RECIPE))
+    command = [sys.executable, "-m", "rpaug.cli", "augment", str(many), "--workers", "2"]
+    return [*command, "--recipe", str(tmp_path / "r.yaml"), "--out", str(out)], many, out
+
+
+def workers_of(pid: int) -> list[int]:
+    """The processes of a run's pool."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [
+        int(one) for one in children if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()
+    ]
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks for processes in /proc")
+@pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGKILL])
+def test_workers_end_with_a_killed_run_and_nothing_more_is_written(
+    template: Path, tmp_path: Path, sent: signal.Signals
+) -> None:
+    command, many, out = long_run(template, tmp_path)
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while run.poll() is None and not (out / GROUP / "episode1").exists():
+        time.sleep(0.01)
+    workers = workers_of(run.pid)
+    run.send_signal(sent)
+    run.wait()
+    assert len(workers) == 2
+    ends = time.monotonic() + 5
+    while time.monotonic() < ends and any(map(alive, workers)):
+        time.sleep(0.05)
+    assert not any(map(alive, workers))
+    there = RLBench().episodes(out)
+    assert len(there) < 12
+    augment(many, recipe.load(tmp_path / "r.yaml"), out, resume=True)
+    assert not list(out.rglob("*.part"))
+    assert not (tmp_path / ".out.lock").exists()
+    fresh = tmp_path / "fresh"
+    augment(many, recipe.load(tmp_path / "r.yaml"), fresh)
+    assert contents(out) == contents(fresh)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks for processes in /proc")
+def test_a_killed_worker_costs_nothing_that_can_be_done_again(
+    template: Path, tmp_path: Path
+) -> None:
+    command, many, out = long_run(template, tmp_path)
+    run = subprocess.Popen([*command, "--json"], stdout=subprocess.PIPE, text=True)
+    while run.poll() is None and not (out / GROUP / "episode0").exists():
+        time.sleep(0.01)
+    os.kill(workers_of(run.pid)[0], signal.SIGKILL)
+    printed, _ = run.communicate()
+    assert run.returncode == 0
+    assert not json.loads(printed)["failures"]
+    fresh = tmp_path / "fresh"
+    augment(many, recipe.load(tmp_path / "r.yaml"), fresh)
+    names = ("rpaug.contact.html",)
+    assert {k: v for k, v in contents(out).items() if k not in names} == contents(fresh)
+
+
+def test_a_job_whose_worker_dies_again_is_left_out_by_name(monkeypatch: Any) -> None:
+    jobs = [SimpleNamespace(key=f"e{n}", copies=((1, f"c{n}"),)) for n in range(5)]
+
+    def pooled(todo: list[Any], count: int, lost: list[Any]) -> Iterator[workers.Outcome]:
+        while todo and not lost:
+            job = todo.pop(0)
+            if job.key == "e1" or (job.key == "e2" and count > 1):
+                lost.append(job)
+            else:
+                yield workers.Outcome(job, [])
+
+    monkeypatch.setattr(workers, "_pooled", pooled)
+    monkeypatch.setattr(workers, "left", lambda job: job)
+    found = {one.job.key: one.error for one in workers.run(jobs, 2)}  # type: ignore[arg-type]
+    assert found.keys() == {f"e{n}" for n in range(5)}
+    assert {key for key, error in found.items() if error} == {"e1"}
+    assert "e1: a worker died" in str(found["e1"])
+
+
+def test_one_run_at_a_time_writes_to_a_folder(template: Path, tmp_path: Path) -> None:
+    with (
+        owner.owned(tmp_path / "out"),
+        pytest.raises(BadInput, match=rf"process {os.getpid()} of .* expected one run at a time"),
+    ):
+        augment(template, made(), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    augment(template, made(), tmp_path / "out")
 
 
 def test_resuming_touches_nothing_that_is_not_its_own(template: Path, tmp_path: Path) -> None:

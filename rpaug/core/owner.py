@@ -1,0 +1,71 @@
+"""One owner for what is being written: a lock beside it that ends with its process, however that ends."""
+
+import errno
+import fcntl
+import json
+import os
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rpaug.core.errors import BadInput
+
+
+@contextmanager
+def owned(target: Path) -> Iterator[None]:
+    """Hold `target`, which need not exist. Raises BadInput that names who holds it already.
+
+    The system drops the lock (flock) with the process, so what a killed run left is no lock. Where a file system knows
+    no locks nothing is held.
+    """
+    path = target.parent / f".{target.name}.lock"
+    missing = [folder for folder in path.parents if not folder.exists()]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor = _held(path, target)
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(descriptor)
+        for folder in missing:  # innermost first
+            try:
+                folder.rmdir()
+            except OSError:
+                break
+
+
+def _held(path: Path, target: Path) -> int:
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
+                return descriptor
+            who = _who(descriptor)
+            os.close(descriptor)
+            raise BadInput(
+                target, "--out", found=f"{who} writing there", expected="one run at a time"
+            ) from None
+        try:
+            same = os.path.samestat(os.fstat(descriptor), path.stat())
+        except FileNotFoundError:
+            same = False
+        if same:  # else its owner has just gone, and the file with it
+            facts = {"host": socket.gethostname(), "pid": os.getpid(), "since": time.time()}
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, json.dumps(facts).encode(), 0)
+            return descriptor
+        os.close(descriptor)
+
+
+def _who(descriptor: int) -> str:
+    """Who holds a lock, in words."""
+    try:
+        facts = json.loads(os.pread(descriptor, 4096, 0))
+        minutes = (time.time() - facts["since"]) / 60
+        return f"process {facts['pid']} of {facts['host']}, for {minutes:.0f} minutes,"
+    except (OSError, ValueError, TypeError, KeyError):
+        return "another process"

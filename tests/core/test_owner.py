@@ -1,0 +1,43 @@
+"""One owner for what is being written."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rpaug.core.errors import BadInput
+from rpaug.core.owner import owned
+
+HOLDS = """
+import sys, time
+from pathlib import Path
+from rpaug.core.owner import owned
+with owned(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_a_second_owner_is_refused_and_a_killed_one_leaves_no_lock(tmp_path: Path) -> None:
+    target = tmp_path / "deep" / "out"
+    command = [sys.executable, "-c", HOLDS, str(target)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout
+        assert other.stdout.readline() == "held\n"
+        with pytest.raises(BadInput, match=f"process {other.pid} of"), owned(target):
+            pass
+        other.kill()
+        other.wait()
+    with owned(target):
+        assert (tmp_path / "deep" / ".out.lock").exists()
+    assert not (tmp_path / "deep" / ".out.lock").exists()
+
+
+def test_folders_that_were_made_for_the_lock_alone_are_gone(tmp_path: Path) -> None:
+    with owned(tmp_path / "a" / "b" / "out"):
+        pass
+    assert not list(tmp_path.iterdir())
+    with owned(tmp_path / "a" / "b" / "out"):
+        (tmp_path / "a" / "kept").write_text("")
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["kept"]
