@@ -14,6 +14,8 @@ from rpaug import BadInput, Camera, CameraView, Episode, Robot, files, geometry
 
 KINDS = ("rgb", "depth", "mask")
 DEPTH_STEPS = 2**24 - 1
+MOST_TEXTS = 1000  # wordings of one instruction; RLBench has some ten
+MOST_NUMBERS = 4096  # of one field of an observation that is no array
 KEPT_FRAMES = 4  # of each camera and kind of image
 LOW_DIM = "low_dim_obs.pkl"
 DESCRIPTIONS = "variation_descriptions.pkl"
@@ -36,6 +38,9 @@ def read_episode(folder: Path, key: str) -> Episode:
     """The episode in a folder, images lazy. Raises BadInput."""
     demo = load(folder / LOW_DIM)
     observations = _observations(folder / LOW_DIM, demo)
+    for path in sorted(folder.glob("*.pkl")):
+        if path.name != LOW_DIM:
+            load(path)  # passed on as it is, so that what is in it would run in other readers
     views = {name: _view(folder, name, observations) for name in _cameras(folder)}
     descriptions = _descriptions(folder)
     return Episode(
@@ -71,6 +76,9 @@ def _observations(path: Path, demo: Any) -> list[Observation]:
     if not isinstance(demo, Demo) or not isinstance(observations, list) or not observations:
         found = "none" if isinstance(demo, Demo) else f"no demo but a {type(demo).__name__}"
         raise BadInput(path, "_observations", found=found, expected="a Demo with observations")
+    if len(set(map(id, observations))) < len(observations):
+        found = f"{len(observations)}, some of them one and the same"
+        raise BadInput(path, "_observations", found=found, expected="one for each frame")
     for t, observation in enumerate(observations):
         if not isinstance(observation, Observation) or not isinstance(
             getattr(observation, "misc", None), dict
@@ -101,6 +109,9 @@ def _descriptions(folder: Path) -> tuple[str, ...]:
                 raise BadInput(
                     path, "descriptions", found=type(texts).__name__, expected="a list of strings"
                 )
+            if len(texts) > MOST_TEXTS:
+                expected = f"at most {MOST_TEXTS}"
+                raise BadInput(path, "descriptions", found=f"{len(texts)}", expected=expected)
             return tuple(texts)
     return ()
 
@@ -114,7 +125,7 @@ def _number(
             path, f"observation {t}, {field}", found="nothing", expected=f"numbers of shape {shape}"
         )
     try:
-        array = np.asarray(value, np.float64)
+        array = np.asarray(_plain(value), np.float64)
     except (TypeError, ValueError):
         raise BadInput(
             path,
@@ -136,6 +147,19 @@ def _number(
             path, f"observation {t}, {field}", found="NaN or infinity", expected="finite numbers"
         )
     return array
+
+
+def _plain(value: Any) -> Any:
+    """A value that becomes an array of no more numbers than it holds. Raises ValueError.
+
+    A list may hold another many times over, and that one a third: few bytes of a pickle, and an array without end.
+    """
+    rows = value if isinstance(value, list | tuple) else ()
+    inner = [row for row in rows if isinstance(row, list | tuple)]
+    deep = any(isinstance(one, list | tuple) for row in inner for one in row[:MOST_NUMBERS])
+    if deep or len(rows) + sum(map(len, inner)) > MOST_NUMBERS:
+        raise ValueError("lists in lists of lists, or too many numbers")
+    return value
 
 
 def _track(

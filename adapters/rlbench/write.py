@@ -4,7 +4,7 @@ import copy
 import os
 import re
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from rpaug_adapters.rlbench.read import (
 )
 from rpaug_adapters.shared.folders import write_files
 
-from rpaug import Episode, Unsupported, files, geometry
+from rpaug import BadInput, Episode, Unsupported, files, geometry
 
 NUMBER = "variation_number.pkl"
 # Metres: depth range of cameras that were not recorded by CoppeliaSim, where they saw nothing farther.
@@ -61,15 +61,31 @@ def write_episode(
 
 
 def _copy_unknown(recorded: RLBenchSource, episode: Episode, work: Path) -> None:
-    """Everything but the images we write ourselves; a report of an earlier augmentation stays behind."""
+    """Everything but the images we write ourselves; a report of an earlier augmentation stays behind.
+
+    Raises BadInput for a link that leads out of the episode: what lies there is nobody's to pass on.
+    """
     ours = {f"{name}_{kind}" for name in episode.views for kind in KINDS}
-    for entry in os.scandir(recorded.folder):
-        if entry.name in ours or entry.name.startswith("rpaug"):
+    home = recorded.folder.resolve()
+    for path in _entries(recorded.folder):
+        place = path.relative_to(recorded.folder)
+        if place.parts[0] in ours or place.parts[0].startswith("rpaug"):
             continue
-        if entry.is_dir():
-            shutil.copytree(entry.path, work / entry.name)
+        if path.is_symlink() and (path.is_dir() or not path.resolve().is_relative_to(home)):
+            found = f"a link to {path.resolve()}"
+            raise BadInput(path, "link", found=found, expected="a file of the episode")
+        if path.is_dir():
+            (work / place).mkdir()
         else:
-            shutil.copyfile(entry.path, work / entry.name)
+            shutil.copyfile(path, work / place)
+
+
+def _entries(folder: Path) -> Iterator[Path]:
+    """All within a folder, each folder before what is in it; linked ones are not looked into."""
+    for entry in sorted(os.scandir(folder), key=lambda one: one.name):
+        yield Path(entry.path)
+        if entry.is_dir(follow_symlinks=False):
+            yield from _entries(Path(entry.path))
 
 
 def _edited_demo(recorded: RLBenchSource, episode: Episode) -> Demo:

@@ -1,5 +1,7 @@
 """RLBench episodes: layouts, conventions, refusals; unknown things survive."""
 
+import os
+import pickle
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -203,6 +205,67 @@ def test_unknown_files_and_fields_survive(dataset: Path, tmp_path: Path) -> None
     assert demo.num_reset_attempts == 3
     assert np.array_equal(demo._observations[2].surprise, np.arange(3))
     assert (tmp_path / "out" / KEY / "extra.txt").read_text() == "kept"
+
+
+class Evil:
+    """Code to whoever opens its pickle trustingly."""
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return os.system, ("true",)
+
+
+def test_every_pickle_that_is_passed_on_goes_through_the_whitelist(dataset: Path) -> None:
+    for name in ("variation_number.pkl", "notes.pkl"):
+        (dataset / KEY / name).write_bytes(pickle.dumps(Evil()))
+        assert f"{name}: pickle: found the foreign global posix.system" in refusal(dataset)
+        (dataset / KEY / name).unlink()
+
+
+def test_links_that_leave_the_episode_are_not_followed(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "secret.txt").write_text("secret")
+    for target in (tmp_path / "secret.txt", dataset / KEY / "front_rgb", tmp_path):
+        link = dataset / KEY / "notes.txt"
+        link.symlink_to(target)
+        with pytest.raises(
+            BadInput, match=r"notes\.txt: link: found a link to .* a file of the ep"
+        ):
+            RLBench().write(RLBench().read(dataset, KEY), tmp_path / "out", KEY, dict)
+        link.unlink()
+        assert not (tmp_path / "out" / KEY).exists()
+    link.symlink_to(dataset / KEY / "variation_number.pkl")
+    RLBench().write(RLBench().read(dataset, KEY), tmp_path / "out", KEY, dict)
+    assert not (tmp_path / "out" / KEY / "notes.txt").is_symlink()
+
+
+def test_folders_within_an_episode_are_passed_on(dataset: Path, tmp_path: Path) -> None:
+    (dataset / KEY / "logs/deep").mkdir(parents=True)
+    (dataset / KEY / "logs/deep/a.txt").write_text("kept")
+    RLBench().write(RLBench().read(dataset, KEY), tmp_path / "out", KEY, dict)
+    assert (tmp_path / "out" / KEY / "logs/deep/a.txt").read_text() == "kept"
+
+
+def test_lists_in_lists_are_refused_before_they_grow(dataset: Path) -> None:
+    def spoil(demo) -> None:  # type: ignore[no-untyped-def]
+        value: list[object] = [0.0]
+        for _ in range(30):
+            value = [value, value]
+        demo._observations[0].joint_positions = value
+
+    edit_demo(dataset, spoil)
+    assert (dataset / KEY / "low_dim_obs.pkl").stat().st_size < 2**20
+    assert "observation 0, joint_positions: found list" in refusal(dataset)
+
+
+def test_one_observation_or_wording_many_times_over_is_refused_at_once(dataset: Path) -> None:
+    (dataset / KEY / "variation_descriptions.pkl").write_bytes(dump(["push it"] * 2_000_000))
+    assert "descriptions: found 2000000; expected at most 1000" in refusal(dataset)
+    (dataset / KEY / "variation_descriptions.pkl").write_bytes(dump(["push it"]))
+
+    def spoil(demo) -> None:  # type: ignore[no-untyped-def]
+        demo._observations = [demo._observations[0]] * 500_000
+
+    edit_demo(dataset, spoil)
+    assert "found 500000, some of them one and the same" in refusal(dataset)
 
 
 def test_single_channel_masks_are_handles_as_they_are(dataset: Path, tmp_path: Path) -> None:
