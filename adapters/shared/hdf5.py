@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -36,27 +36,45 @@ class _Prover:
     lock: Any = field(default_factory=Lock)
 
     def ask(self, path: Path, within: tuple[str, ...] | None, seconds: float) -> str:
-        """Its answer about a file, or some groups of it: how it ended if it did, or `too long`."""
+        """Its answer about a file, or some groups of it: how it ended if it did, or `too long`.
+
+        A file crashes it if a fresh process crashes as well: what an earlier file broke is not this one's fault.
+        """
+        asked = [str(path.absolute()), *([] if within is None else ["", *within])]
+        line = b"\t".join(part.encode("unicode_escape") for part in asked) + b"\n"
         with self.lock:
-            if self.child is None or self.owner != os.getpid() or self.child.poll() is not None:
-                command = [sys.executable, "-I", str(CHILD)]
-                pipe = subprocess.PIPE
-                self.child = subprocess.Popen(
-                    command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL
-                )
-                self.owner = os.getpid()
-            asked = [str(path.absolute()), *([] if within is None else ["", *within])]
-            line = b"\t".join(part.encode("unicode_escape") for part in asked)
-            try:
-                self.child.stdin.write(line + b"\n")
-                self.child.stdin.flush()
-            except OSError:
-                return "crashed"
+            answer = self._answer(line, seconds)
+            if answer == "crashed":
+                answer = self._answer(line, seconds)
+            return answer
+
+    def _answer(self, line: bytes, seconds: float) -> str:
+        if self.child is None or self.owner != os.getpid() or self.child.poll() is not None:
+            command, pipe = [sys.executable, "-I", str(CHILD)], subprocess.PIPE
+            self.child = subprocess.Popen(
+                command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL
+            )
+            self.owner = os.getpid()
+        try:
+            self.child.stdin.write(line)
+            self.child.stdin.flush()
             if not select([self.child.stdout], [], [], seconds)[0]:
-                self.child.kill()
-                self.child.wait()
+                self._end()
                 return "too long"
-            return self.child.stdout.readline().decode().strip() or "crashed"
+            answer = self.child.stdout.readline().decode().strip()
+        except OSError:
+            answer = ""
+        if not answer:
+            self._end()
+        return answer or "crashed"
+
+    def _end(self) -> None:
+        """See that the process is gone, not merely about to be."""
+        self.child.kill()
+        self.child.wait()
+        for pipe in (self.child.stdout, self.child.stdin):
+            with suppress(OSError):
+                pipe.close()
 
     def close(self) -> None:
         """Let it end."""
