@@ -10,6 +10,7 @@ from rpaug.core import color_space, geometry
 from rpaug.core.types import Ambience, Body, Camera, Mesh, Scene
 from rpaug.render import mesh
 from rpaug.render.pinhole import NEAR
+from rpaug.render.unmix import slits
 from rpaug.render.window import Window
 from rpaug.scene.lighting import irradiance
 
@@ -51,7 +52,11 @@ def draw(scene: Scene, camera: Camera, t: int, before: Image) -> Image:
         front = seen.hit & ((depth[at] <= 0) | (seen.depth < depth[at]))
         rgb, depth, ids = rgb.copy(), depth.copy(), ids.copy()
         if scene.antialiased:
-            rgb[at] = _blended(rgb[at], depth[at], _drawn(body, piece, t, SAMPLES), ambience)
+            mixed = slits(before[1][at], before[2][at])
+            fine = _drawn(body, piece, t, SAMPLES)
+            rgb[at] = np.where(
+                mixed[..., None], rgb[at], _blended(rgb[at], depth[at], fine, ambience)
+            )
         else:
             rgb[at][front] = _lit(seen.albedo[front], seen.normals[front], ambience)
         (instance_id,) = body.instance_ids

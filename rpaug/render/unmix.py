@@ -27,6 +27,18 @@ def plain(source: Source) -> Source:
     return replace(source, rgb=np.rint(rgb).astype(np.uint8), use=use)
 
 
+def slits(
+    depth: Float32[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"]
+) -> Bool[np.ndarray, "h w"]:
+    """Pixels that show what peeks out from behind something and is nowhere wider than its outline: most of their color
+    is that of what lies before it."""
+    mixed = np.zeros(ids.shape, np.bool_)
+    near = np.divide(1.0, depth, out=np.zeros(depth.shape), where=depth > 0)
+    _outlines(near, ids, mixed)
+    nothing = np.zeros((*ids.shape, 3), np.float32)
+    return _spread(nothing, ids, mixed, mixed)[1]
+
+
 def unmixed(view: Rendered, witness: Witness) -> Rendered:
     """The view without outlines of what moved aside: colors that the witness, source 0, recorded mixed with a nearer
     thing's beside them, and that no nearer thing is beside any more, are those of their neighbours, or for want of one

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from rpaug.render.holes import Witness
-from rpaug.render.unmix import plain, unmixed
+from rpaug.render.unmix import plain, slits, unmixed
 from rpaug.render.zbuffer import Rendered, Source
 
 FAR, NEAR = 4.0, 1.0
@@ -45,6 +45,18 @@ def test_what_peeks_out_is_not_used_and_what_is_thin_keeps_its_color() -> None:
     assert not clean.use[:, 15].any()
     assert clean.use[:, 28].all()
     assert (clean.rgb[:, 28] == round(255 * MIXED)).all()
+
+
+def test_slits_are_what_is_nowhere_wider_than_its_outline_behind_something() -> None:
+    near = np.zeros((32, 32), bool)
+    near[:, 10:20] = True
+    near[4:28, 15] = False  # a slit
+    near[4:28, 12:14] = True
+    source = recording(near, np.where(near, RED, WALL))
+    found = slits(source.depth, source.ids)
+    assert found[4:28, 15].all()
+    found[4:28, 15] = False
+    assert not found.any()
 
 
 def test_things_that_lie_in_one_plane_are_left() -> None:
