@@ -18,6 +18,7 @@ import typer
 from rich.console import Console
 
 from rpaug.core.errors import BadInput, RpaugError
+from rpaug.core.visible import visible
 
 console = Console(stderr=True, emoji=False)
 
@@ -109,11 +110,12 @@ def warn(label: str, words: str) -> None:
 
 
 def plain(text: str) -> str:
-    return text.replace("[", r"\[")
+    """The text as rich shows it: no markup, and no control characters for the terminal."""
+    return visible(text).replace("[", r"\[")
 
 
 def print_json(value: Any) -> None:
-    sys.stdout.write(json.dumps(value, indent=1, ensure_ascii=False) + "\n")
+    sys.stdout.write(json.dumps(value, indent=1) + "\n")  # ASCII: no terminal obeys any of it
 
 
 @contextmanager

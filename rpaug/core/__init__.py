@@ -23,4 +23,5 @@ __all__ = [
     "types",
     "validation",
     "version",
+    "visible",
 ]

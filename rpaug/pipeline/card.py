@@ -10,6 +10,7 @@ import yaml
 
 from rpaug.core import splits
 from rpaug.core.version import __version__
+from rpaug.core.visible import markdown
 
 NAME = "README.md"
 LICENCE = re.compile(r"(licen[sc]e|copying)([._-].*)?", re.IGNORECASE)  # names of their files
@@ -59,10 +60,11 @@ def text(
     )
     lines = [
         f"---\n{yaml.safe_dump(header, sort_keys=False, allow_unicode=True)}---",
-        f"# {called(source)}, {title}",
+        f"# {markdown(called(source))}, {title}",
         *opening,
         "| split | recorded | synthetic |\n|---|---|---|\n" + "\n".join(rows),
-        f"Source: `{called(source)}`. Licence of the source, which this dataset is under too: {licence}.",
+        f"Source: {markdown(called(source))}. Licence of the source, which this dataset is under too: "
+        f"{markdown(licence)}.",
         *closing,
     ]
     return "\n\n".join(lines) + "\n"
@@ -104,7 +106,9 @@ def _converted(layout: str, before: str, lost: Mapping[str, int]) -> tuple[str, 
         (
             "## Not kept exactly\n\n"
             + (
-                "\n".join(f"- {words} (episodes: {count})" for words, count in lost.items())
+                "\n".join(
+                    f"- {markdown(words)} (episodes: {count})" for words, count in lost.items()
+                )
                 or "Nothing."
             ),
         ),

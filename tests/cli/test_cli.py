@@ -1,6 +1,7 @@
 """The commands as a person or a script calls them: output, JSON, exit codes, one line for what is wrong."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,15 @@ def test_inspect_lists_instances(template: Path, tmp_path: Path) -> None:
     code, _, err = run("inspect", template, "--episode", "none")
     assert code == 2
     assert "episode1" in err
+
+
+def test_a_terminal_obeys_nothing_of_a_dataset(template: Path, tmp_path: Path) -> None:
+    dataset = Path(shutil.copytree(template, tmp_path / "ds"))
+    for path in dataset.rglob("variation_descriptions.pkl"):
+        path.write_bytes(dump(["push \x1b[31mit [bold]now"]))
+    _, shown, _ = run("inspect", dataset)
+    assert "\x1b" not in shown
+    assert r"push \x1b[31mit [bold]now" in shown
 
 
 def test_doctor_finds_what_is_installed() -> None:

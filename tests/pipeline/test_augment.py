@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rpaug_adapters.rlbench import RLBench
-from rpaug_adapters.rlbench.pickles import load
+from rpaug_adapters.rlbench.pickles import dump, load
 from runs import GROUP, augment, contents
 
 from rpaug.core import owner
@@ -337,6 +337,19 @@ def test_a_job_whose_worker_dies_again_is_left_out_by_name(monkeypatch: Any) -> 
     assert found.keys() == {f"e{n}" for n in range(5)}
     assert {key for key, error in found.items() if error} == {"e1"}
     assert "e1: a worker died" in str(found["e1"])
+
+
+def test_a_name_is_nothing_but_text_in_card_and_pages(template: Path, tmp_path: Path) -> None:
+    evil = tmp_path / "ds<script>alert(1)<\x1b[31m|`q`"
+    shutil.copytree(template, evil)
+    write_to = f"{GROUP}/episode0/variation_descriptions.pkl"
+    (evil / write_to).write_bytes(dump(["push <script>alert(2)</script>"]))
+    augment(evil, made(copies=1, edits=[{"op": "light_color"}]), tmp_path / "out")
+    text = (tmp_path / "out/README.md").read_text()
+    assert "\x1b" not in text
+    assert "<script>" not in text.split("---")[2]
+    for page in (tmp_path / "out").glob("*.html"):
+        assert "<script>alert" not in page.read_text()
 
 
 def test_one_run_at_a_time_writes_to_a_folder(template: Path, tmp_path: Path) -> None:
