@@ -5,6 +5,7 @@ __all__ = [
     "color_space",
     "errors",
     "files",
+    "fingerprint",
     "geometry",
     "image_cache",
     "instance_ids",

@@ -17,6 +17,7 @@ from rpaug.pipeline.run import Run, Summary, group_of
 __all__ = ["Run", "Summary", "check", "execute", "jobs"]
 
 Progress = Callable[[int, int], None]
+OF_DATASET = "another dataset, or this one with files that were changed, added or removed since"
 
 
 def check(run: Run, resume: bool = False) -> None:
@@ -41,7 +42,8 @@ def check(run: Run, resume: bool = False) -> None:
         ) from None
     for name, value in ({"share": None, "ratio": None} | run.marker).items():
         if not isinstance(described, dict) or described.get(name) != value:
-            raise BadInput(path, name, found=f"another {name}", expected="the one being resumed")
+            what = OF_DATASET if name == "contents" else f"another {name}"
+            raise BadInput(path, name, found=what, expected="the one being resumed")
 
 
 def execute(
@@ -64,8 +66,9 @@ def execute(
 def _executed(run: Run, workers: int, resume: bool, progress: Progress) -> Summary:
     check(run, resume)
     made_folders = output_folder.missing(run.target)
-    write_atomic(run.target / report.SUMMARY, report.encode(run.marker), durable=True)
+    write_atomic(run.target / report.SUMMARY, report.encode(_marked(run)), durable=True)
     output_folder.sweep(run.target)
+    output_folder.drop_unreported(run)
     done = [
         (key, one["source"], one["copy"])
         for folder in ("", REJECTED)
@@ -90,11 +93,15 @@ def _executed(run: Run, workers: int, resume: bool, progress: Progress) -> Summa
             run.adapter.finish(run.source, run.target / folder)
         output_folder.total(summary, run)
         output_folder.write_card(run)
-        described = report.encode(vars(summary) | run.marker)
+        described = report.encode(vars(summary) | _marked(run))
         write_atomic(run.target / report.SUMMARY, described, durable=True)
     elif made_folders:
         shutil.rmtree(made_folders[-1], ignore_errors=True)
     return summary
+
+
+def _marked(run: Run) -> dict[str, object]:
+    return {"dataset": str(run.source.resolve()), **run.marker}
 
 
 def _staged(run: Run, todo: Sequence[Job]) -> list[list[Job]]:

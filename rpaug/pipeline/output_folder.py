@@ -66,6 +66,15 @@ def sweep(target: Path) -> None:
                 (Path(folder) / name).unlink(missing_ok=True)
 
 
+def drop_unreported(run: Run) -> None:
+    """Remove episodes whose report a power cut left empty: they are made again. What has none at all is not ours."""
+    for folder in ("", REJECTED):
+        for key in keys(run, folder):
+            own = run.target / folder / key
+            if (own / report.NAME).is_file() and not (own / report.NAME).stat().st_size:
+                shutil.rmtree(own)
+
+
 def close_gaps(run: Run, folder: str = "") -> None:
     """Renumber so that each group counts from 0 without holes: readers walk the numbers until one is missing."""
     counts: dict[str, int] = {}

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from rpaug.core import registry
+from rpaug.core import fingerprint, registry
 from rpaug.core.errors import BadInput
 from rpaug.core.interfaces import Adapter
+from rpaug.core.version import __version__
 from rpaug.pipeline.copies import ORIGINAL
 from rpaug.pipeline.recipe import Recipe
 
@@ -84,15 +85,22 @@ class Run:
 
     @property
     def marker(self) -> dict[str, Any]:
-        """What tells one run's output from another's."""
+        """What tells one run's output from another's, beside where the dataset lies: that may move."""
         return {
-            "dataset": str(self.source.resolve()),
+            "contents": self.contents,
+            "version": __version__,
             "tier": self.tier,
             "keep_invalid": self.keep_invalid,
             "recipe": self.recipe.source,
             **({"share": True} if self.share else {}),
             **({"ratio": list(self.ratio)} if self.ratio else {}),
         }
+
+    @cached_property
+    def contents(self) -> str:
+        """What the dataset held when it was first asked."""
+        held = self.source if self.source.is_dir() else self.source.parent
+        return fingerprint.contents(held)
 
 
 @dataclass

@@ -20,7 +20,7 @@ from runs import GROUP, augment, contents
 
 from rpaug.core import owner
 from rpaug.core.errors import BadInput
-from rpaug.core.files import decode_png
+from rpaug.core.files import decode_png, encode_png
 from rpaug.pipeline import recipe, report, workers, write
 from rpaug.pipeline.augment import Run, execute
 
@@ -372,14 +372,29 @@ def test_resuming_touches_nothing_that_is_not_its_own(template: Path, tmp_path: 
     assert sorted(path.relative_to(precious) for path in precious.rglob("*")) == before
 
 
-def test_resuming_wants_the_same_dataset_and_tier(
-    template: Path, dataset: Path, tmp_path: Path
+def test_resuming_wants_the_same_dataset_version_and_tier(
+    template: Path, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     augment(template, made(copies=1), tmp_path / "out")
-    with pytest.raises(BadInput, match="another dataset"):
-        augment(dataset, made(copies=1), tmp_path / "out", resume=True)
+    moved = Path(shutil.copytree(template, tmp_path / "elsewhere/moved"))
+    assert augment(moved, made(copies=1), tmp_path / "out", resume=True).resumed == 2
+    image = moved / GROUP / "episode1/front_rgb/3.png"
+    image.write_bytes(encode_png(255 - decode_png(image)))
+    with pytest.raises(BadInput, match="another dataset, or this one with files that were changed"):
+        augment(moved, made(copies=1), tmp_path / "out", resume=True)
     with pytest.raises(BadInput, match="another tier"):
         execute(Run(template, made(copies=1), tmp_path / "out", tier=1), resume=True)
+    monkeypatch.setattr("rpaug.pipeline.run.__version__", "0.0.1")
+    with pytest.raises(BadInput, match="another version"):
+        augment(template, made(copies=1), tmp_path / "out", resume=True)
+
+
+def test_an_episode_whose_report_was_emptied_is_made_again(template: Path, tmp_path: Path) -> None:
+    augment(template, made(copies=1), tmp_path / "out")
+    before = contents(tmp_path / "out")
+    (tmp_path / "out" / GROUP / "episode1" / report.NAME).write_bytes(b"")
+    assert augment(template, made(copies=1), tmp_path / "out", resume=True).resumed == 1
+    assert contents(tmp_path / "out") == before
 
 
 def test_resuming_a_finished_run_keeps_its_summary(template: Path, tmp_path: Path) -> None:
