@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
-from rpaug_adapters.rlbench.pickles import Demo, Observation, dump
+from rpaug_adapters.rlbench.pickles import Demo, Observation, dump, load
 from rpaug_adapters.rlbench.read import (
     COLLISIONS,
     DEPTH_STEPS,
@@ -28,6 +28,7 @@ from rpaug_adapters.shared.folders import write_files
 from rpaug import BadInput, Episode, Unsupported, files, geometry
 
 NUMBER = "variation_number.pkl"
+PICKLES = (".pkl", ".pickle", ".p")
 # Metres: depth range of cameras that were not recorded by CoppeliaSim, where they saw nothing farther.
 NEAR, FAR = 0.01, 10.0
 Planes = list[tuple[float, float]]
@@ -63,7 +64,8 @@ def write_episode(
 def _copy_unknown(recorded: RLBenchSource, episode: Episode, work: Path) -> None:
     """Everything but the images we write ourselves; a report of an earlier augmentation stays behind.
 
-    Raises BadInput for a link that leads out of the episode: what lies there is nobody's to pass on.
+    Raises BadInput for a link that leads out of the episode, since what lies there is nobody's to pass on, and for a
+    pickle that holds more than values.
     """
     ours = {f"{name}_{kind}" for name in episode.views for kind in KINDS}
     home = recorded.folder.resolve()
@@ -76,8 +78,10 @@ def _copy_unknown(recorded: RLBenchSource, episode: Episode, work: Path) -> None
             raise BadInput(path, "link", found=found, expected="a file of the episode")
         if path.is_dir():
             (work / place).mkdir()
-        else:
-            shutil.copyfile(path, work / place)
+            continue
+        if path.suffix in PICKLES:
+            load(path)
+        shutil.copyfile(path, work / place)
 
 
 def _entries(folder: Path) -> Iterator[Path]:

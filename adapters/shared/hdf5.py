@@ -138,6 +138,9 @@ def dataset(path: Path, file: h5py.Group, name: str) -> h5py.Dataset:
     if not isinstance(at, h5py.Dataset) or at.external or at.is_virtual:
         where, expected = _where(file, name), "a dataset in the file"
         raise BadInput(path, where, found="no data of its own", expected=expected)
+    if h5py.check_ref_dtype(at.dtype) is not None:
+        where, expected = _where(file, name), "values"
+        raise BadInput(path, where, found="references to other places", expected=expected)
     if at.size is None or at.size > MOST:
         where, expected = _where(file, name), f"at most {MOST}"
         raise BadInput(path, where, found=f"{at.size} values", expected=expected)

@@ -59,7 +59,7 @@ class Videos(Adapter):
             if any((here / name).exists() for name in FOREIGN):
                 subfolders.clear()
                 continue
-            parts = cuts.load(here)
+            parts = cuts.load(here, names)
             for name in sorted(names):
                 path = here / name
                 if path.suffix.lower() not in ENDINGS or name.startswith("."):

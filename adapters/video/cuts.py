@@ -1,5 +1,6 @@
 """`clips.yaml`: which parts of the videos beside it are episodes."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
@@ -34,12 +35,19 @@ class Cuts(BaseModel):
     clips: list[Cut]
 
 
-def load(folder: Path) -> list[Cut]:
-    """What the file in a folder asks for; nothing where there is none. Raises BadInput."""
+def load(folder: Path, names: Iterable[str] | None = None) -> list[Cut]:
+    """What the file in a folder asks for; nothing where there is none. Raises BadInput, also for a video that is not
+    among the `names` of the folder's files, if they are given."""
     path = folder / NAME
     if not path.is_file():
         return []
-    return read_yaml(path, Cuts, MOST).clips
+    clips = read_yaml(path, Cuts, MOST).clips
+    stems = sorted({Path(name).stem for name in names or ()} - {path.stem})
+    for number, cut in enumerate(clips if names is not None else ()):
+        if cut.video not in stems:
+            expected = f"a video beside it: {', '.join(stems[:10])}"
+            raise BadInput(path, f"clips.{number}.video", found=cut.video, expected=expected)
+    return clips
 
 
 def part(whole: Video, notes: Notes, folder: Path, number: int) -> Video:

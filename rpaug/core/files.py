@@ -52,6 +52,7 @@ CHANNELS = {
 }  # by color type: decoded, stored
 SEGMENT = struct.Struct(">BBH")  # of a JPEG: 0xFF, its kind, its length
 MAX_SIDE = 16384  # pixels: a larger header is taken for damage, before anything is allocated
+MAX_PIXELS = 2**26  # of an image: twice what 8K video has; an episode keeps some as 64-bit numbers
 
 
 def read_bytes(path: Path) -> bytes:
@@ -129,12 +130,15 @@ def _chunks(path: Path | str, data: bytes) -> Iterator[tuple[bytes, int, int]]:
         at = end
 
 
+def _check_size(path: Path | str, width: int, height: int) -> None:
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= MAX_PIXELS):
+        expected = f"1 to {MAX_SIDE} pixels a side, at most {MAX_PIXELS} in all"
+        raise BadInput(path, "size", found=f"{width}x{height}", expected=expected)
+
+
 def _header(path: Path | str, data: bytes, at: int) -> Png:
     width, height, bits, color, _, _, interlaced = struct.unpack_from(">IIBBBBB", data, at)
-    if not all(0 < side <= MAX_SIDE for side in (width, height)):
-        raise BadInput(
-            path, "size", found=f"{width}x{height}", expected=f"1 to {MAX_SIDE} pixels a side"
-        )
+    _check_size(path, width, height)
     if color not in CHANNELS:
         raise BadInput(path, "color type", found=str(color), expected="one that PNG knows")
     decoded, stored = CHANNELS[color]
@@ -190,13 +194,7 @@ def check_jpeg(path: Path | str, data: bytes) -> tuple[int, int]:
             continue
         if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
             height, width = struct.unpack_from(">HH", data, at + 5)
-            if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE):
-                raise BadInput(
-                    path,
-                    "size",
-                    found=f"{width}x{height}",
-                    expected=f"1 to {MAX_SIDE} pixels a side",
-                )
+            _check_size(path, width, height)
             return width, height
         at += 2 + length
     raise BadInput(path, "frame header", found="none", expected="a JPEG with a size")

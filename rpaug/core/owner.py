@@ -14,18 +14,18 @@ from rpaug.core.errors import BadInput
 
 
 @contextmanager
-def owned(target: Path) -> Iterator[None]:
-    """Hold `target`, which need not exist. Raises BadInput that names who holds it already.
+def owned(target: Path) -> Iterator[bool]:
+    """Hold `target`, which need not exist; False where the file system knows no locks, and nothing is held.
 
-    The system drops the lock (flock) with the process, so what a killed run left is no lock. Where a file system knows
-    no locks nothing is held.
+    Raises BadInput that names who holds it already. The system drops the lock (flock) with the process, so what a
+    killed run left is no lock.
     """
     path = target.parent / f".{target.name}.lock"
     missing = [folder for folder in path.parents if not folder.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor = _held(path, target)
+    descriptor, held = _held(path, target)
     try:
-        yield
+        yield held
     finally:
         path.unlink(missing_ok=True)
         os.close(descriptor)
@@ -36,14 +36,14 @@ def owned(target: Path) -> Iterator[None]:
                 break
 
 
-def _held(path: Path, target: Path) -> int:
+def _held(path: Path, target: Path) -> tuple[int, bool]:
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
-                return descriptor
+                return descriptor, False
             who = _who(descriptor)
             os.close(descriptor)
             raise BadInput(
@@ -57,7 +57,7 @@ def _held(path: Path, target: Path) -> int:
             facts = {"host": socket.gethostname(), "pid": os.getpid(), "since": time.time()}
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, json.dumps(facts).encode(), 0)
-            return descriptor
+            return descriptor, True
         os.close(descriptor)
 
 

@@ -17,6 +17,7 @@ from rpaug.pipeline.run import Run, Summary, group_of
 __all__ = ["Run", "Summary", "check", "execute", "jobs"]
 
 Progress = Callable[[int, int], None]
+NO_LOCKS = "this file system knows no locks: another run that writes here is not kept out"
 OF_DATASET = "another dataset, or this one with files that were changed, added or removed since"
 
 
@@ -59,8 +60,11 @@ def execute(
     so a killed run leaves only whole ones and can be resumed. If nothing could be made, nothing is left behind. While
     it runs the target is its own: another run is refused.
     """
-    with owned(run.target):
-        return _executed(run, workers, resume, progress)
+    with owned(run.target) as held:
+        summary = _executed(run, workers, resume, progress)
+    if not held:
+        summary.warnings[str(run.target)] = [NO_LOCKS]
+    return summary
 
 
 def _executed(run: Run, workers: int, resume: bool, progress: Progress) -> Summary:
@@ -85,7 +89,6 @@ def _executed(run: Run, workers: int, resume: bool, progress: Progress) -> Summa
         elif outcome.error and outcome.job.copies:  # who borrows from it says so too
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
-    output_folder.sweep(run.target)  # what workers that died left
     written_to = [folder for folder in ("", REJECTED) if output_folder.keys(run, folder)]
     if written_to:
         for folder in written_to:

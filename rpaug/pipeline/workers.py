@@ -14,6 +14,7 @@ from typing import Any
 
 from rpaug.core.errors import Missing, RpaugError
 from rpaug.pipeline.job import Job, augment, left
+from rpaug.pipeline.output_folder import sweep
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -59,12 +60,17 @@ def run(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
             for outcome in _pooled(todo, workers, lost):
                 fatal |= outcome.fatal
                 yield outcome
-            for job in () if fatal else lost:
+            if lost:
+                sweep(lost[0].target)
+            for job in lost:
                 again: list[Job] = []
                 rest = left(job)
-                if rest.copies or not job.copies:
-                    yield from _pooled([rest], 1, again)
+                if not fatal and (rest.copies or not job.copies):
+                    for outcome in _pooled([rest], 1, again):
+                        fatal |= outcome.fatal
+                        yield outcome
                 if again:
+                    sweep(job.target)
                     yield Outcome(job, [], f"{job.key}: {DIED}")
 
 

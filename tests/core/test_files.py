@@ -115,3 +115,10 @@ def test_what_is_written_is_whole(tmp_path: Path, durable: bool) -> None:
         write_atomic(tmp_path / "report.json", data, durable)
         assert (tmp_path / "report.json").read_bytes() == data
     assert [path.name for path in tmp_path.iterdir()] == ["report.json"]
+
+
+def test_an_image_of_too_many_pixels_is_refused_before_it_is_decoded() -> None:
+    header = struct.pack(">IIBBBBB", 16384, 16384, 8, 2, 0, 0, 0)
+    data = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IEND", b"")
+    with pytest.raises(BadInput, match=r"size: found 16384x16384; .* at most 67108864 in all"):
+        check_png("large.png", data)

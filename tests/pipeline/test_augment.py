@@ -1,5 +1,6 @@
 """The whole job: same bytes however it is run, bad episodes skipped, killed runs resumed."""
 
+import errno
 import json
 import os
 import shutil
@@ -321,7 +322,7 @@ def test_a_killed_worker_costs_nothing_that_can_be_done_again(
 
 
 def test_a_job_whose_worker_dies_again_is_left_out_by_name(monkeypatch: Any) -> None:
-    jobs = [SimpleNamespace(key=f"e{n}", copies=((1, f"c{n}"),)) for n in range(5)]
+    jobs = [SimpleNamespace(key=f"e{n}", copies=((1, ""),), target="out") for n in range(5)]
 
     def pooled(todo: list[Any], count: int, lost: list[Any]) -> Iterator[workers.Outcome]:
         while todo and not lost:
@@ -333,10 +334,41 @@ def test_a_job_whose_worker_dies_again_is_left_out_by_name(monkeypatch: Any) -> 
 
     monkeypatch.setattr(workers, "_pooled", pooled)
     monkeypatch.setattr(workers, "left", lambda job: job)
+    swept = list[Any]()
+    monkeypatch.setattr(workers, "sweep", swept.append)
     found = {one.job.key: one.error for one in workers.run(jobs, 2)}  # type: ignore[arg-type]
     assert found.keys() == {f"e{n}" for n in range(5)}
     assert {key for key, error in found.items() if error} == {"e1"}
     assert "e1: a worker died" in str(found["e1"])
+    assert swept  # what they left half written
+
+
+def test_a_full_disk_in_a_second_try_ends_the_run(monkeypatch: Any) -> None:
+    jobs = [SimpleNamespace(key=f"e{n}", copies=((1, ""),), target="out") for n in range(5)]
+
+    def pooled(todo: list[Any], count: int, lost: list[Any]) -> Iterator[workers.Outcome]:
+        job = todo.pop(0)
+        if count > 1:
+            lost.append(job)
+        else:
+            yield workers.Outcome(job, [], "No space left", fatal=True)
+
+    monkeypatch.setattr(workers, "_pooled", pooled)
+    monkeypatch.setattr(workers, "left", lambda job: job)
+    monkeypatch.setattr(workers, "sweep", lambda _: None)
+    found = list(workers.run(jobs, 2))  # type: ignore[arg-type]
+    assert [(one.job.key, one.fatal) for one in found] == [("e0", True)]
+
+
+def test_a_file_system_without_locks_is_told(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "no locks")
+
+    monkeypatch.setattr(owner.fcntl, "flock", none)
+    summary = augment(template, made(copies=1), tmp_path / "out")
+    assert any("knows no locks" in words for said in summary.warnings.values() for words in said)
 
 
 def test_a_name_is_nothing_but_text_in_card_and_pages(template: Path, tmp_path: Path) -> None:

@@ -248,6 +248,16 @@ def test_colors_that_lie_elsewhere_are_named_by_the_side_file(tmp_path: Path) ->
         RDT().read(root, KEY)
 
 
+def test_references_in_place_of_numbers_are_refused(tmp_path: Path) -> None:
+    root = dataset(tmp_path)
+    with h5py.File(next(root.rglob("*.hdf5")), "r+") as file:
+        steps = len(file["action"])
+        del file["action"]
+        file.create_dataset("action", (steps,), h5py.ref_dtype)
+    with pytest.raises(BadInput, match="action: found references to other places"):
+        RDT().read(root, KEY)
+
+
 def test_a_file_that_crashes_the_library_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -221,6 +221,16 @@ def test_every_pickle_that_is_passed_on_goes_through_the_whitelist(dataset: Path
         (dataset / KEY / name).unlink()
 
 
+def test_pickles_deeper_down_are_checked_when_they_are_passed_on(
+    dataset: Path, tmp_path: Path
+) -> None:
+    (dataset / KEY / "logs").mkdir()
+    (dataset / KEY / "logs/a.pickle").write_bytes(pickle.dumps(Evil()))
+    with pytest.raises(BadInput, match=r"a\.pickle: pickle: found the foreign global"):
+        RLBench().write(RLBench().read(dataset, KEY), tmp_path / "out", KEY, dict)
+    assert not (tmp_path / "out" / KEY).exists()
+
+
 def test_links_that_leave_the_episode_are_not_followed(dataset: Path, tmp_path: Path) -> None:
     (tmp_path / "secret.txt").write_text("secret")
     for target in (tmp_path / "secret.txt", dataset / KEY / "front_rgb", tmp_path):

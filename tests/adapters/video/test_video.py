@@ -404,3 +404,10 @@ def test_a_video_that_is_let_go_leaves_no_threads(tmp_path: Path) -> None:
         del shown
         counts.append(threads())
     assert counts[-1] <= counts[0]
+
+
+def test_a_clip_of_a_video_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "clips.yaml").write_text("clips:\n- {video: nowhere, start: 0, end: 1}\n")
+    (tmp_path / "walk.mp4").write_bytes(b"")
+    with pytest.raises(BadInput, match=r"clips\.0\.video: found nowhere; .*beside it: walk"):
+        Videos().episodes(tmp_path)
