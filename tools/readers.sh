@@ -85,8 +85,8 @@ openpi() {
 }
 
 gr00t() {
-    source_of Isaac-GR00T NVIDIA/Isaac-GR00T 0c8fb7d52a89f9bcb4369053813315df647533c2
-    source_of Isaac-GR00T-n1 NVIDIA/Isaac-GR00T 16d0dae
+    source_of Isaac-GR00T NVIDIA/Isaac-GR00T 23ace64f17aa5015259b8609d371eb61a357c776
+    source_of Isaac-GR00T-n1 NVIDIA/Isaac-GR00T 2196232d254b36125da0ea9bf25d9821d46b2a61
     environment gr00t python3.11 torch===2.7.1 torchvision==0.22.1 numpy==2.4.6 pandas==3.0.6 pyarrow==19.0.1 \
         opencv-python-headless==4.10.0.84 av==15.1.0 tqdm==4.70.1 decord==0.6.0 numpydantic==2.0.0
 }

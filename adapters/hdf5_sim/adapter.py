@@ -61,9 +61,14 @@ class HDF5Sim(Adapter):
     def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
         source: SimSource = episode.source
         place, edited, found = source.demo.place, reached(source), {}
+        dimmed = {
+            one.dimmed for one in source.demo.stored.values()
+        }  # left out where the color changed
         with opened(place.path, place.within) as file:
             group = file[place.group]
             for name, held in layouts.datasets(place, group):
+                if name in dimmed:
+                    continue
                 kind = repr((held.dtype.str, held.shape, held.chunks, held.compression))
                 values = held[()] if name not in edited else b""
                 plain = isinstance(values, bytes) or values.dtype.kind != "O"

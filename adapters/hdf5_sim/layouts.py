@@ -14,7 +14,7 @@ Facts that no file says, from the projects' own code:
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import h5py
@@ -29,6 +29,10 @@ from rpaug import BadInput
 
 NEXT = "next_obs"
 COLORS = ("_image", "_rgb")  # endings of robosuite's and LIBERO's color
+DIMMED, LIGHT = (
+    "_dimmed",
+    "light",
+)  # ending of the same color with a share of the light, an attribute
 WORDS, CAMERAS = "ep_meta", "camera_info"  # attributes of a demonstration that edits reach
 PARAMETERS = "obs/sensor_param"  # of ManiSkill's cameras
 DEEPEST = 12  # groups in one another
@@ -39,18 +43,20 @@ MM = 1e-3
 
 @dataclass(frozen=True)
 class StoredCamera:
-    """The datasets of one camera, as the file calls it; `metres` of one unit of its depth."""
+    """The datasets of one camera, as the file calls it; `metres` of a unit of its depth, `light` of what is dimmed."""
 
     camera: str
     color: str
     depth: str | None = None
     metres: float = 1.0
     ids: str | None = None
+    dimmed: str | None = None
+    light: float = 1.0
 
     @property
     def names(self) -> list[str]:
         """Its datasets."""
-        return [name for name in (self.color, self.depth, self.ids) if name]
+        return [name for name in (self.color, self.depth, self.ids, self.dimmed) if name]
 
 
 @dataclass(frozen=True)
@@ -119,6 +125,13 @@ def _is_color(held: h5py.Dataset) -> bool:
     return held.ndim == 4 and held.dtype == np.uint8 and held.shape[3] == 3 and 0 not in held.shape
 
 
+def _light(held: h5py.Dataset) -> float | None:
+    """The share of the recorded light that a dimmed image has, None if it is no dimmed image."""
+    value = held.attrs.get(LIGHT) if held.name.endswith(DIMMED) else None
+    known = isinstance(value, float) and 0 < value < 1
+    return float(value) if known and _is_color(held) else None
+
+
 def _robomimic(
     place: Place, file: h5py.File, group: h5py.Group, held: dict[str, h5py.Dataset]
 ) -> Demonstration:
@@ -129,6 +142,8 @@ def _robomimic(
     upside_down = file[DATA].attrs.get("macros_image_convention") in ("opengl", b"opengl")
     stored = {}
     for name in (name for name in held if name.startswith("obs/") and _is_color(held[name])):
+        if _light(held[name]) is not None:
+            continue
         view = name.removeprefix("obs/")
         view = next((view.removesuffix(end) for end in COLORS if view.endswith(end)), view)
         depth, ids = f"obs/{view}_depth", f"obs/{view}_segmentation_instance"
@@ -137,6 +152,10 @@ def _robomimic(
         stored[view] = StoredCamera(
             view, name, depth if metric else None, ids=ids if masks else None
         )
+        dimmed = held.get(f"obs/{view}{DIMMED}")
+        light = None if dimmed is None else _light(dimmed)
+        if light is not None and dimmed.shape == held[name].shape:
+            stored[view] = replace(stored[view], dimmed=f"obs/{view}{DIMMED}", light=light)
     later = [f"next_{one.color}" in held for one in stored.values()]
     if any(later) and not all(later):
         expected = "all cameras, or none"

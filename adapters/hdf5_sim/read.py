@@ -20,6 +20,7 @@ from rpaug import BadInput, Camera, CameraView, Episode, Robot, geometry
 # Names of the robot's numbers: robosuite's, LIBERO's, ManiSkill's.
 JOINTS = ("robot0_joint_pos", "joint_states", "agent/qpos")
 VELOCITIES = ("robot0_joint_vel", "agent/qvel")
+ROUNDING = 0.75  # levels: half a one of the dimmed image, and a part of one of the color
 SECOND = "observation/robot1_joint_pos"
 
 
@@ -98,7 +99,21 @@ def frames(demo: Demonstration, name: str) -> Callable[[int], np.ndarray]:
 def _view(demo: Demonstration, stored: StoredCamera, camera: Camera) -> CameraView:
     depth = stored.depth and lazy_depth(frames(demo, stored.depth), stored.metres)
     ids = stored.ids and _ids(frames(demo, stored.ids))
-    return CameraView(camera, frames(demo, stored.color), depth or None, ids or None)
+    color = frames(demo, stored.color)
+    radiance = stored.dimmed and _radiance(color, frames(demo, stored.dimmed), stored.light)
+    return CameraView(camera, color, depth or None, ids or None, radiance=radiance or None)
+
+
+def _radiance(
+    color: Callable[[int], np.ndarray], dimmed: Callable[[int], np.ndarray], light: float
+) -> Callable[[int], np.ndarray]:
+    """The color, and what the dimmed one tells where it tells of more than its own rounding."""
+
+    def at(t: int) -> np.ndarray:
+        plain, told = color(t) / np.float32(255), dimmed(t) / np.float32(255 * light)
+        return np.where(told > plain + ROUNDING / np.float32(255 * light), told, plain)
+
+    return at
 
 
 def _ids(stored: Callable[[int], np.ndarray]) -> Callable[[int], np.ndarray]:

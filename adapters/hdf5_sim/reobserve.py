@@ -3,7 +3,8 @@
 It renders each stored state in its own environment (`simulator.py`); no action is played. What it sees is believed only
 where its color is the stored one, or where its color is asked for too. The file that is written has what the source
 has, and in `obs`, as robosuite names it, `<camera>_depth`, `<camera>_segmentation_instance`, and `<camera>_pose`, which
-`cameras.yaml` tells of. `next_obs` are left out: the last of them shows a state that no file holds.
+`cameras.yaml` tells of, and `<camera>_dimmed`: the color with a quarter of the light, so that what is lit beyond white
+is known too. `next_obs` are left out: the last of them shows a state that no file holds.
 """
 
 import json
@@ -23,6 +24,7 @@ from rpaug_adapters.hdf5_sim.gather import growing
 from rpaug_adapters.hdf5_sim.layouts import NEXT, Demonstration
 from rpaug_adapters.hdf5_sim.places import DATA, Place
 from rpaug_adapters.hdf5_sim.read import frames
+from rpaug_adapters.hdf5_sim.simulator import LIGHT
 from rpaug_adapters.shared import cameras
 from rpaug_adapters.shared.folders import walk
 from rpaug_adapters.shared.hdf5 import opened
@@ -31,7 +33,7 @@ from rpaug import BadInput, Unsupported, files
 
 SCRIPT = Path(__file__).with_name("simulator.py")
 LEVELS, SHARE = 8, 0.01  # of 255, and of an image's pixels: drivers draw edges otherwise
-DEPTH, IDS, POSE = "depth", "segmentation_instance", "pose"
+DEPTH, IDS, POSE, DIMMED = "depth", "segmentation_instance", "pose", "dimmed"
 ROLES = "roles.yaml"
 OTHERWISE = (
     "its model or version is another, or the images were made by playing the actions again, as LIBERO does: "
@@ -172,11 +174,14 @@ def _lay(group: h5py.Group, demo: Demonstration, seen: dict[str, np.ndarray], co
         }
         if color:
             new[one.color.removeprefix("obs/")] = seen[f"{one.camera}/rgb"]
+        dimmed = f"{one.camera}_{DIMMED}"
+        new[dimmed] = seen[f"{one.camera}/dimmed"]
         for name, rows in new.items():
             rows = rows[:, ::-1] if demo.flipped and rows.ndim == 4 else rows
             if f"obs/{name}" in group:
                 del group[f"obs/{name}"]
             group.create_dataset(f"obs/{name}", data=rows, compression="gzip")
+        group[f"obs/{dimmed}"].attrs[layouts.LIGHT] = LIGHT
 
 
 class Settled:

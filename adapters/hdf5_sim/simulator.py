@@ -1,8 +1,9 @@
 """Looks again at states that robosuite or LIBERO recorded: runs in the simulator's own environment, without rpaug.
 
 Lines of JSON come in, `{path, group, cameras: {name: [width, height]}, out}`; each is answered by one, `{error}` or
-`{instances: {name: id}, robot: [id, ...], moved: [id, ...]}`, and a file of arrays: color, depth in metres as robomimic
-has it, instance ids (h, w), K with integer pixel centres, cam_to_world with OpenCV's axes. No action is played.
+`{instances: {name: id}, robot: [id, ...], moved: [id, ...]}`, and a file of arrays: color, the same with a part of the
+light, depth in metres as robomimic has it, instance ids (h, w), K with integer pixel centres, cam_to_world with
+OpenCV's axes. No action is played.
 
 What moves as one is one instance (MuJoCo's welds); of what stands still it is each body of the world, and each geom
 that the world itself has. Names of instances are those of their first bodies.
@@ -19,6 +20,7 @@ from typing import Any
 os.environ.setdefault("MUJOCO_GL", "egl")
 OPENGL = (1, -1, -1)  # its camera's axes in OpenCV's
 MOVES = 0.01  # metres
+LIGHT = 0.25  # of the recorded light in dimmed images: robosuite's lamps exceed white by less than four times
 GEOM = 5  # mjOBJ_GEOM
 
 
@@ -52,7 +54,9 @@ class Watcher:
             where.append(np.array(sim.data._data.xpos))
             for name, size in cameras.items():
                 for kind, shot in zip(
-                    ("rgb", "depth", "ids", "pose"), self._shoot(name, size, ids), strict=True
+                    ("rgb", "dimmed", "depth", "ids", "pose"),
+                    self._shoot(name, size, ids),
+                    strict=True,
                 ):
                     reels.setdefault(f"{name}/{kind}", []).append(shot)
         for name, (width, height) in cameras.items():
@@ -132,12 +136,19 @@ class Watcher:
         """The model's name of a camera: LIBERO's files leave out the robot's."""
         return name if name in self.env.sim.model.camera_names else f"robot0_{name}"
 
-    def _shoot(self, name: str, size: list[int], ids: Any) -> tuple[Any, Any, Any, Any]:
+    def _shoot(self, name: str, size: list[int], ids: Any) -> tuple[Any, ...]:
         import numpy as np
 
         sim, name = self.env.sim, self._named(name)
         given = {"camera_name": name, "width": size[0], "height": size[1]}
         rgb, depth = sim.render(**given, depth=True)
+        lights = _lights(sim.model._model)
+        recorded = [light.copy() for light in lights]
+        for light in lights:
+            light *= LIGHT
+        dimmed, _ = sim.render(**given, depth=True)
+        for light, one in zip(lights, recorded, strict=True):
+            light[:] = one
         marks, sim.model._model.site_size[:] = (
             sim.model._model.site_size.copy(),
             1e-8,
@@ -154,7 +165,15 @@ class Watcher:
         pose = np.eye(4)
         pose[:3, :3] = sim.data.cam_xmat[camera].reshape(3, 3) * OPENGL
         pose[:3, 3] = sim.data.cam_xpos[camera]
-        return rgb[::-1].copy(), metres.astype(np.float32), shown.astype(np.int32), pose
+        color = rgb[::-1].copy(), dimmed[::-1].copy()
+        return *color, metres.astype(np.float32), shown.astype(np.int32), pose
+
+
+def _lights(model: Any) -> list[Any]:
+    """All that gives light in a model, as arrays to write to."""
+    kinds = ("ambient", "diffuse", "specular")
+    lamps = [getattr(model, f"light_{kind}") for kind in kinds]
+    return [*lamps, *(getattr(model.vis.headlight, kind) for kind in kinds), model.mat_emission]
 
 
 def main() -> None:

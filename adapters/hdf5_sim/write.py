@@ -118,6 +118,8 @@ def _lay(group: h5py.Group, recorded: SimSource, name: str, view: CameraView) ->
     demo, stored, before = recorded.demo, recorded.stored[name], recorded.views[name]
     if view.rgb is not before.rgb:
         _store(group, demo, stored.color, view.rgb)
+        if stored.dimmed is not None:
+            del group[stored.dimmed]  # it shows what was recorded
     if stored.depth is not None and view.depth is not before.depth:
         assert view.depth is not None
         assert before.depth is not None

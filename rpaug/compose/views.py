@@ -132,12 +132,13 @@ def _composited(scene: Scene, name: str, pool: Pooled, watch: Watch) -> CameraVi
         light = partial(lit.share, scene.episode, name, scene.moving, t)
         surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light)
         before = view.rgb(t)
-        image = composite(before, ids, scene.appearance, scene.antialiased, surfaces)
+        radiance = view.radiance(t) if view.radiance else None
+        image = composite(before, ids, scene.appearance, scene.antialiased, surfaces, radiance)
         image = sense(scene.sensor, image, name, t)
         watch(RenderedFrame(name, t, before, image, None, time.thread_time() - start))
         return image
 
-    return replace(view, rgb=rgb)
+    return replace(view, rgb=rgb, radiance=None)
 
 
 def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Watch) -> CameraView:
@@ -199,7 +200,11 @@ def _finished(
         return None if known is None or not view.ids else np.where(ids == view.ids(t), known, 1)
 
     surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light)
-    image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces)
+    recorded, radiance = scene.episode.views[name], None
+    if pool and recorded.radiance:
+        same = (rgb == recorded.rgb(t)).all(-1, keepdims=True)
+        radiance = np.where(same, recorded.radiance(t), np.float32(0))
+    image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces, radiance)
     return Frame(image, depth, ids, hole & (ids == before[2]))
 
 

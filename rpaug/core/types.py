@@ -88,6 +88,8 @@ class CameraView:
     not recorded but found by motion or color: a scene may use them, and no dataset gets them. So it is with
     `stand_in`. `most_id` is the largest id that masks can hold where they are kept.
     `hands` are boxes (left, top, right, bottom; pixels) that annotators drew around hands, by frame.
+    `radiance(t)`, (h, w, 3) float32, is what each pixel's light came to before white cut it off: above the color (0..1)
+    where that happened, equal to it elsewhere. Simulators tell it; no other source has it.
     """
 
     camera: Camera
@@ -98,6 +100,7 @@ class CameraView:
     proxy: ProxyGeometry | None = None
     hands: Mapping[int, tuple[tuple[float, float, float, float], ...]] = field(default_factory=dict)
     most_id: int = 2**31 - 1
+    radiance: Callable[[int], Float32[np.ndarray, "h w 3"]] | None = None
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ class Gain:
     gain: tuple[float, float, float]
     unlit: tuple[int, ...] = ()
     instance_ids: frozenset[int] | None = None
+    scales: ClassVar[bool] = True  # light beyond white too
 
     def __call__(
         self, color: Float32[np.ndarray, "n 3"], surface: Surface

@@ -34,6 +34,7 @@ class AlbedoRatio:
     plain: bool
     hues: tuple[tuple[float, float, float], ...] = ()
     part: tuple[int, ...] = ()  # of the hues: pixels of others stay
+    scales: ClassVar[bool] = True  # light beyond white too
 
     @property
     def asked(self) -> tuple[float, float, float]:

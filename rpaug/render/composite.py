@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float32, Int, Int32, UInt8
 
 from rpaug.core.jit import kernel
 from rpaug.core.types import Appearance, Surface
+from rpaug.render.headroom import Headroom
 from rpaug.render.matting import matte
 
 Surfaces = Callable[[Int[np.ndarray, "n"]], Surface]
@@ -25,21 +26,28 @@ def composite(
     appearance: Sequence[Appearance],
     antialiased: bool,
     surfaces: Surfaces,
+    radiance: Float32[np.ndarray, "h w 3"] | None = None,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The recorded image with appearance edits applied in order. Pixels no edit covers come back bit for bit."""
+    """The recorded image with appearance edits applied in order. Pixels no edit covers come back bit for bit.
+
+    `radiance` is what the light came to before white cut it off, where that is known.
+    """
     color = rgb.astype(np.float32) / np.float32(255)
     touched = np.zeros(rgb.shape[:2], bool)
+    headroom = None if radiance is None else Headroom(color, radiance)
     for edit in appearance:
         unlit = getattr(edit, "unlit", ()) if ids is not None else ()
         if edit.instance_ids is None and not unlit:
-            everywhere = surfaces(np.arange(touched.size))
-            color = edit(color.reshape(-1, 3), everywhere).reshape(color.shape)
+            everywhere = np.arange(touched.size)
+            shown = surfaces(everywhere)
+            edited = _edited(edit, color.reshape(-1, 3), shown, everywhere, headroom)
+            color = edited.reshape(color.shape)
             touched[:] = True
         elif ids is not None:
             inside = _among(ids, np.array(sorted(edit.instance_ids or unlit), ids.dtype))
             inside = ~inside if edit.instance_ids is None else inside
             if inside.any():
-                touched |= _apply(edit, color, inside, antialiased, surfaces)
+                touched |= _apply(edit, color, inside, antialiased, surfaces, headroom)
     return _quantised(rgb, color, touched)
 
 
@@ -49,18 +57,34 @@ def _apply(
     inside: Bool[np.ndarray, "h w"],
     antialiased: bool,
     surfaces: Surfaces,
+    headroom: Headroom | None,
 ) -> Bool[np.ndarray, "h w"]:
     """Edit `color` in place where `inside`, and on the outline by its mixture; the pixels touched."""
     if not antialiased:
-        color[inside] = edit(color[inside], surfaces(np.flatnonzero(inside)))
+        at = np.flatnonzero(inside)
+        color[inside] = _edited(edit, color[inside], surfaces(at), at, headroom)
         return inside
     share, foreground = matte(color, inside)
     whole, mixed = share == 1, (share > 0) & (share < 1)
     front = foreground[mixed]
-    change = edit(front, surfaces(_nearest(inside, np.flatnonzero(mixed)))) - front
-    color[whole] = edit(color[whole], surfaces(_nearest(inside, np.flatnonzero(whole))))
+    beside = _nearest(inside, np.flatnonzero(mixed))
+    change = _edited(edit, front, surfaces(beside), beside, headroom, keep=False) - front
+    at = np.flatnonzero(whole)
+    color[whole] = _edited(edit, color[whole], surfaces(_nearest(inside, at)), at, headroom)
     color[mixed] += share[mixed, None] * change
     return whole | mixed
+
+
+def _edited(
+    edit: Appearance,
+    color: Float32[np.ndarray, "n 3"],
+    surface: Surface,
+    at: Int[np.ndarray, "n"],
+    headroom: Headroom | None,
+    keep: bool = True,
+) -> Float32[np.ndarray, "n 3"]:
+    """Edited colors of surfaces that have the headroom of the pixels `at`."""
+    return headroom.edited(edit, color, surface, at, keep) if headroom else edit(color, surface)
 
 
 @kernel

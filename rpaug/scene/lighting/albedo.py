@@ -50,30 +50,33 @@ class Albedo:
 
 
 def pixels(episode: Episode, instance_id: int, count: int = 6) -> Float64[np.ndarray, "n 3"]:
-    """Recorded colors of an instance, 0..1, away from its outline where it is large enough for that."""
+    """Recorded colors of an instance, 0..1 and beyond where radiance is known, away from its outline where it is large
+    enough for that."""
     inner: list[np.ndarray] = []
     outer: list[np.ndarray] = []
     for looked in (count, episode.length):  # a camera that moves may show it in others alone
-        for _, _, rgb, ids in sampling.images(episode, looked):
+        for name, t, rgb, ids in sampling.images(episode, looked):
             if ids is None or not (mask := ids == instance_id).any():
                 continue
-            outer.append(rgb[mask])
-            inner.append(rgb[_eroded(mask)])
+            radiance = episode.views[name].radiance
+            color = rgb / 255.0 if radiance is None else radiance(t).astype(np.float64)
+            outer.append(color[mask])
+            inner.append(color[_eroded(mask)])
         if outer:
             break
-    inside = np.concatenate(inner) if inner else np.empty((0, 3), np.uint8)
-    whole = inside if len(inside) >= LEAST_PIXELS else np.concatenate([*outer, inside])
-    return whole / 255.0
+    inside = np.concatenate(inner) if inner else np.empty((0, 3))
+    return inside if len(inside) >= LEAST_PIXELS else np.concatenate([*outer, inside])
 
 
-def estimate(color: Float64[np.ndarray, "n 3"]) -> Albedo:
-    """The albedo of a surface from its pixels: the direction of their mean, as bright as its well-lit part.
+def estimate(color: Float64[np.ndarray, "n 3"], white: float = 1.0) -> Albedo:
+    """The albedo of a surface from its pixels, cut off at `white`: the direction of their mean, as bright as its
+    well-lit part.
 
     Shading scales a matte color and leaves its direction, so the direction is the mean's; how bright an albedo is
     cannot be told from shading, and its best-lit pixels are taken to show it.
     """
     high = color.max(1)
-    good = color[(high > DARK) & (high < BRIGHT)]
+    good = color[(high > DARK) & (high < BRIGHT * white)]
     if len(good) < LEAST_PIXELS:
         good = color
     mean = good.mean(0)
@@ -87,12 +90,13 @@ def estimate(color: Float64[np.ndarray, "n 3"]) -> Albedo:
     shading = (
         color[high > DARK] @ mean / (mean @ mean)
     )  # clipped pixels too: they are the brightest
-    red, green, blue = np.minimum(mean * np.quantile(shading, LIT), 1.0).tolist()
+    lit = mean * np.quantile(shading, LIT)
+    red, green, blue = (lit / max(float(lit.max()), 1.0)).tolist()
     plain = bool(_explained(good, mean).mean() >= PLAIN_SHARE)
     return Albedo(
         (red, green, blue),
         plain=plain,
-        overlit=bool((high >= BRIGHT).mean() >= OVERLIT),
+        overlit=bool((high >= BRIGHT * white).mean() >= OVERLIT),
         hues=() if plain else _hues(good),
     )
 
@@ -223,7 +227,12 @@ def _estimated(episode: Episode, instance_id: int) -> Albedo:
             f"instance {instance_id} cannot be painted: no recorded image shows it "
             "(what an edit put in has its color there)"
         )
-    return estimate(seen)
+    return estimate(seen, np.inf if cut_off_known(episode) else 1.0)
+
+
+def cut_off_known(episode: Episode) -> bool:
+    """Whether every camera tells what lies beyond white."""
+    return all(view.radiance is not None for view in episode.views.values())
 
 
 def highlight(

@@ -151,7 +151,8 @@ def _described(
     episode: Episode, bodies: tuple[Body, ...], instance_ids: tuple[int, ...], known: RGB | None
 ) -> dict[str, Any]:
     found = paintable(instance_ids, lambda one: albedo.describe(episode, one, known))
-    if known is None and any(view.depth is not None for view in episode.views.values()):
+    deep = any(view.depth is not None for view in episode.views.values())
+    if known is None and deep and not albedo.cut_off_known(episode):
         seen = sample(episode, bodies, instance_ids)
         for one in found["surfaces"]:
             here = seen.get(one["handle"])

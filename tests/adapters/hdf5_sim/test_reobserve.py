@@ -3,6 +3,7 @@ for robosuite: MuJoCo's model, and images that tell the state."""
 
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -32,6 +33,7 @@ import sys
 from types import SimpleNamespace
 import mujoco, numpy as np
 print("robosuite prints what is no answer")
+BRIGHT = 1
 
 class Sim:
     def __init__(self, xml):
@@ -50,7 +52,8 @@ class Sim:
             shown = np.full((height, width, 2), -1, np.int32)
             shown[0, :] = 5, self.model._model.ngeom - 1  # the cube, below in OpenGL's images
             return shown
-        color = np.full((height, width, 3), int(self.data._data.qpos[1] * 100), np.uint8)
+        light = self.model.vis.headlight.diffuse[0] / 0.4  # 1 as recorded
+        color = np.full((height, width, 3), min(round(self.data._data.qpos[1] * 100 * BRIGHT * light), 255), np.uint8)
         return color, np.full((height, width), 0.5, np.float32)
 
 class Env:
@@ -118,6 +121,33 @@ def test_depth_ids_cameras_and_roles_come_from_the_states(dataset: Path, tmp_pat
         assert "next_obs" not in new["data/demo_0"]
         assert np.array_equal(old["data/demo_0/actions"], new["data/demo_0/actions"])
         assert list(new["mask/train"]) == list(old["mask/train"])
+
+
+def test_light_beyond_white_is_known_until_the_color_is_edited(
+    dataset: Path, tmp_path: Path
+) -> None:
+    package = tmp_path / "packages/robosuite.py"
+    package.write_text(package.read_text().replace("BRIGHT = 1", "BRIGHT = 10"))
+    out = tmp_path / "out"
+    assert reobserved(dataset, out, "--color")[0] == 0
+    episode = ADAPTER.read(out, "lift/demo_0")
+    assert sorted(episode.views) == ["agentview", "robot0_eye_in_hand"]
+    view = episode.views["agentview"]
+    assert view.radiance is not None
+    assert np.allclose(view.radiance(0), view.rgb(0) / 255, atol=1e-6)  # 0.1 m: 100 levels
+    assert view.rgb(2).min() == 255
+    assert np.allclose(view.radiance(2), 300 / 255, atol=2.1 / 255)  # 0.3 m
+    assert not episode.unread
+    edited = replace(view, rgb=lambda t: view.rgb(t) // 2, radiance=None)
+    changed = replace(episode, views={**episode.views, "agentview": edited})
+    ADAPTER.write(changed, tmp_path / "copy", "lift/demo_0", dict)
+    ADAPTER.finish(out, tmp_path / "copy")
+    with h5py.File(tmp_path / "copy/lift.hdf5") as file:
+        assert "agentview_dimmed" not in file["data/demo_0/obs"]
+        assert "robot0_eye_in_hand_dimmed" in file["data/demo_0/obs"]
+    again = ADAPTER.read(tmp_path / "copy", "lift/demo_0")
+    assert again.views["agentview"].radiance is None
+    assert ADAPTER.untouched(again, False) == ADAPTER.untouched(episode, False)
 
 
 def test_what_looks_otherwise_is_left_out_and_named(dataset: Path, tmp_path: Path) -> None:
