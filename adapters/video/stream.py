@@ -195,7 +195,11 @@ class Video:
             if wanted not in self._kept:
                 self._decode_to(wanted, t)
             self._kept.move_to_end(wanted)
-            return self._kept[wanted]
+            frame, given = self._kept[wanted], self.facts
+        if (frame.width, frame.height) != (given.width, given.height):
+            found, size = f"{frame.width}x{frame.height}", f"{given.width}x{given.height}"
+            raise BadInput(self.path, f"frame {t}", found=found, expected=f"{size} as stated")
+        return frame
 
     def _decode_to(self, wanted: int, t: int) -> None:
         try:
