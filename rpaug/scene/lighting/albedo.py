@@ -91,7 +91,9 @@ def estimate(color: Float64[np.ndarray, "n 3"], white: float = 1.0) -> Albedo:
         color[high > DARK] @ mean / (mean @ mean)
     )  # clipped pixels too: they are the brightest
     lit = mean * np.quantile(shading, LIT)
-    red, green, blue = (lit / max(float(lit.max()), 1.0)).tolist()
+    if white > 1:  # no channel was cut off: the direction holds
+        lit = lit / max(float(lit.max()), 1.0)
+    red, green, blue = np.minimum(lit, 1.0).tolist()
     plain = bool(_explained(good, mean).mean() >= PLAIN_SHARE)
     return Albedo(
         (red, green, blue),
