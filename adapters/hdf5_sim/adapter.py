@@ -61,9 +61,8 @@ class HDF5Sim(Adapter):
     def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
         source: SimSource = episode.source
         place, edited, found = source.demo.place, reached(source), {}
-        dimmed = {
-            one.dimmed for one in source.demo.stored.values()
-        }  # left out where the color changed
+        # Dimmed images are left out where the color changed.
+        dimmed = {one.dimmed for one in source.demo.stored.values()}
         with opened(place.path, place.within) as file:
             group = file[place.group]
             for name, held in layouts.datasets(place, group):

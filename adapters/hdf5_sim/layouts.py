@@ -29,10 +29,8 @@ from rpaug import BadInput
 
 NEXT = "next_obs"
 COLORS = ("_image", "_rgb")  # endings of robosuite's and LIBERO's color
-DIMMED, LIGHT = (
-    "_dimmed",
-    "light",
-)  # ending of the same color with a share of the light, an attribute
+DIMMED = "_dimmed"  # ending of the same color with a share of the light
+LIGHT = "light"  # its attribute: that share
 WORDS, CAMERAS = "ep_meta", "camera_info"  # attributes of a demonstration that edits reach
 PARAMETERS = "obs/sensor_param"  # of ManiSkill's cameras
 DEEPEST = 12  # groups in one another
