@@ -1,10 +1,12 @@
 """Meshes and Gaussians from files, as things of the library: glb, gltf, obj, stl, ply."""
 
+import io
+import logging
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 
 from rpaug.core import geometry
 from rpaug.core.errors import BadInput
@@ -17,6 +19,8 @@ ENDINGS = (".glb", ".gltf", ".obj", ".stl", ".ply")
 FAINT = 0.3  # opacity: a Gaussian below shows too little to count as a surface
 SEEN = 0.005  # opacity: one below shows nothing
 MOST_GAUSSIANS = 2_000_000
+MOST_FACES = 1_000_000  # of a mesh: some ten seconds to read and keep
+MOST_BYTES = 2**29  # of a file
 DISC = 1.6  # standard deviations: half a side of the square that stands for a Gaussian
 LARGEST_IMAGE = 1024  # texels a side
 MOST_METRES = 3.0
@@ -30,6 +34,8 @@ def read(path: Path, scale: float = 1.0, up: str = "z") -> tuple[Mesh, Gaussians
     """
     if path.suffix.lower() not in ENDINGS:
         raise BadInput(path, "format", found=path.suffix, expected=", ".join(ENDINGS))
+    if path.is_file() and (size := path.stat().st_size) > MOST_BYTES:
+        raise BadInput(path, "size", found=f"{size} bytes", expected=f"at most {MOST_BYTES}")
     data = read_bytes(path)
     turn = np.eye(3) if up == "z" else geometry.rotation(np.array([np.pi / 2, 0.0, 0.0]))
     if path.suffix.lower() == ".ply" and b"f_dc_0" in data[:4096]:
@@ -120,19 +126,69 @@ def palette(
 def _triangles(path: Path) -> Mesh:
     import trimesh  # only here: it takes half a second to load
 
+    class Beside(trimesh.resolvers.FilePathResolver):
+        def get(self, name: str) -> bytes:
+            return _unicode(name, super().get(name))
+
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # it logs tracebacks of what it raises
     try:
-        loaded = trimesh.load(path, force="mesh", process=False)
+        loaded = trimesh.load(
+            io.BytesIO(_unicode(path.name, path.read_bytes())),
+            file_type=path.suffix[1:].lower(),
+            resolver=Beside(str(path)),
+            force="mesh",
+            process=False,
+        )
+        if not isinstance(loaded, trimesh.Trimesh):
+            raise ValueError("no triangles")
+        points, faces = np.asarray(loaded.vertices, float), np.asarray(loaded.faces)
+        if points.shape[1:] != (3,) or faces.shape[1:] != (3,) or not len(faces):
+            raise ValueError("no triangles")
+        if not 0 <= faces.min() <= faces.max() < len(points):
+            raise ValueError(f"a corner {faces.max()} of {len(points)} vertices")
+        stated = "vertex_normals" in loaded._cache  # else trimesh would work them out, with scipy
+        normals = np.asarray(loaded.vertex_normals, float) if stated else _normals(points, faces)
+        image, uv = _picture(loaded)
+        if normals.shape != points.shape or not (
+            np.isfinite(normals).all() and np.isfinite(uv).all()
+        ):
+            raise ValueError("normals or texture coordinates that are not finite")
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries do
-        raise BadInput(
-            path, "mesh", found=str(error).splitlines()[0][:120], expected="a readable mesh"
-        ) from None
-    if not isinstance(loaded, trimesh.Trimesh) or not len(loaded.faces):
-        raise BadInput(path, "mesh", found="no triangles", expected="a surface")
-    points = np.asarray(loaded.vertices, float)
-    normals = np.asarray(loaded.vertex_normals, float)
-    faces = np.asarray(loaded.faces, np.int32)
-    image, uv = _picture(loaded)
-    return Mesh(points, normals, uv, faces, image)
+        found = (str(error).splitlines() or [type(error).__name__])[0][:120]
+        raise BadInput(path, "mesh", found=found, expected="a readable mesh") from None
+    if len(faces) > MOST_FACES:
+        expected = f"at most {MOST_FACES}: simplify the mesh"
+        raise BadInput(path, "faces", found=str(len(faces)), expected=expected)
+    return Mesh(points, normals, uv, faces.astype(np.int32), image)
+
+
+def _unicode(name: str, data: bytes) -> bytes:
+    """Text as UTF-8, of old files too: trimesh would guess their encoding by a package of its own."""
+    if not name.lower().endswith((".obj", ".mtl")):
+        return data
+    try:
+        return data.decode().encode()
+    except UnicodeDecodeError:
+        return data.decode("latin-1").encode()
+
+
+def _normals(
+    points: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "f 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Of each vertex: those of its faces, weighed by their angles there."""
+    corners = points[faces]
+    flat = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    found = np.zeros((len(points), 3))
+    for k in range(3):
+        one, other = (_unit(corners[:, k - 1 - i] - corners[:, k]) for i in range(2))
+        angle = np.arccos(np.clip((one * other).sum(1), -1, 1))
+        for axis in range(3):
+            found[:, axis] += np.bincount(faces[:, k], angle * flat[:, axis], len(points))
+    return _unit(found)
+
+
+def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
 
 
 def _picture(loaded) -> tuple[np.ndarray, np.ndarray]:

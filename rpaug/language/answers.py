@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from rpaug.assets import library
 from rpaug.core import registry
+from rpaug.language import words
 from rpaug.language.making import lacking
 from rpaug.language.messages import Entry, Message, WishContext
 from rpaug.pipeline import recipe
@@ -23,6 +24,9 @@ SHORT = 200  # characters of a name or an instruction that is shown to a model
 MOST = 30  # edits
 FILE = re.compile(r"[/\\:~]|\.\w{1,5}$")
 """What may name a file, an address or a network."""
+PLACES = ("textures", "weights", "vision", "harmoniser", "inpaint")
+"""Fields that name a folder, a file or a network."""
+COUNTS = {"first": 1, "single": 1, "once": 1, "twice": 2}  # numbers in words, beside `words.WORDS`
 
 
 class WishEdit(Message):
@@ -141,6 +145,7 @@ def understood(value: Any, stated: str, earlier: int) -> WishAnswer:
     for said in (*quoted, *([found.settings.said] if found.settings else [])):
         if not _normal(said) or _normal(said) not in _normal(stated):
             raise ValueError(f"said {said!r}: these are not words of the wish")
+    _settled(found.settings)
     return found
 
 
@@ -155,7 +160,31 @@ def planned(value: Any, stated: str, earlier: int) -> WishPlan:
     _within(found.drop, earlier)
     if found.refuse and found.steps:
         raise ValueError("either refuse, or give steps")
+    if found.settings and _normal(found.settings.said) not in _normal(stated):
+        raise ValueError(f"said {found.settings.said!r}: these are not words of the wish")
+    _settled(found.settings)
     return found
+
+
+def _settled(settings: WishSettings | None) -> None:
+    """See that the person said every setting: numbers by their value, the others by name. Raises ValueError."""
+    if settings is None:
+        return
+    said = settings.said.lower()
+    numbers = {words.number(one) for one in re.findall(rf"(?<![\w.]){words.NUMBER}", said)}
+    numbers |= {count for word, count in COUNTS.items() if word in said}
+    numbers |= {one / 100 for one in numbers}  # percent
+    gates = settings.gates.model_dump(exclude_unset=True) if settings.gates else {}
+    given = {name: getattr(settings, name) for name in ("copies", "seed", "limit")} | gates
+    for name, value in given.items():
+        if name in gates and (value is None or isinstance(value, bool)):
+            unsaid = not any(word in said for word in ("gate", "check", *name.split("_")))
+        else:
+            unsaid = value is not None and value not in numbers
+        if unsaid:
+            raise ValueError(f"{name} {value}: the wish says no such thing")
+    if settings.keep_originals is not None and "original" not in said:
+        raise ValueError("keep_originals: the wish says nothing of originals")
 
 
 def _within(drop: Sequence[int], earlier: int) -> None:
@@ -188,10 +217,11 @@ def _option(given: Mapping[str, Any], stated: str, setting: WishContext) -> Entr
                 there = ", ".join(map(short, setting.cameras))
                 raise ValueError(f"camera {name!r}: there are: {there}, or static for all")
         return seen.edit()
+    for name, value in fields.items():
+        for text in _texts(value):
+            if (name in PLACES or FILE.search(text)) and text not in stated:
+                raise ValueError(f"{op}: {text!r} was not said")
     recipe.option(op, fields)
-    for text in _texts(fields):
-        if FILE.search(text) and text not in stated:
-            raise ValueError(f"{op}: {text!r} was not said")
     if op == "insert" and "asset" not in fields:
         edit = {"op": op, **fields}
         if not setting.generates or not lacking(edit):

@@ -8,9 +8,6 @@ from rpaug.core import registry
 from rpaug.language import answers
 from rpaug.pipeline import recipe
 
-PLACES = ("textures", "weights", "vision", "harmoniser", "inpaint")
-"""Fields that name a folder, a file or a network: nobody says them in a wish."""
-
 
 def of_wish(cameras: Sequence[str], ops: Sequence[str] | None = None) -> dict[str, Any]:
     """The schema of a `WishAnswer` whose edits are of these operators, all if None, and move only these cameras."""
@@ -39,7 +36,7 @@ def _option(op: str, whole: Mapping[str, Any], cameras: Sequence[str]) -> dict[s
         one["properties"]["cameras"]["maxItems"] = max(1, len(cameras))
     else:
         one = dict(whole[f"op_{op}"])
-    out = ("op", "probability", *PLACES)
+    out = ("op", "probability", *answers.PLACES)
     fields = {name: value for name, value in one["properties"].items() if name not in out}
     required = ["op", *(name for name in one.get("required", []) if name != "op")]
     fixed = {"op": {"const": op}, "weight": {"type": "number", "exclusiveMinimum": 0}}
@@ -54,7 +51,7 @@ def fields(op: str, whole: Mapping[str, Any]) -> str:
     one = whole[f"op_{op}"]
     told = []
     for name, value in one["properties"].items():
-        if name in ("op", "probability", *PLACES):
+        if name in ("op", "probability", *answers.PLACES):
             continue
         given = "" if name in one.get("required", []) else f" = {json.dumps(value.get('default'))}"
         told.append(f"{name}: {_taken(value, whole)}{given}")

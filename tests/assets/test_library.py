@@ -1,6 +1,13 @@
 """What ships is whole and stands; what is added is found again; wrong files are named."""
 
+import contextlib
 import json
+import re
+import subprocess
+import sys
+import tomllib
+from importlib import metadata
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -138,6 +145,101 @@ def test_people_bring_meshes_of_every_kind(tmp_path, ending):
     assert len(splats) == 500
     assert library.outlined("cloud")
     assert not library.outlined("old_brick")
+
+
+def not_required() -> list[str]:
+    """Modules that an install of rpaug without extras does not bring."""
+    required, todo = (
+        set(),
+        tomllib.loads(Path("pyproject.toml").read_text())["project"]["dependencies"],
+    )
+    while todo:
+        name = re.split(r"[^\w.-]", todo.pop())[0].lower().replace("_", "-")
+        if name not in required:
+            required.add(name)
+            with contextlib.suppress(metadata.PackageNotFoundError):
+                todo += [one for one in metadata.requires(name) or () if "extra ==" not in one]
+    return [
+        module
+        for module, owners in metadata.packages_distributions().items()
+        if not required & {one.lower().replace("_", "-") for one in owners}
+        and module not in ("rpaug", "rpaug_adapters", "rpaug_recipes")
+    ]
+
+
+BARE = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {absent}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}")
+sys.meta_path.insert(0, Absent())
+from rpaug.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize("ending", ["glb", "obj", "stl", "ply"])
+def test_a_clean_install_adds_meshes_without_a_traceback(tmp_path, ending):
+    file = tmp_path / f"clay_block.{ending}"
+    if ending == "obj":  # with a picture, and a comment that is not UTF-8
+        file.write_bytes(b"# caf\xe9 et th\xe9 \xe0 la carte\n" + PAINTED.encode())
+        (tmp_path / "brick.mtl").write_text("newmtl clay\nmap_Kd clay.png\n")
+        cv2.imwrite(str(tmp_path / "clay.png"), np.full((4, 4, 3), (30, 60, 200), np.uint8))
+    else:
+        trimesh.creation.box((20, 10, 8)).export(file)
+    absent = {*not_required(), "scipy", "charset_normalizer", "chardet"}
+    words = ["assets", "add", str(file), "--scale", "0.01", "--json"]
+    done = subprocess.run(
+        [sys.executable, "-c", BARE.format(absent=absent), *words],
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert ending != "obj" or json.loads(done.stdout)["color"] != "gray"
+
+
+def test_normals_are_those_of_the_faces_by_their_angles(tmp_path):
+    ball = trimesh.creation.icosphere(1, 0.1)
+    ball.apply_scale([1, 2, 0.5])
+    ball.export(tmp_path / "ball.ply", vertex_normal=False)
+    thing, _ = reading.read(tmp_path / "ball.ply")
+    again = trimesh.Trimesh(thing.points, thing.faces, process=False)
+    np.testing.assert_allclose(thing.normals, again.vertex_normals, atol=1e-9)
+
+
+@pytest.mark.parametrize("ending", ["glb", "obj", "stl", "ply"])
+def test_a_spoilt_mesh_is_one_line(tmp_path, ending, capfd):
+    mesh = trimesh.creation.box((0.2, 0.1, 0.08))
+    mesh.export(tmp_path / f"whole.{ending}")
+    data, rng = (tmp_path / f"whole.{ending}").read_bytes(), np.random.default_rng(7)
+    file = tmp_path / f"spoilt.{ending}"
+    refused = []
+    for _ in range(60):
+        spoilt = bytearray(data)
+        for at in rng.integers(0, len(data), 3):
+            spoilt[at] = rng.integers(256)
+        file.write_bytes(spoilt[: rng.integers(len(data) // 2, 2 * len(data))])
+        try:
+            reading.read(file)
+        except BadInput as error:
+            refused.append(str(error))
+    assert len(refused) > 5
+    assert not any("\n" in words for words in refused)
+    assert capfd.readouterr() == ("", "")
+    file.write_bytes(b"")
+    done = CliRunner().invoke(app, ["assets", "add", str(file)])
+    assert done.exit_code == 2
+
+
+def test_a_mesh_of_too_many_faces_is_refused(tmp_path, monkeypatch):
+    trimesh.creation.box((0.2, 0.1, 0.08)).export(tmp_path / "box.stl")
+    monkeypatch.setattr(reading, "MOST_FACES", 11)
+    with pytest.raises(BadInput, match=r"faces.*12.*at most 11"):
+        reading.read(tmp_path / "box.stl")
+    monkeypatch.setattr(reading, "MOST_BYTES", 100)
+    with pytest.raises(BadInput, match="at most 100"):
+        reading.read(tmp_path / "box.stl")
 
 
 def test_the_library_is_searched_and_shown(tmp_path):

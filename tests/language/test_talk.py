@@ -10,7 +10,7 @@ from endpoints import KEY, completion, served
 from tabletop import gl, instance_id, scene, take
 
 from rpaug.core import registry
-from rpaug.language import asking, schemas
+from rpaug.language import answers, asking, schemas
 from rpaug.language.messages import Answer, NotUnderstood, WishContext
 from rpaug.language.rounds import History
 from rpaug.language.talk import WishModel, operators
@@ -48,7 +48,7 @@ def asked(wish: str, *answers: Any, history: History | None = None, **how: Any) 
         return WishModel(endpoint, **how)(history or History(), wish, SETTING), seen
 
 
-WISH = "make the cups blue and raise the front camera 5 cm, 3 copies"
+WISH = "make the cups blue and raise the front camera 5 cm, 3 copies, 5 tries"
 CUPS = {**BLUE, "target": {"text": "cup", "all": True}}
 
 
@@ -58,7 +58,7 @@ def test_a_wish_is_one_call() -> None:
         wished(
             edit("make the cups blue", CUPS, probability=0.5),
             edit("raise the front camera 5 cm", RAISED),
-            settings=settings("3 copies", copies=3, gates={"tries": 5}),
+            settings=settings("3 copies, 5 tries", copies=3, gates={"tries": 5}),
             notes=["both cups"],
         ),
     )
@@ -141,6 +141,54 @@ def test_what_does_not_hold_is_no_recipe(answer: Any, complaint: str) -> None:
         asked("make the cup blue", answer)
 
 
+@pytest.mark.parametrize(
+    ("said", "given", "complaint"),
+    [
+        ("make the cup blue", {"copies": 9}, "copies 9"),
+        ("make the cup blue", {"seed": 7}, "seed 7"),
+        ("2 copies", {"copies": 2, "limit": 1}, "limit 1"),
+        ("2 copies", {"keep_originals": True}, "keep_originals"),
+        ("2 copies", {"gates": {"self_check": False}}, "self_check False"),
+        ("2 copies", {"gates": {"tries": 9}}, "tries 9"),
+    ],
+)
+@pytest.mark.parametrize("staged", [True, False])
+def test_a_model_sets_nothing_that_nobody_said(
+    said: str, given: dict[str, Any], complaint: str, staged: bool
+) -> None:
+    made = settings(said, **given)
+    planned = {"steps": [], "drop": [], "settings": made, "refuse": ""}
+    answer = planned if staged else wished(edit("blue", BLUE), settings=made)
+    with pytest.raises(LanguageError, match=f"{complaint}.*the wish says"):
+        asked("make the cup blue, 2 copies", answer, staged=staged)
+
+
+@pytest.mark.parametrize(
+    ("op", "name"),
+    [("stylize", "textures"), ("stylize", "weights"), ("physics", "vision"), ("remove", "inpaint")],
+)
+def test_a_model_names_no_folder_that_nobody_said(op: str, name: str) -> None:
+    with pytest.raises(LanguageError, match="'secrets' was not said"):
+        asked("make the cup blue", wished(edit("blue", {"op": op, name: "secrets"})))
+
+
+def test_numbers_may_be_said_in_words() -> None:
+    answer, _ = asked(
+        "the cup blue in a dozen copies, seed 4, first episode only, keep the originals",
+        wished(
+            edit("the cup blue", BLUE),
+            settings=settings(
+                "in a dozen copies, seed 4, first episode only, keep the originals",
+                copies=12,
+                seed=4,
+                limit=1,
+                keep_originals=True,
+            ),
+        ),
+    )
+    assert answer.settings["copies"] == 12
+
+
 def test_a_wrong_edit_is_mended_when_it_is_told_why() -> None:
     answer, seen = asked(
         "make the cup blue",
@@ -215,4 +263,4 @@ def test_every_operator_has_a_schema_that_stands_alone(op: str) -> None:
     told = operators([op])
     fields = {field.name for field in dataclasses.fields(registry.operator(op))}  # type: ignore[arg-type]
     named = {part.split(":")[0] for part in told.split("fields: ")[-1].split("\n")[0].split("; ")}
-    assert op == "camera_pose" or fields - named == fields & {*schemas.PLACES}
+    assert op == "camera_pose" or fields - named == fields & {*answers.PLACES}
