@@ -13,7 +13,6 @@ Keys are `<split>/<number>`, below the dataset's own path.
 """
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -96,7 +95,7 @@ class LeRobot(GatheredAdapter):
             for path in like.iterdir() if like.is_dir() else ():
                 made = any(path.match(pattern) for pattern in MADE_ANEW)
                 if path.is_file() and not made and not (folder / "meta" / path.name).exists():
-                    shutil.copyfile(path, folder / "meta" / path.name)
+                    files.write_atomic(folder / "meta" / path.name, files.read_bytes(path))
 
 
 def _described(

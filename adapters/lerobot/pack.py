@@ -1,7 +1,7 @@
 """Gathering a LeRobot dataset's episodes into its shared files: tables, videos, words, statistics, description.
 
 One episode is in memory at a time. Everything is written beside the old files and renamed at the end, the description
-last; until then the episodes' own folders stay, so that a killed run loses nothing.
+last; until then the episodes' own folders stay. Killed at any point, the next `pack` comes to the same bytes.
 """
 
 import json
@@ -18,7 +18,8 @@ from rpaug_adapters.lerobot.read import (
     decode_images,
     encoded,
     is_depth,
-    linked,
+    lent,
+    own_video,
     read_episode,
     read_row,
 )
@@ -53,9 +54,19 @@ Words = dict[str, dict[str, int]]  # numbers of tasks, and of subtasks, by their
 def pack(folder: Path, like: Path) -> None:
     """Gather what is in episodes' own folders, with what was gathered before, and describe it all. Words keep the
     numbers that they have here, or in the dataset `like` that the episodes are of."""
-    if not staged(folder, STAGED):
-        return
     about = tables.info(folder)
+    if any(
+        number >= len(about.splits.get(split, ()))
+        for split, numbers in staged(folder, STAGED).items()
+        for number in numbers
+    ):
+        about = _pack(about, like)
+    _drop(about)
+
+
+def _pack(about: Info, like: Path) -> Info:
+    """Gather what is staged, some of which the shared files lack."""
+    folder = about.folder
     _scatter(about)
     work = folder / f".gathered{files.PART}"
     shutil.rmtree(work, ignore_errors=True)
@@ -72,7 +83,7 @@ def pack(folder: Path, like: Path) -> None:
     finally:
         shutil.rmtree(work, ignore_errors=True)
     files.write_atomic(folder / INFO, json.dumps(given, indent=4, ensure_ascii=False).encode())
-    _drop(folder)
+    return tables.info(folder)
 
 
 def _scatter(about: Info) -> None:
@@ -83,13 +94,14 @@ def _scatter(about: Info) -> None:
             if (target / STAGED).exists():
                 continue
             episode = read_episode(about.folder, split, number, f"{split}/{number}")
-            with files.atomic_folder(target.with_name(f"{number}-again")) as work:
-                write_episode(episode, episode.source, about, work)
-            again = target.with_name(f"{number}-again")
+            work = target.with_name(f".{number}{files.PART}")
+            shutil.rmtree(work, ignore_errors=True)
+            work.mkdir(parents=True)
+            write_episode(episode, episode.source, about, work)
             target.mkdir(exist_ok=True)
-            for path in sorted(again.iterdir(), key=lambda path: path.name == STAGED):
+            for path in sorted(work.iterdir(), key=lambda path: path.name == STAGED):
                 os.replace(path, target / path.name)  # the table last: it makes the episode
-            again.rmdir()
+            shutil.rmtree(work)  # a file that is there already, by another name, is not moved
 
 
 class _Files:
@@ -299,21 +311,43 @@ def _videos(
         if held[0] in starts:
             os.link(parts[held[0]], target)
             begins = [starts[number] for number in held]
-            ends = [starts[number] + rows[number]["length"] / about.rate for number in held]
         else:
             joined = video.joined((parts[number] for number in held), target)
-            begins, ends = map(list, zip(*joined, strict=True))
-            video.decode_whole(
-                [
-                    video.Span(target, start, rows[number]["length"], about.rate)
-                    for number, start in zip(held, begins, strict=True)
-                ]
-            )
-        for number, start, end in zip(held, begins, ends, strict=True):
+            begins = [start for start, _ in joined]
+            spans = [
+                video.Span(target, start, rows[number]["length"], about.rate)
+                for number, start in zip(held, begins, strict=True)
+            ]
+            video.decode_whole(spans)
+            _lend(spans, [own[number][1] for number in held], key)
+        for number, start in zip(held, begins, strict=True):
             rows[number] |= {
                 f"videos/{key}/from_timestamp": start,
-                f"videos/{key}/to_timestamp": end,
+                f"videos/{key}/to_timestamp": start + rows[number]["length"] / about.rate,
             }
+
+
+def _lend(spans: list[video.Span], owns: list[Path], key: str) -> None:
+    """Let the file that holds them all be each episode's own video, where the file system has links: none lies there
+    twice. What a killed run lent is taken for what it is only if every episode of the file has it."""
+    for span, own in zip(spans, owns, strict=True):
+        if not link(span.path, own / f"{key}@{span.start!r}.mp4"):
+            return
+    for own in owns:
+        (own / f"{key}.mp4").unlink(missing_ok=True)
+
+
+def _take_back(own: list[tuple[str, Path]], key: str, rows: list[dict[str, Any]]) -> None:
+    """What a killed run lent to some episodes of a file and not to all of them."""
+    borrowed: dict[int, list[tuple[int, Path]]] = {}
+    for number, (_, path) in enumerate(own):
+        if found := lent(path, key):
+            borrowed.setdefault(found[0].stat().st_ino, []).append((number, found[0]))
+    for held in borrowed.values():
+        if sum(rows[number]["length"] for number, _ in held) < video.count(held[0][1]):
+            for _, path in held:
+                if (path.parent / f"{key}.mp4").is_file():
+                    path.unlink()
 
 
 def _parts(
@@ -321,11 +355,13 @@ def _parts(
 ) -> tuple[dict[int, float], dict[int, Path]]:
     """Each episode's video of a camera, and where it begins in those that are recorded files and stay whole. What is of
     a file that is not here whole, or of one that v2.1 may not share, is taken out of it."""
+    _take_back(own, key, rows)
     starts: dict[int, float] = {}
-    parts = {number: path / f"{key}.mp4" for number, (_, path) in enumerate(own)}
+    parts: dict[int, Path] = {}
     held: dict[tuple[int, int], list[int]] = {}
     for number, (_, path) in enumerate(own):
-        if (start := linked(path).get(key)) is not None:
+        parts[number], start = own_video(path, key)
+        if start is not None:
             starts[number] = start
             about_file = parts[number].stat()
             held.setdefault((about_file.st_dev, about_file.st_ino), []).append(number)
@@ -357,11 +393,12 @@ def _own_videos(
             video.decode_whole([video.Span(target, 0.0, rows[number]["length"], about.rate)])
 
 
-def _drop(folder: Path) -> None:
-    """Remove the episodes' own tables and videos, and their folders where nothing lies beside them."""
-    for split, numbers in staged(folder, STAGED).items():
-        for number in numbers:
-            own = folder / split / str(number)
+def _drop(about: Info) -> None:
+    """Remove the own tables and videos of episodes that the shared files hold, and folders where nothing lies beside
+    them, and what a killed run left of them."""
+    for split in about.splits:
+        within = about.folder / split
+        for own in within.iterdir() if within.is_dir() else ():
             for path in (
                 *(own / name for name in (STAGED, STATISTICS, LINKED, ROW)),
                 *own.glob("*.mp4"),
@@ -369,5 +406,5 @@ def _drop(folder: Path) -> None:
                 path.unlink(missing_ok=True)
             if not any(own.iterdir()):
                 own.rmdir()
-        if not any((folder / split).iterdir()):
-            (folder / split).rmdir()
+        if within.is_dir() and not any(within.iterdir()):
+            within.rmdir()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -143,11 +144,10 @@ def _staged(about: Info, own: Path) -> Gathered:
     rows = tables.table(own / STAGED)
     length = _length(str(own / STAGED), rows, rows.num_rows)
     tasks = tuple(str(text) for text in rows["task"].to_pylist())
-    starts = linked(own)
-    spans = {
-        key: Span(own / f"{key}.mp4", starts.get(key, 0.0), length, about.rate)
-        for key in about.of_kind("video")
-    }
+    spans = {}
+    for key in about.of_kind("video"):
+        path, start = own_video(own, key)
+        spans[key] = Span(path, start or 0.0, length, about.rate)
     return rows, tasks, read_row(own), spans
 
 
@@ -194,6 +194,19 @@ def linked(own: Path) -> dict[str, float]:
     if not isinstance(given, dict):
         raise BadInput(path, "JSON", found=repr(given)[:40], expected="seconds by video")
     return {key: _seconds(path, key, start) for key, start in given.items()}
+
+
+def lent(own: Path, key: str) -> tuple[Path, float] | None:
+    """The file that an episode's own video was gathered into with others, if it was, and where it begins there."""
+    for path in own.glob(f"{escape(key)}@*.mp4"):
+        return path, float(path.stem.rpartition("@")[2])
+    return None
+
+
+def own_video(own: Path, key: str) -> tuple[Path, float | None]:
+    """A video of an episode's own folder; where the episode begins in it, if it is a file that holds others too: one
+    that was recorded, or that it was gathered into."""
+    return lent(own, key) or (own / f"{key}.mp4", linked(own).get(key))
 
 
 def _length(where: str, rows: Any, given: Any) -> int:

@@ -13,7 +13,6 @@ Keys are `<split>/<number>`, below the dataset's own path. Records keep every by
 """
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
@@ -100,7 +99,7 @@ class RLDS(GatheredAdapter):
             for path in like.iterdir() if like.is_dir() else ():
                 # TFDS keeps label names and the like in files named after features.
                 if path.is_file() and path.suffix == ".txt" and not (folder / path.name).exists():
-                    shutil.copyfile(path, folder / path.name)
+                    files.write_atomic(folder / path.name, files.read_bytes(path))
 
 
 def _common(source: Path, folder: Path, dropped: bool) -> dict[str, bytes]:

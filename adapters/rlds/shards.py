@@ -1,7 +1,9 @@
 """Where the records of an RLDS dataset lie: packed in shards as TFDS lays them out, or one file each while it grows.
 
 A finished dataset has `dataset_info.json` and `<name>-<split>.tfrecord-<i>-of-<n>`. Until then each episode is a folder
-`<split>/<number>/` with one record in `episode.tfrecord`, so that it can appear by one rename; `pack` gathers them.
+`<split>/<number>/` with one record in `episode.tfrecord`, so that it can appear by one rename. `pack` gathers them
+shard by shard, so that no more than one shard lies there twice. What is packed so far stands in `packing.json`: TFDS
+takes a dataset for whole as soon as it has `dataset_info.json`.
 """
 
 import json
@@ -21,6 +23,7 @@ from rpaug_adapters.shared.texts import read_json, stamp
 from rpaug import BadInput, files
 
 INFO = "dataset_info.json"
+PACKING = "packing.json"
 STAGED = "episode.tfrecord"
 LONGEST = 200  # bytes of a file's name
 MOST = 2**20  # episodes of a split: more is taken for damage, before any is listed
@@ -55,9 +58,9 @@ class Split:
         raise IndexError(number)
 
 
-def info(folder: Path) -> dict[str, Any]:
-    """What `dataset_info.json` says. Raises BadInput."""
-    path = folder / INFO
+def info(folder: Path, name: str = INFO) -> dict[str, Any]:
+    """What `dataset_info.json` says, or a file like it. Raises BadInput."""
+    path = folder / name
     described = read_json(path, "a description by TFDS")
     if not isinstance(described, dict) or not isinstance(described.get("splits"), list):
         raise BadInput(path, "splits", found="none", expected="a list of splits")
@@ -68,14 +71,16 @@ def info(folder: Path) -> dict[str, Any]:
 
 
 def splits(folder: Path) -> Mapping[str, Split]:
-    """The packed splits of a dataset; none while it grows. Raises BadInput."""
-    at = stamp(folder / INFO)
-    return _splits(folder, *at) if any(at) else {}
+    """The packed splits of a dataset, or what is packed so far. Raises BadInput."""
+    for name in (INFO, PACKING):
+        if any(at := stamp(folder / name)):
+            return _splits(folder, name, *at)
+    return {}
 
 
 @lru_cache(16)
-def _splits(folder: Path, _modified: int, _size: int) -> Mapping[str, Split]:
-    described, found = info(folder), {}
+def _splits(folder: Path, name: str, _modified: int, _size: int) -> Mapping[str, Split]:
+    described, found = info(folder, name), {}
     for entry in described["splits"]:
         name, lengths = _named(folder, entry)
         template = str(entry.get("filepathTemplate") or TEMPLATE)
@@ -152,29 +157,42 @@ def record(folder: Path, split: str, number: int) -> tuple[str, bytes]:
 
 
 def pack(source: Path, folder: Path) -> None:
-    """Gather an output's episodes into shards like its source's and describe them, then drop the single files.
+    """Gather an output's episodes into shards like its source's and describe them.
 
     With as many episodes as the source's the shards are divided alike. Killed at any point, every record is still
-    there, packed or not.
+    there, packed or not, and the next `pack` comes to the same bytes.
     """
-    numbers = staged(folder, STAGED)
-    if not numbers:
-        return
-    if (folder / INFO).is_file():
+    packed, numbers = splits(folder), staged(folder, STAGED)
+    if not (folder / INFO).is_file() or any(
+        number >= (packed[split].count if split in packed else 0)
+        for split, held in numbers.items()
+        for number in held
+    ):
         _unpack(folder)
-        numbers = staged(folder, STAGED)
-    packed = (source / INFO).is_file()
-    described = info(source) if packed else _described(folder, numbers)
-    like = splits(source) if packed else {name: Split(name, (), ()) for name in numbers}
-    entries = []
-    for entry in described["splits"]:
-        split = like[entry["name"]]
-        if split.name in numbers:
-            entries.append(entry | _shards(described, entry, split, folder, numbers[split.name]))
+        if numbers := staged(folder, STAGED):
+            _pack(source, folder, numbers)
+    _sweep(folder)
+
+
+def _pack(source: Path, folder: Path, numbers: dict[str, list[int]]) -> None:
+    like_source = (source / INFO).is_file()
+    described = info(source) if like_source else _described(folder, numbers)
+    like = splits(source) if like_source else {name: Split(name, (), ()) for name in numbers}
+    given = [entry for entry in described["splits"] if entry["name"] in numbers]
+    entries = [entry | {"numBytes": "0", "shardLengths": []} for entry in given]
+    for i, entry in enumerate(given):
+        for own in _shards(described, entry, like[entry["name"]], folder, numbers[entry["name"]]):
+            entries[i] = entry | own
+            _note(folder, described | {"splits": entries})
+            _drop(folder / entry["name"], numbers[entry["name"]], own["shardLengths"])
+    same = like_source and entries == described["splits"]
     data = json.dumps(described | {"splits": entries}, indent=2).encode()
-    same = entries == described["splits"]
-    files.write_atomic(folder / INFO, files.read_bytes(source / INFO) if packed and same else data)
-    _drop(folder, numbers)
+    files.write_atomic(folder / INFO, files.read_bytes(source / INFO) if same else data)
+
+
+def _note(folder: Path, described: dict[str, Any]) -> None:
+    """Say what is packed so far."""
+    files.write_atomic(folder / PACKING, json.dumps(described, indent=2).encode())
 
 
 def _described(folder: Path, numbers: dict[str, list[int]]) -> dict[str, Any]:
@@ -189,7 +207,8 @@ def _described(folder: Path, numbers: dict[str, list[int]]) -> dict[str, Any]:
 
 def _shards(
     described: dict[str, Any], entry: dict[str, Any], like: Split, folder: Path, numbers: list[int]
-) -> dict[str, Any]:
+) -> Iterator[dict[str, Any]]:
+    """Write the shards of a split; after each, what its description says of those written so far."""
     lengths = _divided(len(numbers), like.lengths)
     total, rest = 0, iter(numbers)
     staged_in = os.fspath(folder / like.name)
@@ -203,7 +222,8 @@ def _shards(
                     shutil.copyfileobj(stream, shard, 2**20)
                     total += stream.tell() - tfrecord.FRAME
         os.replace(work, folder / name)
-    return {"numBytes": str(total), "shardLengths": [str(length) for length in lengths]}
+        written = [*lengths[: i + 1], *[0] * (len(lengths) - i - 1)]
+        yield {"numBytes": str(total), "shardLengths": [str(length) for length in written]}
 
 
 def _divided(count: int, like: Sequence[int]) -> list[int]:
@@ -216,27 +236,51 @@ def _divided(count: int, like: Sequence[int]) -> list[int]:
 
 
 def _unpack(folder: Path) -> None:
-    """Back to one file an episode: a finished output is to grow."""
+    """Back to one file an episode, the last shard first: a finished output is to grow, or packing ended on its way."""
     packed = splits(folder)
-    for split in packed.values():
-        for number in range(split.count):
-            path = folder / split.name / str(number) / STAGED
-            if not path.exists():
-                data = tfrecord.read(*split.find(number))
-                files.write_atomic(path, tfrecord.frame(data))
-    (folder / INFO).unlink()
-    for split in packed.values():
-        for path in split.paths:
+    if not packed:
+        return
+    if (folder / INFO).is_file():
+        os.replace(folder / INFO, folder / PACKING)
+    described = info(folder, PACKING)
+    for split, entry in zip(packed.values(), described["splits"], strict=True):
+        lengths = list(split.lengths)
+        while any(lengths):
+            last = max(i for i, length in enumerate(lengths) if length)
+            for number in range(sum(lengths[:last]), sum(lengths)):
+                path = folder / split.name / str(number) / STAGED
+                if not path.exists():
+                    data = tfrecord.read(*split.find(number))
+                    files.write_atomic(path, tfrecord.frame(data))
+            lengths[last] = 0
+            entry["shardLengths"] = [str(length) for length in lengths]
+            _note(folder, described)
+            split.paths[last].unlink()
+
+
+def _drop(within: Path, numbers: Sequence[int], lengths: Sequence[str]) -> None:
+    """Remove the single files of the shard that was written last, and their folders where nothing lies beside them."""
+    counts = [int(length) for length in lengths if int(length)]
+    for number in numbers[sum(counts[:-1]) : sum(counts)]:
+        own = f"{within}/{number}"
+        os.unlink(f"{own}/{STAGED}")
+        if not os.listdir(own):
+            os.rmdir(own)
+
+
+def _sweep(folder: Path) -> None:
+    """Remove what stands in the description, or is of another, and empty folders of episodes."""
+    packed = splits(folder)
+    known = {path for split in packed.values() for path in split.paths}
+    for path in folder.glob("*.tfrecord-*-of-*"):
+        if path not in known:
             path.unlink()
-
-
-def _drop(folder: Path, numbers: dict[str, list[int]]) -> None:
-    """Remove the single files, and their folders where nothing lies beside them."""
-    for split, held in numbers.items():
-        for number in held:
-            own = f"{folder}/{split}/{number}"
-            os.unlink(f"{own}/{STAGED}")
-            if not os.listdir(own):
-                os.rmdir(own)
-        if not os.listdir(folder / split):
-            os.rmdir(folder / split)
+    for split in packed.values():
+        within = folder / split.name
+        for own in sorted(within.iterdir()) if within.is_dir() else ():
+            (own / STAGED).unlink(missing_ok=True)
+            if not any(own.iterdir()):
+                own.rmdir()
+        if within.is_dir() and not any(within.iterdir()):
+            within.rmdir()
+    (folder / PACKING).unlink(missing_ok=True)

@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 
 import av
+import crashing
 import lerobot_samples
 from lerobot_samples import episode, halved, picture
 from rpaug_adapters.lerobot import LeRobot
@@ -176,3 +177,41 @@ def packets(path: Path) -> list[bytes]:
     with av.open(str(path)) as file:
         held = sorted((one.pts, bytes(one)) for one in file.demux(video=0) if one.size)
     return [data for _, data in held]
+
+
+@pytest.mark.parametrize("grown", [False, True])
+def test_killed_anywhere_while_gathering_it_comes_to_the_same(grown: bool, tmp_path: Path) -> None:
+    adapter, root, out = LeRobot(), tmp_path / "in", tmp_path / "out"
+    for number in range(2):
+        adapter.write(episode(number, 4 + number), root, f"toy/train/{number}", dict)
+    adapter.finish(root, root)
+    for number in range(4):
+        read = adapter.read(root, f"toy/train/{number // 2}")
+        if number % 2:
+            read = replace(read, views={name: halved(one) for name, one in read.views.items()})
+        adapter.write(read, out, f"toy/train/{number}", lambda *_: {"note": b""})
+        if grown and number == 1:
+            adapter.finish(root, out)
+    every = 1 if "RPAUG_EVERY_POINT" in os.environ else 13
+    found = crashing.points("lerobot", root, out, tmp_path / "work", every)
+    assert len(found) > 5
+    assert [one for one in found if one["again"] or one["differ"]] == []
+
+
+def test_gathered_videos_lie_there_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    adapter, root = LeRobot(), tmp_path / "in"
+    for number in range(4):
+        adapter.write(episode(number, 4), root, f"toy/train/{number}", dict)
+    staged = sum(path.stat().st_size for path in root.rglob("*.mp4"))
+    held = []
+    whole = video.decode_whole
+
+    def decode_whole(spans: list[video.Span]) -> None:
+        whole(spans)
+        each = {one.st_ino: one.st_size for one in (path.stat() for path in root.rglob("*.mp4"))}
+        held.append(sum(each.values()))
+
+    monkeypatch.setattr(video, "decode_whole", decode_whole)
+    adapter.finish(root, root)
+    assert len(held) == 2  # a camera each
+    assert max(held) < 1.6 * staged  # one camera's file beside its parts, never both cameras'

@@ -1,15 +1,17 @@
 """RLDS episodes: bytes kept, shards and counts right, depth and cameras by the side file, refusals."""
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
+import crashing
 import cv2
 import numpy as np
 import pytest
 import yaml
 from rlds_samples import SIDE, STEPS, dataset
-from rpaug_adapters.rlds import RLDS, tfrecord
+from rpaug_adapters.rlds import RLDS, shards, tfrecord
 from rpaug_adapters.rlds.example import Example
 
 from rpaug import BadInput, CameraView, Episode
@@ -87,6 +89,41 @@ def test_a_finished_output_can_grow(tmp_path: Path) -> None:
     copied(root, tmp_path / "out", keys[:2])
     copied(root, tmp_path / "out", keys[2:])
     assert files(tmp_path / "out") == files(root)
+
+
+@pytest.mark.parametrize("grown", [False, True])
+def test_killed_anywhere_while_packing_it_comes_to_the_same(grown: bool, tmp_path: Path) -> None:
+    root, out = dataset(tmp_path / "in"), tmp_path / "out"
+    (root / "toy/1.0.0/toy.labels.txt").write_text("cup")
+    for number, key in enumerate(RLDS().episodes(root)):
+        side = dict if number % 2 else lambda: {"note.txt": b""}
+        RLDS().write(RLDS().read(root, key), out, key, side)
+        if grown and number == 1:
+            RLDS().finish(root, out)
+    every = 1 if "RPAUG_EVERY_POINT" in os.environ else 3
+    found = crashing.points("rlds", root, out, tmp_path / "work", every)
+    assert len(found) > 10
+    assert [one for one in found if one["again"] or one["differ"]] == []
+
+
+def test_packing_takes_a_shard_of_disk_beside_the_episodes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, out = dataset(tmp_path / "in", train=(1,) * 8, val=(1,)), tmp_path / "out"
+    for key in RLDS().episodes(root):
+        RLDS().write(RLDS().read(root, key), out, key, dict)
+    staged = sum(path.stat().st_size for path in out.rglob(shards.STAGED))
+    most, replace_ = [0], os.replace
+
+    def replaced(one: Path, other: Path) -> None:
+        replace_(one, other)
+        held = (path.stat().st_size for path in out.rglob("*tfrecord*") if path.is_file())
+        most.append(sum(held))
+
+    monkeypatch.setattr(os, "replace", replaced)
+    RLDS().finish(root, out)
+    assert staged < max(most) < 1.3 * staged
+    assert files(out) == files(root)
 
 
 def test_only_changed_images_are_encoded_anew(tmp_path: Path) -> None:
