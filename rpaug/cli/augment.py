@@ -63,6 +63,19 @@ def augment(
         bool,
         typer.Option(help="Keep copies in which physics made the recorded actions untrue."),
     ] = False,
+    most_memory: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1,
+            help="GB that a worker may take; unset: its share of the machine's, from two on.",
+        ),
+    ] = None,
+    most_minutes: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01, help="Minutes for each copy of an episode; unset: 60, from two workers on."
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option(help="Print the plan with time and disk, write nothing.")
     ] = False,
@@ -74,6 +87,7 @@ def augment(
     """
     from rpaug.pipeline import inputs
     from rpaug.pipeline.augment import Run, execute
+    from rpaug.pipeline.run import MINUTES, Budget
 
     inputs.tier(tier)
     if share and scenes is None:
@@ -85,8 +99,11 @@ def augment(
     run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid, _ratio(ratio), licence)
     if dry_run:
         return _dry_run(run, resume, as_json)
+    budget = None
+    if most_memory or most_minutes:
+        budget = Budget(most_memory and most_memory * 1e9, most_minutes or MINUTES)
     with progress_bar("augmenting", as_json) as progress:
-        summary = execute(run, workers=workers, resume=resume, progress=progress)
+        summary = execute(run, workers=workers, budget=budget, resume=resume, progress=progress)
     code = summary.exit_code
     described = {**vars(summary), "out": str(out)}
     if summary.copies:

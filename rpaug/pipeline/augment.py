@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 from rpaug.core import splits
 from rpaug.core.errors import BadInput
@@ -12,11 +13,12 @@ from rpaug.core.owner import owned
 from rpaug.pipeline import output_folder, prepare, report
 from rpaug.pipeline import workers as local
 from rpaug.pipeline.job import Job
-from rpaug.pipeline.run import Run, Summary, group_of
+from rpaug.pipeline.run import Budget, Run, Summary, group_of
 
 __all__ = ["Run", "Summary", "check", "execute", "jobs"]
 
 Progress = Callable[[int, int], None]
+Runner = Callable[[Sequence[Job]], Iterator[local.Outcome]]
 NO_LOCKS = "this file system knows no locks: another run that writes here is not kept out"
 OF_DATASET = "another dataset, or this one with files that were changed, added or removed since"
 
@@ -51,23 +53,26 @@ def execute(
     run: Run,
     *,
     workers: int = 1,
+    budget: Budget | None = None,
     resume: bool = False,
     progress: Progress = lambda done, total: None,
 ) -> Summary:
-    """Augment a dataset. Raises BadInput for what is wrong before the first episode.
+    """Augment a dataset; `budget` is that of each job. Raises BadInput for what is wrong before the first episode.
 
     A bad episode among good ones is skipped and named in the summary. Every finished episode appears by one rename,
     so a killed run leaves only whole ones and can be resumed. If nothing could be made, nothing is left behind. While
     it runs the target is its own: another run is refused.
     """
     with owned(run.target) as held:
-        summary = _executed(run, workers, resume, progress)
+        summary = _executed(
+            run, partial(local.run, workers=workers, budget=budget), resume, progress
+        )
     if not held:
         summary.warnings[str(run.target)] = [NO_LOCKS]
     return summary
 
 
-def _executed(run: Run, workers: int, resume: bool, progress: Progress) -> Summary:
+def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Summary:
     check(run, resume)
     made_folders = output_folder.missing(run.target)
     write_atomic(run.target / report.SUMMARY, report.encode(_marked(run)), durable=True)
@@ -82,7 +87,7 @@ def _executed(run: Run, workers: int, resume: bool, progress: Progress) -> Summa
     summary = Summary(resumed=len(done))
     total, finished = sum(len(job.copies) for job in todo), 0
     progress(0, total)
-    for outcome in _outcomes(_staged(run, todo), workers):
+    for outcome in _outcomes(_staged(run, todo), runner):
         finished += len(outcome.reports)
         if outcome.fatal:
             summary.aborted, summary.missing = outcome.error, outcome.missing
@@ -119,10 +124,10 @@ def _staged(run: Run, todo: Sequence[Job]) -> list[list[Job]]:
     return [first, rest]
 
 
-def _outcomes(stages: Sequence[Sequence[Job]], workers: int) -> Iterator[local.Outcome]:
+def _outcomes(stages: Sequence[Sequence[Job]], runner: Runner) -> Iterator[local.Outcome]:
     for stage in stages:
         fatal = False
-        for outcome in local.run(stage, workers):
+        for outcome in runner(stage):
             yield outcome
             fatal |= outcome.fatal
         if fatal:

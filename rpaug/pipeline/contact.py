@@ -48,25 +48,19 @@ def sheet(
 
 def write(adapter: Adapter, source: Path, target: Path) -> Path:
     """The sheet of a finished output folder; returns its path."""
-    described = {}
-    for key in adapter.episodes(target):
-        if PurePosixPath(key).parts[0] == REJECTED:
-            continue
-        one = report.of(target / key)
-        if one is not None and one["synthetic"]:
-            described[key] = one
-    keys = list(described)
-    picked = [
-        keys[i]
-        for i in sorted(
-            set(np.linspace(0, len(keys) - 1, min(MOST_EPISODES, len(keys))).astype(int))
-        )
-    ]
-    parts = [_section(adapter, source, target, key, described[key]) for key in picked]
+    keys = [key for key in adapter.episodes(target) if PurePosixPath(key).parts[0] != REJECTED]
+    picked: dict[str, dict[str, Any]] = {}
+    for i in np.linspace(0, len(keys) - 1, min(MOST_EPISODES, len(keys))).astype(int):
+        for key in (*keys[i:], *reversed(keys[:i])):
+            one = None if key in picked else report.of(target / key)
+            if one is not None and one["synthetic"]:
+                picked[key] = one
+                break
+    parts = [_section(adapter, source, target, key, picked[key]) for key in keys if key in picked]
     summary = json.loads((target / report.SUMMARY).read_bytes())
     page = (
         f"<!doctype html><html lang=en><meta charset=utf-8><title>rpaug contact sheet</title>"
-        f"<style>{STYLE}</style><h1>{len(keys)} augmented episodes, {len(picked)} shown</h1>"
+        f"<style>{STYLE}</style><h1>{len(keys)} episodes, {len(picked)} augmented ones shown</h1>"
         f"<p>Rows: recorded, edited, difference (times {GAIN}, grey is none). Columns: key frames.</p>"
         f"<details><summary>Recipe</summary><pre>{html.escape(json.dumps(summary['recipe'], indent=1))}</pre></details>"
         f"{''.join(parts)}</html>"

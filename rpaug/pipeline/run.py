@@ -15,6 +15,17 @@ from rpaug.core.version import __version__
 from rpaug.pipeline.copies import ORIGINAL
 from rpaug.pipeline.recipe import Recipe
 
+MINUTES = 60.0
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a job may take before its worker is ended: bytes of resident memory (None: a worker's share of the
+    machine's), and minutes for each copy. Memory is watched where there is /proc."""
+
+    memory: float | None = None
+    minutes: float = MINUTES
+
 
 @dataclass(frozen=True)
 class Run:

@@ -1,20 +1,22 @@
-"""Runs jobs on this machine: in this process, or on a pool of fresh ones with one thread each."""
+"""Runs jobs on this machine: in this process, or on fresh ones with one thread each, each within its budget."""
 
 import errno
 import os
+import signal
 import threading
+import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cache
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from multiprocessing import get_context, parent_process
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from typing import Any
 
 from rpaug.core.errors import Missing, RpaugError
 from rpaug.pipeline.job import Job, augment, left
 from rpaug.pipeline.output_folder import sweep
+from rpaug.pipeline.run import Budget
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -24,6 +26,9 @@ THREAD_VARIABLES = (
 )
 MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EMFILE}
 DIED = "a worker died (out of memory?); fewer workers need less"
+LOOK = 0.2  # seconds between two looks at what workers take
+SHARE = 0.9  # of the machine's memory, for all workers
+CGROUP = Path("/sys/fs/cgroup/memory.max")
 
 
 @dataclass(frozen=True)
@@ -41,72 +46,147 @@ class Outcome:
     missing: bool = False
 
 
-def run(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
+@dataclass(frozen=True)
+class Lost:
+    """A job whose worker ended before it was done; `late` where it took too long."""
+
+    job: Job
+    why: str
+    late: bool = False
+
+
+def run(jobs: Sequence[Job], workers: int, budget: Budget | None = None) -> Iterator[Outcome]:
     """Outcomes as they come; after a fatal one no job is started. Output does not depend on `workers`.
 
-    What was under way when a worker died is tried once more, job by job; one whose worker dies again is left out.
-    Workers end with this process, however that ends.
+    A job whose worker died, or took more memory than its budget, is tried once more, alone and with the memory of all
+    workers; one that fails again, or took too long, is left out. With one worker and no budget jobs run in this
+    process, without bounds. Workers end with this process, however that ends.
     """
-    if workers <= 1:
+    if workers <= 1 and budget is None:
         for job in jobs:
             yield (outcome := attempt(job))
             if outcome.fatal:
                 return
         return
-    todo, fatal = list(jobs), False
+    given, fatal, lost = budget or Budget(), False, list[Lost]()
     with _one_thread_each():
-        while todo and not fatal:
-            lost: list[Job] = []
-            for outcome in _pooled(todo, workers, lost):
-                fatal |= outcome.fatal
-                yield outcome
-            if lost:
-                sweep(lost[0].target)
-            for job in lost:
-                again: list[Job] = []
-                rest = left(job)
-                if not fatal and (rest.copies or not job.copies):
-                    for outcome in _pooled([rest], 1, again):
-                        fatal |= outcome.fatal
+        for outcome in _pooled(list(jobs), workers, _among(given, workers), lost):
+            fatal |= outcome.fatal
+            yield outcome
+        for one in lost:
+            sweep(one.job.target)
+            again = [one] if one.late else list[Lost]()
+            rest = one.job if one.late else left(one.job)
+            if not (fatal or one.late) and (rest.copies or not one.job.copies):
+                for outcome in _pooled([rest], 1, _among(given, 1), again):
+                    fatal |= outcome.fatal
+                    yield outcome
+                sweep(one.job.target)
+            for left_out in again:
+                yield Outcome(one.job, [], f"{one.job.key}: {left_out.why}")
+
+
+def _among(budget: Budget, workers: int) -> Budget:
+    """With the memory in numbers: who works alone gets what all would have."""
+    return replace(budget, memory=budget.memory or SHARE * _machine_memory() / workers)
+
+
+def _machine_memory() -> float:
+    """Bytes that this machine has, or that a container is given."""
+    found = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    try:
+        return min(found, float(CGROUP.read_text()))
+    except (OSError, ValueError):  # none, or "max"
+        return found
+
+
+class _Worker:
+    """A fresh process that does jobs, one at a time."""
+
+    def __init__(self) -> None:
+        # spawn: a forked child would inherit the parent's thread pools in whatever state they are
+        context = get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs,))
+        # Ctrl-C reaches a terminal's whole group: it is for the run, which ends its workers. They inherit the mask.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            self.process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        theirs.close()
+        self.job: Job | None = None
+        self.begun = 0.0
+
+    def begin(self, job: Job) -> None:
+        self.job, self.begun = job, time.monotonic()
+        with suppress(OSError):  # it is dead: its end of the pipe will say so
+            self.connection.send(job)
+
+    def beyond(self, budget: Budget) -> Lost | None:
+        """What its job took beyond the budget."""
+        assert self.job is not None
+        minutes = budget.minutes * max(1, len(self.job.copies))
+        if time.monotonic() - self.begun > 60 * minutes:
+            why = f"it took more than {minutes:g} minutes; --most-minutes allows more for a copy"
+            return Lost(self.job, why, late=True)
+        held = _resident(self.process.pid)
+        if budget.memory and held > budget.memory:
+            most = f"{budget.memory / 1e9:.2g} allowed (--most-memory)"
+            return Lost(self.job, f"it took {held / 1e9:.2g} GB of {most}")
+        return None
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.join()
+        self.connection.close()
+
+
+def _resident(pid: int | None) -> float:
+    """Bytes of memory that a process has."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    except (OSError, IndexError):
+        return 0.0
+    return float(pages * os.sysconf("SC_PAGE_SIZE"))
+
+
+def _pooled(todo: list[Job], workers: int, budget: Budget, lost: list[Lost]) -> Iterator[Outcome]:
+    """Outcomes of fresh processes; `lost` gets jobs whose worker died or was ended, and another takes its place."""
+    pool: list[_Worker] = []
+    try:
+        while todo or any(one.job for one in pool):
+            while todo and len(pool) < workers:
+                pool.append(_Worker())
+            for one in pool:
+                if one.job is None and todo:
+                    one.begin(todo.pop(0))
+            busy = [one for one in pool if one.job]
+            ready = wait([one.connection for one in busy], LOOK)
+            for one in busy:
+                assert one.job is not None
+                gone = None if one.connection in ready else one.beyond(budget)
+                if one.connection in ready:
+                    try:
+                        outcome = one.connection.recv()
+                    except (EOFError, OSError):
+                        gone = Lost(one.job, DIED)
+                    else:
+                        one.job = None
+                        if outcome.fatal:
+                            todo.clear()
                         yield outcome
-                if again:
-                    sweep(job.target)
-                    yield Outcome(job, [], f"{job.key}: {DIED}")
+                if gone:
+                    lost.append(gone)
+                    pool.remove(one)
+                    one.end()
+    finally:
+        for one in pool:
+            one.end()
 
 
-def _pooled(todo: list[Job], workers: int, lost: list[Job]) -> Iterator[Outcome]:
-    """Outcomes of a pool of fresh processes, until one dies: `lost` gets what was under way, `todo` keeps the rest."""
-    running: dict[Future[Outcome], Job] = {}
-    # spawn: a forked child would inherit the parent's thread pools in whatever state they are
-    context = get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        while (todo and not lost) or running:
-            while todo and not lost and len(running) < 2 * workers:
-                job = todo.pop(0)
-                try:
-                    running[pool.submit(_watched, job)] = job
-                except BrokenProcessPool:
-                    lost.append(job)
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                job = running.pop(future)
-                try:
-                    outcome = future.result()
-                except BrokenProcessPool:
-                    lost.append(job)
-                    continue
-                if outcome.fatal:
-                    todo.clear()
-                yield outcome
-
-
-def _watched(job: Job) -> Outcome:
-    """One job in a worker that ends as soon as the process that began it does, be it killed."""
-    _watch()
-    return attempt(job)
-
-
-@cache
-def _watch() -> None:
+def _serve(connection: Connection) -> None:
+    """Jobs as they come, in a worker that ends as soon as the process that began it does, be it killed."""
     parent = parent_process()
     assert parent is not None
 
@@ -115,6 +195,8 @@ def _watch() -> None:
         os._exit(1)
 
     threading.Thread(target=end, daemon=True).start()
+    while True:
+        connection.send(attempt(connection.recv()))
 
 
 def attempt(job: Job) -> Outcome:
@@ -128,7 +210,7 @@ def attempt(job: Job) -> Outcome:
     except RpaugError as error:
         return Outcome(job, reports, str(error))
     except MemoryError:
-        return Outcome(job, reports, f"{job.key}: out of memory", fatal=True)
+        return Outcome(job, reports, f"{job.key}: out of memory")
     except OSError as error:
         fatal = error.errno in MACHINE
         place = job.target if fatal else error.filename or job.key

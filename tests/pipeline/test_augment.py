@@ -8,12 +8,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import played_jobs
 import pytest
 from rpaug_adapters.rlbench import RLBench
 from rpaug_adapters.rlbench.pickles import dump, load
@@ -24,6 +24,7 @@ from rpaug.core.errors import BadInput
 from rpaug.core.files import decode_png, encode_png
 from rpaug.pipeline import recipe, report, workers, write
 from rpaug.pipeline.augment import Run, execute
+from rpaug.pipeline.run import Budget
 
 RECIPE = {
     "version": 1,
@@ -321,43 +322,65 @@ def test_a_killed_worker_costs_nothing_that_can_be_done_again(
     assert {k: v for k, v in contents(out).items() if k not in names} == contents(fresh)
 
 
-def test_a_job_whose_worker_dies_again_is_left_out_by_name(monkeypatch: Any) -> None:
-    jobs = [SimpleNamespace(key=f"e{n}", copies=((1, ""),), target="out") for n in range(5)]
-
-    def pooled(todo: list[Any], count: int, lost: list[Any]) -> Iterator[workers.Outcome]:
-        while todo and not lost:
-            job = todo.pop(0)
-            if job.key == "e1" or (job.key == "e2" and count > 1):
-                lost.append(job)
-            else:
-                yield workers.Outcome(job, [])
-
-    monkeypatch.setattr(workers, "_pooled", pooled)
+@pytest.fixture
+def played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, str | None]]:
+    """What becomes of jobs that are called so."""
+    monkeypatch.setattr(workers, "_serve", played_jobs.serve)
     monkeypatch.setattr(workers, "left", lambda job: job)
-    swept = list[Any]()
-    monkeypatch.setattr(workers, "sweep", swept.append)
-    found = {one.job.key: one.error for one in workers.run(jobs, 2)}  # type: ignore[arg-type]
-    assert found.keys() == {f"e{n}" for n in range(5)}
-    assert {key for key, error in found.items() if error} == {"e1"}
-    assert "e1: a worker died" in str(found["e1"])
-    assert swept  # what they left half written
+
+    def outcomes(*names: str, budget: Budget | None = None) -> dict[str, str | None]:
+        (tmp_path / ".half.part").mkdir()
+        jobs = [played_jobs.job(name, tmp_path) for name in names]
+        found = list(workers.run(jobs, 2, budget))
+        assert len(found) == len({one.job.key for one in found})
+        return {one.job.key: one.error for one in found}
+
+    return outcomes
 
 
-def test_a_full_disk_in_a_second_try_ends_the_run(monkeypatch: Any) -> None:
-    jobs = [SimpleNamespace(key=f"e{n}", copies=((1, ""),), target="out") for n in range(5)]
+def test_a_job_whose_worker_dies_again_is_left_out_by_name(
+    played: Callable[..., dict[str, str | None]], tmp_path: Path
+) -> None:
+    found = played("e0", "dies", "e1", "dies once", "e2", "e3")
+    assert found.keys() == {"e0", "dies", "e1", "dies once", "e2", "e3"}
+    assert {key for key, error in found.items() if error} == {"dies"}
+    assert "dies: a worker died" in str(found["dies"])
+    assert not (tmp_path / ".half.part").exists()  # what it left half written
 
-    def pooled(todo: list[Any], count: int, lost: list[Any]) -> Iterator[workers.Outcome]:
-        job = todo.pop(0)
-        if count > 1:
-            lost.append(job)
-        else:
-            yield workers.Outcome(job, [], "No space left", fatal=True)
 
-    monkeypatch.setattr(workers, "_pooled", pooled)
-    monkeypatch.setattr(workers, "left", lambda job: job)
-    monkeypatch.setattr(workers, "sweep", lambda _: None)
-    found = list(workers.run(jobs, 2))  # type: ignore[arg-type]
-    assert [(one.job.key, one.fatal) for one in found] == [("e0", True)]
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read in /proc")
+def test_a_job_beyond_its_budget_costs_itself_alone(
+    played: Callable[..., dict[str, str | None]],
+) -> None:
+    few = Budget(memory=resident(), minutes=0.2)
+    found = played("e0", "grows", "hangs", "e1", "e2", budget=few)
+    assert {key for key, error in found.items() if not error} == {"e0", "e1", "e2"}
+    assert "GB of" in str(found["grows"])
+    assert "more than 0.4 minutes" in str(found["hangs"])  # of two copies
+
+
+def resident() -> float:
+    """Bytes of a process that has loaded what workers load, and half of what one takes that grows."""
+    line = "import played_jobs; print(open('/proc/self/statm').read().split()[1])"
+    env = os.environ | {"PYTHONPATH": str(Path(played_jobs.__file__).parent)}
+    ran = subprocess.run(
+        [sys.executable, "-c", line], env=env, capture_output=True, text=True, check=True
+    )
+    return int(ran.stdout) * os.sysconf("SC_PAGE_SIZE") + played_jobs.MEGABYTES * 2**19
+
+
+def test_one_worker_with_a_budget_is_a_process_too(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(workers, "_serve", played_jobs.serve)
+    (found,) = workers.run([played_jobs.job("hangs", tmp_path)], 1, Budget(minutes=0.01))
+    assert "more than 0.02 minutes" in str(found.error)
+
+
+def test_a_full_disk_ends_the_run(played: Callable[..., dict[str, str | None]]) -> None:
+    found = played("full", *(f"e{n}" for n in range(9)))
+    assert found["full"] == "No space left"
+    assert len(list(found)[list(found).index("full") :]) <= 2  # what the other worker had begun
 
 
 def test_a_file_system_without_locks_is_told(

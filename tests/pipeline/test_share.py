@@ -3,8 +3,8 @@
 import json
 import shutil
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from rpaug.gaussians.fit4 import FourSettings
 from rpaug.pipeline import job, prepare, recipe, report, write
 from rpaug.pipeline import workers as local
 from rpaug.pipeline.augment import Run, execute
+from rpaug.pipeline.run import Budget
 
 RECIPE = {
     "version": 1,
@@ -39,9 +40,10 @@ QUICK = {
 }
 
 
-def shorten() -> None:
-    """What a fresh worker does first: it knows nothing of what a test changed."""
+def quick_worker(connection: Connection) -> None:
+    """A fresh one knows nothing of what a test changed."""
     vars(cached).update(QUICK)
+    local._serve(connection)
 
 
 @pytest.fixture(autouse=True)
@@ -49,8 +51,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fits of a few steps: what is asked for here does not hang on how good they are."""
     for name, fit in QUICK.items():
         monkeypatch.setattr(cached, name, fit)
-    pool = partial(ProcessPoolExecutor, initializer=shorten)
-    monkeypatch.setattr(local, "ProcessPoolExecutor", pool)
+    monkeypatch.setattr(local, "_serve", quick_worker)
 
 
 def run(
@@ -100,8 +101,10 @@ def test_any_number_of_workers_and_any_order_of_jobs_give_the_same(
     one = run(source, tmp_path / "one", tmp_path / "alone")
     in_turn = local.run
 
-    def backwards(jobs: Sequence[job.Job], workers: int) -> Iterator[local.Outcome]:
-        return in_turn(jobs[::-1], workers)
+    def backwards(
+        jobs: Sequence[job.Job], workers: int, budget: Budget | None
+    ) -> Iterator[local.Outcome]:
+        return in_turn(jobs[::-1], workers, budget)
 
     monkeypatch.setattr(local, "run", backwards)
     two = run(source, tmp_path / "two", tmp_path / "together", workers=2)

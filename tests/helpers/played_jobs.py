@@ -1,0 +1,33 @@
+"""A worker whose jobs do what their keys say, in place of augmenting."""
+
+import os
+import time
+from multiprocessing.connection import Connection
+from types import SimpleNamespace
+from typing import Any
+
+from rpaug.pipeline.workers import Outcome
+
+MEGABYTES = 800
+
+
+def job(key: str, target: Any) -> Any:
+    """Of two copies."""
+    return SimpleNamespace(key=key, copies=((0, "a"), (1, "b")), target=target)
+
+
+def serve(connection: Connection) -> None:
+    """`dies` ends its process, `dies once` the first time, `grows` takes memory, `hangs` time, `full` has no space."""
+    while True:
+        given = connection.recv()
+        if given.key == "dies":
+            os._exit(3)
+        if given.key == "dies once" and not (given.target / "tried").exists():
+            (given.target / "tried").touch()
+            os._exit(3)
+        held = b"x" * (MEGABYTES * 2**20) if given.key == "grows" else b""
+        if given.key in ("grows", "hangs"):
+            time.sleep(600)
+        full = given.key == "full"
+        connection.send(Outcome(given, [], "No space left" if full else None, fatal=full))
+        del held

@@ -1,0 +1,33 @@
+"""The contact sheet of an output folder, whatever the number of its episodes."""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from rpaug.pipeline import contact, report
+
+
+def test_some_augmented_episodes_are_shown_and_their_reports_alone_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keys = [f"train/{number}" for number in range(61)]
+    for number, key in enumerate(keys):  # recorded and augmented ones by turns
+        (tmp_path / key).mkdir(parents=True)
+        described = {"synthetic": bool(number % 2), "source": key}
+        (tmp_path / key / report.NAME).write_text(json.dumps(described))
+    (tmp_path / report.SUMMARY).write_text(json.dumps({"recipe": {}}))
+    read, of = list[Path](), report.of
+    monkeypatch.setattr(report, "of", lambda path: read.append(path) or of(path))
+    monkeypatch.setattr(contact, "_section", lambda _a, _s, _t, key, _d: f"<p>{key}")
+    held = SimpleNamespace(episodes=lambda _: [*keys, "rejected/train/0"])
+    page = contact.write(held, tmp_path, tmp_path).read_text()  # type: ignore[arg-type]
+    assert "61 episodes, 8 augmented ones shown" in page
+    shown = [int(part.split("<")[0]) for part in page.split("<p>train/")[1:]]
+    assert all(number % 2 for number in shown)
+    assert shown == sorted(set(shown))
+    assert shown[0] == 1
+    assert max(b - a for a, b in pairwise(shown)) < 14  # over the whole
+    assert len(read) < 20
