@@ -30,6 +30,10 @@ def gather(root: Path) -> None:
             if path.suffix in ENDINGS and is_staged(path):
                 shared = folder.parent.with_name(folder.parent.name + path.suffix)
                 groups.setdefault(shared, {})[folder.name] = contents(path)[0]
+            elif path.name == f"{STAGED}.json" and not any(
+                path.with_suffix(ending).exists() for ending in ENDINGS
+            ):
+                path.unlink()
     for path, staged in groups.items():
         _gather(path, staged)
 
@@ -41,8 +45,8 @@ def _gather(path: Path, staged: Mapping[str, Place]) -> None:
         for name, place in places:
             file.add(place, name)
     for place in staged.values():
-        place.path.with_suffix(".json").unlink(missing_ok=True)
         place.path.unlink()
+        place.path.with_suffix(".json").unlink(missing_ok=True)
 
 
 class GrowingFile:

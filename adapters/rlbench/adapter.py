@@ -13,7 +13,6 @@
 
 import os
 import re
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
@@ -107,7 +106,7 @@ class RLBench(Adapter):
         for key in self.episodes(target):
             beside = _beside(key)
             if beside and (source / beside).is_file() and not (target / beside).exists():
-                shutil.copyfile(source / beside, target / beside)
+                files.write_atomic(target / beside, files.read_bytes(source / beside))
 
 
 def _unreadable(error: OSError) -> None:

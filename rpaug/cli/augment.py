@@ -157,11 +157,11 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
             failed[key] = str(error)
             continue
         cost = made.cost(episode, len(run.copies))
-        total = {name: round(total[name] + cost[name], 1) for name in total}
-        plans.append(
-            {"episode": key, "frames": episode.length, **made.describe(), "estimate": cost}
-        )
+        total = {name: total[name] + cost[name] for name in total}
+        own = {name: round(value, 3) for name, value in cost.items()}
+        plans.append({"episode": key, "frames": episode.length, **made.describe(), "estimate": own})
         lines[key] = [str(region) for region in made.regions if region.met is not None]
+    total = {name: round(value, 1) for name, value in total.items()}
     described = {"copies": len(run.copies), "plans": plans, "unreadable": failed, "estimate": total}
     if as_json:
         print_json(described)
@@ -169,7 +169,7 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
     for one in plans:
         representations = ", ".join(sorted(set(one["carriers"].values())))
         bodies = "bodies tracked" if one["bodies"] else "bodies not needed"
-        about = f"about {one['estimate']['seconds']} s, {one['estimate']['megabytes']} MB"
+        about = "about {seconds:.1f} s, {megabytes:.1f} MB".format(**one["estimate"])
         say(
             f"{one['episode']}: {one['frames']} frames; at most {representations}; {bodies}; {about}"
         )

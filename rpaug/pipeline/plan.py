@@ -27,6 +27,7 @@ FEWEST = 200  # pixels: the residual of a smaller region says little
 # Rough figures of a 2-core machine, for --dry-run: seconds per million rendered pixels, and per fit.
 SECONDS = {0: 0.3, 1: 2.0, 3: 1.0, 4: 1.3}
 SECONDS_READ = 0.1
+SECONDS_EPISODE, SECONDS_COPY = 0.006, 0.013  # more, however small it is
 SECONDS_BODIES = 3.0
 SECONDS_FIT = 90.0
 SECONDS_FOUR = 60.0  # more, where something bends
@@ -155,7 +156,8 @@ class Plan:
 
     def cost(self, episode: Episode, copies: int) -> dict[str, float]:
         """Estimated seconds and megabytes of `copies` edited episodes."""
-        seconds = SECONDS_BODIES * self.bodies + SECONDS_FIT * self.gaussians
+        seconds = SECONDS_EPISODE + SECONDS_COPY * copies
+        seconds += SECONDS_BODIES * self.bodies + SECONDS_FIT * self.gaussians
         seconds += SECONDS_FOUR * (4 in self.representations.values())
         size = 0.0
         for name, view in episode.views.items():
@@ -163,7 +165,7 @@ class Plan:
             rate = SECONDS[self.representations[name]] + SECONDS[3] * (name in self.blended)
             seconds += megapixels * (SECONDS_READ + copies * rate)
             size += copies * megapixels * BYTES_A_PIXEL
-        return {"seconds": round(seconds, 1), "megabytes": round(size, 1)}
+        return {"seconds": seconds, "megabytes": size}
 
 
 def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan:
