@@ -84,6 +84,8 @@ def _view(
 ) -> Iterator[Found]:
     if not all(np.array_equal(view.rgb(t), other.rgb(t)) for t in times):
         yield "near", key, "images", f"{name}: color is encoded with loss, within {LOSSY:g} dB"
+    if view.radiance is not None and other.radiance is None:
+        yield "lost", key, "radiance", f"{name}: images with less light: {NO_PLACE}"
     for kind, slack in (("depth", FAR), ("ids", 0)):
         before, after = getattr(view, kind), getattr(other, kind)
         if before is None:

@@ -1,5 +1,6 @@
 """Write one copy with its report, and write again what a report describes."""
 
+import shutil
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rpaug.core.errors import Rejected
+from rpaug.core.errors import Rejected, RpaugError
 from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
 from rpaug.physics import verdict
@@ -63,9 +64,11 @@ def write(
     seconds: Mapping[str, float],
     strict: bool = False,
 ) -> None:
-    """Write one copy with its report; images are rendered as the adapter asks for them.
+    """Write one copy with its report; images are rendered as the adapter asks for them. What was made anew is read
+    back, each image once.
 
-    Raises Rejected, before anything appears, if it is `strict` and the copy is faulty.
+    Raises Rejected, before anything appears, if it is `strict` and the copy is faulty, and RpaugError, with nothing
+    left there, if what was written cannot be read.
     """
     start = time.perf_counter()
 
@@ -75,6 +78,25 @@ def write(
         return side_files(made, recipe, place.source, place.copy, seconds, start, *said)
 
     adapter.write(made.recorded, place.root, place.key, side)
+    try:
+        _read_back(adapter, made, place)
+    except RpaugError as error:
+        shutil.rmtree(place.root / place.key, ignore_errors=True)
+        raise RpaugError(f"{place.key}: what was written cannot be read back: {error}") from None
+
+
+def _read_back(adapter: Adapter, made: Made, place: CopyPlace) -> None:
+    again, recorded = adapter.read(place.root, place.key), made.scene.episode
+    changed = {at for at, pixels in made.tally.changed.items() if pixels}
+    for name in sorted(again.views.keys() & recorded.views.keys()):
+        view, before, after = (one.views[name] for one in (again, recorded, made.episode))
+        for t in range(again.length):
+            if (name, t) in changed:
+                view.rgb(t)
+            if view.depth is not None and after.depth is not before.depth:
+                view.depth(t)
+            if view.ids is not None and after.ids is not before.ids:
+                view.ids(t)
 
 
 def side_files(

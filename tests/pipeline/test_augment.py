@@ -19,7 +19,7 @@ from rpaug_adapters.rlbench import RLBench
 from rpaug_adapters.rlbench.pickles import dump, load
 from runs import GROUP, augment, contents
 
-from rpaug.core import owner
+from rpaug.core import files, owner
 from rpaug.core.errors import BadInput
 from rpaug.core.files import decode_png, encode_png
 from rpaug.pipeline import recipe, report, workers, write
@@ -381,6 +381,23 @@ def test_a_full_disk_ends_the_run(played: Callable[..., dict[str, str | None]]) 
     found = played("full", *(f"e{n}" for n in range(9)))
     assert found["full"] == "No space left"
     assert len(list(found)[list(found).index("full") :]) <= 2  # what the other worker had begun
+
+
+def test_what_cannot_be_read_back_is_taken_back(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def cut(image: np.ndarray, level: int = 3) -> bytes:
+        data = encode_png(image, level)
+        return data if image.shape[-1:] != (3,) else data[: len(data) // 2]
+
+    monkeypatch.setattr(files, "encode_png", cut)
+    summary = augment(template, made(copies=1, edits=[{"op": "light_color"}]), tmp_path / "out")
+    assert summary.exit_code == 2
+    assert len(summary.failures) == 2
+    for words in summary.failures.values():
+        assert "what was written cannot be read back" in words
+        assert "cut off" in words
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_file_system_without_locks_is_told(

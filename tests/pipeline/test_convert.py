@@ -292,6 +292,17 @@ def test_a_converted_episode_that_was_spoilt_is_found(template: Path) -> None:
     assert [one[2] for one in compare_layouts.compare("x", episode, bent, [0])] == ["robot"]
 
 
+def test_images_with_less_light_that_have_no_place_are_said(template: Path) -> None:
+    (episode, *_) = episodes(template)
+    views = {
+        name: replace(view, radiance=lambda t, view=view: view.rgb(t).astype(float))
+        for name, view in episode.views.items()
+    }
+    (found, *_) = compare_layouts.compare("a", replace(episode, views=views), episode, [0])
+    assert found[0] == "lost"
+    assert "images with less light" in found[3]
+
+
 def test_uneven_times_are_said(template: Path) -> None:
     recorded = registry.read(template, None)
     times = np.arange(recorded.length) / 10

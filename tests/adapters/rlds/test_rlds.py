@@ -2,6 +2,8 @@
 
 import json
 import os
+import shutil
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -89,6 +91,25 @@ def test_a_finished_output_can_grow(tmp_path: Path) -> None:
     copied(root, tmp_path / "out", keys[:2])
     copied(root, tmp_path / "out", keys[2:])
     assert files(tmp_path / "out") == files(root)
+
+
+def test_one_episode_is_in_memory_however_many_there_are(tmp_path: Path) -> None:
+    peaks = []
+    for count in (4, 80):
+        root, out = dataset(tmp_path / f"in{count}", train=(count,)), tmp_path / f"out{count}"
+        keys = list(RLDS().episodes(root))
+        copied(root, tmp_path / "warm", keys[:1])  # what is loaded and remembered once
+        shutil.rmtree(tmp_path / "warm")
+        tracemalloc.start()
+        for key in keys:
+            episode = RLDS().read(root, key)
+            views = {name: brighter(view, 1) for name, view in episode.views.items()}
+            RLDS().write(replace(episode, views=views), out, key, dict)
+        RLDS().finish(root, out)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    record = len(RLDS().read(root, keys[0]).source.example.data)
+    assert peaks[1] - peaks[0] < 2 * record  # 76 more episodes: their keys and numbers
 
 
 @pytest.mark.parametrize("grown", [False, True])

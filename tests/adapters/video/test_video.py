@@ -1,6 +1,7 @@
 """Videos: exact frames, what is written back like what came in, Ego4D's annotations cut and named anew."""
 
 import json
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -80,6 +81,28 @@ def brighter(episode: Episode, at: int | None = None) -> Episode:
 def copied(episode: Episode, root: Path, key: str = "video_0") -> Path:
     Videos().write(episode, root, key, lambda *_: {})
     return next((root / key).glob("video.*"))
+
+
+def test_a_group_of_pictures_is_in_memory_however_long_the_clip(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Decoded frames are libav's, rgb images numpy's: the former are counted, the latter's memory traced."""
+    frame = 3 * WIDTH * HEIGHT // 2
+    monkeypatch.setattr(video_stream, "KEPT_BYTES", 5 * frame)
+    peaks, kept = [], set()
+    for length in (40, 400):
+        path = write(tmp_path / f"{length}/a.mp4", length)
+        episode = Videos().read(path.parent, "a")
+        video = Video(path)
+        tracemalloc.start()
+        for t in range(length):
+            video.rgb(t)
+            kept.add(len(video._kept))
+        copied(brighter(episode), tmp_path / f"out{length}")
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert max(kept) == 5
+    assert peaks[1] - peaks[0] < 10 * 3 * WIDTH * HEIGHT  # times and key frames of 360 more
 
 
 def test_frames_are_those_asked_for_in_any_order(tmp_path: Path) -> None:
