@@ -36,9 +36,9 @@ KEY = "twin/train/0"
 TARGET = {"target": {"role": "manipulated"}}
 OTHER = {"target": {"handle": 177}}  # the cylinder of the twin, which nothing touches or names
 FIELDS: dict[str, dict[str, Any]] = {
-    "recolor": {**TARGET, "color": {"rgb": [0.2, 0.4, 0.9]}},
-    "retexture": TARGET,
-    "stylize": {**TARGET, "style": {"sample": "all"}, "steps": 5},
+    "recolor": {**OTHER, "color": {"rgb": [0.2, 0.4, 0.9]}},
+    "retexture": OTHER,
+    "stylize": {**OTHER, "style": {"sample": "all"}, "steps": 5},
     "object_size": TARGET,
     "physics": {**OTHER, "material": "foam"},
     "camera_pose": {"camera": "front", "shift": 0.02, "turn": 0.02},
