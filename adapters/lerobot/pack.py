@@ -73,6 +73,9 @@ def _pack(about: Info, like: Path) -> Info:
     work.mkdir()
     try:
         given = _gather(about, work, like)
+        for path in work.rglob("*"):
+            if path.is_file():
+                files.flush(path)
         for name in SHARED:
             shutil.rmtree(folder / name, ignore_errors=True)
             if (work / name).is_dir():
@@ -82,7 +85,8 @@ def _pack(about: Info, like: Path) -> Info:
             os.replace(path, folder / "meta" / path.name)
     finally:
         shutil.rmtree(work, ignore_errors=True)
-    files.write_atomic(folder / INFO, json.dumps(given, indent=4, ensure_ascii=False).encode())
+    described = json.dumps(given, indent=4, ensure_ascii=False).encode()
+    files.write_atomic(folder / INFO, described, durable=True)
     return tables.info(folder)
 
 

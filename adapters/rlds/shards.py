@@ -187,12 +187,13 @@ def _pack(source: Path, folder: Path, numbers: dict[str, list[int]]) -> None:
             _drop(folder / entry["name"], numbers[entry["name"]], own["shardLengths"])
     same = like_source and entries == described["splits"]
     data = json.dumps(described | {"splits": entries}, indent=2).encode()
-    files.write_atomic(folder / INFO, files.read_bytes(source / INFO) if same else data)
+    data = files.read_bytes(source / INFO) if same else data
+    files.write_atomic(folder / INFO, data, durable=True)
 
 
 def _note(folder: Path, described: dict[str, Any]) -> None:
     """Say what is packed so far."""
-    files.write_atomic(folder / PACKING, json.dumps(described, indent=2).encode())
+    files.write_atomic(folder / PACKING, json.dumps(described, indent=2).encode(), durable=True)
 
 
 def _described(folder: Path, numbers: dict[str, list[int]]) -> dict[str, Any]:
@@ -221,6 +222,7 @@ def _shards(
                 with open(f"{staged_in}/{next(rest)}/{STAGED}", "rb") as stream:
                     shutil.copyfileobj(stream, shard, 2**20)
                     total += stream.tell() - tfrecord.FRAME
+        files.flush(work)
         os.replace(work, folder / name)
         written = [*lengths[: i + 1], *[0] * (len(lengths) - i - 1)]
         yield {"numBytes": str(total), "shardLengths": [str(length) for length in written]}

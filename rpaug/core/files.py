@@ -36,6 +36,7 @@ __all__ = [
     "decode_png",
     "encode_jpeg",
     "encode_png",
+    "flush",
     "read_bytes",
     "write_atomic",
 ]
@@ -284,6 +285,15 @@ def atomic_folder(target: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(work, ignore_errors=True)
         raise
+
+
+def flush(path: Path) -> None:
+    """See a file's bytes onto the disk, before what they were made of is removed."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def write_atomic(target: Path, data: bytes, durable: bool = False) -> None:

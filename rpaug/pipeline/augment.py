@@ -98,6 +98,7 @@ def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Sum
     if written_to:
         for folder in written_to:
             output_folder.close_gaps(run, folder)
+            output_folder.flush_reports(run, folder)
             run.adapter.finish(run.source, run.target / folder)
         output_folder.total(summary, run)
         output_folder.write_card(run)

@@ -10,7 +10,7 @@ from typing import Any
 
 from rpaug.core import splits
 from rpaug.core.errors import BadInput
-from rpaug.core.files import PART, REJECTED, write_atomic
+from rpaug.core.files import PART, REJECTED, flush, write_atomic
 from rpaug.pipeline import card, plan, report, role_facts
 from rpaug.pipeline.recipe import Option
 from rpaug.pipeline.run import Run, Summary, group_of
@@ -73,6 +73,14 @@ def drop_unreported(run: Run) -> None:
             own = run.target / folder / key
             if (own / report.NAME).is_file() and not (own / report.NAME).stat().st_size:
                 shutil.rmtree(own)
+
+
+def flush_reports(run: Run, folder: str = "") -> None:
+    """See reports onto the disk before episodes are gathered: one that shares files cannot be made again alone."""
+    for key in keys(run, folder):
+        path = run.target / folder / key / report.NAME
+        if path.is_file():
+            flush(path)
 
 
 def close_gaps(run: Run, folder: str = "") -> None:
