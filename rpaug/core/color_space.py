@@ -1,6 +1,7 @@
 """Color names, the Lab space in which colors are compared, and the typical color of some pixels."""
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 from jaxtyping import Float, Float64, UInt8
@@ -62,6 +63,20 @@ SHADES: Mapping[str, frozenset[str]] = {
     "brown": frozenset({"tan", "maroon"}),
     "pink": frozenset({"rose", "magenta"}),
     "cyan": frozenset({"teal"}),
+}
+
+# What people call by plain words, beside the pure colors: the light, dark, pale, bright, dull, dusty and deep ones of
+# the survey at xkcd.com/color/rgb (CC0), but for those within 12 of another name's own color.
+SURVEYED: Mapping[str, str] = {
+    "blue": "00035b 0165fc 0343df 49759c 5a86ad 95d0fc d0fefe",
+    "brown": "341c02 410200 653700 876e4b ad8150",
+    "gray": "363737 929591",
+    "green": "02590f 033500 15b01a 74a662 76a973 96f97b c7fdb5",
+    "orange": "c65102 d8863b dc4d01 f0833a f97306 fdaa48 ff5b00 ffa756",
+    "pink": "cb0162 cb416b d5869d d58a94 fe01b1 ff81c0 ffcfdc ffd1df",
+    "purple": "35063e 36013f 7e1e9c 825f87 84597e b790d4 be03fd bf77f6",
+    "red": "b9484e bb3f3f d9544d e50000 ff000d ff474c",
+    "yellow": "d5b60a eedc5b fffd01 fffe7a ffff14 ffff84",
 }
 
 D65 = np.array([0.95047, 1.0, 1.08883])
@@ -172,10 +187,21 @@ def rgb(name: str) -> tuple[float, float, float]:
     return NAMES[known]
 
 
+@cache
+def _called() -> tuple[tuple[str, ...], Float64[np.ndarray, "n 3"]]:
+    """Names, most of them many times, and the CIELAB colors that go by them."""
+    shades = [
+        (name, tuple(byte / 255 for byte in bytes.fromhex(one)))
+        for name, listed in SURVEYED.items()
+        for one in listed.split()
+    ]
+    names, colors = zip(*NAMES.items(), *shades, strict=True)
+    return names, to_lab(np.array(colors))
+
+
 def nearest(color: Float[np.ndarray, "3"]) -> str:
-    """The name whose color is nearest in CIELAB (CIE 1976 distance)."""
-    names = list(NAMES)
-    table = to_lab(np.array([NAMES[name] for name in names]))
+    """The name that people give a color: that of the nearest one in CIELAB (CIE 1976 distance)."""
+    names, table = _called()
     return names[int(np.argmin(((table - to_lab(np.asarray(color, float))) ** 2).sum(-1)))]
 
 

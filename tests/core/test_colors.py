@@ -35,6 +35,19 @@ def test_a_name_is_its_own_nearest(name: str) -> None:
     assert color_space.means(name, name)
 
 
+@pytest.mark.parametrize(
+    ("rgb", "name"),
+    [
+        ((192, 78, 1), "orange"),  # burnt orange, a carrot's shade
+        ((217, 84, 77), "red"),
+        ((101, 139, 175), "blue"),  # a dull one, no gray
+        ((112, 59, 20), "brown"),
+    ],
+)
+def test_what_people_call_a_color(rgb: tuple[int, int, int], name: str) -> None:
+    assert color_space.nearest(np.array(rgb) / 255) == name
+
+
 def test_rlbench_has_twenty_colors() -> None:
     assert len(color_space.RLBENCH) == 20
     assert color_space.RLBENCH["azure"] == (0.0, 0.5, 1.0)
