@@ -1,0 +1,82 @@
+"""What a gripper closes on, in drawn recordings of color images alone."""
+
+import numpy as np
+import pytest
+from rgb_only_tables import BLOCK, FLOOR, PLATE, SIZE, TABLE, still
+
+from rpaug.core.errors import TargetError
+from rpaug.core.types import CameraView, Episode, Robot
+from rpaug.scene.build import build
+from rpaug.scene.instances import gripped
+from rpaug.scene.targets.targets import Target, find
+
+LENGTH = 12
+OVER = {"block": 26, "plate": 40, "table": 12}
+
+
+def frame(t: int, ends: str, mirror: bool) -> np.ndarray:
+    """An arm comes down and stops over a thing."""
+    out = np.empty((SIZE, SIZE, 3), float)
+    out[:] = FLOOR
+    out[16:60, 4:60] = TABLE
+    out[40:49, 40:49] = PLATE
+    out[36:46, 22:32] = BLOCK
+    low = 4 + 4 * min(t, 10)
+    left = OVER[ends]
+    out[:low, left : left + 8] = (15, 15, 18)
+    out += np.random.default_rng(t).normal(0, 1.5, out.shape)
+    image = np.clip(np.rint(out), 0, 255).astype(np.uint8)
+    return image[:, ::-1].copy() if mirror else image
+
+
+def episode(ends: tuple[str, ...], opening: np.ndarray | None) -> Episode:
+    images = [[frame(t, one, k > 0) for t in range(LENGTH)] for k, one in enumerate(ends)]
+    views = {
+        f"image_{k}": CameraView(still(LENGTH), shown.__getitem__) for k, shown in enumerate(images)
+    }
+    robot = Robot(np.zeros((LENGTH, 0)), np.zeros((LENGTH, 0)), None, opening)
+    return Episode("drawn/0", views, robot, ("put the block on the plate",), LENGTH)
+
+
+SHUTS = np.where(np.arange(LENGTH) < 10, 1.0, 0.4)
+
+
+@pytest.mark.parametrize("cameras", [1, 2])
+@pytest.mark.parametrize(("ends", "color"), [("block", "red"), ("plate", "green")])
+def test_what_the_gripper_closes_on_is_manipulated(cameras: int, ends: str, color: str) -> None:
+    scene = build(episode((ends,) * cameras, SHUTS), with_bodies=True)
+    assert scene.roles["manipulated"] == find(scene, Target(text=f"the {color} thing"))
+    assert "gripper closes" in scene.beliefs["manipulated"].reasons[0]
+
+
+def test_cameras_that_disagree_tell_nothing() -> None:
+    scene = build(episode(("block", "plate"), SHUTS), with_bodies=True)
+    assert "manipulated" not in scene.roles
+
+
+@pytest.mark.parametrize("opening", [None, np.ones(LENGTH)])
+def test_a_gripper_that_does_not_close_tells_nothing(opening: np.ndarray | None) -> None:
+    assert "manipulated" not in build(episode(("block",), opening), with_bodies=True).roles
+
+
+def test_what_cannot_be_told_from_the_table_keeps_it_from_edits() -> None:
+    scene = build(episode(("table",), SHUTS), with_bodies=True)
+    assert "table" not in scene.roles
+    with pytest.raises(TargetError, match="the gripper closes on something"):
+        find(scene, Target(role="table"))
+    assert "background" in scene.roles
+
+
+def test_a_thing_that_went_away_unseen_is_not_taken() -> None:
+    place = np.full((SIZE, SIZE), 2)
+    place[30:40, 30:40] = 7
+    hand = place.copy()
+    hand[:38, 32:38] = 1
+    away = np.full((SIZE, SIZE), 2)
+    assert gripped.find({"a": place}, {"a": hand}, {"a": hand}).thing == 7
+    assert gripped.find({"a": place}, {"a": hand}, {"a": away}).thing is None
+
+
+def test_opening_may_have_any_unit() -> None:
+    assert gripped.closes(np.array([0.08, 0.08, 0.06])) == 2
+    assert gripped.closes(np.array([0.0, 0.04, 0.08])) is None
