@@ -1,0 +1,76 @@
+"""Words for things in color images alone: never table, background, or what an image cuts off; all cameras agree."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rgb_only_tables import BLOCK, PLATE, episode, image
+
+from rpaug.core.errors import TargetError
+from rpaug.core.types import CameraView, Scene
+from rpaug.scene.build import build
+from rpaug.scene.targets import settled
+from rpaug.scene.targets.targets import Target, find
+
+LENGTH = 12
+Paint = Callable[[np.ndarray], None]
+
+
+def seen(*painted: Paint, words: str = "put the block on the plate") -> Scene:
+    """A camera for each way to paint over the drawn table."""
+    bare = episode(LENGTH)
+    camera = bare.views["image_0"].camera
+    views = {}
+    for k, paint in enumerate(painted):
+        frames = [image(t) for t in range(LENGTH)]
+        for one in frames:
+            paint(one)
+        views[f"image_{k}"] = CameraView(camera, frames.__getitem__)
+    return build(replace(bare, views=views, descriptions=(words,)), with_bodies=True)
+
+
+def nothing(out: np.ndarray) -> None:
+    """As it is drawn."""
+
+
+def test_a_word_for_a_thing_never_means_the_table() -> None:
+    scene = seen(nothing)
+    for words in ("the blue cup", "the blue thing"):
+        with pytest.raises(TargetError, match="nothing fits"):
+            find(scene, Target(text=words))
+    assert find(scene, Target(text="the table")) == scene.roles["table"]
+
+
+def test_a_person_may_settle_the_table_by_its_color() -> None:
+    scene = seen(nothing)
+    blue = settled.SettledRole(color="blue")
+    made, wrong = settled.settle(replace(scene, roles={}, beliefs={}), {"table": blue})
+    assert not wrong
+    assert made.roles["table"] == scene.roles["table"]
+
+
+def test_what_the_image_cuts_off_is_refused() -> None:
+    def cut(out: np.ndarray) -> None:
+        out[44:54, 40:52] = out[44:54, 26:38]
+        out[48:58, 54:64] = PLATE
+
+    with pytest.raises(TargetError, match="edge of image_0 cuts it off"):
+        find(seen(cut), Target(text="the green plate"))
+
+
+def test_a_camera_that_shows_the_color_elsewhere_disputes_it() -> None:
+    def gone(out: np.ndarray) -> None:
+        out[36:44, 14:22] = out[36:44, 26:34]
+        out[:, 58:] = BLOCK  # a wall
+
+    scene = seen(nothing, gone)
+    with pytest.raises(TargetError, match="image_1 shows its color"):
+        find(scene, Target(text="the red block"))
+
+
+def test_a_camera_that_does_not_see_it_does_not_dispute_it() -> None:
+    def gone(out: np.ndarray) -> None:
+        out[36:44, 14:22] = out[36:44, 26:34]
+
+    assert find(seen(nothing, gone), Target(text="the red block"))
