@@ -16,6 +16,7 @@ CLOSES = 0.1  # of the widest opening: a gripper that gives up so much of it clo
 FINGERS = 0.05  # of the image's width: so near to the farthest pixel they end
 REACH = 0.09  # of the image's width around the fingers: what is gripped lies there
 HELD = 0.5  # share of a thing that lies there, if it is gripped
+ALONE = 0.9  # share of what lies there from which there is nothing else
 CLEAR = 2.0  # times the next thing's share
 LEFT = 0.3  # share of its place that shows neither it nor the robot at the end: it went away
 
@@ -25,7 +26,7 @@ Ids = Int32[np.ndarray, "h w"]
 @dataclass(frozen=True)
 class Gripped:
     """`thing` is what all cameras that see the fingers agree on, None without that, `share` how much of it at least is
-    between them. `within` are instance ids of support and surroundings that the fingers end at in some camera."""
+    between them. `within` are those of support and surroundings that it may be part of instead."""
 
     thing: int | None = None
     share: float = 0.0
@@ -43,7 +44,7 @@ def find(resting: Mapping[str, Ids], at: Mapping[str, Ids], last: Mapping[str, I
     """What the cameras show at the fingers: the ids of each one's backdrop, of the frame in which the gripper begins
     to close, and of the last one."""
     best: list[tuple[int, float]] = []
-    within = set[int]()
+    alone: list[int] = []
     for name, ids in at.items():
         near = _fingers(ids == MOVING)
         if not near.any():
@@ -60,7 +61,9 @@ def find(resting: Mapping[str, Ids], at: Mapping[str, Ids], last: Mapping[str, I
         held = bool(order) and clear and shares[order[0]] >= HELD
         best.append((order[0], float(shares[order[0]])) if held else (0, 0.0))
         commonest = int(found[counts.argmax()])
-        within |= {commonest} & {SUPPORT, AROUND}
+        alone.append(commonest if counts.max() >= ALONE * counts.sum() else 0)
+    # Before the support a gripper is seen wherever it works; a thing that stands out from it in one camera is no part.
+    within = {AROUND} & set(alone) | ({SUPPORT} if set(alone) == {SUPPORT} else set())
     named = {thing for thing, _ in best}
     if len(named) != 1 or 0 in named:
         return Gripped(within=frozenset(within))

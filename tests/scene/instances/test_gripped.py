@@ -67,6 +67,12 @@ def test_what_cannot_be_told_from_the_table_keeps_it_from_edits() -> None:
     assert "background" in scene.roles
 
 
+def test_a_camera_that_sees_the_fingers_before_the_table_alone_takes_nothing_from_it() -> None:
+    """Where the others see them before something else, the gripper is above the table."""
+    scene = build(episode(("table", "block"), SHUTS), with_bodies=True)
+    assert "table" in scene.roles
+
+
 def test_a_thing_that_went_away_unseen_is_not_taken() -> None:
     place = np.full((SIZE, SIZE), 2)
     place[30:40, 30:40] = 7
