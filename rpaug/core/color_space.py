@@ -90,7 +90,8 @@ TO_XYZ = np.array(
 FROM_XYZ = np.linalg.inv(TO_XYZ)
 BEND = 6.0 / 29.0
 COLORLESS = 8.0  # chroma below which a color has no hue to go by
-KINDRED = 50.0  # degrees of hue within which a color goes by a word's name
+VIVID = 50.0  # chroma that tells by what name a washed-out color goes
+KINDRED = 50.0  # degrees of hue within which two words may mean one color
 RIVAL = 16.0  # degrees by which another word may fit better
 
 # Names whose hues are those of the plain words for hues.
@@ -219,27 +220,35 @@ def akin(name: str, shade: str) -> bool:
     )
     if first or second:
         return bool(first and second and {name, shade} != {"black", "white"})
-    return hued(name, np.array(NAMES[shade])) or hued(shade, np.array(NAMES[name]))
+    return _kindred(name, shade) or _kindred(shade, name)
 
 
 def hued(name: str, color: Float[np.ndarray, "3"]) -> bool:
     """Would a person call a washed-out color by a color word? Never so for greys, which have no hue (CIELAB).
 
-    Cameras show few things as pure as their names: a sink that people call blue is nearest to grey. So hues are
-    compared, and a word fits if hardly another fits better.
+    Cameras show few things as pure as their names: a sink that people call blue is nearest to grey. It goes by the name
+    that it would have with some more chroma.
     """
     known = canonical(name)
-    if known is None or np.hypot(*to_lab(np.asarray(color, float))[1:]) < COLORLESS:
+    lab = to_lab(np.asarray(color, float))
+    chroma = float(np.hypot(*lab[1:]))
+    if known is None or chroma < COLORLESS:
         return False
-    off = _turn(known, color)
-    return off < min(KINDRED, min(_turn(word, color) for word in HUES) + RIVAL)
+    more = max(1.0, VIVID / chroma)
+    return means(known, nearest(np.clip(from_lab(lab * [1.0, more, more]), 0, 1)))
 
 
-def _turn(name: str, color: Float[np.ndarray, "3"]) -> float:
+def _kindred(name: str, shade: str) -> bool:
+    """Has a color the hue of a word, and hardly another word's?"""
+    off = _turn(name, shade)
+    return off < min(KINDRED, min(_turn(word, shade) for word in HUES) + RIVAL)
+
+
+def _turn(name: str, shade: str) -> float:
     """Degrees of hue between a color and a word, inf for a word without hue."""
     shades = np.array([NAMES[word] for word in HUES.get(name, (name,))])
     a, b = np.moveaxis(to_lab(shades), -1, 0)[1:]
-    c, d = to_lab(np.asarray(color, float))[1:]
+    c, d = to_lab(np.array(NAMES[shade]))[1:]
     off = np.abs((np.degrees(np.arctan2(b, a) - np.arctan2(d, c)) + 180) % 360 - 180)
     return float(np.where(np.hypot(a, b) < COLORLESS, np.inf, off).min())
 

@@ -23,7 +23,7 @@ from rpaug.providers import words
 from rpaug.scene.build import build, find, sources
 from rpaug.scene.instances import rgb_episode
 from rpaug.scene.instances.found import FoundInstances
-from rpaug.scene.targets import settled
+from rpaug.scene.targets import settled, targets
 from rpaug.scene.tracking import arms, calibration, robot_model
 from rpaug.scene.video import reconstruct
 from rpaug.scene.video.settings import VideoSettings
@@ -115,7 +115,9 @@ def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, 
     plan = replace(planning.make(operators(recipe), episode, tier), refine=recipe.refine)
     plan = replace(plan, warnings=(*plan.warnings, *episode.unread))
     scene, plan = _built(episode, recipe, plan)
-    plan = replace(plan, assumed=rgb_episode.assumptions(scene.episode))
+    plan = replace(
+        plan, assumed=(*rgb_episode.assumptions(scene.episode), *_by_color(scene, recipe))
+    )
     if plan.bodies and scene.back is None:
         # Whatever looks at depth is misled by cameras that are not where they say they are.
         off = tuple(map(str, calibration.check(episode)))
@@ -129,6 +131,16 @@ def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, 
     }
     measured = residuals.measure(scene, moved) if moved else []
     return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
+
+
+def _by_color(scene: Scene, recipe: Recipe) -> list[str]:
+    """A sentence for each target of the recipe that nothing but its color tells."""
+    found = (
+        targets.assumed(scene, one)
+        for operator in operators(recipe)
+        for one in planning.targets(operator)
+    )
+    return [sentence for sentence in dict.fromkeys(found) if sentence]
 
 
 def _with_robot(scene: Scene, recipe: Recipe) -> tuple[Scene, tuple[str, ...]]:

@@ -118,3 +118,18 @@ def test_ciede2000_of_the_published_pairs():
     np.testing.assert_allclose(
         color_space.ciede2000(rows[:, 3:6], rows[:, :3]), rows[:, 6], atol=5e-5
     )
+
+
+@pytest.mark.parametrize(
+    ("seen", "word"),
+    [((95, 114, 127), "blue"), ((105, 83, 107), "purple"), ((142, 104, 130), "purple")],
+)
+def test_a_washed_out_color_goes_by_its_hue(seen: tuple[int, int, int], word: str) -> None:
+    color = np.array(seen) / 255
+    fits = [
+        name
+        for name in ("red", "orange", "yellow", "green", "blue", "purple")
+        if color_space.hued(name, color)
+    ]
+    assert fits == [word]
+    assert not color_space.hued(word, np.full(3, color.mean()))

@@ -5,7 +5,8 @@
 Every command of COMMANDS makes one copy of each episode; OUT gets `<half>/<command>/<key>.png`, a pair of rows for each
 camera that shows anything: recorded above edited at the first, middle and last frame, four times as large; and
 `<half>.json`, what became of each and how much of every camera changed. `{noun}` in a command is each noun of the
-episode's instruction in turn. Judgments by eye stand in docs/benchmarks/rgb_only.md by command and key.
+episode's instruction in turn; the colored ones are asked of every episode, most of which show no such thing. Judgments
+by eye stand in docs/benchmarks/rgb_only.md by command and key.
 """
 
 import argparse
@@ -32,8 +33,24 @@ from rpaug.scene.targets.instruction import mentions
 HALVES = ("worked", "held")
 LARGER = 4
 SHEET = 256  # pixels of a shown image's height at least
+COLORED = (
+    ("green", "plate"),
+    ("orange", "carrot"),
+    ("blue", "cup"),
+    ("yellow", "knife"),
+    ("purple", "eggplant"),
+)
 COMMANDS: Mapping[str, dict[str, Any]] = {
     "recolor the {noun}": {"op": "recolor", "target": {"text": "the {noun}"}, "color": "blue"},
+    **{
+        f"recolor the {words}": {
+            "op": "recolor",
+            "target": {"text": f"the {words}"},
+            "color": "red",
+        }
+        for color, noun in COLORED
+        for words in (f"{color} thing", f"{color} {noun}")
+    },
     "recolor manipulated": {
         "op": "recolor",
         "target": {"role": "manipulated"},
