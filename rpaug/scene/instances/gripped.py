@@ -3,7 +3,7 @@
 The robot comes in from an image's edge, so that its fingers are what lies farthest from there along its own outline.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -16,7 +16,8 @@ CLOSES = 0.1  # of the widest opening: a gripper that gives up so much of it clo
 FINGERS = 0.05  # of the image's width: so near to the farthest pixel they end
 REACH = 0.09  # of the image's width around the fingers: what is gripped lies there
 HELD = 0.5  # share of a thing that lies there, if it is gripped
-ALONE = 0.9  # share of what lies there from which there is nothing else
+HALTED = 0.2  # of the image's width at most between two frames: faster, it is on its way
+SOME = 0.2  # share of what lies there from which it may be gripped
 CLEAR = 2.0  # times the next thing's share
 LEFT = 0.3  # share of its place that shows neither it nor the robot at the end: it went away
 
@@ -26,7 +27,8 @@ Ids = Int32[np.ndarray, "h w"]
 @dataclass(frozen=True)
 class Gripped:
     """`thing` is what all cameras that see the fingers agree on, None without that, `share` how much of it at least is
-    between them. `within` are those of support and surroundings that it may be part of instead."""
+    between them. `within` are those of support and surroundings that it may be part of where no camera shows any
+    instance there."""
 
     thing: int | None = None
     share: float = 0.0
@@ -40,17 +42,26 @@ def closes(opening: Float64[np.ndarray, "t"]) -> int | None:
     return int(shut[0]) if len(shut) else None
 
 
-def find(resting: Mapping[str, Ids], at: Mapping[str, Ids], last: Mapping[str, Ids]) -> Gripped:
-    """What the cameras show at the fingers: the ids of each one's backdrop, of the frame in which the gripper begins
-    to close, and of the last one."""
+def find(
+    resting: Mapping[str, Ids], shown: Callable[[int], Mapping[str, Ids]], start: int, last: int
+) -> Gripped:
+    """What the cameras show at the fingers in frame `start`, in which the gripper begins to close; `last` is the last
+    one, and `resting` the ids of each camera's backdrop.
+
+    A gripper that closes where it began, or on its way, closes on nothing.
+    """
+    at = shown(start)
+    near = {name: mask for name, ids in at.items() if (mask := _fingers(ids == MOVING)).any()}
+    came = _steps(shown(0), near)
+    halted = all(step <= HALTED for step in _steps(shown(max(start - 1, 0)), near).values())
+    if not halted or all(came.get(name, np.inf) <= REACH for name in near):
+        return Gripped()
     best: list[tuple[int, float]] = []
-    alone: list[int] = []
-    for name, ids in at.items():
-        near = _fingers(ids == MOVING)
-        if not near.any():
-            continue
+    there = set[int]()
+    for name, mask in near.items():
         behind = resting[name]
-        found, counts = np.unique(behind[near], return_counts=True)
+        found, counts = np.unique(behind[mask & (behind != MOVING)], return_counts=True)
+        there |= set(found[counts >= SOME * counts.sum()].tolist())
         shares = {
             int(one): count / (behind == one).sum()
             for one, count in zip(found, counts, strict=True)
@@ -60,17 +71,27 @@ def find(resting: Mapping[str, Ids], at: Mapping[str, Ids], last: Mapping[str, I
         clear = len(order) < 2 or shares[order[0]] >= CLEAR * shares[order[1]]
         held = bool(order) and clear and shares[order[0]] >= HELD
         best.append((order[0], float(shares[order[0]])) if held else (0, 0.0))
-        commonest = int(found[counts.argmax()])
-        alone.append(commonest if counts.max() >= ALONE * counts.sum() else 0)
-    # Before the support a gripper is seen wherever it works; a thing that stands out from it in one camera is no part.
-    within = {AROUND} & set(alone) | ({SUPPORT} if set(alone) == {SUPPORT} else set())
+    within = frozenset(there) if there <= {SUPPORT, AROUND} else frozenset()
     named = {thing for thing, _ in best}
     if len(named) != 1 or 0 in named:
-        return Gripped(within=frozenset(within))
+        return Gripped(within=within)
     (thing,) = named
-    if any(_gone(resting[name] == thing, last[name], thing) for name in at):
-        return Gripped(within=frozenset(within))
+    end = shown(last)
+    if any(_gone(resting[name] == thing, end[name], thing) for name in at):
+        return Gripped(within=within)
     return Gripped(thing, min(share for _, share in best))
+
+
+def _steps(
+    before: Mapping[str, Ids], near: Mapping[str, Bool[np.ndarray, "h w"]]
+) -> dict[str, float]:
+    """How far the fingers have moved in each camera that saw them before, in shares of its width."""
+    out = {}
+    for name, mask in near.items():
+        if (then := _fingers(before[name] == MOVING)).any():
+            off = np.argwhere(mask).mean(0) - np.argwhere(then).mean(0)
+            out[name] = float(np.hypot(*off)) / mask.shape[1]
+    return out
 
 
 def _fingers(robot: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

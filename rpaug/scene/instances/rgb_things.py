@@ -117,12 +117,13 @@ def _with_gripped(episode: Episode, found: CameraInstanceMap) -> CameraInstanceM
     def shown(t: int) -> dict[str, Int32[np.ndarray, "h w"]]:
         return {name: found.ids(name, episode.views[name].rgb(t)) for name in still}
 
-    held = gripped.find(
-        {name: one.resting for name, one in still.items()}, shown(start), shown(episode.length - 1)
-    )
-    if held.thing is None or held.thing in found.manipulated:
-        return replace(found, gripped=held)
-    return replace(found, gripped=held, manipulated=frozenset([held.thing]))
+    resting = {name: one.resting for name, one in still.items()}
+    held = gripped.find(resting, shown, start, episode.length - 1)
+    if held.thing is not None and held.thing not in found.manipulated:
+        return replace(found, gripped=held, manipulated=frozenset([held.thing]))
+    if found.manipulated:  # it is what was seen to move, and no part of support or surroundings
+        held = replace(held, within=frozenset())
+    return replace(found, gripped=held)
 
 
 def _untinted(

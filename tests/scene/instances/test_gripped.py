@@ -73,14 +73,32 @@ def test_a_camera_that_sees_the_fingers_before_the_table_alone_takes_nothing_fro
     assert "table" in scene.roles
 
 
+def drawn(hand: int | None = None, thing: int = 2) -> np.ndarray:
+    """Instance ids of a table with a thing on it and, from this column on, a hand."""
+    out = np.full((SIZE, SIZE), 2)
+    out[30:40, 30:40] = thing
+    if hand is not None:
+        out[:38, hand : hand + 6] = 1
+    return out
+
+
+def told(frames: list[np.ndarray], thing: int) -> gripped.Gripped:
+    """What is gripped if a gripper closes in the last but one of these frames."""
+    return gripped.find(
+        {"a": drawn(None, thing)}, lambda t: {"a": frames[t]}, len(frames) - 2, len(frames) - 1
+    )
+
+
 def test_a_thing_that_went_away_unseen_is_not_taken() -> None:
-    place = np.full((SIZE, SIZE), 2)
-    place[30:40, 30:40] = 7
-    hand = place.copy()
-    hand[:38, 32:38] = 1
-    away = np.full((SIZE, SIZE), 2)
-    assert gripped.find({"a": place}, {"a": hand}, {"a": hand}).thing == 7
-    assert gripped.find({"a": place}, {"a": hand}, {"a": away}).thing is None
+    hand = drawn(32, 7)
+    assert told([drawn(None, 7), hand, hand], 7).thing == 7
+    assert told([drawn(None, 7), hand, drawn()], 7).thing is None
+
+
+def test_a_gripper_that_closes_where_it_began_or_on_its_way_tells_nothing() -> None:
+    assert told([drawn(8), drawn(30), drawn(32), drawn(32)], 2).within == {2}
+    assert told([drawn(32), drawn(32), drawn(32)], 2).within == set()
+    assert told([drawn(8), drawn(8), drawn(32), drawn(32)], 2).within == set()
 
 
 def test_opening_may_have_any_unit() -> None:
