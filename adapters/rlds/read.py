@@ -23,6 +23,9 @@ WORDS, ELSE = ("instruction", "language"), "task"
 JPEG = b"\xff\xd8"
 FLOATS = ("float16", "float32", "float64")
 LEAST = 16  # pixels a side: tensors with fewer rows or columns are matrices
+# By how a dataset's name begins, the number that is the gripper's opening: 1 is wide open. BridgeData's files call the
+# seven numbers joint angles; they are position, rotation and this.
+OPENINGS = {"bridge": ("observation/state", 6)}
 NUMBERS = frozenset({"float32", "float64", "int32", "int64", "bool", "uint8", "uint16", "uint32"})
 
 
@@ -80,8 +83,21 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
         )
 
     made = episodes.episode(key, beside, sizes, tracks, length, descriptions, view, recorded)
+    if beside.gripper is None and (opening := _opening(folder, tracks)) is not None:
+        made = replace(made, robot=replace(made.robot, gripper_open=opening))
     unread = () if beside.views is not None else _unread(example, known, made.source.shown)
     return replace(made, unread=unread)
+
+
+def _opening(
+    folder: Path, tracks: Mapping[str, Float64[np.ndarray, "t k"]]
+) -> Float64[np.ndarray, "t"] | None:
+    """How far the gripper is open, in datasets whose layout is public; None where no file or name tells."""
+    for name, (key, column) in OPENINGS.items():
+        track = tracks.get(key)
+        if folder.parent.name.startswith(name) and track is not None and column < track.shape[1]:
+            return np.clip(track[:, column], 0.0, 1.0)
+    return None
 
 
 def _length(example: Example, known: Mapping[str, Leaf]) -> int:

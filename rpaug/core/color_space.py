@@ -1,6 +1,7 @@
 """Color names, the Lab space in which colors are compared, and the typical color of some pixels."""
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 from jaxtyping import Float, Float64, UInt8
@@ -64,6 +65,20 @@ SHADES: Mapping[str, frozenset[str]] = {
     "cyan": frozenset({"teal"}),
 }
 
+# What people call by plain words, beside the pure colors: the light, dark, pale, bright, dull, dusty and deep ones of
+# the survey at xkcd.com/color/rgb (CC0), but for those within 12 of another name's own color.
+SURVEYED: Mapping[str, str] = {
+    "blue": "00035b 0165fc 0343df 49759c 5a86ad 95d0fc d0fefe",
+    "brown": "341c02 410200 653700 876e4b ad8150",
+    "gray": "363737 929591",
+    "green": "02590f 033500 15b01a 74a662 76a973 96f97b c7fdb5",
+    "orange": "c65102 d8863b dc4d01 f0833a f97306 fdaa48 ff5b00 ffa756",
+    "pink": "cb0162 cb416b d5869d d58a94 fe01b1 ff81c0 ffcfdc ffd1df",
+    "purple": "35063e 36013f 7e1e9c 825f87 84597e b790d4 be03fd bf77f6",
+    "red": "b9484e bb3f3f d9544d e50000 ff000d ff474c",
+    "yellow": "d5b60a eedc5b fffd01 fffe7a ffff14 ffff84",
+}
+
 D65 = np.array([0.95047, 1.0, 1.08883])
 TO_XYZ = np.array(
     [
@@ -75,7 +90,8 @@ TO_XYZ = np.array(
 FROM_XYZ = np.linalg.inv(TO_XYZ)
 BEND = 6.0 / 29.0
 COLORLESS = 8.0  # chroma below which a color has no hue to go by
-KINDRED = 50.0  # degrees of hue within which a color goes by a word's name
+VIVID = 50.0  # chroma that tells by what name a washed-out color goes
+KINDRED = 50.0  # degrees of hue within which two words may mean one color
 RIVAL = 16.0  # degrees by which another word may fit better
 
 # Names whose hues are those of the plain words for hues.
@@ -172,10 +188,21 @@ def rgb(name: str) -> tuple[float, float, float]:
     return NAMES[known]
 
 
+@cache
+def _called() -> tuple[tuple[str, ...], Float64[np.ndarray, "n 3"]]:
+    """Names, most of them many times, and the CIELAB colors that go by them."""
+    shades = [
+        (name, tuple(byte / 255 for byte in bytes.fromhex(one)))
+        for name, listed in SURVEYED.items()
+        for one in listed.split()
+    ]
+    names, colors = zip(*NAMES.items(), *shades, strict=True)
+    return names, to_lab(np.array(colors))
+
+
 def nearest(color: Float[np.ndarray, "3"]) -> str:
-    """The name whose color is nearest in CIELAB (CIE 1976 distance)."""
-    names = list(NAMES)
-    table = to_lab(np.array([NAMES[name] for name in names]))
+    """The name that people give a color: that of the nearest one in CIELAB (CIE 1976 distance)."""
+    names, table = _called()
     return names[int(np.argmin(((table - to_lab(np.asarray(color, float))) ** 2).sum(-1)))]
 
 
@@ -193,27 +220,35 @@ def akin(name: str, shade: str) -> bool:
     )
     if first or second:
         return bool(first and second and {name, shade} != {"black", "white"})
-    return hued(name, np.array(NAMES[shade])) or hued(shade, np.array(NAMES[name]))
+    return _kindred(name, shade) or _kindred(shade, name)
 
 
 def hued(name: str, color: Float[np.ndarray, "3"]) -> bool:
     """Would a person call a washed-out color by a color word? Never so for greys, which have no hue (CIELAB).
 
-    Cameras show few things as pure as their names: a sink that people call blue is nearest to grey. So hues are
-    compared, and a word fits if hardly another fits better.
+    Cameras show few things as pure as their names: a sink that people call blue is nearest to grey. It goes by the name
+    that it would have with some more chroma.
     """
     known = canonical(name)
-    if known is None or np.hypot(*to_lab(np.asarray(color, float))[1:]) < COLORLESS:
+    lab = to_lab(np.asarray(color, float))
+    chroma = float(np.hypot(*lab[1:]))
+    if known is None or chroma < COLORLESS:
         return False
-    off = _turn(known, color)
-    return off < min(KINDRED, min(_turn(word, color) for word in HUES) + RIVAL)
+    more = max(1.0, VIVID / chroma)
+    return means(known, nearest(np.clip(from_lab(lab * [1.0, more, more]), 0, 1)))
 
 
-def _turn(name: str, color: Float[np.ndarray, "3"]) -> float:
+def _kindred(name: str, shade: str) -> bool:
+    """Has a color the hue of a word, and hardly another word's?"""
+    off = _turn(name, shade)
+    return off < min(KINDRED, min(_turn(word, shade) for word in HUES) + RIVAL)
+
+
+def _turn(name: str, shade: str) -> float:
     """Degrees of hue between a color and a word, inf for a word without hue."""
     shades = np.array([NAMES[word] for word in HUES.get(name, (name,))])
     a, b = np.moveaxis(to_lab(shades), -1, 0)[1:]
-    c, d = to_lab(np.asarray(color, float))[1:]
+    c, d = to_lab(np.array(NAMES[shade]))[1:]
     off = np.abs((np.degrees(np.arctan2(b, a) - np.arctan2(d, c)) + 180) % 360 - 180)
     return float(np.where(np.hypot(a, b) < COLORLESS, np.inf, off).min())
 

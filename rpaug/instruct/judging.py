@@ -21,7 +21,7 @@ from rpaug.instruct.phrases import (
     phrases,
 )
 from rpaug.scene.lighting import albedo
-from rpaug.scene.targets import shapes, targets
+from rpaug.scene.targets import agreement, shapes, targets
 from rpaug.scene.targets.nouns import Meaning, understood
 from rpaug.scene.targets.relations import ANYTHING
 from rpaug.scene.targets.survey import InstanceSummary, survey
@@ -110,7 +110,7 @@ class Judge:
         alike = frozenset(
             h for h, word in own.items() if word and color_space.means(phrase.color, word)
         )
-        alike -= {h for h in alike if self._rows[h].role in targets.APART}
+        alike -= {h for h in alike if self._rows[h].role in agreement.APART}
         if not alike:
             recorded = self._named(phrase)
             unheard = recorded is None and phrase.text not in (one.text for one in before)
@@ -262,7 +262,7 @@ class Judge:
         return [
             instance_id
             for instance_id, row in sorted(self._rows.items())
-            if row.role not in targets.APART
+            if row.role not in agreement.APART
             and instance_id not in own | self._changes.removed | self._changes.words.keys()
             and self._fits(phrase, instance_id)
         ]
@@ -286,7 +286,7 @@ class Judge:
         for instance_id in sorted(instance_ids):
             if (
                 (kin is None or instance_id in kin)
-                and self._rows[instance_id].role not in targets.APART
+                and self._rows[instance_id].role not in agreement.APART
                 and self._fits(phrase, instance_id)
             ):
                 raise Untrue(
@@ -330,7 +330,7 @@ class Judge:
             for h in self._found(plain, after) or ()
             if color_space.akin(str(phrase.color), self._was(h))
         ]
-        with_role = [h for h in alike if self._rows[h].role not in ("", *targets.APART)]
+        with_role = [h for h in alike if self._rows[h].role not in ("", *agreement.APART)]
         only = alike if len(alike) == 1 else with_role
         return frozenset(only) if len(only) == 1 else None
 
@@ -372,7 +372,7 @@ class Judge:
     def _loose(self) -> list[int]:
         """Painted instance ids but those of robot, table and background, which are meant only by name."""
         words = self._changes.words
-        return [h for h in sorted(words) if self._rows[h].role not in targets.APART]
+        return [h for h in sorted(words) if self._rows[h].role not in agreement.APART]
 
     def _was(self, instance_id: int) -> str:
         return self._rows[instance_id].color_name

@@ -40,11 +40,12 @@ class Palette:
     """Display sRGB colors of which one is drawn: some, or those whose hue (degrees), saturation and value lie within
     `hsv`, two bounds each.
 
-    A range of hues may go through 0: from 350 to 10 is red.
+    A range of hues may go through 0: from 350 to 10 is red. An `exact` color is shown as it is, others as paint is.
     """
 
     colors: tuple[Triple, ...] = ()
     hsv: tuple[tuple[float, float], ...] = ()
+    exact: bool = False
 
     def draw(self, rng: np.random.Generator, taken: Sequence[Triple] = ()) -> list[float]:
         """One color, each as likely; drawn again while it is like one that is `taken`, if there are others."""
@@ -91,11 +92,11 @@ def _palette(value: Any) -> Palette:
         if kind == "sample" and content == "colosseum":
             return Palette(tuple(color.RLBENCH.values()))
         if kind == "rgb":
-            return Palette((_triple(content, [(0, 1)] * 3),))
+            return Palette((_triple(content, [(0, 1)] * 3),), exact=True)
         if kind == "lab":
             lab = _triple(content, [(0, 100), (-128, 128), (-128, 128)])
             red, green, blue = np.clip(color.from_lab(np.array(lab)), 0, 1)
-            return Palette(((float(red), float(green), float(blue)),))
+            return Palette(((float(red), float(green), float(blue)),), exact=True)
         if kind == "hsv":
             return Palette(hsv=_ranges(content))
     raise ValueError(

@@ -1,5 +1,6 @@
 """Give a thing another color and leave its shading, texture, highlights and outline as they were."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
@@ -10,20 +11,17 @@ from rpaug.core import color_space
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB, Color
-from rpaug.scene.lighting import albedo, shading
-from rpaug.scene.targets import targets
-
-# Per channel the pixel is divided by the old albedo only while that does not blow up its noise: a gain of 6 turns
-# half a grey level into 0.003 rms (50 dB); from 12 on the shading of the well-lit channels stands in.
-SAFE_GAIN, UNSAFE_GAIN = 6.0, 12.0
+from rpaug.scene.lighting import albedo, gamut, shading
+from rpaug.scene.targets import agreement, targets
 
 
 @dataclass(frozen=True)
 class AlbedoRatio:
     """Pixel = albedo x shading (+ highlight): swap the albedo, keep the rest.
 
-    Shading is the least-squares scale of the old albedo, led by its bright channels (so pure red can turn pure blue);
-    where a channel's own ratio is safe it is used instead, which keeps the texture's hues. On a plain surface, or one
+    Shading is the least-squares scale of the old albedo, led by its bright channels (so pure red can turn pure blue).
+    What a pixel has beside that, texture's hues and noise, is scaled with its channel, but never up: where the old
+    albedo returns little light it is noise and mirrored light rather than texture. On a plain surface, or one
     of a few `hues`, the part of a pixel that is white rather than albedo is its highlight (dichromatic model, Shafer
     1985) and stays. Of a `part` only the pixels of these hues are painted.
     """
@@ -50,9 +48,8 @@ class AlbedoRatio:
         )
         matte = color - highlight
         shading = matte @ old / max(float(old @ old), 1e-6)
-        gain = new / np.maximum(old, np.float32(1e-6))
-        trust = np.clip((UNSAFE_GAIN - gain) / (UNSAFE_GAIN - SAFE_GAIN), 0, 1)
-        out = trust * gain * matte + (1 - trust) * new * shading[:, None]
+        gain = np.minimum(new / np.maximum(old, np.float32(1e-6)), 1)
+        out = shading[:, None] * new + gain * (matte - shading[:, None] * old)
         painted = np.clip(out + highlight, 0, 1).astype(np.float32)
         if not self.part:
             return painted
@@ -136,9 +133,18 @@ class Recolor(Operator):
             found = shading.paintable(
                 instance_ids, lambda one: albedo.part(scene.episode, one, word)
             )
-            return {"color": self.color.draw(rng, taken), **found}
+            return {"color": self._drawn(scene, rng, taken), **found}
         described = shading.describe(scene, instance_ids, self.albedo)
-        return {"color": self.color.draw(rng, taken), **described}
+        return {"color": self._drawn(scene, rng, taken), **described}
+
+    def _drawn(
+        self, scene: Scene, rng: np.random.Generator, taken: Sequence[gamut.Triple]
+    ) -> list[float]:
+        """The new color; in photographs what paint of it shows there."""
+        red, green, blue = self.color.draw(rng, taken)
+        if self.color.exact or not agreement.photographed(scene):
+            return [red, green, blue]
+        return list(gamut.painted(scene.episode, (red, green, blue)))
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["color"]

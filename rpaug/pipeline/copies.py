@@ -230,8 +230,11 @@ def draw(
         edit, left_out = None, ""
         if chosen:
             try:
+                planning.check(chosen.operator, scene)
                 edit = json.loads(json.dumps(chosen.operator.sample(scene, rng)))
-                scene = chosen.operator.apply(scene, edit)
+                edited = chosen.operator.apply(scene, edit)
+                planning.check_shown(chosen.operator, scene, edited)
+                scene = edited
             except (TargetError, Unsupported) as error:
                 if recipe.on_missing == "fail":
                     raise Missing(f"{scene.episode.key}: {chosen.name}: {error}") from None

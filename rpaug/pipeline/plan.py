@@ -194,6 +194,24 @@ def check(operator: Operator, scene: Scene) -> None:
         raise SourceLacks("it needs recorded depth, and this source has none")
 
 
+def flat(scene: Scene) -> list[str]:
+    """The cameras without depth."""
+    return [name for name, view in scene.episode.views.items() if view.depth is None]
+
+
+def check_shown(operator: Operator, scene: Scene, edited: Scene) -> None:
+    """See that every camera can show what an edit made of the scene. Raises SourceLacks."""
+    lacking = flat(scene)
+    if not lacking or not operator.effect & GEOMETRY:
+        return
+    representations = settle(make([operator], scene.episode), edited).representations
+    for name in lacking:
+        if representations[name] > 0:
+            raise SourceLacks(
+                f"{name} would show what its images hide, and that takes depth, which this source lacks"
+            )
+
+
 def targets(operator: Operator) -> Iterator[Target]:
     """The things that an operator edits, as its fields name them."""
     for name in operator.needs.targets:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rpaug.core import splits
 from rpaug.core.errors import Missing, RpaugError, SourceLacks, TargetError, Unsupported
-from rpaug.core.interfaces import Adapter, Edit, Operator
+from rpaug.core.interfaces import Adapter, Operator
 from rpaug.core.types import Camera, Effect, Embeddings, Episode, Scene
 from rpaug.gaussians import fit_static_rgb
 from rpaug.pipeline import plan as planning
@@ -23,7 +23,7 @@ from rpaug.providers import words
 from rpaug.scene.build import build, find, sources
 from rpaug.scene.instances import rgb_episode
 from rpaug.scene.instances.found import FoundInstances
-from rpaug.scene.targets import settled
+from rpaug.scene.targets import settled, targets
 from rpaug.scene.tracking import arms, calibration, robot_model
 from rpaug.scene.video import reconstruct
 from rpaug.scene.video.settings import VideoSettings
@@ -40,42 +40,28 @@ def operators(recipe: Recipe) -> list[Operator]:
 def ground(scene: Scene, recipe: Recipe) -> tuple[str, ...]:
     """The edits of the recipe that the scene has nothing for, each with its reason: copies leave them out.
 
-    What a source cannot give (no depth) no other episode of it would: such an edit is refused for the whole episode,
-    naming operator, reason, and how to give it. Raises SourceLacks; TargetError where every edit of the recipe is
-    missing, since its copies would be the recording; Missing where the recipe says `on_missing: fail`.
+    Raises TargetError where every edit of the recipe is missing, since its copies would be the recording, SourceLacks
+    if that is for what the source cannot give; Missing where the recipe says `on_missing: fail`.
     """
-    missing = []
+    missing, lacks = [], False
     options = [option for step in recipe.steps for option in step.options]
     for option in options:
         try:
             planning.check(option.operator, scene)
             edit = option.operator.sample(scene, np.random.default_rng(0))
-            _showable(scene, option.operator, edit)
-        except SourceLacks as error:
-            raise SourceLacks(f"{option.name}: {error}{_how(scene, str(error))}") from None
+            if planning.flat(scene):
+                edited = option.operator.apply(scene, json.loads(json.dumps(edit)))
+                planning.check_shown(option.operator, scene, edited)
         except (TargetError, Unsupported) as error:
-            missing.append(f"{option.name}: {error}")
+            lacks |= isinstance(error, SourceLacks)
+            how = _how(scene, str(error)) if isinstance(error, SourceLacks) else ""
+            missing.append(f"{option.name}: {error}{how}")
     if missing and recipe.on_missing == "fail":
         raise Missing(f"{scene.episode.key}: {missing[0]}")
     if missing and len(missing) == len(options):
-        raise TargetError("; ".join(dict.fromkeys(missing)))
+        kind = SourceLacks if lacks else TargetError
+        raise kind("; ".join(dict.fromkeys(missing)))
     return tuple(missing)
-
-
-def _showable(scene: Scene, operator: Operator, edit: Edit) -> None:
-    """See that every camera can show what the edit comes to. Raises SourceLacks."""
-    flat = [name for name, view in scene.episode.views.items() if view.depth is None]
-    if not flat or not operator.effect & planning.GEOMETRY:
-        return
-    edited = operator.apply(scene, json.loads(json.dumps(edit)))
-    representations = planning.settle(
-        planning.make([operator], scene.episode), edited
-    ).representations
-    for name in flat:
-        if representations[name] > 0:
-            raise SourceLacks(
-                f"{name} would show what its images hide, and that takes depth, which this source lacks"
-            )
 
 
 def _how(scene: Scene, reason: str) -> str:
@@ -129,7 +115,9 @@ def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, 
     plan = replace(planning.make(operators(recipe), episode, tier), refine=recipe.refine)
     plan = replace(plan, warnings=(*plan.warnings, *episode.unread))
     scene, plan = _built(episode, recipe, plan)
-    plan = replace(plan, assumed=rgb_episode.assumptions(scene.episode))
+    plan = replace(
+        plan, assumed=(*rgb_episode.assumptions(scene.episode), *_by_color(scene, recipe))
+    )
     if plan.bodies and scene.back is None:
         # Whatever looks at depth is misled by cameras that are not where they say they are.
         off = tuple(map(str, calibration.check(episode)))
@@ -143,6 +131,16 @@ def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, 
     }
     measured = residuals.measure(scene, moved) if moved else []
     return scene, planning.weigh(plan, residuals.regions(scene), measured, recipe.accuracy)
+
+
+def _by_color(scene: Scene, recipe: Recipe) -> list[str]:
+    """A sentence for each target of the recipe that nothing but its color tells."""
+    found = (
+        targets.assumed(scene, one)
+        for operator in operators(recipe)
+        for one in planning.targets(operator)
+    )
+    return [sentence for sentence in dict.fromkeys(found) if sentence]
 
 
 def _with_robot(scene: Scene, recipe: Recipe) -> tuple[Scene, tuple[str, ...]]:

@@ -35,6 +35,19 @@ def test_a_name_is_its_own_nearest(name: str) -> None:
     assert color_space.means(name, name)
 
 
+@pytest.mark.parametrize(
+    ("rgb", "name"),
+    [
+        ((192, 78, 1), "orange"),  # burnt orange, a carrot's shade
+        ((217, 84, 77), "red"),
+        ((101, 139, 175), "blue"),  # a dull one, no gray
+        ((112, 59, 20), "brown"),
+    ],
+)
+def test_what_people_call_a_color(rgb: tuple[int, int, int], name: str) -> None:
+    assert color_space.nearest(np.array(rgb) / 255) == name
+
+
 def test_rlbench_has_twenty_colors() -> None:
     assert len(color_space.RLBENCH) == 20
     assert color_space.RLBENCH["azure"] == (0.0, 0.5, 1.0)
@@ -105,3 +118,18 @@ def test_ciede2000_of_the_published_pairs():
     np.testing.assert_allclose(
         color_space.ciede2000(rows[:, 3:6], rows[:, :3]), rows[:, 6], atol=5e-5
     )
+
+
+@pytest.mark.parametrize(
+    ("seen", "word"),
+    [((95, 114, 127), "blue"), ((105, 83, 107), "purple"), ((142, 104, 130), "purple")],
+)
+def test_a_washed_out_color_goes_by_its_hue(seen: tuple[int, int, int], word: str) -> None:
+    color = np.array(seen) / 255
+    fits = [
+        name
+        for name in ("red", "orange", "yellow", "green", "blue", "purple")
+        if color_space.hued(name, color)
+    ]
+    assert fits == [word]
+    assert not color_space.hued(word, np.full(3, color.mean()))

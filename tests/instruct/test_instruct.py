@@ -353,7 +353,7 @@ class TestSizes:
 
     def test_words_that_cannot_be_compared_are_refused(self):
         with pytest.raises(Untrue, match=r"0\.90 times its size"):
-            self.grown(self.LARGE, 0.9, "put it into the wide yellow cup")
+            self.grown(self.LARGE, 0.9, "put it into the wide orange cup")
 
 
 @gl

@@ -21,6 +21,7 @@ from rpaug.scene.targets.targets import Target
 
 UNIT = st.floats(0.15, 1.0)
 COLOR = st.tuples(UNIT, UNIT, UNIT)
+HUE = st.floats(0, 360, exclude_max=True)  # degrees; 360 is 0
 
 
 def small() -> Scene:
@@ -54,6 +55,14 @@ def edited(old, new, plain: bool = True):  # type: ignore[no-untyped-def]
     """The repainting as a function of color alone: it does not ask where a pixel lies."""
     ratio = AlbedoRatio(frozenset({1}), tuple(old), tuple(new), plain)
     return lambda color: ratio(color, None)
+
+
+def test_noise_is_never_scaled_up() -> None:
+    rng = np.random.default_rng(0)
+    seen = np.array([0.8, 0.4, 0.05]) + rng.normal(0, 0.02, (500, 3))
+    painted = edited((0.8, 0.4, 0.05), (0.3, 0.3, 0.8), plain=False)(seen.astype(np.float32))
+    assert painted.std(0).max() < 0.03
+    np.testing.assert_allclose(painted.mean(0), (0.3, 0.3, 0.8), atol=0.01)
 
 
 def test_each_part_of_a_thing_of_two_colors_keeps_its_highlight() -> None:
@@ -107,7 +116,7 @@ def test_a_part_that_there_is_not_is_refused_with_what_there_is() -> None:
         Recolor(target=Target(handle=BALL), color=Palette(((0.0, 0.5, 0.0),)), only="handle")
 
 
-@given(st.floats(0, 360), st.floats(0, 360), st.floats(0.2, 1), st.integers(0, 99))
+@given(HUE, HUE, st.floats(0.2, 1), st.integers(0, 99))
 def test_a_color_is_drawn_within_hue_saturation_and_value(
     low: float, high: float, most: float, seed: int
 ) -> None:

@@ -151,10 +151,11 @@ def asked(
             target = {"handle": sorted(manipulated)}
             yield "object by role", manipulated, "recolor", fields | {"target": target}
         word = color_space.nearest(np.array(recorded.truth.albedos[changed[0]]))
-        target = {"text": f"the {word} thing", "all": True}
+        target = {"text": f"the {word} thing"}
         try:
             instance_ids = targets.find(scene, targets.Target(**target))
         except RpaugError:
+            yield "object by words refused", frozenset(), "recolor", {}
             return
         yield "object by words", instance_ids, "recolor", fields | {"target": target}
 
@@ -216,7 +217,11 @@ def rows(
                 continue
             start = time.process_time()
             operator = TypeAdapter(registry.operator(op)).validate_python(fields)
-            edit = operator.sample(scene, np.random.default_rng(seed))
+            try:
+                edit = operator.sample(scene, np.random.default_rng(seed))
+            except RpaugError:
+                yield Row(f"{name} refused", seed, task, np.nan, np.nan, np.nan, np.nan, built)
+                continue
             edited = shown(operator.apply(scene, edit))
             inside, unedited, outside = errors(scene, edited, recorded, true, name == "background")
             iou = (

@@ -1,5 +1,6 @@
 """Handles for the patches of all cameras: patches that look alike in several of them are one thing."""
 
+from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
@@ -77,9 +78,10 @@ def carried(
     groups: Mapping[str, Mapping[int, int]],
     known: color_clusters.ColorClusters,
 ) -> dict[int, int]:
-    """The instance id of each tint that some camera saw leave its place, and of the tints of its other sides.
+    """The instance id of each tint that was seen to leave its place, and of the tints of its other sides.
 
-    A tint that the support has too tells of nothing that it was carried.
+    Where several cameras see things change, two must have seen it: what leaves its place in one alone is a shadow, a
+    cable or a gap. A tint that the support has too tells of nothing that it was carried.
     """
     lying = {
         part.blobs[k].cluster
@@ -88,9 +90,14 @@ def carried(
         if instance_id == SUPPORT
     }
     found = {}
+    seen = Counter(
+        one for name, part in cameras.items() for one in {groups[name][k] for k in part.left}
+    )
+    enough = min(2, sum(bool(part.active.any()) for part in cameras.values()))
     for name, part in cameras.items():
         for k in sorted(part.left):
-            if groups[name][k] > AROUND and part.blobs[k].cluster not in lying:
+            left = groups[name][k] > AROUND and seen[groups[name][k]] >= enough
+            if left and part.blobs[k].cluster not in lying:
                 found[part.blobs[k].cluster] = groups[name][k]
     mobile = frozenset().union(*(part.mobile for part in cameras.values()))
     sides = {

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float32, Int32
 
 from rpaug.core.errors import Unsupported
-from rpaug.core.types import Body, Camera, CameraView, Episode, ProxyGeometry
+from rpaug.core.types import Belief, Body, Camera, CameraView, Episode, ProxyGeometry
 from rpaug.scene.instances import ground_plane, rgb_things
 from rpaug.scene.instances.found import FoundInstances, as_beliefs
 from rpaug.scene.instances.rgb_things import CameraInstanceMap
@@ -55,10 +55,29 @@ def find(episode: Episode, depth: str | None = None) -> FoundInstances:
         )
         for instance_id in sorted(seen.instance_ids)
     )
-    beliefs = as_beliefs(seen.roles, SURE, "told by color and by what changes: there is no depth")
+    beliefs = _beliefs(seen)
     return FoundInstances(
-        replace(episode, views=views), bodies, seen.roles, photographed=True, beliefs=beliefs
+        replace(episode, views=views),
+        bodies,
+        {role: belief.instance_ids for role, belief in beliefs.items() if belief.confidence},
+        photographed=True,
+        beliefs=beliefs,
     )
+
+
+def _beliefs(seen: CameraInstanceMap) -> dict[str, Belief]:
+    """Roles by color and motion; by the gripper where that closes. What it closes on and cannot be told from support
+    or surroundings makes neither of them a target: an edit of the whole would change it."""
+    found = as_beliefs(seen.roles, SURE, "told by color and by what changes: there is no depth")
+    held = seen.gripped
+    if held.thing is not None and held.thing in seen.manipulated:
+        reason = f"the gripper closes on it in all cameras that see its end, {100 * held.share:.0f} % of it at least"
+        found["manipulated"] = Belief(seen.manipulated, max(SURE, held.share), (reason,))
+    for role in ("table", "background"):
+        if role in found and found[role].instance_ids & held.within:
+            reason = f"the gripper closes on something that has the colors of the {role}, and would be edited with it"
+            found[role] = Belief(found[role].instance_ids, 0.0, (reason,))
+    return found
 
 
 def assumptions(episode: Episode) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ cameras are one thing. In a camera that moves there is no backdrop, and a thing 
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Int32, UInt8
@@ -16,6 +16,7 @@ from rpaug.core.types import Episode
 from rpaug.scene.instances import (
     backdrop,
     color_clusters,
+    gripped,
     grouping,
     lasting,
     named,
@@ -25,6 +26,7 @@ from rpaug.scene.instances import (
     watched,
 )
 from rpaug.scene.instances.backdrop import Backdrop
+from rpaug.scene.instances.gripped import Gripped
 from rpaug.scene.instances.grouping import AROUND, MOVING, SUPPORT
 from rpaug.scene.instances.resting import Resting
 from rpaug.scene.instances.rgb_settling import NAMED, CameraInstances
@@ -44,6 +46,7 @@ class CameraInstanceMap:
     moving: frozenset[int]
     manipulated: frozenset[int]
     instance_ids: frozenset[int]
+    gripped: Gripped = field(default_factory=Gripped)
 
     @property
     def roles(self) -> dict[str, frozenset[int]]:
@@ -94,7 +97,33 @@ def find(episode: Episode) -> CameraInstanceMap:
             )
     if not carried and not loose:
         parts = _untinted(episode, still, seen, parts, known)
-    return _given(known, parts, any(part.active.any() for part in seen.values()))
+    found = _given(known, parts, any(part.active.any() for part in seen.values()))
+    return _with_gripped(episode, found)
+
+
+def _with_gripped(episode: Episode, found: CameraInstanceMap) -> CameraInstanceMap:
+    """The same with what the gripper closes on, where its opening tells when. What moved and is something else is not
+    what it manipulates."""
+    opening = episode.robot.gripper_open
+    if opening is None:
+        return found
+    start = gripped.closes(opening)
+    still = {
+        n: one for n, one in found.cameras.items() if one.backdrop.still and not one.backdrop.dead
+    }
+    if start is None or not still:
+        return found
+
+    def shown(t: int) -> dict[str, Int32[np.ndarray, "h w"]]:
+        return {name: found.ids(name, episode.views[name].rgb(t)) for name in still}
+
+    resting = {name: one.resting for name, one in still.items()}
+    held = gripped.find(resting, shown, start, episode.length - 1)
+    if held.thing is not None and held.thing not in found.manipulated:
+        return replace(found, gripped=held, manipulated=frozenset([held.thing]))
+    if found.manipulated:  # it is what was seen to move, and no part of support or surroundings
+        held = replace(held, within=frozenset())
+    return replace(found, gripped=held)
 
 
 def _untinted(

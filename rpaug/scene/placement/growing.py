@@ -16,7 +16,7 @@ from rpaug.core.types import Body, Scene
 from rpaug.scene.placement.free_space import CELL, FreeSpace
 from rpaug.scene.placement.placing import find_free_space, hull, points_by_instance_id, points_of
 from rpaug.scene.placement.standing import LIFTED
-from rpaug.scene.targets.targets import APART
+from rpaug.scene.targets.agreement import APART
 
 STEPS = 24  # factors tried between the recorded size and the one asked for
 INSIDE = 0.005  # metres inside or outside of a side, from which on that is clear

@@ -102,6 +102,12 @@ def _exact(noun: str, descriptions: Sequence[str]) -> list[Meaning]:
     return []
 
 
+def colored_so(color: str | None, descriptions: Sequence[str]) -> str:
+    """A noun that the instructions describe by this color; empty if there is none."""
+    stated = named(tuple(descriptions)).items()
+    return next((noun for noun, known in stated if color in [one.color for one in known]), "")
+
+
 @cache
 def named(descriptions: tuple[str, ...]) -> dict[str, list[Meaning]]:
     """What the nouns of the instructions stand for, by their singular; what only says where comes last."""

@@ -87,7 +87,7 @@ def settle(scene: Scene, wanted: Mapping[str, SettledRole]) -> tuple[Scene, tupl
             ids = scene.instance_ids.intersection(
                 one.handle if isinstance(one.handle, list) else ()
             )
-            found[role] = Belief(ids or targets.find(scene, one.target), 1.0, (NAME,))
+            found[role] = Belief(ids or _found(scene, one), 1.0, (NAME,))
         except TargetError as error:
             found[role] = Belief(frozenset(), 0.0, (f"{NAME}: {error}",))
     taken = frozenset[int]().union(*(belief.instance_ids for belief in found.values()))
@@ -98,3 +98,10 @@ def settle(scene: Scene, wanted: Mapping[str, SettledRole]) -> tuple[Scene, tupl
         f"{role}: {belief.reasons[0]}" for role, belief in found.items() if not belief.instance_ids
     )
     return replace(scene, roles=roles, beliefs={**scene.beliefs, **found}), wrong
+
+
+def _found(scene: Scene, one: SettledRole) -> frozenset[int]:
+    """What was settled, the table too where it goes by its color. Raises TargetError."""
+    if one.color is not None:
+        return targets.by_words(scene, one.target, whole=True)
+    return targets.find(scene, one.target)

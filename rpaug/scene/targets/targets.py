@@ -20,18 +20,13 @@ from rpaug.core import color_space
 from rpaug.core.errors import TargetError
 from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import SampledFrames, look
-from rpaug.scene.targets import places, relations, roles, shapes
-from rpaug.scene.targets.nouns import Meaning, understood
+from rpaug.scene.targets import agreement, places, relations, roles, shapes
+from rpaug.scene.targets.nouns import Meaning, colored_so, understood
 from rpaug.scene.targets.observed import surface
 from rpaug.scene.targets.relations import Phrase, Relation, singular
 from rpaug.scene.targets.resolving import Resolver, why
 from rpaug.scene.targets.survey import InstanceSummary, survey
 
-APART = (
-    "robot",
-    "table",
-    "background",
-)  # roles that a phrase with a place in it means only by name
 TOUCH = 0.5  # of the strongest chroma that fits a color word: weaker ones are not meant beside it
 
 
@@ -72,9 +67,9 @@ class Target(BaseModel):
 
     `text` says what the thing is and where ("the red receiver", "the cup closest to the drawer", "the second
     largest block left of the bowl"): the grammar is that of `relations`, nouns mean what `nouns` says. A noun
-    that means nothing here is taken only beside a color word, and then the color decides alone. A plain string
-    is a `text`. With a `part` only that part of the thing is meant. Where several things fit, `all` takes them;
-    a body of several instance ids that move as one is one thing.
+    that means nothing here is taken only beside a color word, and then the color decides alone; in color images
+    alone it is refused. A plain string is a `text`. With a `part` only that part of the thing is meant. Where
+    several things fit, `all` takes them; a body of several instance ids that move as one is one thing.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -137,13 +132,21 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
     if target.role is not None:
         if target.role not in scene.roles:
             raise TargetError(f"{target}: {why(scene, target.role)}; {_there_is(_rows(scene))}")
-        return scene.roles[target.role]
-    assert target.text is not None
-    return _by_words(scene, target)
+        found = scene.roles[target.role]
+    else:
+        found = by_words(scene, target)
+    if agreement.photographed(scene) and not found & agreement.apart(scene):
+        for thing in [[one] for one in sorted(found)] if target.all else [found]:
+            if reason := agreement.dispute(scene, thing):
+                raise TargetError(f"{target}: instance {_numbers(thing)}: {reason}")
+    return found
 
 
-def _by_words(scene: Scene, target: Target) -> frozenset[int]:
-    found = _Finder(scene, str(target)).things(relations.parse(target.text or ""), target.all)
+def by_words(scene: Scene, target: Target, *, whole: bool = False) -> frozenset[int]:
+    """What the target's words mean. By its color alone nothing of a photographed scene is robot, table or background,
+    unless `whole`. Raises TargetError."""
+    phrase = relations.parse(target.text or "")
+    found = _Finder(scene, str(target), whole).things(phrase, target.all)
     if len(found) > 1 and not target.all:
         raise TargetError(
             f"{target}: {len(found)} things fit: {_list(_firsts(_rows(scene), found))}; "
@@ -152,12 +155,27 @@ def _by_words(scene: Scene, target: Target) -> frozenset[int]:
     return frozenset().union(*found)
 
 
+def assumed(scene: Scene, target: Target) -> str:
+    """In a sentence that nothing but its color tells a thing that a target names; empty where more does."""
+    phrase = relations.parse(target.text or "thing")
+    if not (agreement.photographed(scene) and phrase.nouns and phrase.color):
+        return ""
+    try:
+        found = find(scene, target)
+    except TargetError:
+        return ""
+    if any(found <= members for members in scene.roles.values()):
+        return ""
+    return f"without a model {target} is known by its color alone: instance {_numbers(found)}"
+
+
 class _Finder:
     """Finds what a phrase and the phrases inside it mean. A thing is a group of instance ids: those of a role together,
     else those of a body. Images are looked at only if a color, a shape or a place is asked for."""
 
-    def __init__(self, scene: Scene, stated: str) -> None:
+    def __init__(self, scene: Scene, stated: str, whole: bool) -> None:
         self._scene, self._stated = scene, stated
+        self._named_only = agreement.photographed(scene) and not whole
         self._looks: SampledFrames | None = None
 
     @cached_property
@@ -226,10 +244,34 @@ class _Finder:
             return found, False
         if reason and phrase.color is None:
             raise TargetError(f"{self._stated}: {reason}; {_there_is(self._rows)}")
-        if meanings and (phrase.color is None or settled):
+        # What the instruction calls so is known, and has another color: no other thing is meant.
+        other = self._named_only and any(one.scope for one in meanings) and not reason
+        if meanings and (phrase.color is None or settled or other):
             return [], False
-        rows = self._movable() if phrase.spatial else self._rows
-        return _bodies(self._colored(phrase, rows)), False
+        return self._by_color(phrase, meanings), False
+
+    def _by_color(self, phrase: Phrase, meanings: Sequence[Meaning]) -> list[frozenset[int]]:
+        """What has the phrase's color.
+
+        In a photographed scene a noun must be one of the instruction's, and the thing none that plays another's part
+        there or that the instruction describes by this color. Raises TargetError.
+        """
+        rows = self._movable() if phrase.spatial or self._named_only else self._rows
+        if self._named_only and phrase.nouns:
+            noun, own = phrase.nouns[-1], [one for one in meanings if one.scope]
+            if not own:
+                raise TargetError(
+                    f"{self._stated}: the instruction names no {noun}, and without a model its color alone would tell "
+                    f"it ('the {phrase.color} thing' takes whatever is {phrase.color}); {_there_is(self._rows)}"
+                )
+            if phrase.color not in [one.color for one in own] and (
+                rival := colored_so(phrase.color, self._scene.descriptions)
+            ):
+                raise TargetError(
+                    f"{self._stated}: in the instruction {phrase.color} is the {rival}"
+                )
+            rows = [row for row in rows if row.role in {"", *(one.role for one in own)}]
+        return _bodies(self._colored(phrase, rows))
 
     def _qualifiers(self, noun: str) -> set[str]:
         """The words that the instruction says before a noun: "wine" of the wine bottle."""
@@ -319,7 +361,8 @@ class _Finder:
 
     def _movable(self) -> list[InstanceSummary]:
         """All but robot, table and background, which are meant only by name."""
-        return [row for row in self._rows if row.role not in APART]
+        apart = agreement.apart(self._scene)
+        return [row for row in self._rows if row.instance_id not in apart]
 
     def _colored(
         self, phrase: Phrase, rows: Sequence[InstanceSummary]
@@ -329,14 +372,13 @@ class _Finder:
             return rows
         exact = [row for row in rows if row.color_name == color]
         exact = exact or [row for row in rows if color_space.means(color, row.color_name)]
-        if not any(view.proxy for view in self._scene.episode.views.values()):
+        if not agreement.photographed(self._scene):
             return exact
-        # A camera alone shows colors washed out: their hue says more than the nearest name.
-        # Beside a thing that has much of it, what has a touch of it is not meant.
-        chroma = [float(np.hypot(*color_space.to_lab(np.array(row.color))[1:])) for row in rows]
-        given = [k for k, row in enumerate(rows) if color_space.hued(color, np.array(row.color))]
-        strongest = max((chroma[k] for k in given), default=0.0)
-        return [rows[k] for k in given if chroma[k] > TOUCH * strongest] or exact
+        # Beside a thing that has much of a color, what has a touch of it is not meant.
+        given = exact or [row for row in rows if color_space.hued(color, np.array(row.color))]
+        chroma = [float(np.hypot(*color_space.to_lab(np.array(row.color))[1:])) for row in given]
+        least = TOUCH * max(chroma, default=0.0)
+        return [row for row, own in zip(given, chroma, strict=True) if own >= least]
 
     def _shape(self, row: InstanceSummary) -> str:
         body = next(body for body in self._scene.bodies if row.instance_id in body.instance_ids)

@@ -117,3 +117,18 @@ def test_what_needs_depth_is_refused_by_name() -> None:
         asked = recipe.build({"version": 1, "edits": [edit]})
         with pytest.raises(Unsupported, match=missing):
             ground(prepare_scene(episode(), asked, 0)[0], asked)
+
+
+def test_what_needs_depth_is_left_out_where_there_are_other_edits() -> None:
+    from rpaug.pipeline import copies, recipe
+    from rpaug.pipeline.prepare import ground, prepare_scene
+
+    deep = {"op": "camera_pose", "camera": ["image_0"]}
+    asked = recipe.build({"version": 1, "edits": [deep, {"op": "light_color"}]})
+    scene, _ = prepare_scene(episode(), asked, 0)
+    (missing,) = ground(scene, asked)
+    assert "camera_pose" in missing
+    assert "cameras.yaml" in missing
+    _, (first, second) = copies.draw(scene, asked, 1)
+    assert "depth" in first.left_out
+    assert second.edit is not None

@@ -1,0 +1,112 @@
+"""Words for things in color images alone: never table, background, or what an image cuts off; all cameras agree."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rgb_only_tables import BLOCK, PLATE, episode, image
+
+from rpaug.core.errors import TargetError
+from rpaug.core.types import CameraView, Scene
+from rpaug.scene.build import build
+from rpaug.scene.targets import settled
+from rpaug.scene.targets.targets import Target, assumed, find
+
+LENGTH = 12
+Paint = Callable[[np.ndarray], None]
+
+
+def seen(*painted: Paint, words: str = "put the block on the plate") -> Scene:
+    """A camera for each way to paint over the drawn table."""
+    bare = episode(LENGTH)
+    camera = bare.views["image_0"].camera
+    views = {}
+    for k, paint in enumerate(painted):
+        frames = [image(t) for t in range(LENGTH)]
+        for one in frames:
+            paint(one)
+        views[f"image_{k}"] = CameraView(camera, frames.__getitem__)
+    return build(replace(bare, views=views, descriptions=(words,)), with_bodies=True)
+
+
+def nothing(out: np.ndarray) -> None:
+    """As it is drawn."""
+
+
+def test_a_word_for_a_thing_never_means_the_table() -> None:
+    scene = seen(nothing, words="put the cup on the plate")
+    for words in ("the blue cup", "the blue thing"):
+        with pytest.raises(TargetError, match="nothing fits"):
+            find(scene, Target(text=words))
+    assert find(scene, Target(text="the table")) == scene.roles["table"]
+
+
+def test_a_word_that_the_instruction_lacks_never_goes_by_color_alone() -> None:
+    scene = seen(nothing)
+    for words in ("the red carrot", "the red cup"):
+        with pytest.raises(TargetError, match=r"the instruction names no c.*'the red thing' takes"):
+            find(scene, Target(text=words))
+    assert find(scene, Target(text="the red thing")) == find(scene, Target(text="the red block"))
+
+
+def test_what_goes_by_its_color_alone_is_said() -> None:
+    scene = seen(nothing)
+    (block,) = find(scene, Target(text="the red block"))
+    said = f"without a model 'the red block' is known by its color alone: instance {block}"
+    assert assumed(scene, Target(text="the red block")) == said
+    for words in ("the red thing", "the red carrot", "the table"):
+        assert not assumed(scene, Target(text=words))
+    roles = {**scene.roles, "manipulated": frozenset({block})}
+    assert not assumed(replace(scene, roles=roles), Target(text="the red block"))
+
+
+def test_a_color_that_the_instruction_gives_to_another_thing_tells_nothing() -> None:
+    scene = seen(nothing, words="put the red block on the plate")
+    with pytest.raises(TargetError, match="in the instruction red is the block"):
+        find(scene, Target(text="the red plate"))
+    assert find(scene, Target(text="the green plate"))
+
+
+def test_a_person_may_settle_the_table_by_its_color() -> None:
+    scene = seen(nothing)
+    blue = settled.SettledRole(color="blue")
+    made, wrong = settled.settle(replace(scene, roles={}, beliefs={}), {"table": blue})
+    assert not wrong
+    assert made.roles["table"] == scene.roles["table"]
+
+
+def test_what_has_a_touch_of_a_color_is_not_meant_beside_what_has_its_name() -> None:
+    def pale(out: np.ndarray) -> None:
+        out[48:56, 10:20] = (180, 130, 130)
+
+    scene = seen(pale)
+    (block,) = find(scene, Target(text="the red thing"))
+    assert find(scene, Target(text="the red block")) == {block}
+    assert (scene.episode.views["image_0"].ids(0)[40, 18:22] == block).all()
+
+
+def test_what_the_image_cuts_off_is_refused() -> None:
+    def cut(out: np.ndarray) -> None:
+        out[44:54, 40:52] = out[44:54, 26:38]
+        out[48:58, 54:64] = PLATE
+
+    with pytest.raises(TargetError, match="edge of image_0 cuts it off"):
+        find(seen(cut), Target(text="the green plate"))
+
+
+def test_a_camera_that_shows_the_color_elsewhere_disputes_it() -> None:
+    def gone(out: np.ndarray) -> None:
+        out[36:44, 14:22] = out[36:44, 26:34]
+        out[:, 58:] = BLOCK  # a wall
+
+    scene = seen(nothing, gone)
+    with pytest.raises(TargetError, match="image_1 shows its color"):
+        find(scene, Target(text="the red block"))
+
+
+def test_a_camera_that_does_not_see_it_does_not_dispute_it() -> None:
+    def gone(out: np.ndarray) -> None:
+        out[36:44, 14:22] = out[36:44, 26:34]
+
+    assert find(seen(nothing, gone), Target(text="the red block"))
