@@ -91,7 +91,7 @@ class Spilling(Recolor):
 
 def test_what_changes_beside_its_target_is_refuted(right: Scene) -> None:
     operator = TypeAdapter(Spilling).validate_python(
-        {"target": {"role": "manipulated"}, "color": "blue"}
+        {"target": {"role": "manipulated"}, "color": "yellow"}
     )
     option = recipe.Option("spilling", {}, operator)
     edit = operator.sample(right, np.random.default_rng(0))

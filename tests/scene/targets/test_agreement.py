@@ -9,6 +9,7 @@ from rgb_only_tables import BLOCK, PLATE, episode, image
 
 from rpaug.core.errors import TargetError
 from rpaug.core.types import CameraView, Scene
+from rpaug.pipeline import prepare, recipe
 from rpaug.scene.build import build
 from rpaug.scene.targets import settled
 from rpaug.scene.targets.targets import Target, assumed, find
@@ -59,6 +60,17 @@ def test_what_goes_by_its_color_alone_is_said() -> None:
         assert not assumed(scene, Target(text=words))
     roles = {**scene.roles, "manipulated": frozenset({block})}
     assert not assumed(replace(scene, roles=roles), Target(text="the red block"))
+
+
+def test_the_plan_says_what_goes_by_its_color_alone() -> None:
+    edits = [
+        {"op": "recolor", "target": {"text": f"the {words}"}, "color": "green"}
+        for words in ("red block", "red thing")
+    ]
+    asked = recipe.build({"version": 1, "edits": edits})
+    _, plan = prepare.prepare_scene(episode(LENGTH), asked, 0)
+    (said,) = [line for line in plan.assumed if "color alone" in line]
+    assert "'the red block'" in said
 
 
 def test_a_color_that_the_instruction_gives_to_another_thing_tells_nothing() -> None:
