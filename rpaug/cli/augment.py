@@ -67,14 +67,12 @@ def augment(
         float | None,
         typer.Option(
             min=0.1,
-            help="GB that a worker may take; unset: its share of the machine's, from two on.",
+            help="GB that a worker may take; unset: its share of the machine's.",
         ),
     ] = None,
     most_minutes: Annotated[
         float | None,
-        typer.Option(
-            min=0.01, help="Minutes for each copy of an episode; unset: 60, from two workers on."
-        ),
+        typer.Option(min=0.01, help="Minutes for each copy of an episode; unset: 60."),
     ] = None,
     dry_run: Annotated[
         bool, typer.Option(help="Print the plan with time and disk, write nothing.")

@@ -153,7 +153,7 @@ class _Words(logging.Handler):
 
 @contextmanager
 def _given(show: Callable[[str], None]) -> Iterator[None]:
-    """What takes minutes says how far it is; only in this process: of workers the bar tells whole copies."""
+    """What takes minutes says how far it is, in workers too."""
     log, handler = logging.getLogger("rpaug.pipeline.prepare"), _Words(show)
     level = log.level
     log.addHandler(handler)

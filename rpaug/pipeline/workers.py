@@ -1,12 +1,13 @@
 """Runs jobs on this machine: in this process, or on fresh ones with one thread each, each within its budget."""
 
 import errno
+import logging
 import os
 import signal
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
@@ -29,6 +30,7 @@ DIED = "a worker died (out of memory?); fewer workers need less"
 LOOK = 0.2  # seconds between two looks at what workers take
 SHARE = 0.9  # of the machine's memory, for all workers
 CGROUP = Path("/sys/fs/cgroup/memory.max")
+LOG = logging.getLogger("rpaug.pipeline.prepare")  # what takes minutes says there how far it is
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def run(jobs: Sequence[Job], workers: int, budget: Budget | None = None) -> Iter
                 return
         return
     given, fatal, lost = budget or Budget(), False, list[Lost]()
-    with _one_thread_each():
+    with _one_thread_each() if workers > 1 else nullcontext():
         for outcome in _pooled(list(jobs), workers, _among(given, workers), lost):
             fatal |= outcome.fatal
             yield outcome
@@ -168,14 +170,17 @@ def _pooled(todo: list[Job], workers: int, budget: Budget, lost: list[Lost]) -> 
                 gone = None if one.connection in ready else one.beyond(budget)
                 if one.connection in ready:
                     try:
-                        outcome = one.connection.recv()
+                        told = one.connection.recv()
                     except (EOFError, OSError):
                         gone = Lost(one.job, DIED)
                     else:
+                        if isinstance(told, str):
+                            LOG.info("%s", told)
+                            continue
                         one.job = None
-                        if outcome.fatal:
+                        if told.fatal:
                             todo.clear()
-                        yield outcome
+                        yield told
                 if gone:
                     lost.append(gone)
                     pool.remove(one)
@@ -183,6 +188,17 @@ def _pooled(todo: list[Job], workers: int, budget: Budget, lost: list[Lost]) -> 
     finally:
         for one in pool:
             one.end()
+
+
+class _Sent(logging.Handler):
+    """Tells the run what a worker's log is told."""
+
+    def __init__(self, connection: Connection) -> None:
+        super().__init__(logging.INFO)
+        self._connection = connection
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._connection.send(record.getMessage())
 
 
 def _serve(connection: Connection) -> None:
@@ -195,6 +211,8 @@ def _serve(connection: Connection) -> None:
         os._exit(1)
 
     threading.Thread(target=end, daemon=True).start()
+    LOG.addHandler(_Sent(connection))
+    LOG.setLevel(logging.INFO)
     while True:
         connection.send(attempt(connection.recv()))
 

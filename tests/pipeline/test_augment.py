@@ -2,6 +2,7 @@
 
 import errno
 import json
+import logging
 import os
 import shutil
 import signal
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
 
@@ -375,6 +377,18 @@ def test_one_worker_with_a_budget_is_a_process_too(
     monkeypatch.setattr(workers, "_serve", played_jobs.serve)
     (found,) = workers.run([played_jobs.job("hangs", tmp_path)], 1, Budget(minutes=0.01))
     assert "more than 0.02 minutes" in str(found.error)
+
+
+def test_a_worker_says_how_far_it_is(
+    played: Callable[..., dict[str, str | None]], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "rpaug.pipeline.prepare")
+    assert played("e0", "e1") == {"e0": None, "e1": None}
+    assert sorted(caplog.messages) == ["e0 has begun", "e1 has begun"]
+    ours, theirs = Pipe()
+    sent = workers._Sent(ours)
+    sent.emit(logging.LogRecord("a", logging.INFO, "b", 1, "%d %%", (40,), None))
+    assert theirs.recv() == "40 %"
 
 
 def test_a_full_disk_ends_the_run(played: Callable[..., dict[str, str | None]]) -> None:
