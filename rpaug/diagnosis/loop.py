@@ -21,6 +21,7 @@ from rpaug.diagnosis.diagnose import diagnose
 from rpaug.diagnosis.evaluation import Evaluation
 from rpaug.diagnosis.messages import Diagnosis
 from rpaug.pipeline import augment, recipe
+from rpaug.pipeline.run import Budget
 
 STATE = "loop.json"
 KNOWN = ("data", "policy", "evaluation", "round")
@@ -251,7 +252,7 @@ def _diagnosed(loop: Loop, home: Path, found: Evaluation, analyst: Analyst | Non
 def _augmented(loop: Loop, made: Path, given: Diagnosis, tell: Tell) -> int:
     written = recipe.build(given.recipe, name="the diagnosed recipe")
     asked = augment.Run(loop.dataset, written, made)
-    summary = augment.execute(asked, workers=loop.workers, resume=made.exists())
+    summary = augment.execute(asked, workers=loop.workers, budget=Budget(), resume=made.exists())
     if not summary.copies:
         raise RpaugError(
             f"{made}: no copy could be made: {next(iter(summary.failures.values()), '')}"
