@@ -109,6 +109,33 @@ FACT = re.compile(
     rf"(?P<what>[^,;]+?) (?:is|are) (?P<tint>{words.COLOR})(?P<now> here| now| already| at the moment)?"
 )
 HEADED = re.compile(r"(?P<what>[^,;:]+?) : (?P<rest>[^:]*\b(?:it|them)\b.*)")
+EVEN = re.compile(
+    rf"(?:with |at )?(?:(?:an? |the )?(?:equal|same) (?:chances?|probability|probabilities|shares?|odds|parts)|50 ?/ ?50|fifty[- ]fifty|half[ /-](?:and )?half|(?P<share>{words.NUMBER}(?: ?%| percent)?) each|one (?:per|for each|in each) copy|drawn? per copy|whichever)(?: of (?:them|these))?"
+)
+HARDER = re.compile(
+    r"(?:make |please |somewhat |a bit |a little |much )*(?P<x>.*?) ?(?:be |look |a bit |a little |somewhat |much )*(?:harder|more difficult|more challenging|tougher|less visible|less obvious)(?: (?:to|for the policy to) (?:see|find|spot|detect|recogni[sz]e|make out|tell apart))?(?: (?P<y>.+?))?(?: (?:please|in the images?|for the policy|than now))?"
+)
+SIMILE = re.compile(
+    r" (?:so (?:that )?(?:one|we|i|you|it|they|the|there|people|everybody)\b.*|like (?:an?|from|in|on|at|they|it|my|our|the one)\b.*|like [a-z]+|as (?:if|in|with|on|is usual)\b.*|for (?:better|more) [a-z ]+)$"
+)
+SETTLED = (
+    "recolor",
+    "retexture",
+    "table_color",
+    "table_texture",
+    "background_texture",
+    "object_size",
+    "stylize",
+)
+LOOKS = ("recolor", "retexture", "table_color", "table_texture", "background_texture", "light_color", "light_direction",
+         "sensor_noise", "sensor_blur", "sensor_jpeg", "sensor_exposure")  # fmt: skip
+ATTRIBUTE = rf"(?:{words.COLOR}|{words.any_of(naming.relations.RANKS)}(?![a-z]))"
+BOTH = re.compile(
+    rf"(?P<lead>^|(?:the|both|of|remove|delete|paint|make|turn|recolor|give) )(?P<one>{ATTRIBUTE}) and (?:the )?(?P<two>{ATTRIBUTE}) (?P<noun>[a-z]+)(?= |,|$)"
+)
+AGAIN = re.compile(
+    r"(?P<head>.*\b(?P<noun>[a-z]+)) (?:->|to|into|with|by|for|:) (?:an? |the |some )?(?P<value>.+) (?:(?P=noun)|one|ones)"
+)
 MOST_CLAUSES = 30
 OWN = frozenset(
     re.findall(
@@ -143,6 +170,7 @@ class WishState:
     did: bool = False
     trace: list[Trace] = field(default_factory=list)
     verb: str = ""
+    about: str = ""  # the things that the clause before gave a look or a size, as they were named
 
     def clause(self, text: str) -> reading.Clause:
         """Some words of the wish as tokens."""
@@ -285,8 +313,62 @@ def _clause(part: str, state: WishState) -> None:
         _back(back["a"] or back["b"], state)
     elif (same := SAME.fullmatch(part)) and state.edits and state.fresh == []:
         _same(same["a"] or same["b"] or same["c"], state)
+    elif (even := EVEN.fullmatch(part)) and state.fresh and "one_of" in state.fresh[-1]:
+        _evenly(even["share"], state)
+    elif (harder := HARDER.fullmatch(part)) and _whole_or_it(
+        [one for one in (harder["x"], harder["y"]) if one], state
+    ):
+        _take(_harder(part), None, state, part)
     elif not (_kept(part, state) or _reason(part, state)):
-        _edit(part, state)
+        _edit(_in_full(part, state), state)
+
+
+def _in_full(part: str, state: WishState) -> str:
+    """The clause with its nouns where they were said once for two: "the red and blue bins", "the red can to a blue one"."""
+    part = BOTH.sub(
+        lambda found: (
+            f"{found['lead'].removesuffix('both ')}{found['one']} {naming.singular(found['noun'])}"
+            f" and the {found['two']} {naming.singular(found['noun'])}"
+        ),
+        part,
+    )
+    if again := AGAIN.fullmatch(part):
+        kinds = {one.kind for one in state.clause(again["value"]).tokens}
+        if kinds <= {"color", "texture", "gloss", "vary", "filler"}:
+            return f"{again['head']} -> {again['value']}"
+    return part
+
+
+def _evenly(share: str | None, state: WishState) -> None:
+    """Each of the looks that were said gets its share of the copies. Raises NotUnderstood for more than all."""
+    edit = state.fresh[-1]
+    if share is None:
+        return
+    number = words.number(re.match(words.NUMBER, share)[0]) / (100 if share[-1] in "%t" else 1)  # type: ignore[index]
+    whole = words.tidy(number * len(edit["one_of"]))
+    if whole > 1.02:
+        raise NotUnderstood(f"{share} each: {len(edit['one_of'])} looks are more than all copies")
+    if whole < 0.98:
+        edit["probability"] = whole
+
+
+def _harder(part: str) -> Meant:
+    edit = {"op": "light_color", "range": [[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]]}
+    note = f"{part!r} is taken as dimmer light, 0.4 to 0.8 times as bright; say what else: clutter, colors, cameras"
+    return Meant(edits=(edit,), mention=Mention(kind="light"), notes=(note,))
+
+
+def _whole_or_it(parts: Sequence[str], state: WishState) -> bool:
+    """Are these the scene as a whole, or things of it that are there?"""
+    for one in parts:
+        if one in ("it", "this", "things", "everything", "the task", "the scene", "all"):
+            continue
+        named = naming.begins(one.split(), state.nouns)
+        if not _whole(one, state) or named is None:
+            return False
+        if state.namer.recording:
+            state.namer.ids(state.namer.target(named[1]))
+    return True
 
 
 def _edit(part: str, state: WishState) -> None:
@@ -294,7 +376,7 @@ def _edit(part: str, state: WishState) -> None:
     recorded = FROM.search(part)
     part = INSTEAD.sub("", FROM.sub("", part)).strip(" ,;:")
     if re.search(r"\bor\b", part):
-        part = re.sub(r",? ?(?:with )?50 ?/ ?50|, whichever$", "", part)
+        part = re.sub(rf",? ?{EVEN.pattern}(?=$| )", "", part)
     options = re.split(r",? or (?:else )?(?=[a-z]+ )", re.sub(r"^either ", "", part))
     found = None
     try:
@@ -331,10 +413,23 @@ def _meant(part: str, state: WishState) -> Meant:
         return fits
     try:
         return reader.read(state.clause(part))
-    except RpaugError:
-        if not state.verb or state.clause(part).has("remove", "add", "move", "copy"):
-            raise
-        return reader.read(state.clause(f"{state.verb} {part}"))
+    except RpaugError as error:
+        why = error
+    if (plain := SIMILE.sub("", part)) != part:
+        with contextlib.suppress(RpaugError):
+            found = reader.read(state.clause(plain))
+            if all(
+                one["op"] in LOOKS for edit in found.edits for one in edit.get("one_of", [edit])
+            ):
+                note = f"{part[len(plain) :].strip()!r} is taken as a reason, not as an edit"
+                return found.model_copy(update={"notes": (*found.notes, note)})
+    read = state.clause(part)
+    about = [state.verb] if state.verb and not read.has("remove", "add", "move", "copy") else []
+    about += [] if read.has("thing") or not state.about else [state.about]
+    for before in about:
+        with contextlib.suppress(RpaugError):
+            return reader.read(state.clause(f"{before} {part}"))
+    raise why
 
 
 def _alternatives(parts: Sequence[str], state: WishState) -> Meant:
@@ -603,6 +698,9 @@ def _take(found: Meant, share: float | None, state: WishState, part: str) -> Non
     """Add what a clause means. A later look, size or light of the same thing takes the place of an earlier one's."""
     state.did = True
     state.mention = found.mention or state.mention
+    told = [one.text for one in state.clause(part).tokens if one.kind == "thing"]
+    given = all(one["op"] in SETTLED for edit in found.edits for one in edit.get("one_of", [edit]))
+    state.about = " and ".join(told) if given else ""
     state.verb = next(
         (
             word

@@ -325,7 +325,7 @@ class Reader:
         if not (lamp or lit) and not (toned and (everything or not clause.has("thing"))):
             return None
         clause.tokens = [one for one in clause.tokens if one not in spoken]
-        clause.every("light", "much", "size_of", "on", "all")
+        clause.every("light", "much", "size_of", "on", "all", "swap")
         edits, notes = list[Entry](), list[str]()
         aside = any(one.text in ("somewhere else", "elsewhere") for one in clause.tokens)
         if (
@@ -710,7 +710,8 @@ class Reader:
         putting = any(one.text in ("put", "placed", "use", "throw") for one in clause.tokens)
         things = [one.value for one in clause.tokens if one.kind == "thing"]
         fresh = [one for one in things if one.fresh]
-        listed = [one for one in things if one.words.split()[0] in library_names()]
+        firsts = [one.words.split()[0] for one in things if not one.several]
+        listed = [name for name in firsts if name in library_names() and "_" in name]
         if clause.has("strangers") and not clause.has(
             "spread",
             *(() if clause.has("add", "number") else ("color",)),
@@ -772,7 +773,7 @@ class Reader:
             clause.one("point"),
             _amounts(clause, "length"),
         )
-        near = clause.every("near", "from") or re.search(r"\bwithin .+ of ", clause.text)
+        near = clause.every("near") or re.search(r"\bwithin .+ of ", clause.text)
         color = clause.one("color")
         named = clause.things()
         place: Entry = {}
