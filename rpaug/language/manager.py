@@ -43,7 +43,6 @@ KEEP = re.compile(
     r"|(?P<b>.+?) (?:stays?|remains?|must stay|should stay|must remain|must be kept|keeps?)(?: .*)?"
     r"|(?:do not|don't|dont|never|must not|without|not|avoid|hands off|and not)(?: (?:touch|touching|change|changing|edit|editing|move|moving|alter|altering|affect|affecting))? (?P<c>.+)"
     r"|(?P<d>.+?) (?:untouched|unchanged|fixed|constant|alone|as (?:it is|they are|is)|(?:must|should|may|shall) (?:not|never) (?:be )?(?:changed?|touched|moved?|altered|edited|affected|painted|recolored)|don't touch)"
-    r"|only (?P<f>.+?) (?:should |must |shall |may )?(?:be )?(?:left|stays?|remains?|visible|kept)(?: on the table)?"
     r"|(?P<e>nothing else|not the others?|only that)(?: .*)?"
 )
 ELSE = re.compile(
@@ -132,6 +131,13 @@ LOOKS = ("recolor", "retexture", "table_color", "table_texture", "background_tex
 ATTRIBUTE = rf"(?:{words.COLOR}|{words.any_of(naming.relations.RANKS)}(?![a-z]))"
 BOTH = re.compile(
     rf"(?P<lead>^|(?:the|both|of|remove|delete|paint|make|turn|recolor|give) )(?P<one>{ATTRIBUTE}) and (?:the )?(?P<two>{ATTRIBUTE}) (?P<noun>[a-z]+)(?= |,|$)"
+)
+ALIKE = re.compile(
+    r"(?:in |of |gets? |have |has |be |-> )*(?:exactly )?(?:the )?same colou?r (?:as|like|of) (?P<what>.+?)(?: has| is)?$"
+)
+ONLY = re.compile(
+    r"(?:leave|keep) (?:only|just|nothing but|nothing except) (?P<a>.+?)(?: on the table| in the scene)?"
+    r"|only (?P<b>.+?) (?:should |must |shall |may )?(?:be )?(?:left|stays?|remains?|visible|kept)(?: on the table)?"
 )
 AGAIN = re.compile(
     r"(?P<head>.*\b(?P<noun>[a-z]+)) (?:->|to|into|with|by|for|:) (?:an? |the |some )?(?P<value>.+) (?:(?P=noun)|one|ones)"
@@ -319,7 +325,7 @@ def _clause(part: str, state: WishState) -> None:
         [one for one in (harder["x"], harder["y"]) if one], state
     ):
         _take(_harder(part), None, state, part)
-    elif not (_kept(part, state) or _reason(part, state)):
+    elif ONLY.fullmatch(part) is not None or not (_kept(part, state) or _reason(part, state)):
         _edit(_in_full(part, state), state)
 
 
@@ -332,11 +338,29 @@ def _in_full(part: str, state: WishState) -> str:
         ),
         part,
     )
+    part = re.sub(r" (?:that|which) (?:are|is) (?:no|not|not an?) (?=[a-z])", " except ", part)
+    if alike := ALIKE.search(part):
+        return f"{part[: alike.start()]} {_measured(alike['what'], state)}"
+    if (only := ONLY.fullmatch(part)) and not any(one.get("op") == "remove" for one in state.fresh):
+        return f"remove everything except {only['a'] or only['b']}"
     if again := AGAIN.fullmatch(part):
         kinds = {one.kind for one in state.clause(again["value"]).tokens}
         if kinds <= {"color", "texture", "gloss", "vary", "filler"}:
             return f"{again['head']} -> {again['value']}"
     return part
+
+
+def _measured(what: str, state: WishState) -> str:
+    """The color that something was recorded in. Raises NotUnderstood for several."""
+    named = naming.begins(what.split(), state.nouns)
+    if named is None or not _whole(what, state):
+        raise NotUnderstood(f"{what!r}: the same color as what?")
+    ids = state.namer.ids(state.namer.target(named[1]))
+    tints = {row["color"] for row in state.namer.rows if row["id"] in ids}
+    if len(tints) != 1:
+        raise NotUnderstood(f"{what!r} has several colors: {', '.join(sorted(tints))}")
+    state.notes.append(f"the color of {what!r} is {min(tints)}")
+    return str(tints.pop())
 
 
 def _evenly(share: str | None, state: WishState) -> None:
@@ -531,14 +555,8 @@ def _touched(what: str, edit: Entry, state: WishState) -> bool:
     where = state.namer.target(named[1])
     if state.namer.recording is None:
         return where in about
-    ids = _spared(where, state)
+    ids = state.namer.ids(where)
     return any(ids & state.namer.ids(one) for one in about)
-
-
-def _spared(where: naming.Target, state: WishState) -> frozenset[int]:
-    """What must stay: of one thing that one, of several all that fit. Raises TargetError where one of several is meant."""
-    last = where.split()[-1] if isinstance(where, str) else ""
-    return state.namer.ids(where if last == naming.singular(last) else naming.every(where))
 
 
 def _spare(what: str, edit: Entry, option: Entry, state: WishState) -> None:
@@ -561,7 +579,7 @@ def _spare(what: str, edit: Entry, option: Entry, state: WishState) -> None:
             f"{what!r} must not change, and the same wish asks for: {_short(option)}"
         )
     where = state.namer.target(named[1])
-    ids = _spared(where, state)
+    ids = state.namer.ids(where)
     option[place] = state.namer.without(option[place], ids)
     state.notes.append(f"{what!r} is left out of {_short(edit)}")
 
@@ -700,7 +718,13 @@ def _take(found: Meant, share: float | None, state: WishState, part: str) -> Non
     state.mention = found.mention or state.mention
     told = [one.text for one in state.clause(part).tokens if one.kind == "thing"]
     given = all(one["op"] in SETTLED for edit in found.edits for one in edit.get("one_of", [edit]))
-    state.about = " and ".join(told) if given else ""
+    state.about = (
+        " and ".join(told)
+        if given and len(told) == len(found.edits)
+        else state.about
+        if given
+        else ""
+    )
     state.verb = next(
         (
             word

@@ -8,7 +8,7 @@ from typing import Any
 
 from rpaug.assets import library
 from rpaug.core import color_space
-from rpaug.core.errors import MissingExtra, TargetError
+from rpaug.core.errors import MissingExtra, RpaugError, TargetError
 from rpaug.language import naming, templates, words
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.naming import Named, Namer, Target
@@ -16,7 +16,7 @@ from rpaug.language.reading import Clause
 from rpaug.language.words import Amount, shaded, tidy
 from rpaug.physics import materials
 from rpaug.providers.words import synonym
-from rpaug.scene.targets.relations import singular
+from rpaug.scene.targets.relations import ANYTHING, GRIPS, PARTS, singular
 
 TABLE, BACKGROUND = {"role": "table"}, {"role": "background"}
 ANY = {"sample": "colosseum"}
@@ -40,6 +40,9 @@ SHAKEN = {
     "slightly off",
 }
 """Ways to vary where something is, not how it looks."""
+EACH = re.compile(
+    r"\b(?:independently|individually|each|every|all different|(?:different|random|various) (?:colors|textures|materials|patterns))\b(?! (?:copy|episode|time))"
+)
 LIGHT = Mention(kind="light")
 WAYS = {
     "up": (0, -1, 0),
@@ -581,11 +584,19 @@ class Reader:
         )
 
     def remove(self, clause: Clause) -> Meant | None:
+        """Things are gone: those that are named, what the task does not need, or all but what is named."""
         if not clause.has("remove", "clear"):
             return None
         clearing = clause.every("clear") or (clause.has("on") and clause.every("all"))
-        clause.every("on")
-        clause.every("remove")
+        clause.every("on", "remove")
+        if clause.has("not"):
+            apart = clause.things("not")
+            named, every = clause.things(), clause.every("not", "all", "strangers", "rest")
+            if not apart or not (len(every) > 1 or _anything(named)):
+                raise NotUnderstood(
+                    f"{clause.text!r}: all but what? `remove everything except ...`"
+                )
+            return _done({"op": "remove", "target": self.namer.but(apart)})
         if clearing or clause.has("strangers", "rest"):
             named = clause.things()
             if [one.words for one in named] not in ([], ["table"], ["desk"], ["scene"]):
@@ -596,11 +607,8 @@ class Reader:
             clause.every("strangers", "rest", "all")
             if (numbers := _amounts(clause, "number")) and random:
                 return self._some(_whole(numbers[0]))
-            ids = self.namer.strangers()
-            if not ids:
-                raise NotUnderstood(
-                    f"{clause.text!r}: there is nothing that the task does not need"
-                )
+            if not (ids := self.namer.strangers()):
+                raise NotUnderstood(f"{clause.text!r}: the task needs all that is there")
             return _done({"op": "remove", "target": {"handle": sorted(ids)}})
         return self._each(clause.things(), {"op": "remove"}, {}) if clause.has("thing") else None
 
@@ -948,11 +956,11 @@ class Reader:
         )
 
     def paint(self, clause: Clause) -> Meant | None:
+        """A color, a texture or a style, or one of several, for what is named."""
         named_none = not clause.has("thing", "all", "rest", "strangers")
         if named_none and not (clause.has("on") and clause.has("texture", "lay")):
             return None
-        apart: list[Named] = []
-        banned = list[Any]()
+        apart, banned = list[Named](), list[Any]()
         if clause.has("not"):
             colors = [one for one in clause.tokens if one.kind == "color"]
             apart = clause.things("not")
@@ -960,7 +968,7 @@ class Reader:
             if colors and clause.has("any", "paint"):
                 banned = clause.every("color")[-1].value
         tints, pictures = clause.every("color"), clause.every("texture")
-        notes = ("gloss stays as it was recorded",) if clause.every("gloss") else ()
+        notes = ["gloss stays as it was recorded"] if clause.every("gloss") else []
         styled = bool(clause.every("style"))
         at_table = clause.every("on", "add") if named_none else []
         laid, painted, anyhow = (
@@ -978,28 +986,74 @@ class Reader:
                 raise NotUnderstood(f"{clause.text!r}: the rest beside what?")
             every, apart = rest, self.namer.kept
         named = clause.things() or ([Named("table")] if at_table else [])
-        each = bool(clause.every("each")) or "independently" in clause.text
+        same = bool(clause.every("same"))
+        each = bool(clause.every("each")) or (bool(EACH.search(clause.text)) and not same)
         several = bool(clause.every("or"))
         if len(tints) + len(pictures) > 1 and not several:
             raise NotUnderstood(f"{clause.text!r}: one look for each thing, please")
-        if not (
-            tints or pictures or anyhow or banned or ((painted or laid or styled) and not tints)
+        if (
+            not (tints or pictures or banned or laid or painted or styled or anyhow)
+            and len(named) == 1
         ):
+            named, tints, pictures = self._own_look(named[0])
+        if not (tints or pictures or anyhow or banned or laid or painted or styled):
             return None
+        only: Entry = {}
+        if tints and len(named) == 1 and (part := self._handle(named[0])):
+            named, only = [part[0]], {"only": part[1]}
+            notes.append(f"the handle is taken as what is {part[1]} of the {part[0].words}")
         places = self._places(named, apart, bool(every), bool(rest), each)
+        if same and len(places) > 1:
+            ids = frozenset[int]().union(*map(self.namer.ids, places))
+            places = [{"handle": sorted(ids)}]
         looks = self._looks(tints, pictures, bool(laid), styled, banned)
-        scale = {"scale": width[0].low} if width else {}
+        more = only | ({"scale": width[0].low} if width else {})
         edits = [
-            _one(
-                [{**_look(where, look), **(scale if "color" not in look else {})} for look in looks]
-            )
+            _one([{**_look(where, look), **(only if "color" in look else more)} for look in looks])
             for where in places
         ]
         return _done(
             *edits,
             mention=Mention(kind="target", target=places[0]) if len(places) == 1 else None,
-            notes=notes,
+            notes=tuple(notes),
         )
+
+    def _own_look(self, named: Named) -> tuple[list[Named], list[words.Token], list[words.Token]]:
+        """A thing and the look that was said before its noun, where nothing of that look is there: "a brick wall"."""
+        spoken = named.words.split()
+        size, fits = words.texture(spoken)
+        color = words.COLORS.match(named.words)
+        taken = size or (len(color.group().split()) if color else 0)
+        noun = Named(" ".join(spoken[taken:]), named.several)
+        if not 0 < taken < len(spoken) or not self._there(noun):
+            return [named], [], []
+        if noun.words not in (*naming.ROLES, *naming.roles.NAMES) and self._there(named):
+            return [named], [], []
+        if size:
+            return [noun], [], [words.Token("texture", "", fits)]
+        assert color is not None
+        return [noun], [words.Token("color", "", words.colors(color.group()))], []
+
+    def _there(self, named: Named) -> bool:
+        """Is there such a thing in the recording? Without one only the roles are."""
+        if self.namer.recording is None:
+            return named.words in (*naming.ROLES, *naming.roles.NAMES)
+        try:
+            return bool(self.namer.ids(self.namer.target(named)))
+        except RpaugError:
+            return False
+
+    def _handle(self, named: Named) -> tuple[Named, str] | None:
+        """The tool whose handle is named, and the color of most of it, where the masks do not show the handle apart."""
+        parts = re.sub(r"^(\w+) of (?:the )?(.+)$", r"\2 \1", named.words).split()
+        if parts[-1] not in GRIPS or len(parts) < 2 or parts[-2] in PARTS or self._there(named):
+            return None
+        tool = Named(" ".join(parts[:-1]))
+        if not self._there(tool):
+            return None
+        ids = self.namer.ids(self.namer.target(tool))
+        shown = [row["shows"] for row in self.namer.rows if row["id"] in ids and "shows" in row]
+        return (tool, shown[0][0]) if len(shown) == 1 else None
 
     def _places(
         self, named: list[Named], apart: list[Named], every: bool, rest: bool, each: bool
@@ -1007,23 +1061,27 @@ class Reader:
         """What gets a look: what is named, or everything but that."""
         if rest and not named:
             return [{"handle": [one]} for one in sorted(self.namer.strangers())]
-        kept = frozenset[int]().union(
-            *(self.namer.ids(naming.every(self.namer.target(one))) for one in apart)
-        )
         if not every:
-            targets = [self.namer.counted(one) for one in named]
             if apart:
-                return [self.namer.without(naming.every(one), kept) for one in targets]
-            if any(one.several for one in named) and each:
+                if _anything(named):
+                    return [self.namer.but(apart)]
+                kept = self.namer.all_ids(apart)
                 return [
-                    {"handle": sorted(group)}
-                    for one in targets
-                    for group in self.namer.groups(naming.every(one))
+                    self.namer.without(naming.every(self.namer.counted(one)), kept) for one in named
                 ]
-            return [
-                naming.every(one) if name.several else one
-                for one, name in zip(targets, named, strict=True)
+            targets = [
+                naming.every(self.namer.counted(one)) if one.several else self.namer.target(one)
+                for one in named
             ]
+            if each and self.namer.recording:
+                groups = [
+                    group for one in targets for group in self.namer.groups(naming.every(one))
+                ]
+                return (
+                    [{"handle": sorted(group)} for group in groups] if len(groups) > 1 else targets
+                )
+            return targets
+        kept = self.namer.all_ids(apart)
         out: list[Target] = []
         for role in ("background", "table", "receiver", "manipulated"):
             ids = frozenset(row["id"] for row in self.namer.rows if row.get("role") == role)
@@ -1094,6 +1152,11 @@ def _parted(text: str) -> tuple[str, str, str]:
         if size:
             return " ".join(spoken[:k]), name, " ".join(spoken[k + size :]).removeprefix("the ")
     return text, "", ""
+
+
+def _anything(named: list[Named]) -> bool:
+    """Are no things in particular meant: "all objects"?"""
+    return bool(named) and all(one.words in ANYTHING for one in named)
 
 
 def _look(where: Target, look: Entry) -> Entry:

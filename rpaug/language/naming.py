@@ -2,6 +2,7 @@
 # ruff: noqa: E501  # patterns and word lists are easiest to read whole
 
 import contextlib
+import math
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -45,6 +46,22 @@ NEARLY = {
     "gray": ("silver",),
     "brown": ("orange", "tan"),
 }
+ARMS = ("arm", "robot arm", "robotic arm", "manipulator", "arm links")
+FINGERS = (
+    "finger",
+    "fingers",
+    "finger pad",
+    "finger pads",
+    "gripper finger",
+    "gripper fingers",
+    "fingertip",
+    "fingertips",
+    "gripper pads",
+    "gripper tips",
+    "jaws",
+)
+ROBOTS = frozenset({"sawyer", "panda", "franka", "kuka", "ur5", "ur10", "manipulator"})
+COMPARED = {"smaller": "smallest", "larger": "largest", "bigger": "largest", "taller": "tallest"}
 FLOOR, WALL = ("floor", "ground"), ("wall", "walls")
 PLACES = frozenset(
     f"{by} the {side}" for by in ("at", "from") for side in ("top", "bottom", "left", "right")
@@ -155,6 +172,7 @@ def begins(words: Sequence[str], nouns: Collection[str] = ()) -> tuple[int, Name
     if end == at:
         return None
     kept = [w for k, w in enumerate(words[at:end], at) if w not in PLAIN or k + 1 == end]
+    kept[0] = COMPARED.get(kept[0], kept[0])
     return end, Named(
         " ".join(kept), several, fresh, 2 if text.startswith(("the two", "both", "two")) else None
     )
@@ -173,6 +191,8 @@ def _known(word: str, nouns: Collection[str] = ()) -> bool:
         or word in ROLES
         or word in roles.NAMES
         or word in ANYTHING
+        or word in ROBOTS
+        or word in FINGERS
         or bare in relations.PARTS | relations.GRIPS | FURNITURE
     )
     return word not in WORDS and (
@@ -206,6 +226,7 @@ def _end(words: Sequence[str], at: int, led: bool, nouns: Collection[str]) -> in
             or is_rank(word)
             or word == "most"
             or word in PLAIN
+            or (word in COMPARED and k == at == 1 and words[0] == "the")
         )
         if size:
             beyond = _beyond(words, k, size, nouns)
@@ -314,6 +335,10 @@ class Namer:
         if numbered := NUMBERED.fullmatch(words):
             return {"handle": int(numbered[1])}
         bare = re.sub(r" (?:object|thing|item)$", "", words)
+        if self.recording is not None and bare in (*ARMS, *FINGERS):
+            return self._arm(bare in FINGERS)
+        if bare in ROBOTS:
+            return {"role": "robot"}
         if role := PHRASES.get(words) or (bare if bare in roles.NAMES else None):
             return {"role": role}
         if bare in (*FLOOR, *WALL):
@@ -323,15 +348,23 @@ class Namer:
         self._check(words)
         if named.words.endswith((" wall", " floor")) and words.split()[0] == "background":
             return self._side(words.split()[-1])
-        plural = (
-            words.split()[-1] if " " not in words or not relations.parse(words).relations else ""
-        )
-        if (named.several or (plural != singular(plural) and plural not in ("glass", "gas"))) and (
-            relations.parse(words).ranks and not relations.parse(words).relations
+        phrase = relations.parse(words)
+        head = phrase.nouns[-1] if phrase.nouns else ""
+        plural = head != singular(head) and head not in ("glass", "gas") and head not in ANYTHING
+        if (
+            (named.several or (plural and not phrase.relations))
+            and phrase.ranks
+            and not phrase.relations
         ):
             raise NotUnderstood(f"{words!r}: how many of them? name each, or one in the singular")
         if named.count == 2:
             words = singular(words)
+        if plural and self.recording is not None:
+            words = re.sub(rf"\b{head}\b", singular(head), words, count=1)
+            found = self._seen({"text": words, "all": True}, words)
+            if len(self.groups(found)) < 2:
+                raise TargetError(f"{named.words!r}: one alone is found, {found}")
+            return found
         return self._seen({"text": words, "all": True} if named.several else words, words)
 
     def counted(self, named: Named) -> Target:
@@ -372,6 +405,23 @@ class Namer:
             raise NotUnderstood(str(error)) from None
         if bad := [noun for noun in _nouns(phrase) if noun in NO_THING]:
             raise NotUnderstood(f"{words!r}: {bad[0]!r} is no thing of the scene")
+
+    def _arm(self, fingers: bool) -> Target:
+        """The robot's fingers, or all of it but these: what opens and closes beside the largest part of the hand."""
+        assert self.recording is not None
+        scene = self.recording.scene
+        robot = scene.roles.get("robot", frozenset())
+        hand = [b.instance_ids & robot for b in scene.bodies if b.motion == "gripper"]
+        size = {
+            row["id"]: math.prod(map(float, row["size_cm"]))
+            for row in self.rows
+            if "size_cm" in row
+        }
+        hand = sorted(filter(None, hand), key=lambda group: sum(size.get(one, 0) for one in group))
+        ends = frozenset[int]().union(*hand[:-1])
+        if not ends and fingers:
+            raise TargetError("'fingers': the masks do not show the gripper's fingers apart")
+        return {"handle": sorted(ends if fingers else robot - ends)} if ends else {"role": "robot"}
 
     def _side(self, word: str) -> Target:
         """The floor alone, or the walls alone; all of the background where no recording tells them apart."""
@@ -424,6 +474,18 @@ class Namer:
     def strangers(self) -> frozenset[int]:
         """All that plays no role: neither the task's things, nor the robot, the table and what is around it."""
         return frozenset(row["id"] for row in self.rows if "role" not in row and "size_cm" in row)
+
+    def all_ids(self, named: Iterable[Named]) -> frozenset[int]:
+        """The ids of all things that go by these names."""
+        return frozenset[int]().union(*(self.ids(self.target(one)) for one in named))
+
+    def but(self, named: Iterable[Named]) -> Target:
+        """All that stands about but what is named, and but the robot, the table and what is around it."""
+        apart = ("robot", "table", "background")
+        loose = {
+            row["id"] for row in self.rows if row.get("role") not in apart and "size_cm" in row
+        }
+        return self.without({"handle": sorted(loose)}, self.all_ids(named))
 
     def without(self, target: Target, kept: Iterable[int]) -> Target:
         """A target less some ids. Raises NotUnderstood if nothing is left."""

@@ -75,7 +75,7 @@ TINTS: Mapping[str, Any] = {
 }  # fmt: skip
 TINT = rf"(?:(?:{any_of(SHADES)}[ -])*{any_of(TINTS)}(?:ish)?(?![a-z]))"
 MANNERS: Mapping[str, Any] = {  # saturation and value that colors of a manner have
-    **dict.fromkeys(("pastel", "pale", "light", "soft"), ((0.15, 0.45), (0.85, 1))),
+    **dict.fromkeys(("pastel", "pale", "soft"), ((0.15, 0.45), (0.85, 1))),
     **dict.fromkeys(("vivid", "saturated", "bright", "strong", "intense", "neon"), ((0.8, 1), (0.75, 1))),
     **dict.fromkeys(("muted", "dull", "faded"), ((0.15, 0.4), (0.4, 0.7))),
     **dict.fromkeys(("dark", "deep"), ((0.5, 1), (0.15, 0.4))),
