@@ -98,6 +98,7 @@ CLASSES = words_of({
     "twice": "twice, double, doubled, twice as",
     "width": "wide, across, large each, per tile, in size",
     "halve": "halve, half as, half the",
+    "aim": "aim at, aims at, aim, re-aim, re-aim it at, aim it at, point at, points at, point it at, look at, looks at, looking at, pointed at, pointing at, aimed at, centered on, center it on, facing",
     "same": "the same, same, identical",
     "each": "each its own, separately, individually",
     "size_of": "as large, as big, its size, the size, the original size, of its size, original size, as much, as bright, of the light, of the original, of its original size, their size",

@@ -14,7 +14,7 @@ from rpaug.core.errors import RpaugError
 from rpaug.language import naming, reading, repair, templates, words
 from rpaug.language.calling import called
 from rpaug.language.declared import own_role, targets
-from rpaug.language.meaning import MOST, Reader
+from rpaug.language.meaning import ANY, MOST, Reader, asset
 from rpaug.language.messages import Answer, Entry, Meant, Mention, NotUnderstood, Trace, Wish
 from rpaug.language.naming import Namer
 from rpaug.language.recording import Recording
@@ -32,6 +32,7 @@ BREAK = re.compile(
 )
 REASON = re.compile(
     r"(?:so|because|since|in order|to (?:teach|test|see|simulate|check)|otherwise|i think|this is|we need to (?:see|test)|the policy|my policy|our|like that)\b[^,;]*"
+    r"|(?:the )?[a-z ]+? (?:always|often|sometimes|usually) (?:gets?|is|are|moves?) [^,;]*"
     r"|(?:the )?[a-z ]+? (?:is|are|was|look|looks|blend|blends|have|has)(?: always)? (?:too|very|super|so|hard|already|now|ood|bad|boring|ugly|both|into|[a-z]+ here)\b[^,;]*"
 )
 CLEAR = re.compile(  # what holds of all that is put in
@@ -46,7 +47,7 @@ KEEP = re.compile(
     r"|(?P<e>nothing else|not the others?|only that)(?: .*)?"
 )
 ELSE = re.compile(
-    r"(?:and )?(?:else|otherwise|(?:in |for )?(?:the )?(?:other|rest|remaining)(?: \d+ ?%)?(?: of (?:the )?(?:time|copies))?(?: copies)?),? (?:leave|keep|like|as|unchanged|untouched|the original|stays?)\b[^;]*"
+    r"(?:and )?(?:else|otherwise|(?:in |for )?(?:the )?(?:other|rest|remaining)(?: \d+ ?%)?(?: of (?:the )?(?:time|copies|them))?(?: copies)?),? (?:leave|keep|like|as|unchanged|untouched|the original|stays?)\b[^;]*"
 )
 OTHERS = re.compile(
     r"(?:the )?(?:others?|rest|rest of .*|other .*|everything else|all else|else|originals?|it|anything else)$"
@@ -57,10 +58,15 @@ CHANCES = (
     rf"(?:with )?(?:a |an )?(?P<p2>{words.DIGITS}) ?(?P<c2>%|percent)? (?:probability|prob|chance|likelihood)",
     rf"(?:in |for |on )?(?:about |around |roughly )?(?P<p3>{words.NUMBER}) ?(?P<c3>%|percent)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes|runs|demos|recordings)?(?=$|,| ;)",
     rf"(?:in |for |on )?(?:about )?(?P<p4>{words.NUMBER}) ?(?P<c4>%|percent) of (?:the |all )?(?:copies|cases|time|episodes|runs|demos|recordings)",
+    rf"(?<=[a-z]), (?:in )?(?P<p9>{words.DIGITS}) ?(?P<c9>%|percent)(?: of (?:them|the copies|copies|the time))?$",
     r"(?:in )?(?:every |each )(?P<n5>second|other|third|fourth|fifth|tenth|\d+) ?(?:th|rd|nd)? (?:copy|episode|case|time)(?: or so)?",
     r"(?:in )?(?P<k6>1|one|2|two) (?:in|of|out of) (?:every )?(?P<n6>two|three|four|five|ten|\d+) ?(?:copies|cases|times|episodes)?",
     r"(?:in |for )?(?:the )?(?P<w7>other half|half|a half|a third|a quarter|a fifth|a tenth|two thirds|three quarters|most)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes)(?: only)?|(?P<w8>sometimes|occasionally|half the time|in the other half)",
 )  # fmt: skip
+MEASURED = re.compile(
+    r"\b(?:lights?|lamps?|lighting|bright\w*|dark\w*|dim\w*|size|scale|large\w*|small\w*|big\w*|noise|quality|taller|wider|blur|exposure)\b"
+)
+"""Where a bare percentage is no share of the copies."""
 ORDINAL = {
     "second": 2,
     "other": 2,
@@ -132,6 +138,14 @@ ATTRIBUTE = rf"(?:{words.COLOR}|{words.any_of(naming.relations.RANKS)}(?![a-z]))
 BOTH = re.compile(
     rf"(?P<lead>^|(?:the|both|of|remove|delete|paint|make|turn|recolor|give) )(?P<one>{ATTRIBUTE}) and (?:the )?(?P<two>{ATTRIBUTE}) (?P<noun>[a-z]+)(?= |,|$)"
 )
+REPLACE = re.compile(
+    rf"(?:replace|exchange|substitute) (?P<what>(?:the )?.+?) (?:by|with|for) (?:an? )(?!{words.COLOR} one$)(?P<by>[a-z_ ,]+)"
+)
+AFTERTHOUGHT = frozenset(
+    {"color", "texture", "gloss", "little", "much", "or", "vary", "each", "same", "any", "share", "number", "length", "angle", "kelvin", "stops", "pixels", "times",
+     "size_of", "strangers", *reading.WEAK}
+)  # fmt: skip
+"""Kinds of words that only go on with what the clause before asks for."""
 ALIKE = re.compile(
     r"(?:in |of |gets? |have |has |be |-> )*(?:exactly )?(?:the )?same colou?r (?:as|like|of) (?P<what>.+?)(?: has| is)?$"
 )
@@ -176,6 +190,7 @@ class WishState:
     did: bool = False
     trace: list[Trace] = field(default_factory=list)
     verb: str = ""
+    last: tuple[str, list[Entry]] = ("", [])  # the clause before, and its edits
     about: str = ""  # the things that the clause before gave a look or a size, as they were named
 
     def clause(self, text: str) -> reading.Clause:
@@ -303,6 +318,7 @@ def _clause(part: str, state: WishState) -> None:
     part = re.sub(
         r"^(?:(?:and|but|also|then|or|now|please|pls|plz|no|first|finally|next),? )+", "", part
     ).strip(" ,;:")
+    part = BOTH.sub(_apart, part)
     if not part or all(one.kind in ("filler", "and") for one in state.clause(part).tokens):
         return
     if RESTART.fullmatch(part):
@@ -325,23 +341,45 @@ def _clause(part: str, state: WishState) -> None:
         [one for one in (harder["x"], harder["y"]) if one], state
     ):
         _take(_harder(part), None, state, part)
-    elif ONLY.fullmatch(part) is not None or not (_kept(part, state) or _reason(part, state)):
+    elif (only := ONLY.fullmatch(part)) and any(one.get("op") == "remove" for one in state.fresh):
+        _kept(f"keep {only['a'] or only['b']}", state)
+    elif replaced := REPLACE.fullmatch(part):
+        _replace(replaced["what"], replaced["by"], state, part)
+    elif only or not (_kept(part, state) or _reason(part, state)):
         _edit(_in_full(part, state), state)
+
+
+def _apart(found: re.Match[str]) -> str:
+    """ "the red and blue bins" as "the red bin and the blue bin"."""
+    noun = naming.singular(found["noun"])
+    return (
+        f"{found['lead'].removesuffix('both ')}{found['one']} {noun} and the {found['two']} {noun}"
+    )
+
+
+def _replace(what: str, by: str, state: WishState, part: str) -> None:
+    """A thing is gone, and a new one stands near where it was. Raises NotUnderstood."""
+    if not _whole(what, state) or (named := naming.begins(what.split(), state.nouns)) is None:
+        raise NotUnderstood(f"{what!r}: which thing is meant?")
+    where, options, notes = state.namer.target(named[1]), list[Entry](), list[str]()
+    for one in re.split(r",? or (?:an? )?|, ", by):
+        fields, told = asset(one, None, state.wish.setting.generates)
+        options.append({"op": "insert", **fields, "near": where})
+        notes += told
+    notes.append(f"what takes the place of {what!r} stands near where that was")
+    new = options[0] if len(options) == 1 else {"one_of": options}
+    gone = {"op": "remove", "target": where}
+    _take(
+        Meant(edits=(new, gone), mention=Mention(kind="new"), notes=tuple(notes)), None, state, part
+    )
 
 
 def _in_full(part: str, state: WishState) -> str:
     """The clause with its nouns where they were said once for two: "the red and blue bins", "the red can to a blue one"."""
-    part = BOTH.sub(
-        lambda found: (
-            f"{found['lead'].removesuffix('both ')}{found['one']} {naming.singular(found['noun'])}"
-            f" and the {found['two']} {naming.singular(found['noun'])}"
-        ),
-        part,
-    )
     part = re.sub(r" (?:that|which) (?:are|is) (?:no|not|not an?) (?=[a-z])", " except ", part)
     if alike := ALIKE.search(part):
         return f"{part[: alike.start()]} {_measured(alike['what'], state)}"
-    if (only := ONLY.fullmatch(part)) and not any(one.get("op") == "remove" for one in state.fresh):
+    if only := ONLY.fullmatch(part):
         return f"remove everything except {only['a'] or only['b']}"
     if again := AGAIN.fullmatch(part):
         kinds = {one.kind for one in state.clause(again["value"]).tokens}
@@ -406,12 +444,34 @@ def _edit(part: str, state: WishState) -> None:
     try:
         found = _meant(part, state)
     except RpaugError:
-        if len(options) < 2:
+        found = _gone_on(part, state) or (
+            _alternatives(options, state) if len(options) > 1 else None
+        )
+        if found is None:
             raise
-        found = _alternatives(options, state)
     if recorded:
         found = _of_that_color(found, recorded["tint"])
     _take(found, share, state, part)
+
+
+def _gone_on(part: str, state: WishState) -> Meant | None:
+    """What the clause before comes to with these words at its end, if that is the same edit with more said of it."""
+    before, edits = state.last
+    if not before or not {one.kind for one in state.clause(part).tokens} <= AFTERTHOUGHT:
+        return None
+    with contextlib.suppress(RpaugError):
+        found = Reader(state.here(), state.namer).read(state.clause(f"{before} {part}"))
+        if [_ops(one) for one in found.edits] == [
+            _ops(one) for one in edits
+        ] and not found.replaces:
+            state.edits = [one for one in state.edits if all(one is not old for old in edits)]
+            state.fresh = [one for one in state.fresh if all(one is not old for old in edits)]
+            return found
+    return None
+
+
+def _ops(edit: Entry) -> set[str]:
+    return {one["op"] for one in edit.get("one_of", [edit])}
 
 
 def _of_that_color(found: Meant, tint: str) -> Meant:
@@ -479,6 +539,11 @@ def _reason(part: str, state: WishState) -> bool:
         return True
     fact = None if part.startswith(("our", "my ")) else FACT.fullmatch(part)
     named = naming.begins((fact["what"] if fact else part).split(), state.nouns)
+    camera = next((one for one in state.clause(part).tokens[:1] if one.kind == "camera"), None)
+    if camera and camera.value and REASON.fullmatch(part):
+        names = camera.value
+        names = names[0] if isinstance(names, list) and len(names) == 1 else names
+        state.mention = Mention(kind="camera", cameras=names)
     if fact and (named is None or not _true(fact, named[1], state)):
         return False
     if not fact and not REASON.fullmatch(part):
@@ -587,8 +652,10 @@ def _spare(what: str, edit: Entry, option: Entry, state: WishState) -> None:
 def chance(part: str) -> tuple[str, float | None]:
     """A clause without the share of copies that it is meant for, and that. Raises NotUnderstood for no share."""
     for pattern in CHANCES:
-        found = re.search(rf"(?:(?<=, )|(?<= )|^)(?:{pattern})(?= |,|$)", part)
-        if found is None:
+        bare = "p9" in pattern
+        lead = "" if bare else r"(?:(?<=, )|(?<= )|^)"
+        found = re.search(rf"{lead}(?:{pattern})(?= |,|$)", part)
+        if found is None or (bare and MEASURED.search(part)):
             continue
         given = {name: value for name, value in found.groupdict().items() if value}
         if word := given.get("w7") or given.get("w8"):
@@ -734,6 +801,7 @@ def _take(found: Meant, share: float | None, state: WishState, part: str) -> Non
         state.verb,
     )
     state.notes += found.notes
+    kept = len(state.fresh)
     for k in found.replaces:
         state.fresh = [one for one in state.fresh if one is not state.edits[k]]
         state.edits[k] = found.edits[0]
@@ -741,6 +809,10 @@ def _take(found: Meant, share: float | None, state: WishState, part: str) -> Non
         group = _key(edit)
         edit = {**edit, "probability": share} if share is not None else edit
         same = [k for k, other in enumerate(state.edits) if group and _key(other) == group]
+        if _merged(edit, state):
+            continue
+        if same and _unsaid(state.edits[same[0]]):
+            state.fresh = [one for one in state.fresh if one is not state.edits[same[0]]]
         if same and any(state.edits[same[0]] is one for one in state.fresh):
             if state.edits[same[0]] == edit:  # said twice
                 continue
@@ -755,10 +827,39 @@ def _take(found: Meant, share: float | None, state: WishState, part: str) -> Non
         else:
             state.edits.append(edit)
         state.fresh.append(edit)
+    state.last = (part, state.fresh[kept:] if share is None and not found.replaces else [])
     if len(state.edits) > MOST * 4:
         raise NotUnderstood("too many edits: say them in several wishes")
     output = {"edits": list(found.edits), "notes": list(found.notes)}
     state.trace.append(Trace(stage=found.stage, by="words", input=part, output=output))
+
+
+def _unsaid(edit: Entry) -> bool:
+    """Does an edit give a look without saying which?"""
+    return edit.get("color") == ANY or (edit["op"].endswith("texture") and "texture" not in edit)
+
+
+def _merged(edit: Entry, state: WishState) -> bool:
+    """Does an edit go on with the one before, of the same camera: where it looks then, how far it turns as well?"""
+    if edit.get("op") != "camera_pose" or not state.fresh or "probability" in edit:
+        return False
+    before = state.fresh[-1].get("one_of", [state.fresh[-1]])
+    if any(one["op"] != "camera_pose" or one["camera"] != edit["camera"] for one in before):
+        return False
+    exact = {"by", "turned", "toward"}
+    if "toward" in edit and not exact & edit.keys() - {"toward"}:
+        more = {"toward": edit["toward"]}
+    elif (
+        exact & {*edit, *(key for one in before for key in one)}
+        or "turn" not in edit
+        or edit.get("shift")
+    ):
+        return False
+    else:
+        more = {"turn": edit["turn"]}
+    for one in before:
+        one.update(more)
+    return True
 
 
 def _drawn(edits: list[Entry]) -> Iterator[Entry]:

@@ -43,6 +43,17 @@ SHAKEN = {
 EACH = re.compile(
     r"\b(?:independently|individually|each|every|all different|(?:different|random|various) (?:colors|textures|materials|patterns))\b(?! (?:copy|episode|time))"
 )
+MIDDLE = (
+    "midpoint",
+    "the midpoint",
+    "middle",
+    "the middle",
+    "center",
+    "the center",
+    "between",
+    "halfway",
+    "of",
+)
 LIGHT = Mention(kind="light")
 WAYS = {
     "up": (0, -1, 0),
@@ -150,6 +161,11 @@ class Reader:
         ]
         tilts = bool(turns)
         clause.every("tilt", "pan")
+        if clause.every("aim"):
+            clause.tokens = [one for one in clause.tokens if one.text not in MIDDLE]
+            edit["toward"] = self.namer.middle(clause.things())
+            if not (lengths or angles or clause.has(*WAYS)):
+                return _done(edit, mention=mention)
         ways = clause.every(*WAYS)
         clause.every("move", "rotate", "remove", "pose", "from")
         if clause.one("axes"):

@@ -62,6 +62,19 @@ FINGERS = (
 )
 ROBOTS = frozenset({"sawyer", "panda", "franka", "kuka", "ur5", "ur10", "manipulator"})
 COMPARED = {"smaller": "smallest", "larger": "largest", "bigger": "largest", "taller": "tallest"}
+PATTERNED = frozenset(
+    {
+        "speckled",
+        "patterned",
+        "mottled",
+        "striped",
+        "dotted",
+        "spotted",
+        "textured",
+        "checkered",
+        "multicolored",
+    }
+)
 FLOOR, WALL = ("floor", "ground"), ("wall", "walls")
 PLACES = frozenset(
     f"{by} the {side}" for by in ("at", "from") for side in ("top", "bottom", "left", "right")
@@ -226,6 +239,7 @@ def _end(words: Sequence[str], at: int, led: bool, nouns: Collection[str]) -> in
             or is_rank(word)
             or word == "most"
             or word in PLAIN
+            or word in PATTERNED
             or (word in COMPARED and k == at == 1 and words[0] == "the")
         )
         if size:
@@ -300,6 +314,7 @@ def _leads(words: Sequence[str], k: int, led: bool, nouns: Collection[str]) -> b
         color_space.canonical(words[k]) is not None
         or is_rank(words[k])
         or words[k] in PLAIN
+        or words[k] in PATTERNED
         or words[k] == "most"
     ):
         k += 1
@@ -335,8 +350,11 @@ class Namer:
         if numbered := NUMBERED.fullmatch(words):
             return {"handle": int(numbered[1])}
         bare = re.sub(r" (?:object|thing|item)$", "", words)
-        if self.recording is not None and bare in (*ARMS, *FINGERS):
-            return self._arm(bare in FINGERS)
+        hand = " ".join(word for word in bare.split() if not color_space.canonical(word))
+        if self.recording is not None and (bare in ARMS or hand in FINGERS):
+            return self._arm(hand in FINGERS)
+        if self.recording is not None and (told := PATTERNED & set(words.split())):
+            return self._patterned(" ".join(word for word in words.split() if word not in told))
         if bare in ROBOTS:
             return {"role": "robot"}
         if role := PHRASES.get(words) or (bare if bare in roles.NAMES else None):
@@ -423,6 +441,14 @@ class Namer:
             raise TargetError("'fingers': the masks do not show the gripper's fingers apart")
         return {"handle": sorted(ends if fingers else robot - ends)} if ends else {"role": "robot"}
 
+    def _patterned(self, words: str) -> Target:
+        """The one of these things that shows several colors. Raises TargetError for none or several."""
+        shown = {row["id"] for row in self.rows if "shows" in row}
+        fits = [group for group in self.groups({"text": words, "all": True}) if group & shown]
+        if len(fits) != 1:
+            raise TargetError(f"{words!r} with a pattern: {len(fits)} things are of several colors")
+        return {"handle": sorted(fits[0])}
+
     def _side(self, word: str) -> Target:
         """The floor alone, or the walls alone; all of the background where no recording tells them apart."""
         if self.recording is None:
@@ -474,6 +500,14 @@ class Namer:
     def strangers(self) -> frozenset[int]:
         """All that plays no role: neither the task's things, nor the robot, the table and what is around it."""
         return frozenset(row["id"] for row in self.rows if "role" not in row and "size_cm" in row)
+
+    def middle(self, named: Iterable[Named]) -> list[float]:
+        """The place in the world that lies in the middle of some things. Raises TargetError."""
+        ids = self.all_ids(named)
+        at = [row["at_m"] for row in self.rows if row["id"] in ids and "at_m" in row]
+        if not at:
+            raise TargetError("look at what? no depth shows where that is")
+        return [round(sum(values) / len(at), 3) for values in zip(*at, strict=True)]
 
     def all_ids(self, named: Iterable[Named]) -> frozenset[int]:
         """The ids of all things that go by these names."""
