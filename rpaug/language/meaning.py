@@ -25,7 +25,13 @@ WARM, COOL = (0.5, 0.42, 0.32), (0.38, 0.44, 0.5)
 STEP, WRIST_STEP, TURN = 0.1, 0.02, 0.1745  # metres and radians, where no amount was named
 MOST = 30
 NEUTRAL = 6500  # kelvin, of sRGB's white
-STEPS = 5
+SENSED: dict[str, tuple[str, tuple[str, ...], float]] = {
+    "noise": ("read", ("share", "number"), 0.0),
+    "blur": ("sigma", ("pixels", "number"), 0.3),
+    "jpeg": ("quality", ("number", "share"), 30),
+}
+"""What of a sensor's fault an amount says, in which units, and from where on "up to" goes."""
+COUNTS = 5  # different numbers of new things that one wish may draw from
 LIFT = 0.64  # radians: how high a lamp stands at a side, where no angle was named
 COMPARED = re.compile(r"\b(?:\w+er|less|more)\b")
 SHAKEN = {
@@ -54,6 +60,7 @@ MIDDLE = (
     "halfway",
     "of",
 )
+VIEWED = re.compile(r"\b(?:look|view|see|film|watch)\b.* from\b")
 LIGHT = Mention(kind="light")
 WAYS = {
     "up": (0, -1, 0),
@@ -122,163 +129,128 @@ class Reader:
 
     # Cameras: x right, y down, z into the scene; a positive turn about x looks up, about y right, about z clockwise.
 
-    # Long: the ways to say how a camera moves, one after the other.
     def camera(self, clause: Clause) -> Meant | None:
-        token = clause.one("camera")
-        mention = self.wish.mention
-        if token is None and mention and mention.kind == "camera" and clause.has("thing"):
-            spoken = clause.one("thing")
-            token = words.Token("camera", "it", []) if spoken and spoken.value.pronoun else None
-        if (
-            token is None
-            and re.search(r"\b(?:look|view|see|film|watch)\b.* from\b", clause.text)
-            and clause.has(*WAYS)
-        ):
-            clause.every("all", "thing", "image")
-            token = words.Token("camera", "the camera", "static")
-        if token is None:
+        """Cameras at an exact motion, at one drawn along a direction or within bounds, or looking at something."""
+        if (names := self._cameras(clause)) is None:
             return None
-        told: tuple[str, ...] = ()
-        if token.value == []:
-            known = mention is not None and mention.kind == "camera"
-            names = mention.cameras if mention and known else "static"
-            told = () if known else (f"{token.text!r} is taken as all cameras that stand still",)
-        else:
-            names = (
-                token.value
-                if isinstance(token.value, str) or len(token.value) > 1
-                else token.value[0]
-            )
-        mention = Mention(kind="camera", cameras=names)
-        self.namer.notes += told
+        mention, notes = Mention(kind="camera", cameras=names), list[str]()
         edit: Entry = {"op": "camera_pose", "camera": names}
         lengths, angles = _amounts(clause, "length"), _amounts(clause, "angle")
+        if any(one.how == "least" for one in (*lengths, *angles)):
+            raise NotUnderstood(f"{clause.text!r}: at most how far?")
         rolled = clause.one("roll", "unroll")
-        turns = [
-            one
-            for one in clause.tokens
-            if one.kind in ("tilt", "pan", "rotate") or one.text == "turn"
-        ]
-        tilts = bool(turns)
+        tilts = any(
+            one.kind in ("tilt", "pan", "rotate") or one.text == "turn" for one in clause.tokens
+        )
         clause.every("tilt", "pan")
         if clause.every("aim"):
             clause.tokens = [one for one in clause.tokens if one.text not in MIDDLE]
             edit["toward"] = self.namer.middle(clause.things())
-            if not (lengths or angles or clause.has(*WAYS)):
-                return _done(edit, mention=mention)
-        ways = clause.every(*WAYS)
+        axes, ways = clause.every("axes"), clause.every(*WAYS)
         clause.every("move", "rotate", "remove", "pose", "from")
-        if clause.one("axes"):
-            ways = []
+        if axes:
             if len(lengths) != 1 or lengths[0].how != "exact":
                 raise NotUnderstood(f"{clause.text!r}: how far along each axis?")
             edit["by"] = [lengths[0].low, lengths[0].low, 0]
-            return _done(edit, mention=mention)
-        jitters = not ways and not rolled and bool(clause.every("vary", "little", "any"))
+        elif rolled:
+            if ways or lengths:
+                raise NotUnderstood(f"{clause.text!r}: roll the camera, or move it")
+            sign = -1 if rolled.kind == "unroll" else 1
+            edit |= {"by": [0, 0, 0]} | _motion(
+                "turned", [((0, 0, sign), angles[0] if angles else Amount(TURN, TURN))]
+            )
+        elif ways:
+            edit |= self._posed(clause, names, ways, lengths, angles, tilts, notes)
+        elif "toward" not in edit:
+            edit |= self._jittered(clause, lengths, angles, tilts, notes)
+        return _done(edit, mention=mention, notes=tuple(notes))
+
+    def _cameras(self, clause: Clause) -> Any:
+        """The cameras that a clause is about; None where it is about none."""
+        token, mention = clause.one("camera"), self.wish.mention
+        known = mention is not None and mention.kind == "camera"
+        if token is None and known and clause.has("thing"):
+            spoken = clause.one("thing")
+            token = words.Token("camera", "it", []) if spoken and spoken.value.pronoun else None
+        if token is None and VIEWED.search(clause.text) and clause.has(*WAYS):
+            clause.every("all", "thing", "image")
+            token = words.Token("camera", "the camera", "static")
+        if token is None:
+            return None
+        if token.value != []:
+            return (
+                token.value[0]
+                if isinstance(token.value, list) and len(token.value) == 1
+                else token.value
+            )
+        if mention is not None and known:
+            return mention.cameras
+        self.namer.notes.append(f"{token.text!r} is taken as all cameras that stand still")
+        return "static"
+
+    def _jittered(
+        self,
+        clause: Clause,
+        lengths: list[Amount],
+        angles: list[Amount],
+        tilts: bool,
+        notes: list[str],
+    ) -> Entry:
+        """A motion of any direction within bounds."""
+        vague = not clause.every("vary", "little", "any") and not lengths
         if (
-            not ways
-            and not rolled
-            and not jitters
-            and len(angles) == 1
-            and not lengths
-            and angles[0].how == "exact"
+            vague
+            and (tilts or not angles)
+            and not (len(angles) == 1 and clause.taken[1:])
+            and not clause.taken[1:]
         ):
-            angles = [Amount(angles[0].low, angles[0].low, "upto")]
-            self.namer.notes.append(
+            raise NotUnderstood(f"{clause.text!r}: what about the camera?")
+        if vague and len(angles) == 1 and angles[0].how == "exact":
+            notes.append(
                 "which way it turns was not said: it turns about any axis, up to that angle"
             )
-        if any(one.how == "least" for one in (*lengths, *angles)):
-            raise NotUnderstood(f"{clause.text!r}: at most how far?")
-        if (
-            not ways
-            and not rolled
-            and (
-                jitters
-                or any(one.how in ("upto", "about") for one in (*lengths, *angles))
-                or not (lengths or angles)
-            )
-        ):
-            vague = tilts or (not jitters and not lengths and not angles)
-            if vague and not clause.taken[1:]:
-                raise NotUnderstood(f"{clause.text!r}: what about the camera?")
-            if lengths or angles:
-                edit["shift"] = lengths[0].high if lengths else 0
-            if angles:
-                edit["turn"] = angles[0].high
-            elif lengths and lengths[0].how == "about":
-                edit["turn"] = 0
-            return _done(edit, mention=mention)
-        drawn = [one for one in (*lengths, *angles) if one.how in ("upto", "about", "range")]
-        if len(drawn) > 1:
-            raise NotUnderstood(f"{clause.text!r}: one range at a time along a direction")
-        if drawn:  # along one direction: a few even steps, one of which each copy draws
-            low = {"upto": 0.0, "about": -drawn[0].high}.get(drawn[0].how, drawn[0].low)
-            steps = [low + k * (drawn[0].high - low) / (STEPS - 1) for k in range(STEPS)]
-            options: list[Entry] = []
-            for step in steps:
-                fixed = [
-                    [Amount(step, step) if one is drawn[0] else one for one in kind]
-                    for kind in (lengths, angles)
-                ]
-                options += self._posed(
-                    clause, edit, ways, rolled, fixed[0], fixed[1], tilts, mention
-                ).edits
-            note = f"drawn from {STEPS} even steps"
-            return _done({"one_of": options}, mention=mention, notes=(note,))
-        return self._posed(clause, edit, ways, rolled, lengths, angles, tilts, mention)
+        elif vague and any(one.how == "exact" for one in (*lengths, *angles)):
+            raise NotUnderstood(f"{clause.text!r}: which way, and how far?")
+        edit: Entry = {"shift": lengths[0].high if lengths else 0} if lengths or angles else {}
+        if angles or (lengths and lengths[0].how == "about"):
+            edit["turn"] = angles[0].high if angles else 0
+        return edit
 
     def _posed(
         self,
         clause: Clause,
-        edit: Entry,
+        names: Any,
         ways: list[words.Token],
-        rolled: words.Token | None,
         lengths: list[Amount],
         angles: list[Amount],
         tilts: bool,
-        mention: Mention,
-    ) -> Meant:
-        """An exact motion: the directions that lengths go with, and the one that an angle goes with."""
-        if rolled:
-            sign = -1 if rolled.kind == "unroll" else 1
-            if ways or lengths:
-                raise NotUnderstood(f"{clause.text!r}: roll the camera, or move it")
-            return _done(
-                {
-                    **edit,
-                    "by": [0, 0, 0],
-                    "turned": [0, 0, tidy(sign * (angles[0].low if angles else TURN))],
-                },
-                mention=mention,
-            )
+        notes: list[str],
+    ) -> Entry:
+        """A motion along directions: those that lengths go with, and the one that an angle goes with."""
         little = 0.5 if clause.every("little") else 2.0 if clause.every("much") else 1.0
         turning = bool(angles) or (tilts and not lengths)
         turns, moves = (ways[-1:], ways[:-1]) if turning else ([], ways)
-        if (
-            (turning and not turns)
-            or len(moves) < len(lengths)
-            or (len(lengths) not in (0, len(moves)))
-            or len(angles) > 1
-            or (not turning and not moves)
-        ):
+        if len(lengths) not in (0, len(moves)) or len(angles) > 1:
             raise NotUnderstood(f"{clause.text!r}: which way, and how far?")
-        by, notes = [0.0, 0.0, 0.0], []
-        carried = any(part in str(edit["camera"]).lower() for part in ("wrist", "hand", "gripper"))
+        if len([one for one in (*lengths, *angles) if one.how != "exact"]) > 1:
+            raise NotUnderstood(f"{clause.text!r}: one range at a time along a direction")
+        carried = any(part in str(names).lower() for part in ("wrist", "hand", "gripper"))
         usual = (WRIST_STEP if carried else STEP) * little
-        for k, way in enumerate(moves):
-            far = lengths[k].low if lengths else usual
-            if not lengths:
-                notes.append(f"{100 * far:g} cm, since no length was named")
-            by = [tidy(was + far * part) for was, part in zip(by, WAYS[way.kind], strict=True)]
-        edit["by"] = [value or 0 for value in by]
+        if moves and not lengths:
+            notes.append(f"{100 * usual:g} cm, since no length was named")
+            lengths = [Amount(usual, usual)] * len(moves)
+        edit = _motion(
+            "by", [(WAYS[way.kind], far) for way, far in zip(moves, lengths, strict=True)]
+        )
         if turns:
-            turn = TURNS.get(turns[0].kind)
-            if turn is None:
+            if turns[0].kind not in TURNS:
                 raise NotUnderstood(f"{clause.text!r}: a camera turns up, down, left or right")
             if not angles:
                 notes.append("10 degrees, since no angle was named")
-            edit["turned"] = [tidy((angles[0].low if angles else TURN) * part) for part in turn]
-        return _done(edit, mention=mention, notes=tuple(notes))
+            edit |= _motion(
+                "turned", [(TURNS[turns[0].kind], angles[0] if angles else Amount(TURN, TURN))]
+            )
+        return edit
 
     def physics(self, clause: Clause) -> Meant | None:
         """A thing behaves as if it were of a material, and may fall from some height."""
@@ -508,82 +480,53 @@ class Reader:
         notes.append(f"{side.kind} is the robot's {side.kind}")
         return {"op": "light_direction", "to": [*to[:2], tidy(math.sin(height))]}
 
-    # Long: four operators, which share how they are asked for.
     def sensor(self, clause: Clause) -> Meant | None:
-        """Noise, blur, compression and exposure of all images."""
-        kind = next((one for one in ("noise", "blur", "jpeg", "stops") if clause.has(one)), None)
-        exposed = clause.has("darker", "brighter") and any(
-            one.text
-            in (
-                "exposure",
-                "overexpose",
-                "underexpose",
-                "images",
-                "image",
-                "overexposed",
-                "underexposed",
-                "pictures",
-            )
-            for one in clause.tokens
+        """Noise, blur, compression and exposure of the images: of all cameras, or of those that are named."""
+        spoken = [one.text for one in clause.tokens]
+        exposed = clause.has("stops") or any("expos" in one for one in spoken)
+        exposed |= clause.has("darker", "brighter") and bool(
+            {"image", "images", "pictures"} & {*spoken}
         )
-        exposed = exposed or any(one.text == "exposure" for one in clause.tokens)
-        if (
-            (kind is None and not exposed)
-            or (kind in ("blur", "noise") and clause.has("color", "texture", "lay"))
-            or (
-                clause.has("thing")
-                and not all(one.value.pronoun for one in clause.tokens if one.kind == "thing")
-            )
-        ):
+        kind = next((one for one in SENSED if clause.has(one)), "exposure" if exposed else None)
+        surface = kind in ("blur", "noise") and clause.has("color", "texture", "lay")
+        things = [one for one in clause.tokens if one.kind == "thing" and not one.value.pronoun]
+        if kind is None or surface or things:
             return None
-        if any(one.kind == "camera" and one.value not in ("static", []) for one in clause.tokens):
-            raise NotUnderstood(
-                f"{clause.text!r}: what the sensor does is the same for all cameras"
-            )
-        clause.every("thing", "image", "all", "camera", "add", "lay", "much", "scale")
+        edit: Entry = {"op": f"sensor_{kind}"}
+        named = [one.value for one in clause.every("camera") if isinstance(one.value, list)]
+        if cameras := sorted({name for some in named for name in some}):
+            edit["cameras"] = cameras
+        if clause.every("each"):
+            edit["each"] = True
+        clause.every("thing", "image", "all", "add", "lay", "much", "scale", "vary", kind)
         mild = bool(clause.every("little"))
-        if kind in ("noise", "blur", "jpeg"):
-            clause.every(kind)
-            amounts = _amounts(
-                clause,
-                *{
-                    "noise": ("share", "number"),
-                    "blur": ("pixels", "number"),
-                    "jpeg": ("number", "share"),
-                }[kind],
+        if kind == "exposure":
+            return self._exposure(clause, edit, mild)
+        name, kinds, least = SENSED[kind]
+        if amounts := _amounts(clause, *kinds):
+            one = amounts[0]
+            factor = 100 if kind == "jpeg" and one.high <= 1 else 1
+            start = (
+                least if one.how == "upto" or (kind == "noise" and one.how == "exact") else one.low
             )
-            clause.every("vary")
-            name, low = {"noise": ("read", 0.0), "blur": ("sigma", 0.3), "jpeg": ("quality", 30)}[
-                kind
-            ]
-            edit: Entry = {"op": f"sensor_{kind}"}
-            if amounts:
-                one = amounts[0]
-                factor = 100 if kind == "jpeg" and one.high <= 1 else 1
-                start = (
-                    low
-                    if one.how == "upto" or (kind == "noise" and one.how == "exact")
-                    else one.low
-                )
-                edit[name] = [tidy(start * factor), tidy(one.high * factor)]
-            return _done(edit)
+            edit[name] = [tidy(start * factor), tidy(one.high * factor)]
+        return _done(edit)
+
+    def _exposure(self, clause: Clause, edit: Entry, mild: bool) -> Meant:
         stops = _amounts(clause, "stops")
         less, more = clause.every("darker", "down", "less"), clause.every("brighter", "up", "more")
-        clause.every("vary")
-        amount = stops[0] if stops else Amount(0.5 if mild else 1, 0.5 if mild else 1)
-        if amount.how in ("upto", "about") and not (less or more):
-            return _done(
-                {"op": "sensor_exposure", "stops": [tidy(-amount.high), tidy(amount.high)]}
+        usual = 0.5 if mild else 1
+        amount = stops[0] if stops else Amount(usual, usual)
+        if not (less or more):
+            ends = (
+                amount.ends
+                if amount.how == "range" or amount.low == amount.ends[0]
+                else (-amount.high, amount.high)
             )
-        if not (less or more or amount.low < 0):
-            return _done(
-                {"op": "sensor_exposure", **({"stops": [amount.low, amount.high]} if stops else {})}
-            )
-        ends = sorted(
-            -value if less and value > 0 else value for value in (amount.low, amount.high)
-        )
+            return _done(edit | ({"stops": [tidy(one) for one in ends]} if stops else {}))
+        ends = sorted(-one if less and one > 0 else one for one in (amount.low, amount.high))
         notes = () if stops else (f"{amount.high:g} stops, since no amount was named",)
-        return _done({"op": "sensor_exposure", "stops": [tidy(one) for one in ends]}, notes=notes)
+        return _done(edit | {"stops": [tidy(one) for one in ends]}, notes=notes)
 
     # Things: in, out, elsewhere, larger.
 
@@ -767,7 +710,7 @@ class Reader:
             if numbers
             else []
         )
-        if len(counts) > STEPS or (numbers and numbers[0].low != int(numbers[0].low)):
+        if len(counts) > COUNTS or (numbers and numbers[0].low != int(numbers[0].low)):
             raise NotUnderstood(f"{clause.text!r}: how many?")
         if color := clause.one("color"):
             edit["color"] = color.value[0]
@@ -1173,6 +1116,15 @@ def _parted(text: str) -> tuple[str, str, str]:
 def _anything(named: list[Named]) -> bool:
     """Are no things in particular meant: "all objects"?"""
     return bool(named) and all(one.words in ANYTHING for one in named)
+
+
+def _motion(name: str, parts: list[tuple[Any, Amount]]) -> Entry:
+    """A camera's motion or turn: the sum of parts along axes, or the low and high of what is drawn."""
+    ends = [
+        [sum(axis[k] * one.ends[end] for axis, one in parts) for k in range(3)] for end in (0, 1)
+    ]
+    low, high = ([tidy(pick(pair)) or 0 for pair in zip(*ends, strict=True)] for pick in (min, max))
+    return {name: low if low == high else [low, high]}
 
 
 def _look(where: Target, look: Entry) -> Entry:

@@ -13,7 +13,7 @@ from rpaug.core.errors import TargetError
 from rpaug.language.lexicon import CLASSES
 from rpaug.language.messages import Mention, NotUnderstood
 from rpaug.language.recording import Recording
-from rpaug.language.words import UNSAID, WORDS, is_rank, texture
+from rpaug.language.words import UNSAID, WORDS, bag, is_rank, texture
 from rpaug.scene.targets import relations, roles, shapes, targets
 from rpaug.scene.targets.nouns import FURNITURE, ROLES
 from rpaug.scene.targets.relations import ANYTHING, singular
@@ -81,72 +81,13 @@ PLACES = frozenset(
 )
 FLAT = 5  # cm: the room's flat sides are thinner
 # What no thing on a table is called: what rpaug itself is made of.
-NO_THING = frozenset(
-    [
-        "dataset",
-        "file",
-        "files",
-        "folder",
-        "folders",
-        "recipe",
-        "recipes",
-        "episode",
-        "episodes",
-        "instruction",
-        "instructions",
-        "output",
-        "outputs",
-        "policy",
-        "policies",
-        "code",
-        "program",
-        "prompt",
-        "system",
-        "data",
-        "key",
-        "keys",
-        "report",
-        "disk",
-        "action",
-        "actions",
-        "trajectory",
-        "password",
-        "user",
-        "root",
-        "shell",
-        "seed",
-        "copies",
-        "copy",
-        "version",
-        "versions",
-        "probability",
-        "gates",
-        "nothing",
-        "nobody",
-        "anything",
-        "something",
-        "everything",
-        "thing",
-        "things",
-        "you",
-        "him",
-        "her",
-        "me",
-        "us",
-        "i",
-        "we",
-        "they",
-        "who",
-        "what",
-        "why",
-        "how",
-        "when",
-        "where",
-        "not",
-        "never",
-        "no",
-        "none",
-    ]
+NO_THING = bag(
+    """
+    dataset file files folder folders recipe recipes episode episodes instruction instructions output outputs
+    policy policies code program prompt system data key keys report disk action actions trajectory password user
+    root shell seed copies copy version versions probability gates nothing nobody anything something everything
+    thing things you him her me us i we they who what why how when where not never no none
+    """
 )
 
 
@@ -381,7 +322,7 @@ class Namer:
             words = re.sub(rf"\b{head}\b", singular(head), words, count=1)
             found = self._seen({"text": words, "all": True}, words)
             if len(self.groups(found)) < 2:
-                raise TargetError(f"{named.words!r}: one alone is found, {found}")
+                raise NotUnderstood(f"{named.words!r}: one alone is found, {found}")
             return found
         return self._seen({"text": words, "all": True} if named.several else words, words)
 

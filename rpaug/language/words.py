@@ -42,6 +42,11 @@ UNITS: Mapping[str, tuple[str, float]] = {
 }  # fmt: skip
 
 
+def bag(text: str) -> frozenset[str]:
+    """The words of a text."""
+    return frozenset(text.split())
+
+
 def any_of(words: Sequence[str] | Mapping[str, object]) -> str:
     """A pattern for one of these words, the longest first."""
     return "(?:" + "|".join(re.escape(w) for w in sorted(words, key=len, reverse=True)) + ")"
@@ -104,6 +109,12 @@ class Amount:
     low: float
     high: float
     how: str = "exact"
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Between which values it lies, along one direction."""
+        low = {"upto": 0.0, "about": -self.high}.get(self.how, self.low)
+        return low, self.high
 
 
 @dataclass(frozen=True)
@@ -238,20 +249,7 @@ def _texture_words() -> frozenset[str]:
     )
 
 
-UNSAID = {
-    "a",
-    "an",
-    "some",
-    "the",
-    "random",
-    "other",
-    "another",
-    "different",
-    "new",
-    "one",
-    "of",
-    "any",
-}
+UNSAID = bag("a an some the random other another different new one of any")
 
 
 def texture(words: Sequence[str]) -> tuple[int, list[Any]]:

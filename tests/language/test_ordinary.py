@@ -40,6 +40,19 @@ def edits(wish: str) -> list[dict[str, Any]]:
             [{"one_of": [{"op": "recolor", "target": "can", "color": c} for c in ("white", "black")]}],
         ),
         ("all blocks black", [{"op": "recolor", "target": {"text": "blocks", "all": True}, "color": "black"}]),
+        (
+            "raise the front camera 5 to 10 cm",
+            [{"op": "camera_pose", "camera": "front", "by": [[0, -0.1, 0], [0, -0.05, 0]]}],
+        ),
+        (
+            "shake the front camera by max 3 cm. Turn it max 5 degrees.",
+            [{"op": "camera_pose", "camera": "front", "shift": 0.03, "turn": 0.0873}],
+        ),
+        (
+            "the can red, 30%",
+            [{"op": "recolor", "target": "can", "color": "red", "probability": 0.3}],
+        ),
+        ("darker. like 40% of the light", [{"op": "light_color", "range": [[0.2] * 3, [0.2] * 3]}]),
         ("strong light", [{"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}]),
     ],
 )  # fmt: skip
