@@ -58,7 +58,7 @@ CHANCES = (
     rf"(?:with )?(?:a |an )?(?P<p2>{words.DIGITS}) ?(?P<c2>%|percent)? (?:probability|prob|chance|likelihood)",
     rf"(?:in |for |on )?(?:about |around |roughly )?(?P<p3>{words.NUMBER}) ?(?P<c3>%|percent)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes|runs|demos|recordings)?(?=$|,| ;)",
     rf"(?:in |for |on )?(?:about )?(?P<p4>{words.NUMBER}) ?(?P<c4>%|percent) of (?:the |all )?(?:copies|cases|time|episodes|runs|demos|recordings)",
-    rf"(?<=[a-z]), (?:in )?(?P<p9>{words.DIGITS}) ?(?P<c9>%|percent)(?: of (?:them|the copies|copies|the time))?$",
+    rf"(?:(?<=[a-z]), (?:in )?|(?<=[a-z]) in )(?P<p9>{words.DIGITS}) ?(?P<c9>%|percent)(?: of (?:them|the copies|copies|the time))?$",
     r"(?:in )?(?:every |each )(?P<n5>second|other|third|fourth|fifth|tenth|\d+) ?(?:th|rd|nd)? (?:copy|episode|case|time)(?: or so)?",
     r"(?:in )?(?P<k6>1|one|2|two) (?:in|of|out of) (?:every )?(?P<n6>two|three|four|five|ten|\d+) ?(?:copies|cases|times|episodes)?",
     r"(?:in |for )?(?:the )?(?P<w7>other half|half|a half|a third|a quarter|a fifth|a tenth|two thirds|three quarters|most)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes)(?: only)?|(?P<w8>sometimes|occasionally|half the time|in the other half)",
@@ -436,7 +436,8 @@ def _whole_or_it(parts: Sequence[str], state: WishState) -> bool:
 def _edit(part: str, state: WishState) -> None:
     part, share = chance(part)
     recorded = FROM.search(part)
-    part = INSTEAD.sub("", FROM.sub("", part)).strip(" ,;:")
+    part = FROM.sub("", part)
+    part = part if re.search(r"\bany\b", part) else INSTEAD.sub("", part).strip(" ,;:")
     if re.search(r"\bor\b", part):
         part = re.sub(rf",? ?{EVEN.pattern}(?=$| )", "", part)
     options = re.split(r",? or (?:else )?(?=[a-z]+ )", re.sub(r"^either ", "", part))

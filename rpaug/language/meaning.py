@@ -135,6 +135,7 @@ class Reader:
             return None
         mention, notes = Mention(kind="camera", cameras=names), list[str]()
         edit: Entry = {"op": "camera_pose", "camera": names}
+        order = [one.kind for one in clause.tokens if one.kind in ("length", "angle")]
         lengths, angles = _amounts(clause, "length"), _amounts(clause, "angle")
         if any(one.how == "least" for one in (*lengths, *angles)):
             raise NotUnderstood(f"{clause.text!r}: at most how far?")
@@ -147,6 +148,10 @@ class Reader:
             clause.tokens = [one for one in clause.tokens if one.text not in MIDDLE]
             edit["toward"] = self.namer.middle(clause.things())
         axes, ways = clause.every("axes"), clause.every(*WAYS)
+        if (
+            len(order) == len(ways) and angles
+        ):  # each amount goes with the way that is said with it; the angle's last
+            ways.append(ways.pop(order.index("angle")))
         clause.every("move", "rotate", "remove", "pose", "from")
         if axes:
             if len(lengths) != 1 or lengths[0].how != "exact":
@@ -524,9 +529,9 @@ class Reader:
                 else (-amount.high, amount.high)
             )
             return _done(edit | ({"stops": [tidy(one) for one in ends]} if stops else {}))
-        ends = sorted(-one if less and one > 0 else one for one in (amount.low, amount.high))
+        signed = sorted(-one if less and one > 0 else one for one in (amount.low, amount.high))
         notes = () if stops else (f"{amount.high:g} stops, since no amount was named",)
-        return _done(edit | {"stops": [tidy(one) for one in ends]}, notes=notes)
+        return _done(edit | {"stops": [tidy(one) for one in signed]}, notes=notes)
 
     # Things: in, out, elsewhere, larger.
 
@@ -690,6 +695,23 @@ class Reader:
         ):
             return self._clutter(clause)
         counted = clause.has("number") and clause.has("thing")
+        stands = clause.has("on", "near") and not clause.has(
+            "vary",
+            "paint",
+            "lay",
+            "texture",
+            "move",
+            "scale",
+            "bigger",
+            "smaller",
+            "remove",
+            "copy",
+        )
+        putting = putting or stands
+        if _anything(things) and clause.has("add") and not clause.has("color", "texture", "paint"):
+            for one in [one for one in clause.tokens if one.kind == "thing"]:
+                clause.tokens[clause.tokens.index(one)] = words.Token("strangers", one.text)
+            return self._clutter(clause)
         if not (clause.has("add") or listed or (putting and (fresh or counted))) or not clause.has(
             "thing"
         ):

@@ -47,18 +47,8 @@ NEARLY = {
     "brown": ("orange", "tan"),
 }
 ARMS = ("arm", "robot arm", "robotic arm", "manipulator", "arm links")
-FINGERS = (
-    "finger",
-    "fingers",
-    "finger pad",
-    "finger pads",
-    "gripper finger",
-    "gripper fingers",
-    "fingertip",
-    "fingertips",
-    "gripper pads",
-    "gripper tips",
-    "jaws",
+FINGERS = frozenset(
+    {"finger", "fingers", "fingertip", "fingertips", "finger pad", "finger pads", "pads", "jaws"}
 )
 ROBOTS = frozenset({"sawyer", "panda", "franka", "kuka", "ur5", "ur10", "manipulator"})
 COMPARED = {"smaller": "smallest", "larger": "largest", "bigger": "largest", "taller": "tallest"}
@@ -122,11 +112,14 @@ def begins(words: Sequence[str], nouns: Collection[str] = ()) -> tuple[int, Name
     elif found := ARTICLE.match(text):
         fresh = found.group().strip() in ("a", "an", "another", "one")
         at = 1
+    other = list(words[at : at + 1]) == ["other"] and "the" in words[:at]
+    at += other
     end = _end(words, at, at > 0, nouns)
     if end == at:
         return None
     kept = [w for k, w in enumerate(words[at:end], at) if w not in PLAIN or k + 1 == end]
     kept[0] = COMPARED.get(kept[0], kept[0])
+    kept = ["other"] * (other and words[at] not in ANYTHING and words[at] != "ones") + kept
     return end, Named(
         " ".join(kept), several, fresh, 2 if text.startswith(("the two", "both", "two")) else None
     )
@@ -291,9 +284,12 @@ class Namer:
         if numbered := NUMBERED.fullmatch(words):
             return {"handle": int(numbered[1])}
         bare = re.sub(r" (?:object|thing|item)$", "", words)
-        hand = " ".join(word for word in bare.split() if not color_space.canonical(word))
+        owners = ("robot", "gripper", "arm", "hand")
+        hand = " ".join(w for w in bare.split() if not color_space.canonical(w) and w not in owners)
         if self.recording is not None and (bare in ARMS or hand in FINGERS):
             return self._arm(hand in FINGERS)
+        if words.startswith("other "):
+            return self._other(words.removeprefix("other "))
         if self.recording is not None and (told := PATTERNED & set(words.split())):
             return self._patterned(" ".join(word for word in words.split() if word not in told))
         if bare in ROBOTS:
@@ -381,6 +377,20 @@ class Namer:
         if not ends and fingers:
             raise TargetError("'fingers': the masks do not show the gripper's fingers apart")
         return {"handle": sorted(ends if fingers else robot - ends)} if ends else {"role": "robot"}
+
+    def _other(self, words: str) -> Target:
+        """The one of two that was not named before, or what an instruction calls the other one. Raises NotUnderstood."""
+        said = self.recording.scene.episode.descriptions if self.recording else ()
+        if any(f"other {words}" in text.lower() for text in said):
+            return words
+        mention = self.mention.target if self.mention and self.mention.kind == "target" else None
+        if mention is None or self.recording is None:
+            raise NotUnderstood(f"'other {words}': other than which one?")
+        groups = self.groups({"text": words, "all": True})
+        left = [group for group in groups if not group & self.ids(mention)]
+        if len(left) != 1 or len(groups) != 2:
+            raise NotUnderstood(f"'other {words}': {len(left)} are others than {mention}")
+        return {"handle": sorted(left[0])}
 
     def _patterned(self, words: str) -> Target:
         """The one of these things that shows several colors. Raises TargetError for none or several."""
