@@ -61,7 +61,7 @@ CHANCES = (
     rf"(?:(?<=[a-z]), (?:in )?|(?<=[a-z]) in )(?P<p9>{words.DIGITS}) ?(?P<c9>%|percent)(?: of (?:them|the copies|copies|the time))?$",
     r"(?:in )?(?:every |each )(?P<n5>second|other|third|fourth|fifth|tenth|\d+) ?(?:th|rd|nd)? (?:copy|episode|case|time)(?: or so)?",
     r"(?:in )?(?P<k6>1|one|2|two) (?:in|of|out of) (?:every )?(?P<n6>two|three|four|five|ten|\d+) ?(?:copies|cases|times|episodes)?",
-    r"(?:in |for )?(?:the )?(?P<w7>other half|half|a half|a third|a quarter|a fifth|a tenth|two thirds|three quarters|most)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes)(?: only)?|(?P<w8>sometimes|occasionally|half the time|in the other half)",
+    r"(?:in |for )?(?:the )?(?P<w7>other half|half|a half|a third|a quarter|a fifth|a tenth|two thirds|three quarters|most)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes)(?: only)?|(?:in )?(?:the )?(?P<w8>sometimes|occasionally|half the time|other half)",
 )  # fmt: skip
 MEASURED = re.compile(
     r"\b(?:lights?|lamps?|lighting|bright\w*|dark\w*|dim\w*|size|scale|large\w*|small\w*|big\w*|noise|quality|taller|wider|blur|exposure)\b"
@@ -76,7 +76,7 @@ ORDINAL = {
     "tenth": 10,
     **{w: int(n) for w, n in words.WORDS.items() if n >= 1},
 }
-PARTS = {"half": 0.5, "a half": 0.5, "other half": 0.5, "in the other half": 0.5, "sometimes": 0.5, "occasionally": 0.25, "half the time": 0.5, "a third": 0.3333,
+PARTS = {"half": 0.5, "a half": 0.5, "other half": 0.5, "sometimes": 0.5, "occasionally": 0.25, "half the time": 0.5, "a third": 0.3333,
          "a quarter": 0.25, "a fifth": 0.2, "a tenth": 0.1, "two thirds": 0.6667, "three quarters": 0.75, "most": 0.75}  # fmt: skip
 SETTINGS = (
     ("copies", rf"(?:(?:make|write|give me|create|produce|generate|with|in|as|i need|i want|for) )*(?:a total of )?(?P<value>{words.NUMBER}) (?:augmented )?(?:copies|versions|variants|variations)(?: each)?(?: (?:of|per|for) (?:each |every |an |the )?episode)?(?: please)?(?! of)"),

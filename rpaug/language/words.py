@@ -88,7 +88,7 @@ MANNERS: Mapping[str, Any] = {  # saturation and value that colors of a manner h
 ANYHOW = r"(?:(?:random|randomly|different|various|some|any|an?|slightly|other|in) )*"
 HUED = r"(?:colou?rs?|tones?|shades?|hues?|tints?)"
 PART = rf"(?:hue|sat(?:uration)?|val(?:ue)?|brightness)(?: of| in| between| from)? ?{DIGITS} ?(?:-|to|and) ?{DIGITS}(?: ?degrees)?"
-HSV = rf"(?:uniformly )?(?:in )?(?:hsv )?\(? ?{PART}(?: ?, ?(?:and )?{PART})* ?\)?"
+HSV = rf"(?=[^;]*\b(?:hsv|hue|sat))(?:uniformly )?(?:in )?(?:hsv )?\(? ?{PART}(?: ?, ?(?:and )?{PART})* ?\)?"
 VARIED = rf"{ANYHOW}{HUED} of {TINT}|{ANYHOW}{TINT}(?: {HUED}|s? with (?:a bit of|a little|some|slight|small|mild|little) variations?)|random {TINT}"
 COLOR = rf"(?:{HSV}|{ANYHOW}(?:{any_of(MANNERS)}|neutral) {HUED}(?![a-z])|(?:{VARIED})(?<!color)(?<!colors)(?![a-z])|{TINT}|rgb ?\(? ?{DIGITS} ?, ?{DIGITS} ?, ?{DIGITS} ?\)?|#[0-9a-f]{{6}})"
 COLORS = re.compile(rf"(?:(?:either|an?|one of|some) )*{COLOR}(?:(?:, ?or |, ?| or )(?:an? )?{COLOR}(?=.* or |,? or ))*(?:,? or (?:an? )?{COLOR})*(?: colou?r| paint)?(?![a-z])")  # fmt: skip
