@@ -147,7 +147,7 @@ AFTERTHOUGHT = frozenset(
 )  # fmt: skip
 """Kinds of words that only go on with what the clause before asks for."""
 ALIKE = re.compile(
-    r"(?:in |of |gets? |have |has |be |-> )*(?:exactly )?(?:the )?same colou?r (?:as|like|of) (?P<what>.+?)(?: has| is)?$"
+    r"(?<![a-z])(?:in |of |gets? |have |has |be |-> )*(?:exactly )?(?:the )?same colou?r (?:as|like|of) (?P<what>.+?)(?: has| is)?$"
 )
 ONLY = re.compile(
     r"(?:leave|keep) (?:only|just|nothing but|nothing except) (?P<a>.+?)(?: on the table| in the scene)?"
@@ -437,7 +437,11 @@ def _edit(part: str, state: WishState) -> None:
     part, share = chance(part)
     recorded = FROM.search(part)
     part = FROM.sub("", part)
-    part = part if re.search(r"\bany\b", part) else INSTEAD.sub("", part).strip(" ,;:")
+    part = (
+        part
+        if re.search(r"\b(?:any|random\w*|different|various|vary)\b", part)
+        else INSTEAD.sub("", part).strip(" ,;:")
+    )
     if re.search(r"\bor\b", part):
         part = re.sub(rf",? ?{EVEN.pattern}(?=$| )", "", part)
     options = re.split(r",? or (?:else )?(?=[a-z]+ )", re.sub(r"^either ", "", part))

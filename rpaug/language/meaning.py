@@ -620,7 +620,7 @@ class Reader:
         varied, notes = clause.every("vary", "any"), tuple[str, ...]()
         if bigger and smaller and len(shares) == 1 and clause.every("or"):
             shares, down, bigger = [Amount(shares[0].high, shares[0].high, "about")], False, []
-        if len(shares) > 1:
+        if len(shares) > 1 or (bigger and smaller):
             raise NotUnderstood(f"{clause.text!r}: one factor, please")
         if shares:
             low, high = self._factors(clause, shares[0], down, bool(bigger))
@@ -946,7 +946,7 @@ class Reader:
             colors = [one for one in clause.tokens if one.kind == "color"]
             apart = clause.things("not")
             clause.every("not")
-            if colors and clause.has("any", "paint"):
+            if colors and not apart and clause.has("any", "paint"):
                 banned = clause.every("color")[-1].value
         tints, pictures = clause.every("color"), clause.every("texture")
         notes = ["gloss stays as it was recorded"] if clause.every("gloss") else []

@@ -53,11 +53,30 @@ def edits(wish: str) -> list[dict[str, Any]]:
             [{"op": "recolor", "target": "can", "color": "red", "probability": 0.3}],
         ),
         ("darker. like 40% of the light", [{"op": "light_color", "range": [[0.2] * 3, [0.2] * 3]}]),
+        (
+            "red can bigger, blue can smaller",
+            [
+                {"op": "object_size", "target": "red can", "range": [1.1, 1.25]},
+                {"op": "object_size", "target": "blue can", "range": [0.8, 0.9]},
+            ],
+        ),
+        (
+            "turn the front camera 10 degrees to the left and 5 cm up",
+            [{"op": "camera_pose", "camera": "front", "by": [0, -0.05, 0], "turned": [0, -0.1745, 0]}],
+        ),
         ("strong light", [{"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}]),
     ],
 )  # fmt: skip
 def test_it_does_what_is_said(wish: str, wanted: list[dict[str, Any]]) -> None:
     assert edits(wish) == wanted
+
+
+@pytest.mark.parametrize(
+    "wish", ["the can any color but not red", "the can in different colors, but not red"]
+)
+def test_a_banned_color_is_not_drawn(wish: str) -> None:
+    (edit,) = edits(wish)
+    assert "red" not in {one["color"] for one in edit["one_of"]}
 
 
 def test_harder_to_see_is_taken_as_dimmer_light_and_told() -> None:
