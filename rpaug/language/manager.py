@@ -101,7 +101,7 @@ SAME = re.compile(
     r"(?:the )?same (?:for|with|to|on|thing (?:for|with)) (?P<a>.+)|(?:and )?(?P<b>(?:the|that|this) .+?) (?:as well|too|also|likewise)|do that (?:for|to|with) (?P<c>.+)(?: too)?"
 )
 INSTEAD = re.compile(
-    rf",? (?:and )?(?:instead of|rather than|not) (?:the |an? )?{words.COLOR}(?= |,|$)"
+    rf",? (?:and )?(?:instead of|rather than|not) (?:the |an? )?{words.COLOR}(?: ones?)?(?= |,|$)"
 )
 FROM = re.compile(rf",? from (?P<tint>{words.COLOR})(?= (?:in)?to )")
 QUESTION = re.compile(

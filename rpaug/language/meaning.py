@@ -900,9 +900,11 @@ class Reader:
         """Darker or lighter than the color that was asked for before."""
         if not clause.has("darker", "brighter") or not clause.has("thing"):
             return None
-        dark = bool(clause.every("darker"))
-        clause.every("brighter", "little", "paint", "much")
+        dark, light = bool(clause.every("darker")), bool(clause.every("brighter"))
+        clause.every("little", "paint", "much")
         named = clause.things()
+        if (dark and light) or len(named) > 1:
+            raise NotUnderstood(f"{clause.text!r}: darker or lighter, one thing after the other")
         painted = [edit["target"] for edit in self.wish.edits if edit.get("op") == "recolor"]
         mention = self.wish.mention
         alone = (

@@ -86,7 +86,13 @@ def test_harder_to_see_is_taken_as_dimmer_light_and_told() -> None:
 
 
 @pytest.mark.parametrize(
-    "wish", ["put a mug there", "add a mug away from the can", "put the can upside down"]
+    "wish",
+    [
+        "put a mug there",
+        "add a mug away from the can",
+        "put the can upside down",
+        "bright table, dark wall",
+    ],
 )
 def test_what_is_not_understood_is_refused(wish: str) -> None:
     with pytest.raises(NotUnderstood):
