@@ -14,7 +14,7 @@ from rpaug.core.errors import RpaugError
 from rpaug.language import naming, reading, repair, templates, words
 from rpaug.language.calling import called
 from rpaug.language.declared import own_role, targets
-from rpaug.language.meaning import MOST, Reader
+from rpaug.language.meaning import ANY, MOST, Reader, asset
 from rpaug.language.messages import Answer, Entry, Meant, Mention, NotUnderstood, Trace, Wish
 from rpaug.language.naming import Namer
 from rpaug.language.recording import Recording
@@ -32,6 +32,7 @@ BREAK = re.compile(
 )
 REASON = re.compile(
     r"(?:so|because|since|in order|to (?:teach|test|see|simulate|check)|otherwise|i think|this is|we need to (?:see|test)|the policy|my policy|our|like that)\b[^,;]*"
+    r"|(?:the )?[a-z ]+? (?:always|often|sometimes|usually) (?:gets?|is|are|moves?) [^,;]*"
     r"|(?:the )?[a-z ]+? (?:is|are|was|look|looks|blend|blends|have|has)(?: always)? (?:too|very|super|so|hard|already|now|ood|bad|boring|ugly|both|into|[a-z]+ here)\b[^,;]*"
 )
 CLEAR = re.compile(  # what holds of all that is put in
@@ -43,11 +44,10 @@ KEEP = re.compile(
     r"|(?P<b>.+?) (?:stays?|remains?|must stay|should stay|must remain|must be kept|keeps?)(?: .*)?"
     r"|(?:do not|don't|dont|never|must not|without|not|avoid|hands off|and not)(?: (?:touch|touching|change|changing|edit|editing|move|moving|alter|altering|affect|affecting))? (?P<c>.+)"
     r"|(?P<d>.+?) (?:untouched|unchanged|fixed|constant|alone|as (?:it is|they are|is)|(?:must|should|may|shall) (?:not|never) (?:be )?(?:changed?|touched|moved?|altered|edited|affected|painted|recolored)|don't touch)"
-    r"|only (?P<f>.+?) (?:should |must |shall |may )?(?:be )?(?:left|stays?|remains?|visible|kept)(?: on the table)?"
     r"|(?P<e>nothing else|not the others?|only that)(?: .*)?"
 )
 ELSE = re.compile(
-    r"(?:and )?(?:else|otherwise|(?:in |for )?(?:the )?(?:other|rest|remaining)(?: \d+ ?%)?(?: of (?:the )?(?:time|copies))?(?: copies)?),? (?:leave|keep|like|as|unchanged|untouched|the original|stays?)\b[^;]*"
+    r"(?:and )?(?:else|otherwise|(?:in |for )?(?:the )?(?:other|rest|remaining)(?: \d+ ?%)?(?: of (?:the )?(?:time|copies|them))?(?: copies)?),? (?:leave|keep|like|as|unchanged|untouched|the original|stays?)\b[^;]*"
 )
 OTHERS = re.compile(
     r"(?:the )?(?:others?|rest|rest of .*|other .*|everything else|all else|else|originals?|it|anything else)$"
@@ -58,10 +58,15 @@ CHANCES = (
     rf"(?:with )?(?:a |an )?(?P<p2>{words.DIGITS}) ?(?P<c2>%|percent)? (?:probability|prob|chance|likelihood)",
     rf"(?:in |for |on )?(?:about |around |roughly )?(?P<p3>{words.NUMBER}) ?(?P<c3>%|percent)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes|runs|demos|recordings)?(?=$|,| ;)",
     rf"(?:in |for |on )?(?:about )?(?P<p4>{words.NUMBER}) ?(?P<c4>%|percent) of (?:the |all )?(?:copies|cases|time|episodes|runs|demos|recordings)",
+    rf"(?:(?<=[a-z]), (?:in )?|(?<=[a-z]) in )(?P<p9>{words.DIGITS}) ?(?P<c9>%|percent)(?: of (?:them|the copies|copies|the time))?$",
     r"(?:in )?(?:every |each )(?P<n5>second|other|third|fourth|fifth|tenth|\d+) ?(?:th|rd|nd)? (?:copy|episode|case|time)(?: or so)?",
     r"(?:in )?(?P<k6>1|one|2|two) (?:in|of|out of) (?:every )?(?P<n6>two|three|four|five|ten|\d+) ?(?:copies|cases|times|episodes)?",
-    r"(?:in |for )?(?:the )?(?P<w7>other half|half|a half|a third|a quarter|a fifth|a tenth|two thirds|three quarters|most)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes)(?: only)?|(?P<w8>sometimes|occasionally|half the time|in the other half)",
+    r"(?:in |for )?(?:the )?(?P<w7>other half|half|a half|a third|a quarter|a fifth|a tenth|two thirds|three quarters|most)(?: of)?(?: the| all)? ?(?:copies|cases|time|episodes)(?: only)?|(?:in )?(?:the )?(?P<w8>sometimes|occasionally|half the time|other half)",
 )  # fmt: skip
+MEASURED = re.compile(
+    r"\b(?:lights?|lamps?|lighting|bright\w*|dark\w*|dim\w*|size|scale|large\w*|small\w*|big\w*|noise|quality|taller|wider|blur|exposure)\b"
+)
+"""Where a bare percentage is no share of the copies."""
 ORDINAL = {
     "second": 2,
     "other": 2,
@@ -71,7 +76,7 @@ ORDINAL = {
     "tenth": 10,
     **{w: int(n) for w, n in words.WORDS.items() if n >= 1},
 }
-PARTS = {"half": 0.5, "a half": 0.5, "other half": 0.5, "in the other half": 0.5, "sometimes": 0.5, "occasionally": 0.25, "half the time": 0.5, "a third": 0.3333,
+PARTS = {"half": 0.5, "a half": 0.5, "other half": 0.5, "sometimes": 0.5, "occasionally": 0.25, "half the time": 0.5, "a third": 0.3333,
          "a quarter": 0.25, "a fifth": 0.2, "a tenth": 0.1, "two thirds": 0.6667, "three quarters": 0.75, "most": 0.75}  # fmt: skip
 SETTINGS = (
     ("copies", rf"(?:(?:make|write|give me|create|produce|generate|with|in|as|i need|i want|for) )*(?:a total of )?(?P<value>{words.NUMBER}) (?:augmented )?(?:copies|versions|variants|variations)(?: each)?(?: (?:of|per|for) (?:each |every |an |the )?episode)?(?: please)?(?! of)"),
@@ -96,7 +101,7 @@ SAME = re.compile(
     r"(?:the )?same (?:for|with|to|on|thing (?:for|with)) (?P<a>.+)|(?:and )?(?P<b>(?:the|that|this) .+?) (?:as well|too|also|likewise)|do that (?:for|to|with) (?P<c>.+)(?: too)?"
 )
 INSTEAD = re.compile(
-    rf",? (?:and )?(?:instead of|rather than|not) (?:the |an? )?{words.COLOR}(?= |,|$)"
+    rf",? (?:and )?(?:instead of|rather than|not) (?:the |an? )?{words.COLOR}(?: ones?)?(?= |,|$)"
 )
 FROM = re.compile(rf",? from (?P<tint>{words.COLOR})(?= (?:in)?to )")
 QUESTION = re.compile(
@@ -109,6 +114,48 @@ FACT = re.compile(
     rf"(?P<what>[^,;]+?) (?:is|are) (?P<tint>{words.COLOR})(?P<now> here| now| already| at the moment)?"
 )
 HEADED = re.compile(r"(?P<what>[^,;:]+?) : (?P<rest>[^:]*\b(?:it|them)\b.*)")
+EVEN = re.compile(
+    rf"(?:with |at )?(?:(?:an? |the )?(?:equal|same) (?:chances?|probability|probabilities|shares?|odds|parts)|50 ?/ ?50|fifty[- ]fifty|half[ /-](?:and )?half|(?P<share>{words.NUMBER}(?: ?%| percent)?) each|one (?:per|for each|in each) copy|drawn? per copy|whichever)(?: of (?:them|these))?"
+)
+HARDER = re.compile(
+    r"(?:make |please |somewhat |a bit |a little |much )*(?P<x>.*?) ?(?:be |look |a bit |a little |somewhat |much )*(?:harder|more difficult|more challenging|tougher|less visible|less obvious)(?: (?:to|for the policy to) (?:see|find|spot|detect|recogni[sz]e|make out|tell apart))?(?: (?P<y>.+?))?(?: (?:please|in the images?|for the policy|than now))?"
+)
+SIMILE = re.compile(
+    r" (?:so (?:that )?(?:one|we|i|you|it|they|the|there|people|everybody)\b.*|like (?:an?|from|in|on|at|they|it|my|our|the one)\b.*|like [a-z]+|as (?:if|in|with|on|is usual)\b.*|for (?:better|more) [a-z ]+)$"
+)
+SETTLED = (
+    "recolor",
+    "retexture",
+    "table_color",
+    "table_texture",
+    "background_texture",
+    "object_size",
+    "stylize",
+)
+LOOKS = ("recolor", "retexture", "table_color", "table_texture", "background_texture", "light_color", "light_direction",
+         "sensor_noise", "sensor_blur", "sensor_jpeg", "sensor_exposure")  # fmt: skip
+ATTRIBUTE = rf"(?:{words.COLOR}|{words.any_of(naming.relations.RANKS)}(?![a-z]))"
+BOTH = re.compile(
+    rf"(?P<lead>^|(?:the|both|of|remove|delete|paint|make|turn|recolor|give) )(?P<one>{ATTRIBUTE}) and (?:the )?(?P<two>{ATTRIBUTE}) (?P<noun>[a-z]+)(?= |,|$)"
+)
+REPLACE = re.compile(
+    rf"(?:replace|exchange|substitute) (?P<what>(?:the )?.+?) (?:by|with|for) (?:an? )(?!{words.COLOR} one$)(?P<by>[a-z_ ,]+)"
+)
+AFTERTHOUGHT = frozenset(
+    {"color", "texture", "gloss", "little", "much", "or", "vary", "each", "same", "any", "share", "number", "length", "angle", "kelvin", "stops", "pixels", "times",
+     "size_of", "strangers", *reading.WEAK}
+)  # fmt: skip
+"""Kinds of words that only go on with what the clause before asks for."""
+ALIKE = re.compile(
+    r"(?<![a-z])(?:in |of |gets? |have |has |be |-> )*(?:exactly )?(?:the )?same colou?r (?:as|like|of) (?P<what>.+?)(?: has| is)?$"
+)
+ONLY = re.compile(
+    r"(?:leave|keep) (?:only|just|nothing but|nothing except) (?P<a>.+?)(?: on the table| in the scene)?"
+    r"|only (?P<b>.+?) (?:should |must |shall |may )?(?:be )?(?:left|stays?|remains?|visible|kept)(?: on the table)?"
+)
+AGAIN = re.compile(
+    r"(?P<head>.*\b(?P<noun>[a-z]+)) (?:->|to|into|with|by|for|:) (?:an? |the |some )?(?P<value>.+) (?:(?P=noun)|one|ones)"
+)
 MOST_CLAUSES = 30
 OWN = frozenset(
     re.findall(
@@ -143,6 +190,8 @@ class WishState:
     did: bool = False
     trace: list[Trace] = field(default_factory=list)
     verb: str = ""
+    last: tuple[str, list[Entry]] = ("", [])  # the clause before, and its edits
+    about: str = ""  # the things that the clause before gave a look or a size, as they were named
 
     def clause(self, text: str) -> reading.Clause:
         """Some words of the wish as tokens."""
@@ -269,6 +318,7 @@ def _clause(part: str, state: WishState) -> None:
     part = re.sub(
         r"^(?:(?:and|but|also|then|or|now|please|pls|plz|no|first|finally|next),? )+", "", part
     ).strip(" ,;:")
+    part = BOTH.sub(_apart, part)
     if not part or all(one.kind in ("filler", "and") for one in state.clause(part).tokens):
         return
     if RESTART.fullmatch(part):
@@ -285,27 +335,148 @@ def _clause(part: str, state: WishState) -> None:
         _back(back["a"] or back["b"], state)
     elif (same := SAME.fullmatch(part)) and state.edits and state.fresh == []:
         _same(same["a"] or same["b"] or same["c"], state)
-    elif not (_kept(part, state) or _reason(part, state)):
-        _edit(part, state)
+    elif (even := EVEN.fullmatch(part)) and state.fresh and "one_of" in state.fresh[-1]:
+        _evenly(even["share"], state)
+    elif (harder := HARDER.fullmatch(part)) and _whole_or_it(
+        [one for one in (harder["x"], harder["y"]) if one], state
+    ):
+        _take(_harder(part), None, state, part)
+    elif (only := ONLY.fullmatch(part)) and any(one.get("op") == "remove" for one in state.fresh):
+        _kept(f"keep {only['a'] or only['b']}", state)
+    elif replaced := REPLACE.fullmatch(part):
+        _replace(replaced["what"], replaced["by"], state, part)
+    elif only or not (_kept(part, state) or _reason(part, state)):
+        _edit(_in_full(part, state), state)
+
+
+def _apart(found: re.Match[str]) -> str:
+    """ "the red and blue bins" as "the red bin and the blue bin"."""
+    noun = naming.singular(found["noun"])
+    return (
+        f"{found['lead'].removesuffix('both ')}{found['one']} {noun} and the {found['two']} {noun}"
+    )
+
+
+def _replace(what: str, by: str, state: WishState, part: str) -> None:
+    """A thing is gone, and a new one stands near where it was. Raises NotUnderstood."""
+    if not _whole(what, state) or (named := naming.begins(what.split(), state.nouns)) is None:
+        raise NotUnderstood(f"{what!r}: which thing is meant?")
+    where, options, notes = state.namer.target(named[1]), list[Entry](), list[str]()
+    for one in re.split(r",? or (?:an? )?|, ", by):
+        fields, told = asset(one, None, state.wish.setting.generates)
+        options.append({"op": "insert", **fields, "near": where})
+        notes += told
+    notes.append(f"what takes the place of {what!r} stands near where that was")
+    new = options[0] if len(options) == 1 else {"one_of": options}
+    gone = {"op": "remove", "target": where}
+    _take(
+        Meant(edits=(new, gone), mention=Mention(kind="new"), notes=tuple(notes)), None, state, part
+    )
+
+
+def _in_full(part: str, state: WishState) -> str:
+    """The clause with its nouns where they were said once for two: "the red and blue bins", "the red can to a blue one"."""
+    part = re.sub(r" (?:that|which) (?:are|is) (?:no|not|not an?) (?=[a-z])", " except ", part)
+    if alike := ALIKE.search(part):
+        return f"{part[: alike.start()]} {_measured(alike['what'], state)}"
+    if only := ONLY.fullmatch(part):
+        return f"remove everything except {only['a'] or only['b']}"
+    if again := AGAIN.fullmatch(part):
+        kinds = {one.kind for one in state.clause(again["value"]).tokens}
+        if kinds <= {"color", "texture", "gloss", "vary", "filler"}:
+            return f"{again['head']} -> {again['value']}"
+    return part
+
+
+def _measured(what: str, state: WishState) -> str:
+    """The color that something was recorded in. Raises NotUnderstood for several."""
+    named = naming.begins(what.split(), state.nouns)
+    if named is None or not _whole(what, state):
+        raise NotUnderstood(f"{what!r}: the same color as what?")
+    ids = state.namer.ids(state.namer.target(named[1]))
+    tints = {row["color"] for row in state.namer.rows if row["id"] in ids}
+    if len(tints) != 1:
+        raise NotUnderstood(f"{what!r} has several colors: {', '.join(sorted(tints))}")
+    state.notes.append(f"the color of {what!r} is {min(tints)}")
+    return str(tints.pop())
+
+
+def _evenly(share: str | None, state: WishState) -> None:
+    """Each of the looks that were said gets its share of the copies. Raises NotUnderstood for more than all."""
+    edit = state.fresh[-1]
+    if share is None:
+        return
+    number = words.number(re.match(words.NUMBER, share)[0]) / (100 if share[-1] in "%t" else 1)  # type: ignore[index]
+    whole = words.tidy(number * len(edit["one_of"]))
+    if whole > 1.02:
+        raise NotUnderstood(f"{share} each: {len(edit['one_of'])} looks are more than all copies")
+    if whole < 0.98:
+        edit["probability"] = whole
+
+
+def _harder(part: str) -> Meant:
+    edit = {"op": "light_color", "range": [[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]]}
+    note = f"{part!r} is taken as dimmer light, 0.4 to 0.8 times as bright; say what else: clutter, colors, cameras"
+    return Meant(edits=(edit,), mention=Mention(kind="light"), notes=(note,))
+
+
+def _whole_or_it(parts: Sequence[str], state: WishState) -> bool:
+    """Are these the scene as a whole, or things of it that are there?"""
+    for one in parts:
+        if one in ("it", "this", "things", "everything", "the task", "the scene", "all"):
+            continue
+        named = naming.begins(one.split(), state.nouns)
+        if not _whole(one, state) or named is None:
+            return False
+        if state.namer.recording:
+            state.namer.ids(state.namer.target(named[1]))
+    return True
 
 
 def _edit(part: str, state: WishState) -> None:
     part, share = chance(part)
     recorded = FROM.search(part)
-    part = INSTEAD.sub("", FROM.sub("", part)).strip(" ,;:")
+    part = FROM.sub("", part)
+    part = (
+        part
+        if re.search(r"\b(?:any|random\w*|different|various|vary)\b", part)
+        else INSTEAD.sub("", part).strip(" ,;:")
+    )
     if re.search(r"\bor\b", part):
-        part = re.sub(r",? ?(?:with )?50 ?/ ?50|, whichever$", "", part)
+        part = re.sub(rf",? ?{EVEN.pattern}(?=$| )", "", part)
     options = re.split(r",? or (?:else )?(?=[a-z]+ )", re.sub(r"^either ", "", part))
     found = None
     try:
         found = _meant(part, state)
     except RpaugError:
-        if len(options) < 2:
+        found = _gone_on(part, state) or (
+            _alternatives(options, state) if len(options) > 1 else None
+        )
+        if found is None:
             raise
-        found = _alternatives(options, state)
     if recorded:
         found = _of_that_color(found, recorded["tint"])
     _take(found, share, state, part)
+
+
+def _gone_on(part: str, state: WishState) -> Meant | None:
+    """What the clause before comes to with these words at its end, if that is the same edit with more said of it."""
+    before, edits = state.last
+    if not before or not {one.kind for one in state.clause(part).tokens} <= AFTERTHOUGHT:
+        return None
+    with contextlib.suppress(RpaugError):
+        found = Reader(state.here(), state.namer).read(state.clause(f"{before} {part}"))
+        if [_ops(one) for one in found.edits] == [
+            _ops(one) for one in edits
+        ] and not found.replaces:
+            state.edits = [one for one in state.edits if all(one is not old for old in edits)]
+            state.fresh = [one for one in state.fresh if all(one is not old for old in edits)]
+            return found
+    return None
+
+
+def _ops(edit: Entry) -> set[str]:
+    return {one["op"] for one in edit.get("one_of", [edit])}
 
 
 def _of_that_color(found: Meant, tint: str) -> Meant:
@@ -331,10 +502,23 @@ def _meant(part: str, state: WishState) -> Meant:
         return fits
     try:
         return reader.read(state.clause(part))
-    except RpaugError:
-        if not state.verb or state.clause(part).has("remove", "add", "move", "copy"):
-            raise
-        return reader.read(state.clause(f"{state.verb} {part}"))
+    except RpaugError as error:
+        why = error
+    if (plain := SIMILE.sub("", part)) != part:
+        with contextlib.suppress(RpaugError):
+            found = reader.read(state.clause(plain))
+            if all(
+                one["op"] in LOOKS for edit in found.edits for one in edit.get("one_of", [edit])
+            ):
+                note = f"{part[len(plain) :].strip()!r} is taken as a reason, not as an edit"
+                return found.model_copy(update={"notes": (*found.notes, note)})
+    read = state.clause(part)
+    about = [state.verb] if state.verb and not read.has("remove", "add", "move", "copy") else []
+    about += [] if read.has("thing") or not state.about else [state.about]
+    for before in about:
+        with contextlib.suppress(RpaugError):
+            return reader.read(state.clause(f"{before} {part}"))
+    raise why
 
 
 def _alternatives(parts: Sequence[str], state: WishState) -> Meant:
@@ -360,6 +544,11 @@ def _reason(part: str, state: WishState) -> bool:
         return True
     fact = None if part.startswith(("our", "my ")) else FACT.fullmatch(part)
     named = naming.begins((fact["what"] if fact else part).split(), state.nouns)
+    camera = next((one for one in state.clause(part).tokens[:1] if one.kind == "camera"), None)
+    if camera and camera.value and REASON.fullmatch(part):
+        names = camera.value
+        names = names[0] if isinstance(names, list) and len(names) == 1 else names
+        state.mention = Mention(kind="camera", cameras=names)
     if fact and (named is None or not _true(fact, named[1], state)):
         return False
     if not fact and not REASON.fullmatch(part):
@@ -436,14 +625,8 @@ def _touched(what: str, edit: Entry, state: WishState) -> bool:
     where = state.namer.target(named[1])
     if state.namer.recording is None:
         return where in about
-    ids = _spared(where, state)
+    ids = state.namer.ids(where)
     return any(ids & state.namer.ids(one) for one in about)
-
-
-def _spared(where: naming.Target, state: WishState) -> frozenset[int]:
-    """What must stay: of one thing that one, of several all that fit. Raises TargetError where one of several is meant."""
-    last = where.split()[-1] if isinstance(where, str) else ""
-    return state.namer.ids(where if last == naming.singular(last) else naming.every(where))
 
 
 def _spare(what: str, edit: Entry, option: Entry, state: WishState) -> None:
@@ -466,7 +649,7 @@ def _spare(what: str, edit: Entry, option: Entry, state: WishState) -> None:
             f"{what!r} must not change, and the same wish asks for: {_short(option)}"
         )
     where = state.namer.target(named[1])
-    ids = _spared(where, state)
+    ids = state.namer.ids(where)
     option[place] = state.namer.without(option[place], ids)
     state.notes.append(f"{what!r} is left out of {_short(edit)}")
 
@@ -474,8 +657,10 @@ def _spare(what: str, edit: Entry, option: Entry, state: WishState) -> None:
 def chance(part: str) -> tuple[str, float | None]:
     """A clause without the share of copies that it is meant for, and that. Raises NotUnderstood for no share."""
     for pattern in CHANCES:
-        found = re.search(rf"(?:(?<=, )|(?<= )|^)(?:{pattern})(?= |,|$)", part)
-        if found is None:
+        bare = "p9" in pattern
+        lead = "" if bare else r"(?:(?<=, )|(?<= )|^)"
+        found = re.search(rf"{lead}(?:{pattern})(?= |,|$)", part)
+        if found is None or (bare and MEASURED.search(part)):
             continue
         given = {name: value for name, value in found.groupdict().items() if value}
         if word := given.get("w7") or given.get("w8"):
@@ -603,6 +788,15 @@ def _take(found: Meant, share: float | None, state: WishState, part: str) -> Non
     """Add what a clause means. A later look, size or light of the same thing takes the place of an earlier one's."""
     state.did = True
     state.mention = found.mention or state.mention
+    told = [one.text for one in state.clause(part).tokens if one.kind == "thing"]
+    given = all(one["op"] in SETTLED for edit in found.edits for one in edit.get("one_of", [edit]))
+    state.about = (
+        " and ".join(told)
+        if given and len(told) == len(found.edits)
+        else state.about
+        if given
+        else ""
+    )
     state.verb = next(
         (
             word
@@ -612,6 +806,7 @@ def _take(found: Meant, share: float | None, state: WishState, part: str) -> Non
         state.verb,
     )
     state.notes += found.notes
+    kept = len(state.fresh)
     for k in found.replaces:
         state.fresh = [one for one in state.fresh if one is not state.edits[k]]
         state.edits[k] = found.edits[0]
@@ -619,6 +814,10 @@ def _take(found: Meant, share: float | None, state: WishState, part: str) -> Non
         group = _key(edit)
         edit = {**edit, "probability": share} if share is not None else edit
         same = [k for k, other in enumerate(state.edits) if group and _key(other) == group]
+        if _merged(edit, state):
+            continue
+        if same and _unsaid(state.edits[same[0]]):
+            state.fresh = [one for one in state.fresh if one is not state.edits[same[0]]]
         if same and any(state.edits[same[0]] is one for one in state.fresh):
             if state.edits[same[0]] == edit:  # said twice
                 continue
@@ -633,10 +832,39 @@ def _take(found: Meant, share: float | None, state: WishState, part: str) -> Non
         else:
             state.edits.append(edit)
         state.fresh.append(edit)
+    state.last = (part, state.fresh[kept:] if share is None and not found.replaces else [])
     if len(state.edits) > MOST * 4:
         raise NotUnderstood("too many edits: say them in several wishes")
     output = {"edits": list(found.edits), "notes": list(found.notes)}
     state.trace.append(Trace(stage=found.stage, by="words", input=part, output=output))
+
+
+def _unsaid(edit: Entry) -> bool:
+    """Does an edit give a look without saying which?"""
+    return edit.get("color") == ANY or (edit["op"].endswith("texture") and "texture" not in edit)
+
+
+def _merged(edit: Entry, state: WishState) -> bool:
+    """Does an edit go on with the one before, of the same camera: where it looks then, how far it turns as well?"""
+    if edit.get("op") != "camera_pose" or not state.fresh or "probability" in edit:
+        return False
+    before = state.fresh[-1].get("one_of", [state.fresh[-1]])
+    if any(one["op"] != "camera_pose" or one["camera"] != edit["camera"] for one in before):
+        return False
+    exact = {"by", "turned", "toward"}
+    if "toward" in edit and not exact & edit.keys() - {"toward"}:
+        more = {"toward": edit["toward"]}
+    elif (
+        exact & {*edit, *(key for one in before for key in one)}
+        or "turn" not in edit
+        or edit.get("shift")
+    ):
+        return False
+    else:
+        more = {"turn": edit["turn"]}
+    for one in before:
+        one.update(more)
+    return True
 
 
 def _drawn(edits: list[Entry]) -> Iterator[Entry]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from rpaug.assets import library
 from rpaug.core import color_space
-from rpaug.core.errors import MissingExtra, TargetError
+from rpaug.core.errors import MissingExtra, RpaugError, TargetError
 from rpaug.language import naming, templates, words
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.naming import Named, Namer, Target
@@ -16,7 +16,7 @@ from rpaug.language.reading import Clause
 from rpaug.language.words import Amount, shaded, tidy
 from rpaug.physics import materials
 from rpaug.providers.words import synonym
-from rpaug.scene.targets.relations import singular
+from rpaug.scene.targets.relations import ANYTHING, GRIPS, PARTS, singular
 
 TABLE, BACKGROUND = {"role": "table"}, {"role": "background"}
 ANY = {"sample": "colosseum"}
@@ -25,7 +25,13 @@ WARM, COOL = (0.5, 0.42, 0.32), (0.38, 0.44, 0.5)
 STEP, WRIST_STEP, TURN = 0.1, 0.02, 0.1745  # metres and radians, where no amount was named
 MOST = 30
 NEUTRAL = 6500  # kelvin, of sRGB's white
-STEPS = 5
+SENSED: dict[str, tuple[str, tuple[str, ...], float]] = {
+    "noise": ("read", ("share", "number"), 0.0),
+    "blur": ("sigma", ("pixels", "number"), 0.3),
+    "jpeg": ("quality", ("number", "share"), 30),
+}
+"""What of a sensor's fault an amount says, in which units, and from where on "up to" goes."""
+COUNTS = 5  # different numbers of new things that one wish may draw from
 LIFT = 0.64  # radians: how high a lamp stands at a side, where no angle was named
 COMPARED = re.compile(r"\b(?:\w+er|less|more)\b")
 SHAKEN = {
@@ -40,6 +46,21 @@ SHAKEN = {
     "slightly off",
 }
 """Ways to vary where something is, not how it looks."""
+EACH = re.compile(
+    r"\b(?:independently|individually|each|every|all different|(?:different|random|various) (?:colors|textures|materials|patterns))\b(?! (?:copy|episode|time))"
+)
+MIDDLE = (
+    "midpoint",
+    "the midpoint",
+    "middle",
+    "the middle",
+    "center",
+    "the center",
+    "between",
+    "halfway",
+    "of",
+)
+VIEWED = re.compile(r"\b(?:look|view|see|film|watch)\b.* from\b")
 LIGHT = Mention(kind="light")
 WAYS = {
     "up": (0, -1, 0),
@@ -108,158 +129,133 @@ class Reader:
 
     # Cameras: x right, y down, z into the scene; a positive turn about x looks up, about y right, about z clockwise.
 
-    # Long: the ways to say how a camera moves, one after the other.
     def camera(self, clause: Clause) -> Meant | None:
-        token = clause.one("camera")
-        mention = self.wish.mention
-        if token is None and mention and mention.kind == "camera" and clause.has("thing"):
+        """Cameras at an exact motion, at one drawn along a direction or within bounds, or looking at something."""
+        if (names := self._cameras(clause)) is None:
+            return None
+        mention, notes = Mention(kind="camera", cameras=names), list[str]()
+        edit: Entry = {"op": "camera_pose", "camera": names}
+        order = [one.kind for one in clause.tokens if one.kind in ("length", "angle")]
+        lengths, angles = _amounts(clause, "length"), _amounts(clause, "angle")
+        if any(one.how == "least" for one in (*lengths, *angles)):
+            raise NotUnderstood(f"{clause.text!r}: at most how far?")
+        rolled = clause.one("roll", "unroll")
+        tilts = any(
+            one.kind in ("tilt", "pan", "rotate") or one.text == "turn" for one in clause.tokens
+        )
+        clause.every("tilt", "pan")
+        if clause.every("aim"):
+            clause.tokens = [one for one in clause.tokens if one.text not in MIDDLE]
+            edit["toward"] = self.namer.middle(clause.things())
+        axes, ways = clause.every("axes"), clause.every(*WAYS)
+        if (
+            len(order) == len(ways) and angles
+        ):  # each amount goes with the way that is said with it; the angle's last
+            ways.append(ways.pop(order.index("angle")))
+        clause.every("move", "rotate", "remove", "pose", "from")
+        if axes:
+            if len(lengths) != 1 or lengths[0].how != "exact":
+                raise NotUnderstood(f"{clause.text!r}: how far along each axis?")
+            edit["by"] = [lengths[0].low, lengths[0].low, 0]
+        elif rolled:
+            if ways or lengths:
+                raise NotUnderstood(f"{clause.text!r}: roll the camera, or move it")
+            sign = -1 if rolled.kind == "unroll" else 1
+            edit |= {"by": [0, 0, 0]} | _motion(
+                "turned", [((0, 0, sign), angles[0] if angles else Amount(TURN, TURN))]
+            )
+        elif ways:
+            edit |= self._posed(clause, names, ways, lengths, angles, tilts, notes)
+        elif "toward" not in edit:
+            edit |= self._jittered(clause, lengths, angles, tilts, notes)
+        return _done(edit, mention=mention, notes=tuple(notes))
+
+    def _cameras(self, clause: Clause) -> Any:
+        """The cameras that a clause is about; None where it is about none."""
+        token, mention = clause.one("camera"), self.wish.mention
+        known = mention is not None and mention.kind == "camera"
+        if token is None and known and clause.has("thing"):
             spoken = clause.one("thing")
             token = words.Token("camera", "it", []) if spoken and spoken.value.pronoun else None
-        if (
-            token is None
-            and re.search(r"\b(?:look|view|see|film|watch)\b.* from\b", clause.text)
-            and clause.has(*WAYS)
-        ):
+        if token is None and VIEWED.search(clause.text) and clause.has(*WAYS):
             clause.every("all", "thing", "image")
             token = words.Token("camera", "the camera", "static")
         if token is None:
             return None
-        told: tuple[str, ...] = ()
-        if token.value == []:
-            known = mention is not None and mention.kind == "camera"
-            names = mention.cameras if mention and known else "static"
-            told = () if known else (f"{token.text!r} is taken as all cameras that stand still",)
-        else:
-            names = (
-                token.value
-                if isinstance(token.value, str) or len(token.value) > 1
-                else token.value[0]
+        if token.value != []:
+            return (
+                token.value[0]
+                if isinstance(token.value, list) and len(token.value) == 1
+                else token.value
             )
-        mention = Mention(kind="camera", cameras=names)
-        self.namer.notes += told
-        edit: Entry = {"op": "camera_pose", "camera": names}
-        lengths, angles = _amounts(clause, "length"), _amounts(clause, "angle")
-        rolled = clause.one("roll", "unroll")
-        turns = [
-            one
-            for one in clause.tokens
-            if one.kind in ("tilt", "pan", "rotate") or one.text == "turn"
-        ]
-        tilts = bool(turns)
-        clause.every("tilt", "pan")
-        ways = clause.every(*WAYS)
-        clause.every("move", "rotate", "remove", "pose", "from")
-        if clause.one("axes"):
-            ways = []
-            if len(lengths) != 1 or lengths[0].how != "exact":
-                raise NotUnderstood(f"{clause.text!r}: how far along each axis?")
-            edit["by"] = [lengths[0].low, lengths[0].low, 0]
-            return _done(edit, mention=mention)
-        jitters = not ways and not rolled and bool(clause.every("vary", "little", "any"))
+        if mention is not None and known:
+            return mention.cameras
+        self.namer.notes.append(f"{token.text!r} is taken as all cameras that stand still")
+        return "static"
+
+    def _jittered(
+        self,
+        clause: Clause,
+        lengths: list[Amount],
+        angles: list[Amount],
+        tilts: bool,
+        notes: list[str],
+    ) -> Entry:
+        """A motion of any direction within bounds."""
+        vague = not clause.every("vary", "little", "any") and not lengths
         if (
-            not ways
-            and not rolled
-            and not jitters
-            and len(angles) == 1
-            and not lengths
-            and angles[0].how == "exact"
+            vague
+            and (tilts or not angles)
+            and not (len(angles) == 1 and clause.taken[1:])
+            and not clause.taken[1:]
         ):
-            angles = [Amount(angles[0].low, angles[0].low, "upto")]
-            self.namer.notes.append(
+            raise NotUnderstood(f"{clause.text!r}: what about the camera?")
+        if vague and len(angles) == 1 and angles[0].how == "exact":
+            notes.append(
                 "which way it turns was not said: it turns about any axis, up to that angle"
             )
-        if any(one.how == "least" for one in (*lengths, *angles)):
-            raise NotUnderstood(f"{clause.text!r}: at most how far?")
-        if (
-            not ways
-            and not rolled
-            and (
-                jitters
-                or any(one.how in ("upto", "about") for one in (*lengths, *angles))
-                or not (lengths or angles)
-            )
-        ):
-            vague = tilts or (not jitters and not lengths and not angles)
-            if vague and not clause.taken[1:]:
-                raise NotUnderstood(f"{clause.text!r}: what about the camera?")
-            if lengths or angles:
-                edit["shift"] = lengths[0].high if lengths else 0
-            if angles:
-                edit["turn"] = angles[0].high
-            elif lengths and lengths[0].how == "about":
-                edit["turn"] = 0
-            return _done(edit, mention=mention)
-        drawn = [one for one in (*lengths, *angles) if one.how in ("upto", "about", "range")]
-        if len(drawn) > 1:
-            raise NotUnderstood(f"{clause.text!r}: one range at a time along a direction")
-        if drawn:  # along one direction: a few even steps, one of which each copy draws
-            low = {"upto": 0.0, "about": -drawn[0].high}.get(drawn[0].how, drawn[0].low)
-            steps = [low + k * (drawn[0].high - low) / (STEPS - 1) for k in range(STEPS)]
-            options: list[Entry] = []
-            for step in steps:
-                fixed = [
-                    [Amount(step, step) if one is drawn[0] else one for one in kind]
-                    for kind in (lengths, angles)
-                ]
-                options += self._posed(
-                    clause, edit, ways, rolled, fixed[0], fixed[1], tilts, mention
-                ).edits
-            note = f"drawn from {STEPS} even steps"
-            return _done({"one_of": options}, mention=mention, notes=(note,))
-        return self._posed(clause, edit, ways, rolled, lengths, angles, tilts, mention)
+        elif vague and any(one.how == "exact" for one in (*lengths, *angles)):
+            raise NotUnderstood(f"{clause.text!r}: which way, and how far?")
+        edit: Entry = {"shift": lengths[0].high if lengths else 0} if lengths or angles else {}
+        if angles or (lengths and lengths[0].how == "about"):
+            edit["turn"] = angles[0].high if angles else 0
+        return edit
 
     def _posed(
         self,
         clause: Clause,
-        edit: Entry,
+        names: Any,
         ways: list[words.Token],
-        rolled: words.Token | None,
         lengths: list[Amount],
         angles: list[Amount],
         tilts: bool,
-        mention: Mention,
-    ) -> Meant:
-        """An exact motion: the directions that lengths go with, and the one that an angle goes with."""
-        if rolled:
-            sign = -1 if rolled.kind == "unroll" else 1
-            if ways or lengths:
-                raise NotUnderstood(f"{clause.text!r}: roll the camera, or move it")
-            return _done(
-                {
-                    **edit,
-                    "by": [0, 0, 0],
-                    "turned": [0, 0, tidy(sign * (angles[0].low if angles else TURN))],
-                },
-                mention=mention,
-            )
+        notes: list[str],
+    ) -> Entry:
+        """A motion along directions: those that lengths go with, and the one that an angle goes with."""
         little = 0.5 if clause.every("little") else 2.0 if clause.every("much") else 1.0
         turning = bool(angles) or (tilts and not lengths)
         turns, moves = (ways[-1:], ways[:-1]) if turning else ([], ways)
-        if (
-            (turning and not turns)
-            or len(moves) < len(lengths)
-            or (len(lengths) not in (0, len(moves)))
-            or len(angles) > 1
-            or (not turning and not moves)
-        ):
+        if len(lengths) not in (0, len(moves)) or len(angles) > 1:
             raise NotUnderstood(f"{clause.text!r}: which way, and how far?")
-        by, notes = [0.0, 0.0, 0.0], []
-        carried = any(part in str(edit["camera"]).lower() for part in ("wrist", "hand", "gripper"))
+        if len([one for one in (*lengths, *angles) if one.how != "exact"]) > 1:
+            raise NotUnderstood(f"{clause.text!r}: one range at a time along a direction")
+        carried = any(part in str(names).lower() for part in ("wrist", "hand", "gripper"))
         usual = (WRIST_STEP if carried else STEP) * little
-        for k, way in enumerate(moves):
-            far = lengths[k].low if lengths else usual
-            if not lengths:
-                notes.append(f"{100 * far:g} cm, since no length was named")
-            by = [tidy(was + far * part) for was, part in zip(by, WAYS[way.kind], strict=True)]
-        edit["by"] = [value or 0 for value in by]
+        if moves and not lengths:
+            notes.append(f"{100 * usual:g} cm, since no length was named")
+            lengths = [Amount(usual, usual)] * len(moves)
+        edit = _motion(
+            "by", [(WAYS[way.kind], far) for way, far in zip(moves, lengths, strict=True)]
+        )
         if turns:
-            turn = TURNS.get(turns[0].kind)
-            if turn is None:
+            if turns[0].kind not in TURNS:
                 raise NotUnderstood(f"{clause.text!r}: a camera turns up, down, left or right")
             if not angles:
                 notes.append("10 degrees, since no angle was named")
-            edit["turned"] = [tidy((angles[0].low if angles else TURN) * part) for part in turn]
-        return _done(edit, mention=mention, notes=tuple(notes))
+            edit |= _motion(
+                "turned", [(TURNS[turns[0].kind], angles[0] if angles else Amount(TURN, TURN))]
+            )
+        return edit
 
     def physics(self, clause: Clause) -> Meant | None:
         """A thing behaves as if it were of a material, and may fall from some height."""
@@ -325,7 +321,7 @@ class Reader:
         if not (lamp or lit) and not (toned and (everything or not clause.has("thing"))):
             return None
         clause.tokens = [one for one in clause.tokens if one not in spoken]
-        clause.every("light", "much", "size_of", "on", "all")
+        clause.every("light", "much", "size_of", "on", "all", "swap")
         edits, notes = list[Entry](), list[str]()
         aside = any(one.text in ("somewhere else", "elsewhere") for one in clause.tokens)
         if (
@@ -489,82 +485,53 @@ class Reader:
         notes.append(f"{side.kind} is the robot's {side.kind}")
         return {"op": "light_direction", "to": [*to[:2], tidy(math.sin(height))]}
 
-    # Long: four operators, which share how they are asked for.
     def sensor(self, clause: Clause) -> Meant | None:
-        """Noise, blur, compression and exposure of all images."""
-        kind = next((one for one in ("noise", "blur", "jpeg", "stops") if clause.has(one)), None)
-        exposed = clause.has("darker", "brighter") and any(
-            one.text
-            in (
-                "exposure",
-                "overexpose",
-                "underexpose",
-                "images",
-                "image",
-                "overexposed",
-                "underexposed",
-                "pictures",
-            )
-            for one in clause.tokens
+        """Noise, blur, compression and exposure of the images: of all cameras, or of those that are named."""
+        spoken = [one.text for one in clause.tokens]
+        exposed = clause.has("stops") or any("expos" in one for one in spoken)
+        exposed |= clause.has("darker", "brighter") and bool(
+            {"image", "images", "pictures"} & {*spoken}
         )
-        exposed = exposed or any(one.text == "exposure" for one in clause.tokens)
-        if (
-            (kind is None and not exposed)
-            or (kind in ("blur", "noise") and clause.has("color", "texture", "lay"))
-            or (
-                clause.has("thing")
-                and not all(one.value.pronoun for one in clause.tokens if one.kind == "thing")
-            )
-        ):
+        kind = next((one for one in SENSED if clause.has(one)), "exposure" if exposed else None)
+        surface = kind in ("blur", "noise") and clause.has("color", "texture", "lay")
+        things = [one for one in clause.tokens if one.kind == "thing" and not one.value.pronoun]
+        if kind is None or surface or things:
             return None
-        if any(one.kind == "camera" and one.value not in ("static", []) for one in clause.tokens):
-            raise NotUnderstood(
-                f"{clause.text!r}: what the sensor does is the same for all cameras"
-            )
-        clause.every("thing", "image", "all", "camera", "add", "lay", "much", "scale")
+        edit: Entry = {"op": f"sensor_{kind}"}
+        named = [one.value for one in clause.every("camera") if isinstance(one.value, list)]
+        if cameras := sorted({name for some in named for name in some}):
+            edit["cameras"] = cameras
+        if clause.every("each"):
+            edit["each"] = True
+        clause.every("thing", "image", "all", "add", "lay", "much", "scale", "vary", kind)
         mild = bool(clause.every("little"))
-        if kind in ("noise", "blur", "jpeg"):
-            clause.every(kind)
-            amounts = _amounts(
-                clause,
-                *{
-                    "noise": ("share", "number"),
-                    "blur": ("pixels", "number"),
-                    "jpeg": ("number", "share"),
-                }[kind],
+        if kind == "exposure":
+            return self._exposure(clause, edit, mild)
+        name, kinds, least = SENSED[kind]
+        if amounts := _amounts(clause, *kinds):
+            one = amounts[0]
+            factor = 100 if kind == "jpeg" and one.high <= 1 else 1
+            start = (
+                least if one.how == "upto" or (kind == "noise" and one.how == "exact") else one.low
             )
-            clause.every("vary")
-            name, low = {"noise": ("read", 0.0), "blur": ("sigma", 0.3), "jpeg": ("quality", 30)}[
-                kind
-            ]
-            edit: Entry = {"op": f"sensor_{kind}"}
-            if amounts:
-                one = amounts[0]
-                factor = 100 if kind == "jpeg" and one.high <= 1 else 1
-                start = (
-                    low
-                    if one.how == "upto" or (kind == "noise" and one.how == "exact")
-                    else one.low
-                )
-                edit[name] = [tidy(start * factor), tidy(one.high * factor)]
-            return _done(edit)
+            edit[name] = [tidy(start * factor), tidy(one.high * factor)]
+        return _done(edit)
+
+    def _exposure(self, clause: Clause, edit: Entry, mild: bool) -> Meant:
         stops = _amounts(clause, "stops")
         less, more = clause.every("darker", "down", "less"), clause.every("brighter", "up", "more")
-        clause.every("vary")
-        amount = stops[0] if stops else Amount(0.5 if mild else 1, 0.5 if mild else 1)
-        if amount.how in ("upto", "about") and not (less or more):
-            return _done(
-                {"op": "sensor_exposure", "stops": [tidy(-amount.high), tidy(amount.high)]}
+        usual = 0.5 if mild else 1
+        amount = stops[0] if stops else Amount(usual, usual)
+        if not (less or more):
+            ends = (
+                amount.ends
+                if amount.how == "range" or amount.low == amount.ends[0]
+                else (-amount.high, amount.high)
             )
-        if not (less or more or amount.low < 0):
-            return _done(
-                {"op": "sensor_exposure", **({"stops": [amount.low, amount.high]} if stops else {})}
-            )
-        ends = sorted(
-            -value if less and value > 0 else value for value in (amount.low, amount.high)
-        )
+            return _done(edit | ({"stops": [tidy(one) for one in ends]} if stops else {}))
+        signed = sorted(-one if less and one > 0 else one for one in (amount.low, amount.high))
         notes = () if stops else (f"{amount.high:g} stops, since no amount was named",)
-        return _done({"op": "sensor_exposure", "stops": [tidy(one) for one in ends]}, notes=notes)
+        return _done(edit | {"stops": [tidy(one) for one in signed]}, notes=notes)
 
     # Things: in, out, elsewhere, larger.
 
@@ -581,11 +548,19 @@ class Reader:
         )
 
     def remove(self, clause: Clause) -> Meant | None:
+        """Things are gone: those that are named, what the task does not need, or all but what is named."""
         if not clause.has("remove", "clear"):
             return None
         clearing = clause.every("clear") or (clause.has("on") and clause.every("all"))
-        clause.every("on")
-        clause.every("remove")
+        clause.every("on", "remove")
+        if clause.has("not"):
+            apart = clause.things("not")
+            named, every = clause.things(), clause.every("not", "all", "strangers", "rest")
+            if not apart or not (len(every) > 1 or _anything(named)):
+                raise NotUnderstood(
+                    f"{clause.text!r}: all but what? `remove everything except ...`"
+                )
+            return _done({"op": "remove", "target": self.namer.but(apart)})
         if clearing or clause.has("strangers", "rest"):
             named = clause.things()
             if [one.words for one in named] not in ([], ["table"], ["desk"], ["scene"]):
@@ -596,11 +571,8 @@ class Reader:
             clause.every("strangers", "rest", "all")
             if (numbers := _amounts(clause, "number")) and random:
                 return self._some(_whole(numbers[0]))
-            ids = self.namer.strangers()
-            if not ids:
-                raise NotUnderstood(
-                    f"{clause.text!r}: there is nothing that the task does not need"
-                )
+            if not (ids := self.namer.strangers()):
+                raise NotUnderstood(f"{clause.text!r}: the task needs all that is there")
             return _done({"op": "remove", "target": {"handle": sorted(ids)}})
         return self._each(clause.things(), {"op": "remove"}, {}) if clause.has("thing") else None
 
@@ -648,7 +620,7 @@ class Reader:
         varied, notes = clause.every("vary", "any"), tuple[str, ...]()
         if bigger and smaller and len(shares) == 1 and clause.every("or"):
             shares, down, bigger = [Amount(shares[0].high, shares[0].high, "about")], False, []
-        if len(shares) > 1:
+        if len(shares) > 1 or (bigger and smaller):
             raise NotUnderstood(f"{clause.text!r}: one factor, please")
         if shares:
             low, high = self._factors(clause, shares[0], down, bool(bigger))
@@ -710,7 +682,8 @@ class Reader:
         putting = any(one.text in ("put", "placed", "use", "throw") for one in clause.tokens)
         things = [one.value for one in clause.tokens if one.kind == "thing"]
         fresh = [one for one in things if one.fresh]
-        listed = [one for one in things if one.words.split()[0] in library_names()]
+        firsts = [one.words.split()[0] for one in things if not one.several]
+        listed = [name for name in firsts if name in library_names() and "_" in name]
         if clause.has("strangers") and not clause.has(
             "spread",
             *(() if clause.has("add", "number") else ("color",)),
@@ -722,6 +695,23 @@ class Reader:
         ):
             return self._clutter(clause)
         counted = clause.has("number") and clause.has("thing")
+        stands = clause.has("on", "near") and not clause.has(
+            "vary",
+            "paint",
+            "lay",
+            "texture",
+            "move",
+            "scale",
+            "bigger",
+            "smaller",
+            "remove",
+            "copy",
+        )
+        putting = putting or stands
+        if _anything(things) and clause.has("add") and not clause.has("color", "texture", "paint"):
+            for one in [one for one in clause.tokens if one.kind == "thing"]:
+                clause.tokens[clause.tokens.index(one)] = words.Token("strangers", one.text)
+            return self._clutter(clause)
         if not (clause.has("add") or listed or (putting and (fresh or counted))) or not clause.has(
             "thing"
         ):
@@ -742,7 +732,7 @@ class Reader:
             if numbers
             else []
         )
-        if len(counts) > STEPS or (numbers and numbers[0].low != int(numbers[0].low)):
+        if len(counts) > COUNTS or (numbers and numbers[0].low != int(numbers[0].low)):
             raise NotUnderstood(f"{clause.text!r}: how many?")
         if color := clause.one("color"):
             edit["color"] = color.value[0]
@@ -772,7 +762,7 @@ class Reader:
             clause.one("point"),
             _amounts(clause, "length"),
         )
-        near = clause.every("near", "from") or re.search(r"\bwithin .+ of ", clause.text)
+        near = clause.every("near") or re.search(r"\bwithin .+ of ", clause.text)
         color = clause.one("color")
         named = clause.things()
         place: Entry = {}
@@ -910,9 +900,11 @@ class Reader:
         """Darker or lighter than the color that was asked for before."""
         if not clause.has("darker", "brighter") or not clause.has("thing"):
             return None
-        dark = bool(clause.every("darker"))
-        clause.every("brighter", "little", "paint", "much")
+        dark, light = bool(clause.every("darker")), bool(clause.every("brighter"))
+        clause.every("little", "paint", "much")
         named = clause.things()
+        if (dark and light) or len(named) > 1:
+            raise NotUnderstood(f"{clause.text!r}: darker or lighter, one thing after the other")
         painted = [edit["target"] for edit in self.wish.edits if edit.get("op") == "recolor"]
         mention = self.wish.mention
         alone = (
@@ -947,19 +939,19 @@ class Reader:
         )
 
     def paint(self, clause: Clause) -> Meant | None:
+        """A color, a texture or a style, or one of several, for what is named."""
         named_none = not clause.has("thing", "all", "rest", "strangers")
         if named_none and not (clause.has("on") and clause.has("texture", "lay")):
             return None
-        apart: list[Named] = []
-        banned = list[Any]()
+        apart, banned = list[Named](), list[Any]()
         if clause.has("not"):
             colors = [one for one in clause.tokens if one.kind == "color"]
             apart = clause.things("not")
             clause.every("not")
-            if colors and clause.has("any", "paint"):
+            if colors and not apart and clause.has("any", "paint"):
                 banned = clause.every("color")[-1].value
         tints, pictures = clause.every("color"), clause.every("texture")
-        notes = ("gloss stays as it was recorded",) if clause.every("gloss") else ()
+        notes = ["gloss stays as it was recorded"] if clause.every("gloss") else []
         styled = bool(clause.every("style"))
         at_table = clause.every("on", "add") if named_none else []
         laid, painted, anyhow = (
@@ -977,28 +969,74 @@ class Reader:
                 raise NotUnderstood(f"{clause.text!r}: the rest beside what?")
             every, apart = rest, self.namer.kept
         named = clause.things() or ([Named("table")] if at_table else [])
-        each = bool(clause.every("each")) or "independently" in clause.text
+        same = bool(clause.every("same"))
+        each = bool(clause.every("each")) or (bool(EACH.search(clause.text)) and not same)
         several = bool(clause.every("or"))
         if len(tints) + len(pictures) > 1 and not several:
             raise NotUnderstood(f"{clause.text!r}: one look for each thing, please")
-        if not (
-            tints or pictures or anyhow or banned or ((painted or laid or styled) and not tints)
+        if (
+            not (tints or pictures or banned or laid or painted or styled or anyhow)
+            and len(named) == 1
         ):
+            named, tints, pictures = self._own_look(named[0])
+        if not (tints or pictures or anyhow or banned or laid or painted or styled):
             return None
+        only: Entry = {}
+        if tints and len(named) == 1 and (part := self._handle(named[0])):
+            named, only = [part[0]], {"only": part[1]}
+            notes.append(f"the handle is taken as what is {part[1]} of the {part[0].words}")
         places = self._places(named, apart, bool(every), bool(rest), each)
+        if same and len(places) > 1:
+            ids = frozenset[int]().union(*map(self.namer.ids, places))
+            places = [{"handle": sorted(ids)}]
         looks = self._looks(tints, pictures, bool(laid), styled, banned)
-        scale = {"scale": width[0].low} if width else {}
+        more = only | ({"scale": width[0].low} if width else {})
         edits = [
-            _one(
-                [{**_look(where, look), **(scale if "color" not in look else {})} for look in looks]
-            )
+            _one([{**_look(where, look), **(only if "color" in look else more)} for look in looks])
             for where in places
         ]
         return _done(
             *edits,
             mention=Mention(kind="target", target=places[0]) if len(places) == 1 else None,
-            notes=notes,
+            notes=tuple(notes),
         )
+
+    def _own_look(self, named: Named) -> tuple[list[Named], list[words.Token], list[words.Token]]:
+        """A thing and the look that was said before its noun, where nothing of that look is there: "a brick wall"."""
+        spoken = named.words.split()
+        size, fits = words.texture(spoken)
+        color = words.COLORS.match(named.words)
+        taken = size or (len(color.group().split()) if color else 0)
+        noun = Named(" ".join(spoken[taken:]), named.several)
+        if not 0 < taken < len(spoken) or not self._there(noun):
+            return [named], [], []
+        if noun.words not in (*naming.ROLES, *naming.roles.NAMES) and self._there(named):
+            return [named], [], []
+        if size:
+            return [noun], [], [words.Token("texture", "", fits)]
+        assert color is not None
+        return [noun], [words.Token("color", "", words.colors(color.group()))], []
+
+    def _there(self, named: Named) -> bool:
+        """Is there such a thing in the recording? Without one only the roles are."""
+        if self.namer.recording is None:
+            return named.words in (*naming.ROLES, *naming.roles.NAMES)
+        try:
+            return bool(self.namer.ids(self.namer.target(named)))
+        except RpaugError:
+            return False
+
+    def _handle(self, named: Named) -> tuple[Named, str] | None:
+        """The tool whose handle is named, and the color of most of it, where the masks do not show the handle apart."""
+        parts = re.sub(r"^(\w+) of (?:the )?(.+)$", r"\2 \1", named.words).split()
+        if parts[-1] not in GRIPS or len(parts) < 2 or parts[-2] in PARTS or self._there(named):
+            return None
+        tool = Named(" ".join(parts[:-1]))
+        if not self._there(tool):
+            return None
+        ids = self.namer.ids(self.namer.target(tool))
+        shown = [row["shows"] for row in self.namer.rows if row["id"] in ids and "shows" in row]
+        return (tool, shown[0][0]) if len(shown) == 1 else None
 
     def _places(
         self, named: list[Named], apart: list[Named], every: bool, rest: bool, each: bool
@@ -1006,23 +1044,27 @@ class Reader:
         """What gets a look: what is named, or everything but that."""
         if rest and not named:
             return [{"handle": [one]} for one in sorted(self.namer.strangers())]
-        kept = frozenset[int]().union(
-            *(self.namer.ids(naming.every(self.namer.target(one))) for one in apart)
-        )
         if not every:
-            targets = [self.namer.counted(one) for one in named]
             if apart:
-                return [self.namer.without(naming.every(one), kept) for one in targets]
-            if any(one.several for one in named) and each:
+                if _anything(named):
+                    return [self.namer.but(apart)]
+                kept = self.namer.all_ids(apart)
                 return [
-                    {"handle": sorted(group)}
-                    for one in targets
-                    for group in self.namer.groups(naming.every(one))
+                    self.namer.without(naming.every(self.namer.counted(one)), kept) for one in named
                 ]
-            return [
-                naming.every(one) if name.several else one
-                for one, name in zip(targets, named, strict=True)
+            targets = [
+                naming.every(self.namer.counted(one)) if one.several else self.namer.target(one)
+                for one in named
             ]
+            if each and self.namer.recording:
+                groups = [
+                    group for one in targets for group in self.namer.groups(naming.every(one))
+                ]
+                return (
+                    [{"handle": sorted(group)} for group in groups] if len(groups) > 1 else targets
+                )
+            return targets
+        kept = self.namer.all_ids(apart)
         out: list[Target] = []
         for role in ("background", "table", "receiver", "manipulated"):
             ids = frozenset(row["id"] for row in self.namer.rows if row.get("role") == role)
@@ -1093,6 +1135,20 @@ def _parted(text: str) -> tuple[str, str, str]:
         if size:
             return " ".join(spoken[:k]), name, " ".join(spoken[k + size :]).removeprefix("the ")
     return text, "", ""
+
+
+def _anything(named: list[Named]) -> bool:
+    """Are no things in particular meant: "all objects"?"""
+    return bool(named) and all(one.words in ANYTHING for one in named)
+
+
+def _motion(name: str, parts: list[tuple[Any, Amount]]) -> Entry:
+    """A camera's motion or turn: the sum of parts along axes, or the low and high of what is drawn."""
+    ends = [
+        [sum(axis[k] * one.ends[end] for axis, one in parts) for k in range(3)] for end in (0, 1)
+    ]
+    low, high = ([tidy(pick(pair)) or 0 for pair in zip(*ends, strict=True)] for pick in (min, max))
+    return {name: low if low == high else [low, high]}
 
 
 def _look(where: Target, look: Entry) -> Entry:

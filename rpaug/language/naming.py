@@ -2,6 +2,7 @@
 # ruff: noqa: E501  # patterns and word lists are easiest to read whole
 
 import contextlib
+import math
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from rpaug.core.errors import TargetError
 from rpaug.language.lexicon import CLASSES
 from rpaug.language.messages import Mention, NotUnderstood
 from rpaug.language.recording import Recording
-from rpaug.language.words import UNSAID, WORDS, is_rank, texture
+from rpaug.language.words import UNSAID, WORDS, bag, is_rank, texture
 from rpaug.scene.targets import relations, roles, shapes, targets
 from rpaug.scene.targets.nouns import FURNITURE, ROLES
 from rpaug.scene.targets.relations import ANYTHING, singular
@@ -45,78 +46,38 @@ NEARLY = {
     "gray": ("silver",),
     "brown": ("orange", "tan"),
 }
+ARMS = ("arm", "robot arm", "robotic arm", "manipulator", "arm links")
+FINGERS = frozenset(
+    {"finger", "fingers", "fingertip", "fingertips", "finger pad", "finger pads", "pads", "jaws"}
+)
+ROBOTS = frozenset({"sawyer", "panda", "franka", "kuka", "ur5", "ur10", "manipulator"})
+COMPARED = {"smaller": "smallest", "larger": "largest", "bigger": "largest", "taller": "tallest"}
+PATTERNED = frozenset(
+    {
+        "speckled",
+        "patterned",
+        "mottled",
+        "striped",
+        "dotted",
+        "spotted",
+        "textured",
+        "checkered",
+        "multicolored",
+    }
+)
 FLOOR, WALL = ("floor", "ground"), ("wall", "walls")
 PLACES = frozenset(
     f"{by} the {side}" for by in ("at", "from") for side in ("top", "bottom", "left", "right")
 )
 FLAT = 5  # cm: the room's flat sides are thinner
 # What no thing on a table is called: what rpaug itself is made of.
-NO_THING = frozenset(
-    [
-        "dataset",
-        "file",
-        "files",
-        "folder",
-        "folders",
-        "recipe",
-        "recipes",
-        "episode",
-        "episodes",
-        "instruction",
-        "instructions",
-        "output",
-        "outputs",
-        "policy",
-        "policies",
-        "code",
-        "program",
-        "prompt",
-        "system",
-        "data",
-        "key",
-        "keys",
-        "report",
-        "disk",
-        "action",
-        "actions",
-        "trajectory",
-        "password",
-        "user",
-        "root",
-        "shell",
-        "seed",
-        "copies",
-        "copy",
-        "version",
-        "versions",
-        "probability",
-        "gates",
-        "nothing",
-        "nobody",
-        "anything",
-        "something",
-        "everything",
-        "thing",
-        "things",
-        "you",
-        "him",
-        "her",
-        "me",
-        "us",
-        "i",
-        "we",
-        "they",
-        "who",
-        "what",
-        "why",
-        "how",
-        "when",
-        "where",
-        "not",
-        "never",
-        "no",
-        "none",
-    ]
+NO_THING = bag(
+    """
+    dataset file files folder folders recipe recipes episode episodes instruction instructions output outputs
+    policy policies code program prompt system data key keys report disk action actions trajectory password user
+    root shell seed copies copy version versions probability gates nothing nobody anything something everything
+    thing things you him her me us i we they who what why how when where not never no none
+    """
 )
 
 
@@ -151,10 +112,14 @@ def begins(words: Sequence[str], nouns: Collection[str] = ()) -> tuple[int, Name
     elif found := ARTICLE.match(text):
         fresh = found.group().strip() in ("a", "an", "another", "one")
         at = 1
+    other = list(words[at : at + 1]) == ["other"] and "the" in words[:at]
+    at += other
     end = _end(words, at, at > 0, nouns)
     if end == at:
         return None
     kept = [w for k, w in enumerate(words[at:end], at) if w not in PLAIN or k + 1 == end]
+    kept[0] = COMPARED.get(kept[0], kept[0])
+    kept = ["other"] * (other and words[at] not in ANYTHING and words[at] != "ones") + kept
     return end, Named(
         " ".join(kept), several, fresh, 2 if text.startswith(("the two", "both", "two")) else None
     )
@@ -173,6 +138,8 @@ def _known(word: str, nouns: Collection[str] = ()) -> bool:
         or word in ROLES
         or word in roles.NAMES
         or word in ANYTHING
+        or word in ROBOTS
+        or word in FINGERS
         or bare in relations.PARTS | relations.GRIPS | FURNITURE
     )
     return word not in WORDS and (
@@ -206,6 +173,8 @@ def _end(words: Sequence[str], at: int, led: bool, nouns: Collection[str]) -> in
             or is_rank(word)
             or word == "most"
             or word in PLAIN
+            or word in PATTERNED
+            or (word in COMPARED and k == at == 1 and words[0] == "the")
         )
         if size:
             beyond = _beyond(words, k, size, nouns)
@@ -279,6 +248,7 @@ def _leads(words: Sequence[str], k: int, led: bool, nouns: Collection[str]) -> b
         color_space.canonical(words[k]) is not None
         or is_rank(words[k])
         or words[k] in PLAIN
+        or words[k] in PATTERNED
         or words[k] == "most"
     ):
         k += 1
@@ -314,6 +284,16 @@ class Namer:
         if numbered := NUMBERED.fullmatch(words):
             return {"handle": int(numbered[1])}
         bare = re.sub(r" (?:object|thing|item)$", "", words)
+        owners = ("robot", "gripper", "arm", "hand")
+        hand = " ".join(w for w in bare.split() if not color_space.canonical(w) and w not in owners)
+        if self.recording is not None and (bare in ARMS or hand in FINGERS):
+            return self._arm(hand in FINGERS)
+        if words.startswith("other "):
+            return self._other(words.removeprefix("other "))
+        if self.recording is not None and (told := PATTERNED & set(words.split())):
+            return self._patterned(" ".join(word for word in words.split() if word not in told))
+        if bare in ROBOTS:
+            return {"role": "robot"}
         if role := PHRASES.get(words) or (bare if bare in roles.NAMES else None):
             return {"role": role}
         if bare in (*FLOOR, *WALL):
@@ -323,15 +303,23 @@ class Namer:
         self._check(words)
         if named.words.endswith((" wall", " floor")) and words.split()[0] == "background":
             return self._side(words.split()[-1])
-        plural = (
-            words.split()[-1] if " " not in words or not relations.parse(words).relations else ""
-        )
-        if (named.several or (plural != singular(plural) and plural not in ("glass", "gas"))) and (
-            relations.parse(words).ranks and not relations.parse(words).relations
+        phrase = relations.parse(words)
+        head = phrase.nouns[-1] if phrase.nouns else ""
+        plural = head != singular(head) and head not in ("glass", "gas") and head not in ANYTHING
+        if (
+            (named.several or (plural and not phrase.relations))
+            and phrase.ranks
+            and not phrase.relations
         ):
             raise NotUnderstood(f"{words!r}: how many of them? name each, or one in the singular")
         if named.count == 2:
             words = singular(words)
+        if plural and self.recording is not None:
+            words = re.sub(rf"\b{head}\b", singular(head), words, count=1)
+            found = self._seen({"text": words, "all": True}, words)
+            if len(self.groups(found)) < 2:
+                raise NotUnderstood(f"{named.words!r}: one alone is found, {found}")
+            return found
         return self._seen({"text": words, "all": True} if named.several else words, words)
 
     def counted(self, named: Named) -> Target:
@@ -372,6 +360,45 @@ class Namer:
             raise NotUnderstood(str(error)) from None
         if bad := [noun for noun in _nouns(phrase) if noun in NO_THING]:
             raise NotUnderstood(f"{words!r}: {bad[0]!r} is no thing of the scene")
+
+    def _arm(self, fingers: bool) -> Target:
+        """The robot's fingers, or all of it but these: what opens and closes beside the largest part of the hand."""
+        assert self.recording is not None
+        scene = self.recording.scene
+        robot = scene.roles.get("robot", frozenset())
+        hand = [b.instance_ids & robot for b in scene.bodies if b.motion == "gripper"]
+        size = {
+            row["id"]: math.prod(map(float, row["size_cm"]))
+            for row in self.rows
+            if "size_cm" in row
+        }
+        hand = sorted(filter(None, hand), key=lambda group: sum(size.get(one, 0) for one in group))
+        ends = frozenset[int]().union(*hand[:-1])
+        if not ends and fingers:
+            raise TargetError("'fingers': the masks do not show the gripper's fingers apart")
+        return {"handle": sorted(ends if fingers else robot - ends)} if ends else {"role": "robot"}
+
+    def _other(self, words: str) -> Target:
+        """The one of two that was not named before, or what an instruction calls the other one. Raises NotUnderstood."""
+        said = self.recording.scene.episode.descriptions if self.recording else ()
+        if any(f"other {words}" in text.lower() for text in said):
+            return words
+        mention = self.mention.target if self.mention and self.mention.kind == "target" else None
+        if mention is None or self.recording is None:
+            raise NotUnderstood(f"'other {words}': other than which one?")
+        groups = self.groups({"text": words, "all": True})
+        left = [group for group in groups if not group & self.ids(mention)]
+        if len(left) != 1 or len(groups) != 2:
+            raise NotUnderstood(f"'other {words}': {len(left)} are others than {mention}")
+        return {"handle": sorted(left[0])}
+
+    def _patterned(self, words: str) -> Target:
+        """The one of these things that shows several colors. Raises TargetError for none or several."""
+        shown = {row["id"] for row in self.rows if "shows" in row}
+        fits = [group for group in self.groups({"text": words, "all": True}) if group & shown]
+        if len(fits) != 1:
+            raise TargetError(f"{words!r} with a pattern: {len(fits)} things are of several colors")
+        return {"handle": sorted(fits[0])}
 
     def _side(self, word: str) -> Target:
         """The floor alone, or the walls alone; all of the background where no recording tells them apart."""
@@ -424,6 +451,26 @@ class Namer:
     def strangers(self) -> frozenset[int]:
         """All that plays no role: neither the task's things, nor the robot, the table and what is around it."""
         return frozenset(row["id"] for row in self.rows if "role" not in row and "size_cm" in row)
+
+    def middle(self, named: Iterable[Named]) -> list[float]:
+        """The place in the world that lies in the middle of some things. Raises TargetError."""
+        ids = self.all_ids(named)
+        at = [row["at_m"] for row in self.rows if row["id"] in ids and "at_m" in row]
+        if not at:
+            raise TargetError("look at what? no depth shows where that is")
+        return [round(sum(values) / len(at), 3) for values in zip(*at, strict=True)]
+
+    def all_ids(self, named: Iterable[Named]) -> frozenset[int]:
+        """The ids of all things that go by these names."""
+        return frozenset[int]().union(*(self.ids(self.target(one)) for one in named))
+
+    def but(self, named: Iterable[Named]) -> Target:
+        """All that stands about but what is named, and but the robot, the table and what is around it."""
+        apart = ("robot", "table", "background")
+        loose = {
+            row["id"] for row in self.rows if row.get("role") not in apart and "size_cm" in row
+        }
+        return self.without({"handle": sorted(loose)}, self.all_ids(named))
 
     def without(self, target: Target, kept: Iterable[int]) -> Target:
         """A target less some ids. Raises NotUnderstood if nothing is left."""

@@ -1,6 +1,7 @@
 """Words into tokens: quantities with units, colors, textures, cameras, what may be done, and what is left: things."""
 # ruff: noqa: E501  # patterns and word lists are easiest to read whole
 
+import colorsys
 import itertools
 import math
 import re
@@ -41,6 +42,11 @@ UNITS: Mapping[str, tuple[str, float]] = {
 }  # fmt: skip
 
 
+def bag(text: str) -> frozenset[str]:
+    """The words of a text."""
+    return frozenset(text.split())
+
+
 def any_of(words: Sequence[str] | Mapping[str, object]) -> str:
     """A pattern for one of these words, the longest first."""
     return "(?:" + "|".join(re.escape(w) for w in sorted(words, key=len, reverse=True)) + ")"
@@ -64,16 +70,33 @@ POINT = re.compile(rf"\(? ?{DIGITS} ?, ?{DIGITS}(?: ?, ?{DIGITS})? ?\)?(?![\d%a-
 
 SHADES = {"dark": "dark", "deep": "dark", "light": "light", "pale": "light", "bright": "", "vivid": "", "plain": "", "pure": "", "mid": ""}  # fmt: skip
 TINTS: Mapping[str, Any] = {
-    "navy blue": "navy", "sky blue": "azure", "lime green": "lime", "olive green": "olive", "forest green": {"rgb": [0.13, 0.4, 0.13]},
+    "navy blue": "navy", "sky blue": "azure", "light blue": {"rgb": [0.5, 0.75, 1.0]}, "lime green": "lime", "olive green": "olive",
+    "forest green": {"rgb": [0.13, 0.4, 0.13]}, "royal blue": {"rgb": [0.25, 0.41, 0.88]}, "baby blue": {"rgb": [0.6, 0.8, 0.95]},
     "off-white": {"rgb": [0.96, 0.94, 0.88]}, "off white": {"rgb": [0.96, 0.94, 0.88]}, "cream": {"rgb": [0.96, 0.94, 0.82]},
-    "royal blue": {"rgb": [0.25, 0.41, 0.88]}, "golden": "gold", **{name: name for name in color_space.NAMES}, **color_space.ALIASES,
+    "wine red": "maroon", "anthracite": {"rgb": [0.22, 0.24, 0.26]}, "charcoal": {"rgb": [0.21, 0.22, 0.24]}, "mint": {"rgb": [0.6, 0.95, 0.75]},
+    "salmon": {"rgb": [0.98, 0.5, 0.45]}, "coral": {"rgb": [1.0, 0.5, 0.31]}, "peach": {"rgb": [1.0, 0.8, 0.64]}, "mustard": {"rgb": [0.85, 0.68, 0.2]},
+    "plum": {"rgb": [0.45, 0.2, 0.42]}, "bronze": {"rgb": [0.8, 0.5, 0.2]}, "chocolate": {"rgb": [0.35, 0.2, 0.1]},
+    "golden": "gold", **{name: name for name in color_space.NAMES}, **color_space.ALIASES,
 }  # fmt: skip
-COLOR = rf"(?:(?:{any_of(SHADES)}[ -])*{any_of(TINTS)}(?![a-z])|rgb ?\(? ?{DIGITS} ?, ?{DIGITS} ?, ?{DIGITS} ?\)?|#[0-9a-f]{{6}})"
+TINT = rf"(?:(?:{any_of(SHADES)}[ -])*{any_of(TINTS)}(?:ish)?(?![a-z]))"
+MANNERS: Mapping[str, Any] = {  # saturation and value that colors of a manner have
+    **dict.fromkeys(("pastel", "pale", "soft"), ((0.15, 0.45), (0.85, 1))),
+    **dict.fromkeys(("vivid", "saturated", "bright", "strong", "intense", "neon"), ((0.8, 1), (0.75, 1))),
+    **dict.fromkeys(("muted", "dull", "faded"), ((0.15, 0.4), (0.4, 0.7))),
+    **dict.fromkeys(("dark", "deep"), ((0.5, 1), (0.15, 0.4))),
+}  # fmt: skip
+ANYHOW = r"(?:(?:random|randomly|different|various|some|any|an?|slightly|other|in) )*"
+HUED = r"(?:colou?rs?|tones?|shades?|hues?|tints?)"
+PART = rf"(?:hue|sat(?:uration)?|val(?:ue)?|brightness)(?: of| in| between| from)? ?{DIGITS} ?(?:-|to|and) ?{DIGITS}(?: ?degrees)?"
+HSV = rf"(?=[^;]*\b(?:hsv|hue|sat))(?:uniformly )?(?:in )?(?:hsv )?\(? ?{PART}(?: ?, ?(?:and )?{PART})* ?\)?"
+VARIED = rf"{ANYHOW}{HUED} of {TINT}|{ANYHOW}{TINT}(?: {HUED}|s? with (?:a bit of|a little|some|slight|small|mild|little) variations?)|random {TINT}"
+COLOR = rf"(?:{HSV}|{ANYHOW}(?:{any_of(MANNERS)}|neutral) {HUED}(?![a-z])|(?:{VARIED})(?<!color)(?<!colors)(?![a-z])|{TINT}|rgb ?\(? ?{DIGITS} ?, ?{DIGITS} ?, ?{DIGITS} ?\)?|#[0-9a-f]{{6}})"
 COLORS = re.compile(rf"(?:(?:either|an?|one of|some) )*{COLOR}(?:(?:, ?or |, ?| or )(?:an? )?{COLOR}(?=.* or |,? or ))*(?:,? or (?:an? )?{COLOR})*(?: colou?r| paint)?(?![a-z])")  # fmt: skip
 KINDS = {
     **dict.fromkeys(("wood", "wooden", "timber", "veneer"), "wood"),
     **dict.fromkeys(("stone", "rock", "rocky"), "stone"),
     **dict.fromkeys(("fabric", "cloth", "textile"), "fabric"),
+    **dict.fromkeys(("metal", "metallic"), "metal"),
     **dict.fromkeys(("checker", "checkered", "chequered", "checked", "checkerboard"), "checker"),
 }
 LIKE = {"brick": "bricks", "tile": "tiles", "tiled": "tiles", "striped": "stripes", "stripe": "stripes", "plank": "planks", "dotted": "dots", "grey": "gray"}  # fmt: skip
@@ -86,6 +109,12 @@ class Amount:
     low: float
     high: float
     how: str = "exact"
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Between which values it lies, along one direction."""
+        low = {"upto": 0.0, "about": -self.high}.get(self.how, self.low)
+        return low, self.high
 
 
 @dataclass(frozen=True)
@@ -146,7 +175,37 @@ def quantity(found: re.Match[str]) -> Token | None:
 
 def colors(text: str) -> list[Any]:
     """The recipe's colors that a text lists. Raises NotUnderstood for an rgb beyond its range."""
-    return [_color(one.group()) for one in re.finditer(COLOR, text)]
+    return list(
+        itertools.chain.from_iterable(_tints(one.group()) for one in re.finditer(COLOR, text))
+    )
+
+
+def _tints(text: str) -> list[Any]:
+    """A color, several, or a range of hues, saturations and values, of which one is drawn."""
+    if parts := re.findall(PART, text):
+        ends = {
+            part[:3]: sorted(map(float, re.findall(DIGITS.removeprefix("[-]?"), part)))
+            for part in parts
+        }
+        ends["val"] = ends.get("val") or ends.get("bri") or [0.3, 1]
+        return [{"hsv": [ends.get("hue", [0, 360]), ends.get("sat", [0.5, 1]), ends["val"]]}]
+    manner = re.fullmatch(rf"{ANYHOW}({any_of(MANNERS)}|neutral) {HUED}", text)
+    if manner:
+        return (
+            ["white", "gray", "black"]
+            if manner[1] == "neutral"
+            else [{"hsv": [[0, 360], *map(list, MANNERS[manner[1]])]}]
+        )
+    tint = re.search(TINT, text)
+    if tint is None or tint.group() == text or re.fullmatch(rf"{TINT} colou?rs?", text):
+        return [_color(tint.group() if tint else text)]
+    hue, saturation, value = colorsys.rgb_to_hsv(*rgb(_color(tint.group())))
+    near = [(360 * hue - 12) % 360, (360 * hue + 12) % 360] if saturation else [0, 0]
+    around = [
+        [max(0.0, one - wide), min(1.0, one + wide)]
+        for one, wide in ((saturation, 0.25 * (saturation > 0)), (value, 0.2))
+    ]
+    return [{"hsv": [[tidy(one) for one in ends] for ends in (near, *around)]}]
 
 
 def _color(text: str) -> Any:
@@ -158,6 +217,7 @@ def _color(text: str) -> Any:
         if not all(0 <= value <= scale for value in values):
             raise NotUnderstood(f"{text!r}: rgb values lie within 0..1 or 0..255")
         return {"rgb": [round(value / scale, 3) for value in values]}
+    text = text.removesuffix("ish")
     name = next(one for one in sorted(TINTS, key=len, reverse=True) if text.endswith(one))
     shade = {SHADES[word] for word in re.findall(r"[a-z]+", text.removesuffix(name))} - {""}
     tint = TINTS[name]
@@ -189,20 +249,7 @@ def _texture_words() -> frozenset[str]:
     )
 
 
-UNSAID = {
-    "a",
-    "an",
-    "some",
-    "the",
-    "random",
-    "other",
-    "another",
-    "different",
-    "new",
-    "one",
-    "of",
-    "any",
-}
+UNSAID = bag("a an some the random other another different new one of any")
 
 
 def texture(words: Sequence[str]) -> tuple[int, list[Any]]:

@@ -53,7 +53,8 @@ class Meaning:
     goes, "part" a part of it; "whole" the piece of furniture; "grip" what the gripper holds of the moved thing;
     "source" what that stood on at first; "aside" nothing: the noun only says where. `ranks`, `color` and `qualifiers`
     are the instruction's own words with the noun. `others` are the other things of its kind, part or no part, that the
-    instruction handles; `mixed`: it handles some of the other kind.
+    instruction handles; `mixed`: it handles some of the other kind. `tool`: what the hand holds of what moves, where
+    that is acted on with it ("hit the nail with the hammer"); None where the instruction names no tool.
     """
 
     stated: str
@@ -65,6 +66,7 @@ class Meaning:
     qualifiers: tuple[str, ...] = ()
     others: tuple[str, ...] = ()
     mixed: bool = False
+    tool: bool | None = None
 
 
 def understood(noun: str, descriptions: Sequence[str]) -> list[Meaning]:
@@ -135,12 +137,15 @@ def _stated(found: Sequence[StatedNoun]) -> list[Meaning]:
         scope == "whole" and one.place == "handled"
         for one, (_, scope) in zip(found, scopes, strict=True)
     )
+    tools = {one.noun for one in found if one.verb == "use" and one.noun in moved}
+    tools = tools if moved - tools else set()
     out = []
     for one, (role, scope) in zip(found, scopes, strict=True):
-        others, mixed = [], False
+        others, mixed, tool = [], False, None
         if scope == "moved":
             if one.noun in GRIPS and one.verb in GRIPPING and len(moved) > 1:
                 scope = "grip"
+            tool = one.noun in tools if tools else None
             rest = moved - GRIPS - {one.noun}
             others = sorted(noun for noun in rest if (noun in PARTS) == one.is_part)
             mixed = len(others) < len(rest) or (opened and not one.is_part)
@@ -154,6 +159,7 @@ def _stated(found: Sequence[StatedNoun]) -> list[Meaning]:
                 qualifiers=one.qualifiers,
                 others=tuple(others),
                 mixed=mixed,
+                tool=tool,
             )
         )
         if role and one.noun in HELD and one.qualifiers and one.qualifiers[-1] not in PARTS:

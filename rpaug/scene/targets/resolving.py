@@ -75,10 +75,14 @@ class Resolver:
         self._role("manipulated")
         own, piece = parts.moved_things(self.scene, self.sampled), self._furniture
         noun = singular(meaning.stated)
+        if meaning.tool is not None and self.sampled.cameras:
+            held = parts.gripped(self.scene, self.sampled)
+            own = [group for group in own if bool(group & held) == meaning.tool]
         if len(own) > 1 or meaning.mixed:
             on = piece.moved if piece else frozenset()
             own = [group for group in own if bool(group & on) == (noun in PARTS | GRIPS)]
-        if not own or (noun == meaning.stated and (len(own) > 1 or meaning.others)):
+        several = len(own) > 1 or (meaning.others and meaning.tool is None)
+        if not own or (noun == meaning.stated and several):
             raise TargetError(
                 f"the instruction handles {_and([meaning.stated, *meaning.others])}, and the robot moved "
                 f"{_things(len(own))} that may be it: say its instance id (handle)"

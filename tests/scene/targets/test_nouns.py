@@ -69,7 +69,9 @@ def test_place_words_before_a_noun_or_after_it() -> None:
 
 def test_what_is_handled_beside_it_is_known() -> None:
     (nail,) = named(("hit the nail with the hammer",))["nail"]
-    assert (nail.others, nail.mixed) == (("hammer",), False)
+    assert (nail.others, nail.mixed, nail.tool) == (("hammer",), False, False)
+    (hammer,) = named(("hit the nail with the hammer",))["hammer"]
+    assert hammer.tool
     (mug,) = named(("put the mug in the microwave and close it",))["mug"]
     assert (mug.others, mug.mixed) == ((), True)
 

@@ -1,0 +1,99 @@
+"""Wishes as people type them: in short, with reasons, in no order; what is said of one thing is done to that alone."""
+
+from typing import Any
+
+import pytest
+
+from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.language.rounds import said_after
+
+SETTING = WishContext(cameras=("front", "wrist"), instructions=("put the can into the bin",))
+BLUE: dict[str, Any] = {"op": "recolor", "target": "red can", "color": "blue"}
+PASTEL: dict[str, Any] = {"hsv": [[0, 360], [0.15, 0.45], [0.85, 1]]}
+
+
+def edits(wish: str) -> list[dict[str, Any]]:
+    return list(said_after(wish, (), SETTING).edits)
+
+
+@pytest.mark.parametrize(
+    ("wish", "wanted"),
+    [
+        ("red can -> blue can", [BLUE]),
+        ("turn the red can into a blue one", [BLUE]),
+        ("the red can blue like a cola", [BLUE]),
+        ("the red can should be blue so that one sees it", [BLUE]),
+        (
+            "make the red can 10% smaller and blue",
+            [{"op": "object_size", "target": "red can", "range": [0.9, 0.9]}, BLUE],
+        ),
+        (
+            "paint the red and blue bins black",
+            [
+                {"op": "recolor", "target": "red bin", "color": "black"},
+                {"op": "recolor", "target": "blue bin", "color": "black"},
+            ],
+        ),
+        ("the can in pastel colors", [{"op": "recolor", "target": "can", "color": PASTEL}]),
+        (
+            "the can white or black, equal chance",
+            [{"one_of": [{"op": "recolor", "target": "can", "color": c} for c in ("white", "black")]}],
+        ),
+        ("all blocks black", [{"op": "recolor", "target": {"text": "blocks", "all": True}, "color": "black"}]),
+        (
+            "raise the front camera 5 to 10 cm",
+            [{"op": "camera_pose", "camera": "front", "by": [[0, -0.1, 0], [0, -0.05, 0]]}],
+        ),
+        (
+            "shake the front camera by max 3 cm. Turn it max 5 degrees.",
+            [{"op": "camera_pose", "camera": "front", "shift": 0.03, "turn": 0.0873}],
+        ),
+        (
+            "the can red, 30%",
+            [{"op": "recolor", "target": "can", "color": "red", "probability": 0.3}],
+        ),
+        ("darker. like 40% of the light", [{"op": "light_color", "range": [[0.2] * 3, [0.2] * 3]}]),
+        (
+            "red can bigger, blue can smaller",
+            [
+                {"op": "object_size", "target": "red can", "range": [1.1, 1.25]},
+                {"op": "object_size", "target": "blue can", "range": [0.8, 0.9]},
+            ],
+        ),
+        (
+            "turn the front camera 10 degrees to the left and 5 cm up",
+            [{"op": "camera_pose", "camera": "front", "by": [0, -0.05, 0], "turned": [0, -0.1745, 0]}],
+        ),
+        ("strong light", [{"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}]),
+    ],
+)  # fmt: skip
+def test_it_does_what_is_said(wish: str, wanted: list[dict[str, Any]]) -> None:
+    assert edits(wish) == wanted
+
+
+@pytest.mark.parametrize(
+    "wish", ["the can any color but not red", "the can in different colors, but not red"]
+)
+def test_a_banned_color_is_not_drawn(wish: str) -> None:
+    (edit,) = edits(wish)
+    assert "red" not in {one["color"] for one in edit["one_of"]}
+
+
+def test_harder_to_see_is_taken_as_dimmer_light_and_told() -> None:
+    answer = said_after("make the task harder", (), SETTING)
+    assert [one["op"] for one in answer.edits] == ["light_color"]
+    assert "dimmer light" in answer.notes[0]
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "put a mug there",
+        "add a mug away from the can",
+        "put the can upside down",
+        "bright table, dark wall",
+    ],
+)
+def test_what_is_not_understood_is_refused(wish: str) -> None:
+    with pytest.raises(NotUnderstood):
+        edits(wish)
