@@ -943,13 +943,7 @@ class Reader:
         named_none = not clause.has("thing", "all", "rest", "strangers")
         if named_none and not (clause.has("on") and clause.has("texture", "lay")):
             return None
-        apart, banned = list[Named](), list[Any]()
-        if clause.has("not"):
-            colors = [one for one in clause.tokens if one.kind == "color"]
-            apart = clause.things("not")
-            clause.every("not")
-            if colors and not apart and clause.has("any", "paint"):
-                banned = clause.every("color")[-1].value
+        apart, banned = _excepted(clause)
         tints, pictures = clause.every("color"), clause.every("texture")
         notes = ["gloss stays as it was recorded"] if clause.every("gloss") else []
         styled = bool(clause.every("style"))
@@ -1246,6 +1240,18 @@ def asset(text: str, tint: Any, generates: bool) -> tuple[Entry, list[str]]:
                 f"{why}{error}. `rpaug assets add` adds one, and --generator has one made"
             ) from None
     return {"category": kind, **({"color": tint} if tint else {})}, notes
+
+
+def _excepted(clause: Clause) -> tuple[list[Named], list[Any]]:
+    """The things, or else the colors, that a clause names as those that are not meant."""
+    if not clause.has("not"):
+        return [], []
+    colored = any(one.kind == "color" for one in clause.tokens)
+    apart = clause.things("not")
+    clause.every("not")
+    if colored and not apart and clause.has("any", "paint"):
+        return [], clause.every("color")[-1].value
+    return apart, []
 
 
 def _amounts(clause: Clause, *kinds: str) -> list[Amount]:
