@@ -405,7 +405,7 @@ def main() -> int:
     )
     parser.add_argument("before", type=Path)
     parser.add_argument("after", type=Path, nargs="?")
-    parser.add_argument("--work", type=Path, default=Path("compare-work"))
+    parser.add_argument("--work", type=Path, default=Path("bench-output/compare"))
     parser.add_argument("--only", action="append", help="Names of pairs; all by default.")
     parser.add_argument("--timing", type=int, metavar="N", help="Measure the main job N times.")
     parser.add_argument("--json", action="store_true")

@@ -39,13 +39,20 @@ from rpaug_adapters.lerobot.tables import (
 )
 from rpaug_adapters.lerobot.write import link, taken_out, with_column, write_episode
 from rpaug_adapters.shared import video
-from rpaug_adapters.shared.folders import staged
+from rpaug_adapters.shared.folders import drop_staged, staged, ungathered
 
 from rpaug import files
 
 MIB = 2**20
 HUGGING_FACE = b"huggingface"  # key of a table's metadata
 SHARED = ("meta/episodes", "data", "videos")
+OWN = (
+    STAGED,
+    STATISTICS,
+    LINKED,
+    ROW,
+    "*.mp4",
+)  # of an episode's folder: what the shared files hold
 
 
 Words = dict[str, dict[str, int]]  # numbers of tasks, and of subtasks, by their words
@@ -55,13 +62,9 @@ def pack(folder: Path, like: Path) -> None:
     """Gather what is in episodes' own folders, with what was gathered before, and describe it all. Words keep the
     numbers that they have here, or in the dataset `like` that the episodes are of."""
     about = tables.info(folder)
-    if any(
-        number >= len(about.splits.get(split, ()))
-        for split, numbers in staged(folder, STAGED).items()
-        for number in numbers
-    ):
+    if ungathered(folder, STAGED, {split: len(span) for split, span in about.splits.items()}):
         about = _pack(about, like)
-    _drop(about)
+    drop_staged(folder, about.splits, OWN)
 
 
 def _pack(about: Info, like: Path) -> Info:
@@ -395,20 +398,3 @@ def _own_videos(
             shutil.copyfile(part, target)
         if number not in starts:
             video.decode_whole([video.Span(target, 0.0, rows[number]["length"], about.rate)])
-
-
-def _drop(about: Info) -> None:
-    """Remove the own tables and videos of episodes that the shared files hold, and folders where nothing lies beside
-    them, and what a killed run left of them."""
-    for split in about.splits:
-        within = about.folder / split
-        for own in within.iterdir() if within.is_dir() else ():
-            for path in (
-                *(own / name for name in (STAGED, STATISTICS, LINKED, ROW)),
-                *own.glob("*.mp4"),
-            ):
-                path.unlink(missing_ok=True)
-            if not any(own.iterdir()):
-                own.rmdir()
-        if within.is_dir() and not any(within.iterdir()):
-            within.rmdir()

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from rpaug_adapters.rlds import tfrecord
-from rpaug_adapters.shared.folders import staged
+from rpaug_adapters.shared.folders import drop_staged, staged, ungathered
 from rpaug_adapters.shared.texts import read_json, stamp
 
 from rpaug import BadInput, files
@@ -162,12 +162,8 @@ def pack(source: Path, folder: Path) -> None:
     With as many episodes as the source's the shards are divided alike. Killed at any point, every record is still
     there, packed or not, and the next `pack` comes to the same bytes.
     """
-    packed, numbers = splits(folder), staged(folder, STAGED)
-    if not (folder / INFO).is_file() or any(
-        number >= (packed[split].count if split in packed else 0)
-        for split, held in numbers.items()
-        for number in held
-    ):
+    held = {name: split.count for name, split in splits(folder).items()}
+    if not (folder / INFO).is_file() or ungathered(folder, STAGED, held):
         _unpack(folder)
         if numbers := staged(folder, STAGED):
             _pack(source, folder, numbers)
@@ -277,12 +273,5 @@ def _sweep(folder: Path) -> None:
     for path in folder.glob("*.tfrecord-*-of-*"):
         if path not in known:
             path.unlink()
-    for split in packed.values():
-        within = folder / split.name
-        for own in sorted(within.iterdir()) if within.is_dir() else ():
-            (own / STAGED).unlink(missing_ok=True)
-            if not any(own.iterdir()):
-                own.rmdir()
-        if within.is_dir() and not any(within.iterdir()):
-            within.rmdir()
+    drop_staged(folder, packed, (STAGED,))
     (folder / PACKING).unlink(missing_ok=True)

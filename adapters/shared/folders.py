@@ -7,7 +7,7 @@ dataset's own path.
 import os
 import re
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar
 
@@ -113,6 +113,31 @@ def staged(folder: Path, name: str) -> dict[str, list[int]]:
         if path.parent.name.isdecimal():
             found.setdefault(path.parent.parent.name, []).append(int(path.parent.name))
     return {split: sorted(numbers) for split, numbers in sorted(found.items())}
+
+
+def ungathered(folder: Path, name: str, gathered: Mapping[str, int]) -> bool:
+    """Is an episode staged that the shared files lack? They hold so many of each split."""
+    return any(
+        number >= gathered.get(split, 0)
+        for split, numbers in staged(folder, name).items()
+        for number in numbers
+    )
+
+
+def drop_staged(folder: Path, held: Iterable[str], patterns: Sequence[str]) -> None:
+    """Remove what shared files hold of the episodes of some splits from the episodes' own folders, what a killed run
+    left of that too, and folders in which nothing lies beside it."""
+    for split in held:
+        within = folder / split
+        if not within.is_dir():
+            continue
+        for own in sorted(within.iterdir()):
+            for path in (path for pattern in patterns for path in own.glob(pattern)):
+                path.unlink()
+            if not any(own.iterdir()):
+                own.rmdir()
+        if not any(within.iterdir()):
+            within.rmdir()
 
 
 def unlike(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:

@@ -56,6 +56,8 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
             if one is not None and one["synthetic"]:
                 picked[key] = one
                 break
+        else:
+            break  # all that there are
     parts = [_section(adapter, source, target, key, picked[key]) for key in keys if key in picked]
     summary = json.loads((target / report.SUMMARY).read_bytes())
     page = (

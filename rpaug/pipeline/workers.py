@@ -60,9 +60,9 @@ class Lost:
 def run(jobs: Sequence[Job], workers: int, budget: Budget | None = None) -> Iterator[Outcome]:
     """Outcomes as they come; after a fatal one no job is started. Output does not depend on `workers`.
 
-    A job whose worker died, or took more memory than its budget, is tried once more, alone and with the memory of all
-    workers; one that fails again, or took too long, is left out. With one worker and no budget jobs run in this
-    process, without bounds. Workers end with this process, however that ends.
+    A job whose worker died, or took more memory than its budget, is tried once more, alone, with the memory of all
+    workers unless the budget states some; one that fails again, or took too long, is left out. With one worker and no
+    budget jobs run in this process, without bounds. Workers end with this process, however that ends.
     """
     if workers <= 1 and budget is None:
         for job in jobs:
@@ -89,7 +89,7 @@ def run(jobs: Sequence[Job], workers: int, budget: Budget | None = None) -> Iter
 
 
 def _among(budget: Budget, workers: int) -> Budget:
-    """With the memory in numbers: who works alone gets what all would have."""
+    """With the memory in numbers. Where none is stated, who works alone gets what all would have."""
     return replace(budget, memory=budget.memory or SHARE * _machine_memory() / workers)
 
 
@@ -125,17 +125,31 @@ class _Worker:
         with suppress(OSError):  # it is dead: its end of the pipe will say so
             self.connection.send(job)
 
-    def beyond(self, budget: Budget) -> Lost | None:
-        """What its job took beyond the budget."""
+    def told(self, budget: Budget) -> Outcome | Lost | None:
+        """What came of its job, if anything has; how far that is goes to the log."""
         assert self.job is not None
-        minutes = budget.minutes * max(1, len(self.job.copies))
+        if not self.connection.poll():
+            return self._beyond(budget, self.job)
+        try:
+            given = self.connection.recv()
+        except (EOFError, OSError):
+            return Lost(self.job, DIED)
+        if isinstance(given, str):
+            LOG.info("%s", given)
+            return None
+        self.job = None
+        return given
+
+    def _beyond(self, budget: Budget, job: Job) -> Lost | None:
+        """What the job took beyond the budget."""
+        minutes = budget.minutes * max(1, len(job.copies))
         if time.monotonic() - self.begun > 60 * minutes:
             why = f"it took more than {minutes:g} minutes; --most-minutes allows more for a copy"
-            return Lost(self.job, why, late=True)
+            return Lost(job, why, late=True)
         held = _resident(self.process.pid)
         if budget.memory and held > budget.memory:
             most = f"{budget.memory / 1e9:.2g} allowed (--most-memory)"
-            return Lost(self.job, f"it took {held / 1e9:.2g} GB of {most}")
+            return Lost(job, f"it took {held / 1e9:.2g} GB of {most}")
         return None
 
     def end(self) -> None:
@@ -164,27 +178,17 @@ def _pooled(todo: list[Job], workers: int, budget: Budget, lost: list[Lost]) -> 
                 if one.job is None and todo:
                     one.begin(todo.pop(0))
             busy = [one for one in pool if one.job]
-            ready = wait([one.connection for one in busy], LOOK)
+            wait([one.connection for one in busy], LOOK)
             for one in busy:
-                assert one.job is not None
-                gone = None if one.connection in ready else one.beyond(budget)
-                if one.connection in ready:
-                    try:
-                        told = one.connection.recv()
-                    except (EOFError, OSError):
-                        gone = Lost(one.job, DIED)
-                    else:
-                        if isinstance(told, str):
-                            LOG.info("%s", told)
-                            continue
-                        one.job = None
-                        if told.fatal:
-                            todo.clear()
-                        yield told
-                if gone:
-                    lost.append(gone)
+                told = one.told(budget)
+                if isinstance(told, Lost):
+                    lost.append(told)
                     pool.remove(one)
                     one.end()
+                elif told is not None:
+                    if told.fatal:
+                        todo.clear()
+                    yield told
     finally:
         for one in pool:
             one.end()

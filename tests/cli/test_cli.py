@@ -3,12 +3,15 @@
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rpaug_adapters.rlbench.pickles import dump, load
 from typer.testing import CliRunner
 
 from rpaug.cli import app
+from rpaug.pipeline import workers
+from rpaug.pipeline.run import Budget
 
 GROUP = "roll_ball/all_variations/episodes"
 GOOD = "version: 1\nedits:\n  - {op: recolor, target: {handle: 300}, color: blue}\n"
@@ -61,6 +64,24 @@ def test_augment_as_json(template: Path, tmp_path: Path, recipe: Path) -> None:
     assert described["changed_share"]["front"] > 0
     report = json.loads((tmp_path / "out" / GROUP / "episode0/rpaug.json").read_bytes())
     assert report["seed"] == 5
+
+
+def test_several_episodes_are_made_within_a_budget(
+    template: Path, tmp_path: Path, recipe: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given, run_jobs = list[object](), workers.run
+
+    def noted(jobs: Any, workers: int, budget: object) -> Any:
+        given.append(budget)
+        return run_jobs(jobs, workers, budget)
+
+    monkeypatch.setattr(workers, "run", noted)
+    run("augment", template, "--recipe", recipe, "--out", tmp_path / "all")
+    one = ("--set", "select.limit=1")
+    run("augment", template, "--recipe", recipe, "--out", tmp_path / "one", *one)
+    stated = ("--most-memory", 2, "--most-minutes", 3)
+    run("augment", template, "--recipe", recipe, "--out", tmp_path / "stated", *one, *stated)
+    assert given == [Budget(), None, Budget(2e9, 3)]
 
 
 def test_a_dry_run_writes_nothing(template: Path, tmp_path: Path, recipe: Path) -> None:

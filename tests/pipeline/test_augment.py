@@ -2,20 +2,16 @@
 
 import errno
 import json
-import logging
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import played_jobs
 import pytest
 from rpaug_adapters.rlbench import RLBench
 from rpaug_adapters.rlbench.pickles import dump, load
@@ -24,9 +20,8 @@ from runs import GROUP, augment, contents
 from rpaug.core import files, owner
 from rpaug.core.errors import BadInput
 from rpaug.core.files import decode_png, encode_png
-from rpaug.pipeline import recipe, report, workers, write
+from rpaug.pipeline import recipe, report, write
 from rpaug.pipeline.augment import Run, execute
-from rpaug.pipeline.run import Budget
 
 RECIPE = {
     "version": 1,
@@ -322,79 +317,6 @@ def test_a_killed_worker_costs_nothing_that_can_be_done_again(
     augment(many, recipe.load(tmp_path / "r.yaml"), fresh)
     names = ("rpaug.contact.html",)
     assert {k: v for k, v in contents(out).items() if k not in names} == contents(fresh)
-
-
-@pytest.fixture
-def played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, str | None]]:
-    """What becomes of jobs that are called so."""
-    monkeypatch.setattr(workers, "_serve", played_jobs.serve)
-    monkeypatch.setattr(workers, "left", lambda job: job)
-
-    def outcomes(*names: str, budget: Budget | None = None) -> dict[str, str | None]:
-        (tmp_path / ".half.part").mkdir()
-        jobs = [played_jobs.job(name, tmp_path) for name in names]
-        found = list(workers.run(jobs, 2, budget))
-        assert len(found) == len({one.job.key for one in found})
-        return {one.job.key: one.error for one in found}
-
-    return outcomes
-
-
-def test_a_job_whose_worker_dies_again_is_left_out_by_name(
-    played: Callable[..., dict[str, str | None]], tmp_path: Path
-) -> None:
-    found = played("e0", "dies", "e1", "dies once", "e2", "e3")
-    assert found.keys() == {"e0", "dies", "e1", "dies once", "e2", "e3"}
-    assert {key for key, error in found.items() if error} == {"dies"}
-    assert "dies: a worker died" in str(found["dies"])
-    assert not (tmp_path / ".half.part").exists()  # what it left half written
-
-
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read in /proc")
-def test_a_job_beyond_its_budget_costs_itself_alone(
-    played: Callable[..., dict[str, str | None]],
-) -> None:
-    few = Budget(memory=resident(), minutes=0.2)
-    found = played("e0", "grows", "hangs", "e1", "e2", budget=few)
-    assert {key for key, error in found.items() if not error} == {"e0", "e1", "e2"}
-    assert "GB of" in str(found["grows"])
-    assert "more than 0.4 minutes" in str(found["hangs"])  # of two copies
-
-
-def resident() -> float:
-    """Bytes of a process that has loaded what workers load, and half of what one takes that grows."""
-    line = "import played_jobs; print(open('/proc/self/statm').read().split()[1])"
-    env = os.environ | {"PYTHONPATH": str(Path(played_jobs.__file__).parent)}
-    ran = subprocess.run(
-        [sys.executable, "-c", line], env=env, capture_output=True, text=True, check=True
-    )
-    return int(ran.stdout) * os.sysconf("SC_PAGE_SIZE") + played_jobs.MEGABYTES * 2**19
-
-
-def test_one_worker_with_a_budget_is_a_process_too(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(workers, "_serve", played_jobs.serve)
-    (found,) = workers.run([played_jobs.job("hangs", tmp_path)], 1, Budget(minutes=0.01))
-    assert "more than 0.02 minutes" in str(found.error)
-
-
-def test_a_worker_says_how_far_it_is(
-    played: Callable[..., dict[str, str | None]], caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level(logging.INFO, "rpaug.pipeline.prepare")
-    assert played("e0", "e1") == {"e0": None, "e1": None}
-    assert sorted(caplog.messages) == ["e0 has begun", "e1 has begun"]
-    ours, theirs = Pipe()
-    sent = workers._Sent(ours)
-    sent.emit(logging.LogRecord("a", logging.INFO, "b", 1, "%d %%", (40,), None))
-    assert theirs.recv() == "40 %"
-
-
-def test_a_full_disk_ends_the_run(played: Callable[..., dict[str, str | None]]) -> None:
-    found = played("full", *(f"e{n}" for n in range(9)))
-    assert found["full"] == "No space left"
-    assert len(list(found)[list(found).index("full") :]) <= 2  # what the other worker had begun
 
 
 def test_what_cannot_be_read_back_is_taken_back(

@@ -1,0 +1,88 @@
+"""Jobs in processes of their own: a worker that dies, grows or hangs costs its job alone."""
+
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from multiprocessing import Pipe
+from pathlib import Path
+
+import played_jobs
+import pytest
+
+from rpaug.pipeline import workers
+from rpaug.pipeline.run import Budget
+
+
+@pytest.fixture
+def played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, str | None]]:
+    """What becomes of jobs that are called so."""
+    monkeypatch.setattr(workers, "_serve", played_jobs.serve)
+    monkeypatch.setattr(workers, "left", lambda job: job)
+
+    def outcomes(*names: str, budget: Budget | None = None) -> dict[str, str | None]:
+        (tmp_path / ".half.part").mkdir()
+        jobs = [played_jobs.job(name, tmp_path) for name in names]
+        found = list(workers.run(jobs, 2, budget))
+        assert len(found) == len({one.job.key for one in found})
+        return {one.job.key: one.error for one in found}
+
+    return outcomes
+
+
+def test_a_job_whose_worker_dies_again_is_left_out_by_name(
+    played: Callable[..., dict[str, str | None]], tmp_path: Path
+) -> None:
+    found = played("e0", "dies", "e1", "dies once", "e2", "e3")
+    assert found.keys() == {"e0", "dies", "e1", "dies once", "e2", "e3"}
+    assert {key for key, error in found.items() if error} == {"dies"}
+    assert "dies: a worker died" in str(found["dies"])
+    assert not (tmp_path / ".half.part").exists()  # what it left half written
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read in /proc")
+def test_a_job_beyond_its_budget_costs_itself_alone(
+    played: Callable[..., dict[str, str | None]],
+) -> None:
+    few = Budget(memory=resident(), minutes=0.2)
+    found = played("e0", "grows", "hangs", "e1", "e2", budget=few)
+    assert {key for key, error in found.items() if not error} == {"e0", "e1", "e2"}
+    assert "GB of" in str(found["grows"])
+    assert "more than 0.4 minutes" in str(found["hangs"])  # of two copies
+
+
+def resident() -> float:
+    """Bytes of a process that has loaded what workers load, and half of what one takes that grows."""
+    line = "import played_jobs; print(open('/proc/self/statm').read().split()[1])"
+    env = os.environ | {"PYTHONPATH": str(Path(played_jobs.__file__).parent)}
+    ran = subprocess.run(
+        [sys.executable, "-c", line], env=env, capture_output=True, text=True, check=True
+    )
+    return int(ran.stdout) * os.sysconf("SC_PAGE_SIZE") + played_jobs.MEGABYTES * 2**19
+
+
+def test_one_worker_with_a_budget_is_a_process_too(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(workers, "_serve", played_jobs.serve)
+    (found,) = workers.run([played_jobs.job("hangs", tmp_path)], 1, Budget(minutes=0.01))
+    assert "more than 0.02 minutes" in str(found.error)
+
+
+def test_a_worker_says_how_far_it_is(
+    played: Callable[..., dict[str, str | None]], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "rpaug.pipeline.prepare")
+    assert played("e0", "e1") == {"e0": None, "e1": None}
+    assert sorted(caplog.messages) == ["e0 has begun", "e1 has begun"]
+    ours, theirs = Pipe()
+    sent = workers._Sent(ours)
+    sent.emit(logging.LogRecord("a", logging.INFO, "b", 1, "%d %%", (40,), None))
+    assert theirs.recv() == "40 %"
+
+
+def test_a_full_disk_ends_the_run(played: Callable[..., dict[str, str | None]]) -> None:
+    found = played("full", *(f"e{n}" for n in range(9)))
+    assert found["full"] == "No space left"
+    assert len(list(found)[list(found).index("full") :]) <= 2  # what the other worker had begun
