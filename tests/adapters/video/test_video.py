@@ -83,7 +83,7 @@ def copied(episode: Episode, root: Path, key: str = "video_0") -> Path:
     return next((root / key).glob("video.*"))
 
 
-def test_a_group_of_pictures_is_in_memory_however_long_the_clip(
+def test_so_many_frames_are_in_memory_however_long_the_clip(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Decoded frames are libav's, rgb images numpy's: the former are counted, the latter's memory traced."""
