@@ -66,6 +66,14 @@ GROUPS = {
             "show": ("assets", "Tell what is known of one thing, and draw it."),
         },
     ),
+    "models": (
+        "Detectors, segmenters and depth networks that recipes name.",
+        {
+            "pull": ("models", "Fetch a model of the Hugging Face Hub, its size and licence said."),
+            "ls": ("models", "List the models on this machine that rpaug can use."),
+            "check": ("models", "Load a model and see that all of its weights are its own."),
+        },
+    ),
     "twin": (
         "A simulated tabletop that knows the truth.",
         {

@@ -11,6 +11,7 @@ from rpaug.cli.console import (
     AsJson,
     Dataset,
     Licence,
+    UsedModels,
     console,
     counted,
     plain,
@@ -47,6 +48,7 @@ def augment(
         bool, typer.Option(help="Episodes of one place share static Gaussians, through --scenes.")
     ] = False,
     arm: Arms = None,
+    models: UsedModels = None,
     ratio: Annotated[
         str | None,
         typer.Option(
@@ -90,7 +92,7 @@ def augment(
     given = list(set_ or [])
     given += [f"seed={seed}"] if seed is not None else []
     given += [f"arms={json.dumps(list(map(str, arm)))}"] if arm else []
-    loaded = inputs.recipe(recipe, given)
+    loaded = inputs.recipe(recipe, given, models or ())
     run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid, _ratio(ratio), licence)
     if dry_run:
         return _dry_run(run, resume, as_json)

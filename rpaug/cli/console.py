@@ -41,6 +41,14 @@ Arms = Annotated[
     list[Path] | None,
     typer.Option("--arm", help="URDF or MJCF file of the robot's arm; may be given several times."),
 ]
+UsedModels = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--models",
+        help="A model by folder or hub id, as text=NAME; also instances, depth, inpaint, poses, device. May be given "
+        "several times; off: none but the recipe's.",
+    ),
+]
 Licence = Annotated[
     str | None, typer.Option(help="Of the source, for the dataset card, where it states none.")
 ]

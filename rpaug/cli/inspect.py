@@ -10,6 +10,7 @@ from rpaug.cli.console import (
     AsJson,
     Dataset,
     EpisodeKey,
+    UsedModels,
     print_json,
     progress_bar,
     say,
@@ -25,6 +26,7 @@ def inspect(
         Path | None, typer.Option(help="Also write a page with thumbnails to this new file.")
     ] = None,
     arm: Arms = None,
+    models: UsedModels = None,
     every: Annotated[
         bool, typer.Option("--all", help="Look at all episodes: say where their roles differ.")
     ] = False,
@@ -41,14 +43,17 @@ def inspect(
     from rpaug.core import registry
     from rpaug.pipeline import inspect as inspection
     from rpaug.pipeline.role_facts import sure
+    from rpaug.providers import models_settings
+    from rpaug.providers.models_settings import Models
     from rpaug.scene.targets import settled as roles
 
+    used = Models(**models_settings.given(models or (), {}))
     found = registry.read(dataset, episode)
     with progress_bar("looking", as_json):  # a video takes minutes, and says what is being done
         settled = roles.read(dataset)
-        described, rows, seen = inspection.inspect(found, arm or (), settled)
+        described, rows, seen = inspection.inspect(found, arm or (), settled, used)
         if every or write_roles:
-            others = inspection.roles_of_all(dataset, arm or (), settled)
+            others = inspection.roles_of_all(dataset, arm or (), settled, used)
             described["differ"] = inspection.disagreement(dataset, others)
     if html is not None:
         write_new(html, inspection.page(seen, described, rows))

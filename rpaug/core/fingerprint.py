@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 LARGE = 2**16  # bytes: of larger files some blocks are read as well
@@ -23,6 +23,19 @@ def contents(root: Path) -> str:
                 for number in range(BLOCKS):
                     stream.seek(number * (size - BLOCK) // (BLOCKS - 1))
                     digest.update(stream.read(BLOCK))
+    return digest.hexdigest()[:32]
+
+
+def of(data: bytes) -> str:
+    """A digest of some bytes."""
+    return hashlib.sha256(data).hexdigest()[:32]
+
+
+def of_all(first: bytes, more: Iterable[bytes]) -> str:
+    """A digest of bytes that need not be held at once."""
+    digest = hashlib.sha256(first)
+    for data in more:
+        digest.update(data)
     return digest.hexdigest()[:32]
 
 

@@ -490,6 +490,7 @@ class Scene:
     `back` brings what the scene shows back into the recording, where that is no set of pinhole images: None leaves it.
     `robot_parts` are the robot's shape by its file: moved cameras show them where nobody saw the robot.
     `roles` holds what is believed firmly enough, `beliefs` each role that was thought of with its reasons.
+    `names` are the instance ids that models found by words, none for words that they found nothing by.
     """
 
     episode: Episode
@@ -510,6 +511,7 @@ class Scene:
     simulated: tuple[Mapping[str, Any], ...] = ()
     back: Callable[[Episode], Episode] | None = None
     beliefs: Mapping[str, Belief] = field(default_factory=dict)
+    names: Mapping[str, frozenset[int]] = field(default_factory=dict)
     robot_parts: tuple[RobotPart, ...] = ()
 
     @property

@@ -18,8 +18,13 @@ RecipeLike = Recipe | Mapping[str, Any] | Path | str
 TIERS = (0, 1, 3, 4)
 
 
-def recipe(given: RecipeLike, overrides: Sequence[str] = ()) -> Recipe:
-    """The recipe that was meant, with `a.b=c` overrides applied. Raises BadInput, BadRecipe."""
+def recipe(given: RecipeLike, overrides: Sequence[str] = (), models: Sequence[str] = ()) -> Recipe:
+    """The recipe that was meant, with `a.b=c` overrides applied, and with `models` as `--models` has them and the
+    user's file names them. Raises BadInput, BadRecipe, RpaugError."""
+    return _recipe(given, overrides).with_models(models)
+
+
+def _recipe(given: RecipeLike, overrides: Sequence[str]) -> Recipe:
     if isinstance(given, Path | str):
         return recipes.load(_file(given), overrides)
     if isinstance(given, Recipe) and not overrides:

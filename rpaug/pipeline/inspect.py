@@ -17,6 +17,7 @@ from rpaug.core.pixels import grown
 from rpaug.core.types import CameraView, Episode
 from rpaug.pipeline import prepare, role_facts
 from rpaug.pipeline.run import group_of
+from rpaug.providers.models_settings import Models
 from rpaug.scene.instances import rgb_episode
 from rpaug.scene.targets.settled import SettledRole, settle
 from rpaug.scene.targets.survey import InstanceSummary, survey
@@ -34,13 +35,17 @@ OUTLINES = {  # display sRGB, apart to the color-blind too (Okabe and Ito 2008)
 
 
 def inspect(
-    episode: Episode, files: Sequence[Path] = (), roles: Mapping[str, SettledRole] | None = None
+    episode: Episode,
+    files: Sequence[Path] = (),
+    roles: Mapping[str, SettledRole] | None = None,
+    models: Models = Models(),  # noqa: B008 - it is frozen
 ) -> tuple[dict[str, Any], tuple[InstanceSummary, ...], Episode]:
     """Plain values about the episode, one summary per instance, and the episode with instance ids where they were
     found.
 
-    `files` are URDF or MJCF files of arms whose links are looked for first, `roles` what a person settled. Of a video
-    whose camera can be worked out they are those of its registered frames, with the instance ids that edits go by.
+    `files` are URDF or MJCF files of arms whose links are looked for first, `roles` what a person settled, `models`
+    what the instruction's words are looked for with. Of a video whose camera can be worked out they are those of its
+    registered frames, with the instance ids that edits go by.
     """
     described: dict[str, Any] = {
         "episode": episode.key,
@@ -53,13 +58,14 @@ def inspect(
     described["misplaced"] = {m.camera: str(m) for m in calibration.check(episode)}
     described["arms"] = list(arms.misfits(files, episode.robot))
     described["assumed"], described["unread"] = [], list(episode.unread)
-    found = prepare.found_instances(episode, files)
+    found = prepare.found_instances(episode, files, models)
     scene, wrong = settle(found.scene(), roles or {})
     if isinstance(scene.back, VideoScene):
         described["film"] = scene.back.describe()
     if not scene.bodies:
         return described | {"instances": []}, (), episode
-    described["assumed"] = [*found.notes, *wrong, *rgb_episode.assumptions(scene.episode)]
+    assumed = rgb_episode.assumptions(scene.episode)
+    described["assumed"] = [*found.notes, *found.told, *wrong, *assumed]
     rows = survey(scene.episode, scene.bodies, scene.roles)
     described["roles"] = role_facts.describe(scene)
     described["antialiased"] = scene.antialiased
@@ -68,14 +74,17 @@ def inspect(
 
 
 def roles_of_all(
-    dataset: Path, files: Sequence[Path] = (), roles: Mapping[str, SettledRole] | None = None
+    dataset: Path,
+    files: Sequence[Path] = (),
+    roles: Mapping[str, SettledRole] | None = None,
+    models: Models = Models(),  # noqa: B008 - it is frozen
 ) -> dict[str, dict[str, Any]]:
     """What is believed of the roles of each episode of a dataset that can be read, by its key."""
     adapter = registry.adapter_for(dataset)
     found = {}
     for key in adapter.episodes(dataset):
         try:
-            scene = prepare.found_instances(adapter.read(dataset, key), files).scene()
+            scene = prepare.found_instances(adapter.read(dataset, key), files, models).scene()
         except RpaugError:
             continue  # `augment` names it
         found[key] = role_facts.describe(settle(scene, roles or {})[0])

@@ -20,10 +20,11 @@ from rpaug.pipeline import plan as planning
 from rpaug.pipeline import report, residuals
 from rpaug.pipeline.recipe import Recipe
 from rpaug.providers import words
+from rpaug.providers.models_settings import Models
 from rpaug.scene.build import build, find, sources
-from rpaug.scene.instances import rgb_episode
+from rpaug.scene.instances import by_models, rgb_episode
 from rpaug.scene.instances.found import FoundInstances
-from rpaug.scene.targets import settled, targets
+from rpaug.scene.targets import nouns, roles, settled, targets
 from rpaug.scene.tracking import arms, calibration, robot_model
 from rpaug.scene.video import reconstruct
 from rpaug.scene.video.settings import VideoSettings
@@ -69,8 +70,8 @@ def _how(scene: Scene, reason: str) -> str:
     if "depth" not in reason or all(view.depth for view in scene.episode.views.values()):
         return ""
     return (
-        "; recorded depth is named in cameras.yaml (docs/rgb_only.md), a model that estimates it by the recipe's key"
-        " depth_model: torchscript:FILE"
+        "; recorded depth is named in cameras.yaml (docs/rgb_only.md), a model that estimates it by --models"
+        " depth=NAME or the recipe's key models: {depth: NAME}"
     )
 
 
@@ -116,7 +117,8 @@ def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, 
     plan = replace(plan, warnings=(*plan.warnings, *episode.unread))
     scene, plan = _built(episode, recipe, plan)
     plan = replace(
-        plan, assumed=(*rgb_episode.assumptions(scene.episode), *_by_color(scene, recipe))
+        plan,
+        assumed=(*plan.assumed, *rgb_episode.assumptions(scene.episode), *_by_color(scene, recipe)),
     )
     if plan.bodies and scene.back is None:
         # Whatever looks at depth is misled by cameras that are not where they say they are.
@@ -159,26 +161,57 @@ def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene
     """The recorded scene; where instances are asked for, that of a video by structure from motion if that succeeds."""
     if not plan.bodies:
         return build(episode, with_bodies=False), plan
-    found = found_instances(
-        episode, recipe.arms, recipe.depth_model, recipe.video, by_video=recipe.depth_model is None
-    )
+    found = found_instances(episode, recipe.arms, recipe.models, recipe.video, phrases(recipe))
     video = found.back.describe() if isinstance(found.back, VideoScene) else plan.video
     scene, wrong = settled.settle(found.scene(), recipe.roles)
-    return scene, replace(plan, video=video, warnings=(*plan.warnings, *found.notes, *wrong))
+    warned = (*plan.warnings, *found.notes, *wrong)
+    return scene, replace(plan, video=video, assumed=found.told, warnings=warned)
 
 
 def found_instances(
     episode: Episode,
     files: Sequence[Path],
-    depth: str | None = None,
+    models: Models = Models(),  # noqa: B008 - it is frozen
     video: VideoSettings | None = None,
-    *,
-    by_video: bool = True,
+    phrases: Sequence[str] = (),
 ) -> FoundInstances:
-    """The episode's instances, a video of a moving camera tried first; `files` are those of arms."""
-    finder = reconstruct.ByVideo(video, told_of(episode.key)) if by_video else None
-    known = partial(arms.for_robot, files, episode.robot)
-    return find(episode, sources(known, depth, finder))
+    """The episode's instances, a video of a moving camera tried first; `files` are those of arms.
+
+    Models are asked for `phrases`, and for what the instruction names where nobody recorded masks.
+    """
+    progress = told_of(episode.key)
+    tries = models.depth is None and not models.finds
+    finder = reconstruct.ByVideo(video, progress, models.poses) if tries else None
+    masked = all(view.ids for view in episode.views.values())
+    words = (*phrases, *(() if masked else nouns.things(episode.descriptions)))
+    known = by_models.AskedModels(
+        models, tuple(dict.fromkeys(words)), lambda share: progress(share, "asking models")
+    )
+    among = sources(partial(arms.for_robot, files, episode.robot), known, finder)
+    found = find(episode, among)
+    more = nouns.by_instruction(episode.descriptions, found.names, found.roles)
+    return replace(
+        found,
+        beliefs={**found.beliefs, **more},
+        roles={**found.roles, **roles.held(more)},
+        told=(*found.told, *_better(episode, models)),
+    )
+
+
+def phrases(recipe: Recipe) -> list[str]:
+    """The words of a recipe's targets that a model can be asked for."""
+    every = (target for operator in operators(recipe) for target in planning.targets(operator))
+    return [words for target in every for words in targets.phrases(target)]
+
+
+def _better(episode: Episode, models: Models) -> tuple[str, ...]:
+    """What a model would add where instances are told by color alone."""
+    if models.finds or not rgb_episode.lacking(episode):
+        return ()
+    return (
+        "without a model instances are patches of color: --models text=NAME (a detector) and instances=NAME (a "
+        "segmenter) tell things by words",
+    )
 
 
 def told_of(key: str) -> reconstruct.Progress:

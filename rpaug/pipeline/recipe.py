@@ -21,6 +21,8 @@ from rpaug.instruct.wording import Wording, wording
 from rpaug.pipeline.gates import UNASKED, Gates
 from rpaug.pipeline.recipe_errors import Faults
 from rpaug.pipeline.recipe_yaml import Path_, kind_of, override, parse
+from rpaug.providers import models_settings
+from rpaug.providers.models_settings import Models
 from rpaug.scene.targets import settled
 from rpaug.scene.video.settings import VideoSettings
 
@@ -81,7 +83,7 @@ class _Top(BaseModel):
     select: Select = Select()
     accuracy: Accuracy | None = None
     arms: list[Path] = []
-    depth_model: str | None = None
+    models: Models = Models()
     video: VideoSettings = VideoSettings()
     refine: Annotated[int, Field(ge=0, le=10_000, strict=True)] = 0
     on_missing: OnMissing = "skip_edit"
@@ -146,7 +148,7 @@ class Recipe:
     gates: Gates | None = None
     accuracy: Accuracy | None = None
     arms: tuple[Path, ...] = ()  # URDF or MJCF files
-    depth_model: str | None = None  # for episodes without depth
+    models: Models = field(default_factory=Models)
     video: VideoSettings = field(default_factory=VideoSettings)  # for videos of one moving camera
     refine: int = 0  # steps of the joint fine-tune, where Gaussians show all
     on_missing: OnMissing = "skip_edit"
@@ -183,6 +185,13 @@ class Recipe:
         if not given:
             return self
         return build({**self.source, "roles": {**given, **self.source.get("roles", {})}})
+
+    def with_models(self, options: Sequence[str] = ()) -> "Recipe":
+        """The recipe with the models of a command's `--models` and the user's own file. Raises RpaugError."""
+        given = models_settings.given(options, self.source.get("models", {}))
+        if given == self.source.get("models", {}):
+            return self
+        return build({**self.source, "models": given})
 
     def generator(self, key: str, copy: int, step: int, attempt: int = 0) -> np.random.Generator:
         """The random stream of one step for one copy of one episode: the same in any order, on any worker.
@@ -227,7 +236,7 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         gates=top.gates or _unasked(tree, steps),
         accuracy=top.accuracy,
         arms=tuple(top.arms),
-        depth_model=top.depth_model,
+        models=top.models,
         video=top.video,
         refine=top.refine,
         on_missing=top.on_missing,

@@ -4,15 +4,19 @@ Nothing here downloads anything unasked. Providers know images and words, never 
 """
 
 __all__ = [
+    "catalog",
     "clip",
     "depth",
     "detect",
     "features",
+    "finder",
     "grabcut",
     "harmonise",
+    "hub",
     "inpaint",
     "language",
     "llm_settings",
+    "models_settings",
     "poses",
     "segment",
     "words",

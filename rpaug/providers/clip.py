@@ -10,7 +10,6 @@ import torch
 from jaxtyping import Float, UInt8
 from torch.nn import functional
 
-from rpaug.core.errors import BadInput, MissingExtra
 from rpaug.providers import models
 
 MEAN, DEVIATION = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
@@ -25,21 +24,8 @@ class Clip:
 
     @classmethod
     def load(cls, folder: Path) -> "Clip":
-        """The model saved in a folder (`save_pretrained`); nothing is downloaded. Raises BadInput or MissingExtra."""
-        if not (folder / "config.json").is_file():
-            raise BadInput(
-                folder, "CLIP", found="no config.json", expected="a folder with a CLIPModel in it"
-            )
-        try:
-            from transformers import CLIPModel
-        except ImportError:
-            raise MissingExtra("transformers", "models") from None
-        try:
-            model = CLIPModel.from_pretrained(folder, local_files_only=True)
-        except (OSError, ValueError) as error:
-            found = (str(error).splitlines() or ["an unreadable model"])[0][:120]
-            raise BadInput(folder, "CLIP", found=found, expected="a saved CLIPModel") from None
-        return cls(model.eval(), folder)
+        """The model saved in a folder; nothing is downloaded. Raises Unsupported or MissingExtra."""
+        return cls(models.load(folder, {"clip": "CLIPModel"}, "CLIP").model, folder)
 
     def pixels(self, image: UInt8[np.ndarray, "h w 3"]) -> Float[torch.Tensor, "1 3 s s"]:
         """A picture's middle square as the model is shown it, of its own size."""

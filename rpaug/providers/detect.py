@@ -1,27 +1,37 @@
-"""Detectors: an image and a few words, and boxes around what the words mean.
+"""Detectors: an image and a few words, and boxes around what the words mean, with masks where the model gives them.
 
 The offline default knows roles, colors, shapes and relations and needs a scene: `rpaug.scene.targets.targets`.
-`GroundingDino` and `Owlv2` are the real models, loaded from a folder that you name.
+`GroundingDino`, `Owlv2` and `Sam3` are the real models, by a folder or by an id of the hub.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
+import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Bool, Float32, UInt8
 
-from rpaug.core.errors import Unsupported
-from rpaug.providers.models import CLIP, load, picture, sigmoid, tokenizer
+from rpaug.providers.models import CLIP, STANDARD, Loaded, load, picture, sigmoid, tokenizer
 from rpaug.providers.segment import Box
 
+KINDS = {
+    "grounding-dino": "GroundingDinoForObjectDetection",
+    "mm-grounding-dino": "MMGroundingDinoForObjectDetection",
+    "owlv2": "Owlv2ForObjectDetection",
+    "sam3": "Sam3Model",
+    "sam3_video": "Sam3Model",  # the same network beside its tracker, which is left
+}
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Detection:
-    """A box (left, top, right, bottom in pixels, centres at integers) and how sure the detector is, 0..1."""
+    """A box (left, top, right, bottom in pixels, centres at integers), how sure the detector is, 0..1, and a mask from
+    those that segment as well."""
 
     box: Box
     score: float
+    mask: Bool[np.ndarray, "h w"] | None = None
 
 
 class Detector(Protocol):
@@ -31,17 +41,13 @@ class Detector(Protocol):
 
 
 class GroundingDino:
-    """Grounding DINO (Liu et al. 2023, arXiv 2303.05499) from a local folder in transformers' layout.
-
-    Raises MissingExtra without transformers, Unsupported for a folder that holds no such model.
-    """
+    """Grounding DINO (Liu et al. 2023, arXiv 2303.05499) or MM-Grounding-DINO (Zhao et al. 2024, arXiv 2401.02361)."""
 
     sides = (800, 1333)  # pixels: of the shorter side, and at most of the longer one
 
-    def __init__(self, folder: Path | str, threshold: float = 0.25, device: str = "cpu") -> None:
-        kind, flag = "GroundingDinoForObjectDetection", "detector: dino:FOLDER"
-        self._model = load(kind, folder, flag, device)
-        self._words, self._threshold = tokenizer(folder), threshold
+    def __init__(self, loaded: Loaded, threshold: float = 0.25) -> None:
+        self._model = loaded.model
+        self._words, self._threshold = tokenizer(loaded.folder), threshold
 
     def __call__(self, image: UInt8[np.ndarray, "h w 3"], words: str) -> list[Detection]:
         """All boxes whose score for any of the words is above the threshold."""
@@ -62,11 +68,11 @@ class GroundingDino:
 
 
 class Owlv2:
-    """OWLv2 (Minderer et al. 2023, arXiv 2306.09683) from a local folder in transformers' layout. Raises as above."""
+    """OWLv2 (Minderer et al. 2023, arXiv 2306.09683)."""
 
-    def __init__(self, folder: Path | str, threshold: float = 0.1, device: str = "cpu") -> None:
-        self._model = load("Owlv2ForObjectDetection", folder, "detector: owlv2:FOLDER", device)
-        self._words, self._threshold = tokenizer(folder), threshold
+    def __init__(self, loaded: Loaded, threshold: float = 0.1) -> None:
+        self._model = loaded.model
+        self._words, self._threshold = tokenizer(loaded.folder), threshold
 
     def __call__(self, image: UInt8[np.ndarray, "h w 3"], words: str) -> list[Detection]:
         """All boxes whose score for the words is above the threshold."""
@@ -95,12 +101,59 @@ class Owlv2:
         return _detections(boxes, scores, longest, longest, self._threshold)
 
 
+class Sam3:
+    """SAM 3 (Carion et al. 2025, arXiv 2511.16719) asked for a concept: every instance with its mask."""
+
+    tokens = 32  # of a phrase
+
+    def __init__(self, loaded: Loaded, threshold: float = 0.3) -> None:
+        self._model = loaded.model
+        self._words, self._threshold = tokenizer(loaded.folder), threshold
+
+    def __call__(self, image: UInt8[np.ndarray, "h w 3"], words: str) -> list[Detection]:
+        """All instances whose score, times that of there being any, is above the threshold."""
+        import torch
+
+        height, width = image.shape[:2]
+        side = int(self._model.config.vision_config.image_size)
+        shown = picture(image, (side, side), (side, side), STANDARD)
+        text = self._words(
+            words.lower(),
+            padding="max_length",
+            max_length=self.tokens,
+            truncation=True,
+            return_tensors="pt",
+        )
+        with torch.inference_mode():
+            found = self._model(
+                pixel_values=torch.from_numpy(shown).to(self._model.device),
+                input_ids=text["input_ids"].to(self._model.device),
+                attention_mask=text["attention_mask"].to(self._model.device),
+            )
+        scores = sigmoid(found.pred_logits[0].float().cpu().numpy())
+        if found.presence_logits is not None:
+            scores = scores * sigmoid(found.presence_logits[0].float().cpu().numpy())
+        boxes = found.pred_boxes[0].float().cpu().numpy()
+        centred = np.concatenate(
+            [(boxes[:, :2] + boxes[:, 2:]) / 2, boxes[:, 2:] - boxes[:, :2]], 1
+        )
+        logits = found.pred_masks[0].float().cpu().numpy()
+        masks = [
+            cv2.resize(np.ascontiguousarray(one), (width, height), interpolation=cv2.INTER_LINEAR)
+            > 0
+            for one in logits[scores > self._threshold]
+        ]
+        kept = scores > self._threshold
+        return _detections(centred[kept], scores[kept], width, height, self._threshold, masks)
+
+
 def _detections(
     boxes: Float32[np.ndarray, "n 4"],
     scores: Float32[np.ndarray, "n"],
     width: int,
     height: int,
     threshold: float,
+    masks: Sequence[Bool[np.ndarray, "h w"]] = (),
 ) -> list[Detection]:
     """From shares of an image of this size (centre and sides, its edges at 0 and 1) to pixels, surest first."""
     out = []
@@ -110,16 +163,14 @@ def _detections(
         x, y, wide, high = map(float, boxes[i])
         left, right = (x - wide / 2) * width - 0.5, (x + wide / 2) * width - 0.5
         top, bottom = (y - high / 2) * height - 0.5, (y + high / 2) * height - 0.5
-        out.append(Detection((left, top, right, bottom), float(scores[i])))
+        mask = masks[i] if len(masks) else None
+        out.append(Detection((left, top, right, bottom), float(scores[i]), mask))
     return out
 
 
-def detector(name: str) -> Detector:
-    """The detector that a recipe names: `dino:FOLDER` or `owlv2:FOLDER`. Raises Unsupported."""
-    kind, _, folder = name.partition(":")
-    made: dict[str, Any] = {"dino": GroundingDino, "owlv2": Owlv2}
-    if kind not in made or not folder:
-        raise Unsupported(
-            f"no detector is called {name!r}; there are: dino:FOLDER, owlv2:FOLDER (offline, words are enough)"
-        )
-    return made[kind](folder)
+def detector(name: str, device: str = "cpu") -> Detector:
+    """The detector of that name: a folder, or an id of the hub. Raises Unsupported, MissingExtra."""
+    loaded = load(name, KINDS, "a detector (models: text)", device)
+    if loaded.kind == "owlv2":
+        return Owlv2(loaded)
+    return Sam3(loaded) if loaded.kind.startswith("sam3") else GroundingDino(loaded)

@@ -1,9 +1,12 @@
-"""Models in transformers' layout, loaded from a local folder only, and images as they take them.
+"""Models in transformers' layout, each loaded whole or refused, and images as they take them.
 
-Pictures are resized and normalised here, so that no image processor (and no torchvision) is needed.
+What a folder holds is told by its own `config.json`, never by its name. Pictures are resized and normalised here, so
+that no image processor (and no torchvision) is needed.
 """
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +15,24 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from rpaug.core.errors import MissingExtra, Unsupported
+from rpaug.providers import hub
 
 EXTRA = "models"
+AUTO = "auto"  # device: a GPU where there is one
 IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # mean, standard deviation
+STANDARD = (0.5, 0.5, 0.5), (0.5, 0.5, 0.5)
 CLIP = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
 
 VOCABULARIES = "tokenizer.json", "vocab.txt", "vocab.json", "spiece.model", "tokenizer.model"
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A model ready to be asked, the folder it came from, and what its configuration calls its kind."""
+
+    model: Any
+    folder: Path
+    kind: str
 
 
 def transformers(extra: str = EXTRA) -> Any:
@@ -30,22 +45,70 @@ def transformers(extra: str = EXTRA) -> Any:
     return package
 
 
-def load(kind: str, folder: Path | str, flag: str, device: str = "cpu") -> Any:
-    """A model of the class `kind`, ready to be asked. `flag` is what names the folder in a recipe.
+def load(name: Path | str, kinds: Mapping[str, str], flag: str, device: str = "cpu") -> Loaded:
+    """The model of that name, of the class that `kinds` gives for its `model_type`; `flag` is what names it in recipes.
 
-    Raises MissingExtra without transformers, Unsupported for a folder that holds no such model.
+    Raises MissingExtra without transformers, Unsupported for what is not there, is another kind of model, or lacks
+    weights of that kind or has others: a network with random parts is sure of itself, too.
     """
-    package, folder = transformers(), Path(folder)
-    if not (folder / "config.json").is_file():
+    folder = hub.folder(str(name))
+    kind = str(hub.config(folder).get("model_type", ""))
+    if kind not in kinds:
         raise Unsupported(
-            f"{folder}: no model there (no config.json); {flag} takes a folder with a {kind} in transformers' layout"
+            f"{name}: its config.json says model_type {kind or 'nothing'!r}; {flag} takes {', '.join(sorted(kinds))}"
         )
+    package = transformers()
+    made = getattr(package, kinds[kind], None)
+    if made is None:
+        raise Unsupported(
+            f"{name}: transformers {package.__version__} has no {kinds[kind]}: a newer one has"
+        )
+    return Loaded(_whole(package, made, folder, str(name)).to(chosen(device)), folder, kind)
+
+
+def _whole(package: Any, made: Any, folder: Path, name: str) -> Any:
+    """The model with all of its weights. Raises Unsupported."""
+    logging = package.utils.logging
+    said = logging.get_verbosity()
+    logging.set_verbosity_error()  # what it would warn of is refused below
     try:
-        model = getattr(package, kind).from_pretrained(str(folder), local_files_only=True)
-    except (OSError, ValueError, KeyError) as error:
-        reason = str(error).splitlines()[0]
-        raise Unsupported(f"{folder}: not a {kind} that can be loaded: {reason}") from None
-    return model.eval().to(device)
+        model, found = made.from_pretrained(
+            str(folder), local_files_only=True, use_safetensors=True, output_loading_info=True
+        )
+    except Exception as error:  # whatever a spoilt configuration or file brings about in there
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise Unsupported(f"{name}: not a {made.__name__} that can be loaded: {reason}") from None
+    finally:
+        logging.set_verbosity(said)
+    for words, keys in (
+        ("lacks weights of", found.get("missing_keys")),
+        ("has weights that are none of", found.get("unexpected_keys")),
+        ("has weights of another shape than", found.get("mismatched_keys")),
+    ):
+        if keys:
+            some = ", ".join(sorted(map(str, keys))[:3])
+            raise Unsupported(
+                f"{name}: {words} a {made.__name__}: {len(keys)} of them ({some}): it would answer at random"
+            )
+    return model.eval()
+
+
+def chosen(device: str) -> str:
+    """The device itself; for "auto" the GPU if torch sees one."""
+    if device != AUTO:
+        return device
+    import torch
+
+    return "cuda" if torch.cuda.is_available() else "cpu"
+
+
+def preprocessor(folder: Path) -> dict[str, Any]:
+    """What a model's `preprocessor_config.json` says of its images; empty without one that can be read."""
+    try:
+        made = json.loads((folder / "preprocessor_config.json").read_text())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return made if isinstance(made, dict) else {}
 
 
 def tokenizer(folder: Path | str) -> Any:

@@ -1,19 +1,27 @@
 """Segmenters: an image and a box in it, and the mask of the thing that the box is about.
 
-`GrabCut` needs no weights. `Sam` and `Sam2` are the real models, loaded from a folder that you name.
+`GrabCut` needs no weights. `Sam` and `Sam2` are the real models, by a folder or by an id of the hub.
 """
 
-from pathlib import Path
 from typing import Any, Protocol
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from rpaug.core.errors import Unsupported
 from rpaug.providers import grabcut
-from rpaug.providers.models import load, picture
+from rpaug.providers.models import IMAGENET, STANDARD, Loaded, load, picture
 
+GRABCUT = "grabcut"
+KINDS = {
+    "sam": "SamModel",
+    "sam2": "Sam2Model",
+    "sam2_video": "Sam2Model",
+    "sam3_tracker": "Sam3TrackerModel",
+    "sam3_video": "Sam3TrackerModel",
+    "edgetam": "EdgeTamModel",
+    "edgetam_video": "EdgeTamModel",
+}
 Box = tuple[float, float, float, float]
 """Left, top, right, bottom in pixels, edges of the box; pixel centres lie at integer coordinates."""
 
@@ -89,13 +97,10 @@ def _largest(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
 
 
 class Sam:
-    """Segment Anything (Kirillov et al. 2023, arXiv 2304.02643) from a local folder in transformers' layout.
+    """Segment Anything (Kirillov et al. 2023, arXiv 2304.02643)."""
 
-    Raises MissingExtra without transformers, Unsupported for a folder that holds no such model.
-    """
-
-    def __init__(self, folder: Path | str, device: str = "cpu") -> None:
-        self._model = load("SamModel", folder, "segmenter: sam:FOLDER", device)
+    def __init__(self, loaded: Loaded) -> None:
+        self._model = loaded.model
 
     def __call__(
         self,
@@ -114,10 +119,12 @@ class Sam:
 
 
 class Sam2:
-    """SAM 2 (Ravi et al. 2024, arXiv 2408.00714) from a local folder in transformers' layout. Raises as `Sam` does."""
+    """SAM 2 (Ravi et al. 2024, arXiv 2408.00714), SAM 3's tracker, which takes boxes as it does, and EdgeTAM (Zhou et
+    al. 2025, arXiv 2501.07256)."""
 
-    def __init__(self, folder: Path | str, device: str = "cpu") -> None:
-        self._model = load("Sam2Model", folder, "segmenter: sam2:FOLDER", device)
+    def __init__(self, loaded: Loaded) -> None:
+        self._model = loaded.model
+        self._norm = STANDARD if loaded.kind.startswith("sam3") else IMAGENET
 
     def __call__(
         self,
@@ -128,7 +135,7 @@ class Sam2:
         """The mask that the model trusts most, cut to `within`."""
         side = int(self._model.config.prompt_encoder_config.image_size)
         height, width = image.shape[:2]  # SAM 2 squeezes every image into its square
-        pixels = picture(image, (side, side), (side, side))
+        pixels = picture(image, (side, side), (side, side), self._norm)
         scale = (side / width, side / height) * 2
         logits = _best(self._model, pixels, [s * edge for s, edge in zip(scale, box, strict=True)])
         return _cut(logits, image, within)
@@ -161,14 +168,9 @@ def _cut(
     return mask if within is None else mask & within
 
 
-def segmenter(name: str = "grabcut") -> Segmenter:
-    """The segmenter that a recipe names: `grabcut`, `sam:FOLDER` or `sam2:FOLDER`. Raises Unsupported."""
-    kind, _, folder = name.partition(":")
-    made: dict[str, Any] = {"sam": Sam, "sam2": Sam2}
-    if name == "grabcut":
+def segmenter(name: str = GRABCUT, device: str = "cpu") -> Segmenter:
+    """The segmenter of that name: `grabcut`, a folder, or an id of the hub. Raises Unsupported, MissingExtra."""
+    if name == GRABCUT:
         return GrabCut()
-    if kind in made and folder:
-        return made[kind](folder)
-    raise Unsupported(
-        f"no segmenter is called {name!r}; there are: grabcut, sam:FOLDER, sam2:FOLDER"
-    )
+    loaded = load(name, KINDS, "a segmenter (grabcut, or models: instances)", device)
+    return Sam(loaded) if loaded.kind == "sam" else Sam2(loaded)

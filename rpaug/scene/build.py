@@ -15,6 +15,7 @@ from rpaug.core import memo, sampling
 from rpaug.core.errors import Unsupported
 from rpaug.core.types import Belief, Body, Episode, Scene
 from rpaug.scene.instances import by_motion, rgb_episode
+from rpaug.scene.instances.by_models import NOTHING, AskedModels, voted
 from rpaug.scene.instances.found import FoundInstances, InstanceFinder
 from rpaug.scene.sampled_frames import look
 from rpaug.scene.targets import roles
@@ -29,31 +30,31 @@ def build(
     *,
     with_bodies: bool,
     arms: Sequence[Kinematics] = KNOWN,
-    depth: str | None = None,
 ) -> Scene:
     """The recorded scene. Bodies and roles are found only where an edit needs to know them.
 
     `arms` are those whose links are looked for; `arms.read` adds one from a URDF or MJCF file. Where
-    instances are needed and an episode has depth but no masks, they are told by motion; without depth, by color too,
-    and the model that `depth` names guesses it (`rpaug.providers.depth`).
+    instances are needed and an episode has depth but no masks, they are told by motion; without depth, by color too.
     """
     if not with_bodies:
         return FoundInstances(episode).scene()
-    return find(episode, sources(lambda: arms, depth)).scene()
+    return find(episode, sources(lambda: arms)).scene()
 
 
 @dataclass(frozen=True)
 class ByImages:
-    """Color images alone; the model that `depth` names guesses depth (`rpaug.providers.depth`)."""
+    """Color images alone, with the models there are: of depth, and of what words mean."""
 
-    depth: str | None = None
+    models: AskedModels = NOTHING
     gives_way: bool = False
 
     def suits(self, episode: Episode) -> bool:
         return rgb_episode.lacking(episode)
 
     def find(self, episode: Episode) -> FoundInstances:
-        return rgb_episode.find(episode, self.depth)
+        outlined = self.models.outlined(episode)
+        found = rgb_episode.find(episode, self.models.depth(), outlined)
+        return replace(found, names=outlined.names, told=outlined.notes) if outlined else found
 
 
 @dataclass(frozen=True)
@@ -61,16 +62,21 @@ class ByMasks:
     """Instance ids that were recorded; with depth their motions are told, `arms` among them."""
 
     arms: Sequence[Kinematics]
+    models: AskedModels = NOTHING
     gives_way: bool = False
 
     def suits(self, episode: Episode) -> bool:
         return True
 
     def find(self, episode: Episode) -> FoundInstances:
+        outlined = self.models.outlined(episode)
+        names, told = voted(episode, outlined) if outlined else ({}, ())
         if not all(view.depth and view.ids for view in episode.views.values()):
-            return FoundInstances(episode, _untracked(episode))
+            return FoundInstances(episode, _untracked(episode), names=names, told=told)
         tracked, beliefs = _tracked(memo.recorded(episode), tuple(self.arms))
-        return FoundInstances(episode, tracked, roles.held(beliefs), beliefs=beliefs)
+        return FoundInstances(
+            episode, tracked, roles.held(beliefs), beliefs=beliefs, names=names, told=told
+        )
 
 
 @memo.once
@@ -88,25 +94,32 @@ class ByMotion:
     """Instance ids that are told by what moves together, then taken for recorded ones."""
 
     arms: Sequence[Kinematics]
+    models: AskedModels = NOTHING
     gives_way: bool = False
 
     def suits(self, episode: Episode) -> bool:
         return by_motion.unmasked(episode)
 
     def find(self, episode: Episode) -> FoundInstances:
-        return ByMasks(self.arms).find(by_motion.masked(episode))
+        outlined = self.models.outlined(episode)
+        masked = by_motion.masked(episode)
+        if outlined is None:
+            return ByMasks(self.arms).find(masked)
+        views = {name: outlined.shown(view, name) for name, view in masked.views.items()}
+        found = ByMasks(self.arms).find(replace(masked, views=views))
+        return replace(found, names=outlined.names, told=outlined.notes)
 
 
 def sources(
     arms: Callable[[], Sequence[Kinematics]],
-    depth: str | None = None,
+    models: AskedModels = NOTHING,
     video: InstanceFinder | None = None,
 ) -> Iterator[InstanceFinder]:
     """The sources in the order in which they are tried; `arms` is asked only if `video` is not the one."""
     if video is not None:
         yield video
     known = arms()
-    yield from (ByImages(depth), ByMotion(known), ByMasks(known))
+    yield from (ByImages(models), ByMotion(known, models), ByMasks(known, models))
 
 
 def find(episode: Episode, among: Iterable[InstanceFinder]) -> FoundInstances:

@@ -171,7 +171,7 @@ def test_targets_with_parts(scene: Scene, fine: Episode) -> None:
         with pytest.raises(TargetError, match=message):
             parts.given(bare, [Target(handle=PAD, part=part)])
     unknown = TargetPart(camera="left", box=(1, 1, 2, 2), segmenter="scissors")
-    with pytest.raises(Unsupported, match="there are: grabcut, sam:FOLDER"):
+    with pytest.raises(Unsupported, match="scissors: no model there"):
         parts.given(bare, [Target(handle=PAD, part=unknown)])
 
 

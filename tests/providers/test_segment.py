@@ -1,11 +1,19 @@
 """Segmenters: GrabCut on known shapes, and the real SAM classes with tiny random weights from disk."""
 
+import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import safetensors.torch
+import tiny_models
+import torch
+import transformers
 
 from rpaug.core.errors import Unsupported
+from rpaug.providers import models
+from rpaug.providers.detect import detector
 from rpaug.providers.segment import Box, GrabCut, Sam, Sam2, segmenter, whole_pixels
 
 
@@ -57,67 +65,24 @@ def test_boxes_hold_the_pixels_whose_centres_lie_in_them() -> None:
 
 def test_names() -> None:
     assert isinstance(segmenter("grabcut"), GrabCut)
-    with pytest.raises(Unsupported, match="there are: grabcut, sam:FOLDER, sam2:FOLDER"):
+    with pytest.raises(Unsupported, match=r"sam: no model there: expected a folder .* or an id"):
         segmenter("sam")
 
 
-@pytest.fixture(scope="module")
-def sam(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    transformers = pytest.importorskip("transformers", reason="the extra `models` is missing")
-    torch = pytest.importorskip("torch")
-    torch.manual_seed(0)
-    config = transformers.SamConfig(
-        vision_config={
-            "hidden_size": 16, "num_hidden_layers": 2, "num_attention_heads": 2, "image_size": 64,
-            "patch_size": 8, "output_channels": 16, "global_attn_indexes": [1], "window_size": 4, "mlp_dim": 16,
-            "num_pos_feats": 8,
-        },
-        prompt_encoder_config={"hidden_size": 16, "image_size": 64, "patch_size": 8, "mask_input_channels": 4},
-        mask_decoder_config={
-            "hidden_size": 16, "mlp_dim": 16, "num_hidden_layers": 1, "num_attention_heads": 2,
-            "iou_head_hidden_dim": 16,
-        },
-    )  # fmt: skip
-    folder = tmp_path_factory.mktemp("sam")
-    transformers.SamModel(config).save_pretrained(folder)
-    return folder
+KINDS = ("sam", "sam2", "sam2_video", "sam3_tracker", "sam3_video")
 
 
 @pytest.fixture(scope="module")
-def sam2(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    transformers = pytest.importorskip("transformers", reason="the extra `models` is missing")
-    torch = pytest.importorskip("torch")
-    if not hasattr(transformers, "Sam2Model"):
-        pytest.skip("this transformers has no Sam2Model")
-    torch.manual_seed(0)
-    backbone = {
-        "model_type": "sam2_hiera_det_model", "hidden_size": 8, "num_attention_heads": 1, "image_size": [64, 64],
-        "blocks_per_stage": [1, 1, 2, 1], "embed_dim_per_stage": [8, 16, 32, 64],
-        "num_attention_heads_per_stage": [1, 1, 2, 2], "window_size_per_stage": [4, 4, 4, 4],
-        "global_attention_blocks": [3], "window_positional_embedding_background_size": [4, 4],
-    }  # fmt: skip
-    config = transformers.Sam2Config(
-        vision_config={
-            "backbone_config": backbone, "backbone_channel_list": [64, 32, 16, 8],
-            "backbone_feature_sizes": [[16, 16], [8, 8], [4, 4]], "fpn_hidden_size": 16,
-        },
-        prompt_encoder_config={"hidden_size": 16, "image_size": 64, "patch_size": 16, "mask_input_channels": 4},
-        mask_decoder_config={
-            "hidden_size": 16, "mlp_dim": 16, "num_hidden_layers": 1, "num_attention_heads": 2,
-            "iou_head_hidden_dim": 16,
-        },
-    )  # fmt: skip
-    folder = tmp_path_factory.mktemp("sam2")
-    transformers.Sam2Model(config).save_pretrained(folder)
-    return folder
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    return {kind: tiny_models.saved(kind, tmp_path_factory.mktemp(kind)) for kind in KINDS}
 
 
-@pytest.mark.parametrize("kind", ["sam", "sam2"])
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("shape", [(48, 64), (100, 50)])
 def test_the_real_classes_give_a_mask_of_the_images_size(
-    kind: str, shape: tuple[int, int], request: pytest.FixtureRequest
+    kind: str, shape: tuple[int, int], folders: dict[str, Path]
 ) -> None:
-    model = segmenter(f"{kind}:{request.getfixturevalue(kind)}")
+    model = segmenter(str(folders[kind]))
     assert isinstance(model, Sam if kind == "sam" else Sam2)
     image = np.random.default_rng(1).integers(0, 255, (*shape, 3)).astype(np.uint8)
     box = (10.0, 12.0, 30.0, 40.0)
@@ -130,30 +95,53 @@ def test_the_real_classes_give_a_mask_of_the_images_size(
     np.testing.assert_array_equal(model(image, box, within), mask & within)
 
 
-def test_sams_pictures_are_those_of_its_own_processor(sam: Path) -> None:
-    """The reference: transformers' processor on the same image, box and model."""
-    transformers = pytest.importorskip("transformers")
-    torch = pytest.importorskip("torch")
-    kinds = ("SamImageProcessorPil", "SamImageProcessor")
-    try:
-        kind = next(getattr(transformers, k) for k in kinds if hasattr(transformers, k))
-        own = kind(size={"longest_edge": 64}, pad_size={"height": 64, "width": 64})
-    except (ImportError, StopIteration):
-        pytest.skip("no image processor of SAM works without torchvision")
-    image = np.random.default_rng(2).integers(0, 255, (24, 32, 3)).astype(np.uint8)
-    image = image.repeat(2, 0).repeat(2, 1)  # no resampling: 48 x 64 fills the longer side
-    expected = torch.as_tensor(np.array(own(image)["pixel_values"][0]))
-    from rpaug.providers.models import picture
-
-    made = picture(image, (48, 64), (64, 64))[0]
-    np.testing.assert_allclose(made[:, :48], expected[:, :48], atol=1e-5)
-    np.testing.assert_allclose(made[:, 48:], 0, atol=0)
+@pytest.mark.parametrize(
+    ("kind", "norm"),
+    [("Sam", models.IMAGENET), ("Sam2", models.IMAGENET), ("Sam3", models.STANDARD)],
+)
+def test_pictures_have_the_colors_of_the_models_own_processor(kind: str, norm: Any) -> None:
+    """The reference: the mean and deviation that transformers' processors state, which need torchvision to run."""
+    source = Path(transformers.__file__).parent / "models" / kind.lower()
+    (text,) = (
+        path.read_text() for path in source.glob("image_processing_*.py") if "pil" not in path.name
+    )
+    default = "IMAGENET_DEFAULT_MEAN" if norm is models.IMAGENET else "IMAGENET_STANDARD_MEAN"
+    assert f"image_mean = {default}" in text
+    stated = getattr(transformers.image_utils, default)
+    np.testing.assert_allclose(norm[0], stated)
 
 
-def test_a_folder_without_a_model_is_refused(tmp_path: Path) -> None:
-    pytest.importorskip("transformers", reason="the extra `models` is missing")
-    with pytest.raises(Unsupported, match=r"no config.json.*segmenter: sam:FOLDER"):
-        Sam(tmp_path)
+def test_a_folder_without_its_model_is_refused(tmp_path: Path, folders: dict[str, Path]) -> None:
+    with pytest.raises(Unsupported, match=r"no config.json"):
+        segmenter(str(tmp_path))
     (tmp_path / "config.json").write_text("{}")
-    with pytest.raises(Unsupported, match="not a Sam2Model that can be loaded"):
-        Sam2(tmp_path)
+    with pytest.raises(Unsupported, match=r"model_type 'nothing'.*a segmenter.*takes .*sam2"):
+        segmenter(str(tmp_path))
+    with pytest.raises(Unsupported, match=r"model_type 'sam2'; a detector .* takes grounding-dino"):
+        detector(str(folders["sam2"]))
+
+
+@pytest.mark.parametrize("spoil", ["fewer", "others", "shapes", "cut", "pickle"])
+def test_weights_that_are_not_all_its_own_are_refused(
+    spoil: str, tmp_path: Path, folders: dict[str, Path]
+) -> None:
+    shutil.copytree(folders["sam2"], tmp_path, dirs_exist_ok=True)
+    path = tmp_path / "model.safetensors"
+    held = safetensors.torch.load_file(path)
+    first = next(name for name in sorted(held) if name.startswith("mask_decoder"))
+    if spoil == "fewer":
+        del held[first]
+    elif spoil == "others":
+        held = {f"x.{name}": value for name, value in held.items()}
+    elif spoil == "shapes":
+        held[first] = torch.zeros(3, 5, 7)
+    if spoil == "cut":
+        path.write_bytes(path.read_bytes()[:-100])
+    elif spoil == "pickle":
+        torch.save(held, tmp_path / "pytorch_model.bin")
+        path.unlink()
+    else:
+        safetensors.torch.save_file(held, path, {"format": "pt"})
+    with pytest.raises(Unsupported, match=str(tmp_path)) as caught:
+        segmenter(str(tmp_path))
+    assert "\n" not in str(caught.value)

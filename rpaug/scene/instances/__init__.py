@@ -1,3 +1,3 @@
 """Instances that no mask names: found by motion, or by color in recordings of color images alone."""
 
-__all__ = ["by_motion", "found", "ground_plane", "grouping", "outlines", "rgb_episode"]
+__all__ = ["by_models", "by_motion", "found", "ground_plane", "grouping", "outlines", "rgb_episode"]

@@ -14,6 +14,7 @@ class FoundInstances:
 
     `photographed` says that a lens mixed the colors on both sides of every outline. `back` brings an edited episode
     back into the recording where that shows other frames (`Scene.back`). `notes` say which sources failed before.
+    `names` are the instance ids of words that models were asked for, and `told` says in sentences what they found.
     """
 
     episode: Episode
@@ -23,6 +24,8 @@ class FoundInstances:
     back: Callable[[Episode], Episode] | None = None
     notes: tuple[str, ...] = ()
     beliefs: Mapping[str, Belief] = field(default_factory=dict)
+    names: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    told: tuple[str, ...] = ()
 
     def scene(self) -> Scene:
         """The recorded scene, with nothing edited."""
@@ -35,6 +38,7 @@ class FoundInstances:
             descriptions=self.episode.descriptions,
             back=self.back,
             beliefs=dict(self.beliefs),
+            names=dict(self.names),
         )
 
 

@@ -15,6 +15,7 @@ from rpaug.core.errors import Unsupported
 from rpaug.core.types import Belief, Body, Camera, CameraView, Episode, ProxyGeometry
 from rpaug.scene.instances import ground_plane, rgb_things
 from rpaug.scene.instances.found import FoundInstances, as_beliefs
+from rpaug.scene.instances.outlined import Outlined
 from rpaug.scene.instances.rgb_things import CameraInstanceMap
 
 if TYPE_CHECKING:
@@ -35,17 +36,20 @@ def lacking(episode: Episode) -> bool:
     return unmasked and not all(view.depth for view in views) and episode.length > 1
 
 
-def find(episode: Episode, depth: str | None = None) -> FoundInstances:
+def find(
+    episode: Episode, depth: "DepthModel | None" = None, outlined: Outlined | None = None
+) -> FoundInstances:
     """Look at a `lacking` episode. Every camera gets instance ids; one that stands still gets a stage too.
 
-    With a model of `depth` it gets that instead. Raises Unsupported for several such cameras whose places are unknown.
+    With a model of `depth` it gets that instead; what models `outlined` are instances of their own. Raises Unsupported
+    for several such cameras whose places are unknown.
     """
-    seen = rgb_things.find(episode)
+    seen = rgb_things.find(episode, outlined)
     views = {name: _view(episode, seen, name) for name in episode.views}
     if depth is not None:
         views |= _deep(episode, seen, views, depth)
     still = np.tile(np.eye(4), (episode.length, 1, 1))
-    unsteady = seen.moving | seen.manipulated
+    unsteady = seen.moving | seen.manipulated | (outlined.moved if outlined else frozenset())
     bodies = tuple(
         Body(
             frozenset([instance_id]),
@@ -96,7 +100,7 @@ def _view(episode: Episode, seen: CameraInstanceMap, name: str) -> CameraView:
 
     @lru_cache(KEPT)
     def ids(t: int) -> Int32[np.ndarray, "h w"]:
-        return seen.ids(name, view.rgb(t))
+        return seen.ids(name, t, view.rgb(t))
 
     drop = part.backdrop
     if drop.dead:
@@ -120,20 +124,17 @@ def _view(episode: Episode, seen: CameraInstanceMap, name: str) -> CameraView:
 
 
 def _deep(
-    episode: Episode, seen: CameraInstanceMap, views: Mapping[str, CameraView], named: str
+    episode: Episode, seen: CameraInstanceMap, views: Mapping[str, CameraView], model: "DepthModel"
 ) -> dict[str, CameraView]:
     """The views of cameras that stand still, with the depth that a model gives."""
-    from rpaug.providers import depth as providers  # only here: it brings torch
-
-    model = providers.depth(named)
     still = {
         name: view for name, view in views.items() if view.proxy and view.proxy.depth is not None
     }
     lost = [name for name in still if not episode.views[name].camera.placed]
     if len(still) > 1 and lost:
         raise Unsupported(
-            f"depth_model: nothing says where {', '.join(lost)} stand to one another: give cam_to_world for each in "
-            f"cameras.yaml, or name the one camera to edit there (views: [{lost[0]}])"
+            f"a model of depth: nothing says where {', '.join(lost)} stand to one another: give cam_to_world for each "
+            f"in cameras.yaml, or name the one camera to edit there (views: [{lost[0]}])"
         )
     return {name: _modelled(episode, seen, name, view, model) for name, view in still.items()}
 

@@ -28,16 +28,18 @@ from rpaug.scene.instances import (
 from rpaug.scene.instances.backdrop import Backdrop
 from rpaug.scene.instances.gripped import Gripped
 from rpaug.scene.instances.grouping import AROUND, MOVING, SUPPORT
+from rpaug.scene.instances.outlined import Outlined
 from rpaug.scene.instances.resting import Resting
 from rpaug.scene.instances.rgb_settling import NAMED, CameraInstances
 from rpaug.scene.instances.watched import Watched
 
 LOOSE = 100_000  # instance ids from here on are of what never rests, by tint
+LOOKED = 8  # frames in which patches of color are held against outlines
 
 
 @dataclass(frozen=True)
 class CameraInstanceMap:
-    """All cameras' parts, and what each instance id does."""
+    """All cameras' parts, and what each instance id does; `outlined` is what models found by words, on top of that."""
 
     clusters: color_clusters.ColorClusters
     cameras: Mapping[str, CameraInstances]
@@ -47,6 +49,7 @@ class CameraInstanceMap:
     manipulated: frozenset[int]
     instance_ids: frozenset[int]
     gripped: Gripped = field(default_factory=Gripped)
+    outlined: Outlined | None = None
 
     @property
     def roles(self) -> dict[str, frozenset[int]]:
@@ -59,8 +62,12 @@ class CameraInstanceMap:
         }
         return {name: instance_ids for name, instance_ids in found.items() if instance_ids}
 
-    def ids(self, name: str, image: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
-        """Handles of one image of a camera."""
+    def ids(self, name: str, t: int, image: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
+        """Handles of a camera's image at time t."""
+        found = self._by_color(name, image)
+        return found if self.outlined is None else self.outlined.over(found, name, t)
+
+    def _by_color(self, name: str, image: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
         part = self.cameras[name]
         if part.backdrop.dead:
             return np.zeros(image.shape[:2], np.int32)
@@ -72,8 +79,8 @@ class CameraInstanceMap:
         return table[label]
 
 
-def find(episode: Episode) -> CameraInstanceMap:
-    """Look at all cameras and tell what there is."""
+def find(episode: Episode, outlined: Outlined | None = None) -> CameraInstanceMap:
+    """Look at all cameras and tell what there is; what models outlined is so whatever its colors are."""
     drops = {name: backdrop.find(view, episode.length) for name, view in episode.views.items()}
     known = _clusters(episode, drops)
     still = {
@@ -98,7 +105,41 @@ def find(episode: Episode) -> CameraInstanceMap:
     if not carried and not loose:
         parts = _untinted(episode, still, seen, parts, known)
     found = _given(known, parts, any(part.active.any() for part in seen.values()))
+    if outlined is not None:
+        found = _overlaid(episode, found, outlined)
     return _with_gripped(episode, found)
+
+
+def _overlaid(episode: Episode, found: CameraInstanceMap, outlined: Outlined) -> CameraInstanceMap:
+    """The same with what models outlined on top. A patch of color that moved and lies in an outline is that thing's."""
+    parts, instance_ids = {}, found.instance_ids
+    under: dict[
+        int, dict[int, int]
+    ] = {}  # pixels of each patch that moved, by the outline over them
+    for name, part in found.cameras.items():
+        view = episode.views[name]
+        there = outlined.at(name, 0)
+        there[part.backdrop.changed(view.rgb(0))] = 0
+        parts[name] = replace(part, resting=outlined.on_top(part.resting, there))
+        for t in sampling.frames(episode.length, LOOKED):
+            above, below = outlined.at(name, t), found.ids(name, t, view.rgb(t))
+            for patch in found.manipulated:
+                over, counts = np.unique(above[below == patch], return_counts=True)
+                for one, count in zip(over.tolist(), counts.tolist(), strict=True):
+                    seen = under.setdefault(patch, {})
+                    seen[one] = seen.get(one, 0) + count
+    moved = set[int]()
+    for patch in found.manipulated:
+        seen = under.get(patch, {})
+        most = max(seen, key=lambda one: seen[one], default=0)
+        moved.add(most or patch)
+    return replace(
+        found,
+        cameras=parts,
+        instance_ids=instance_ids | outlined.instance_ids,
+        manipulated=frozenset(moved),
+        outlined=outlined,
+    )
 
 
 def _with_gripped(episode: Episode, found: CameraInstanceMap) -> CameraInstanceMap:
@@ -115,7 +156,7 @@ def _with_gripped(episode: Episode, found: CameraInstanceMap) -> CameraInstanceM
         return found
 
     def shown(t: int) -> dict[str, Int32[np.ndarray, "h w"]]:
-        return {name: found.ids(name, episode.views[name].rgb(t)) for name in still}
+        return {name: found.ids(name, t, episode.views[name].rgb(t)) for name in still}
 
     resting = {name: one.resting for name, one in still.items()}
     held = gripped.find(resting, shown, start, episode.length - 1)

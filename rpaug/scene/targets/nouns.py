@@ -3,11 +3,12 @@
 Exact words come first; then, if the extra `words` is installed, a word that means about the same.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 from rpaug.core.errors import MissingExtra
+from rpaug.core.types import Belief
 from rpaug.providers.words import synonym
 from rpaug.scene.targets import shapes
 from rpaug.scene.targets.instruction import (
@@ -43,6 +44,9 @@ HELD = frozenset(
     {"drawer", "door", "lid", "cap", "cover", "hatch", "flap", "seat", "shelf", "handle", "knob"}
 )
 FURNITURE = frozenset({"cabinet", "cupboard", "dresser", "furniture", "closet", "wardrobe"})
+
+PLAYED = {"handled": "manipulated", "goal": "receiver"}
+SURE = 0.6  # of a role that an instruction and models tell, and no motion
 
 
 @dataclass(frozen=True)
@@ -185,3 +189,33 @@ def _scope(at: int, found: Sequence[StatedNoun]) -> tuple[str | None, str]:
             if found[at - 1].noun in GRIPS:  # "the handle of the door"
                 return "manipulated", "moved"
     return None, "aside"
+
+
+def things(descriptions: Sequence[str]) -> list[str]:
+    """The things that instructions name, each in its own words: "red cup", "wine bottle"."""
+    found = (noun for text in descriptions for noun in mentions(text))
+    return list(dict.fromkeys(_own_words(one) for one in found if one.noun not in ROLES))
+
+
+def by_instruction(
+    descriptions: Sequence[str], names: Mapping[str, frozenset[int]], known: Collection[str]
+) -> dict[str, Belief]:
+    """Beliefs of `manipulated` and `receiver` where they are not `known`, the instruction names one thing of that part,
+    and models found one such thing; `names` are the instance ids that they found by words."""
+    out = {}
+    for place, role in PLAYED.items():
+        nouns = {
+            _own_words(one)
+            for text in descriptions
+            for one in mentions(text)
+            if one.place == place and one.noun not in ROLES
+        }
+        meant = frozenset[int]().union(*(names.get(words, frozenset()) for words in nouns))
+        if role not in known and len(nouns) == 1 and len(meant) == 1:
+            reason = f"the instruction names {min(nouns)!r} so, and models found one"
+            out[role] = Belief(meant, SURE, (reason,))
+    return out
+
+
+def _own_words(one: StatedNoun) -> str:
+    return " ".join(filter(None, [one.color, *one.qualifiers, one.noun]))

@@ -21,7 +21,7 @@ from rpaug.core.errors import TargetError
 from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import SampledFrames, look
 from rpaug.scene.targets import agreement, places, relations, roles, shapes
-from rpaug.scene.targets.nouns import Meaning, colored_so, understood
+from rpaug.scene.targets.nouns import ROLES, Meaning, colored_so, understood
 from rpaug.scene.targets.observed import surface
 from rpaug.scene.targets.relations import Phrase, Relation, singular
 from rpaug.scene.targets.resolving import Resolver, why
@@ -135,7 +135,8 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
         found = scene.roles[target.role]
     else:
         found = by_words(scene, target)
-    if agreement.photographed(scene) and not found & agreement.apart(scene):
+    named = frozenset[int]().union(*scene.names.values())
+    if agreement.photographed(scene) and not found & (agreement.apart(scene) | named):
         for thing in [[one] for one in sorted(found)] if target.all else [found]:
             if reason := agreement.dispute(scene, thing):
                 raise TargetError(f"{target}: instance {_numbers(thing)}: {reason}")
@@ -155,6 +156,24 @@ def by_words(scene: Scene, target: Target, *, whole: bool = False) -> frozenset[
     return frozenset().union(*found)
 
 
+def wording(phrase: Phrase) -> str:
+    """A phrase's own words as models are asked for them: what it is, not where."""
+    return " ".join(filter(None, [phrase.color, *phrase.nouns]))
+
+
+def phrases(target: Target) -> list[str]:
+    """The words of a target that a model can be asked for: of the thing, and of what it stands beside."""
+    if target.text is None:
+        return []
+    left, out = [relations.parse(target.text)], list[str]()
+    while left:
+        phrase = left.pop()
+        left += [anchor for relation in phrase.relations for anchor in relation.anchors]
+        if phrase.nouns and phrase.role is None and phrase.nouns[-1] not in ROLES:
+            out.append(wording(phrase))
+    return out
+
+
 def assumed(scene: Scene, target: Target) -> str:
     """In a sentence that nothing but its color tells a thing that a target names; empty where more does."""
     phrase = relations.parse(target.text or "thing")
@@ -165,6 +184,8 @@ def assumed(scene: Scene, target: Target) -> str:
     except TargetError:
         return ""
     if any(found <= members for members in scene.roles.values()):
+        return ""
+    if any(found <= members for members in scene.names.values()):
         return ""
     return f"without a model {target} is known by its color alone: instance {_numbers(found)}"
 
@@ -208,6 +229,8 @@ class _Finder:
         """Things with the phrase's role, color and noun; and whether they are those that its place words tell."""
         if phrase.role is not None:
             return self._playing(phrase.role, phrase), False
+        if (named := self._named(phrase)) is not None:
+            return named, False
         meanings = self._meanings(phrase)
         for word in phrase.nouns[:-1]:
             if phrase.color is None and word not in self._qualifiers(phrase.nouns[-1]):
@@ -249,6 +272,27 @@ class _Finder:
         if meanings and (phrase.color is None or settled or other):
             return [], False
         return self._by_color(phrase, meanings), False
+
+    def _named(self, phrase: Phrase) -> list[frozenset[int]] | None:
+        """What models found by the phrase's words; None if they were not asked, or masks and motion tell more.
+
+        Raises TargetError if it is nothing.
+        """
+        known = self._scene.names
+        masked = not any(view.inferred for view in self._scene.episode.views.values())
+        if masked and phrase.nouns and understood(phrase.nouns[-1], self._scene.descriptions):
+            return None
+        words = [word for word in (wording(phrase), *phrase.nouns[-1:]) if word in known]
+        if not words:
+            return None
+        # "The red cup": what goes by both words, else the cups that are red.
+        if words[0] == wording(phrase) and known[words[0]]:
+            return [frozenset([one]) for one in sorted(known[words[0]])]
+        rows = [row for row in self._rows if row.instance_id in known[words[-1]]]
+        found = _bodies(self._colored(phrase, rows))
+        if not found:
+            raise TargetError(f"{self._stated}: the models found no {words[0]}")
+        return found
 
     def _by_color(self, phrase: Phrase, meanings: Sequence[Meaning]) -> list[frozenset[int]]:
         """What has the phrase's color.

@@ -4,7 +4,7 @@ import io
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -67,14 +67,14 @@ def develop(
     *,
     threads: int = 2,
     cache: Path | None = None,
-    model_of: poses.Poses | None = None,
+    model_of: Callable[[], poses.Poses] | None = None,
     progress: Progress | None = None,
 ) -> VideoScene:
     """Work out a video's camera, depth and things. Raises Unsupported where its model is degenerate.
 
-    What was worked out before is taken from the folder `cache`, by default that of `rpaug.core.cache`. `model_of` is
-    asked for poses where structure from motion fails, before the model that `asked` names. Raises BadInput for a known
-    length that the video does not have.
+    What was worked out before is taken from the folder `cache`, by default that of `rpaug.core.cache`. `model_of`
+    brings the model of poses that is asked where structure from motion fails. Raises BadInput for a known length that
+    the video does not have.
     """
     asked, tell = asked or VideoSettings(), progress or (lambda share, what: None)
     settings = ColmapSettings(
@@ -83,7 +83,7 @@ def develop(
     (view,) = episode.views.values()
     name = _name(episode, settings)
     where = cache / name if cache else place("videos", name)
-    model = _modelled(episode, settings, where / "model.npz", tell, asked, model_of)
+    model = _modelled(episode, settings, where / "model.npz", tell, model_of)
     lens = Lens(model)
 
     def image(k: int) -> UInt8[np.ndarray, "h w 3"]:
@@ -157,13 +157,16 @@ class ByVideo:
 
     settings: VideoSettings | None = None
     progress: Progress | None = None
+    poses: str | None = None
     gives_way: bool = True
 
     def suits(self, episode: Episode) -> bool:
         return unplaced(episode)
 
     def find(self, episode: Episode) -> FoundInstances:
-        return develop(episode, self.settings, progress=self.progress).found()
+        named = self.poses
+        model_of = partial(poses.poses, named) if named else None
+        return develop(episode, self.settings, model_of=model_of, progress=self.progress).found()
 
 
 def scaled(video: VideoScene, asked: VideoSettings) -> VideoScene:
@@ -282,20 +285,18 @@ def _modelled(
     settings: ColmapSettings,
     kept: Path,
     tell: Progress,
-    asked: VideoSettings,
-    model_of: poses.Poses | None,
+    model_of: Callable[[], poses.Poses] | None,
 ) -> Reconstruction:
     """By structure from motion, else by a learned model if there is one."""
     (view,) = episode.views.values()
     try:
         return _reconstructed(episode, settings, kept, tell)
     except Unsupported as error:
-        if model_of is None and asked.pose_model is None:
+        if model_of is None:
             raise
         try:
-            model_of = model_of or poses.poses(asked.pose_model or "")
             tell(0.6, "poses by a model")
-            return posed.reconstruct(view.rgb, range(episode.length), model_of)
+            return posed.reconstruct(view.rgb, range(episode.length), model_of())
         except Unsupported as other:
             raise Unsupported(f"{error}; by the model of poses: {other}") from None
 

@@ -20,16 +20,14 @@ class KnownLength(BaseModel):
 class VideoSettings(BaseModel):
     """Settings of structure from motion, and at most one thing that tells its scale.
 
-    `camera_height` is metres from the support up to the camera, the median over frames. `pose_model` names what is
-    asked where structure from motion fails (`rpaug.providers.poses`). `width` is that of the images it looks at,
-    `fit_width` that of those which Gaussians are fitted to.
+    `camera_height` is metres from the support up to the camera, the median over frames. `width` is that of the images
+    it looks at, `fit_width` that of those which Gaussians are fitted to.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     camera_height: Annotated[float, Field(gt=0, le=100)] | None = None
     known_length: KnownLength | None = None
-    pose_model: str | None = None
     width: Annotated[int, Field(ge=64, le=4096)] = 640
     features: Annotated[int, Field(ge=100, le=20_000)] = 1500
     overlap: Annotated[int, Field(ge=1, le=100)] = 10

@@ -13,7 +13,9 @@ from rpaug.pipeline import copies as pipeline
 from rpaug.pipeline import recipe
 from rpaug.pipeline.prepare import ground, prepare_scene
 from rpaug.providers.depth import depth
-from rpaug.scene.build import build
+from rpaug.providers.models_settings import Models
+from rpaug.scene.build import find, sources
+from rpaug.scene.instances.by_models import AskedModels
 
 
 class Slope(torch.nn.Module):
@@ -29,6 +31,10 @@ class Slope(torch.nn.Module):
         return 10 * near if self.inverse else 1 / near
 
 
+def by_depth(name: str) -> AskedModels:
+    return AskedModels(Models(depth=name))
+
+
 @pytest.fixture(scope="module")
 def models(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("depth")
@@ -41,7 +47,7 @@ def models(tmp_path_factory) -> Path:
     ("kind", "file"), [("torchscript", "slope_False.pt"), ("torchscript-inverse", "slope_True.pt")]
 )
 def test_the_support_becomes_level(models: Path, kind: str, file: str) -> None:
-    scene = build(episode(), with_bodies=True, depth=f"{kind}:{models / file}")
+    scene = find(episode(), sources(tuple, by_depth(f"{kind}:{models / file}"))).scene()
     view = scene.episode.views["image_0"]
     points = geometry.world_points(view.depth(3).astype(float), view.camera, 3)
     table = np.isin(view.ids(3), list(scene.roles["table"]))
@@ -52,7 +58,7 @@ def test_the_support_becomes_level(models: Path, kind: str, file: str) -> None:
 def test_a_camera_may_move_a_little_and_nothing_of_the_model_is_written(models: Path) -> None:
     given = {
         "version": 1,
-        "depth_model": f"torchscript:{models / 'slope_False.pt'}",
+        "models": {"depth": f"torchscript:{models / 'slope_False.pt'}"},
         "edits": [{"op": "camera_pose", "camera": ["image_0"], "shift": 0.02, "turn": 0.02}],
     }
     asked = recipe.build(given)
@@ -70,11 +76,14 @@ def test_a_camera_may_move_a_little_and_nothing_of_the_model_is_written(models: 
 def test_what_is_no_model_is_refused(models: Path, tmp_path: Path) -> None:
     (tmp_path / "junk.pt").write_bytes(b"no model")
     for name, reason in (
-        ("nothing", "no model of depth is called"),
+        ("nothing", "nothing: no model there"),
         (f"torchscript:{tmp_path / 'none.pt'}", "none.pt"),
         (f"torchscript:{tmp_path / 'junk.pt'}", "no TorchScript model of depth"),
     ):
         with pytest.raises(Unsupported, match=reason):
             depth(name)
     with pytest.raises(Unsupported, match="views: \\[image_0\\]"):
-        build(episode(views=2), with_bodies=True, depth=f"torchscript:{models / 'slope_False.pt'}")
+        find(
+            episode(views=2),
+            sources(tuple, by_depth(f"torchscript:{models / 'slope_False.pt'}")),
+        )

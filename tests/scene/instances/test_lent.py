@@ -75,12 +75,12 @@ def test_edits_of_them_are_shown_and_no_depth_is_written(on_stage) -> None:
 
 
 def test_a_camera_does_not_move_on_a_stage(on_stage) -> None:
-    with pytest.raises(Unsupported, match=r"camera_pose: .*depth.*depth_model"):
+    with pytest.raises(Unsupported, match=r"camera_pose: .*--models depth=NAME"):
         ground(on_stage[0], asked(MOVE))
 
 
 def test_a_camera_moves_a_little_on_the_depth_of_a_model(model: str) -> None:
-    given = asked(MOVE, depth_model=model)
+    given = asked(MOVE, models={"depth": model})
     scene, plan = prepare_scene(episode(), given, 3)
     ground(scene, given)
     edited, draws = pipeline.draw(scene, given, 1)

@@ -84,7 +84,7 @@ def test_a_camera_that_moves_is_seen_to_and_goes_by_color() -> None:
     drop = backdrop.find(shaken, 12)
     assert not drop.still
     found = rgb_things.find(type(bare)("k", {"a": shaken}, bare.robot, (), 12))
-    ids = found.ids("a", shaken.rgb(4))
+    ids = found.ids("a", 4, shaken.rgb(4))
     red = np.roll(truth(BLOCK, 4), (20, 36), (0, 1))
     assert len(np.unique(ids[red])) == 1
 

@@ -1,5 +1,6 @@
 """Learned models of poses: what a scripted one says becomes a model, and what contradicts itself is refused."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,6 @@ from rpaug.core import geometry
 from rpaug.providers import poses
 from rpaug.providers.poses import Posed
 from rpaug.scene.video import colmap, posed, reconstruct, world
-from rpaug.scene.video.settings import VideoSettings
 
 LENGTH = 10
 SIZE = (182, 140)  # what 192 x 144 becomes in whole patches of 14 pixels
@@ -121,12 +121,14 @@ def test_it_is_asked_where_structure_from_motion_fails(
         raise Unsupported("nothing in 10 frames")
 
     monkeypatch.setattr(colmap, "reconstruct", refused)
-    asked = VideoSettings(pose_model=f"torchscript:{file}")
-    video = reconstruct.develop(walks.walk(LENGTH), asked, cache=tmp_path)
+    named = partial(poses.poses, f"torchscript:{file}")
+    video = reconstruct.develop(walks.walk(LENGTH), model_of=named, cache=tmp_path)
     assert video.describe()["mapper"] == "pose model"
     assert misplaced(video.model.cam_to_world) < 1e-4
     with pytest.raises(Unsupported, match=r"nothing in 10 frames; by the model of poses: no model"):
-        reconstruct.develop(walks.walk(LENGTH), VideoSettings(pose_model="walk.pt"), cache=tmp_path)
+        reconstruct.develop(
+            walks.walk(LENGTH), model_of=partial(poses.poses, "walk.pt"), cache=tmp_path
+        )
 
 
 def test_answers_that_cannot_be_are_refused() -> None:

@@ -1,0 +1,311 @@
+"""Instances that words were found by: one mask in some frames becomes one id in all frames and all cameras.
+
+In each camera the masks of one phrase are linked over time into tracks. Between two masks a thing that rests is where
+both of them show it and the image shows the same; one that moves is carried by optical flow, a few frames far. What is
+seen too seldom to be a thing is none. Phrases whose tracks lie on each other name one thing, and a phrase that
+means one thing in every camera that shows it means the same one in all of them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Int32, UInt8
+
+from rpaug.core.types import CameraView, Episode
+from rpaug.providers.finder import AskedImage, Finder, overlap, plain
+
+FIRST_ID = 200_000  # instance ids from here on are of things that words were found by
+LINKED = 0.3  # intersection over union of one thing's masks in two frames that follow each other
+NEAR = 0.5  # of a mask's width, its middle moves at most between two of them if they do not overlap
+SAME = 0.6  # median overlap of two phrases' tracks that are one thing's
+OFTEN = (
+    0.34  # share of the frames asked, from its first to its last, in which a thing is seen at least
+)
+LASTS = 3  # frames at least in which a thing is seen, if so many were asked
+SURELY = 0.6  # of the surest track's score: weaker ones are no second thing of a phrase
+RESTS = 0.8  # overlap of two masks between which a thing has not moved
+CARRIED = 8  # frames that optical flow carries a mask through
+UNLIKE = 24.0  # grey levels: a pixel that differs by so much shows something else
+FEWEST = 4  # pixels of a mask
+
+Mask = Bool[np.ndarray, "h w"]
+
+
+@dataclass(frozen=True)
+class Outlined:
+    """`ids[camera][t]` are the instance ids of what was found, 0 elsewhere; `names` the ids of each phrase, none for
+    one that was looked for in vain; `notes` say in sentences how much was seen of each, and `sure` how surely."""
+
+    ids: Mapping[str, UInt8[np.ndarray, "t h w"]]
+    names: Mapping[str, frozenset[int]]
+    notes: tuple[str, ...] = ()
+    sure: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def instance_ids(self) -> frozenset[int]:
+        """All that was found."""
+        return frozenset().union(*self.names.values())
+
+    @property
+    def moved(self) -> frozenset[int]:
+        """What does not lie in some camera where it lay at first."""
+        out = set[int]()
+        for stack in self.ids.values():
+            for number in np.unique(stack[stack > 0]).tolist():
+                seen = [mask for mask in stack == number if mask.any()]
+                if overlap(seen[0], seen[-1]) < RESTS:
+                    out.add(FIRST_ID - 1 + number)
+        return frozenset(out)
+
+    def at(self, camera: str, t: int) -> Int32[np.ndarray, "h w"]:
+        """The instance ids of one frame."""
+        found = self.ids[camera][t].astype(np.int32)
+        return np.where(found > 0, found + (FIRST_ID - 1), 0).astype(np.int32)
+
+    def over(self, ids: Int32[np.ndarray, "h w"], camera: str, t: int) -> Int32[np.ndarray, "h w"]:
+        """The instance ids of one frame, with those of what was found in their place."""
+        return self.on_top(ids, self.at(camera, t))
+
+    def shown(self, view: CameraView, camera: str) -> CameraView:
+        """A view whose ids have those of what was found in their place."""
+        read = view.ids
+        assert read is not None
+        return replace(view, ids=lambda t: self.over(read(t), camera, t), inferred=True)
+
+    @staticmethod
+    def on_top(
+        ids: Int32[np.ndarray, "h w"], found: Int32[np.ndarray, "h w"]
+    ) -> Int32[np.ndarray, "h w"]:
+        """One map of ids where it has any, else another."""
+        return np.where(found > 0, found, ids).astype(np.int32)
+
+
+@dataclass(eq=False)
+class _MaskTrack:
+    """One thing of one camera under one phrase: its masks by frame, and their scores."""
+
+    words: list[str]
+    masks: dict[int, Mask] = field(default_factory=dict)
+    scores: list[float] = field(default_factory=list)
+
+    @property
+    def score(self) -> float:
+        return float(np.median(self.scores))
+
+    def add(self, t: int, mask: Mask, score: float) -> None:
+        self.masks[t] = mask
+        self.scores.append(score)
+
+
+def find(
+    episode: Episode, phrases: Sequence[str], finder: Finder, progress: Callable[[float], None]
+) -> Outlined:
+    """Ask for all phrases in all cameras. `progress` is told the share that is done."""
+    wanted = list(dict.fromkeys(map(plain, phrases)))
+    tracks: dict[str, list[_MaskTrack]] = {}
+    for number, (name, view) in enumerate(episode.views.items()):
+        asked = finder.frames(episode.key, name, episode.length)
+        found = [list[_MaskTrack]() for _ in wanted]
+        for done, t in enumerate(asked):
+            shown = AskedImage(episode.key, name, t, view.rgb(t))
+            for k, words in enumerate(wanted):
+                masks = [(one.mask, one.score) for one in finder(shown, words)]
+                _link(found[k], words, t, [(m, s) for m, s in masks if m is not None])
+            progress((number + (done + 1) / len(asked)) / len(episode.views))
+        kept = [track for some in found for track in _lasting(some, asked)]
+        tracks[name] = _merged(kept)
+    things = _across(tracks, wanted)
+    ids = {
+        name: _drawn(
+            view,
+            episode.length,
+            [(k, thing[name]) for k, thing in enumerate(things) if name in thing],
+        )
+        for name, view in episode.views.items()
+    }
+    return _told(wanted, things, ids, list(episode.views))
+
+
+def _link(
+    tracks: list[_MaskTrack], words: str, t: int, found: Sequence[tuple[Mask, float]]
+) -> None:
+    """Add one frame's masks to the tracks that they go on, the best fitting first; others begin new ones."""
+    last = [track.masks[max(track.masks)] for track in tracks]
+    fits = sorted(
+        ((_fit(mask, before), k, n) for n, (mask, _) in enumerate(found) for k, before in enumerate(last)),
+        key=lambda one: -one[0],
+    )  # fmt: skip
+    taken, used = set[int](), set[int]()
+    for fit, k, n in fits:
+        if fit <= 0 or k in taken or n in used:
+            continue
+        tracks[k].add(t, *found[n])
+        taken.add(k)
+        used.add(n)
+    for n, (mask, score) in enumerate(found):
+        if n not in used and mask.sum() >= FEWEST:
+            tracks.append(_MaskTrack([words]))
+            tracks[-1].add(t, mask, score)
+
+
+def _fit(mask: Mask, before: Mask) -> float:
+    """How well a mask goes on an earlier one: their overlap, or how near a thing of that size came; 0 for not."""
+    shared = overlap(mask, before)
+    if shared >= LINKED:
+        return 1.0 + shared
+    size, old = float(mask.sum()), float(before.sum())
+    if not 0.4 < size / max(old, 1.0) < 2.5:
+        return 0.0
+    off = np.argwhere(mask).mean(0) - np.argwhere(before).mean(0)
+    return max(0.0, 1.0 - float(np.hypot(*off)) / (NEAR * 2 * np.sqrt(max(size, old))))
+
+
+def _lasting(tracks: Sequence[_MaskTrack], asked: Sequence[int]) -> list[_MaskTrack]:
+    """The tracks that are things: seen often enough, and sure enough beside the surest."""
+    often = [
+        one
+        for one in tracks
+        if len(one.masks) >= min(LASTS, len(asked))
+        and len(one.masks) >= OFTEN * sum(min(one.masks) <= t <= max(one.masks) for t in asked)
+    ]
+    best = max((one.score for one in often), default=0.0)
+    return [one for one in often if one.score >= SURELY * best]
+
+
+def _merged(tracks: Sequence[_MaskTrack]) -> list[_MaskTrack]:
+    """Each thing once: tracks that lie on each other are one, known by all of their phrases."""
+    out = list[_MaskTrack]()
+    for track in sorted(tracks, key=lambda one: (-len(one.masks), one.words)):
+        for other in out:
+            shared = track.masks.keys() & other.masks.keys()
+            alike = [overlap(track.masks[t], other.masks[t]) for t in shared]
+            if alike and float(np.median(alike)) >= SAME:
+                other.words += [one for one in track.words if one not in other.words]
+                break
+        else:
+            out.append(track)
+    return out
+
+
+def _across(
+    tracks: Mapping[str, Sequence[_MaskTrack]], wanted: Sequence[str]
+) -> list[dict[str, _MaskTrack]]:
+    """Things by camera: what a phrase means where it means one thing in every camera that shows it. What it means
+    several of in some camera is as many things for each camera alone."""
+    things = list[dict[str, _MaskTrack]]()
+    held = dict[int, dict[str, _MaskTrack]]()  # by track
+    for words in wanted:
+        seen = {name: [one for one in some if words in one.words] for name, some in tracks.items()}
+        seen = {name: some for name, some in seen.items() if some}
+        single = all(len(some) == 1 for some in seen.values())
+        groups = [{n: s[0] for n, s in seen.items()}] if single else [
+            {name: one} for name, some in seen.items() for one in some
+        ]  # fmt: skip
+        for group in filter(None, groups):
+            known = {id(held[id(one)]): held[id(one)] for one in group.values() if id(one) in held}
+            thing = next(iter(known.values()), None)
+            if len(known) > 1:
+                continue  # other phrases tell these apart
+            if thing is None:
+                thing = {}
+                things.append(thing)
+            for name, one in group.items():
+                if name not in thing and id(one) not in held:
+                    thing[name] = one
+                    held[id(one)] = thing
+    return things
+
+
+def _drawn(
+    view: CameraView, length: int, tracks: Sequence[tuple[int, _MaskTrack]]
+) -> UInt8[np.ndarray, "t h w"]:
+    """Numbers (1 and up) of the things that each pixel of a camera shows; of two, that which is smaller there."""
+    shape = view.camera.height, view.camera.width
+    out = np.zeros((length, *shape), np.uint8)
+    if not tracks:
+        return out
+    sizes = np.full((length, *shape), np.iinfo(np.int32).max, np.int32)
+    for number, track in tracks:
+        for t, mask in _filled(view, track.masks).items():
+            size = int(mask.sum())
+            over = mask & (size < sizes[t])
+            out[t][over], sizes[t][over] = number + 1, size
+    return out
+
+
+def _filled(view: CameraView, masks: Mapping[int, Mask]) -> dict[int, Mask]:
+    """The masks, and those of the frames between them as far as they can be told."""
+    out, known = dict(masks), sorted(masks)
+    for before, after in pairwise(known):
+        if after - before < 2:
+            continue
+        rests = view.camera.fixed and overlap(masks[before], masks[after]) >= RESTS
+        for t in range(before + 1, after):
+            near, far = (before, after) if t - before <= after - t else (after, before)
+            if rests:
+                out[t] = _resting(view, t, masks, near, far)
+            elif abs(t - near) <= CARRIED:
+                out[t] = _carried(view, masks[near], near, t)
+    return {t: mask for t, mask in out.items() if mask.sum() >= FEWEST}
+
+
+def _resting(view: CameraView, t: int, masks: Mapping[int, Mask], near: int, far: int) -> Mask:
+    """Where a thing that rests shows in a frame between two others: its pixels that look as in one of them."""
+    image = view.rgb(t).astype(np.int16)
+    out = np.zeros_like(masks[near])
+    for other in (near, far):
+        off = np.abs(image - view.rgb(other)).max(-1)
+        out |= masks[other] & (off < UNLIKE)
+    return cv2.medianBlur(out.astype(np.uint8), 3) > 0
+
+
+def _carried(view: CameraView, mask: Mask, near: int, t: int) -> Mask:
+    """A mask of frame `near` where optical flow (dense inverse search, Kroeger et al. 2016) takes it in frame t."""
+    now, then = (cv2.cvtColor(view.rgb(k), cv2.COLOR_RGB2GRAY) for k in (t, near))
+    if min(now.shape) < 16:
+        return mask
+    search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    way = search.calc(now, then, np.zeros((*now.shape, 2), np.float32))
+    rows, columns = np.mgrid[: mask.shape[0], : mask.shape[1]].astype(np.float32)
+    moved = cv2.remap(
+        mask.astype(np.float32),
+        columns + way[..., 0],
+        rows + way[..., 1],
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_CONSTANT,
+    )
+    return moved > 0.5
+
+
+def _told(
+    wanted: Sequence[str],
+    things: Sequence[Mapping[str, _MaskTrack]],
+    ids: Mapping[str, UInt8[np.ndarray, "t h w"]],
+    cameras: Sequence[str],
+) -> Outlined:
+    names: dict[str, frozenset[int]] = {}
+    notes, sure = list[str](), dict[int, float]()
+    for words in wanted:
+        found = [
+            (k, thing)
+            for k, thing in enumerate(things)
+            if any(words in one.words for one in thing.values())
+        ]
+        names[words] = frozenset(FIRST_ID + k for k, _ in found)
+        if not found:
+            notes.append(f"{words!r}: the models found none")
+        for k, thing in found:
+            score = min(one.score for one in thing.values())
+            sure[FIRST_ID + k] = score
+            frames = ", ".join(
+                f"{int((ids[name] == k + 1).any((1, 2)).sum())} frames of {name}"
+                for name in cameras
+                if name in thing
+            )
+            notes.append(
+                f"{words!r}: instance {FIRST_ID + k} by models, {frames}, sure {score:.2f}"
+            )
+    return Outlined(ids, names, tuple(notes), sure)
