@@ -185,7 +185,9 @@ def finder(models: Models) -> Finder:
     named = models.instances or GRABCUT
     device = models.device
     stated = [told(models.text), named if named == GRABCUT else told(named)]
-    return DetectedOutlines("|".join(stated), detector(models.text, device), segmenter(named, device))
+    return DetectedOutlines(
+        "|".join(stated), detector(models.text, device), segmenter(named, device)
+    )
 
 
 def told(name: str) -> str:

@@ -1,13 +1,14 @@
 """What color images alone are enough for: the twin's recordings with depth, masks and calibration hidden.
 
-    python tools/bench/rgb_only.py [--seeds 4] [--size 128] [--frames 17] [--factor F] [--uncut] [--json]
+    python tools/bench/rgb_only.py [--seeds 4] [--size 128] [--frames 17] [--factor F] [--models Q] [--uncut] [--json]
 
 Of each seed's recording only the fixed cameras' colors are kept. Edits made from those are held against the truly
 changed recording: dB inside the truly changed pixels and outside them, beside the unedited images'. `IoU` is that of
 the mask an edit went by with the true one; `handle` asks for the thing's handle that fits best, `words` for the
 color's name, `role` for what is manipulated. `things` is the mean over all true things beside the robot, each by its
 best handle over all cameras, and `thing in a camera` by its best handle there; nothing is edited. `--uncut` leaves
-GrabCut out.
+GrabCut out. `--models` asks models of that quality (`tools.bench.scripted`) for everything on the table by its part's
+name, and the changed thing is named by words.
 The background's texture lies in another place than the true one: dB are of its mean color there.
 """
 
@@ -31,14 +32,26 @@ from rpaug.core.errors import RpaugError
 from rpaug.core.metrics import psnr
 from rpaug.core.types import Episode, Scene
 from rpaug.pipeline.contracts import shown
-from rpaug.scene.build import build
+from rpaug.providers.models_settings import Models
+from rpaug.scene.build import build, find, sources
 from rpaug.scene.instances import outlines
+from rpaug.scene.instances.by_models import AskedModels
 from rpaug.scene.targets import targets
+from tools.bench import scripted
 
 FACTORS = ("object_color", "table_color", "background_texture", "light_color")
 SEEN = 12  # pixels a frame: of a thing that a camera shows less of nothing is asked there
 HANDLES = 200
 TOLD = 0.05  # overlap up to which a thing was not told apart at all
+ROOM = (
+    "link",
+    "hand",
+    "finger",
+    "table",
+    "floor",
+    "wall",
+)  # what these parts' names begin with is no thing
+NAMED = "gadget"  # what the changed thing is called
 FOCAL = 1.2  # longest sides, as adapters assume
 
 
@@ -122,7 +135,12 @@ def _db(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def asked(
-    scene: Scene, factor: str, recorded: twin.Take, true: twin.Take, folder: Path
+    scene: Scene,
+    factor: str,
+    recorded: twin.Take,
+    true: twin.Take,
+    folder: Path,
+    words: str | None = None,
 ) -> Iterator[tuple[str, frozenset[int] | None, str, dict[str, Any]]]:
     """The edits that imitate a factor: a name, the handles it goes by, operator and fields."""
     changed = true.truth.changed
@@ -151,7 +169,7 @@ def asked(
             target = {"handle": sorted(manipulated)}
             yield "object by role", manipulated, "recolor", fields | {"target": target}
         word = color_space.nearest(np.array(recorded.truth.albedos[changed[0]]))
-        target = {"text": f"the {word} thing"}
+        target = {"text": words or f"the {word} thing"}
         try:
             instance_ids = targets.find(scene, targets.Target(**target))
         except RpaugError:
@@ -162,8 +180,7 @@ def asked(
 
 def things(scene: Scene, true: twin.Take) -> tuple[float, float]:
     """Mean overlap of the true things with their best handles: over all cameras, and camera by camera."""
-    robot = ("link", "hand", "finger", "table", "floor", "wall")
-    parts = {h for name, h in true.truth.handles.items() if not name.startswith(robot)}
+    parts = {h for name, h in true.truth.handles.items() if not name.startswith(ROOM)}
     both: dict[int, list[np.ndarray]] = {}
     for name, view in scene.episode.views.items():
         ours = np.stack([view.ids(t) for t in range(scene.episode.length)])  # type: ignore[misc]
@@ -193,10 +210,37 @@ def _best(counts: np.ndarray) -> float:
     return float((common / np.maximum(mask + held - common, 1)).max())
 
 
+def found(
+    recorded: twin.Take, true: twin.Take, quality: str | None, seed: int, folder: Path
+) -> Scene:
+    """The bare recording's scene, by colors alone or with outlines of what stands on the table."""
+    episode = bare(recorded.episode)
+    if quality is None:
+        return build(episode, with_bodies=True)
+    changed = set(true.truth.changed) if true.truth.factor == "object_color" else set[int]()
+    parts = [
+        h for n, h in recorded.truth.handles.items() if not n.startswith(ROOM) and h not in changed
+    ]
+    named = {
+        f"thing{'abcdefghijklmnopqrstuvwxyz'[k]}": [h] for k, h in enumerate(sorted(parts)[:26])
+    }
+    named |= {NAMED: sorted(changed)} if changed else {}
+    drawn = replace(recorded.episode, views={n: recorded.episode.views[n] for n in episode.views})
+    path = folder / f"{seed}-{true.truth.factor}-{quality}.json"
+    path.write_text(json.dumps(scripted.outlines(drawn, named, scripted.QUALITIES[quality], seed)))
+    known = AskedModels(Models(text=f"outlines:{path}"), tuple(named))
+    return find(episode, sources(tuple, known)).scene()
+
+
 def rows(
-    seed: int, size: int, frames: int, folder: Path, factors: Sequence[str] = FACTORS
+    seed: int,
+    size: int,
+    frames: int,
+    folder: Path,
+    factors: Sequence[str] = FACTORS,
+    quality: str | None = None,
 ) -> Iterator[Row]:
-    """The edits of one seed that imitate these factors."""
+    """The edits of one seed that imitate these factors; with models of a `quality`."""
     task = tuple(twin.TASKS)[seed % len(twin.TASKS)]
     recorded = twin.perform(task, seed, frames=frames, size=size)
     for factor in factors:
@@ -204,14 +248,15 @@ def rows(
             task, seed, factor=factor, look=recorded.truth.new, size=size, frames=frames
         )
         start = time.process_time()
-        scene = build(bare(recorded.episode), with_bodies=True)
+        scene = found(recorded, true, quality, seed, folder)
         built = time.process_time() - start
         if factor == FACTORS[0]:
             for name, iou in zip(
                 ("things", "thing in a camera"), things(scene, recorded), strict=True
             ):
                 yield Row(name, seed, task, iou, np.nan, np.nan, np.nan, built)
-        for name, instance_ids, op, fields in asked(scene, factor, recorded, true, folder):
+        words = NAMED if quality else None
+        for name, instance_ids, op, fields in asked(scene, factor, recorded, true, folder, words):
             if instance_ids is not None and not instance_ids:
                 yield Row(name, seed, task, 0.0, np.nan, np.nan, np.nan, built)
                 continue
@@ -239,24 +284,32 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--frames", type=int, default=17)
     parser.add_argument("--factor", choices=FACTORS, action="append", help="only these edits")
+    parser.add_argument("--models", choices=scripted.QUALITIES)
     parser.add_argument("--uncut", action="store_true")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     if given.uncut:
         outlines.cut = lambda image, ids, only=None: ids
     with tempfile.TemporaryDirectory() as folder:
-        found = [
+        measured = [
             row
             for seed in range(given.seeds)
-            for row in rows(seed, given.size, given.frames, Path(folder), given.factor or FACTORS)
+            for row in rows(
+                seed,
+                given.size,
+                given.frames,
+                Path(folder),
+                given.factor or FACTORS,
+                given.models,
+            )
         ]
     if given.json:
-        json.dump([vars(row) for row in found], sys.stdout, indent=1)
+        json.dump([vars(row) for row in measured], sys.stdout, indent=1)
         return
     head = f"{'edit':18}{'seeds':>6}{'IoU':>7}{'inside, dB':>12}{'unedited':>10}{'outside, dB':>13}{'CPU s':>7}"
     sys.stdout.write(head + "\n")
-    for name in dict.fromkeys(row.edit for row in found):
-        mine = [row for row in found if row.edit == name]
+    for name in dict.fromkeys(row.edit for row in measured):
+        mine = [row for row in measured if row.edit == name]
 
         def mean(part: str, mine: list[Row] = mine) -> float:
             values = np.array([getattr(row, part) for row in mine])

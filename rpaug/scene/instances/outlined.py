@@ -26,6 +26,8 @@ OFTEN = (
 )
 LASTS = 3  # frames at least in which a thing is seen, if so many were asked
 SURELY = 0.6  # of the surest track's score: weaker ones are no second thing of a phrase
+ALIKE = 2.5  # times as many pixels that a thing has in the next frame at most
+UNFITTING = 1e-6  # how well what came from far goes on: worse than all else
 RESTS = 0.8  # overlap of two masks between which a thing has not moved
 CARRIED = 8  # frames that optical flow carries a mask through
 UNLIKE = 24.0  # grey levels: a pixel that differs by so much shows something else
@@ -132,39 +134,63 @@ def find(
 def _link(
     tracks: list[_MaskTrack], words: str, t: int, found: Sequence[tuple[Mask, float]]
 ) -> None:
-    """Add one frame's masks to the tracks that they go on, the best fitting first; others begin new ones."""
-    last = [track.masks[max(track.masks)] for track in tracks]
+    """Add one frame's masks to the tracks that they go on, the best fitting first; others begin new ones.
+
+    Where a frame shows one thing and one is known it is that, however far it came: it was carried, or seen seldom.
+    """
+    found = [(mask, score) for mask, score in found if mask.sum() >= FEWEST]
+    known = [one for one in tracks if len(one.masks) >= LASTS] or tracks
+    last = {id(track): track.masks[max(track.masks)] for track in tracks}
+    sole = len(found) == len(known) == 1
     fits = sorted(
-        ((_fit(mask, before), k, n) for n, (mask, _) in enumerate(found) for k, before in enumerate(last)),
+        (
+            (_fit(mask, last[id(track)], far=sole and track is known[0]), k, n)
+            for n, (mask, _) in enumerate(found)
+            for k, track in enumerate(tracks)
+        ),
         key=lambda one: -one[0],
-    )  # fmt: skip
+    )
     taken, used = set[int](), set[int]()
     for fit, k, n in fits:
-        if fit <= 0 or k in taken or n in used:
-            continue
-        tracks[k].add(t, *found[n])
-        taken.add(k)
-        used.add(n)
+        if fit > 0 and k not in taken and n not in used:
+            tracks[k].add(t, *found[n])
+            taken.add(k)
+            used.add(n)
     for n, (mask, score) in enumerate(found):
-        if n not in used and mask.sum() >= FEWEST:
+        if n not in used:
             tracks.append(_MaskTrack([words]))
             tracks[-1].add(t, mask, score)
 
 
-def _fit(mask: Mask, before: Mask) -> float:
-    """How well a mask goes on an earlier one: their overlap, or how near a thing of that size came; 0 for not."""
+def _fit(mask: Mask, before: Mask, *, far: bool = False) -> float:
+    """How well a mask goes on an earlier one: their overlap, or how near a thing of that size came; 0 for not, unless
+    it may come from `far`."""
     shared = overlap(mask, before)
     if shared >= LINKED:
         return 1.0 + shared
     size, old = float(mask.sum()), float(before.sum())
-    if not 0.4 < size / max(old, 1.0) < 2.5:
-        return 0.0
+    least = UNFITTING if far else 0.0
+    if not 1 / ALIKE < size / old < ALIKE:
+        return least
     off = np.argwhere(mask).mean(0) - np.argwhere(before).mean(0)
-    return max(0.0, 1.0 - float(np.hypot(*off)) / (NEAR * 2 * np.sqrt(max(size, old))))
+    return max(least, 1.0 - float(np.hypot(*off)) / (NEAR * 2 * np.sqrt(max(size, old))))
+
+
+def _steady(track: _MaskTrack) -> None:
+    """Take out masks that lie elsewhere than those before and after them, which agree: another thing for a moment."""
+    times = sorted(track.masks)
+    for before, t, after in zip(times, times[1:], times[2:], strict=False):
+        one, mask, other = (track.masks.get(k) for k in (before, t, after))
+        if one is None or mask is None or other is None:
+            continue
+        if overlap(one, other) >= LINKED and not max(_fit(mask, one), _fit(mask, other)):
+            del track.masks[t]
 
 
 def _lasting(tracks: Sequence[_MaskTrack], asked: Sequence[int]) -> list[_MaskTrack]:
     """The tracks that are things: seen often enough, and sure enough beside the surest."""
+    for track in tracks:
+        _steady(track)
     often = [
         one
         for one in tracks
@@ -172,7 +198,26 @@ def _lasting(tracks: Sequence[_MaskTrack], asked: Sequence[int]) -> list[_MaskTr
         and len(one.masks) >= OFTEN * sum(min(one.masks) <= t <= max(one.masks) for t in asked)
     ]
     best = max((one.score for one in often), default=0.0)
-    return [one for one in often if one.score >= SURELY * best]
+    return _joined([one for one in often if one.score >= SURELY * best])
+
+
+def _joined(tracks: Sequence[_MaskTrack]) -> list[_MaskTrack]:
+    """The tracks of one phrase, those that follow each other as one: it went out of sight between them."""
+    out = list[_MaskTrack]()
+    for track in sorted(tracks, key=lambda one: min(one.masks)):
+        earlier = [one for one in out if max(one.masks) < min(track.masks)]
+        others = [one for one in tracks if one is not track and _together(one, track)]
+        if len(earlier) == 1 and not others:
+            earlier[0].masks.update(track.masks)
+            earlier[0].scores += track.scores
+        else:
+            out.append(track)
+    return out
+
+
+def _together(one: _MaskTrack, other: _MaskTrack) -> bool:
+    """Are both there at some time?"""
+    return min(one.masks) <= max(other.masks) and min(other.masks) <= max(one.masks)
 
 
 def _merged(tracks: Sequence[_MaskTrack]) -> list[_MaskTrack]:
@@ -258,8 +303,9 @@ def _resting(view: CameraView, t: int, masks: Mapping[int, Mask], near: int, far
     out = np.zeros_like(masks[near])
     for other in (near, far):
         off = np.abs(image - view.rgb(other)).max(-1)
-        out |= masks[other] & (off < UNLIKE)
-    return cv2.medianBlur(out.astype(np.uint8), 3) > 0
+        covered = cv2.medianBlur((off >= UNLIKE).astype(np.uint8), 3)  # lone pixels are noise
+        out |= masks[other] & (covered == 0)
+    return out
 
 
 def _carried(view: CameraView, mask: Mask, near: int, t: int) -> Mask:
