@@ -223,7 +223,11 @@ def build(tree: Any, *, name: str = "recipe", lines: dict[Path_, int] | None = N
         faults.raise_any()
     top = faults.check((), _Top, tree)
     entries = tree.get("edits") if isinstance(tree.get("edits"), list) else []
-    steps = [_step(faults, ("edits", i), entry) for i, entry in enumerate(entries or [])]
+    painter = top.models.inpaint if top else None
+    steps = [
+        _step(faults, ("edits", i), _painted(entry, painter))
+        for i, entry in enumerate(entries or [])
+    ]
     faults.raise_any()
     assert top is not None
     return Recipe(
@@ -295,6 +299,19 @@ def schema() -> dict[str, Any]:
         "default": [],
     }
     return top
+
+
+def _painted(entry: Any, painter: str | None) -> Any:
+    """An entry whose edits paint what nobody saw with the recipe's model, unless they name another."""
+    if painter is None or not isinstance(entry, dict):
+        return entry
+    if isinstance(entry.get("one_of"), list):
+        return {**entry, "one_of": [_painted(one, painter) for one in entry["one_of"]]}
+    try:
+        fields = getattr(registry.operator(str(entry.get("op"))), "__dataclass_fields__", {})
+    except RpaugError:  # it is named as a fault
+        return entry
+    return {"inpaint": painter, **entry} if "inpaint" in fields else entry
 
 
 def _step(faults: Faults, path: Path_, entry: Any) -> Step | None:

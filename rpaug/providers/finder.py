@@ -2,7 +2,7 @@
 
 A file of outlines is JSON: `{"EPISODE": {"CAMERA": {"FRAME": [{"words": "red cup", "polygon": [[x, y], ...]}]}}}`, in
 pixels with their centres at integers; `polygons` may stand for a thing that is seen in pieces. What a frame lists is
-all that it shows of the words that its camera knows.
+all that it shows of the words that its episode knows.
 """
 
 import json
@@ -52,6 +52,10 @@ class Finder(Protocol):
         """The frames of a camera that it can be asked about."""
         ...
 
+    def knows(self, episode: str, words: str) -> bool:
+        """Whether it can say that an episode shows nothing that these words mean."""
+        ...
+
     def __call__(self, asked: AskedImage, words: str) -> list[Detection]: ...
 
 
@@ -64,6 +68,10 @@ class DetectedOutlines:
     def frames(self, episode: str, camera: str, length: int) -> Sequence[int]:
         """All of them."""
         return range(length)
+
+    def knows(self, episode: str, words: str) -> bool:
+        """Whatever they are."""
+        return True
 
     def __call__(self, asked: AskedImage, words: str) -> list[Detection]:
         """Every thing once: of boxes on one thing the surest is kept."""
@@ -92,6 +100,12 @@ class DrawnOutlines:
     def frames(self, episode: str, camera: str, length: int) -> Sequence[int]:
         """Those of the camera that somebody drew in."""
         return sorted(t for t in self._known.get(episode, {}).get(camera, {}) if t < length)
+
+    def knows(self, episode: str, words: str) -> bool:
+        """The words that somebody drew something for."""
+        cameras = self._known.get(episode, {}).values()
+        drawn = (one for frames in cameras for listed in frames.values() for one in listed)
+        return any(stated == plain(words) for stated, _ in drawn)
 
     def __call__(self, asked: AskedImage, words: str) -> list[Detection]:
         """What the frame lists under exactly these words."""

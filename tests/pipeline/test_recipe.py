@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpaug import BadRecipe
-from rpaug.pipeline import recipe
+from rpaug.core.errors import RpaugError
+from rpaug.pipeline import inputs, recipe
 
 GOOD = """\
 version: 1
@@ -180,3 +181,35 @@ def test_selection_keeps_order_and_limit(keys: list[str], limit: int) -> None:
 def test_factors_that_change_no_pixel_are_refused_with_the_reason(name: str) -> None:
     with pytest.raises(BadRecipe, match=f"{name}.*no recorded pixel"):
         recipe.build({"version": 1, "edits": [{"op": name}]})
+
+
+def test_models_of_recipe_option_and_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The option is preferred to the recipe, the recipe to the user's file; all of it stands in the source."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    (tmp_path / "rpaug").mkdir()
+    (tmp_path / "rpaug" / "models.toml").write_text('text = "of/file"\ndepth = "of/file"\n')
+    tree = {"version": 1, "models": {"depth": "of/recipe"}, "edits": [{"op": "light_color"}]}
+    made = inputs.recipe(tree, models=["instances=of/option", "inpaint=telea"])
+    assert made.models.text == "of/file"
+    assert made.models.depth == "of/recipe"
+    assert made.models.instances == "of/option"
+    assert made.source["models"] == made.models.model_dump(exclude_defaults=True)
+    assert inputs.recipe(tree, models=["off"]).source == tree
+    for wrong in ("text", "words=x", "text="):
+        with pytest.raises(RpaugError, match="expected USE=NAME"):
+            inputs.recipe(tree, models=[wrong])
+    (tmp_path / "rpaug" / "models.toml").write_text('txt = "of/file"\n')
+    with pytest.raises(RpaugError, match=r"models.toml: expected names under text"):
+        inputs.recipe(tree)
+    with pytest.raises(BadRecipe, match=r"models\.dept"):
+        inputs.recipe({**tree, "models": {"dept": "x"}}, models=["off"])
+
+
+def test_a_recipes_painter_is_that_of_edits_that_name_none() -> None:
+    edits = [
+        {"op": "remove", "target": {"role": "receiver"}},
+        {"one_of": [{"op": "remove", "target": {"handle": 1}, "inpaint": "fsr"}]},
+    ]
+    made = recipe.build({"version": 1, "models": {"inpaint": "telea"}, "edits": edits})
+    assert [step.options[0].operator.inpaint for step in made.steps] == ["telea", "fsr"]
+    assert made.source["edits"] == edits

@@ -37,6 +37,9 @@ def test_outlines_are_masks_of_whole_pixels(tmp_path: Path) -> None:
     assert found.box == (10, 5, 45, 30)
     assert made(AskedImage("e/0", "front", 3, IMAGE), "cup") == []
     assert made(AskedImage("e/0", "front", 4, IMAGE), "red cup") == []
+    assert made.knows("e/0", "Red cup")
+    assert not made.knows("e/0", "cup")
+    assert not made.knows("e/1", "red cup")
 
 
 @pytest.mark.parametrize(

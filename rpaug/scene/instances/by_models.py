@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from rpaug.providers.finder import Finder
 
 KIND = "instances"  # in the cache
-LAYOUT = 1  # of what is kept
 LOOKED = 12  # frames of each camera in which outlines are held against other masks
 COVERED = 0.5  # of an instance, in an outline: it is part of what the words mean
 AGREES = 0.5  # overlap of an outline and the instances in it: below, they are not the same thing
@@ -54,7 +53,7 @@ class AskedModels:
         if not self.models.finds or not self.phrases:
             return None
         finder = _finder(self.models)
-        stated = json.dumps([LAYOUT, finder.name, sorted(self.phrases), episode.key])
+        stated = json.dumps([outlined.RULE, finder.name, sorted(self.phrases), episode.key])
         images = (
             view.rgb(t).tobytes() for view in episode.views.values() for t in range(episode.length)
         )

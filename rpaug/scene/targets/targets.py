@@ -32,9 +32,9 @@ TOUCH = 0.5  # of the strongest chroma that fits a color word: weaker ones are n
 
 class TargetPart(BaseModel):
     """A part of the target that is finer than its masks, by a `box` (left, top, right, bottom in pixels) in the image
-    of `camera` at `frame`, or by `words` for a `detector` (`dino:FOLDER`, `owlv2:FOLDER`), which then finds the box.
+    of `camera` at `frame`, or by `words` for a `detector`, which then finds the box.
 
-    `segmenter` finds the part in the box: `grabcut`, `sam:FOLDER` or `sam2:FOLDER`.
+    `segmenter` finds the part in the box: `grabcut`. Both may be models by folder or hub id.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -391,7 +391,7 @@ class _Finder:
         if not found and phrase.color is None:
             raise TargetError(
                 f"{self._stated}: {noun!r} is no role, no shape and not in the instruction: such nouns need a detector"
-                f" (the extra rpaug[words] brings synonyms). Roles: {', '.join(roles.NAMES)}; "
+                f" (--models text=NAME; the extra rpaug[words] brings synonyms). Roles: {', '.join(roles.NAMES)}; "
                 f"shapes: {', '.join(sorted(shapes.WORDS))}; {_there_is(self._rows)}"
             )
         return found
