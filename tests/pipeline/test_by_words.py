@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from rgb_only_tables import BLOCK, episode, image
@@ -51,7 +52,10 @@ def test_a_thing_is_edited_by_its_name_alone(tmp_path: Path) -> None:
         block, before = truth(BLOCK, 0), episode().views["image_0"].rgb(t)
         after = made.views["image_0"].rgb(t)
         changed = (after != before).any(-1)
-        assert not (changed & ~block).any()
+        near = (
+            cv2.dilate(block.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        )  # a lens mixes there
+        assert not (changed & ~near).any()
         shown = block & (scene.episode.views["image_0"].ids(t) == instance)
         red, green = (after[shown][:, k].astype(int).mean() for k in (0, 1))
         assert green > red
