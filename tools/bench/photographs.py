@@ -1,12 +1,13 @@
 """What recordings of color images alone are edited into: contact sheets to be judged by eye, one half of the episodes.
 
-    python -m tools.bench.photographs --data data --out sheets [--held] [--command recolor ...]
+    python -m tools.bench.photographs --data data --out sheets [--held | --drawn FILE] [--command recolor ...]
 
 Every command of COMMANDS makes one copy of each episode; OUT gets `<half>/<command>/<key>.png`, a pair of rows for each
 camera that shows anything: recorded above edited at the first, middle and last frame, four times as large; and
 `<half>.json`, what became of each and how much of every camera changed. `{noun}` in a command is each noun of the
-episode's instruction in turn; the colored ones are asked of every episode, most of which show no such thing. Judgments
-by eye stand in docs/benchmarks/rgb_only.md by command and key.
+episode's instruction in turn; the colored ones are asked of every episode, most of which show no such thing. `--drawn`
+takes the episodes that a file of outlines (`docs/models.md`) has, with it for a model; that of ten Bridge records was
+drawn by hand and is `tools/bench/bridge_outlines.json`. Judgments by eye stand in docs/benchmarks/rgb_only.md by command and key.
 """
 
 import argparse
@@ -83,12 +84,13 @@ def commands(
 
 
 def one(
-    episode: Episode, edits: Sequence[Mapping[str, Any]]
+    episode: Episode, edits: Sequence[Mapping[str, Any]], drawn: Path | None = None
 ) -> tuple[dict[str, Any], np.ndarray | None]:
-    """What became of one copy, `written` or `refused` with the reason, and its sheet."""
+    """What became of one copy, `written` or `refused` with the reason, and its sheet; with `drawn` outlines if any."""
+    models = {"text": f"outlines:{drawn}"} if drawn else {}
     start = time.process_time()
     try:
-        asked = recipe.build({"version": 1, "seed": 1, "edits": list(edits)})
+        asked = recipe.build({"version": 1, "seed": 1, "models": models, "edits": list(edits)})
         scene, plan = prepare.prepare_scene(episode, asked, 0)
         missing = prepare.ground(scene, asked)
         prepared = copies.PreparedEpisode(scene, plan, asked, cache(partial(recorded, scene)))
@@ -119,15 +121,17 @@ def main() -> None:
     parser.add_argument(
         "--command", action="append", default=[], help="only commands that begin so"
     )
+    parser.add_argument("--drawn", type=Path, help="outlines; their episodes instead of a half")
     given = parser.parse_args()
     keys, kept = rpaug.episodes(given.data), {}
-    which = HALVES[given.held]
+    which = "drawn" if given.drawn else HALVES[given.held]
+    known = json.loads(given.drawn.read_text()) if given.drawn else {}
     for key in keys:
-        if half(key, keys) != which:
+        if key not in known if given.drawn else half(key, keys) != which:
             continue
         episode = rpaug.read(given.data, key)
         for command, edits in commands(episode, given.command):
-            told, sheet = one(episode, edits)
+            told, sheet = one(episode, edits, given.drawn)
             kept[f"{key} | {command}"] = told
             sys.stdout.write(f"{key} ({episode.instruction}) | {command}: {json.dumps(told)}\n")
             if sheet is not None:

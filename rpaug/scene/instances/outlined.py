@@ -25,11 +25,13 @@ SAME = 0.6  # median overlap of two phrases' tracks that are one thing's
 OFTEN = (
     0.34  # share of the frames asked, from its first to its last, in which a thing is seen at least
 )
-LASTS = 3  # frames at least in which a thing is seen, if so many were asked
+LASTS = 3  # frames at least in which a thing is seen; of few frames asked that share of them
 SURELY = 0.6  # of the surest track's score: weaker ones are no second thing of a phrase
 ALIKE = 2.5  # times as many pixels that a thing has in the next frame at most
 UNFITTING = 1e-6  # how well what came from far goes on: worse than all else
-RESTS = 0.8  # overlap of two masks between which a thing has not moved
+RESTS = (
+    0.8  # share of the smaller of two masks in the larger one, between which a thing has not moved
+)
 CARRIED = 8  # frames that optical flow carries a mask through
 UNLIKE = 24.0  # grey levels: a pixel that differs by so much shows something else
 FEWEST = 4  # pixels of a mask
@@ -59,7 +61,7 @@ class Outlined:
         for stack in self.ids.values():
             for number in np.unique(stack[stack > 0]).tolist():
                 seen = [mask for mask in stack == number if mask.any()]
-                if overlap(seen[0], seen[-1]) < RESTS:
+                if _held(seen[0], seen[-1]) < RESTS:
                     out.add(FIRST_ID - 1 + number)
         return frozenset(out)
 
@@ -195,7 +197,7 @@ def _lasting(tracks: Sequence[_MaskTrack], asked: Sequence[int]) -> list[_MaskTr
     often = [
         one
         for one in tracks
-        if len(one.masks) >= min(LASTS, len(asked))
+        if len(one.masks) >= min(LASTS, int(np.ceil(OFTEN * len(asked))))
         and len(one.masks) >= OFTEN * sum(min(one.masks) <= t <= max(one.masks) for t in asked)
     ]
     best = max((one.score for one in often), default=0.0)
@@ -288,7 +290,7 @@ def _filled(view: CameraView, masks: Mapping[int, Mask]) -> dict[int, Mask]:
     for before, after in pairwise(known):
         if after - before < 2:
             continue
-        rests = view.camera.fixed and overlap(masks[before], masks[after]) >= RESTS
+        rests = view.camera.fixed and _held(masks[before], masks[after]) >= RESTS
         for t in range(before + 1, after):
             near, far = (before, after) if t - before <= after - t else (after, before)
             if rests:
@@ -296,6 +298,11 @@ def _filled(view: CameraView, masks: Mapping[int, Mask]) -> dict[int, Mask]:
             elif abs(t - near) <= CARRIED:
                 out[t] = _carried(view, masks[near], near, t)
     return {t: mask for t, mask in out.items() if mask.sum() >= FEWEST}
+
+
+def _held(one: Mask, other: Mask) -> float:
+    """The share of the smaller mask that lies in the larger one: what covers a part of a thing does not move it."""
+    return float((one & other).sum()) / max(1, min(int(one.sum()), int(other.sum())))
 
 
 def _resting(view: CameraView, t: int, masks: Mapping[int, Mask], near: int, far: int) -> Mask:

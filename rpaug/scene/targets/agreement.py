@@ -29,8 +29,11 @@ def apart(scene: Scene) -> frozenset[int]:
     return frozenset().union(*held, *(told if photographed(scene) else ()))
 
 
-def dispute(scene: Scene, instance_ids: Collection[int]) -> str:
-    """Why a photographed thing cannot be edited in all cameras alike; empty if nothing speaks against it."""
+def dispute(scene: Scene, instance_ids: Collection[int], *, outlined: bool = False) -> str:
+    """Why a photographed thing cannot be edited in all cameras alike; empty if nothing speaks against it.
+
+    What models `outlined` is whole where an image's edge cuts it off, and a camera may still have missed it.
+    """
     views = {
         name: view
         for name, view in scene.episode.views.items()
@@ -39,7 +42,7 @@ def dispute(scene: Scene, instance_ids: Collection[int]) -> str:
     masks = {name: np.isin(_first(view), list(instance_ids)) for name, view in views.items()}
     for name, mask in masks.items():
         rim = int(mask[[0, -1]].sum() + mask[:, [0, -1]].sum())
-        if mask.sum() >= FEWEST and rim >= 2:
+        if mask.sum() >= FEWEST and rim >= 2 and not outlined:
             return f"the edge of {name} cuts it off: it may be part of something larger"
     seen = {name: mask for name, mask in masks.items() if mask.sum() >= FEWEST}
     if not seen:

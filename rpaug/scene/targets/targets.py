@@ -136,9 +136,9 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
     else:
         found = by_words(scene, target)
     named = frozenset[int]().union(*scene.names.values())
-    if agreement.photographed(scene) and not found & (agreement.apart(scene) | named):
-        for thing in [[one] for one in sorted(found)] if target.all else [found]:
-            if reason := agreement.dispute(scene, thing):
+    if agreement.photographed(scene) and not found & agreement.apart(scene):
+        for thing in [{one} for one in sorted(found)] if target.all else [found]:
+            if reason := agreement.dispute(scene, thing, outlined=named >= thing):
                 raise TargetError(f"{target}: instance {_numbers(thing)}: {reason}")
     return found
 
