@@ -7,7 +7,8 @@ camera that shows anything: recorded above edited at the first, middle and last 
 `<half>.json`, what became of each and how much of every camera changed. `{noun}` in a command is each noun of the
 episode's instruction in turn; the colored ones are asked of every episode, most of which show no such thing. `--drawn`
 takes the episodes that a file of outlines (`docs/models.md`) has, with it for a model; that of ten Bridge records was
-drawn by hand and is `tools/bench/bridge_outlines.json`. Judgments by eye stand in docs/benchmarks/rgb_only.md by command and key.
+drawn by hand and is `tools/bench/bridge_outlines.json`. Judgments by eye stand in docs/benchmarks/rgb_only.md by
+command and key.
 """
 
 import argparse

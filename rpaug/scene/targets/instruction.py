@@ -35,8 +35,8 @@ UNMOVED = _words(
     """
 )
 OTHERS = _words(
-    "press turn rotate flip tip tilt topple knock flick switch screw unscrew twist reach touch lower raise kick hit pot "
-    "chuck use"
+    "press turn rotate flip tip tilt topple knock flick switch screw unscrew twist reach touch lower raise kick hit "
+    "pot chuck use"
 )
 ACTS = PLACING | TAKING | OPENING | UNMOVED | OTHERS
 PARTICLES = frozenset({"up", "down", "out", "off", "on", "in", "away", "open", "shut", "back"})
