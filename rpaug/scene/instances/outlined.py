@@ -17,7 +17,7 @@ from jaxtyping import Bool, Int32, UInt8
 from rpaug.core.types import CameraView, Episode
 from rpaug.providers.finder import AskedImage, Finder, overlap, plain
 
-RULE = "outlined 1"  # changes with what is made of the same masks, and is part of their name in the cache
+RULE = "outlined 3"  # changes with what is made of the same masks, and is part of their name in the cache
 FIRST_ID = 200_000  # instance ids from here on are of things that words were found by
 LINKED = 0.3  # intersection over union of one thing's masks in two frames that follow each other
 NEAR = 0.5  # of a mask's width, its middle moves at most between two of them if they do not overlap
@@ -25,13 +25,15 @@ SAME = 0.6  # median overlap of two phrases' tracks that are one thing's
 OFTEN = (
     0.34  # share of the frames asked, from its first to its last, in which a thing is seen at least
 )
-LASTS = 3  # frames at least in which a thing is seen; of few frames asked that share of them
+LASTS = 2  # frames at least in which a thing is seen; of few frames asked that share of them
+MOSTLY = 0.5  # share of a track's masks that go on the one before, if it does not leap all the time
 SURELY = 0.6  # of the surest track's score: weaker ones are no second thing of a phrase
 ALIKE = 2.5  # times as many pixels that a thing has in the next frame at most
 UNFITTING = 1e-6  # how well what came from far goes on: worse than all else
 RESTS = (
     0.8  # share of the smaller of two masks in the larger one, between which a thing has not moved
 )
+STAYS = 0.5  # share of a mask that looks the same in a frame before all others, or after: it was there as well
 CARRIED = 8  # frames that optical flow carries a mask through
 UNLIKE = 24.0  # grey levels: a pixel that differs by so much shows something else
 FEWEST = 4  # pixels of a mask
@@ -180,13 +182,13 @@ def _fit(mask: Mask, before: Mask, *, far: bool = False) -> float:
 
 
 def _steady(track: _MaskTrack) -> None:
-    """Take out masks that lie elsewhere than those before and after them, which agree: another thing for a moment."""
+    """Take out masks that go on neither the one before nor the one after, where most do: another thing for a moment."""
     times = sorted(track.masks)
-    for before, t, after in zip(times, times[1:], times[2:], strict=False):
-        one, mask, other = (track.masks.get(k) for k in (before, t, after))
-        if one is None or mask is None or other is None:
-            continue
-        if overlap(one, other) >= LINKED and not max(_fit(mask, one), _fit(mask, other)):
+    links = [_fit(track.masks[b], track.masks[a]) > 0 for a, b in pairwise(times)]
+    if not links or np.mean(links) < MOSTLY:
+        return
+    for k, t in enumerate(times):
+        if not any(links[max(0, k - 1) : k + 1]):
             del track.masks[t]
 
 
@@ -277,16 +279,21 @@ def _drawn(
         return out
     sizes = np.full((length, *shape), np.iinfo(np.int32).max, np.int32)
     for number, track in tracks:
-        for t, mask in _filled(view, track.masks).items():
+        for t, mask in _filled(view, length, track.masks).items():
             size = int(mask.sum())
             over = mask & (size < sizes[t])
             out[t][over], sizes[t][over] = number + 1, size
     return out
 
 
-def _filled(view: CameraView, masks: Mapping[int, Mask]) -> dict[int, Mask]:
-    """The masks, and those of the frames between them as far as they can be told."""
+def _filled(view: CameraView, length: int, masks: Mapping[int, Mask]) -> dict[int, Mask]:
+    """The masks, and those of the frames between them and at both ends as far as they can be told."""
     out, known = dict(masks), sorted(masks)
+    for near, times in ((known[0], range(known[0])), (known[-1], range(known[-1] + 1, length))):
+        for t in times if view.camera.fixed else ():
+            shown = _resting(view, t, masks, near, near)
+            if shown.sum() >= STAYS * masks[near].sum():
+                out[t] = shown
     for before, after in pairwise(known):
         if after - before < 2:
             continue

@@ -32,8 +32,10 @@ def apart(scene: Scene) -> frozenset[int]:
 def dispute(scene: Scene, instance_ids: Collection[int], *, outlined: bool = False) -> str:
     """Why a photographed thing cannot be edited in all cameras alike; empty if nothing speaks against it.
 
-    What models `outlined` is whole where an image's edge cuts it off, and a camera may still have missed it.
+    What models `outlined` is whole where an image's edge cuts it off, and in no camera part of table, background or
+    another thing that they outlined; but they may have missed it among what is told by color.
     """
+    known = apart(scene).union(*scene.names.values()) if outlined else frozenset[int]()
     views = {
         name: view
         for name, view in scene.episode.views.items()
@@ -51,7 +53,8 @@ def dispute(scene: Scene, instance_ids: Collection[int], *, outlined: bool = Fal
     middle = _lab(np.median(colors, 0))
     for name, view in views.items():
         near = np.linalg.norm(_lab(view.rgb(0)) - middle, axis=-1) < SAME
-        other = near & ~masks[name] & (_first(view) > 0)
+        there = _first(view)
+        other = near & ~masks[name] & (there > 0) & ~np.isin(there, list(known))
         if name not in seen and other.sum() >= FEWEST:
             return f"{name} shows its color, and not it: there it may be part of something else"
     return ""

@@ -103,6 +103,14 @@ def test_frames_that_a_model_missed_are_filled(where: Where) -> None:
         assert (got & true).sum() / (got | true).sum() > (0.95 if where is rests else 0.7), t
 
 
+def test_a_thing_is_there_before_it_was_seen_first_if_it_rests() -> None:
+    made = found({"cup": seen(rests, [3, 4, 5, 6]), "block": seen(moves, [3, 4, 5, 6])})
+    (cup,), (block,) = made.names["cup"], made.names["block"]
+    for t in (0, 11):
+        np.testing.assert_array_equal(made.at("a", t) == cup, square(rests(t)))
+        assert not (made.at("a", t) == block).any()
+
+
 def test_a_resting_thing_is_not_where_something_passes_before_it() -> None:
     """Frames 4 to 7 were missed, and in frame 5 the moving block lies over a corner of it."""
     bare = episode()
