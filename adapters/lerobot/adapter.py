@@ -13,7 +13,7 @@ Keys are `<split>/<number>`, below the dataset's own path.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,11 +21,17 @@ from rpaug_adapters.lerobot import describe, fresh, pack, tables, write
 from rpaug_adapters.lerobot.read import LeRobotSource, read_episode
 from rpaug_adapters.lerobot.tables import INFO, STAGED, Info
 from rpaug_adapters.shared import cameras
-from rpaug_adapters.shared.folders import GatheredAdapter, datasets, place, unlike, write_files
+from rpaug_adapters.shared.folders import (
+    GatheredAdapter,
+    datasets,
+    place,
+    refuse,
+    unlike,
+    write_files,
+)
 
 from rpaug import BadInput, Episode, Side, Unsupported, files
 
-EMPTY = {"total_episodes": 0, "total_frames": 0, "total_tasks": 0, "splits": {}}
 MADE_ANEW = (
     "info.json",
     "tasks.*",
@@ -97,13 +103,21 @@ class LeRobot(GatheredAdapter):
                 if path.is_file() and not made and not (folder / "meta" / path.name).exists():
                     files.write_atomic(folder / "meta" / path.name, files.read_bytes(path))
 
+    def scatter(self, root: Path, spoilt: Collection[Path]) -> None:
+        """Episodes out of shared files; `info.json` names none any more."""
+        refuse(path for path in spoilt if path.name in (Path(INFO).name, cameras.NAME))
+        for path in (path for path in spoilt if path.parent.name == "meta"):
+            path.unlink(missing_ok=True)  # made again, or brought along
+        for folder in datasets(root, INFO):
+            pack.scatter(folder, spoilt)
+
 
 def _described(
     episode: Episode, recorded: LeRobotSource | None, folder: Path, key: str, version: str
 ) -> Info:
     """What describes the dataset that an episode is written to. Raises Unsupported for one of another kind."""
     given: dict[str, Any] = (
-        fresh.described(episode) if recorded is None else recorded.info.given | EMPTY
+        fresh.described(episode) if recorded is None else recorded.info.given | tables.EMPTY
     )
     given = tables.in_version(given, version) if version else given
     if not (folder / INFO).is_file():

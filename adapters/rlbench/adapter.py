@@ -25,7 +25,7 @@ from rpaug_adapters.rlbench.read import (
     untouched,
 )
 from rpaug_adapters.rlbench.write import write_episode
-from rpaug_adapters.shared.folders import natural, write_files
+from rpaug_adapters.shared.folders import write_files
 
 from rpaug import Adapter, BadInput, Episode, Side, files, splits
 
@@ -58,7 +58,7 @@ class RLBench(Adapter):
             if here == root and files.REJECTED in subfolders:
                 subfolders.remove(files.REJECTED)
             subfolders[:] = [name for name in subfolders if not name.startswith(".")]
-        return sorted(keys, key=natural)
+        return sorted(keys, key=files.natural)
 
     def read(self, root: Path, key: str) -> Episode:
         return read_episode(root / key, key)

@@ -5,7 +5,6 @@ dataset's own path.
 """
 
 import os
-import re
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
@@ -27,6 +26,7 @@ class GatheredAdapter(Adapter):
     New datasets have the folder `version` between their name and their splits, if there is one.
     """
 
+    gathers: ClassVar[bool] = True
     mark: ClassVar[str]
     rest: ClassVar[tuple[str, ...]]
     staged: ClassVar[str]
@@ -169,12 +169,15 @@ def _leaves(
             yield (*at, name), value
 
 
+def refuse(spoilt: Iterable[Path]) -> None:
+    """Raises BadInput where files are spoilt that nothing makes again."""
+    for path in sorted(spoilt):
+        found = "another size than it was written with" if path.exists() else "nothing"
+        expected = "the file as it was written: nothing here makes it again"
+        raise BadInput(path, "file", found=found, expected=expected)
+
+
 def write_files(folder: Path, named: Mapping[str, bytes]) -> None:
     """Files of a folder that is being written, by name."""
     for name, data in named.items():
         (folder / name).write_bytes(data)
-
-
-def natural(key: str) -> list[tuple[int, str]]:
-    """For sorting: numbers in a key count as numbers."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", key)]

@@ -94,9 +94,7 @@ def augment(
     run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid, _ratio(ratio), licence)
     if dry_run:
         return _dry_run(run, resume, as_json)
-    budget = None  # a single episode can spoil no other: it is done in this process
-    if most_memory or most_minutes or len(run.keys) > 1:
-        budget = Budget(most_memory and most_memory * 1e9, most_minutes or MINUTES)
+    budget = Budget(most_memory and most_memory * 1e9, most_minutes or MINUTES)
     with progress_bar("augmenting", as_json) as progress:
         summary = execute(run, workers=workers, budget=budget, resume=resume, progress=progress)
     code = summary.exit_code

@@ -1,11 +1,13 @@
-"""What tells whether a folder holds what it held, wherever it lies now, without reading all of it."""
+"""What tells whether a folder holds what it held, wherever it lies now: without reading all of it, or to the byte."""
 
 import hashlib
 import os
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 LARGE = 2**16  # bytes: of larger files some blocks are read as well
+DIGITS = 32  # of a digest, in hexadecimal
 BLOCK, BLOCKS = 2**12, 8  # bytes of each, and how many, evenly spread from first to last
 
 
@@ -23,7 +25,7 @@ def contents(root: Path) -> str:
                 for number in range(BLOCKS):
                     stream.seek(number * (size - BLOCK) // (BLOCKS - 1))
                     digest.update(stream.read(BLOCK))
-    return digest.hexdigest()[:32]
+    return _short(digest)
 
 
 def _files(root: Path) -> Iterator[Path]:
@@ -33,3 +35,60 @@ def _files(root: Path) -> Iterator[Path]:
             path = Path(folder, name)
             if not name.startswith(".") and path.is_file():
                 yield path
+
+
+@dataclass(frozen=True, slots=True)
+class Seal:
+    """What a folder held: how many files, how many bytes, a digest of names and sizes, and one of all bytes ("" where
+    they were not read)."""
+
+    files: int
+    size: int
+    names: str
+    contents: str = ""
+
+
+def sealed(folder: Path, read: bool = True) -> Seal:
+    """The seal of all files below a folder, hidden ones among them; sizes alone unless they are `read`. Links are not
+    followed. A folder that is not there holds nothing."""
+    names, contents, size = hashlib.sha256(), hashlib.sha256(), 0
+    found = sorted(_sizes(os.fspath(folder), ""))
+    for name, held in found:
+        size += held
+        line = f"{name}\0{held}\0".encode(errors="replace")
+        names.update(line)
+        contents.update(line)
+        if read:
+            with open(os.path.join(folder, name), "rb") as stream:
+                while block := stream.read(2**20):
+                    contents.update(block)
+    return Seal(len(found), size, _short(names), _short(contents) if read else "")
+
+
+def same_files(one: Seal, other: Seal) -> bool:
+    """Whether files of the same names and sizes lay there."""
+    return (one.files, one.size, one.names) == (other.files, other.size, other.names)
+
+
+def of_file(path: Path) -> str:
+    """A digest of a file's bytes."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:DIGITS]
+
+
+def _short(digest: "hashlib._Hash") -> str:
+    return digest.hexdigest()[:DIGITS]
+
+
+def _sizes(folder: str, within: str) -> Iterator[tuple[str, int]]:
+    """Names below a folder, and sizes in bytes."""
+    try:
+        entries = list(os.scandir(folder))
+    except FileNotFoundError:
+        return
+    for one in entries:
+        name = f"{within}{one.name}"
+        if one.is_dir(follow_symlinks=False):
+            yield from _sizes(one.path, f"{name}/")
+        else:
+            yield name, one.stat(follow_symlinks=False).st_size

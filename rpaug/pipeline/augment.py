@@ -1,6 +1,5 @@
 """A whole dataset through the pipeline: which copies to make, where they go, and what came of them."""
 
-import json
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -8,11 +7,12 @@ from functools import partial
 
 from rpaug.core import splits
 from rpaug.core.errors import BadInput
-from rpaug.core.files import REJECTED, apart, write_atomic
+from rpaug.core.files import apart, write_atomic
 from rpaug.core.owner import owned
-from rpaug.pipeline import output_folder, prepare, report
+from rpaug.pipeline import journal, output_folder, prepare, report, totals
 from rpaug.pipeline import workers as local
 from rpaug.pipeline.job import Job
+from rpaug.pipeline.journal import Journal
 from rpaug.pipeline.run import Budget, Run, Summary, group_of
 
 __all__ = ["Run", "Summary", "check", "execute", "jobs"]
@@ -36,17 +36,16 @@ def check(run: Run, resume: bool = False) -> None:
         raise BadInput(
             run.target, "--out", found="something there already", expected="a new path, or --resume"
         )
-    path = run.target / report.SUMMARY
-    try:
-        described = json.loads(path.read_bytes())
-    except (OSError, ValueError):
-        raise BadInput(
-            path, "--resume", found="no run of rpaug here", expected="the --out of a stopped run"
-        ) from None
+    described = journal.marker(run.target)
+    if described is None:
+        found, expected = "no run of rpaug here", "the --out of a stopped run"
+        raise BadInput(run.target / journal.NAME, "--resume", found=found, expected=expected)
     for name, value in ({"share": None, "ratio": None} | run.marker).items():
-        if not isinstance(described, dict) or described.get(name) != value:
+        if described.get(name) != value:
             what = OF_DATASET if name == "contents" else f"another {name}"
-            raise BadInput(path, name, found=what, expected="the one being resumed")
+            raise BadInput(
+                run.target / journal.NAME, name, found=what, expected="the one being resumed"
+            )
 
 
 def execute(
@@ -75,42 +74,41 @@ def execute(
 def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Summary:
     check(run, resume)
     made_folders = output_folder.missing(run.target)
-    write_atomic(run.target / report.SUMMARY, report.encode(_marked(run)), durable=True)
+    journal.begin(run.target, run.marker, run.source.resolve())
     output_folder.sweep(run.target)
-    output_folder.drop_unreported(run)
-    done = [
-        (key, one["source"], one["copy"])
-        for folder in ("", REJECTED)
-        for key, one in output_folder.Reports(run, folder).items()
-    ]
+    done = [(key, one.source, one.copy) for (_, key), one in output_folder.mend(run).made.items()]
     todo = jobs(run, done)
     summary = Summary(resumed=len(done))
     total, finished = sum(len(job.copies) for job in todo), 0
     progress(0, total)
     for outcome in _outcomes(_staged(run, todo), runner):
-        finished += len(outcome.reports)
+        finished += outcome.copies
         if outcome.fatal:
             summary.aborted, summary.missing = outcome.error, outcome.missing
         elif outcome.error and outcome.job.copies:  # who borrows from it says so too
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
-    written_to = [folder for folder in ("", REJECTED) if output_folder.keys(run, folder)]
-    if written_to:
-        for folder in written_to:
-            output_folder.close_gaps(run, folder)
-            output_folder.flush_reports(run, folder)
-            run.adapter.finish(run.source, run.target / folder)
-        output_folder.total(summary, run)
-        output_folder.write_card(run)
-        described = report.encode(vars(summary) | _marked(run))
-        write_atomic(run.target / report.SUMMARY, described, durable=True)
+    held = journal.read(run.target)
+    if held.made:
+        _finish(run, held, summary)
     elif made_folders:
         shutil.rmtree(made_folders[-1], ignore_errors=True)
     return summary
 
 
-def _marked(run: Run) -> dict[str, object]:
-    return {"dataset": str(run.source.resolve()), **run.marker}
+def _finish(run: Run, held: Journal, summary: Summary) -> None:
+    """Gather what is new, and say what all came to."""
+    for within in output_folder.FOLDERS:
+        if output_folder.stale(held, within):
+            output_folder.close_gaps(run, held, within)
+            output_folder.gather(run, held, within)
+    kept, rejected = (
+        journal.facts(run.target, held.of(within)) for within in output_folder.FOLDERS
+    )
+    totals.add_up(summary, run, kept, rejected)
+    output_folder.write_card(run, held)
+    described = vars(summary) | {"dataset": str(run.source.resolve()), **run.marker}
+    write_atomic(run.target / report.SUMMARY, report.encode(described), durable=True)
 
 
 def _staged(run: Run, todo: Sequence[Job]) -> list[list[Job]]:

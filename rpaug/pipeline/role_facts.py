@@ -31,6 +31,14 @@ def describe(scene: Scene) -> dict[str, dict[str, Any]]:
     return found
 
 
+def compared(described: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """As much of what `describe` gave as episodes are compared by."""
+    return {
+        role: {"believed": one["believed"], "longest_cm": one["longest_cm"]}
+        for role, one in described.items()
+    }
+
+
 def disagreement(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[str]:
     """In which roles the episodes of one task differ, in sentences, by what `describe` gave of each by its key.
 

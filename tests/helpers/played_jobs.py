@@ -30,5 +30,5 @@ def serve(connection: Connection) -> None:
         if given.key in ("grows", "hangs"):
             time.sleep(600)
         full = given.key == "full"
-        connection.send(Outcome(given, [], "No space left" if full else None, fatal=full))
+        connection.send(Outcome(given, 0, "No space left" if full else None, fatal=full))
         del held
