@@ -9,7 +9,7 @@ from runs import augment, contents
 
 from rpaug.core import registry
 from rpaug.core.files import REJECTED
-from rpaug.pipeline import copies, job, recipe, report, write
+from rpaug.pipeline import copies, job, journal, recipe, report, write
 from rpaug.pipeline.convert import convert
 from rpaug.scene.build import build
 
