@@ -13,7 +13,7 @@ Keys are `<split>/<number>`, below the dataset's own path.
 """
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -26,6 +26,7 @@ from rpaug_adapters.shared.folders import (
     datasets,
     place,
     refuse,
+    see_no_pickle,
     unlike,
     write_files,
 )
@@ -70,6 +71,8 @@ class LeRobot(GatheredAdapter):
         recorded = episode.source if isinstance(episode.source, LeRobotSource) else None
         folder, _, _ = self.free(root, key)
         about = _described(episode, recorded, folder, key, self.version)
+        for path in _brought(recorded.info.folder) if recorded else ():
+            see_no_pickle(path)
         with files.atomic_folder(root / key) as work:
             extra, said = write.write_episode(episode, recorded, about, work)
             write_files(work, {**extra, **side(*said)})
@@ -97,10 +100,8 @@ class LeRobot(GatheredAdapter):
         for folder in datasets(target, INFO):
             dataset = source / folder.relative_to(target)
             pack.pack(folder, dataset)
-            like = dataset / "meta"
-            for path in like.iterdir() if like.is_dir() else ():
-                made = any(path.match(pattern) for pattern in MADE_ANEW)
-                if path.is_file() and not made and not (folder / "meta" / path.name).exists():
+            for path in _brought(dataset):
+                if not (folder / "meta" / path.name).exists():
                     files.write_atomic(folder / "meta" / path.name, files.read_bytes(path))
 
     def scatter(self, root: Path, spoilt: Collection[Path]) -> None:
@@ -110,6 +111,14 @@ class LeRobot(GatheredAdapter):
             path.unlink(missing_ok=True)  # made again, or brought along
         for folder in datasets(root, INFO):
             pack.scatter(folder, spoilt)
+
+
+def _brought(dataset: Path) -> Iterator[Path]:
+    """Files of a dataset's `meta` that are passed on as they are."""
+    meta = dataset / "meta"
+    for path in sorted(meta.iterdir()) if meta.is_dir() else ():
+        if path.is_file() and not any(path.match(pattern) for pattern in MADE_ANEW):
+            yield path
 
 
 def _described(

@@ -16,6 +16,7 @@ from rpaug import Adapter, BadInput, files, splits
 DESCRIBING = {"featuresDict", "features", "sequence", "feature"} | {
     "tensor", "image", "text", "shape", "info", "length",
 }  # fmt: skip
+PICKLES = (".pkl", ".pickle", ".p", ".joblib", ".pt", ".pth")  # torch's files are pickles too
 PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 
 
@@ -167,6 +168,20 @@ def _leaves(
             yield from _leaves(value, (*at, name))
         else:
             yield (*at, name), value
+
+
+def see_no_link_out(path: Path, home: Path) -> None:
+    """Raises BadInput for a link to a folder, or one that leads out of an episode's resolved folder `home`: what lies
+    there is nobody's to pass on."""
+    if path.is_symlink() and (path.is_dir() or not path.resolve().is_relative_to(home)):
+        found = f"a link to {path.resolve()}"
+        raise BadInput(path, "link", found=found, expected="a file of the episode")
+
+
+def see_no_pickle(path: Path) -> None:
+    """Raises BadInput for a pickle, by its name: a layout that has none passes none on, since one may hold code."""
+    if path.suffix.lower() in PICKLES:
+        raise BadInput(path, "format", found="a pickle, which may hold code", expected="none here")
 
 
 def refuse(spoilt: Iterable[Path]) -> None:

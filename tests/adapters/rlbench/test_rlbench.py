@@ -231,6 +231,12 @@ def test_pickles_deeper_down_are_checked_when_they_are_passed_on(
     assert not (tmp_path / "out" / KEY).exists()
 
 
+def test_a_pickle_that_is_not_read_is_not_passed_on(dataset: Path, tmp_path: Path) -> None:
+    (dataset / KEY / "policy.pt").write_bytes(b"cos\nsystem\n.")
+    with pytest.raises(BadInput, match=r"policy\.pt: format: found a pickle"):
+        RLBench().write(RLBench().read(dataset, KEY), tmp_path / "out", KEY, dict)
+
+
 def test_links_that_leave_the_episode_are_not_followed(dataset: Path, tmp_path: Path) -> None:
     (tmp_path / "secret.txt").write_text("secret")
     for target in (tmp_path / "secret.txt", dataset / KEY / "front_rgb", tmp_path):
