@@ -84,6 +84,8 @@ def _splits(folder: Path, name: str, _modified: int, _size: int) -> Mapping[str,
     described, found = info(folder, name), {}
     for entry in described["splits"]:
         name, lengths = _named(folder, entry)
+        if name in found:
+            raise BadInput(folder / INFO, "splits", found=f"{name!r} twice", expected="each once")
         template = str(entry.get("filepathTemplate") or TEMPLATE)
         paths = tuple(
             folder / _file(template, str(described.get("name")), name, i, len(lengths))

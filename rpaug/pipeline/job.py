@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rpaug.core import registry
+from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
 from rpaug.core.types import Episode
@@ -49,6 +50,8 @@ def augment(job: Job) -> Iterator[str]:
     scene, plan = prepare_scene(episode, recipe, job.tier, job.scenes, watch, _donor(adapter, job))
     if not job.copies:
         return
+    with watch("read"):
+        see_readable(adapter, job.source, episode)
     with watch("ground"):
         ground(scene, recipe)
     kept = cache(partial(surfels.recorded, scene))
@@ -61,6 +64,22 @@ def augment(job: Job) -> Iterator[str]:
         described = json.loads((place.root / key / report.NAME).read_bytes())
         journal.made(job.target, (within, key), described, totals.facts(described, recipe))
         yield key
+
+
+def see_readable(adapter: Adapter, root: Path, episode: Episode) -> None:
+    """See that all that an episode holds can be read: copies carry on the bytes of what no edit reaches. Raises
+    RpaugError."""
+    for view in episode.views.values():
+        for image in filter(None, (view.rgb, view.depth, view.ids)):
+            for t in range(episode.length):
+                image(t)
+    try:
+        adapter.untouched(episode, False)
+    except OSError as error:  # of HDF5, for a chunk that no filter undoes
+        found = str(error)[:120]
+        raise BadInput(
+            root / episode.key, "data", found=found, expected="what can be read"
+        ) from None
 
 
 def left(job: Job) -> Job:
