@@ -15,7 +15,7 @@ from rpaug.pipeline.job import Job
 from rpaug.pipeline.journal import Journal
 from rpaug.pipeline.run import Budget, Run, Summary, group_of
 
-__all__ = ["Run", "Summary", "check", "execute", "jobs"]
+__all__ = ["Run", "Summary", "check", "execute", "finish", "jobs"]
 
 Progress = Callable[[int, int], None]
 Runner = Callable[[Sequence[Job]], Iterator[local.Outcome]]
@@ -37,10 +37,12 @@ def check(run: Run, resume: bool = False) -> None:
             run.target, "--out", found="something there already", expected="a new path, or --resume"
         )
     described = journal.marker(run.target)
+    if described is None and run.target.is_dir() and not any(run.target.iterdir()):
+        return  # killed before it wrote anything
     if described is None:
         found, expected = "no run of rpaug here", "the --out of a stopped run"
         raise BadInput(run.target / journal.NAME, "--resume", found=found, expected=expected)
-    for name, value in ({"share": None, "ratio": None} | run.marker).items():
+    for name, value in ({"share": None, "ratio": None, "shard": None} | run.marker).items():
         if described.get(name) != value:
             what = OF_DATASET if name == "contents" else f"another {name}"
             raise BadInput(
@@ -89,24 +91,26 @@ def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Sum
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
     held = journal.read(run.target)
-    if held.made:
-        _finish(run, held, summary)
+    if held.made or run.shard:
+        finish(run, held, summary)
     elif made_folders:
         shutil.rmtree(made_folders[-1], ignore_errors=True)
     return summary
 
 
-def _finish(run: Run, held: Journal, summary: Summary) -> None:
-    """Gather what is new, and say what all came to."""
+def finish(run: Run, held: Journal, summary: Summary) -> None:
+    """Gather what is new, and say what all came to. Episodes of a part of a run stay apart, under the numbers that they
+    have in the whole."""
     for within in output_folder.FOLDERS:
-        if output_folder.stale(held, within):
+        if output_folder.stale(held, within) and not run.shard:
             output_folder.close_gaps(run, held, within)
             output_folder.gather(run, held, within)
     kept, rejected = (
         journal.facts(run.target, held.of(within)) for within in output_folder.FOLDERS
     )
     totals.add_up(summary, run, kept, rejected)
-    output_folder.write_card(run, held)
+    if not run.shard:
+        output_folder.write_card(run, held)
     described = vars(summary) | {"dataset": str(run.source.resolve()), **run.marker}
     write_atomic(run.target / report.SUMMARY, report.encode(described), durable=True)
 
@@ -134,7 +138,8 @@ def _outcomes(stages: Sequence[Sequence[Job]], runner: Runner) -> Iterator[local
 
 
 def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
-    """One job per source episode: its missing copies and the keys they get, numbered from 0 in each group.
+    """One job per source episode of the run's part: its missing copies and the keys they get, numbered from 0 in each
+    group of the whole.
 
     `done` are keys already given, to rejected copies too, with the source key and the copy of each.
     """
@@ -155,7 +160,11 @@ def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
                 raise BadInput(run.source / key, "split", found=found, expected=expected)
             copies[key].append((copy, made))
             free[group] += 1
-    return [_job(run, key, made) for key, made in copies.items() if made]
+    return [
+        _job(run, key, made)
+        for number, (key, made) in enumerate(copies.items())
+        if made and run.makes(number)
+    ]
 
 
 def _job(run: Run, key: str, copies: Sequence[tuple[int, str]]) -> Job:

@@ -154,9 +154,14 @@ def read(target: Path) -> Journal:
     return found
 
 
+def begun(target: Path) -> dict[str, Any]:
+    """The line that says which run goes on in an output, and on which dataset; nothing where there is no journal."""
+    return next((line for _, line in lines(target) if "begun" in line), {})
+
+
 def marker(target: Path) -> dict[str, Any] | None:
     """What tells the run of an output from others; None where there is no journal."""
-    return next((dict(line["begun"]) for _, line in lines(target) if "begun" in line), None)
+    return begun(target).get("begun")
 
 
 def lines(target: Path) -> Iterator[tuple[int, dict[str, Any]]]:

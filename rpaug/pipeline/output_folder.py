@@ -149,11 +149,11 @@ def gather(run: Run, held: Journal, within: str) -> None:
         brought = one.loose and run.adapter.gathers
         if brought and not same_files(one.seal, sealed(root / key, read=False)):
             lines.append({"sealed": key, "in": within, "seal": asdict(sealed(root / key))})
-    lines += [journal.shared(root, within, name) for name in _shared(root, held, within)]
+    lines += [journal.shared(root, within, name) for name in shared(root, held, within)]
     journal.append(run.target, [*lines, {"gathered": True, "in": within}])
 
 
-def _shared(root: Path, held: Journal, within: str) -> Iterator[str]:
+def shared(root: Path, held: Journal, within: str) -> Iterator[str]:
     """Files of a folder that belong to no single episode."""
     episodes = {key for folder, key in held.made if folder == within}
     for folder, subfolders, names in os.walk(root):

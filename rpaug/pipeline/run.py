@@ -45,6 +45,7 @@ class Run:
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
     ratio: tuple[int, int] | None = None  # recorded to synthetic episodes, in each group
     licence: str | None = None  # of the source, where it does not say
+    shard: tuple[int, int] | None = None  # which part of how many this run makes, from 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "recipe", self.recipe.settled(self.source))
@@ -68,6 +69,10 @@ class Run:
                 expected=f"patterns for: {known}",
             )
         return keys
+
+    def makes(self, number: int) -> bool:
+        """Whether the episode of that place in `keys` belongs to this run's part: every nth one does."""
+        return self.shard is None or number % self.shard[1] == self.shard[0] - 1
 
     @property
     def copies(self) -> range:
@@ -105,6 +110,7 @@ class Run:
             "recipe": self.recipe.source,
             **({"share": True} if self.share else {}),
             **({"ratio": list(self.ratio)} if self.ratio else {}),
+            **({"shard": list(self.shard)} if self.shard else {}),
         }
 
     @cached_property
