@@ -15,8 +15,9 @@ def merge(
     licence: Licence = None,
     as_json: AsJson = False,
 ) -> int:
-    """Put the parts of a run together that --shard made on several machines. Episodes are moved, the bytes are those of
-    one run, and a merge that was stopped goes on when it is asked for again.
+    """Put the parts of a run together that --shard made on several machines.
+
+    Episodes are moved, the bytes are those of one run, and a merge that was stopped goes on when it is asked for again.
 
     Example: [bold]rpaug merge augmented part1 part2[/]
     """

@@ -19,7 +19,7 @@ from rpaug.pipeline.run import Run, Summary
 
 
 @dataclass(frozen=True)
-class Part:
+class RunPart:
     """The output of one part of a run, and what its journal and its summary say."""
 
     root: Path
@@ -61,7 +61,7 @@ def merge(target: Path, roots: Sequence[Path], licence: str | None = None) -> tu
     return run, summary
 
 
-def _part(root: Path) -> Part:
+def _part(root: Path) -> RunPart:
     """Raises BadInput for a folder that is no part of a run, or that has no summary yet."""
     held, begun = journal.read(root), journal.begun(root)
     if not held.marker or "shard" not in held.marker:
@@ -71,10 +71,10 @@ def _part(root: Path) -> Part:
     if described is None:
         found, expected = "no summary", "a run that came to its end: go on with it by --resume"
         raise BadInput(root / report.SUMMARY, "shard", found=found, expected=expected)
-    return Part(root, held, Path(begun["dataset"]), described.get("failures", {}))
+    return RunPart(root, held, Path(begun["dataset"]), described.get("failures", {}))
 
 
-def _whole(target: Path, parts: Sequence[Part], licence: str | None) -> Run:
+def _whole(target: Path, parts: Sequence[RunPart], licence: str | None) -> Run:
     """The run that all are parts of. Raises BadInput."""
     first = parts[0]
     for other in parts[1:]:
@@ -103,7 +103,7 @@ def _whole(target: Path, parts: Sequence[Part], licence: str | None) -> Run:
     return run
 
 
-def _see_all(run: Run, parts: Sequence[Part]) -> None:
+def _see_all(run: Run, parts: Sequence[RunPart]) -> None:
     """See that every copy was made, or its episode failed. Raises BadInput."""
     made = [part.held for part in parts]
     if (run.target / journal.NAME).is_file():
@@ -119,7 +119,7 @@ def _see_all(run: Run, parts: Sequence[Part]) -> None:
                 raise BadInput(run.source / key, "shard", found=found, expected=expected)
 
 
-def _bring(part: Part, target: Path) -> None:
+def _bring(part: RunPart, target: Path) -> None:
     """Move a part's episodes, and copy what belongs to none. Raises BadInput where parts differ in that."""
     there = journal.read(target).made
     notes = dict(_notes(part))
@@ -138,7 +138,7 @@ def _bring(part: Part, target: Path) -> None:
         journal.append(target, [notes[within, key]])
 
 
-def _notes(part: Part) -> Iterator[tuple[Place, dict[str, Any]]]:
+def _notes(part: RunPart) -> Iterator[tuple[Place, dict[str, Any]]]:
     for within in output_folder.FOLDERS:
         for key, line in journal.facts(part.root, part.held.of(within)):
             yield (within, key), line
