@@ -44,18 +44,19 @@ class RLBench(Adapter):
     )
 
     def episodes(self, root: Path) -> Sequence[str]:
-        keys, seen = [], set()
-        for folder, subfolders, names in os.walk(root, followlinks=True, onerror=_unreadable):
-            here = Path(folder)
-            true = here.resolve()
+        keys, seen, top = [], set(), os.fspath(root)
+        for folder, subfolders, names in os.walk(top, followlinks=True, onerror=_unreadable):
+            status = os.stat(folder)
+            true = status.st_dev, status.st_ino
             if true in seen:  # a link that leads back
                 subfolders.clear()
                 continue
             seen.add(true)
-            if LOW_DIM in names or (EPISODE.search(here.name) and here != root):
-                keys.append(here.relative_to(root).as_posix())
+            within = os.path.relpath(folder, top) if folder != top else ""
+            if LOW_DIM in names or (within and EPISODE.search(os.path.basename(folder))):
+                keys.append(Path(within).as_posix())
                 subfolders.clear()
-            if here == root and files.REJECTED in subfolders:
+            if not within and files.REJECTED in subfolders:
                 subfolders.remove(files.REJECTED)
             subfolders[:] = [name for name in subfolders if not name.startswith(".")]
         return sorted(keys, key=files.natural)

@@ -17,24 +17,26 @@ def contents(root: Path) -> str:
     A file that was changed in place keeps its size only if it is no compressed image, and those are large.
     """
     digest = hashlib.sha256()
-    for path in _files(root):
-        size = path.stat().st_size
-        digest.update(f"{path.relative_to(root).as_posix()}\0{size}\0".encode(errors="replace"))
+    for name, size in _files(os.fspath(root), ""):
+        digest.update(f"{name}\0{size}\0".encode(errors="replace"))
         if size > LARGE:
-            with path.open("rb") as stream:
+            with open(os.path.join(root, name), "rb") as stream:
                 for number in range(BLOCKS):
                     stream.seek(number * (size - BLOCK) // (BLOCKS - 1))
                     digest.update(stream.read(BLOCK))
     return _short(digest)
 
 
-def _files(root: Path) -> Iterator[Path]:
-    for folder, subfolders, names in os.walk(root):
-        subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
-        for name in sorted(names):
-            path = Path(folder, name)
-            if not name.startswith(".") and path.is_file():
-                yield path
+def _files(folder: str, within: str) -> Iterator[tuple[str, int]]:
+    """Names of files below a folder, and sizes in bytes, files of a folder before what is in its folders."""
+    entries = sorted(os.scandir(folder), key=lambda one: one.name)
+    entries = [one for one in entries if not one.name.startswith(".")]
+    for one in entries:
+        if one.is_file():
+            yield f"{within}{one.name}", one.stat().st_size
+    for one in entries:
+        if one.is_dir(follow_symlinks=False):
+            yield from _files(one.path, f"{within}{one.name}/")
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,7 +78,8 @@ def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Sum
     made_folders = output_folder.missing(run.target)
     journal.begin(run.target, run.marker, run.source.resolve())
     output_folder.sweep(run.target)
-    done = [(key, one.source, one.copy) for (_, key), one in output_folder.mend(run).made.items()]
+    held = output_folder.mend(run)
+    done = [(key, one.source, one.copy) for (_, key), one in held.made.items()]
     todo = jobs(run, done)
     summary = Summary(resumed=len(done))
     total, finished = sum(len(job.copies) for job in todo), 0
@@ -90,7 +91,7 @@ def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Sum
         elif outcome.error and outcome.job.copies:  # who borrows from it says so too
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
-    held = journal.read(run.target)
+    held = journal.read(run.target) if todo else held
     if held.made or run.shard:
         finish(run, held, summary)
     elif made_folders:

@@ -1,8 +1,8 @@
-"""The journal of an output: a line of JSON for each thing that was done there, on the disk before the next begins.
+"""The journal of an output: a line of JSON for each thing that was done there, written when it was done.
 
 `rpaug.journal.jsonl` says of every episode what it was made from, what its files held when they were written, and what
 the summary needs of its report, so that nobody has to read the output for it. Workers append to it as well: a line is
-one write. A line that a power cut spoilt counts as none, and what it was about is made again.
+one write. A line that a power cut spoilt or took counts as none, and what it was about is made again.
 """
 
 import json
@@ -20,6 +20,8 @@ from rpaug.core.fingerprint import Seal, of_file, sealed
 from rpaug.pipeline import report
 
 NAME = "rpaug.journal.jsonl"
+SYNC = 1.0  # seconds: what is noted within it after the last is made again if power fails
+_last = [-SYNC]  # when this process waited last
 Place = tuple[str, str]  # a folder of the output ("", or that of rejected copies), and a key there
 
 
@@ -47,10 +49,12 @@ class Journal:
     made: dict[Place, Noted] = field(default_factory=dict)
     shared: dict[str, dict[str, tuple[int, str]]] = field(default_factory=dict)
     open: set[str] = field(default_factory=set)
+    _order: dict[str, list[str]] = field(default_factory=dict)  # keys of a folder, sorted once
 
     def add(self, line: Mapping[str, Any], at: int) -> None:
         """Take in a line that begins at a byte of the file. Raises KeyError, TypeError, ValueError for another's."""
         within = line.get("in", "")
+        self._order.pop(within, None)
         if "begun" in line:
             self.marker = dict(line["begun"])
         elif "made" in line:
@@ -78,8 +82,10 @@ class Journal:
 
     def of(self, within: str) -> Iterator[tuple[str, Noted]]:
         """Keys and entries of a folder of the output, in natural order."""
-        found = [(key, entry) for (folder, key), entry in self.made.items() if folder == within]
-        return iter(sorted(found, key=lambda one: natural(one[0])))
+        if within not in self._order:
+            held = (key for folder, key in self.made if folder == within)
+            self._order[within] = sorted(held, key=natural)
+        return ((key, self.made[within, key]) for key in self._order[within])
 
     def _loosen(self, within: str, loose: bool) -> None:
         for (folder, _), entry in self.made.items():
@@ -87,14 +93,15 @@ class Journal:
                 entry.loose = loose
 
 
-def append(target: Path, lines: Iterable[Mapping[str, Any]]) -> None:
-    """Add lines, in one write, and see them onto the disk."""
+def append(target: Path, lines: Iterable[Mapping[str, Any]], durable: bool = True) -> None:
+    """Add lines, in one write, and see them onto the disk if they are `durable`."""
     data = b"".join(json.dumps(line, ensure_ascii=False).encode() + b"\n" for line in lines)
     descriptor = os.open(target / NAME, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
     try:
         while data:
             data = data[os.write(descriptor, data) :]
-        os.fsync(descriptor)
+        if durable:
+            os.fsync(descriptor)
     finally:
         os.close(descriptor)
 
@@ -128,7 +135,16 @@ def made(
         "node": socket.gethostname(),
         "facts": dict(facts),
     }
-    append(target, [line])
+    append(target, [line], durable=_due())
+
+
+def _due() -> bool:
+    """Whether the disk was last waited for more than `SYNC` ago by this process."""
+    now = time.monotonic()
+    if now - _last[0] < SYNC:
+        return False
+    _last[0] = now
+    return True
 
 
 def shared(root: Path, within: str, path: str) -> dict[str, Any]:

@@ -55,7 +55,8 @@ def mend(run: Run) -> Journal:
         spoilt = [
             name for name in held.shared.get(within, ()) if not _as_noted(root, held, within, name)
         ]
-        if spoilt or _damaged(run, held, within, there):
+        damaged = _damaged(run, held, within, there)
+        if spoilt or damaged:
             journal.append(run.target, [{"apart": True, "in": within}])
             if run.adapter.gathers:
                 run.adapter.scatter(root, {root / name for name in spoilt})
@@ -64,7 +65,8 @@ def mend(run: Run) -> Journal:
                 for name in spoilt:  # brought along anew at the end
                     (root / name).unlink(missing_ok=True)
             held = journal.read(run.target)
-        _drop(run, held, within, there)
+            damaged = _damaged(run, held, within, there)
+        _drop(run, held, within, there, damaged)
     return held
 
 
@@ -93,10 +95,10 @@ def _whole(run: Run, open_: bool, folder: Path, one: Noted) -> bool:
     return described.is_file() and described.stat().st_size == one.report
 
 
-def _drop(run: Run, held: Journal, within: str, there: list[str]) -> None:
+def _drop(run: Run, held: Journal, within: str, there: list[str], damaged: list[str]) -> None:
     """Remove episodes that are not whole, and those that are not noted. Raises BadInput for what is no run's."""
     root, gone = run.target / within, []
-    for key in _damaged(run, held, within, there):
+    for key in damaged:
         shutil.rmtree(root / key, ignore_errors=True)
         gone.append({"gone": key, "in": within})
     unnoted = [key for key in there if (within, key) not in held.made]
@@ -122,7 +124,7 @@ def keys(run: Run, within: str = "") -> list[str]:
 def close_gaps(run: Run, held: Journal, within: str) -> None:
     """Renumber so that each group counts from 0 without holes: readers walk the numbers until one is missing."""
     counts: dict[str, int] = {}
-    for key, _ in held.of(within):
+    for key, _ in [*held.of(within)]:
         group = group_of(run.adapter, key)
         wanted = run.adapter.key_at(key, counts.get(group, 0))
         counts[group] = counts.get(group, 0) + 1

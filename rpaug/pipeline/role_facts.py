@@ -47,10 +47,12 @@ def disagreement(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[s
     """
     stated = []
     for role in roles.NAMES:
-        without = [key for key, one in found.items() if not one.get(role, {}).get("believed")]
+        without = dict.fromkeys(
+            key for key, one in found.items() if not one.get(role, {}).get("believed")
+        )
         if 0 < len(without) < len(found):
             stated.append(
-                f"{role}: {len(without)} of {len(found)} episodes have none: {_few(without)}"
+                f"{role}: {len(without)} of {len(found)} episodes have none: {_few([*without])}"
             )
         lengths = {
             key: one[role]["longest_cm"]

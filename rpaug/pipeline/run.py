@@ -12,6 +12,7 @@ from rpaug.core import fingerprint, registry
 from rpaug.core.errors import BadInput
 from rpaug.core.interfaces import Adapter
 from rpaug.core.version import __version__
+from rpaug.pipeline import journal
 from rpaug.pipeline.copies import ORIGINAL
 from rpaug.pipeline.recipe import Recipe
 
@@ -52,8 +53,9 @@ class Run:
 
     @cached_property
     def adapter(self) -> Adapter:
-        """The adapter of the dataset's layout. Raises BadInput."""
-        return registry.adapter_for(self.source)
+        """The adapter of the dataset's layout, by the journal of an output that goes on. Raises BadInput."""
+        layout = (journal.marker(self.target) or {}).get("layout")
+        return registry.adapter(layout) if layout else registry.adapter_for(self.source)
 
     @cached_property
     def keys(self) -> list[str]:
@@ -104,6 +106,7 @@ class Run:
         """What tells one run's output from another's, beside where the dataset lies: that may move."""
         return {
             "contents": self.contents,
+            "layout": self.adapter.name,
             "version": __version__,
             "tier": self.tier,
             "keep_invalid": self.keep_invalid,
