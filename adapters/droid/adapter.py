@@ -4,7 +4,7 @@ A copy is a folder `episode_<i>` beside where its source lay, with an uuid of it
 lists by uuid tell it from its source. Annotations of copies come into the list at the end of a run.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
@@ -23,7 +23,7 @@ from rpaug_adapters.droid.read import (
     stored,
 )
 from rpaug_adapters.droid.write import renamed, write_episode
-from rpaug_adapters.shared.folders import natural, walk, write_files
+from rpaug_adapters.shared.folders import refuse, walk, write_files
 from rpaug_adapters.shared.hdf5 import opened
 from rpaug_adapters.shared.texts import json_bytes
 
@@ -36,6 +36,7 @@ class DROID(Adapter):
     """Reads and writes DROID's raw recordings."""
 
     name: ClassVar[str] = "droid"
+    gathers: ClassVar[bool] = True
 
     def episodes(self, root: Path) -> Sequence[str]:
         if _is_episode(root):
@@ -45,7 +46,7 @@ class DROID(Adapter):
             if here != root and _is_episode(here):
                 subfolders.clear()
                 keys.append(here.relative_to(root).as_posix())
-        return sorted(keys, key=natural)
+        return sorted(keys, key=files.natural)
 
     def read(self, root: Path, key: str) -> Episode:
         return read_episode(root if _is_episode(root) else root / key, key)
@@ -112,6 +113,18 @@ class DROID(Adapter):
         files.write_atomic(target / name, json_bytes(before | made))
         for key in self.episodes(target):
             (target / key / LANGUAGE).unlink(missing_ok=True)
+
+    def scatter(self, root: Path, spoilt: Collection[Path]) -> None:
+        """Instructions out of the list into the folders of their episodes."""
+        refuse(spoilt)  # which episode had which words stands there alone
+        for path in root.glob(ANNOTATIONS):
+            listed = names_and_values(path)
+            for key in self.episodes(root):
+                for metadata in (root / key).glob("metadata_*.json"):
+                    words = listed.get(metadata.stem.removeprefix("metadata_"))
+                    if words is not None:
+                        files.write_atomic(root / key / LANGUAGE, json_bytes(words))
+            path.unlink()
 
 
 def _is_episode(folder: Path) -> bool:

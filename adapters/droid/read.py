@@ -29,7 +29,6 @@ from rpaug_adapters.hdf5_sim.layouts import datasets
 from rpaug_adapters.hdf5_sim.places import Place
 from rpaug_adapters.shared import cameras, episodes
 from rpaug_adapters.shared.cameras import Beside
-from rpaug_adapters.shared.folders import natural
 from rpaug_adapters.shared.hdf5 import member, opened
 from rpaug_adapters.shared.images import lazy_depth
 from rpaug_adapters.shared.texts import read_json, stamp
@@ -239,7 +238,7 @@ def _with_depth(folder: Path, beside: Beside, name: str, eye: Eye, length: int) 
         expected = "a folder below the episode's"
         raise BadInput(beside.where, f"cameras.{name}.depth", found=given.depth, expected=expected)
     where = folder / given.depth
-    found = sorted(where.glob("*.png"), key=lambda path: natural(path.stem))
+    found = sorted(where.glob("*.png"), key=lambda path: files.natural(path.stem))
     wanted = {path.stem for path in found}
     first = int(found[0].stem) if found and found[0].stem.isdecimal() else 0
     if first > 1 or not all(str(first + t) in wanted for t in range(length)):

@@ -5,7 +5,7 @@ that it read: a file is gathered at the end of a run, from demonstrations that l
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
@@ -29,6 +29,7 @@ class HDF5Sim(Adapter):
     """Reads and writes demonstrations of robomimic, robosuite, LIBERO and ManiSkill."""
 
     name: ClassVar[str] = "hdf5_sim"
+    gathers: ClassVar[bool] = True
 
     def episodes(self, root: Path) -> Sequence[str]:
         return places.keys(root)
@@ -99,6 +100,10 @@ class HDF5Sim(Adapter):
     def finish(self, source: Path, target: Path) -> None:
         """Demonstrations into shared files."""
         gather.gather(target)
+
+    def scatter(self, root: Path, spoilt: Collection[Path]) -> None:
+        """Demonstrations out of shared files."""
+        gather.scatter(root, spoilt)
 
 
 def _attributes(name: str, held: h5py.HLObject) -> dict[str, bytes]:

@@ -5,8 +5,8 @@ stay, so that a killed run loses nothing.
 """
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,18 @@ import h5py
 from rpaug_adapters.hdf5_sim import layouts
 from rpaug_adapters.hdf5_sim.places import DATA, ENDINGS, STAGED, Place, contents, is_staged
 from rpaug_adapters.hdf5_sim.read import frames
-from rpaug_adapters.hdf5_sim.write import copy, described, filter_keys, store_filter_keys
-from rpaug_adapters.shared.folders import natural, walk
+from rpaug_adapters.hdf5_sim.write import (
+    copy,
+    described,
+    filter_keys,
+    own_keys,
+    store_filter_keys,
+)
+from rpaug_adapters.shared.folders import walk
 from rpaug_adapters.shared.hdf5 import opened
 from rpaug_adapters.shared.texts import json_bytes, read_json
 
-from rpaug import files
+from rpaug import BadInput, files
 
 
 def gather(root: Path) -> None:
@@ -40,13 +46,43 @@ def gather(root: Path) -> None:
 
 def _gather(path: Path, staged: Mapping[str, Place]) -> None:
     before = {place.name: place for place in contents(path)} if path.exists() else {}
-    places = sorted({**before, **staged}.items(), key=lambda one: natural(one[0]))
+    places = sorted({**before, **staged}.items(), key=lambda one: files.natural(one[0]))
     with growing(path) as file:
         for name, place in places:
             file.add(place, name)
     for place in staged.values():
         place.path.unlink()
         place.path.with_suffix(".json").unlink(missing_ok=True)
+
+
+def scatter(root: Path, spoilt: Collection[Path]) -> None:
+    """Demonstrations of shared files below a folder into files of their own; what lies in `spoilt` ones, or cannot be
+    read, is left out."""
+    for folder, _, names in walk(root):
+        for path in (folder / name for name in names if not name.startswith(".")):
+            if path.suffix not in ENDINGS or is_staged(path):
+                continue
+            about = path.with_suffix(".json")
+            with suppress(BadInput):
+                for place in () if {path, about} & {*spoilt} else contents(path):
+                    with suppress(BadInput):
+                        _take_out(place)
+            path.unlink()
+            about.unlink(missing_ok=True)
+
+
+def _take_out(place: Place) -> None:
+    """A demonstration into a file of its own. Raises BadInput."""
+    own = place.path.with_suffix("") / place.name / (STAGED + place.path.suffix)
+    own.parent.mkdir(parents=True, exist_ok=True)
+    work = own.with_name(f".{own.name}{files.PART}")
+    about = described(place)
+    with opened(place.path, place.within) as source, h5py.File(work, "w") as target:
+        copy(source, place, target, place.name)
+        store_filter_keys(target, own_keys(source, place))
+    if about is not None:
+        files.write_atomic(own.with_suffix(".json"), json_bytes(about))
+    os.replace(work, own)
 
 
 class GrowingFile:

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import h5py
-from rpaug_adapters.shared.folders import natural, walk
+from rpaug_adapters.shared.folders import walk
 from rpaug_adapters.shared.hdf5 import opened
 
-from rpaug import BadInput
+from rpaug import BadInput, files
 
 ENDINGS = (".hdf5", ".h5")
 STAGED = "episode"  # the name of a file with one
@@ -53,7 +53,7 @@ def contents(path: Path) -> list[Place]:
         ):
             held = [name for name in file[DATA] if ROBOMIMIC.fullmatch(name)]
             found += [Place(path, f"{DATA}/{name}") for name in held]
-    return sorted(found, key=lambda place: natural(place.group))
+    return sorted(found, key=lambda place: files.natural(place.group))
 
 
 def is_staged(path: Path) -> bool:
@@ -86,7 +86,7 @@ def keys(root: Path) -> list[str]:
                 raise BadInput(path, "name", found=min(twice), expected=expected)
             found |= held
     known = found.keys() | staged
-    return sorted(known | spoilt if known or ours else (), key=natural)
+    return sorted(known | spoilt if known or ours else (), key=files.natural)
 
 
 def find(root: Path, key: str) -> Place:

@@ -37,7 +37,7 @@ def write_episode(episode: Episode, recorded: SimSource | None, work: Path) -> d
         h5py.File(work / (STAGED + place.path.suffix), "w") as target,
     ):
         copy(source, place, target, place.name)
-        store_filter_keys(target, _own_keys(source, place))
+        store_filter_keys(target, own_keys(source, place))
         group = target[place.group]
         for name, view in episode.views.items():
             _lay(group, recorded, name, view)
@@ -89,7 +89,8 @@ def filter_keys(source: h5py.File, place: Place) -> dict[str, list[str]]:
     return found
 
 
-def _own_keys(source: h5py.File, place: Place) -> dict[str, list[str]]:
+def own_keys(source: h5py.File, place: Place) -> dict[str, list[str]]:
+    """The filter keys that name a demonstration, or do not, as a file of its own has them."""
     given = filter_keys(source, place)
     return {key: [place.name] * (place.name in names) for key, names in given.items()}
 

@@ -13,7 +13,7 @@ Keys are `<split>/<number>`, below the dataset's own path.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,11 +21,18 @@ from rpaug_adapters.lerobot import describe, fresh, pack, tables, write
 from rpaug_adapters.lerobot.read import LeRobotSource, read_episode
 from rpaug_adapters.lerobot.tables import INFO, STAGED, Info
 from rpaug_adapters.shared import cameras
-from rpaug_adapters.shared.folders import GatheredAdapter, datasets, place, unlike, write_files
+from rpaug_adapters.shared.folders import (
+    GatheredAdapter,
+    datasets,
+    place,
+    refuse,
+    see_no_pickle,
+    unlike,
+    write_files,
+)
 
 from rpaug import BadInput, Episode, Side, Unsupported, files
 
-EMPTY = {"total_episodes": 0, "total_frames": 0, "total_tasks": 0, "splits": {}}
 MADE_ANEW = (
     "info.json",
     "tasks.*",
@@ -64,6 +71,8 @@ class LeRobot(GatheredAdapter):
         recorded = episode.source if isinstance(episode.source, LeRobotSource) else None
         folder, _, _ = self.free(root, key)
         about = _described(episode, recorded, folder, key, self.version)
+        for path in _brought(recorded.info.folder) if recorded else ():
+            see_no_pickle(path)
         with files.atomic_folder(root / key) as work:
             extra, said = write.write_episode(episode, recorded, about, work)
             write_files(work, {**extra, **side(*said)})
@@ -91,11 +100,25 @@ class LeRobot(GatheredAdapter):
         for folder in datasets(target, INFO):
             dataset = source / folder.relative_to(target)
             pack.pack(folder, dataset)
-            like = dataset / "meta"
-            for path in like.iterdir() if like.is_dir() else ():
-                made = any(path.match(pattern) for pattern in MADE_ANEW)
-                if path.is_file() and not made and not (folder / "meta" / path.name).exists():
+            for path in _brought(dataset):
+                if not (folder / "meta" / path.name).exists():
                     files.write_atomic(folder / "meta" / path.name, files.read_bytes(path))
+
+    def scatter(self, root: Path, spoilt: Collection[Path]) -> None:
+        """Episodes out of shared files; `info.json` names none any more."""
+        refuse(path for path in spoilt if path.name in (Path(INFO).name, cameras.NAME))
+        for path in (path for path in spoilt if path.parent.name == "meta"):
+            path.unlink(missing_ok=True)  # made again, or brought along
+        for folder in datasets(root, INFO):
+            pack.scatter(folder, spoilt)
+
+
+def _brought(dataset: Path) -> Iterator[Path]:
+    """Files of a dataset's `meta` that are passed on as they are."""
+    meta = dataset / "meta"
+    for path in sorted(meta.iterdir()) if meta.is_dir() else ():
+        if path.is_file() and not any(path.match(pattern) for pattern in MADE_ANEW):
+            yield path
 
 
 def _described(
@@ -103,7 +126,7 @@ def _described(
 ) -> Info:
     """What describes the dataset that an episode is written to. Raises Unsupported for one of another kind."""
     given: dict[str, Any] = (
-        fresh.described(episode) if recorded is None else recorded.info.given | EMPTY
+        fresh.described(episode) if recorded is None else recorded.info.given | tables.EMPTY
     )
     given = tables.in_version(given, version) if version else given
     if not (folder / INFO).is_file():

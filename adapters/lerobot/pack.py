@@ -7,7 +7,8 @@ last; until then the episodes' own folders stay. Killed at any point, the next `
 import json
 import os
 import shutil
-from collections.abc import Hashable, Iterator
+from collections.abc import Collection, Hashable, Iterator
+from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from rpaug_adapters.lerobot.read import (
 )
 from rpaug_adapters.lerobot.tables import (
     DATA_PATH,
+    EMPTY,
     INFO,
     LINKED,
     OLD_TASKS,
@@ -41,7 +43,7 @@ from rpaug_adapters.lerobot.write import link, taken_out, with_column, write_epi
 from rpaug_adapters.shared import video
 from rpaug_adapters.shared.folders import drop_staged, staged, ungathered
 
-from rpaug import files
+from rpaug import BadInput, files
 
 MIB = 2**20
 HUGGING_FACE = b"huggingface"  # key of a table's metadata
@@ -93,22 +95,47 @@ def _pack(about: Info, like: Path) -> Info:
     return tables.info(folder)
 
 
+def scatter(folder: Path, spoilt: Collection[Path]) -> None:
+    """Every episode into a folder of its own, and none in shared files: what lies in `spoilt` ones is left out, and
+    what cannot be read. Words keep their numbers."""
+    about = tables.info(folder)
+    for split, number in _gathered(about):
+        with suppress(BadInput):
+            _take_out(about, split, number, spoilt)
+    emptied = json.dumps(about.given | EMPTY, indent=4, ensure_ascii=False).encode()
+    files.write_atomic(folder / INFO, emptied, durable=True)
+    for name in SHARED:
+        shutil.rmtree(folder / name, ignore_errors=True)
+
+
 def _scatter(about: Info) -> None:
     """Back to a folder an episode: a finished output is to grow."""
+    for split, number in _gathered(about):
+        _take_out(about, split, number, ())
+
+
+def _gathered(about: Info) -> Iterator[tuple[str, int]]:
+    """Split and number of each episode of the shared files that does not lie in a folder of its own too."""
     for split, span in about.splits.items():
         for number in range(len(span)):
-            target = about.folder / split / str(number)
-            if (target / STAGED).exists():
-                continue
-            episode = read_episode(about.folder, split, number, f"{split}/{number}")
-            work = target.with_name(f".{number}{files.PART}")
-            shutil.rmtree(work, ignore_errors=True)
-            work.mkdir(parents=True)
-            write_episode(episode, episode.source, about, work)
-            target.mkdir(exist_ok=True)
-            for path in sorted(work.iterdir(), key=lambda path: path.name == STAGED):
-                os.replace(path, target / path.name)  # the table last: it makes the episode
-            shutil.rmtree(work)  # a file that is there already, by another name, is not moved
+            if not (about.folder / split / str(number) / STAGED).exists():
+                yield split, number
+
+
+def _take_out(about: Info, split: str, number: int, spoilt: Collection[Path]) -> None:
+    """An episode into a folder of its own, unless its video lies in a `spoilt` file. Raises BadInput."""
+    target = about.folder / split / str(number)
+    episode = read_episode(about.folder, split, number, f"{split}/{number}")
+    if any(span.path in spoilt for span in episode.source.spans.values()):
+        return
+    work = target.with_name(f".{number}{files.PART}")
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir(parents=True)
+    write_episode(episode, episode.source, about, work)
+    target.mkdir(exist_ok=True)
+    for path in sorted(work.iterdir(), key=lambda path: path.name == STAGED):
+        os.replace(path, target / path.name)  # the table last: it makes the episode
+    shutil.rmtree(work)  # a file that is there already, by another name, is not moved
 
 
 class _Files:
@@ -149,7 +176,7 @@ def _gather(about: Info, work: Path, like: Path) -> dict[str, Any]:
     for key in about.of_kind("video"):
         (_own_videos if about.old else _videos)(about, work, own, key, rows)
     counted = [
-        json.loads((path / STATISTICS).read_bytes()) | counts[number]
+        _in_order(about, json.loads((path / STATISTICS).read_bytes()) | counts[number])
         for number, (_, path) in enumerate(own)
     ]
     describe.episodes(about, work, rows, spoken["task"], counted)
@@ -169,6 +196,11 @@ def _gather(about: Info, work: Path, like: Path) -> dict[str, Any]:
         "splits": spans,
         **_paths(about, len(own)),
     }
+
+
+def _in_order(about: Info, statistics: dict[str, Any]) -> dict[str, Any]:
+    """Statistics in the order of the features, whatever order they were counted in."""
+    return {key: statistics[key] for key in about.features if key in statistics}
 
 
 def _known(folder: Path, like: Path, *names: str) -> dict[str, int]:

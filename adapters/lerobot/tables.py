@@ -35,6 +35,7 @@ ROW = "episode.json"  # `row`: what the table of episodes says of it, but for wh
 COUNTED = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64",
            "index": "int64", "task_index": "int64"}  # fmt: skip
 VERSION, OLD = "v3.", "v2.1"
+EMPTY = {"total_episodes": 0, "total_frames": 0, "total_tasks": 0, "splits": {}}
 VERSIONS = ("v3.0", OLD)  # written
 OLD_TOTALS = ("total_videos", "total_chunks")
 OLD_DATA_PATH = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"

@@ -19,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 from rpaug_adapters.rdt.read import RDTSource, read_episode, untouched
 from rpaug_adapters.rdt.write import write_episode
-from rpaug_adapters.shared.folders import natural, walk, write_files
+from rpaug_adapters.shared.folders import walk, write_files
 
 from rpaug import Adapter, BadInput, Episode, Side, files
 
@@ -42,7 +42,7 @@ class RDT(Adapter):
                     own = path.parent.name == path.stem and path.parent != root
                     at = path.parent if own else path.with_suffix("")
                     keys.append(at.relative_to(root).as_posix())
-        return sorted(keys, key=natural)
+        return sorted(keys, key=files.natural)
 
     def read(self, root: Path, key: str) -> Episode:
         return read_episode(_path(root, key), key)

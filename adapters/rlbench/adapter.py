@@ -25,7 +25,7 @@ from rpaug_adapters.rlbench.read import (
     untouched,
 )
 from rpaug_adapters.rlbench.write import write_episode
-from rpaug_adapters.shared.folders import natural, write_files
+from rpaug_adapters.shared.folders import write_files
 
 from rpaug import Adapter, BadInput, Episode, Side, files, splits
 
@@ -44,21 +44,22 @@ class RLBench(Adapter):
     )
 
     def episodes(self, root: Path) -> Sequence[str]:
-        keys, seen = [], set()
-        for folder, subfolders, names in os.walk(root, followlinks=True, onerror=_unreadable):
-            here = Path(folder)
-            true = here.resolve()
+        keys, seen, top = [], set(), os.fspath(root)
+        for folder, subfolders, names in os.walk(top, followlinks=True, onerror=_unreadable):
+            status = os.stat(folder)
+            true = status.st_dev, status.st_ino
             if true in seen:  # a link that leads back
                 subfolders.clear()
                 continue
             seen.add(true)
-            if LOW_DIM in names or (EPISODE.search(here.name) and here != root):
-                keys.append(here.relative_to(root).as_posix())
+            within = os.path.relpath(folder, top) if folder != top else ""
+            if LOW_DIM in names or (within and EPISODE.search(os.path.basename(folder))):
+                keys.append(Path(within).as_posix())
                 subfolders.clear()
-            if here == root and files.REJECTED in subfolders:
+            if not within and files.REJECTED in subfolders:
                 subfolders.remove(files.REJECTED)
             subfolders[:] = [name for name in subfolders if not name.startswith(".")]
-        return sorted(keys, key=natural)
+        return sorted(keys, key=files.natural)
 
     def read(self, root: Path, key: str) -> Episode:
         return read_episode(root / key, key)

@@ -23,9 +23,9 @@ from rpaug_adapters.rlbench.read import (
     RLBenchSource,
     read_code,
 )
-from rpaug_adapters.shared.folders import write_files
+from rpaug_adapters.shared.folders import see_no_link_out, see_no_pickle, write_files
 
-from rpaug import BadInput, Episode, Unsupported, files, geometry
+from rpaug import Episode, Unsupported, files, geometry
 
 NUMBER = "variation_number.pkl"
 PICKLES = (".pkl", ".pickle", ".p")
@@ -73,14 +73,14 @@ def _copy_unknown(recorded: RLBenchSource, episode: Episode, work: Path) -> None
         place = path.relative_to(recorded.folder)
         if place.parts[0] in ours or place.parts[0].startswith("rpaug"):
             continue
-        if path.is_symlink() and (path.is_dir() or not path.resolve().is_relative_to(home)):
-            found = f"a link to {path.resolve()}"
-            raise BadInput(path, "link", found=found, expected="a file of the episode")
+        see_no_link_out(path, home)
         if path.is_dir():
             (work / place).mkdir()
             continue
-        if path.suffix in PICKLES:
+        if path.suffix.lower() in PICKLES:
             load(path)
+        else:
+            see_no_pickle(path)
         shutil.copyfile(path, work / place)
 
 

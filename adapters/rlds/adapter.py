@@ -13,7 +13,7 @@ Keys are `<split>/<number>`, below the dataset's own path. Records keep every by
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -22,7 +22,14 @@ from rpaug_adapters.rlds.features import FEATURES, leaves, without
 from rpaug_adapters.rlds.read import STEPS, RLDSSource, read_episode, texts
 from rpaug_adapters.rlds.write import encoded_episode
 from rpaug_adapters.shared import cameras
-from rpaug_adapters.shared.folders import GatheredAdapter, datasets, place, unlike, write_files
+from rpaug_adapters.shared.folders import (
+    GatheredAdapter,
+    datasets,
+    place,
+    refuse,
+    unlike,
+    write_files,
+)
 
 from rpaug import Embeddings, Episode, Side, Unsupported, files
 
@@ -100,6 +107,14 @@ class RLDS(GatheredAdapter):
                 # TFDS keeps label names and the like in files named after features.
                 if path.is_file() and path.suffix == ".txt" and not (folder / path.name).exists():
                     files.write_atomic(folder / path.name, files.read_bytes(path))
+
+    def scatter(self, root: Path, spoilt: Collection[Path]) -> None:
+        """Records out of shards; `dataset_info.json` goes."""
+        refuse(path for path in spoilt if path.name in (FEATURES, cameras.NAME))
+        for path in (path for path in spoilt if path.suffix == ".txt"):
+            path.unlink(missing_ok=True)  # brought along again
+        for folder in datasets(root, FEATURES):
+            shards.unpack(folder, spoilt)
 
 
 def _common(source: Path, folder: Path, dropped: bool) -> dict[str, bytes]:

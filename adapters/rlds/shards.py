@@ -10,7 +10,8 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -83,6 +84,8 @@ def _splits(folder: Path, name: str, _modified: int, _size: int) -> Mapping[str,
     described, found = info(folder, name), {}
     for entry in described["splits"]:
         name, lengths = _named(folder, entry)
+        if name in found:
+            raise BadInput(folder / INFO, "splits", found=f"{name!r} twice", expected="each once")
         template = str(entry.get("filepathTemplate") or TEMPLATE)
         paths = tuple(
             folder / _file(template, str(described.get("name")), name, i, len(lengths))
@@ -164,7 +167,7 @@ def pack(source: Path, folder: Path) -> None:
     """
     held = {name: split.count for name, split in splits(folder).items()}
     if not (folder / INFO).is_file() or ungathered(folder, STAGED, held):
-        _unpack(folder)
+        unpack(folder)
         if numbers := staged(folder, STAGED):
             _pack(source, folder, numbers)
     _sweep(folder)
@@ -233,8 +236,12 @@ def _divided(count: int, like: Sequence[int]) -> list[int]:
     return [count // shards + (i < count % shards) for i in range(shards)]
 
 
-def _unpack(folder: Path) -> None:
-    """Back to one file an episode, the last shard first: a finished output is to grow, or packing ended on its way."""
+def unpack(folder: Path, spoilt: Collection[Path] | None = None) -> None:
+    """Back to one file an episode, the last shard first: a finished output is to grow, or packing ended on its way.
+
+    Records of `spoilt` files, and those that cannot be read, are left out if such files are named; else the first
+    raises BadInput.
+    """
     packed = splits(folder)
     if not packed:
         return
@@ -247,13 +254,14 @@ def _unpack(folder: Path) -> None:
             last = max(i for i, length in enumerate(lengths) if length)
             for number in range(sum(lengths[:last]), sum(lengths)):
                 path = folder / split.name / str(number) / STAGED
-                if not path.exists():
-                    data = tfrecord.read(*split.find(number))
-                    files.write_atomic(path, tfrecord.frame(data))
+                if not path.exists() and split.paths[last] not in (spoilt or ()):
+                    with suppress(*() if spoilt is None else (BadInput,)):
+                        data = tfrecord.read(*split.find(number))
+                        files.write_atomic(path, tfrecord.frame(data))
             lengths[last] = 0
             entry["shardLengths"] = [str(length) for length in lengths]
             _note(folder, described)
-            split.paths[last].unlink()
+            split.paths[last].unlink(missing_ok=True)
 
 
 def _drop(within: Path, numbers: Sequence[int], lengths: Sequence[str]) -> None:

@@ -5,7 +5,6 @@ dataset's own path.
 """
 
 import os
-import re
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
@@ -17,6 +16,7 @@ from rpaug import Adapter, BadInput, files, splits
 DESCRIBING = {"featuresDict", "features", "sequence", "feature"} | {
     "tensor", "image", "text", "shape", "info", "length",
 }  # fmt: skip
+PICKLES = (".pkl", ".pickle", ".p", ".joblib", ".pt", ".pth")  # torch's files are pickles too
 PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 
 
@@ -27,6 +27,7 @@ class GatheredAdapter(Adapter):
     New datasets have the folder `version` between their name and their splits, if there is one.
     """
 
+    gathers: ClassVar[bool] = True
     mark: ClassVar[str]
     rest: ClassVar[tuple[str, ...]]
     staged: ClassVar[str]
@@ -169,12 +170,29 @@ def _leaves(
             yield (*at, name), value
 
 
+def see_no_link_out(path: Path, home: Path) -> None:
+    """Raises BadInput for a link to a folder, or one that leads out of an episode's resolved folder `home`: what lies
+    there is nobody's to pass on."""
+    if path.is_symlink() and (path.is_dir() or not path.resolve().is_relative_to(home)):
+        found = f"a link to {path.resolve()}"
+        raise BadInput(path, "link", found=found, expected="a file of the episode")
+
+
+def see_no_pickle(path: Path) -> None:
+    """Raises BadInput for a pickle, by its name: a layout that has none passes none on, since one may hold code."""
+    if path.suffix.lower() in PICKLES:
+        raise BadInput(path, "format", found="a pickle, which may hold code", expected="none here")
+
+
+def refuse(spoilt: Iterable[Path]) -> None:
+    """Raises BadInput where files are spoilt that nothing makes again."""
+    for path in sorted(spoilt):
+        found = "another size than it was written with" if path.exists() else "nothing"
+        expected = "the file as it was written: nothing here makes it again"
+        raise BadInput(path, "file", found=found, expected=expected)
+
+
 def write_files(folder: Path, named: Mapping[str, bytes]) -> None:
     """Files of a folder that is being written, by name."""
     for name, data in named.items():
         (folder / name).write_bytes(data)
-
-
-def natural(key: str) -> list[tuple[int, str]]:
-    """For sorting: numbers in a key count as numbers."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", key)]

@@ -12,14 +12,14 @@ its annotations and report; at the end of a run videos become `<key>.mp4`, the a
 import os
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
 import numpy as np
 from rpaug_adapters.shared import cameras
-from rpaug_adapters.shared.folders import natural, walk, write_files
+from rpaug_adapters.shared.folders import walk, write_files
 from rpaug_adapters.shared.texts import json_bytes
 from rpaug_adapters.video import cuts, ego4d, encode
 from rpaug_adapters.video.ego4d import Notes
@@ -49,6 +49,7 @@ class Videos(Adapter):
     """Reads and writes videos of one camera that someone wears or carries."""
 
     name: ClassVar[str] = "video"
+    gathers: ClassVar[bool] = True
     loose: ClassVar[bool] = True
 
     def episodes(self, root: Path) -> Sequence[str]:
@@ -68,7 +69,7 @@ class Videos(Adapter):
                 key = at.relative_to(root).as_posix()
                 mine = [n for n, cut in enumerate(parts) if cut.video == path.stem]
                 keys += [f"{key}/cut_{n}" for n in mine] or [key]
-        return sorted(set(keys), key=natural)
+        return sorted(set(keys), key=files.natural)
 
     def read(self, root: Path, key: str) -> Episode:
         path, cut = _place(root, key)
@@ -142,6 +143,16 @@ class Videos(Adapter):
             like = ego4d.library(source / home.relative_to(target))
             for name, held in ego4d.merged(given, like).items():
                 files.write_atomic(home / name, json_bytes(held))
+
+    def scatter(self, root: Path, spoilt: Collection[Path]) -> None:
+        """Videos back into their folders; Ego4D's own files are made from those again."""
+        for key in self.episodes(root):
+            path, _ = _place(root, key)
+            if path in spoilt:
+                path.unlink()
+            elif path.parent != root / key:
+                (root / key).mkdir(exist_ok=True)
+                os.replace(path, root / key / (STAGED + path.suffix))
 
 
 def _place(root: Path, key: str) -> tuple[Path, tuple[Path, int] | None]:

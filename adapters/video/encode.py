@@ -18,7 +18,7 @@ from av.video.frame import VideoFrame
 from av.video.reformatter import VideoReformatter
 from jaxtyping import Bool, UInt8
 from rpaug_adapters.shared import splice
-from rpaug_adapters.shared.video import HEVC_LEAST, X264_ID, open_encoders, planar, samples
+from rpaug_adapters.shared.video import HEVC_LEAST, X264, open_encoders, planar, samples
 from rpaug_adapters.video import boxes
 from rpaug_adapters.video.stream import Facts, Video, matrix
 
@@ -28,7 +28,7 @@ FINEST = {"flags": "+qscale", "global_quality": "236"}  # quantised by 2, in uni
 ENCODERS = {
     "h264": (
         "libx264",
-        {"crf": "12", "preset": "medium", "x264-params": f"sps-id={X264_ID}"},
+        {"crf": "12", "preset": "medium", "x264-params": X264},
     ),
     "hevc": ("libx265", {"crf": "12", "preset": "medium", "x265-params": "log-level=error"}),
     "mpeg4": ("mpeg4", FINEST),

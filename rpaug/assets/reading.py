@@ -128,8 +128,13 @@ def _triangles(path: Path) -> Mesh:
 
     class Beside(trimesh.resolvers.FilePathResolver):
         def get(self, name: str) -> bytes:
-            return _unicode(name, super().get(name))
+            try:
+                return _unicode(name, _beside(path, name))
+            except BadInput as error:  # trimesh goes on without a picture that it cannot have
+                refused.append(error)
+                raise
 
+    refused: list[BadInput] = []
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # it logs tracebacks of what it raises
     try:
         loaded = trimesh.load(
@@ -156,10 +161,28 @@ def _triangles(path: Path) -> Mesh:
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries do
         found = (str(error).splitlines() or [type(error).__name__])[0][:120]
         raise BadInput(path, "mesh", found=found, expected="a readable mesh") from None
+    if refused:
+        raise refused[0]
     if len(faces) > MOST_FACES:
         expected = f"at most {MOST_FACES}: simplify the mesh"
         raise BadInput(path, "faces", found=str(len(faces)), expected=expected)
     return Mesh(points, normals, uv, faces.astype(np.int32), image)
+
+
+def _beside(path: Path, name: str) -> bytes:
+    """A file that a mesh names: in its folder or below, where a path of another machine is looked for by its last part.
+    Raises FileNotFoundError for one that is not there, and BadInput for one outside."""
+    folder = path.parent.resolve()
+    plain = name.strip().replace("\\", "/")
+    places = [(folder / one).resolve() for one in (plain, plain.rsplit("/", 1)[-1])]
+    for place in places:
+        if place.is_relative_to(folder) and place.exists():
+            return read_bytes(place)
+    for place in places:
+        if not place.is_relative_to(folder):
+            expected = "a file in the folder of the mesh or below"
+            raise BadInput(path, "a file that it names", found=name[:120], expected=expected)
+    raise FileNotFoundError(name)
 
 
 def _unicode(name: str, data: bytes) -> bytes:

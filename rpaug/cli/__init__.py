@@ -14,6 +14,7 @@ COMMANDS = {
         "augment",
         "Write edited copies of a dataset's episodes, in the format they came in.",
     ),
+    "merge": ("merge", "Put the parts of a run together that --shard made on several machines."),
     "ask": ("ask", "Turn a wish into a recipe, show it, and write or run it if asked to."),
     "diagnose": ("diagnose", "Say why rollouts failed, and write the recipe against it."),
     "loop": (

@@ -1,6 +1,7 @@
 """`rpaug augment`: write edited copies of a dataset."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -56,6 +57,12 @@ def augment(
         ),
     ] = None,
     licence: Licence = None,
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            help="Make one part of several, as 2/8; `rpaug merge` puts the parts together."
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Instead of the recipe's.")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Override a value: edits.0.color=red.")
@@ -94,17 +101,16 @@ def augment(
     given += [f"arms={json.dumps(list(map(str, arm)))}"] if arm else []
     loaded = inputs.recipe(recipe, given, models or ())
     run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid, _ratio(ratio), licence)
+    run = replace(run, shard=_shard(shard))
     if dry_run:
         return _dry_run(run, resume, as_json)
-    budget = None  # a single episode can spoil no other: it is done in this process
-    if most_memory or most_minutes or len(run.keys) > 1:
-        budget = Budget(most_memory and most_memory * 1e9, most_minutes or MINUTES)
+    budget = Budget(most_memory and most_memory * 1e9, most_minutes or MINUTES)
     with progress_bar("augmenting", as_json) as progress:
         summary = execute(run, workers=workers, budget=budget, resume=resume, progress=progress)
     code = summary.exit_code
     described = {**vars(summary), "out": str(out)}
-    if summary.copies:
-        code = max(code, _contact_sheet(run, described))
+    if summary.copies and shard is None:
+        code = max(code, contact_sheet(run, described))
     elif summary.failures or summary.aborted:
         described["error"] = summary.aborted or next(iter(summary.failures.values()))
     if as_json:
@@ -112,7 +118,7 @@ def augment(
     else:
         for words in summary.shortfalls:
             warn("fell short", words)
-        _print_summary(described, summary.lacked, run.adapter.after)
+        print_summary(described, summary.lacked, run.adapter.after)
     return code
 
 
@@ -126,8 +132,21 @@ def _ratio(given: str | None) -> tuple[int, int] | None:
     return int(parts[0]), int(parts[1])
 
 
-def _contact_sheet(run: Any, described: dict[str, Any]) -> int:
-    """Write the sheet; the episodes are done whether it can be or not."""
+def _shard(given: str | None) -> tuple[int, int] | None:
+    """`2/8` in numbers. Raises RpaugError."""
+    if given is None:
+        return None
+    parts = given.split("/")
+    if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 for part in parts):
+        raise RpaugError(f"--shard {given}: expected which part of how many, as 2/8")
+    which, of = map(int, parts)
+    if not 1 <= which <= of:
+        raise RpaugError(f"--shard {given}: expected a part from 1 to {of}")
+    return which, of
+
+
+def contact_sheet(run: Any, described: dict[str, Any]) -> int:
+    """Write the sheet and say where it is; the episodes are done whether it can be or not."""
     from rpaug.pipeline import contact
 
     try:
@@ -183,7 +202,8 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
     return 2 if not plans else 1 if failed else 0
 
 
-def _print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> None:
+def print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> None:
+    """What a run came to, for people."""
     for key, reason in described["failures"].items():
         warn("skipped", f"{key}: {reason}")
     for key, warnings in described["warnings"].items():
@@ -205,7 +225,7 @@ def _print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> N
     say(f"{counted(described['copies'], 'episode')} in {described['out']} (seconds: {seconds})")
     if hint:
         say(hint)
-    if described["contact_sheet"]:
+    if described.get("contact_sheet"):
         say(f"contact sheet: {described['contact_sheet']}")
-    else:
+    elif "contact_sheet" in described:
         warn("no contact sheet", described["contact_sheet_error"])

@@ -1,11 +1,13 @@
 """Files that are either whole or absent, and images that are checked before they are decoded.
 
 `rpaug.files` to whoever writes an adapter, who may rely on the names in `__all__`: `read_bytes` and `write_atomic` for
-whole files, `atomic_folder` for an episode that appears by one rename, `check_*` for the size of an image before
-anything is allocated for it, `decode_*` and `encode_*` for its pixels. What cannot be read raises `BadInput`.
+whole files, `atomic_folder` for an episode that appears by one rename, `natural` for the order of keys, `check_*` for
+the size of an image before anything is allocated for it, `decode_*` and `encode_*` for its pixels. What cannot be read
+raises `BadInput`.
 """
 
 import os
+import re
 import shutil
 import stat
 import struct
@@ -37,6 +39,7 @@ __all__ = [
     "encode_jpeg",
     "encode_png",
     "flush",
+    "natural",
     "read_bytes",
     "write_atomic",
 ]
@@ -285,6 +288,11 @@ def atomic_folder(target: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(work, ignore_errors=True)
         raise
+
+
+def natural(key: str) -> list[tuple[int, str]]:
+    """For sorting: numbers in a key count as numbers."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", key)]
 
 
 def flush(path: Path) -> None:

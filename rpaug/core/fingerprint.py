@@ -1,11 +1,13 @@
-"""What tells whether a folder holds what it held, wherever it lies now, without reading all of it."""
+"""What tells whether a folder holds what it held, wherever it lies now: without reading all of it, or to the byte."""
 
 import hashlib
 import os
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 LARGE = 2**16  # bytes: of larger files some blocks are read as well
+DIGITS = 32  # of a digest, in hexadecimal
 BLOCK, BLOCKS = 2**12, 8  # bytes of each, and how many, evenly spread from first to last
 
 
@@ -15,20 +17,19 @@ def contents(root: Path) -> str:
     A file that was changed in place keeps its size only if it is no compressed image, and those are large.
     """
     digest = hashlib.sha256()
-    for path in _files(root):
-        size = path.stat().st_size
-        digest.update(f"{path.relative_to(root).as_posix()}\0{size}\0".encode(errors="replace"))
+    for name, size in _files(os.fspath(root), ""):
+        digest.update(f"{name}\0{size}\0".encode(errors="replace"))
         if size > LARGE:
-            with path.open("rb") as stream:
+            with open(os.path.join(root, name), "rb") as stream:
                 for number in range(BLOCKS):
                     stream.seek(number * (size - BLOCK) // (BLOCKS - 1))
                     digest.update(stream.read(BLOCK))
-    return digest.hexdigest()[:32]
+    return _short(digest)
 
 
 def of(data: bytes) -> str:
     """A digest of some bytes."""
-    return hashlib.sha256(data).hexdigest()[:32]
+    return _short(hashlib.sha256(data))
 
 
 def of_all(first: bytes, more: Iterable[bytes]) -> str:
@@ -36,13 +37,73 @@ def of_all(first: bytes, more: Iterable[bytes]) -> str:
     digest = hashlib.sha256(first)
     for data in more:
         digest.update(data)
-    return digest.hexdigest()[:32]
+    return _short(digest)
 
 
-def _files(root: Path) -> Iterator[Path]:
-    for folder, subfolders, names in os.walk(root):
-        subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
-        for name in sorted(names):
-            path = Path(folder, name)
-            if not name.startswith(".") and path.is_file():
-                yield path
+def _files(folder: str, within: str) -> Iterator[tuple[str, int]]:
+    """Names of files below a folder, and sizes in bytes, files of a folder before what is in its folders."""
+    entries = sorted(os.scandir(folder), key=lambda one: one.name)
+    entries = [one for one in entries if not one.name.startswith(".")]
+    for one in entries:
+        if one.is_file():
+            yield f"{within}{one.name}", one.stat().st_size
+    for one in entries:
+        if one.is_dir(follow_symlinks=False):
+            yield from _files(one.path, f"{within}{one.name}/")
+
+
+@dataclass(frozen=True, slots=True)
+class Seal:
+    """What a folder held: how many files, how many bytes, a digest of names and sizes, and one of all bytes ("" where
+    they were not read)."""
+
+    files: int
+    size: int
+    names: str
+    contents: str = ""
+
+
+def sealed(folder: Path, read: bool = True) -> Seal:
+    """The seal of all files below a folder, hidden ones among them; sizes alone unless they are `read`. Links are not
+    followed. A folder that is not there holds nothing."""
+    names, contents, size = hashlib.sha256(), hashlib.sha256(), 0
+    found = sorted(_sizes(os.fspath(folder), ""))
+    for name, held in found:
+        size += held
+        line = f"{name}\0{held}\0".encode(errors="replace")
+        names.update(line)
+        contents.update(line)
+        if read:
+            with open(os.path.join(folder, name), "rb") as stream:
+                while block := stream.read(2**20):
+                    contents.update(block)
+    return Seal(len(found), size, _short(names), _short(contents) if read else "")
+
+
+def same_files(one: Seal, other: Seal) -> bool:
+    """Whether files of the same names and sizes lay there."""
+    return (one.files, one.size, one.names) == (other.files, other.size, other.names)
+
+
+def of_file(path: Path) -> str:
+    """A digest of a file's bytes."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:DIGITS]
+
+
+def _short(digest: "hashlib._Hash") -> str:
+    return digest.hexdigest()[:DIGITS]
+
+
+def _sizes(folder: str, within: str) -> Iterator[tuple[str, int]]:
+    """Names below a folder, and sizes in bytes."""
+    try:
+        entries = list(os.scandir(folder))
+    except FileNotFoundError:
+        return
+    for one in entries:
+        name = f"{within}{one.name}"
+        if one.is_dir(follow_symlinks=False):
+            yield from _sizes(one.path, f"{name}/")
+        else:
+            yield name, one.stat(follow_symlinks=False).st_size

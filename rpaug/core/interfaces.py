@@ -2,7 +2,7 @@
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -111,6 +111,7 @@ class Adapter(ABC):
     """
 
     name: ClassVar[str]
+    gathers: ClassVar[bool] = False  # `finish` brings parts of episodes into files that they share
     loose: ClassVar[bool] = False  # claims files that other layouts hold too: is asked last
     after: ClassVar[str] = (
         ""  # what whoever trains on the output should know, said at the end of a run
@@ -193,3 +194,8 @@ class Adapter(ABC):
 
     def finish(self, source: Path, target: Path) -> None:  # noqa: B027  # nothing to do for most layouts
         """Bring along what belongs to the dataset and to no single episode."""
+
+    def scatter(self, root: Path, spoilt: Collection[Path]) -> None:  # noqa: B027  # most layouts gather nothing
+        """The inverse of `finish`: episodes lie in folders of their own again, so that single ones can be made anew.
+        What lies in one of the `spoilt` files, or cannot be read, is left out and is no episode then. Killed at any
+        point, it may be called again. Raises BadInput where nothing can be brought back."""

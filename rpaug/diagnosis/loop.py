@@ -4,7 +4,6 @@ import json
 import os
 import shlex
 import shutil
-import subprocess
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -15,7 +14,8 @@ import yaml
 
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.core.files import PART, apart, write_atomic
-from rpaug.diagnosis import reading
+from rpaug.core.owner import owned
+from rpaug.diagnosis import reading, tethered
 from rpaug.diagnosis.analyst import Analyst
 from rpaug.diagnosis.diagnose import diagnose
 from rpaug.diagnosis.evaluation import Evaluation
@@ -110,8 +110,13 @@ def run(
 
     Failures are judged by `analyst`, by rules where there is none; each round's diagnosis names it. Every step's result
     appears by one rename, so a stopped loop can be resumed. Raises BadInput, LanguageError, and RpaugError with the
-    last words of a command that failed.
+    last words of a command that failed. While it runs the folder is its own: another loop is refused.
     """
+    with owned(loop.out):
+        return _run(loop, resume, tell, analyst)
+
+
+def _run(loop: Loop, resume: bool, tell: Tell, analyst: Analyst | None) -> list[LoopRound]:
     check(loop, resume)
     loop.out.mkdir(parents=True, exist_ok=True)
     done: list[LoopRound] = []
@@ -220,13 +225,7 @@ def _made(result: Path, command: Callable[[Path], list[str]], log: Path) -> Path
     parts = command(work)
     with log.open("wb") as stream:
         try:
-            code = subprocess.run(
-                parts,
-                stdin=subprocess.DEVNULL,
-                stdout=stream,
-                stderr=subprocess.STDOUT,
-                check=False,
-            ).returncode
+            code = tethered.run(parts, stream)
         except OSError as error:
             raise RpaugError(f"{parts[0]}: {error.strerror}; expected a program") from None
     if code:

@@ -11,6 +11,7 @@ __all__ = [
     "inputs",
     "inspect",
     "left_out",
+    "merge",
     "pareto",
     "plan",
     "prepare",

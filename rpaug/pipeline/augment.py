@@ -1,6 +1,5 @@
 """A whole dataset through the pipeline: which copies to make, where they go, and what came of them."""
 
-import json
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -8,14 +7,15 @@ from functools import partial
 
 from rpaug.core import splits
 from rpaug.core.errors import BadInput
-from rpaug.core.files import REJECTED, apart, write_atomic
+from rpaug.core.files import apart, write_atomic
 from rpaug.core.owner import owned
-from rpaug.pipeline import output_folder, prepare, report
+from rpaug.pipeline import journal, output_folder, prepare, report, totals
 from rpaug.pipeline import workers as local
 from rpaug.pipeline.job import Job
+from rpaug.pipeline.journal import Journal
 from rpaug.pipeline.run import Budget, Run, Summary, group_of
 
-__all__ = ["Run", "Summary", "check", "execute", "jobs"]
+__all__ = ["Run", "Summary", "check", "execute", "finish", "jobs"]
 
 Progress = Callable[[int, int], None]
 Runner = Callable[[Sequence[Job]], Iterator[local.Outcome]]
@@ -36,17 +36,18 @@ def check(run: Run, resume: bool = False) -> None:
         raise BadInput(
             run.target, "--out", found="something there already", expected="a new path, or --resume"
         )
-    path = run.target / report.SUMMARY
-    try:
-        described = json.loads(path.read_bytes())
-    except (OSError, ValueError):
-        raise BadInput(
-            path, "--resume", found="no run of rpaug here", expected="the --out of a stopped run"
-        ) from None
-    for name, value in ({"share": None, "ratio": None} | run.marker).items():
-        if not isinstance(described, dict) or described.get(name) != value:
+    described = journal.marker(run.target)
+    if described is None and run.target.is_dir() and not any(run.target.iterdir()):
+        return  # killed before it wrote anything
+    if described is None:
+        found, expected = "no run of rpaug here", "the --out of a stopped run"
+        raise BadInput(run.target / journal.NAME, "--resume", found=found, expected=expected)
+    for name, value in ({"share": None, "ratio": None, "shard": None} | run.marker).items():
+        if described.get(name) != value:
             what = OF_DATASET if name == "contents" else f"another {name}"
-            raise BadInput(path, name, found=what, expected="the one being resumed")
+            raise BadInput(
+                run.target / journal.NAME, name, found=what, expected="the one being resumed"
+            )
 
 
 def execute(
@@ -75,42 +76,44 @@ def execute(
 def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Summary:
     check(run, resume)
     made_folders = output_folder.missing(run.target)
-    write_atomic(run.target / report.SUMMARY, report.encode(_marked(run)), durable=True)
+    journal.begin(run.target, run.marker, run.source.resolve())
     output_folder.sweep(run.target)
-    output_folder.drop_unreported(run)
-    done = [
-        (key, one["source"], one["copy"])
-        for folder in ("", REJECTED)
-        for key, one in output_folder.Reports(run, folder).items()
-    ]
+    held = output_folder.mend(run)
+    done = [(key, one.source, one.copy) for (_, key), one in held.made.items()]
     todo = jobs(run, done)
     summary = Summary(resumed=len(done))
     total, finished = sum(len(job.copies) for job in todo), 0
     progress(0, total)
     for outcome in _outcomes(_staged(run, todo), runner):
-        finished += len(outcome.reports)
+        finished += outcome.copies
         if outcome.fatal:
             summary.aborted, summary.missing = outcome.error, outcome.missing
         elif outcome.error and outcome.job.copies:  # who borrows from it says so too
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
-    written_to = [folder for folder in ("", REJECTED) if output_folder.keys(run, folder)]
-    if written_to:
-        for folder in written_to:
-            output_folder.close_gaps(run, folder)
-            output_folder.flush_reports(run, folder)
-            run.adapter.finish(run.source, run.target / folder)
-        output_folder.total(summary, run)
-        output_folder.write_card(run)
-        described = report.encode(vars(summary) | _marked(run))
-        write_atomic(run.target / report.SUMMARY, described, durable=True)
+    held = journal.read(run.target) if todo else held
+    if held.made or run.shard:
+        finish(run, held, summary)
     elif made_folders:
         shutil.rmtree(made_folders[-1], ignore_errors=True)
     return summary
 
 
-def _marked(run: Run) -> dict[str, object]:
-    return {"dataset": str(run.source.resolve()), **run.marker}
+def finish(run: Run, held: Journal, summary: Summary) -> None:
+    """Gather what is new, and say what all came to. Episodes of a part of a run stay apart, under the numbers that they
+    have in the whole."""
+    for within in output_folder.FOLDERS:
+        if output_folder.stale(held, within) and not run.shard:
+            output_folder.close_gaps(run, held, within)
+            output_folder.gather(run, held, within)
+    kept, rejected = (
+        journal.facts(run.target, held.of(within)) for within in output_folder.FOLDERS
+    )
+    totals.add_up(summary, run, kept, rejected)
+    if not run.shard:
+        output_folder.write_card(run, held)
+    described = vars(summary) | {"dataset": str(run.source.resolve()), **run.marker}
+    write_atomic(run.target / report.SUMMARY, report.encode(described), durable=True)
 
 
 def _staged(run: Run, todo: Sequence[Job]) -> list[list[Job]]:
@@ -136,7 +139,8 @@ def _outcomes(stages: Sequence[Sequence[Job]], runner: Runner) -> Iterator[local
 
 
 def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
-    """One job per source episode: its missing copies and the keys they get, numbered from 0 in each group.
+    """One job per source episode of the run's part: its missing copies and the keys they get, numbered from 0 in each
+    group of the whole.
 
     `done` are keys already given, to rejected copies too, with the source key and the copy of each.
     """
@@ -157,7 +161,11 @@ def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
                 raise BadInput(run.source / key, "split", found=found, expected=expected)
             copies[key].append((copy, made))
             free[group] += 1
-    return [_job(run, key, made) for key, made in copies.items() if made]
+    return [
+        _job(run, key, made)
+        for number, (key, made) in enumerate(copies.items())
+        if made and run.makes(number)
+    ]
 
 
 def _job(run: Run, key: str, copies: Sequence[tuple[int, str]]) -> Job:

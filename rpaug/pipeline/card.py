@@ -117,7 +117,8 @@ def _converted(layout: str, before: str, lost: Mapping[str, int]) -> tuple[str, 
 
 def licence_of(source: Path, keys: Iterable[str]) -> str:
     """What the source says of its licence: in its own card's header, or the first line of each licence file."""
-    above = {parent for key in keys for parent in Path(key).parents}
+    homes = {key.rpartition("/")[0] for key in keys}
+    above = {parent for home in homes for parent in (Path(home), *Path(home).parents)}
     for folder in (source, *(source / one for one in sorted(above))):
         card = folder / NAME
         if card.is_file():

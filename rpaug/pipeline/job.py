@@ -1,6 +1,7 @@
 """One episode of a run: read, built and planned once, then all its copies."""
 
 import json
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -8,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from rpaug.core import registry
+from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
 from rpaug.core.types import Episode
-from rpaug.pipeline import report
+from rpaug.pipeline import journal, report, totals
 from rpaug.pipeline.copies import PreparedEpisode
 from rpaug.pipeline.prepare import ground, prepare_scene
 from rpaug.pipeline.recipe import build as build_recipe
@@ -35,8 +37,8 @@ class Job:
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
 
 
-def augment(job: Job) -> Iterator[dict[str, Any]]:
-    """Read one episode, write its copies one by one, yield their reports. Raises RpaugError.
+def augment(job: Job) -> Iterator[str]:
+    """Read one episode, write its copies one by one, each noted in the journal; yield their keys. Raises RpaugError.
 
     All edits are tried before the first copy is written: whether a target is there does not depend on the draw. A job
     without copies fits what is to lend Gaussians to others, if the plan has any.
@@ -48,6 +50,8 @@ def augment(job: Job) -> Iterator[dict[str, Any]]:
     scene, plan = prepare_scene(episode, recipe, job.tier, job.scenes, watch, _donor(adapter, job))
     if not job.copies:
         return
+    with watch("read"):
+        see_readable(adapter, job.source, episode)
     with watch("ground"):
         ground(scene, recipe)
     kept = cache(partial(surfels.recorded, scene))
@@ -56,13 +60,37 @@ def augment(job: Job) -> Iterator[dict[str, Any]]:
     for copy, key in job.copies:
         place = CopyPlace(job.key, copy, job.target, key)
         place = write_copy(adapter, prepared, place, shared)
-        yield json.loads((place.root / key / report.NAME).read_bytes())
+        within = "" if place.root == job.target else REJECTED
+        described = json.loads((place.root / key / report.NAME).read_bytes())
+        journal.made(job.target, (within, key), described, totals.facts(described, recipe))
+        yield key
+
+
+def see_readable(adapter: Adapter, root: Path, episode: Episode) -> None:
+    """See that all that an episode holds can be read: copies carry on the bytes of what no edit reaches. Raises
+    RpaugError."""
+    for view in episode.views.values():
+        for image in filter(None, (view.rgb, view.depth, view.ids)):
+            for t in range(episode.length):
+                image(t)
+    try:
+        adapter.untouched(episode, False)
+    except OSError as error:  # of HDF5, for a chunk that no filter undoes
+        found = str(error)[:120]
+        raise BadInput(
+            root / episode.key, "data", found=found, expected="what can be read"
+        ) from None
 
 
 def left(job: Job) -> Job:
-    """The job without the copies that are there already, rejected ones among them."""
-    places = [job.target / folder for folder in ("", REJECTED)]
-    copies = [one for one in job.copies if not any((at / one[1]).exists() for at in places)]
+    """The job without the copies that are there already, rejected ones among them; what is there and not in the
+    journal is removed."""
+    noted, copies = journal.read(job.target).made, []
+    for copy, key in job.copies:
+        if not any((within, key) in noted for within in ("", REJECTED)):
+            for within in ("", REJECTED):
+                shutil.rmtree(job.target / within / key, ignore_errors=True)
+            copies.append((copy, key))
     return replace(job, copies=tuple(copies))
 
 

@@ -1,49 +1,22 @@
-"""The output folder of a run: the episodes that are there, their reports, numbers without gaps, totals and card."""
+"""The output folder of a run: episodes that are there and whole, numbers without gaps, shared files, card."""
 
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from itertools import chain, repeat
-from pathlib import Path, PurePosixPath
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
-from rpaug.core import splits
 from rpaug.core.errors import BadInput
-from rpaug.core.files import PART, REJECTED, flush, write_atomic
-from rpaug.pipeline import card, plan, report, role_facts
-from rpaug.pipeline.recipe import Option
-from rpaug.pipeline.run import Run, Summary, group_of
+from rpaug.core.files import PART, REJECTED, write_atomic
+from rpaug.core.fingerprint import same_files, sealed
+from rpaug.pipeline import card, contact, journal, report
+from rpaug.pipeline.copies import ORIGINAL
+from rpaug.pipeline.journal import Journal, Noted
+from rpaug.pipeline.run import Run, group_of
 
-
-def keys(run: Run, folder: str = "") -> list[str]:
-    """The episodes in the target, or in a folder of it; rejected copies are none of the target's own."""
-    root = run.target / folder
-    held = run.adapter.episodes(root) if root.is_dir() else ()
-    return [key for key in held if PurePosixPath(key).parts[0] != REJECTED]
-
-
-class Reports(Mapping[str, dict[str, Any]]):
-    """The report of every episode in the target, or in a folder of it, each read when it is asked for: however many
-    there are, one is in memory. Raises BadInput for an episode without one."""
-
-    def __init__(self, run: Run, folder: str = "") -> None:
-        self._root = run.target / folder
-        self._keys = dict.fromkeys(keys(run, folder))
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._keys)
-
-    def __len__(self) -> int:
-        return len(self._keys)
-
-    def __getitem__(self, key: str) -> dict[str, Any]:
-        own = self._root / key
-        given = report.of(own)
-        if given is None:
-            found, expected = "none that can be read", "an episode of this run"
-            raise BadInput(own / report.NAME, "report", found=found, expected=expected)
-        return given
+FOLDERS = ("", REJECTED)  # of an output, that hold episodes
+OWN = {journal.NAME, report.SUMMARY, card.NAME, contact.NAME}  # files of rpaug in an output
 
 
 def missing(target: Path) -> list[Path]:
@@ -66,141 +39,158 @@ def sweep(target: Path) -> None:
                 (Path(folder) / name).unlink(missing_ok=True)
 
 
-def drop_unreported(run: Run) -> None:
-    """Remove episodes whose report a power cut left empty: they are made again. What has none at all is not ours."""
-    for folder in ("", REJECTED):
-        for key in keys(run, folder):
-            own = run.target / folder / key
-            if (own / report.NAME).is_file() and not (own / report.NAME).stat().st_size:
-                shutil.rmtree(own)
+def mend(run: Run) -> Journal:
+    """See that all that the journal names is there and as large as when it was written; remove what is not, and what
+    was written and not noted, so that it is made again. Returns what is left.
+
+    Raises BadInput for episodes that no run wrote, and where shared files are spoilt beyond taking them apart.
+    """
+    held = journal.read(run.target)
+    for within in FOLDERS:
+        root = run.target / within
+        if root.is_dir() and (lost := run.adapter.missing(root)):
+            expected = "the file as it was written; without it nothing here can be read"
+            raise BadInput(lost, "file", found="nothing", expected=expected)
+        there = keys(run, within)
+        spoilt = [
+            name for name in held.shared.get(within, ()) if not _as_noted(root, held, within, name)
+        ]
+        damaged = _damaged(run, held, within, there)
+        if spoilt or damaged:
+            journal.append(run.target, [{"apart": True, "in": within}])
+            if run.adapter.gathers:
+                run.adapter.scatter(root, {root / name for name in spoilt})
+                there = keys(run, within)
+            else:
+                for name in spoilt:  # brought along anew at the end
+                    (root / name).unlink(missing_ok=True)
+            held = journal.read(run.target)
+            damaged = _damaged(run, held, within, there)
+        _drop(run, held, within, there, damaged)
+    return held
 
 
-def flush_reports(run: Run, folder: str = "") -> None:
-    """See reports onto the disk before episodes are gathered: one that shares files cannot be made again alone."""
-    for key in keys(run, folder):
-        path = run.target / folder / key / report.NAME
-        if path.is_file():
-            flush(path)
+def _as_noted(root: Path, held: Journal, within: str, name: str) -> bool:
+    """Whether a shared file is as large as it was."""
+    size, _ = held.shared[within][name]
+    return (root / name).is_file() and (root / name).stat().st_size == size
 
 
-def close_gaps(run: Run, folder: str = "") -> None:
+def _damaged(run: Run, held: Journal, within: str, there: list[str]) -> list[str]:
+    """Keys of episodes that are not whole, by those that the adapter finds."""
+    known = set(there)
+    return [
+        key
+        for key, one in held.of(within)
+        if key not in known or not _whole(run, within in held.open, run.target / within / key, one)
+    ]
+
+
+def _whole(run: Run, open_: bool, folder: Path, one: Noted) -> bool:
+    if same_files(one.seal, sealed(folder, read=False)):
+        return True
+    if not (run.adapter.gathers and open_ and one.loose):
+        return False
+    described = folder / report.NAME  # some of the rest may lie in shared files
+    return described.is_file() and described.stat().st_size == one.report
+
+
+def _drop(run: Run, held: Journal, within: str, there: list[str], damaged: list[str]) -> None:
+    """Remove episodes that are not whole, and those that are not noted. Raises BadInput for what is no run's."""
+    root, gone = run.target / within, []
+    for key in damaged:
+        shutil.rmtree(root / key, ignore_errors=True)
+        gone.append({"gone": key, "in": within})
+    unnoted = [key for key in there if (within, key) not in held.made]
+    if gone:
+        journal.append(run.target, gone)
+        for one in gone:
+            held.add(one, 0)
+    for key in unnoted:
+        if not (root / key / report.NAME).is_file():
+            expected = f"only episodes of this run: those that {journal.NAME} names"
+            raise BadInput(root / key, "episode", found="one of no run of rpaug", expected=expected)
+        shutil.rmtree(root / key)
+
+
+def keys(run: Run, within: str = "") -> list[str]:
+    """The episodes in the target, or in a folder of it; rejected copies are none of the target's own."""
+    root = run.target / within
+    held = run.adapter.episodes(root) if root.is_dir() else ()
+    apart = f"{REJECTED}/"
+    return [key for key in held if not key.startswith(apart)]
+
+
+def close_gaps(run: Run, held: Journal, within: str) -> None:
     """Renumber so that each group counts from 0 without holes: readers walk the numbers until one is missing."""
     counts: dict[str, int] = {}
-    for key in keys(run, folder):
+    for key, _ in [*held.of(within)]:
         group = group_of(run.adapter, key)
         wanted = run.adapter.key_at(key, counts.get(group, 0))
         counts[group] = counts.get(group, 0) + 1
         if wanted != key:
-            run.adapter.rename(run.target / folder, key, wanted)
-
-
-def total(summary: Summary, run: Run) -> None:
-    """Fill in what the reports in the target say."""
-    outcomes = [
-        EditOutcomes(number, option)
-        for number, step in enumerate(run.recipe.steps)
-        for option in step.options
-    ]
-    roles: dict[str, dict[str, Any]] = {}  # by group, by source
-    changed: dict[str, float] = {}
-    made = Reports(run)
-    copies = chain(
-        zip(repeat(True), made.items()), zip(repeat(False), Reports(run, REJECTED).items())
-    )
-    for kept, (key, described) in copies:
-        for one in outcomes:
-            one.add(described, kept)
-        if "roles" in described:
-            group = roles.setdefault(group_of(run.adapter, described["source"]), {})
-            group[described["source"]] = described["roles"]
-        if not kept:
-            summary.rejected[key] = "; ".join(described["gates"]["faults"])
-            continue
-        if found := described["plan"].get("warnings"):
-            summary.warnings[described["source"]] = list(found)
-        for stage, seconds in described["seconds"].items():
-            summary.seconds[stage] = round(summary.seconds.get(stage, 0.0) + seconds, 4)
-        for name, share in described["changed_share"].items():
-            changed[name] = changed.get(name, 0.0) + share
-    summary.copies = len(made)
-    summary.roles = [words for group in roles.values() for words in role_facts.disagreement(group)]
-    summary.left_out = [words for one in outcomes for words in one.left_out()]
-    summary.fell_short = [words for one in outcomes for words in one.fell_short()]
-    for name in sorted(changed):
-        summary.changed_share[name] = round(changed[name] / len(made), 6)
-    _sources_warned(run, summary)
-
-
-@dataclass
-class EditOutcomes:
-    """What came of one edit of a recipe in the copies that drew it."""
-
-    step: int
-    option: Option
-    drawn_in: set[str] = field(default_factory=set)  # source episodes
-    lacked_in: dict[str, str] = field(default_factory=dict)  # source episodes, with the reasons
-    lacking: int = 0  # copies
-    short: dict[str, list[int]] = field(default_factory=dict)  # what: how many things of how many
-
-    def add(self, described: Mapping[str, Any], kept: bool) -> None:
-        """Count one copy by its report; a rejected copy counts as having drawn the edit alone."""
-        for draw in described["draws"]:
-            drawn = draw["step"], draw.get("op"), draw.get("fields")
-            if drawn != (self.step, self.option.name, self.option.fields):
-                continue
-            self.drawn_in.add(described["source"])
-            if draw.get("left_out"):
-                self.lacking += 1
-                self.lacked_in.setdefault(described["source"], draw["left_out"])
-            if kept and draw.get("edit") is not None:
-                for words, counts in self.option.operator.falls_short(draw["edit"]).items():
-                    before = self.short.get(words, (0, 0))
-                    self.short[words] = [a + b for a, b in zip(before, counts, strict=True)]
-
-    def left_out(self) -> Iterator[dict[str, Any]]:
-        """Where episodes had nothing for it: in how many of those that drew it, in how many copies, the reason."""
-        if self.lacking:
-            of = ", ".join(map(str, plan.targets(self.option.operator)))
-            yield {
-                "step": self.step,
-                "edit": f"{self.option.name} of {of}" if of else self.option.name,
-                "episodes": len(self.lacked_in),
-                "drawn_in": len(self.drawn_in),
-                "copies": self.lacking,
-                "reason": next(iter(self.lacked_in.values())),
+            root = run.target / within
+            run.adapter.rename(root, key, wanted)
+            line = {
+                "renamed": key,
+                "to": wanted,
+                "in": within,
+                "seal": asdict(sealed(root / wanted)),
             }
-
-    def fell_short(self) -> Iterator[dict[str, Any]]:
-        """What it could not do as asked, over all copies that were kept."""
-        for words, (missed, asked) in self.short.items():
-            if missed:
-                name = self.option.name
-                yield {"step": self.step, "edit": name, "what": words, "count": missed, "of": asked}
+            journal.append(run.target, [line])
+            held.add(line, 0)
 
 
-def write_card(run: Run) -> None:
+def gather(run: Run, held: Journal, within: str) -> None:
+    """Bring along what belongs to no single episode, and note what is there then."""
+    root = run.target / within
+    journal.append(run.target, [{"gathering": True, "in": within}])
+    run.adapter.finish(run.source, root)
+    lines = []
+    for key, one in held.of(within):
+        brought = one.loose and run.adapter.gathers
+        if brought and not same_files(one.seal, sealed(root / key, read=False)):
+            lines.append({"sealed": key, "in": within, "seal": asdict(sealed(root / key))})
+    lines += [journal.shared(root, within, name) for name in shared(root, held, within)]
+    journal.append(run.target, [*lines, {"gathered": True, "in": within}])
+
+
+def shared(root: Path, held: Journal, within: str) -> Iterator[str]:
+    """Files of a folder that belong to no single episode."""
+    episodes = {key for folder, key in held.made if folder == within}
+    for folder, subfolders, names in os.walk(root):
+        at = os.path.relpath(folder, root)
+        at = "" if at == "." else f"{at}/".replace(os.sep, "/")
+        apart = {REJECTED} if not at and not within else ()
+        subfolders[:] = sorted(
+            name for name in subfolders if f"{at}{name}" not in episodes and name not in apart
+        )
+        for name in sorted(names):
+            if at or within or name not in OWN:
+                yield f"{at}{name}"
+
+
+def stale(held: Journal, within: str) -> bool:
+    """Whether a folder holds episodes that were not gathered, or is open."""
+    entries = [one for _, one in held.of(within)]
+    return bool(entries) and (within in held.open or any(one.loose for one in entries))
+
+
+def write_card(run: Run, held: Journal) -> None:
     """The dataset card; it counts the episodes that are there."""
+    kept = {key: _origin(one) for key, one in held.of("")}
     given = card.text(
         run.source,
         run.adapter.name,
-        Reports(run),
+        kept,
         recipe=run.recipe.source,
-        rejected=len(keys(run, REJECTED)),
+        rejected=sum(within == REJECTED for within, _ in held.made),
         licence=run.licence,
         ratio=run.ratio and f"{run.ratio[0]}:{run.ratio[1]}",
     )
     write_atomic(run.target / card.NAME, given.encode())
 
 
-def _sources_warned(run: Run, summary: Summary) -> None:
-    """Warn of sources that are synthetic themselves, and of a run over several splits."""
-    for key in run.keys:
-        if report.synthetic(run.source, key):
-            words = "it is synthetic itself: a copy of a copy"
-            summary.warnings[key] = [*summary.warnings.get(key, []), words]
-    held = {splits.kind(key) for key in run.keys} - {None, "train"}
-    if held:
-        named = " and ".join(sorted(str(one) for one in held))
-        words = f"copies of {named} episodes are made too: evaluate on recorded ones, or select train alone"
-        first = next(key for key in run.keys if splits.kind(key) in held)
-        summary.warnings[first] = [*summary.warnings.get(first, []), words]
+def _origin(one: Noted) -> Mapping[str, Any]:
+    """What the card needs of a report."""
+    return {"source": one.source, "synthetic": one.copy != ORIGINAL}

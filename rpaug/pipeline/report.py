@@ -190,6 +190,15 @@ def of(folder: Path) -> dict[str, Any] | None:
     return given if isinstance(given, dict) else None
 
 
+def summary(root: Path) -> dict[str, Any] | None:
+    """The summary of an output; None where there is none that can be read."""
+    try:
+        given = json.loads((root / SUMMARY).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    return given if isinstance(given, dict) else None
+
+
 def synthetic(root: Path, key: str) -> bool:
     """Whether an episode of a dataset is one that rpaug made."""
     return bool((of(root / key) or {}).get("synthetic"))

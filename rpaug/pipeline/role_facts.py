@@ -31,6 +31,14 @@ def describe(scene: Scene) -> dict[str, dict[str, Any]]:
     return found
 
 
+def compared(described: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """As much of what `describe` gave as episodes are compared by."""
+    return {
+        role: {"believed": one["believed"], "longest_cm": one["longest_cm"]}
+        for role, one in described.items()
+    }
+
+
 def disagreement(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[str]:
     """In which roles the episodes of one task differ, in sentences, by what `describe` gave of each by its key.
 
@@ -39,10 +47,12 @@ def disagreement(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[s
     """
     stated = []
     for role in roles.NAMES:
-        without = [key for key, one in found.items() if not one.get(role, {}).get("believed")]
+        without = dict.fromkeys(
+            key for key, one in found.items() if not one.get(role, {}).get("believed")
+        )
         if 0 < len(without) < len(found):
             stated.append(
-                f"{role}: {len(without)} of {len(found)} episodes have none: {_few(without)}"
+                f"{role}: {len(without)} of {len(found)} episodes have none: {_few([*without])}"
             )
         lengths = {
             key: one[role]["longest_cm"]

@@ -12,6 +12,7 @@ from rpaug.core import fingerprint, registry
 from rpaug.core.errors import BadInput
 from rpaug.core.interfaces import Adapter
 from rpaug.core.version import __version__
+from rpaug.pipeline import journal
 from rpaug.pipeline.copies import ORIGINAL
 from rpaug.pipeline.recipe import Recipe
 
@@ -45,14 +46,16 @@ class Run:
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
     ratio: tuple[int, int] | None = None  # recorded to synthetic episodes, in each group
     licence: str | None = None  # of the source, where it does not say
+    shard: tuple[int, int] | None = None  # which part of how many this run makes, from 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "recipe", self.recipe.settled(self.source))
 
     @cached_property
     def adapter(self) -> Adapter:
-        """The adapter of the dataset's layout. Raises BadInput."""
-        return registry.adapter_for(self.source)
+        """The adapter of the dataset's layout, by the journal of an output that goes on. Raises BadInput."""
+        layout = (journal.marker(self.target) or {}).get("layout")
+        return registry.adapter(layout) if layout else registry.adapter_for(self.source)
 
     @cached_property
     def keys(self) -> list[str]:
@@ -68,6 +71,10 @@ class Run:
                 expected=f"patterns for: {known}",
             )
         return keys
+
+    def makes(self, number: int) -> bool:
+        """Whether the episode of that place in `keys` belongs to this run's part: every nth one does."""
+        return self.shard is None or number % self.shard[1] == self.shard[0] - 1
 
     @property
     def copies(self) -> range:
@@ -99,12 +106,14 @@ class Run:
         """What tells one run's output from another's, beside where the dataset lies: that may move."""
         return {
             "contents": self.contents,
+            "layout": self.adapter.name,
             "version": __version__,
             "tier": self.tier,
             "keep_invalid": self.keep_invalid,
             "recipe": self.recipe.source,
             **({"share": True} if self.share else {}),
             **({"ratio": list(self.ratio)} if self.ratio else {}),
+            **({"shard": list(self.shard)} if self.shard else {}),
         }
 
     @cached_property

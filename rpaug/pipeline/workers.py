@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any
 
 from rpaug.core.errors import Missing, RpaugError
 from rpaug.pipeline.job import Job, augment, left
@@ -35,14 +34,14 @@ LOG = logging.getLogger("rpaug.pipeline.prepare")  # what takes minutes says the
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one job: the reports of the copies it wrote, and what stopped it if anything did.
+    """What came of one job: how many copies it wrote, and what stopped it if anything did.
 
     After a `fatal` error it is no use going on: the machine's fault (a full disk), or `missing` what an edit is made of
     where the recipe says `on_missing: fail`.
     """
 
     job: Job
-    reports: list[dict[str, Any]]
+    copies: int
     error: str | None = None
     fatal: bool = False
     missing: bool = False
@@ -85,7 +84,7 @@ def run(jobs: Sequence[Job], workers: int, budget: Budget | None = None) -> Iter
                     yield outcome
                 sweep(one.job.target)
             for left_out in again:
-                yield Outcome(one.job, [], f"{one.job.key}: {left_out.why}")
+                yield Outcome(one.job, 0, f"{one.job.key}: {left_out.why}")
 
 
 def _among(budget: Budget, workers: int) -> Budget:
@@ -223,30 +222,30 @@ def _serve(connection: Connection) -> None:
 
 def attempt(job: Job) -> Outcome:
     """One job, its failures turned into words."""
-    reports: list[dict[str, Any]] = []
+    made = 0
     try:
-        for described in augment(job):
-            reports.append(described)  # noqa: PERF402  # what was written before a failure counts
+        for _ in augment(job):
+            made += 1  # what was written before a failure counts
     except Missing as error:
-        return Outcome(job, reports, str(error), fatal=True, missing=True)
+        return Outcome(job, made, str(error), fatal=True, missing=True)
     except RpaugError as error:
-        return Outcome(job, reports, str(error))
+        return Outcome(job, made, str(error))
     except MemoryError:
-        return Outcome(job, reports, f"{job.key}: out of memory")
+        return Outcome(job, made, f"{job.key}: out of memory")
     except OSError as error:
         fatal = error.errno in MACHINE
         place = job.target if fatal else error.filename or job.key
-        return Outcome(job, reports, f"{place}: {error.strerror or error}", fatal)
+        return Outcome(job, made, f"{place}: {error.strerror or error}", fatal)
     except Exception as error:
         if os.environ.get("RPAUG_DEBUG"):
             raise
         name = type(error).__name__
         return Outcome(
             job,
-            reports,
+            made,
             f"{job.key}: a fault in rpaug ({name}: {error}); RPAUG_DEBUG=1 shows where",
         )
-    return Outcome(job, reports)
+    return Outcome(job, made)
 
 
 @contextmanager

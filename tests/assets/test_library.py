@@ -11,6 +11,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import PIL.Image
 import pytest
 import trimesh
 from typer.testing import CliRunner
@@ -297,3 +298,31 @@ def test_units_that_cannot_be_metres_are_named(tmp_path):
     trimesh.creation.box((10, 20, 30)).export(tmp_path / "crate.stl")
     with pytest.raises(BadInput, match="give --scale, metres to a unit"):
         reading.read(tmp_path / "crate.stl")
+
+
+@pytest.mark.parametrize("named", ["../secret.png", "{folder}/secret.png", "link.png"])
+@pytest.mark.parametrize("ending", ["obj", "gltf"])
+def test_a_picture_outside_the_folder_of_a_mesh_is_refused_by_name(ending, named, tmp_path):
+    cv2.imwrite(str(tmp_path / "secret.png"), np.full((4, 4, 3), 9, np.uint8))
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in/link.png").symlink_to(tmp_path / "secret.png")
+    named = named.format(folder=tmp_path)
+    path = tmp_path / f"in/thing.{ending}"
+    if ending == "obj":
+        path.write_text(PAINTED)
+        (tmp_path / "in/brick.mtl").write_text(f"newmtl clay\nmap_Kd {named}\n")
+    else:
+        box = trimesh.creation.box((0.1, 0.1, 0.1))
+        image = PIL.Image.new("RGB", (4, 4))
+        box.visual = trimesh.visual.TextureVisuals(uv=box.vertices[:, :2], image=image)
+        parts = trimesh.exchange.gltf.export_gltf(trimesh.Scene(box))
+        for name, data in parts.items():
+            (path if name.endswith(".gltf") else path.parent / name).write_bytes(data)
+        given = json.loads(path.read_bytes())
+        given["images"] = [{"uri": named}]
+        path.write_text(json.dumps(given))
+    with pytest.raises(BadInput, match=re.escape(named)):
+        reading.read(path)
+    (path.parent / "secret.png").write_bytes((tmp_path / "secret.png").read_bytes())
+    if "link" not in named:  # a path of another machine: the file of that name beside the mesh
+        assert reading.read(path, 0.02)[0].image.max() == 9

@@ -1,7 +1,11 @@
 """The commands as a person or a script calls them: output, JSON, exit codes, one line for what is wrong."""
 
 import json
+import os
+import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +70,7 @@ def test_augment_as_json(template: Path, tmp_path: Path, recipe: Path) -> None:
     assert report["seed"] == 5
 
 
-def test_several_episodes_are_made_within_a_budget(
+def test_all_is_made_within_a_budget(
     template: Path, tmp_path: Path, recipe: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given, run_jobs = list[object](), workers.run
@@ -81,7 +85,7 @@ def test_several_episodes_are_made_within_a_budget(
     run("augment", template, "--recipe", recipe, "--out", tmp_path / "one", *one)
     stated = ("--most-memory", 2, "--most-minutes", 3)
     run("augment", template, "--recipe", recipe, "--out", tmp_path / "stated", *one, *stated)
-    assert given == [Budget(), None, Budget(2e9, 3)]
+    assert given == [Budget(), Budget(), Budget(2e9, 3)]
 
 
 def test_a_dry_run_writes_nothing(template: Path, tmp_path: Path, recipe: Path) -> None:
@@ -228,3 +232,32 @@ def test_colons_are_no_pictures(template: Path, tmp_path: Path, recipe: Path) ->
     code, _, err = run("augment", template, *given)
     assert code == 2
     assert "--ratio a:b:" in err
+
+
+def test_the_slurm_array_of_the_documents_runs_as_written(template: Path, tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs/scale.md"
+    (script,) = re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL)
+    (tmp_path / "array.sh").write_text(script)
+    shutil.copytree(template, tmp_path / "data/train/open_drawer")
+    light = {"version": 1, "copies": 2, "edits": [{"op": "light_color"}]}
+    (tmp_path / "recipe.yaml").write_text(json.dumps(light))
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    env = os.environ | {"SLURM_ARRAY_TASK_COUNT": "2", "SLURM_CPUS_PER_TASK": "1", "PATH": path}
+    for number in ("1", "2", "2"):  # the last is put in the queue again
+        given = env | {"SLURM_ARRAY_TASK_ID": number}
+        subprocess.run(["bash", "array.sh"], cwd=tmp_path, env=given, check=True)
+    command = "rpaug merge augmented augmented.parts/* --json"
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=tmp_path, env=env, check=True, capture_output=True
+    )
+    assert json.loads(done.stdout)["copies"] == 4
+    assert (tmp_path / "augmented/rpaug.contact.html").is_file()
+
+
+@pytest.mark.parametrize("given", ["3/2", "0/2", "1", "a/b", "1/2/3"])
+def test_a_part_that_is_none_is_refused(given: str, template: Path, tmp_path: Path) -> None:
+    code, _, err = run(
+        "augment", template, "--recipe", "demo", "--out", tmp_path / "out", "--shard", given
+    )
+    assert code == 2
+    assert f"--shard {given}: expected" in err

@@ -122,3 +122,22 @@ def test_an_image_of_too_many_pixels_is_refused_before_it_is_decoded() -> None:
     data = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IEND", b"")
     with pytest.raises(BadInput, match=r"size: found 16384x16384; .* at most 67108864 in all"):
         check_png("large.png", data)
+
+
+def test_a_file_is_never_half_new(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who reads meanwhile reads the old one to its end, and what fails leaves the old one."""
+    path = tmp_path / "a.json"
+    write_atomic(path, b"old" * 50_000)
+    with path.open("rb") as reading:
+        assert reading.read(3) == b"old"
+        write_atomic(path, b"new")
+        assert reading.read() == b"old" * 49_999
+    assert path.read_bytes() == b"new"
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(OSError, match="No space"):
+        write_atomic(path, b"newer")
+    assert [(one.name, one.read_bytes()) for one in tmp_path.iterdir()] == [("a.json", b"new")]

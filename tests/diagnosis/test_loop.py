@@ -1,7 +1,11 @@
 """The loop around commands: a policy that fails in the dark until it is given what was made against that."""
 
 import json
+import os
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -178,3 +182,36 @@ def test_a_model_without_a_url_is_refused(commands: tuple[str, str], tmp_path: P
     )  # fmt: skip
     assert given.exit_code == 2
     assert "--llm" in given.output
+
+
+@pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGKILL])
+def test_a_killed_loop_ends_its_commands_and_what_they_began(
+    sent: signal.Signals, commands: tuple[str, str], tmp_path: Path
+) -> None:
+    begun = tmp_path / "begun"
+    (tmp_path / "train.sh").write_text(
+        f"sleep 600 & echo $$ $! > {begun}.part\nmv {begun}.part {begun}\nwait\n"
+    )
+    command = ["loop", str(SAMPLE), "--train", f"sh {tmp_path}/train.sh {{policy}} {{data}}"]
+    command += ["--eval", commands[1], "--out", str(tmp_path / "out"), *COPY]
+    run = subprocess.Popen([sys.executable, "-m", "rpaug.cli", *command])
+    while not begun.exists():
+        assert run.poll() is None
+        time.sleep(0.02)
+    started = [int(one) for one in begun.read_text().split()]
+    with pytest.raises(BadInput, match=f"process {run.pid} of .* expected one run at a time"):
+        loop.run(loop.Loop(SAMPLE, *command[3:6:2], tmp_path / "out"), resume=True)
+    run.send_signal(sent)
+    run.wait()
+    ends = time.monotonic() + 5
+    while time.monotonic() < ends and any(map(alive, started)):
+        time.sleep(0.05)
+    assert not any(map(alive, started))
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True

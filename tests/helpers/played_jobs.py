@@ -6,7 +6,7 @@ from multiprocessing.connection import Connection
 from types import SimpleNamespace
 from typing import Any
 
-from rpaug.pipeline.workers import Outcome
+from rpaug.pipeline.workers import THREAD_VARIABLES, Outcome
 
 MEGABYTES = 800
 
@@ -17,7 +17,8 @@ def job(key: str, target: Any) -> Any:
 
 
 def serve(connection: Connection) -> None:
-    """`dies` ends its process, `dies once` the first time, `grows` takes memory, `hangs` time, `full` has no space."""
+    """`dies` ends its process, `dies once` the first time, `grows` takes memory, `hangs` time, `full` has no space.
+    `threads` tells as its error how many its libraries start."""
     while True:
         given = connection.recv()
         connection.send(f"{given.key} has begun")
@@ -30,5 +31,8 @@ def serve(connection: Connection) -> None:
         if given.key in ("grows", "hangs"):
             time.sleep(600)
         full = given.key == "full"
-        connection.send(Outcome(given, [], "No space left" if full else None, fatal=full))
+        error = "No space left" if full else None
+        if given.key == "threads":
+            error = " ".join(os.environ.get(name, "unset") for name in THREAD_VARIABLES)
+        connection.send(Outcome(given, 0, error, fatal=full))
         del held

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rpaug.pipeline import recipe, report
+from rpaug.pipeline import journal, recipe, report
 from rpaug.pipeline.augment import execute
 from rpaug.pipeline.run import Run, Summary
 
@@ -19,7 +19,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     """Every file of the episodes; of reports all but the seconds, which no two runs share."""
     out = {}
     for path in sorted(folder.rglob("*")):
-        if path.is_file() and path.name not in (report.SUMMARY,):
+        if path.is_file() and path.name not in (report.SUMMARY, journal.NAME):
             data = path.read_bytes()
             if path.name == report.NAME:
                 described = json.loads(data)

@@ -1,11 +1,14 @@
 """The contact sheet of an output folder, whatever the number of its episodes."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from analytic import EYES, scene
 
 from rpaug.pipeline import contact, report
 
@@ -31,3 +34,33 @@ def test_some_augmented_episodes_are_shown_and_their_reports_alone_are_kept(
     assert shown[0] == 1
     assert max(b - a for a, b in pairwise(shown)) < 14  # over the whole
     assert len(read) < 20
+
+
+EVIL = "<script>alert(1)</script>"
+
+
+@pytest.mark.parametrize("part", ["key", "source", "camera", "instruction", "recipe", "edit", "op"])
+def test_no_part_of_a_page_is_markup_of_others(part: str, tmp_path: Path) -> None:
+    """Names of episodes, cameras and files, instructions, and what recipes say."""
+    said = {part: EVIL.replace("/", "|")}  # a key goes on after a slash
+    recorded = scene(EYES, length=2).episode
+    views = {said.get("camera", name): view for name, view in recorded.views.items()}
+    robot = replace(recorded.robot, joint_velocities=np.ones((2, 7)))
+    recorded = replace(
+        recorded, views=views, robot=robot, descriptions=(said.get("instruction", "roll it"),)
+    )
+    key = said.get("key", "episode0")
+    (tmp_path / key).mkdir()
+    described = {
+        "synthetic": True,
+        "source": said.get("source", "episode0"),
+        "copy": 1,
+        "changed_share": dict.fromkeys(views, 0.5),
+        "draws": [{"op": said.get("op", "recolor"), "edit": {"word": said.get("edit", "red")}}],
+    }
+    (tmp_path / key / report.NAME).write_text(json.dumps(described))
+    (tmp_path / report.SUMMARY).write_text(json.dumps({"recipe": {"a": said.get("recipe", "")}}))
+    held = SimpleNamespace(episodes=lambda _: [key], read=lambda *_: recorded)
+    page = contact.write(held, tmp_path, tmp_path).read_text()  # type: ignore[arg-type]
+    assert "&lt;script&gt;alert(1)" in page
+    assert "<script" not in page

@@ -9,7 +9,7 @@ from runs import augment, contents
 
 from rpaug.core import registry
 from rpaug.core.files import REJECTED
-from rpaug.pipeline import copies, job, recipe, report, write
+from rpaug.pipeline import copies, job, journal, recipe, report, write
 from rpaug.pipeline.convert import convert
 from rpaug.scene.build import build
 
@@ -97,12 +97,10 @@ def test_a_stopped_run_is_resumed_to_the_same_bytes(
 
     from rpaug.pipeline.augment import Run, jobs
 
-    out.mkdir()
+    journal.begin(out, Run(template, wanted, out).marker, template)
     planned = jobs(Run(template, wanted, out), ())
     for one in planned[:1]:
         job_order += list(job.augment(one))
-    report_file = out / report.SUMMARY
-    report_file.write_bytes(report.encode(Run(template, wanted, out).marker))
     augment(template, wanted, out, resume=True)
     assert contents(out) == contents(run)
 

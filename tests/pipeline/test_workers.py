@@ -86,3 +86,12 @@ def test_a_full_disk_ends_the_run(played: Callable[..., dict[str, str | None]]) 
     found = played("full", *(f"e{n}" for n in range(9)))
     assert found["full"] == "No space left"
     assert len(list(found)[list(found).index("full") :]) <= 2  # what the other worker had begun
+
+
+def test_one_of_several_workers_has_one_thread(
+    played: Callable[..., dict[str, str | None]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "8")
+    monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
+    assert played("e0", "threads")["threads"] == "1 1 1 1"
+    assert os.environ["OMP_NUM_THREADS"] == "8"

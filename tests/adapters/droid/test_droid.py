@@ -303,3 +303,20 @@ def test_in_rlds_it_has_its_cameras_words_and_extrinsics(root: Path, tmp_path: P
         old, new = recorded.views[name], made.views[name]
         assert np.array_equal(old.rgb(2), new.rgb(2))
         assert np.allclose(old.camera.cam_to_world, new.camera.cam_to_world)
+
+
+@pytest.mark.parametrize("name", ["key.txt", "recordings/more", "model.pkl", "MP4/a.mp4"])
+def test_links_out_and_pickles_are_refused_by_name(name: str, tmp_path: Path) -> None:
+    root = droid_samples.droid(tmp_path / "in")
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "outside/secret").write_text("secret")
+    path = root / FOLDER / name
+    path.parent.mkdir(exist_ok=True)
+    if name.endswith("pkl"):
+        path.write_bytes(b"cos\nsystem\n.")
+    else:
+        path.symlink_to(tmp_path / "outside" / ("" if name.endswith("more") else "secret"))
+    key = next(key for key in ADAPTER.episodes(root) if FOLDER.endswith(key) or key in FOLDER)
+    with pytest.raises(BadInput, match=path.name):
+        ADAPTER.write(ADAPTER.read(root, key), tmp_path / "out", "episode_0", dict)
+    assert not [path for path in (tmp_path / "out").rglob("*") if path.is_file()]

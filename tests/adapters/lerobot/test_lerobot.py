@@ -360,3 +360,11 @@ def test_what_differs_between_episodes_is_named() -> None:
     )
     wide = {"observation.images.front": {"dtype": "video", "shape": [2, 4, 3], "info": {}}}
     assert "observation.images.front is of another kind or size" in unlike(one, wide)
+
+
+def test_a_pickle_beside_the_description_is_refused_by_name(tmp_path: Path) -> None:
+    root = dataset(tmp_path / "in")
+    (root / "toy/meta/policy.pkl").write_bytes(b"cos\nsystem\n.")
+    adapter = LeRobot()
+    with pytest.raises(BadInput, match=r"policy\.pkl: format: found a pickle"):
+        adapter.write(adapter.read(root, "toy/train/0"), tmp_path / "out", "toy/train/0", dict)

@@ -1,5 +1,6 @@
 """Videos of a LeRobot dataset are cut and joined without loss, and decoded before anything is dropped."""
 
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,8 @@ import av
 import crashing
 import lerobot_samples
 from lerobot_samples import episode, halved, picture
-from rpaug_adapters.lerobot import LeRobot
+from pyarrow import parquet as pq
+from rpaug_adapters.lerobot import LeRobot, tables
 from rpaug_adapters.shared import video
 
 from rpaug import BadInput
@@ -215,3 +217,21 @@ def test_gathered_videos_lie_there_once(tmp_path: Path, monkeypatch: pytest.Monk
     adapter.finish(root, root)
     assert len(held) == 2  # a camera each
     assert max(held) < 1.6 * staged  # one camera's file beside its parts, never both cameras'
+
+
+def test_statistics_stand_in_the_order_of_the_features(tmp_path: Path) -> None:
+    """Whatever Python's hashes are, and whichever episodes were edited: two runs had other bytes."""
+    adapter, root, out = LeRobot(), tmp_path / "in", tmp_path / "out"
+    adapter.write(episode(0, 4), root, "toy/train/0", dict)
+    adapter.finish(root, root)
+    read = adapter.read(root, "toy/train/0")
+    halved_front = {"front": halved(read.views["front"]), "wrist": read.views["wrist"]}
+    adapter.write(replace(read, views=halved_front), out, "toy/train/0", lambda *_: {})
+    adapter.write(read, out, "toy/train/1", lambda *_: {})
+    adapter.finish(root, out)
+    about = tables.info(out / "toy")
+    given = json.loads((out / "toy" / tables.STATS).read_bytes())
+    assert list(given) == [key for key in about.features if key in given]
+    named = pq.read_schema(next((out / "toy/meta/episodes").rglob("*.parquet"))).names
+    stated = dict.fromkeys(name.split("/")[1] for name in named if name.startswith("stats/"))
+    assert list(stated) == list(given)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rpaug_adapters.rlbench import RLBench
 from rpaug_adapters.rlbench.pickles import dump, load
+from rpaug_adapters.rlbench.read import DEPTH_STEPS, read_code
 
 from rpaug import BadInput
 from rpaug.core import geometry
@@ -161,6 +162,23 @@ def test_a_moved_camera_is_the_only_new_matrix(dataset: Path, tmp_path: Path) ->
         assert changed == ["front_camera_extrinsics"]
 
 
+def test_depth_goes_to_the_nearest_code(dataset: Path, tmp_path: Path) -> None:
+    episode = RLBench().read(dataset, KEY)
+    view = episode.views["front"]
+    misc = load(dataset / KEY / "low_dim_obs.pkl")._observations[0].misc
+    near, far = (float(misc[f"front_camera_{plane}"]) for plane in ("near", "far"))
+    between = np.linspace(0.01, 0.99, view.camera.width)  # of a step
+    depth = view.depth(0).copy()
+    wanted = 3_000_000 + np.arange(view.camera.width) + between
+    depth[0] = near + wanted / DEPTH_STEPS * (far - near)
+    edited = replace(view, depth=lambda t: depth)
+    RLBench().write(replace(episode, views={**episode.views, "front": edited}), tmp_path, KEY, dict)
+    codes = read_code(tmp_path / KEY / "front_depth/0.png")[0]
+    given = (depth[0].astype(np.float64) - near) / (far - near) * DEPTH_STEPS
+    assert np.abs(codes - given).max() < 0.501
+    assert np.ptp(given - np.floor(given)) > 0.5  # codes were between two steps
+
+
 def test_where_nothing_is_depth_is_the_far_plane(dataset: Path, tmp_path: Path) -> None:
     episode = RLBench().read(dataset, KEY)
     view = episode.views["front"]
@@ -229,6 +247,12 @@ def test_pickles_deeper_down_are_checked_when_they_are_passed_on(
     with pytest.raises(BadInput, match=r"a\.pickle: pickle: found the foreign global"):
         RLBench().write(RLBench().read(dataset, KEY), tmp_path / "out", KEY, dict)
     assert not (tmp_path / "out" / KEY).exists()
+
+
+def test_a_pickle_that_is_not_read_is_not_passed_on(dataset: Path, tmp_path: Path) -> None:
+    (dataset / KEY / "policy.pt").write_bytes(b"cos\nsystem\n.")
+    with pytest.raises(BadInput, match=r"policy\.pt: format: found a pickle"):
+        RLBench().write(RLBench().read(dataset, KEY), tmp_path / "out", KEY, dict)
 
 
 def test_links_that_leave_the_episode_are_not_followed(dataset: Path, tmp_path: Path) -> None:
