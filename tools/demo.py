@@ -17,7 +17,7 @@ def main() -> None:
     command = [
         sys.executable,
         "-m",
-        "rpaug.cli",
+        "rpaug",
         "augment",
         str(sample),
         "--recipe",

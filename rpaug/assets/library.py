@@ -101,7 +101,7 @@ def closest(
             with contextlib.suppress(TargetError):
                 bare = tuple(one for one in find(category, None, bounds) if not one.gaussians)
                 if bare:
-                    return bare, color_space.rgb(paint)
+                    return bare, color_space.rgb(color or paint)
     return find(category, color, None), None
 
 

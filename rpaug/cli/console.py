@@ -4,6 +4,7 @@ Every command prints for people, or with --json for programs. Exit codes: 0 done
 skipped; 2 nothing was done, and one line says why.
 """
 
+import errno
 import json
 import logging
 import os
@@ -20,6 +21,8 @@ from rich.console import Console
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.core.visible import visible
 
+RESUME = "the same command with --resume goes on"
+FULL = {errno.ENOSPC, errno.EDQUOT}
 console = Console(stderr=True, emoji=False)
 
 
@@ -70,17 +73,19 @@ def guarded(command: Callable[..., int]) -> Callable[..., None]:
 
     @wraps(command)
     def run(*args: Any, **kwargs: Any) -> None:
+        again = f"; {RESUME}" if "resume" in kwargs else ""
         try:
+            _there(kwargs.get("dataset"))
             code = command(*args, **kwargs)
         except RpaugError as error:
             code = fail(str(error), kwargs.get("as_json", False))
         except OSError as error:
             place = f"{error.filename}: " if error.filename else ""
-            code = fail(f"{place}{error.strerror or error}", kwargs.get("as_json", False))
+            hint = again if error.errno in FULL else ""
+            code = fail(f"{place}{error.strerror or error}{hint}", kwargs.get("as_json", False))
         except KeyboardInterrupt:
-            code = fail(
-                "stopped; what is in an output folder is whole", kwargs.get("as_json", False)
-            )
+            words = f"stopped; what is in an output folder is whole{again}"
+            code = fail(words, kwargs.get("as_json", False))
         except (typer.Exit, typer.Abort):
             raise
         except Exception as error:
@@ -94,6 +99,14 @@ def guarded(command: Callable[..., int]) -> Callable[..., None]:
         raise typer.Exit(code)
 
     return run
+
+
+def _there(dataset: Path | None) -> None:
+    """See that a dataset is there before what could read it is imported. Raises BadInput."""
+    if dataset is not None and not dataset.exists():
+        raise BadInput(
+            dataset, "dataset", found="no such folder", expected="the folder of a dataset"
+        )
 
 
 def fail(message: str, as_json: bool) -> int:

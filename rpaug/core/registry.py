@@ -83,6 +83,18 @@ def adapter_for(root: Path) -> Adapter:
     raise BadInput(root, "layout", found="no episodes", expected=f"a dataset in one of: {known}")
 
 
+def datasets_below(root: Path) -> list[tuple[Path, str, int]]:
+    """The folders directly below one that are datasets: with the layout, and how many episodes."""
+    found = []
+    every = sorted((adapter(name) for name in adapter_names()), key=lambda one: one.loose)
+    for folder in sorted(one for one in root.iterdir() if one.is_dir()):
+        for candidate in every:
+            if count := len(candidate.episodes(folder)):
+                found.append((folder, candidate.name, count))
+                break
+    return found
+
+
 def dataset(given: Path | str) -> Path:
     """The folder or file of a dataset; `sample` is the one that ships, unless there is a path of that name."""
     path = Path(given)

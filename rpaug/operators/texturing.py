@@ -38,7 +38,8 @@ ANY = Sample(sample="all")
 def check(texture: str | Sample, textures: Path | None) -> None:
     """That a texture's name or kind can be drawn from. Raises ValueError."""
     if textures is None and isinstance(texture, str):
-        if texture not in shipped.NAMES and texture not in color_space.NAMES:
+        paint = texture in color_space.NAMES or color_space.from_hex(texture) is not None
+        if texture not in shipped.NAMES and not paint:
             raise ValueError(
                 f"no texture is called {texture!r}; there are: {', '.join(shipped.NAMES)}; "
                 "or a color word"

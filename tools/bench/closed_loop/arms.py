@@ -174,7 +174,7 @@ def looped(work: Path, size: Size, arm: str, seed: int) -> Path:
     """
     me = f"{sys.executable} -m tools.bench.closed_loop"
     first, out = learnt(work, size, "plain", seed), work / "policies" / f"{arm}{seed}" / "loop"
-    command = [sys.executable, "-m", "rpaug.cli", "loop", str(work / "demos"), "--out", str(out)]
+    command = [sys.executable, "-m", "rpaug", "loop", str(work / "demos"), "--out", str(out)]
     command += ["--train", f"{me} train {{policy}} {{data}} --seed {seed} --steps {size.steps}"]
     tests = f"--episodes {max(1, size.episodes // 2)} --tasks {' '.join(size.tasks)}"
     command += ["--eval", f"{me} eval {{policy}} {{evaluation}} {tests}"]

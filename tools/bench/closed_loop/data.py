@@ -26,7 +26,7 @@ def recorded(root: Path, tasks: Sequence[str], demos: int) -> Path:
 
 def augmented(root: Path, source: Path, recipe: str, copies: int, workers: int) -> Path:
     """Copies as a user would make them: by the command."""
-    command = [sys.executable, "-m", "rpaug.cli", "augment", str(source), "--recipe", recipe]
+    command = [sys.executable, "-m", "rpaug", "augment", str(source), "--recipe", recipe]
     command += ["--set", f"copies={copies}", "--workers", str(workers)]
 
     def make(work: Path) -> None:
