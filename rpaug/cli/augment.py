@@ -16,10 +16,10 @@ from rpaug.cli.console import (
     counted,
     plain,
     print_json,
-    progress_bar,
     say,
     warn,
 )
+from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
 
 

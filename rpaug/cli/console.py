@@ -6,11 +6,9 @@ skipped; 2 nothing was done, and one line says why.
 
 import errno
 import json
-import logging
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
@@ -129,53 +127,6 @@ def plain(text: str) -> str:
 
 def print_json(value: Any) -> None:
     sys.stdout.write(json.dumps(value, indent=1) + "\n")  # ASCII: no terminal obeys any of it
-
-
-@contextmanager
-def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    from rich.progress import (  # only here: no help and no answer in JSON needs it
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=quiet, transient=True) as bar:
-        task = bar.add_task(title, total=None)
-        with _given(lambda words: bar.update(task, description=f"{title} {plain(words)}")):
-            yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-class _Words(logging.Handler):
-    """Hands what a log is told to whoever shows it."""
-
-    def __init__(self, show: Callable[[str], None]) -> None:
-        super().__init__(logging.INFO)
-        self._show = show
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._show(record.getMessage())
-
-
-@contextmanager
-def _given(show: Callable[[str], None]) -> Iterator[None]:
-    """What takes minutes says how far it is, in workers too."""
-    log, handler = logging.getLogger("rpaug.pipeline.prepare"), _Words(show)
-    level = log.level
-    log.addHandler(handler)
-    log.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        log.removeHandler(handler)
-        log.setLevel(level)
 
 
 def counted(number: int, noun: str) -> str:

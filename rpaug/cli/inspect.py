@@ -12,10 +12,10 @@ from rpaug.cli.console import (
     EpisodeKey,
     counted,
     print_json,
-    progress_bar,
     say,
     write_new,
 )
+from rpaug.cli.progress import progress_bar
 
 LISTED = ("dataset", "layout", "episodes")
 

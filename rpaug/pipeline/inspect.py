@@ -14,6 +14,7 @@ from rpaug.core import keyframes, registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.files import encode_png
 from rpaug.core.pixels import grown
+from rpaug.core.progress import told
 from rpaug.core.types import CameraView, Episode
 from rpaug.pipeline import prepare, role_facts
 from rpaug.pipeline.run import group_of
@@ -53,6 +54,7 @@ def inspect(
     described["misplaced"] = {m.camera: str(m) for m in calibration.check(episode)}
     described["arms"] = list(arms.misfits(files, episode.robot))
     described["assumed"], described["unread"] = [], list(episode.unread)
+    told(episode.key, "finding what is in the scene")
     found = prepare.found_instances(episode, files)
     scene, wrong = settle(found.scene(), roles or {})
     if isinstance(scene.back, VideoScene):
@@ -60,6 +62,7 @@ def inspect(
     if not scene.bodies:
         return described | {"instances": []}, (), episode
     described["assumed"] = [*found.notes, *wrong, *rgb_episode.assumptions(scene.episode)]
+    told(episode.key, "measuring instances")
     rows = survey(scene.episode, scene.bodies, scene.roles)
     described["roles"] = role_facts.describe(scene)
     described["antialiased"] = scene.antialiased
@@ -72,8 +75,9 @@ def roles_of_all(
 ) -> dict[str, dict[str, Any]]:
     """What is believed of the roles of each episode of a dataset that can be read, by its key."""
     adapter = registry.adapter_for(dataset)
-    found = {}
-    for key in adapter.episodes(dataset):
+    found, keys = {}, adapter.episodes(dataset)
+    for number, key in enumerate(keys):
+        told(key, "finding roles, episode", number, len(keys))
         try:
             scene = prepare.found_instances(adapter.read(dataset, key), files).scene()
         except RpaugError:

@@ -20,7 +20,7 @@ def serve(connection: Connection) -> None:
     """`dies` ends its process, `dies once` the first time, `grows` takes memory, `hangs` time, `full` has no space."""
     while True:
         given = connection.recv()
-        connection.send(f"{given.key} has begun")
+        connection.send({"key": given.key, "stage": "has begun", "done": 0, "total": 0})
         if given.key == "dies":
             os._exit(3)
         if given.key == "dies once" and not (given.target / "tried").exists():
