@@ -27,6 +27,10 @@ COMMANDS = {
         "inspect",
         "Show cameras, frames, instruction and every instance: instance id, role, color, size, motion.",
     ),
+    "init": (
+        "init",
+        "Write a first recipe for a dataset, with comments: what one of its episodes has something for.",
+    ),
     "fit": (
         "fit",
         "Fit Gaussians to an episode's static background and bodies, store them, and say how well they show it.",

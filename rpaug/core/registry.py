@@ -4,7 +4,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
-from rpaug.core.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError, there_are
 from rpaug.core.interfaces import Adapter, Operator
 from rpaug.core.types import Episode
 
@@ -40,7 +40,7 @@ def operator(name: str) -> type[Operator]:
     if name in UNSEEN:
         raise RpaugError(UNSEEN[name])
     if name not in found:
-        raise RpaugError(f"no operator is called {name!r}; there are: {', '.join(found)}")
+        raise RpaugError(f"no operator is called {name!r}; {there_are(name, found)}")
     return found[name].load()
 
 
@@ -53,7 +53,7 @@ def adapter(name: str) -> Adapter:
     """The adapter called `name`. Raises RpaugError listing the known ones."""
     found = _found("rpaug.adapters")
     if name not in found:
-        raise RpaugError(f"no adapter is called {name!r}; there are: {', '.join(found)}")
+        raise RpaugError(f"no adapter is called {name!r}; {there_are(name, found)}")
     return found[name].load()()
 
 

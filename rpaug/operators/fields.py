@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from rpaug.core import color_space as color
+from rpaug.core.errors import there_are
 
 Unit = Annotated[float, Field(ge=0, le=1)]
 
@@ -111,7 +112,7 @@ def _palette(value: Any) -> Palette:
             return Palette((exact,), exact=True)
         name = color.canonical(value)
         if name is None:
-            raise ValueError(f"no such color word; there are: {', '.join(color.NAMES)}")
+            raise ValueError(f"no such color word; {there_are(value, color.NAMES)}")
         return Palette((color.NAMES[name],))
     if isinstance(value, dict) and len(value) == 1:
         ((kind, content),) = value.items()

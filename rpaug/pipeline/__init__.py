@@ -20,5 +20,6 @@ __all__ = [
     "role_facts",
     "run",
     "speed_error",
+    "starter",
     "verify",
 ]

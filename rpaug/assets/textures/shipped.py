@@ -9,7 +9,7 @@ from jaxtyping import UInt8
 
 from rpaug.assets.textures import patterns as p
 from rpaug.core import color_space
-from rpaug.core.errors import RpaugError
+from rpaug.core.errors import RpaugError, there_are
 
 Draw = Callable[[np.random.Generator], p.Picture]
 
@@ -224,6 +224,6 @@ def image(name: str) -> UInt8[np.ndarray, "256 256 3"]:
     if name in color_space.NAMES or color_space.from_hex(name) is not None:
         return np.full((256, 256, 3), np.rint(255 * np.array(color_space.rgb(name))), np.uint8)
     if name not in NAMES:
-        raise RpaugError(f"no texture is called {name!r}; there are: {', '.join(NAMES)}")
+        raise RpaugError(f"no texture is called {name!r}; {there_are(name, NAMES)}")
     seed = int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "little")
     return p.finish(NAMES[name](np.random.default_rng(seed)))
