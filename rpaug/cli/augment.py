@@ -127,7 +127,7 @@ def _ratio(given: str | None) -> tuple[int, int] | None:
 
 def _contact_sheet(run: Any, described: dict[str, Any]) -> int:
     """Write the sheet; the episodes are done whether it can be or not."""
-    from rpaug.pipeline import contact
+    from rpaug.pages import contact
 
     try:
         described["contact_sheet"] = str(contact.write(run.adapter, run.source, run.target))

@@ -58,7 +58,9 @@ def inspect(
             others = inspection.roles_of_all(dataset, arm or (), settled)
             described["differ"] = inspection.disagreement(dataset, others)
     if html is not None:
-        write_new(html, inspection.page(seen, described, rows))
+        from rpaug.pages import instances
+
+        write_new(html, instances.page(seen, described, rows))
         described["html"] = str(html)
     if write_roles:
         path = dataset / roles.NAME

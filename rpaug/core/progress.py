@@ -17,6 +17,7 @@ FINISHED = "finished"
 """The stage after which nothing more comes of an episode."""
 
 LOG = logging.getLogger("rpaug.progress")
+LOG.propagate = False  # thousands of lines: for those alone who listen here
 
 
 def told(key: str, stage: str, done: int = 0, total: int = 0) -> None:

@@ -2,7 +2,6 @@
 
 __all__ = [
     "augment",
-    "contact",
     "contracts",
     "convert",
     "copies",
@@ -17,6 +16,7 @@ __all__ = [
     "python_api",
     "recipe",
     "recipe_errors",
+    "report",
     "role_facts",
     "run",
     "speed_error",

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from rpaug.pipeline import contact, report
+from rpaug.pages import contact
+from rpaug.pipeline import report
 
 
 def test_some_augmented_episodes_are_shown_and_their_reports_alone_are_kept(
