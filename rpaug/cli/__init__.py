@@ -27,6 +27,10 @@ COMMANDS = {
         "inspect",
         "Show cameras, frames, instruction and every instance: instance id, role, color, size, motion.",
     ),
+    "preview": (
+        "preview",
+        "Show recorded and edited images side by side in the browser, before any copy is written.",
+    ),
     "init": (
         "init",
         "Write a first recipe for a dataset, with comments: what one of its episodes has something for.",

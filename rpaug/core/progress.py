@@ -33,7 +33,7 @@ def retold(given: Told) -> None:
 @contextmanager
 def heard(listen: Callable[[Told], None]) -> Iterator[None]:
     """Listen to what is told meanwhile, in this process and by its workers."""
-    handler, level = _Handler(listen), LOG.level
+    handler, level = _Listener(listen), LOG.level
     LOG.addHandler(handler)
     LOG.setLevel(logging.INFO)
     try:
@@ -43,7 +43,7 @@ def heard(listen: Callable[[Told], None]) -> Iterator[None]:
         LOG.setLevel(level)
 
 
-class _Handler(logging.Handler):
+class _Listener(logging.Handler):
     def __init__(self, listen: Callable[[Told], None]) -> None:
         super().__init__(logging.INFO)
         self._listen = listen
