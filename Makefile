@@ -14,7 +14,8 @@ $(VENV)/.installed: pyproject.toml
 	touch $@
 
 demo: $(VENV)/.installed
-	$(BIN)/python tools/demo.py
+	rm -rf demo-output
+	$(BIN)/rpaug demo --out demo-output
 
 test: check unit wheel
 

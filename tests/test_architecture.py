@@ -24,7 +24,7 @@ LONG = 60  # lines of a function; a longer one says why in a comment that begins
 
 def test_the_top_level_holds_the_public_names_alone() -> None:
     files = {path.name for path in (ROOT / "rpaug").iterdir() if path.is_file()}
-    assert files == {"__init__.py", "py.typed"}
+    assert files == {"__init__.py", "__main__.py", "py.typed"}
 
 
 def test_there_are_at_most_twenty_rooms() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rpaug.assets import picture, shapes, shipped
 from rpaug.core import color_space
-from rpaug.core.errors import BadInput, RpaugError, TargetError
+from rpaug.core.errors import BadInput, RpaugError, TargetError, there_are
 from rpaug.core.files import read_bytes, write_atomic
 from rpaug.core.types import Gaussians, Mesh
 
@@ -66,9 +66,7 @@ def find(
     known = assets()
     word = color_space.canonical(color) if color else None
     if color and word is None:
-        raise TargetError(
-            f"no such color word: {color!r}; there are: {', '.join(color_space.NAMES)}"
-        )
+        raise TargetError(f"no such color word: {color!r}; {there_are(color, color_space.NAMES)}")
     found = tuple(
         asset
         for asset in known
@@ -101,7 +99,7 @@ def closest(
             with contextlib.suppress(TargetError):
                 bare = tuple(one for one in find(category, None, bounds) if not one.gaussians)
                 if bare:
-                    return bare, color_space.rgb(paint)
+                    return bare, color_space.rgb(color or paint)
     return find(category, color, None), None
 
 
@@ -110,9 +108,7 @@ def get(name: str) -> Asset:
     for asset in assets():
         if asset.name == name:
             return asset
-    raise TargetError(
-        f"no asset is called {name!r}; there are: {', '.join(a.name for a in assets())}"
-    )
+    raise TargetError(f"no asset is called {name!r}; {there_are(name, (a.name for a in assets()))}")
 
 
 def mesh(name: str) -> Mesh:

@@ -2,14 +2,16 @@
 
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
 from rpaug.cli.console import guarded
+from rpaug.core.version import __version__
 
 COMMANDS = {
+    "demo": ("demo", "Augment the sample that ships, as a look at what rpaug does: half a minute."),
     "augment": (
         "augment",
         "Write edited copies of a dataset's episodes, in the format they came in.",
@@ -25,6 +27,14 @@ COMMANDS = {
     "inspect": (
         "inspect",
         "Show cameras, frames, instruction and every instance: instance id, role, color, size, motion.",
+    ),
+    "preview": (
+        "preview",
+        "Show recorded and edited images side by side in the browser, before any copy is written.",
+    ),
+    "init": (
+        "init",
+        "Write a first recipe for a dataset, with comments: what one of its episodes has something for.",
     ),
     "fit": (
         "fit",
@@ -122,14 +132,14 @@ class _Unloaded(TyperCommand):
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
         assert self.callback is not None
-        loaded = _typer()
+        loaded = _typer(add_completion=False)
         loaded.command(self.name)(self.callback())
         return typer.main.get_command(loaded).make_context(info_name, args, *rest, **extra)
 
 
 def _typer(**settings: Any) -> typer.Typer:
     return typer.Typer(
-        add_completion=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
         pretty_exceptions_enable=False,
         rich_markup_mode="rich",
         no_args_is_help=True,
@@ -150,17 +160,32 @@ def _listed(group: typer.Typer, commands: dict[str, tuple[str, str]]) -> None:
         group.command(name, cls=_Unloaded, help=words)(load)
 
 
-app = _typer(
-    name="rpaug",
-    help="Multiplies robot demonstrations: recorded episodes in, edited and consistent episodes out.",
-)
+app = _typer(name="rpaug")
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"rpaug {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _everything(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Multiplies robot demonstrations: recorded episodes in, edited and consistent episodes out."""
+
+
 _listed(app, COMMANDS)
 for _name, (_help, _commands) in GROUPS.items():
-    _group = _typer(help=_help)
+    _group = _typer(help=_help, add_completion=False)
     _listed(_group, _commands)
     app.add_typer(_group, name=_name)
 
 
 def main() -> None:
     """Entry point of the `rpaug` command."""
-    app()
+    app(prog_name="rpaug")

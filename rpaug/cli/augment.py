@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from rpaug.cli.console import (
+    RESUME,
     Arms,
     AsJson,
     Dataset,
@@ -17,10 +18,10 @@ from rpaug.cli.console import (
     counted,
     plain,
     print_json,
-    progress_bar,
     say,
     warn,
 )
+from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
 
 
@@ -147,7 +148,7 @@ def _shard(given: str | None) -> tuple[int, int] | None:
 
 def contact_sheet(run: Any, described: dict[str, Any]) -> int:
     """Write the sheet and say where it is; the episodes are done whether it can be or not."""
-    from rpaug.pipeline import contact
+    from rpaug.pages import contact
 
     try:
         described["contact_sheet"] = str(contact.write(run.adapter, run.source, run.target))
@@ -202,10 +203,20 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
     return 2 if not plans else 1 if failed else 0
 
 
+def _alike(reasons: dict[str, str]) -> list[tuple[list[str], str]]:
+    """Keys whose reasons differ at most in what there is instead, with the first one's reason."""
+    found: dict[str, tuple[list[str], str]] = {}
+    for key, reason in reasons.items():
+        told = reason.removeprefix(f"{key}: ")
+        found.setdefault(told.partition("there is: ")[0], ([], told))[0].append(key)
+    return list(found.values())
+
+
 def print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> None:
     """What a run came to, for people."""
-    for key, reason in described["failures"].items():
-        warn("skipped", f"{key}: {reason}")
+    for keys, reason in _alike(described["failures"]):
+        more = f" (and {counted(len(keys) - 1, 'other episode')} alike)" if keys[1:] else ""
+        warn("skipped", f"{keys[0]}{more}: {reason}")
     for key, warnings in described["warnings"].items():
         for warning in warnings:
             warn("warning", f"{key}: {warning}")
@@ -213,11 +224,15 @@ def print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> No
         warn("roles differ", words)
     for words in lacked:
         warn("left out", words)
-    for key, reason in described["rejected"].items():
-        warn("rejected", f"{key}: {reason}")
+    for keys, reason in _alike(described["rejected"]):
+        more = f" (and {counted(len(keys) - 1, 'other copy')} alike)" if keys[1:] else ""
+        warn("rejected", f"{keys[0]}{more}: {reason}")
     if described["aborted"]:
+        again = "" if described["missing"] else f"; {RESUME}"
         console.print(
-            f"[bold red]stopped[/] {plain(described['aborted'])}", highlight=False, soft_wrap=True
+            f"[bold red]stopped[/] {plain(described['aborted'] + again)}",
+            highlight=False,
+            soft_wrap=True,
         )
     if not described["copies"]:
         return

@@ -17,11 +17,11 @@ from rpaug.cli.console import (
     EpisodeKey,
     plain,
     print_json,
-    progress_bar,
     read_episode,
     say,
     warn,
 )
+from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
 
 WIDTH = 180  # columns of a printed table

@@ -3,6 +3,7 @@
 import importlib.metadata
 import os
 import platform
+import re
 import subprocess
 import sys
 import time
@@ -13,16 +14,13 @@ from functools import partial
 from rpaug.core import registry
 from rpaug.core.version import __version__
 
-REQUIRED = (
-    "numpy",
-    "numba",
-    "torch",
-    "opencv-contrib-python-headless",
-    "mujoco",
-    "zarr",
-    "pydantic",
-    "av",
-)
+EXTRAS = {
+    "models": "models of your own that segment, detect, estimate depth",
+    "lerobot": "reading and writing LeRobot datasets",
+    "words": "synonyms in targets and wishes, sentence vectors made anew",
+    "cuda": "Gaussians on a CUDA GPU by gsplat",
+}
+"""What the optional packages are for."""
 
 FEATURES = (0, 16)
 """Blended beside the colors: none, and an identity encoding. Each count has kernels of its own."""
@@ -48,11 +46,7 @@ def examine() -> list[Check]:
             f"{__version__} on Python {platform.python_version()}, {os.cpu_count()} cores",
         )
     ]
-    for package in REQUIRED:
-        try:
-            findings.append(Check("ok", package, importlib.metadata.version(package)))
-        except importlib.metadata.PackageNotFoundError:
-            findings.append(Check("bad", package, "not installed: pip install rpaug brings it"))
+    findings += _packages()
     for group, names in (
         ("operators", registry.operator_names()),
         ("adapters", registry.adapter_names()),
@@ -62,10 +56,56 @@ def examine() -> list[Check]:
             Check(
                 level,
                 group,
-                ", ".join(names) or "none: reinstall rpaug, its entry points are missing",
+                ", ".join(names)
+                or "none: its entry points are missing; mend it: pip install --force-reinstall --no-deps rpaug",
             )
         )
     return [*findings, _gl(), _gpu(), _cache()]
+
+
+def _packages() -> list[Check]:
+    """The packages that rpaug requires, and those of its extras, each with the line that brings what is missing."""
+    needed: dict[str | None, list[str]] = {None: [], **{extra: [] for extra in EXTRAS}}
+    for stated in importlib.metadata.requires("rpaug") or ():
+        line, _, marker = stated.partition(";")
+        found = re.search(r"extra == ['\"](\w+)['\"]", marker)
+        group = found[1] if found else None
+        if group in needed:
+            needed[group].append(line.strip())
+    lacking = {
+        group: [one for one in lines if _version(one) is None] for group, lines in needed.items()
+    }
+    missing = lacking.pop(None)
+    held = [f"{_name(one)} {_version(one)}" for one in needed[None] if one not in missing]
+    findings = [Check("ok", "packages", ", ".join(held))]
+    if missing:
+        listed = " ".join(f"'{one}'" for one in missing)
+        names = ", ".join(map(_name, missing))
+        findings.append(
+            Check("bad", "packages", f"missing: {names}; mend it: pip install {listed}")
+        )
+    for extra, lines in lacking.items():
+        if lines:
+            words = f"{EXTRAS[str(extra)]}: missing {', '.join(map(_name, lines))}"
+            findings.append(
+                Check("note", f"extra {extra}", f"{words}; pip install 'rpaug[{extra}]' brings it")
+            )
+        else:
+            findings.append(Check("ok", f"extra {extra}", EXTRAS[str(extra)]))
+    return findings
+
+
+def _name(requirement: str) -> str:
+    """`numpy` of `numpy>=2.0`."""
+    return re.split(r"[<>=!~ \[]", requirement, maxsplit=1)[0]
+
+
+def _version(requirement: str) -> str | None:
+    """The version that is installed, None if none is."""
+    try:
+        return importlib.metadata.version(_name(requirement))
+    except importlib.metadata.PackageNotFoundError:
+        return None
 
 
 def _gl() -> Check:
@@ -77,7 +117,9 @@ def _gl() -> Check:
     if tried.returncode == 0:
         return Check("ok", "OpenGL", "the twin can render")
     lines = tried.stderr.strip().splitlines() or ["no reason was given"]
-    return Check("note", "OpenGL", lines[-1])
+    return Check(
+        "note", "OpenGL", f"only the twin needs it: {lines[-1].partition(': ')[2] or lines[-1]}"
+    )
 
 
 def _gpu() -> Check:
@@ -85,7 +127,9 @@ def _gpu() -> Check:
 
     if torch.cuda.is_available():
         return Check("ok", "GPU", torch.cuda.get_device_name(0))
-    return Check("note", "GPU", "none that torch can use; everything runs on the CPU")
+    return Check(
+        "note", "GPU", "none that torch can use, and none is needed: everything runs on the CPU"
+    )
 
 
 def _cache() -> Check:
@@ -101,7 +145,7 @@ def _cache() -> Check:
         return Check(
             "note",
             "kernel cache",
-            f"{place} is not writable: kernels compile anew in every process",
+            f"{place} is not writable: kernels compile anew in every process; mend it: export RPAUG_CACHE=FOLDER",
         )
     sizes = [path.stat().st_size for path in (place / "kernels").rglob("*.nbc")]
     if not sizes:

@@ -4,12 +4,11 @@ Every command prints for people, or with --json for programs. Exit codes: 0 done
 skipped; 2 nothing was done, and one line says why.
 """
 
+import errno
 import json
-import logging
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,6 +19,8 @@ from rich.console import Console
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.core.visible import visible
 
+RESUME = "the same command with --resume goes on"
+FULL = {errno.ENOSPC, errno.EDQUOT}
 console = Console(stderr=True, emoji=False)
 
 
@@ -78,17 +79,19 @@ def guarded(command: Callable[..., int]) -> Callable[..., None]:
 
     @wraps(command)
     def run(*args: Any, **kwargs: Any) -> None:
+        again = f"; {RESUME}" if "resume" in kwargs else ""
         try:
+            _there(kwargs.get("dataset"))
             code = command(*args, **kwargs)
         except RpaugError as error:
             code = fail(str(error), kwargs.get("as_json", False))
         except OSError as error:
             place = f"{error.filename}: " if error.filename else ""
-            code = fail(f"{place}{error.strerror or error}", kwargs.get("as_json", False))
+            hint = again if error.errno in FULL else ""
+            code = fail(f"{place}{error.strerror or error}{hint}", kwargs.get("as_json", False))
         except KeyboardInterrupt:
-            code = fail(
-                "stopped; what is in an output folder is whole", kwargs.get("as_json", False)
-            )
+            words = f"stopped; what is in an output folder is whole{again}"
+            code = fail(words, kwargs.get("as_json", False))
         except (typer.Exit, typer.Abort):
             raise
         except Exception as error:
@@ -102,6 +105,14 @@ def guarded(command: Callable[..., int]) -> Callable[..., None]:
         raise typer.Exit(code)
 
     return run
+
+
+def _there(dataset: Path | None) -> None:
+    """See that a dataset is there before what could read it is imported. Raises BadInput."""
+    if dataset is not None and not dataset.exists():
+        raise BadInput(
+            dataset, "dataset", found="no such folder", expected="the folder of a dataset"
+        )
 
 
 def fail(message: str, as_json: bool) -> int:
@@ -124,53 +135,6 @@ def plain(text: str) -> str:
 
 def print_json(value: Any) -> None:
     sys.stdout.write(json.dumps(value, indent=1) + "\n")  # ASCII: no terminal obeys any of it
-
-
-@contextmanager
-def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    from rich.progress import (  # only here: no help and no answer in JSON needs it
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=quiet, transient=True) as bar:
-        task = bar.add_task(title, total=None)
-        with _given(lambda words: bar.update(task, description=f"{title} {plain(words)}")):
-            yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-class _Words(logging.Handler):
-    """Hands what a log is told to whoever shows it."""
-
-    def __init__(self, show: Callable[[str], None]) -> None:
-        super().__init__(logging.INFO)
-        self._show = show
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._show(record.getMessage())
-
-
-@contextmanager
-def _given(show: Callable[[str], None]) -> Iterator[None]:
-    """What takes minutes says how far it is, in workers too."""
-    log, handler = logging.getLogger("rpaug.pipeline.prepare"), _Words(show)
-    level = log.level
-    log.addHandler(handler)
-    log.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        log.removeHandler(handler)
-        log.setLevel(level)
 
 
 def counted(number: int, noun: str) -> str:

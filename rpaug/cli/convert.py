@@ -12,10 +12,10 @@ from rpaug.cli.console import (
     console,
     counted,
     print_json,
-    progress_bar,
     say,
     warn,
 )
+from rpaug.cli.progress import progress_bar
 
 
 def convert(

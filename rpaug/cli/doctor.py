@@ -5,7 +5,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from rpaug.cli.console import AsJson, plain, print_json, progress_bar, say
+from rpaug.cli.console import AsJson, plain, print_json, say
+from rpaug.cli.progress import progress_bar
 
 
 def doctor(

@@ -12,9 +12,9 @@ from rpaug.cli.console import (
     Dataset,
     EpisodeKey,
     print_json,
-    progress_bar,
     say,
 )
+from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
 
 

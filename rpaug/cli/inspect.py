@@ -11,11 +11,14 @@ from rpaug.cli.console import (
     Dataset,
     EpisodeKey,
     UsedModels,
+    counted,
     print_json,
-    progress_bar,
     say,
     write_new,
 )
+from rpaug.cli.progress import progress_bar
+
+LISTED = ("dataset", "layout", "episodes")
 
 
 # Long: the options of a command are its signature, and what it finds is said line by line.
@@ -41,6 +44,10 @@ def inspect(
     Example: [bold]rpaug inspect data/train/open_drawer --html instances.html[/]
     """
     from rpaug.core import registry
+
+    if episode is None and (below := _several(dataset)):
+        return _listed(dataset, below, as_json)
+
     from rpaug.pipeline import inspect as inspection
     from rpaug.pipeline.role_facts import sure
     from rpaug.providers import models_settings
@@ -56,7 +63,9 @@ def inspect(
             others = inspection.roles_of_all(dataset, arm or (), settled, used)
             described["differ"] = inspection.disagreement(dataset, others)
     if html is not None:
-        write_new(html, inspection.page(seen, described, rows))
+        from rpaug.pages import instances
+
+        write_new(html, instances.page(seen, described, rows))
         described["html"] = str(html)
     if write_roles:
         path = dataset / roles.NAME
@@ -104,4 +113,33 @@ def inspect(
         body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
         line = f"{row.instance_id:>8}  {row.role:12}{row.color_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
         say(f"{line}{row.frames:8d}  {body}")
+    return 0
+
+
+def _several(root: Path) -> list[tuple[Path, str, int]]:
+    """The datasets directly below a folder that is none itself, or in which datasets of several layouts lie."""
+    from rpaug.core import registry
+    from rpaug.core.errors import BadInput
+
+    below = registry.datasets_below(root) if root.is_dir() else []
+    own = {layout for _, layout, _ in below if not registry.adapter(layout).loose}
+    if len(own) > 1:  # videos lie in datasets of other layouts too
+        return below
+    try:
+        registry.adapter_for(root)
+    except BadInput:
+        return below
+    return []
+
+
+def _listed(root: Path, below: list[tuple[Path, str, int]], as_json: bool) -> int:
+    """Say which datasets lie below a folder."""
+    if as_json:
+        found = [dict(zip(LISTED, (str(one[0]), *one[1:]), strict=True)) for one in below]
+        print_json({"datasets": found})
+        return 0
+    say(f"{root} holds {counted(len(below), 'dataset')}:")
+    for folder, layout, episodes in below:
+        say(f"  {folder}: {layout}, {counted(episodes, 'episode')}")
+    say(f"look at one: rpaug inspect {below[0][0]}")
     return 0

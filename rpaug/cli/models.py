@@ -4,7 +4,8 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.console import AsJson, counted, print_json, progress_bar, say
+from rpaug.cli.console import AsJson, counted, print_json, say
+from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
 
 Name = Annotated[

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.console import AsJson, print_json, say
+from rpaug.cli.console import AsJson, counted, print_json, say
+from rpaug.cli.progress import progress_bar
 
 
 # Long: the options of a command are its signature.
@@ -53,22 +54,24 @@ def record(
     from rpaug import twin
 
     look = twin.Look(antialias=antialias, specular=specular, shadows=shadows)
-    takes = twin.record(
-        task,
-        seed,
-        out,
-        factor=factor,
-        target=target,
-        look=look,
-        size=size,
-        frames=frames,
-        episodes=episodes,
-        roam=roam,
-    )
+    with progress_bar("recording", as_json):
+        takes = twin.record(
+            task,
+            seed,
+            out,
+            factor=factor,
+            target=target,
+            look=look,
+            size=size,
+            frames=frames,
+            episodes=episodes,
+            roam=roam,
+        )
     written = [str(out / take.episode.key) for take in takes]
     if as_json:
         print_json({"episodes": written, "truth": [take.truth.describe() for take in takes]})
     else:
         for path in written:
             say(path)
+        say(f"{counted(len(written), 'episode')}; look at one: rpaug inspect {out}")
     return 0

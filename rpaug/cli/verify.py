@@ -13,9 +13,9 @@ from rpaug.cli.console import (
     dataset_path,
     plain,
     print_json,
-    progress_bar,
     say,
 )
+from rpaug.cli.progress import progress_bar
 
 
 def verify(

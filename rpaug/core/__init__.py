@@ -17,6 +17,7 @@ __all__ = [
     "owner",
     "phrases",
     "pixels",
+    "progress",
     "registry",
     "safe_yaml",
     "sampling",

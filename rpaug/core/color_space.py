@@ -1,5 +1,6 @@
 """Color names, the Lab space in which colors are compared, and the typical color of some pixels."""
 
+import re
 from collections.abc import Mapping
 from functools import cache
 
@@ -79,6 +80,7 @@ SURVEYED: Mapping[str, str] = {
     "yellow": "d5b60a eedc5b fffd01 fffe7a ffff14 ffff84",
 }
 
+HEX = re.compile("#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
 D65 = np.array([0.95047, 1.0, 1.08883])
 TO_XYZ = np.array(
     [
@@ -169,8 +171,22 @@ def ciede2000(
     return np.sqrt(light**2 + saturation**2 + hue**2 + cross * saturation * hue)
 
 
+def from_hex(text: str) -> tuple[float, float, float] | None:
+    """The display sRGB of `#ff8000` or `#f80`, None for what is not written so."""
+    if not HEX.fullmatch(text):
+        return None
+    digits = text[1:] if len(text) == 7 else "".join(2 * digit for digit in text[1:])
+    red, green, blue = bytes.fromhex(digits)
+    return red / 255, green / 255, blue / 255
+
+
 def canonical(word: str) -> str | None:
-    """The name in NAMES that a word stands for, or None. "Reddish", "bluish" and "whitish" are near names."""
+    """The name in NAMES that a word stands for, or None. "Reddish", "bluish" and "whitish" are near names.
+
+    A color in hexadecimal stands for the name that people give it.
+    """
+    if (exact := from_hex(word)) is not None:
+        return nearest(np.array(exact))
     word = word.lower()
     stem = word.removesuffix("ish")
     near = (stem, stem + "e", stem[:-1]) if stem and stem != word else ()
@@ -181,7 +197,9 @@ def canonical(word: str) -> str | None:
 
 
 def rgb(name: str) -> tuple[float, float, float]:
-    """The display sRGB of a color name. Raises KeyError listing the known ones."""
+    """The display sRGB of a color name, or of `#rrggbb`. Raises KeyError listing the known names."""
+    if (exact := from_hex(name)) is not None:
+        return exact
     known = canonical(name)
     if known is None:
         raise KeyError(f"no color is called {name!r}; there are: {', '.join(sorted(NAMES))}")

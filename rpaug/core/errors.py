@@ -1,6 +1,22 @@
 """What can go wrong, said in one line: where, what was found, and what would have been right."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
+
+
+def there_are(given: str, known: Iterable[str]) -> str:
+    """As `did you mean blue? there are: red, blue`; names that are known, the one first that was meant."""
+    names = list(known)
+    listed = f"there are: {', '.join(names)}"
+    return f"{meant}? {listed}" if (meant := did_you_mean(given, names)) else listed
+
+
+def did_you_mean(given: str, known: Iterable[str]) -> str:
+    """As `did you mean blue`, empty where nothing is close."""
+    lower = {name.lower(): name for name in known}
+    close = get_close_matches(given.lower(), lower, 1, 0.6)
+    return f"did you mean {lower[close[0]]}" if close else ""
 
 
 class RpaugError(Exception):

@@ -4,7 +4,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
-from rpaug.core.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError, there_are
 from rpaug.core.interfaces import Adapter, Operator
 from rpaug.core.types import Episode
 
@@ -40,7 +40,7 @@ def operator(name: str) -> type[Operator]:
     if name in UNSEEN:
         raise RpaugError(UNSEEN[name])
     if name not in found:
-        raise RpaugError(f"no operator is called {name!r}; there are: {', '.join(found)}")
+        raise RpaugError(f"no operator is called {name!r}; {there_are(name, found)}")
     return found[name].load()
 
 
@@ -53,7 +53,7 @@ def adapter(name: str) -> Adapter:
     """The adapter called `name`. Raises RpaugError listing the known ones."""
     found = _found("rpaug.adapters")
     if name not in found:
-        raise RpaugError(f"no adapter is called {name!r}; there are: {', '.join(found)}")
+        raise RpaugError(f"no adapter is called {name!r}; {there_are(name, found)}")
     return found[name].load()()
 
 
@@ -81,6 +81,18 @@ def adapter_for(root: Path) -> Adapter:
         )
     known = ", ".join(_found("rpaug.adapters"))
     raise BadInput(root, "layout", found="no episodes", expected=f"a dataset in one of: {known}")
+
+
+def datasets_below(root: Path) -> list[tuple[Path, str, int]]:
+    """The folders directly below one that are datasets: with the layout, and how many episodes."""
+    found = []
+    every = sorted((adapter(name) for name in adapter_names()), key=lambda one: one.loose)
+    for folder in sorted(one for one in root.iterdir() if one.is_dir()):
+        for candidate in every:
+            if count := len(candidate.episodes(folder)):
+                found.append((folder, candidate.name, count))
+                break
+    return found
 
 
 def dataset(given: Path | str) -> Path:

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from pydantic import Field
 
 from rpaug.core import geometry
-from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.errors import TargetError, Unsupported, there_are
 from rpaug.core.interfaces import Edit, Examples, Operator
 from rpaug.core.types import Effect, Scene
 
@@ -108,7 +108,7 @@ class CameraPose(Operator):
             names = [self.camera] if isinstance(self.camera, str) else list(self.camera)
         if not names:
             raise TargetError(
-                f"{self.camera!r} names no camera; there are: {', '.join(scene.cameras)}"
+                f"{self.camera!r} names no camera; {there_are(str(self.camera), scene.cameras)}"
             )
         self._known(scene, names)
         return names
@@ -117,6 +117,4 @@ class CameraPose(Operator):
     def _known(scene: Scene, names: Iterable[str]) -> None:
         for name in names:
             if name not in scene.cameras:
-                raise TargetError(
-                    f"no camera is called {name!r}; there are: {', '.join(scene.cameras)}"
-                )
+                raise TargetError(f"no camera is called {name!r}; {there_are(name, scene.cameras)}")

@@ -9,9 +9,34 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from rpaug.core import color_space as color
+from rpaug.core.errors import there_are
 
 Unit = Annotated[float, Field(ge=0, le=1)]
-RGB = tuple[Unit, Unit, Unit]
+
+
+def _channels(value: Any) -> Any:
+    return color.from_hex(value) or value if isinstance(value, str) else value
+
+
+HEX_SCHEMA = {"type": "string", "pattern": f"^{color.HEX.pattern}$"}
+RGB = Annotated[
+    tuple[Unit, Unit, Unit],
+    BeforeValidator(_channels),
+    WithJsonSchema(
+        {
+            "oneOf": [
+                {
+                    "type": "array",
+                    "items": {"type": "number", "minimum": 0, "maximum": 1},
+                    "minItems": 3,
+                    "maxItems": 3,
+                },
+                HEX_SCHEMA,
+            ]
+        }
+    ),
+]
+"""Three channels in 0..1, or `#rrggbb`."""
 
 Triple = tuple[float, float, float]
 ALIKE = 0.95  # cosine between two colors: those of lime and green are 1, of red and orange 0.89
@@ -83,9 +108,11 @@ def _palette(value: Any) -> Palette:
     if isinstance(value, Palette):
         return value
     if isinstance(value, str):
+        if (exact := color.from_hex(value)) is not None:
+            return Palette((exact,), exact=True)
         name = color.canonical(value)
         if name is None:
-            raise ValueError(f"no such color word; there are: {', '.join(color.NAMES)}")
+            raise ValueError(f"no such color word; {there_are(value, color.NAMES)}")
         return Palette((color.NAMES[name],))
     if isinstance(value, dict) and len(value) == 1:
         ((kind, content),) = value.items()
@@ -100,7 +127,7 @@ def _palette(value: Any) -> Palette:
         if kind == "hsv":
             return Palette(hsv=_ranges(content))
     raise ValueError(
-        "expected a color word, {rgb: [r, g, b]} in 0..1, {lab: [L, a, b]}, "
+        "expected a color word, '#rrggbb' in quotes, {rgb: [r, g, b]} in 0..1, {lab: [L, a, b]}, "
         "{hsv: [[low, high] of hue in degrees, of saturation, of value]} or {sample: colosseum}"
     )
 
@@ -140,6 +167,7 @@ Color = Annotated[
         {
             "oneOf": [
                 {"enum": list(color.NAMES)},
+                HEX_SCHEMA,
                 *(
                     {
                         "type": "object",

@@ -1,18 +1,15 @@
 """Turn the scene's lamps to another color, as COLOSSEUM's `light_color` does."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float32
-from pydantic import Field
 
 from rpaug.core.interfaces import Edit, Examples, Operator
 from rpaug.core.types import Effect, Scene, Surface
+from rpaug.operators.fields import RGB, Unit
 from rpaug.scene.lighting import light
-
-Unit = Annotated[float, Field(ge=0, le=1)]
-Color = tuple[Unit, Unit, Unit]
 
 
 @dataclass(frozen=True)
@@ -46,8 +43,8 @@ class LightColor(Operator):
     stays as it was.
     """
 
-    range: tuple[Color, Color] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
-    recorded: Color | Literal["estimate"] = "estimate"
+    range: tuple[RGB, RGB] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
+    recorded: RGB | Literal["estimate"] = "estimate"
     ambient: Unit = 0.0
 
     effect: ClassVar[Effect] = Effect.RGB

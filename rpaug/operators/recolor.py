@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from rpaug.core import color_space
+from rpaug.core.errors import there_are
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB, Color
@@ -113,7 +114,7 @@ class Recolor(Operator):
     def __post_init__(self) -> None:
         if self.only is not None and color_space.canonical(self.only) is None:
             raise ValueError(
-                f"only: no such color word: {self.only!r}; there are: {', '.join(color_space.NAMES)}"
+                f"only: no such color word: {self.only!r}; {there_are(self.only, color_space.NAMES)}"
             )
         if self.only is not None and (self.mode == "lab" or self.albedo is not None):
             raise ValueError(

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from rpaug.core.errors import TargetError
+from rpaug.core.errors import TargetError, there_are
 from rpaug.core.interfaces import Edit, Operator
 from rpaug.core.types import Effect, Scene, Sensor
 
@@ -30,7 +30,7 @@ class Sensing(Operator):
         names = self.cameras or tuple(scene.cameras)
         if unknown := sorted(set(names) - set(scene.cameras)):
             raise TargetError(
-                f"no camera is called {unknown[0]!r}; there are: {', '.join(scene.cameras)}"
+                f"no camera is called {unknown[0]!r}; {there_are(unknown[0], scene.cameras)}"
             )
         if self.each:
             return {"each": {name: self.draw(rng) for name in names}}

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from rpaug.assets.textures import folder, shipped
 from rpaug.assets.textures.mapping import Mapping, Texture
 from rpaug.core import color_space, geometry
-from rpaug.core.errors import BadInput, TargetError
+from rpaug.core.errors import BadInput, TargetError, there_are
 from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB
@@ -38,9 +38,10 @@ ANY = Sample(sample="all")
 def check(texture: str | Sample, textures: Path | None) -> None:
     """That a texture's name or kind can be drawn from. Raises ValueError."""
     if textures is None and isinstance(texture, str):
-        if texture not in shipped.NAMES and texture not in color_space.NAMES:
+        paint = texture in color_space.NAMES or color_space.from_hex(texture) is not None
+        if texture not in shipped.NAMES and not paint:
             raise ValueError(
-                f"no texture is called {texture!r}; there are: {', '.join(shipped.NAMES)}; "
+                f"no texture is called {texture!r}; {there_are(texture, shipped.NAMES)}; "
                 "or a color word"
             )
     elif textures is not None and texture != ANY and isinstance(texture, Sample):

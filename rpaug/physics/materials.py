@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from rpaug.core.errors import Unsupported
+from rpaug.core.errors import Unsupported, there_are
 
 
 class Law(IntEnum):
@@ -102,5 +102,5 @@ def _read(values: Mapping[str, object]) -> Material:
 def named(name: str) -> Material:
     """The shipped material of that name. Raises Unsupported listing those there are."""
     if name not in shipped():
-        raise Unsupported(f"no material is called {name!r}; there are: {', '.join(shipped())}")
+        raise Unsupported(f"no material is called {name!r}; {there_are(name, shipped())}")
     return shipped()[name]

@@ -2,7 +2,6 @@
 
 __all__ = [
     "augment",
-    "contact",
     "contracts",
     "convert",
     "copies",
@@ -18,8 +17,10 @@ __all__ = [
     "python_api",
     "recipe",
     "recipe_errors",
+    "report",
     "role_facts",
     "run",
     "speed_error",
+    "starter",
     "verify",
 ]

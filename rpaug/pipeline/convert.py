@@ -11,6 +11,7 @@ from rpaug.core import registry
 from rpaug.core.errors import BadInput, RpaugError, Unsupported
 from rpaug.core.files import apart, write_atomic
 from rpaug.core.interfaces import Adapter
+from rpaug.core.progress import told
 from rpaug.core.types import Episode
 from rpaug.core.version import __version__
 from rpaug.pipeline import card, compare_layouts, report
@@ -114,6 +115,7 @@ def convert(
     reports: dict[str, dict[str, Any]] = {}
     for number, key in enumerate(keys):
         progress(number, len(keys))
+        told(key, "reading and writing")
         like, key_of = (key, writer.key_at) if alike else (named(source, key), writer.key_for)
         group = PurePosixPath(key_of(like, 0)).parent.as_posix()
         try:

@@ -7,11 +7,12 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 from rpaug import instruct
 from rpaug.compose import views
+from rpaug.core import progress
 from rpaug.core.errors import Missing, TargetError, Unsupported
 from rpaug.core.interfaces import Operator
 from rpaug.core.types import Episode, Scene
@@ -286,6 +287,7 @@ def render(
     def watch(frame: views.RenderedFrame) -> None:
         camera, t = frame.camera, frame.t
         tally.frame(camera, t, frame.before, frame.image, frame.seconds)
+        progress.told(scene.episode.key, "making frames", len(tally.total), frames())
         if frame.ids is not None:
             tally.mask(camera, t, frame.ids)
         if frame.hole is not None:
@@ -298,6 +300,11 @@ def render(
             tally.outside[camera, t] = gating.beyond(
                 scene, frame.before, frame.image, ids(t) if ids else None
             )
+
+    @cache
+    def frames() -> int:
+        own = (v for n, v in episode.views.items() if v.rgb is not scene.episode.views[n].rgb)
+        return sum(1 for _ in own) * episode.length
 
     episode = views.edited(shown, settled.representations, watch, settled.blended, kept)
     return Made(episode, scene, draws, settled, tally, untrue, left)

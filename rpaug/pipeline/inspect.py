@@ -1,19 +1,13 @@
 """What an episode holds: cameras, frames, words, and every instance with its role, color, size and motion."""
 
-import base64
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from jaxtyping import UInt8
-
 from rpaug.core import keyframes, registry
 from rpaug.core.errors import RpaugError
-from rpaug.core.files import encode_png
-from rpaug.core.pixels import grown
+from rpaug.core.progress import told
 from rpaug.core.types import CameraView, Episode
 from rpaug.pipeline import prepare, role_facts
 from rpaug.pipeline.run import group_of
@@ -23,15 +17,6 @@ from rpaug.scene.targets.settled import SettledRole, settle
 from rpaug.scene.targets.survey import InstanceSummary, survey
 from rpaug.scene.tracking import arms, calibration
 from rpaug.scene.video.video_scene import VideoScene
-
-MARGIN = 4  # pixels around an instance's thumbnail
-OUTLINES = {  # display sRGB, apart to the color-blind too (Okabe and Ito 2008)
-    "manipulated": (230, 159, 0),
-    "receiver": (0, 114, 178),
-    "robot": (204, 121, 167),
-    "table": (0, 158, 115),
-    "background": (86, 180, 233),
-}
 
 
 def inspect(
@@ -58,6 +43,7 @@ def inspect(
     described["misplaced"] = {m.camera: str(m) for m in calibration.check(episode)}
     described["arms"] = list(arms.misfits(files, episode.robot))
     described["assumed"], described["unread"] = [], list(episode.unread)
+    told(episode.key, "finding what is in the scene")
     found = prepare.found_instances(episode, files, models)
     scene, wrong = settle(found.scene(), roles or {})
     if isinstance(scene.back, VideoScene):
@@ -66,6 +52,7 @@ def inspect(
         return described | {"instances": []}, (), episode
     assumed = rgb_episode.assumptions(scene.episode)
     described["assumed"] = [*found.notes, *found.told, *wrong, *assumed]
+    told(episode.key, "measuring instances")
     rows = survey(scene.episode, scene.bodies, scene.roles)
     described["roles"] = role_facts.describe(scene)
     described["antialiased"] = scene.antialiased
@@ -81,8 +68,9 @@ def roles_of_all(
 ) -> dict[str, dict[str, Any]]:
     """What is believed of the roles of each episode of a dataset that can be read, by its key."""
     adapter = registry.adapter_for(dataset)
-    found = {}
-    for key in adapter.episodes(dataset):
+    found, keys = {}, adapter.episodes(dataset)
+    for number, key in enumerate(keys):
+        told(key, "finding roles, episode", number, len(keys))
         try:
             scene = prepare.found_instances(adapter.read(dataset, key), files, models).scene()
         except RpaugError:
@@ -129,43 +117,6 @@ def _described(row: InstanceSummary) -> dict[str, Any]:
     return {"handle": facts.pop("instance_id"), **facts}
 
 
-def page(episode: Episode, described: dict[str, Any], rows: tuple[InstanceSummary, ...]) -> bytes:
-    """The same as an HTML page with a thumbnail of every instance."""
-    lines = "".join(
-        f"<tr><td>{_thumbnail(episode, row)}<td>{row.instance_id}<td>{row.role or '–'}"
-        f"<td><span style='background:rgb({','.join(str(round(255 * c)) for c in row.color)})'></span> "
-        f"{row.color_name}<td>{' × '.join(f'{side:.1f}' for side in row.size_cm) if any(row.size_cm) else 'unknown'}"
-        f"<td>{row.motion}{' (ambiguous)' if row.ambiguous else ''}<td>{row.residual_mm:.2f}"
-        f"<td>{row.frames} ({row.first_frame}–{row.last_frame})"
-        for row in rows
-    )
-    off = described["misplaced"]
-    cameras = "".join(
-        f"<li>{html.escape(name)}: {c['width']}×{c['height']}, focal {c['focal']:.1f} px, "
-        f"{'fixed' if c['fixed'] else 'moving'}, {', '.join(c['images'])}"
-        + (f"<br><strong>{html.escape(off[name])}</strong>" if name in off else "")
-        for name, c in described["cameras"].items()
-    )
-    unread = "".join(
-        f"<li><strong>not understood: {html.escape(words)}</strong>"
-        for words in described["unread"]
-    )
-    assumed = "".join(f"<li>{html.escape(given)}" for given in described["assumed"])
-    return (
-        "<!doctype html><html lang=en><meta charset=utf-8><title>rpaug inspect</title><style>"
-        "body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1100px;padding:0 1rem;color:#1d232b}"
-        "table{border-collapse:collapse}td,th{padding:4px 14px 4px 0;text-align:left;border-bottom:1px solid #d7dce2}"
-        "th{color:#5a6673;font-weight:400}img{image-rendering:pixelated;max-height:96px}"
-        "img.whole{max-height:none;width:320px}.views{display:flex;flex-wrap:wrap;gap:8px}figure{margin:0}"
-        "td span,.roles span{display:inline-block;width:1em;height:1em;border:1px solid #889}</style>"
-        f"<h1>{html.escape(described['episode'])}</h1><p>“{html.escape(described['instruction'])}”, "
-        f"{described['frames']} frames, key frames {', '.join(map(str, described['key_frames']))}</p>"
-        f"<ul>{cameras}{unread}{assumed}</ul>{_outlined(episode, described)}"
-        "<table><tr><th><th>handle<th>role<th>color<th>size, cm<th>motion"
-        f"<th>residual, mm<th>seen in frames</tr>{lines}</table></html>"
-    ).encode()
-
-
 def _camera(view: CameraView) -> dict[str, Any]:
     images = ["rgb", *(["depth"] if view.depth else []), *(["mask"] if view.ids else [])]
     camera = view.camera
@@ -178,53 +129,3 @@ def _camera(view: CameraView) -> dict[str, Any]:
         "placed": camera.placed,
         "images": images,
     }
-
-
-def _outlined(episode: Episode, described: dict[str, Any]) -> str:
-    """One frame a camera with the roles' outlines in their colors, and why each is believed."""
-    believed = described.get("roles", {})
-    lines = "".join(
-        f"<li><span style='background:rgb{OUTLINES[role]}'></span> {role}: "
-        f"{', '.join(map(str, one['handles'])) or 'none'}{role_facts.sure(one)}"
-        + "".join(f"<br>{html.escape(reason)}" for reason in one["reasons"])
-        for role, one in believed.items()
-    )
-    pictures = []
-    for name, view in episode.views.items():
-        if view.ids is None:
-            continue
-        t = episode.length // 2
-        image, ids = view.rgb(t).copy(), view.ids(t)
-        for role, one in believed.items():
-            if one["believed"]:
-                inside = np.isin(ids, one["handles"])
-                image[inside & grown(~inside, 1)] = OUTLINES[role]
-        data = base64.b64encode(encode_png(image)).decode()
-        pictures.append(
-            f"<figure><img class=whole alt='{html.escape(name)}' src='data:image/png;base64,{data}'>"
-            f"<figcaption>{html.escape(name)}, frame {t}</figcaption></figure>"
-        )
-    return f"<ul class=roles>{lines}</ul><div class=views>{''.join(pictures)}</div>"
-
-
-def _thumbnail(episode: Episode, row: InstanceSummary) -> str:
-    """The instance where most of it is seen, cut out of its camera's image."""
-    best: tuple[int, UInt8[np.ndarray, "h w 3"] | None] = (0, None)
-    name = max(row.pixels, key=lambda camera: row.pixels[camera], default=None)
-    if name is None:
-        return ""
-    view = episode.views[name]
-    assert view.ids is not None
-    for t in sorted({row.first_frame, (row.first_frame + row.last_frame) // 2, row.last_frame}):
-        mask = view.ids(t) == row.instance_id
-        if mask.sum() > best[0]:
-            down, right = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-            top, left = max(0, down[0] - MARGIN), max(0, right[0] - MARGIN)
-            best = int(mask.sum()), view.rgb(t)[top : down[-1] + MARGIN, left : right[-1] + MARGIN]
-    if best[1] is None:
-        return ""
-    data = base64.b64encode(encode_png(best[1])).decode()
-    height = min(96, 3 * len(best[1]))
-    return (
-        f"<img alt='instance {row.instance_id}' src='data:image/png;base64,{data}' height={height}>"
-    )

@@ -8,7 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from rpaug.core import registry
+from rpaug.core import progress, registry
 from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
@@ -43,26 +43,37 @@ def augment(job: Job) -> Iterator[str]:
     All edits are tried before the first copy is written: whether a target is there does not depend on the draw. A job
     without copies fits what is to lend Gaussians to others, if the plan has any.
     """
+    try:
+        yield from _copies(job)
+    finally:
+        progress.told(job.key, progress.FINISHED)
+
+
+def _copies(job: Job) -> Iterator[str]:
     adapter, recipe = registry.adapter(job.adapter), build_recipe(job.recipe)
     watch = report.Stopwatch()
+    progress.told(job.key, "reading")
     with watch("read"):
         episode = adapter.read(job.source, job.key)
+    progress.told(job.key, "finding what is in the scene")
     scene, plan = prepare_scene(episode, recipe, job.tier, job.scenes, watch, _donor(adapter, job))
     if not job.copies:
         return
     with watch("read"):
         see_readable(adapter, job.source, episode)
+    progress.told(job.key, "trying every edit once")
     with watch("ground"):
         ground(scene, recipe)
     kept = cache(partial(surfels.recorded, scene))
     prepared = PreparedEpisode(scene, plan, recipe, kept, job.keep_invalid)
     shared = {stage: seconds / len(job.copies) for stage, seconds in watch.seconds.items()}
-    for copy, key in job.copies:
+    for number, (copy, key) in enumerate(job.copies, 1):
         place = CopyPlace(job.key, copy, job.target, key)
         place = write_copy(adapter, prepared, place, shared)
         within = "" if place.root == job.target else REJECTED
         described = json.loads((place.root / key / report.NAME).read_bytes())
         journal.made(job.target, (within, key), described, totals.facts(described, recipe))
+        progress.told(job.key, progress.COPY, number, len(job.copies))
         yield key
 
 

@@ -10,13 +10,13 @@ from typing import Any
 from rpaug.core.errors import BadInput
 from rpaug.core.files import PART, REJECTED, write_atomic
 from rpaug.core.fingerprint import same_files, sealed
-from rpaug.pipeline import card, contact, journal, report
+from rpaug.pipeline import card, journal, report
 from rpaug.pipeline.copies import ORIGINAL
 from rpaug.pipeline.journal import Journal, Noted
 from rpaug.pipeline.run import Run, group_of
 
 FOLDERS = ("", REJECTED)  # of an output, that hold episodes
-OWN = {journal.NAME, report.SUMMARY, card.NAME, contact.NAME}  # files of rpaug in an output
+OWN = {journal.NAME, report.SUMMARY, card.NAME, report.CONTACT_SHEET}  # files of rpaug in an output
 
 
 def missing(target: Path) -> list[Path]:

@@ -1,7 +1,6 @@
 """From an episode and a recipe to a scene in which its edits can be made, and the plan of who shows what."""
 
 import json
-import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rpaug.core import splits
+from rpaug.core import progress, splits
 from rpaug.core.errors import Missing, RpaugError, SourceLacks, TargetError, Unsupported
 from rpaug.core.interfaces import Adapter, Operator
 from rpaug.core.types import Camera, Effect, Embeddings, Episode, Scene
@@ -29,8 +28,6 @@ from rpaug.scene.tracking import arms, calibration, robot_model
 from rpaug.scene.video import reconstruct
 from rpaug.scene.video.settings import VideoSettings
 from rpaug.scene.video.video_scene import VideoScene
-
-log = logging.getLogger(__name__)
 
 
 def operators(recipe: Recipe) -> list[Operator]:
@@ -93,6 +90,7 @@ def prepare_scene(
     if not plan.gaussians:
         return _with_parts(scene, plan)
     with watch("fit"):
+        progress.told(episode.key, "fitting Gaussians")
         donor_scene = _donor_scene(donor, recipe)
         scene, facts = _with_gaussians(scene, plan, scenes, donor_scene)
         risen = dict.fromkeys(one.camera for one in plan.regions if one.lower is not None)
@@ -215,8 +213,8 @@ def _better(episode: Episode, models: Models) -> tuple[str, ...]:
 
 
 def told_of(key: str) -> reconstruct.Progress:
-    """Tells a log how far a video is: minutes pass."""
-    return lambda share, what: log.info("%s: %.0f %% (%s)", key, 100 * share, what)
+    """Tells how far a video is, in percent: minutes pass."""
+    return lambda share, what: progress.told(key, what, round(100 * share), 100)
 
 
 def planned(episode: Episode, recipe: Recipe, tier: int) -> planning.Plan:
@@ -269,7 +267,10 @@ def _with_gaussians(
         return fit_video.kept(scene, scene.back, scenes)
     from rpaug.gaussians import cached  # only here: it brings torch and the rasteriser
 
-    fitted = cached.fitted_in_time if plan.tier >= 4 else cached.fitted
+    def share(done: float) -> None:
+        progress.told(scene.episode.key, "fitting Gaussians, percent", round(100 * done), 100)
+
+    fitted = cached.fitted_in_time if plan.tier >= 4 else partial(cached.fitted, progress=share)
     return fit_static_rgb.fitted(scene, lambda one: fitted(one, scenes, donor=donor_scene))
 
 

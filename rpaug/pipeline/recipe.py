@@ -17,10 +17,11 @@ from rpaug.core.errors import BadRecipe, RpaugError
 from rpaug.core.files import read_bytes
 from rpaug.core.interfaces import Operator
 from rpaug.core.types import Effect
+from rpaug.core.validation import kind_of
 from rpaug.instruct.wording import Wording, wording
 from rpaug.pipeline.gates import UNASKED, Gates
 from rpaug.pipeline.recipe_errors import Faults
-from rpaug.pipeline.recipe_yaml import Path_, kind_of, override, parse
+from rpaug.pipeline.recipe_yaml import Path_, override, parse
 from rpaug.providers import models_settings
 from rpaug.providers.models_settings import Models
 from rpaug.scene.targets import settled
@@ -90,7 +91,7 @@ class _Top(BaseModel):
     embeddings: Annotated[str, Field(min_length=1)] = "refuse"
     instructions: Instructions = Instructions()
     roles: dict[settled.Role, settled.SettledRole] = {}
-    edits: list[dict[str, Any]] = []
+    edits: list[Any] = []
     gates: Annotated[Gates | None, BeforeValidator(_unless_off)] = None
 
 

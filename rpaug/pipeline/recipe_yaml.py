@@ -7,6 +7,7 @@ import yaml
 
 from rpaug.core import safe_yaml as plain_yaml
 from rpaug.core.errors import BadRecipe
+from rpaug.core.validation import kind_of
 
 MOST = 20_000  # values, aliases written out
 
@@ -54,10 +55,3 @@ def override(tree: Any, given: str) -> None:
             )
     except (ValueError, IndexError, AttributeError):
         raise BadRecipe(f"--set {given}: no such place in the recipe, or not a value") from None
-
-
-def kind_of(value: Any) -> str:
-    """A value in a few words."""
-    return {dict: "a mapping", list: "a list", type(None): "nothing"}.get(
-        type(value), repr(value)[:60]
-    )

@@ -19,6 +19,7 @@ from rpaug.core.version import __version__
 NAME = "rpaug.json"
 HOLES = "rpaug_holes.npz"
 SUMMARY = "rpaug.summary.json"
+CONTACT_SHEET = "rpaug.contact.html"
 
 
 @dataclass

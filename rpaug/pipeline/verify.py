@@ -12,6 +12,7 @@ from rpaug.core import registry, splits
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
+from rpaug.core.progress import told
 from rpaug.core.types import CameraView, Effect, Embeddings, Episode
 from rpaug.pipeline import compare_layouts, compare_report, plan, recipe, report
 from rpaug.scene.tracking import agreement
@@ -85,6 +86,7 @@ def verify(
     tallies = {"rgb, source": _FoundTally(), "rgb, output": _FoundTally()}
     for number, key in enumerate(keys):
         progress(number, len(keys))
+        told(key, "comparing")
         try:
             made = adapter.read(target, key)
             given = reports[key]

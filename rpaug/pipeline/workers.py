@@ -1,7 +1,6 @@
 """Runs jobs on this machine: in this process, or on fresh ones with one thread each, each within its budget."""
 
 import errno
-import logging
 import os
 import signal
 import threading
@@ -13,6 +12,7 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
+from rpaug.core import progress
 from rpaug.core.errors import Missing, RpaugError
 from rpaug.pipeline.job import Job, augment, left
 from rpaug.pipeline.output_folder import sweep
@@ -29,7 +29,6 @@ DIED = "a worker died (out of memory?); fewer workers need less"
 LOOK = 0.2  # seconds between two looks at what workers take
 SHARE = 0.9  # of the machine's memory, for all workers
 CGROUP = Path("/sys/fs/cgroup/memory.max")
-LOG = logging.getLogger("rpaug.pipeline.prepare")  # what takes minutes says there how far it is
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,7 @@ class _Worker:
             self.connection.send(job)
 
     def told(self, budget: Budget) -> Outcome | Lost | None:
-        """What came of its job, if anything has; how far that is goes to the log."""
+        """What came of its job, if anything has; how far that is, is passed on."""
         assert self.job is not None
         if not self.connection.poll():
             return self._beyond(budget, self.job)
@@ -133,8 +132,8 @@ class _Worker:
             given = self.connection.recv()
         except (EOFError, OSError):
             return Lost(self.job, DIED)
-        if isinstance(given, str):
-            LOG.info("%s", given)
+        if isinstance(given, dict):
+            progress.retold(given)
             return None
         self.job = None
         return given
@@ -193,17 +192,6 @@ def _pooled(todo: list[Job], workers: int, budget: Budget, lost: list[Lost]) -> 
             one.end()
 
 
-class _Sent(logging.Handler):
-    """Tells the run what a worker's log is told."""
-
-    def __init__(self, connection: Connection) -> None:
-        super().__init__(logging.INFO)
-        self._connection = connection
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._connection.send(record.getMessage())
-
-
 def _serve(connection: Connection) -> None:
     """Jobs as they come, in a worker that ends as soon as the process that began it does, be it killed."""
     parent = parent_process()
@@ -214,10 +202,9 @@ def _serve(connection: Connection) -> None:
         os._exit(1)
 
     threading.Thread(target=end, daemon=True).start()
-    LOG.addHandler(_Sent(connection))
-    LOG.setLevel(logging.INFO)
-    while True:
-        connection.send(attempt(connection.recv()))
+    with progress.heard(connection.send):
+        while True:
+            connection.send(attempt(connection.recv()))
 
 
 def attempt(job: Job) -> Outcome:

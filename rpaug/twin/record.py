@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from rpaug.core import registry
+from rpaug.core import progress, registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.files import encode_png
 from rpaug.core.types import Camera, CameraView, Episode, Robot
@@ -168,6 +168,7 @@ def record(
     adapter = registry.adapter("rlbench")
     takes = []
     for number in range(episodes):
+        progress.told(task, "simulating, episode", number, episodes)
         take = perform(
             task,
             seed,
@@ -180,6 +181,7 @@ def record(
             frames=frames,
             roam=roam,
         )
+        progress.told(take.episode.key, "writing, episode", number, episodes)
         adapter.write(take.episode, Path(out), take.episode.key, take.side)
         takes.append(replace(take, episode=adapter.read(Path(out), take.episode.key)))
     return takes

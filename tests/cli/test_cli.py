@@ -55,7 +55,7 @@ def test_augment_says_where_everything_is(template: Path, tmp_path: Path, recipe
     assert code == 0
     assert out.rstrip().endswith("rpaug.contact.html")
     page = (tmp_path / "out" / "rpaug.contact.html").read_text()
-    assert page.count("data:image/png") == 4  # two episodes, two cameras
+    assert page.count("data:image/jpeg") == 4  # two episodes, two cameras
     assert "recolor" in page
 
 

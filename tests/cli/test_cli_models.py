@@ -24,7 +24,7 @@ class Ended:
 
 def rpaug(*arguments: str) -> Ended:
     """In a process of its own: the hub's package reads its environment once."""
-    command = [sys.executable, "-m", "rpaug.cli", *arguments]
+    command = [sys.executable, "-m", "rpaug", *arguments]
     made = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert "Traceback" not in made.stderr, made.stderr
     return Ended(made.returncode, made.stdout + (made.stderr if made.returncode else ""))

@@ -66,3 +66,15 @@ def test_the_command_gives_seconds_and_findings(monkeypatch):
     assert described["warmed"] == [vars(made)]
     assert described["findings"][0]["topic"] == "rpaug"
     assert "1.5 s of the processor" in CliRunner().invoke(app, ["doctor", "--warm"]).stdout
+
+
+def test_what_is_missing_comes_with_the_line_that_mends_it(monkeypatch):
+    there = checks._version
+    gone = {"zarr", "pyarrow"}
+    monkeypatch.setattr(
+        checks, "_version", lambda one: None if checks._name(one) in gone else there(one)
+    )
+    found = {(one.level, one.topic): one.message for one in checks._packages()}
+    assert "missing: zarr; mend it: pip install 'zarr>=3.0'" in found["bad", "packages"]
+    assert "pip install 'rpaug[lerobot]'" in found["note", "extra lerobot"]
+    assert "numpy " in found["ok", "packages"]

@@ -35,7 +35,7 @@ CAMERA = "{version: 1, edits: [{op: camera_pose, camera: front}]}"
 def imported(*arguments: object) -> set[str]:
     """The packages that a command and the processes it starts import."""
     done = subprocess.run(
-        [sys.executable, "-m", "rpaug.cli", *map(str, arguments)],
+        [sys.executable, "-m", "rpaug", *map(str, arguments)],
         env={**os.environ, "PYTHONPROFILEIMPORTTIME": "1"},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

@@ -21,7 +21,7 @@ def serve(connection: Connection) -> None:
     `threads` tells as its error how many its libraries start."""
     while True:
         given = connection.recv()
-        connection.send(f"{given.key} has begun")
+        connection.send({"key": given.key, "stage": "has begun", "done": 0, "total": 0})
         if given.key == "dies":
             os._exit(3)
         if given.key == "dies once" and not (given.target / "tried").exists():

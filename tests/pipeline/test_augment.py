@@ -214,7 +214,7 @@ def test_a_killed_run_is_resumed_to_the_same_bytes(template: Path, tmp_path: Pat
     command = [
         sys.executable,
         "-m",
-        "rpaug.cli",
+        "rpaug",
         "augment",
         str(many),
         "--recipe",
@@ -255,7 +255,7 @@ def long_run(template: Path, tmp_path: Path) -> tuple[list[str], Path, Path]:
             template / GROUP / f"episode{number % 2}", many / GROUP / f"episode{number}"
         )
     (tmp_path / "r.yaml").write_text(json.dumps(RECIPE))
-    command = [sys.executable, "-m", "rpaug.cli", "augment", str(many), "--workers", "2"]
+    command = [sys.executable, "-m", "rpaug", "augment", str(many), "--workers", "2"]
     return [*command, "--recipe", str(tmp_path / "r.yaml"), "--out", str(out)], many, out
 
 

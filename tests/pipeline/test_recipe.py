@@ -59,7 +59,7 @@ def test_a_good_recipe_is_understood(tmp_path: Path) -> None:
         ("copies: 2", "copies: 0", ["r.yaml:3: copies"]),
         ("version: 1", "version: 2", ["r.yaml:1: version"]),
         ("seed: 7", "sed: 7", ["r.yaml:2: sed", "unknown key"]),
-        ("copies: 2", "gates: {tries: 0}", ["r.yaml:3: gates.tries", "greater than or equal to 1"]),
+        ("copies: 2", "gates: {tries: 0}", ["r.yaml:3: gates.tries", "at least 1"]),
         ("copies: 2", "copies: 2\ncopies: 3", ["r.yaml:4: found copies given twice"]),
         ("seed: 7", "seed: &a 7\narms: !!set {x}", ["r.yaml:3", "!!set"]),
         ("color: blue", "color: 2001-01-01", ["r.yaml:7", "timestamp", "quotes make it text"]),

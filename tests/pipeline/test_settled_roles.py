@@ -15,6 +15,7 @@ import rpaug
 from rpaug.cli import app
 from rpaug.core.errors import BadInput
 from rpaug.core.types import Scene
+from rpaug.pages import instances
 from rpaug.pipeline import inspect as inspection
 from rpaug.pipeline import recipe, report, role_facts
 from rpaug.scene.build import build
@@ -131,9 +132,9 @@ def test_inspect_writes_the_file_once(dataset: Path) -> None:
 def test_the_page_outlines_roles(scene: Scene) -> None:
     roles = {"receiver": SettledRole(handle=BOX)}
     described, rows, seen = inspection.inspect(scene.episode, roles=roles)
-    page = inspection.page(seen, described, rows).decode()
-    assert f"receiver: {BOX}, 100 % sure<br>{NAME}" in page
-    assert page.count("class=whole") == len(scene.episode.views)
+    page = instances.page(seen, described, rows).decode()
+    assert f"<b>receiver</b>: {BOX}, 100 % sure<br><span class=soft>{NAME}" in page
+    assert page.count("<figure>") == len(scene.episode.views)
 
 
 def test_roles_that_differ_between_episodes_are_said(scene: Scene) -> None:

@@ -1,16 +1,15 @@
 """Jobs in processes of their own: a worker that dies, grows or hangs costs its job alone."""
 
-import logging
 import os
 import subprocess
 import sys
 from collections.abc import Callable
-from multiprocessing import Pipe
 from pathlib import Path
 
 import played_jobs
 import pytest
 
+from rpaug.core import progress
 from rpaug.pipeline import workers
 from rpaug.pipeline.run import Budget
 
@@ -70,16 +69,14 @@ def test_one_worker_with_a_budget_is_a_process_too(
     assert "more than 0.02 minutes" in str(found.error)
 
 
-def test_a_worker_says_how_far_it_is(
-    played: Callable[..., dict[str, str | None]], caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level(logging.INFO, "rpaug.pipeline.prepare")
-    assert played("e0", "e1") == {"e0": None, "e1": None}
-    assert sorted(caplog.messages) == ["e0 has begun", "e1 has begun"]
-    ours, theirs = Pipe()
-    sent = workers._Sent(ours)
-    sent.emit(logging.LogRecord("a", logging.INFO, "b", 1, "%d %%", (40,), None))
-    assert theirs.recv() == "40 %"
+def test_a_worker_says_how_far_it_is(played: Callable[..., dict[str, str | None]]) -> None:
+    told: list[progress.Told] = []
+    with progress.heard(told.append):
+        assert played("e0", "e1") == {"e0": None, "e1": None}
+    assert sorted((one["key"], one["stage"]) for one in told) == [
+        ("e0", "has begun"),
+        ("e1", "has begun"),
+    ]
 
 
 def test_a_full_disk_ends_the_run(played: Callable[..., dict[str, str | None]]) -> None:

@@ -141,9 +141,7 @@ def test_the_main_job(read, source, tmp_path):
     """Both recordings, recolored and relit by the command: only colors differ, for each episode as recorded."""
     (tmp_path / "recipe.yaml").write_text(RECIPE)
     given = ["augment", str(source), "--recipe", "recipe.yaml", "--out", "out"]
-    subprocess.run(
-        [sys.executable, "-m", "rpaug.cli", *given], cwd=tmp_path, check=True, timeout=300
-    )
+    subprocess.run([sys.executable, "-m", "rpaug", *given], cwd=tmp_path, check=True, timeout=300)
     for recorded, key in zip(KEYS, ("episode0", "episode1"), strict=True):
         stated = read(source, recorded, tmp_path / "out", f"all_variations/episodes/{key}")
         assert_same_demo(stated)

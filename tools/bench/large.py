@@ -85,7 +85,7 @@ def seconds(dataset: Path, edit: dict[str, Any], folder: Path) -> dict[str, floa
     recipe = folder / "recipe.yaml"
     recipe.write_text(json.dumps({"version": 1, "edits": [edit]}))
     before, start = os.times(), time.perf_counter()
-    command = [sys.executable, "-m", "rpaug.cli", "augment", str(dataset), "--json"]
+    command = [sys.executable, "-m", "rpaug", "augment", str(dataset), "--json"]
     done = subprocess.run(
         [*command, "--recipe", str(recipe), "--out", str(folder / "out")],
         check=True,

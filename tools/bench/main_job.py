@@ -39,7 +39,7 @@ def once(dataset: Path, recipe: Path, out: Path) -> dict[str, Any]:
     command = [
         sys.executable,
         "-m",
-        "rpaug.cli",
+        "rpaug",
         "augment",
         str(dataset),
         "--recipe",

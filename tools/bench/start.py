@@ -14,8 +14,8 @@ import sys
 
 BARE = "import typer; app = typer.Typer(); app.command()(lambda: None); app()"
 COMMANDS = {
-    "rpaug --help": ["-m", "rpaug.cli", "--help"],
-    "rpaug inspect --help": ["-m", "rpaug.cli", "inspect", "--help"],
+    "rpaug --help": ["-m", "rpaug", "--help"],
+    "rpaug inspect --help": ["-m", "rpaug", "inspect", "--help"],
     "typer alone": ["-c", BARE, "--help"],
     "words, imported": ["-c", "import rpaug.language.asking"],
 }

@@ -9,7 +9,7 @@ from jaxtyping import UInt8
 
 from rpaug.assets.textures import patterns as p
 from rpaug.core import color_space
-from rpaug.core.errors import RpaugError
+from rpaug.core.errors import RpaugError, there_are
 
 Draw = Callable[[np.random.Generator], p.Picture]
 
@@ -217,13 +217,13 @@ def pattern(name: str) -> str:
 
 @lru_cache(8)
 def image(name: str) -> UInt8[np.ndarray, "256 256 3"]:
-    """A shipped texture, always the same for its name; a color word is plain paint.
+    """A shipped texture, always the same for its name; a color word, or `#rrggbb`, is plain paint.
 
     Raises RpaugError listing the known ones.
     """
-    if name in color_space.NAMES:
+    if name in color_space.NAMES or color_space.from_hex(name) is not None:
         return np.full((256, 256, 3), np.rint(255 * np.array(color_space.rgb(name))), np.uint8)
     if name not in NAMES:
-        raise RpaugError(f"no texture is called {name!r}; there are: {', '.join(NAMES)}")
+        raise RpaugError(f"no texture is called {name!r}; {there_are(name, NAMES)}")
     seed = int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "little")
     return p.finish(NAMES[name](np.random.default_rng(seed)))

@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from rpaug.core import color_space
-from rpaug.core.errors import TargetError
+from rpaug.core.errors import TargetError, there_are
 from rpaug.core.types import Scene
 from rpaug.scene.sampled_frames import SampledFrames, look
 from rpaug.scene.targets import agreement, places, relations, roles, shapes
@@ -96,7 +96,7 @@ class Target(BaseModel):
             raise ValueError("give exactly one of handle, role, text")
         if self.role is not None and self.role not in roles.NAMES:
             raise ValueError(
-                f"no role is called {self.role!r}; there are: {', '.join(roles.NAMES)}"
+                f"no role is called {self.role!r}; {there_are(self.role, roles.NAMES)}"
             )
         if self.handle == []:
             raise ValueError("give at least one handle")

@@ -47,6 +47,9 @@ class Size:
     rounds: int = 2
 
 
+LIGHTS = "edits.5.range=[[0.1, 0.1, 0.1], [0.5, 0.5, 0.5]]"
+"""As dim as lamps get in the tests, which draw COLOSSEUM's; `robust` itself stays within what lamps in a room do."""
+
 SMOKE = Size(TASKS[:2], 2, 2, 20, 1, ("none", "object_color", "all"), 1)
 
 
@@ -57,7 +60,7 @@ def run(
     work.mkdir(parents=True, exist_ok=True)
     demos = data.recorded(work / "demos", size.tasks, size.demos)
     if "rpaug" in arms:
-        data.augmented(work / "rpaug", demos, "robust", size.copies, workers)
+        data.augmented(work / "rpaug", demos, "robust", size.copies, workers, LIGHTS)
     for arm, left in (("oracle", ()), ("oracle_valid", looks.INVALIDATING)):
         if arm in arms:
             data.rendered(work / arm, size.tasks, size.demos, size.copies, left)
@@ -174,7 +177,7 @@ def looped(work: Path, size: Size, arm: str, seed: int) -> Path:
     """
     me = f"{sys.executable} -m tools.bench.closed_loop"
     first, out = learnt(work, size, "plain", seed), work / "policies" / f"{arm}{seed}" / "loop"
-    command = [sys.executable, "-m", "rpaug.cli", "loop", str(work / "demos"), "--out", str(out)]
+    command = [sys.executable, "-m", "rpaug", "loop", str(work / "demos"), "--out", str(out)]
     command += ["--train", f"{me} train {{policy}} {{data}} --seed {seed} --steps {size.steps}"]
     tests = f"--episodes {max(1, size.episodes // 2)} --tasks {' '.join(size.tasks)}"
     command += ["--eval", f"{me} eval {{policy}} {{evaluation}} {tests}"]

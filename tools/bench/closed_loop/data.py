@@ -24,10 +24,14 @@ def recorded(root: Path, tasks: Sequence[str], demos: int) -> Path:
     return _whole(root, lambda work: [_record(task, work, demos) for task in tasks])
 
 
-def augmented(root: Path, source: Path, recipe: str, copies: int, workers: int) -> Path:
+def augmented(
+    root: Path, source: Path, recipe: str, copies: int, workers: int, *settings: str
+) -> Path:
     """Copies as a user would make them: by the command."""
-    command = [sys.executable, "-m", "rpaug.cli", "augment", str(source), "--recipe", recipe]
-    command += ["--set", f"copies={copies}", "--workers", str(workers)]
+    command = [sys.executable, "-m", "rpaug", "augment", str(source), "--recipe", recipe]
+    command += ["--workers", str(workers)]
+    for one in (f"copies={copies}", *settings):
+        command += ["--set", one]
 
     def make(work: Path) -> None:
         again = ["--resume"] if work.exists() else []

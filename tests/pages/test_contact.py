@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from analytic import EYES, scene
 
-from rpaug.pipeline import contact, report
+from rpaug.pages import contact
+from rpaug.pipeline import report
 
 
 def test_some_augmented_episodes_are_shown_and_their_reports_alone_are_kept(

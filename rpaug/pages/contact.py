@@ -1,38 +1,28 @@
 """The contact sheet: before, after and difference of a few episodes at their key frames, as one HTML page."""
 
-import base64
 import html
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import cv2
 import numpy as np
+import yaml
 from jaxtyping import UInt8
 
 from rpaug.core import keyframes
-from rpaug.core.files import REJECTED, encode_png, write_atomic
+from rpaug.core.files import REJECTED, write_atomic
 from rpaug.core.interfaces import Adapter
 from rpaug.core.types import Episode
+from rpaug.pages import told
+from rpaug.pages.document import document, facts, figure, jpeg
 from rpaug.pipeline import report
 
-NAME = "rpaug.contact.html"
 MOST_EPISODES = 8
 MOST_FRAMES = 4
 TILE = 144  # pixels, of one image's height on the sheet
-GAIN = 4  # the difference is shown four times as strong, around grey
-
-STYLE = """
-body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1500px;padding:0 1rem;
-color:#1d232b;background:#fff}
-h1{font-size:1.35rem}h2{font-size:1.05rem;margin:2rem 0 .3rem;border-top:1px solid #d7dce2;padding-top:1rem}
-table{border-collapse:collapse;margin:.4rem 0}td,th{padding:2px 14px 2px 0;text-align:left;
-vertical-align:top;font-weight:400}
-th{color:#5a6673}figure{margin:.6rem 0;overflow-x:auto}figcaption{color:#5a6673}
-img{image-rendering:pixelated;max-width:none}
-pre{background:#f5f7f9;padding:.7rem;overflow:auto;max-height:16rem}code{background:#f5f7f9}
-"""
+GAIN = 2  # the difference is shown twice as strong, around grey
 
 
 def sheet(
@@ -60,15 +50,15 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
             break  # all that there are
     parts = [_section(adapter, source, target, key, picked[key]) for key in keys if key in picked]
     summary = json.loads((target / report.SUMMARY).read_bytes())
-    page = (
-        f"<!doctype html><html lang=en><meta charset=utf-8><title>rpaug contact sheet</title>"
-        f"<style>{STYLE}</style><h1>{len(keys)} episodes, {len(picked)} augmented ones shown</h1>"
-        f"<p>Rows: recorded, edited, difference (times {GAIN}, grey is none). Columns: key frames.</p>"
-        f"<details><summary>Recipe</summary><pre>{html.escape(json.dumps(summary['recipe'], indent=1))}</pre></details>"
-        f"{''.join(parts)}</html>"
+    body = (
+        f"<h1>{len(keys)} episodes, {len(picked)} augmented ones shown</h1>"
+        f"{facts(_facts(summary))}"
+        f"<p class=soft>Rows: recorded, edited, difference (times {GAIN}, grey is none). Columns: key frames.</p>"
+        f"{''.join(parts)}"
+        f"<h2>Recipe</h2><details><summary>as YAML</summary><pre>{_yaml(summary['recipe'])}</pre></details>"
     )
-    write_atomic(target / NAME, page.encode())
-    return target / NAME
+    write_atomic(target / report.CONTACT_SHEET, document("rpaug contact sheet", body))
+    return target / report.CONTACT_SHEET
 
 
 def key_frames(episode: Episode) -> list[int]:
@@ -80,33 +70,49 @@ def key_frames(episode: Episode) -> list[int]:
     return [min(found[i], episode.length - 1) for i in picks]
 
 
+def _facts(summary: Mapping[str, Any]) -> list[tuple[str, object]]:
+    """What a run came to, at a glance."""
+    changed = summary.get("changed_share", {})
+    found: list[tuple[str, object]] = [
+        ("rejected", len(summary.get("rejected", {}))),
+        ("skipped", len(summary.get("failures", {}))),
+        ("seconds", f"{sum(summary.get('seconds', {}).values()):.0f}"),
+    ]
+    found += [(f"changed, {name}", f"{100 * share:.0f} %") for name, share in changed.items()]
+    return found
+
+
 def _section(
     adapter: Adapter, source: Path, target: Path, key: str, described: dict[str, Any]
 ) -> str:
     before, after = adapter.read(source, described["source"]), adapter.read(target, key)
     frames = key_frames(before)
     figures = [
-        f"<figure><img alt='{html.escape(name)}' src='{_embedded(image)}'>"
-        f"<figcaption>{html.escape(name)}, frames {', '.join(map(str, frames))}; "
-        f"{100 * described['changed_share'].get(name, 0.0):.1f} % of pixels changed</figcaption></figure>"
+        figure(
+            jpeg(image),
+            f"{name}: recorded, edited, difference",
+            f"{name}, frames {', '.join(map(str, frames))}; "
+            f"{100 * described['changed_share'].get(name, 0.0):.1f} % of pixels changed",
+        )
         for name, image in sheet(before, after, frames).items()
     ]
-    draws = "".join(
-        f"<tr><th>{html.escape(draw.get('op', 'skipped'))}<td><code>{html.escape(_came_to(draw))}</code>"
-        for draw in described["draws"]
+    words = "".join(
+        f"<li><span class=soft>{html.escape(op)}</span> {html.escape(what)}"
+        for op, what in told.draws(described["draws"])
     )
+    drawn = json.dumps(described["draws"], indent=1)
     return (
-        f"<h2>{html.escape(key)}</h2><p>from {html.escape(described['source'])}, copy {described['copy']}: "
-        f"“{html.escape(after.instruction)}”</p><table>{draws}</table>{''.join(figures)}"
+        f"<h2>{html.escape(key)}</h2><p>“{html.escape(after.instruction)}”, copy {described['copy']} of "
+        f"{html.escape(described['source'])}</p><ul class=told>{words or '<li>nothing was drawn'}</ul>"
+        f"<div class=views>{''.join(figures)}</div>"
+        f"<details><summary>drawn values as JSON</summary><pre>{html.escape(drawn)}</pre></details>"
     )
 
 
-def _came_to(draw: dict[str, Any]) -> str:
-    return draw.get("left_out") or json.dumps(draw.get("edit"))
-
-
-def _embedded(image: UInt8[np.ndarray, "h w 3"]) -> str:
-    return f"data:image/png;base64,{base64.b64encode(encode_png(image)).decode()}"
+def _yaml(recipe: Mapping[str, Any]) -> str:
+    return html.escape(
+        yaml.safe_dump(dict(recipe), sort_keys=False, width=100, default_flow_style=None)
+    )
 
 
 def _column(

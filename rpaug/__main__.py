@@ -1,0 +1,5 @@
+"""`python -m rpaug` is the `rpaug` command."""
+
+from rpaug.cli import main
+
+main()

@@ -1,0 +1,53 @@
+"""How far long work is: the stage of an episode, and how much of the stage is done, told to whoever listens.
+
+Work tells a log and need not know who shows it. Workers send what they are told to the run that began them.
+"""
+
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+Told = Mapping[str, Any]
+"""`key` of an episode, `stage` in words, and `done` of `total` parts (frames, mostly); a total of 0 is unknown."""
+
+COPY = "copy written"
+"""The stage whose `done` are copies of the episode that are there, of `total`."""
+FINISHED = "finished"
+"""The stage after which nothing more comes of an episode."""
+
+LOG = logging.getLogger("rpaug.progress")
+LOG.propagate = False  # thousands of lines: for those alone who listen here
+
+
+def told(key: str, stage: str, done: int = 0, total: int = 0) -> None:
+    """Tell how far an episode is. Costs next to nothing while nobody listens."""
+    retold({"key": key, "stage": stage, "done": done, "total": total})
+
+
+def retold(given: Told) -> None:
+    """Pass on what a worker told."""
+    LOG.info("%(key)s: %(stage)s", given)
+
+
+@contextmanager
+def heard(listen: Callable[[Told], None]) -> Iterator[None]:
+    """Listen to what is told meanwhile, in this process and by its workers."""
+    handler, level = _Listener(listen), LOG.level
+    LOG.addHandler(handler)
+    LOG.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        LOG.removeHandler(handler)
+        LOG.setLevel(level)
+
+
+class _Listener(logging.Handler):
+    def __init__(self, listen: Callable[[Told], None]) -> None:
+        super().__init__(logging.INFO)
+        self._listen = listen
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if isinstance(record.args, Mapping):
+            self._listen(dict(record.args))

@@ -1,0 +1,222 @@
+"use strict";
+const DATA = JSON.parse(document.getElementById("data").textContent);
+const $ = (id) => document.getElementById(id);
+const MODES = ["before", "after", "split", "difference", "depth", "instances"];
+const state = {episode: 0, draw: 0, frame: 0, mode: "split", split: 0.5, timer: 0};
+const images = new Map();
+let episode = null, shot = null;
+
+function element(tag, properties, ...children) {
+  const made = Object.assign(document.createElement(tag), properties || {});
+  made.append(...children);
+  return made;
+}
+function image(url) {
+  if (!images.has(url)) {
+    if (images.size > 400) images.clear();
+    const made = new Image();
+    made.src = url;
+    images.set(url, made.decode().then(() => made));
+  }
+  return images.get(url);
+}
+function place(sheet, index) {
+  return [(index % sheet.columns) * sheet.tile[0], Math.floor(index / sheet.columns) * sheet.tile[1]];
+}
+async function pixels(sheet, index, size) {
+  const made = await image(sheet.url), [x, y] = place(sheet, index);
+  const canvas = new OffscreenCanvas(size.width, size.height);
+  const context = canvas.getContext("2d", {willReadFrequently: true});
+  context.drawImage(made, x, y, size.width, size.height, 0, 0, size.width, size.height);
+  return {canvas, data: context.getImageData(0, 0, size.width, size.height)};
+}
+function instances() {
+  return [...episode.instances, ...(shot ? shot.added : [])];
+}
+async function paint(canvas, name) {
+  const size = episode.cameras[name], scale = Math.max(1, Math.round(512 / size.width));
+  if (!episode.before) return;
+  const made = shot && shot.images[name], old = episode.before[name];
+  const index = episode.single ? 0 : state.frame, turn = ++canvas.turn;
+  const context = canvas.getContext("2d");
+  const before = await pixels(old.before, index, size);
+  const after = made ? await pixels(made.after, index, size) : before;
+  let other = null;
+  if (state.mode === "depth" && made && made.depth) other = await pixels(made.depth, index, size);
+  if (state.mode === "instances" && made && made.ids) other = await pixels(made.ids, index, size);
+  if (turn !== canvas.turn) return;
+  canvas.width = size.width * scale;
+  canvas.height = size.height * scale;
+  context.imageSmoothingEnabled = false;
+  const put = (source) => context.drawImage(source.canvas, 0, 0, canvas.width, canvas.height);
+  if (state.mode === "before") put(before);
+  else if (state.mode === "difference") put(difference(before, after, size));
+  else if (state.mode === "depth" && other) put(other);
+  else put(after);
+  if (state.mode === "split") split(context, canvas, before, size, scale);
+  if (state.mode === "instances" && other) outline(context, other.data, size, scale);
+}
+function difference(before, after, size) {
+  const canvas = new OffscreenCanvas(size.width, size.height), context = canvas.getContext("2d");
+  const out = context.createImageData(size.width, size.height), a = before.data.data, b = after.data.data;
+  for (let i = 0; i < a.length; i += 4) {
+    for (let c = 0; c < 3; c++) out.data[i + c] = 128 + (b[i + c] - a[i + c]);
+    out.data[i + 3] = 255;
+  }
+  context.putImageData(out, 0, 0);
+  return {canvas};
+}
+function split(context, canvas, before, size, scale) {
+  const width = Math.round(state.split * size.width);
+  if (width > 0) context.drawImage(before.canvas, 0, 0, width, size.height, 0, 0, width * scale, canvas.height);
+  context.fillStyle = "#fff";
+  context.fillRect(width * scale - 1, 0, 2, canvas.height);
+}
+function outline(context, ids, size, scale) {
+  const all = instances(), at = (x, y) => ids.data[4 * (y * size.width + x)], sums = new Map();
+  for (let y = 0; y < size.height; y++) for (let x = 0; x < size.width; x++) {
+    const id = at(x, y), one = all[id - 1];
+    if (!one) continue;
+    const sum = sums.get(id) || [0, 0, 0];
+    sums.set(id, [sum[0] + x, sum[1] + y, sum[2] + 1]);
+    context.fillStyle = `rgb(${one.color})`;
+    const edge = Math.max(1, scale / 2);
+    if (x + 1 < size.width && at(x + 1, y) !== id) context.fillRect((x + 1) * scale - edge, y * scale, edge, scale);
+    if (x > 0 && at(x - 1, y) !== id) context.fillRect(x * scale, y * scale, edge, scale);
+    if (y + 1 < size.height && at(x, y + 1) !== id) context.fillRect(x * scale, (y + 1) * scale - edge, scale, edge);
+    if (y > 0 && at(x, y - 1) !== id) context.fillRect(x * scale, y * scale, scale, edge);
+  }
+  context.font = "600 15px system-ui,sans-serif";
+  context.textAlign = "center";
+  for (const [id, [x, y, count]] of sums) {
+    const one = all[id - 1];
+    if (!one.name || count < 40) continue;
+    context.lineWidth = 4;
+    context.strokeStyle = "#141414";
+    context.strokeText(one.name, x / count * scale, y / count * scale);
+    context.fillStyle = `rgb(${one.color})`;
+    context.fillText(one.name, x / count * scale, y / count * scale);
+  }
+}
+function repaint() {
+  for (const canvas of $("views").querySelectorAll("canvas")) paint(canvas, canvas.dataset.camera);
+}
+function button(words, act, label) {
+  const made = element("button", {type: "button", textContent: words, onclick: act});
+  if (label) made.setAttribute("aria-label", label);
+  return made;
+}
+function bar() {
+  const modes = element("div", {className: "group"});
+  modes.setAttribute("role", "group");
+  modes.setAttribute("aria-label", "what is shown");
+  MODES.forEach((mode) => {
+    const made = button(mode, () => { state.mode = mode; sync(); repaint(); });
+    made.dataset.mode = mode;
+    modes.append(made);
+  });
+  const slide = (id, label, most, step, act) => {
+    const made = element("input", {type: "range", id, min: 0, max: most, step, value: 0});
+    made.oninput = () => act(Number(made.value));
+    return element("label", {className: "slide"}, element("span", {id: id + "-label", textContent: label}), made);
+  };
+  $("bar").replaceChildren(
+    modes,
+    slide("split", "recorded | edited", 1, 0.01, (value) => { state.split = value; state.mode = "split"; sync(); repaint(); }),
+    slide("frame", "frame", 0, 1, (value) => go(value)),
+    element("div", {className: "group"}, button("play", play, "play or stop"), button("next draw", next),
+      button("‹ episode", () => turn(-1), "previous episode"), button("episode ›", () => turn(1), "next episode")));
+  $("split").value = state.split;
+}
+function sync() {
+  for (const made of $("bar").querySelectorAll("[data-mode]"))
+    made.setAttribute("aria-pressed", String(made.dataset.mode === state.mode));
+  $("frame").max = episode.frames.length - 1;
+  $("frame").value = state.frame;
+  $("frame-label").textContent = `frame ${episode.frames[state.frame]} of ${episode.length - 1}`;
+}
+function told() {
+  $("title").textContent = `“${(shot && shot.instruction) || episode.instruction}”`;
+  const facts = [["episode", episode.key], ["frames", episode.length], ["cameras", Object.keys(episode.cameras).length]];
+  if (shot) facts.push(["draw", `seed ${shot.seed}, copy ${shot.copy}`]);
+  const total = DATA.served ? DATA.keys.length : DATA.episodes.length;
+  if (total > 1) facts.push(["of", `${state.episode + 1} of ${total} episodes`]);
+  $("facts").replaceChildren(element("ul", {className: "facts"}, ...facts.map(([name, value]) =>
+    element("li", {}, element("span", {className: "soft", textContent: name + " "}), element("b", {textContent: value})))));
+  const words = shot ? shot.words : [];
+  const list = element("ul", {className: "told"}, ...words.map(([op, what]) =>
+    element("li", {}, element("span", {className: "soft", textContent: op + " "}), what)));
+  if (!words.length) list.append(element("li", {textContent: "nothing was drawn in this copy"}));
+  const gates = element("p", {});
+  if (shot && shot.faults.length) {
+    gates.className = "bad";
+    gates.textContent = "rejected: " + shot.faults.join("; ");
+  } else if (shot && Object.keys(shot.measured).length) {
+    gates.textContent = "gates passed: " + Object.entries(shot.measured).map(([k, v]) => `${k} ${+v.toPrecision(3)}`).join(", ");
+  } else if (shot) gates.textContent = DATA.served ? "gates are measured when copies are written" : "gates passed";
+  $("drawn").replaceChildren(list, gates);
+  $("roles").replaceChildren(...Object.entries(episode.roles).map(([role, one]) => {
+    const color = (episode.instances.find((i) => i.id === one.ids[0]) || {color: [127, 127, 127]}).color;
+    const dot = element("span", {className: "dot"});
+    dot.style.background = `rgb(${color})`;
+    const why = element("details", {}, element("summary", {textContent: "why"}),
+      ...one.why.map((words) => element("p", {className: "soft", textContent: words})));
+    return element("li", {}, dot, element("b", {textContent: role}), `: ${one.ids.join(", ") || "none"}`, one.why.length ? why : "");
+  }));
+}
+function cameras() {
+  $("views").replaceChildren(...Object.keys(episode.cameras).map((name) => {
+    const canvas = element("canvas", {turn: 0});
+    canvas.dataset.camera = name;
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", `camera ${name}`);
+    return element("figure", {}, canvas, element("figcaption", {textContent: name}));
+  }));
+}
+function refresh() { told(); sync(); repaint(); }
+function go(frame) {
+  state.frame = Math.max(0, Math.min(episode.frames.length - 1, frame));
+  if (DATA.served) ask(); else { sync(); repaint(); }
+}
+function next() {
+  if (DATA.served) { state.draw += 1; ask(); return; }
+  state.draw = (state.draw + 1) % episode.draws.length;
+  shot = episode.draws[state.draw];
+  refresh();
+}
+function turn(step) {
+  const total = DATA.served ? DATA.keys.length : DATA.episodes.length;
+  state.episode = (state.episode + step + total) % total;
+  open();
+}
+function play() {
+  if (state.timer) { clearInterval(state.timer); state.timer = 0; return; }
+  state.timer = setInterval(() => go((state.frame + 1) % episode.frames.length), DATA.served ? 700 : 150);
+}
+function open() {
+  if (DATA.served) { load(); return; }
+  episode = DATA.episodes[state.episode];
+  shot = episode.draws[Math.min(state.draw, episode.draws.length - 1)] || null;
+  state.frame = Math.min(state.frame, episode.frames.length - 1);
+  cameras();
+  refresh();
+}
+document.addEventListener("keydown", (event) => {
+  if (/INPUT|TEXTAREA|SELECT|BUTTON|SUMMARY/.test(event.target.tagName) || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (!episode) return;
+  if (event.key === "ArrowRight") go(state.frame + 1);
+  else if (event.key === "ArrowLeft") go(state.frame - 1);
+  else if (event.key === " ") play();
+  else if (event.key === "n") next();
+  else if (MODES[Number(event.key) - 1]) { state.mode = MODES[Number(event.key) - 1]; sync(); repaint(); }
+  else return;
+  event.preventDefault();
+});
+$("copy").onclick = async () => {
+  const words = $("yaml").textContent;
+  try { await navigator.clipboard.writeText(words); $("copied").textContent = "copied"; }
+  catch { $("folded").open = true; getSelection().selectAllChildren($("yaml")); $("copied").textContent = "selected: copy it"; }
+};
+$("yaml").textContent = DATA.yaml;
+bar();
+if (!DATA.served) open();

@@ -1,0 +1,207 @@
+"""One episode under changing recipes: its scene is built once, copies are drawn and single frames made as asked."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from rpaug.core import registry
+from rpaug.core.types import CameraView, Episode
+from rpaug.pages import told
+from rpaug.pages.document import color_of, jpeg, png
+from rpaug.pages.instances import labels
+from rpaug.pipeline import inspect, plan, prepare
+from rpaug.pipeline.copies import Made, PreparedEpisode, draw_copy
+from rpaug.pipeline.recipe import Recipe
+from rpaug.scene.recorded import surfels
+from rpaug.scene.targets import settled
+from rpaug.scene.targets.survey import InstanceSummary
+
+WIDEST = 320  # pixels of an image on a page
+BLOCK = 16  # pixels: JPEG's blocks of one frame must not reach into the next
+DRAWN = {"edits", "seed", "copies", "gates", "select", "keep_originals", "on_missing"}
+"""Keys of a recipe that the scene does not depend on."""
+
+Images = dict[str, dict[str, Any]]
+"""By camera: `after`, `depth`, `ids` as data URLs, all frames of one in a sheet of `columns` tiles of `tile` pixels."""
+
+
+@dataclass
+class Session:
+    """An episode of a dataset. Raises BadInput where there is none of that key."""
+
+    root: Path
+    key: str | None = None
+    _scenes: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def episode(self) -> Episode:
+        """As it was recorded."""
+        return registry.read(self.root, self.key)
+
+    @cached_property
+    def found(self) -> tuple[dict[str, Any], tuple[InstanceSummary, ...], Episode]:
+        """What `inspect` says of it."""
+        return inspect.inspect(self.episode, roles=settled.read(self.root))
+
+    def describe(self) -> dict[str, Any]:
+        """What a page says of the episode itself."""
+        described, rows, seen = self.found
+        names = labels(rows)
+        return {
+            "key": self.episode.key,
+            "instruction": self.episode.instruction,
+            "length": seen.length,
+            "cameras": {name: _size(view) for name, view in seen.views.items()},
+            "roles": {
+                role: {"ids": one["handles"], "why": list(one["reasons"])}
+                for role, one in described.get("roles", {}).items()
+            },
+            "instances": [
+                {"id": one.instance_id, "name": names[one.instance_id][0], "color": names[one.instance_id][1]}
+                for one in rows
+            ],
+        }  # fmt: skip
+
+    def prepared(self, recipe: Recipe) -> PreparedEpisode:
+        """The episode made ready for a recipe. Raises RpaugError."""
+        recipe = recipe.settled(self.root)
+        wanted = plan.make(prepare.operators(recipe), self.episode)
+        rest = {name: value for name, value in recipe.source.items() if name not in DRAWN}
+        name = json.dumps([wanted.bodies, wanted.gaussians, list(map(str, wanted.parts)), rest])
+        if name not in self._scenes:
+            scene, made = prepare.prepare_scene(self.episode, recipe, 0)
+            self._scenes[name] = scene, made, cache(partial(surfels.recorded, scene))
+        scene, made, kept = self._scenes[name]
+        return PreparedEpisode(scene, made if recipe.accuracy else wanted, recipe, kept)
+
+    def before(self, frames: Sequence[int]) -> Images:
+        """The recorded images."""
+        views = self.found[2].views
+        return {name: {"before": sheet(view, "rgb", frames)} for name, view in views.items()}
+
+    def drawn(
+        self, recipe: Recipe, copy: int, frames: Sequence[int], judged: bool
+    ) -> dict[str, Any]:
+        """Copy number `copy`: words, faults, and the images of these frames.
+
+        `judged` measures the gates over all frames, as a run does, and draws again where they fail. Raises RpaugError.
+        """
+        prepared = self.prepared(recipe)
+        made = draw_copy(prepared, copy, _rendered if judged else (lambda _: ()))
+        numbers = self._numbers(made, frames)
+        views = made.recorded.views
+        return {
+            "seed": recipe.seed,
+            "copy": copy,
+            "words": told.draws(one.describe() for one in made.draws),
+            "instruction": made.recorded.instruction,
+            "faults": list(made.faults),
+            "measured": made.figures.describe() if judged else {},
+            "added": self._added(made, numbers),
+            "images": {name: _images(view, frames, numbers) for name, view in views.items()},
+        }
+
+    def _numbers(self, made: Made, frames: Sequence[int]) -> dict[int, int]:
+        """The number that a page's masks have for each instance: recorded ones first, then added ones."""
+        known = [row.instance_id for row in self.found[1]]
+        seen: set[int] = set()
+        for view in made.recorded.views.values():
+            if view.ids is not None:
+                for t in frames:
+                    seen |= set(np.unique(view.ids(t)).tolist())
+        added = sorted(_new(made) & seen)
+        return {one: number for number, one in enumerate((*known, *added), 1) if number < 256}
+
+    def _added(self, made: Made, numbers: Mapping[int, int]) -> list[dict[str, Any]]:
+        names = {
+            thing["handle"]: f"new: {thing['asset'].replace('_', ' ')}"
+            for one in made.draws
+            for thing in (one.edit or {}).get("things", ())
+        }
+        return [
+            {"id": one, "name": names.get(one, f"new {one}"), "color": color_of(number, "")}
+            for one, number in numbers.items()
+            if one in _new(made)
+        ]
+
+
+def _new(made: Made) -> set[int]:
+    """Ids of what edits brought in."""
+    return {
+        one
+        for body in made.scene.bodies
+        if body.mesh is not None or body.copy_of
+        for one in body.instance_ids
+    }
+
+
+def _rendered(made: Made) -> Sequence[str]:
+    from rpaug.pipeline.copies import rendered
+
+    return rendered(made)
+
+
+def _size(view: CameraView) -> dict[str, int]:
+    scale = min(1.0, WIDEST / view.camera.width)
+    return {"width": round(view.camera.width * scale), "height": round(view.camera.height * scale)}
+
+
+def _images(view: CameraView, frames: Sequence[int], numbers: Mapping[int, int]) -> dict[str, Any]:
+    images = {"after": sheet(view, "rgb", frames)}
+    if view.depth is not None:
+        images["depth"] = sheet(view, "depth", frames)
+    if view.ids is not None:
+        images["ids"] = sheet(view, "ids", frames, numbers)
+    return images
+
+
+def sheet(
+    view: CameraView, kind: str, frames: Sequence[int], numbers: Mapping[int, int] | None = None
+) -> dict[str, Any]:
+    """The frames of a camera side by side in one picture: `rgb`, `depth` (white is near), or `ids` by their numbers."""
+    size = _size(view)
+    wide, high = (-(-side // BLOCK) * BLOCK for side in (size["width"], size["height"]))
+    columns = int(np.ceil(np.sqrt(len(frames))))
+    rows = -(-len(frames) // columns)
+    channels = (3,) if kind == "rgb" else ()
+    whole = np.zeros((rows * high, columns * wide, *channels), np.uint8)
+    for number, t in enumerate(frames):
+        if kind == "rgb":
+            tile = _fitted(view.rgb(t), size, cv2.INTER_AREA)
+        elif kind == "ids":
+            assert view.ids is not None
+            tile = _fitted(_numbered(view.ids(t), numbers or {}), size, cv2.INTER_NEAREST)
+        else:
+            assert view.depth is not None
+            tile = _fitted(_gray(view.depth(t)), size, cv2.INTER_NEAREST)
+        row, column = divmod(number, columns)
+        whole[row * high :, column * wide :][: size["height"], : size["width"]] = tile
+    url = jpeg(whole) if kind == "rgb" else png(whole)
+    return {"url": url, "columns": columns, "tile": [wide, high]}
+
+
+def _fitted(image: np.ndarray, size: Mapping[str, int], how: int) -> np.ndarray:
+    wanted = size["width"], size["height"]
+    if (image.shape[1], image.shape[0]) == wanted:
+        return image
+    return cv2.resize(image, wanted, interpolation=how)
+
+
+def _numbered(ids: np.ndarray, numbers: Mapping[int, int]) -> UInt8[np.ndarray, "h w"]:
+    out = np.zeros(ids.shape, np.uint8)
+    for one in np.unique(ids).tolist():
+        out[ids == one] = numbers.get(one, 0)
+    return out
+
+
+def _gray(depth: np.ndarray) -> UInt8[np.ndarray, "h w"]:
+    """White at 30 cm, by the inverse of the distance: what is near is told apart."""
+    near = np.where(depth > 0, 0.3 / np.maximum(depth, 0.3), 0)
+    return np.rint(255 * near).astype(np.uint8)

@@ -1,0 +1,140 @@
+"""What was drawn, in words: `manipulated: brown -> olive`, `front: moved 8.6 cm, turned 4.1 degrees`."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rpaug.core import color_space
+
+Edit = Mapping[str, Any]
+Fields = Mapping[str, Any]
+WARM = 1.06  # red over blue of a light's gain from which it is warmer, and its inverse cooler
+MOST = 3  # numbers of a list that are shown
+
+
+def draws(given: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """The operator and what it came to, of every draw that was not skipped."""
+    return [(one["op"], draw(one)) for one in given if one.get("op")]
+
+
+def draw(one: Mapping[str, Any]) -> str:
+    """One draw of a report in words."""
+    if one.get("left_out"):
+        return f"left out: {one['left_out']}"
+    fields, edit = one.get("fields") or {}, one.get("edit") or {}
+    told = WORDS.get(one["op"], _plain)(fields, edit)
+    short = "; ".join(one.get("fell_short", ()))
+    return f"{told} ({short})" if short else told
+
+
+def target(given: Any) -> str:
+    """A recipe's target as people say it."""
+    if isinstance(given, str):
+        return given
+    if not isinstance(given, Mapping):
+        return "target"
+    if given.get("role") or given.get("text"):
+        return str(given.get("role") or given.get("text"))
+    return f"instance {given.get('handle')}"
+
+
+def _paint(fields: Fields, edit: Edit) -> str:
+    new = color_space.nearest(np.array(edit["color"]))
+    return f"{target(fields.get('target', 'table'))}: {_old(edit)} → {new}"
+
+
+def _texture(fields: Fields, edit: Edit) -> str:
+    return f"{target(fields.get('target', 'surface'))}: {_old(edit)} → {_name(edit['texture'])}"
+
+
+def _old(edit: Edit) -> str:
+    names = [color_space.nearest(np.array(one["albedo"])) for one in edit.get("surfaces", ())]
+    return " and ".join(dict.fromkeys(names)) or "as recorded"
+
+
+def _light(_: Fields, edit: Edit) -> str:
+    red, _green, blue = edit["gain"]
+    level = 100 * (float(np.mean(edit["gain"])) - 1)
+    tint = red / max(blue, 1e-6)
+    hue = "warmer" if tint > WARM else "cooler" if tint < 1 / WARM else "of the same tint"
+    return f"lamps {abs(level):.0f} % {'brighter' if level > 0 else 'dimmer'}, {hue}"
+
+
+def _lamp(_: Fields, edit: Edit) -> str:
+    cosine = float(np.dot(edit["recorded"], edit["direction"]))
+    return f"the lamp stands {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.0f} degrees elsewhere"
+
+
+def _cameras(_: Fields, edit: Edit) -> str:
+    return "; ".join(
+        f"{name}: moved {100 * np.linalg.norm(one['shift']):.1f} cm, "
+        f"turned {np.degrees(np.linalg.norm(one['turn'])):.1f} degrees"
+        for name, one in edit.items()
+    )
+
+
+def _added(_: Fields, edit: Edit) -> str:
+    names = [_name(one["asset"]) for one in edit["things"]]
+    return f"added: {', '.join(names) or 'nothing'}"
+
+
+def _gone(fields: Fields, edit: Edit) -> str:
+    return f"removed: {target(fields.get('target'))}"
+
+
+def _moved(fields: Fields, edit: Edit) -> str:
+    turn = np.array(edit["motion"])[:3, :3]
+    angle = np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
+    return f"{target(fields.get('target'))}: put elsewhere, turned by {angle:.0f} degrees"
+
+
+def _spread(_: Fields, edit: Edit) -> str:
+    return f"{len(edit['moves'])} things put elsewhere"
+
+
+def _copies(fields: Fields, edit: Edit) -> str:
+    return f"{target(fields.get('target'))}: {len(edit['copies'])} more of it"
+
+
+def _size(fields: Fields, edit: Edit) -> str:
+    return f"{target(fields.get('target'))}: {100 * edit['scale']:.0f} % of its size"
+
+
+def _plain(_: Fields, edit: Edit) -> str:
+    return ", ".join(f"{name} {_short(value)}" for name, value in edit.items()) or "done"
+
+
+def _name(word: str) -> str:
+    return word.replace("_", " ")
+
+
+def _short(value: Any) -> str:
+    """Numbers with three digits; of long lists the first few."""
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    if isinstance(value, Mapping):
+        return "; ".join(f"{name} {_short(one)}" for name, one in value.items())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        more = f" and {len(value) - MOST} more" if len(value) > MOST else ""
+        return " ".join(map(_short, value[:MOST])) + more
+    return str(value)
+
+
+WORDS: Mapping[str, Callable[[Fields, Edit], str]] = {
+    "recolor": _paint,
+    "table_color": _paint,
+    "retexture": _texture,
+    "table_texture": lambda fields, edit: _texture({"target": "table", **fields}, edit),
+    "background_texture": lambda fields, edit: _texture({"target": "background", **fields}, edit),
+    "light_color": _light,
+    "light_direction": _lamp,
+    "camera_pose": _cameras,
+    "insert": _added,
+    "distractors": _added,
+    "remove": _gone,
+    "move": _moved,
+    "spread": _spread,
+    "duplicate": _copies,
+    "object_size": _size,
+}

@@ -1,0 +1,110 @@
+"""A first recipe for a dataset: each edit that its first episode has something for, the others as comments with why."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from rpaug.core.errors import RpaugError
+from rpaug.core.types import Episode
+from rpaug.pipeline import prepare
+from rpaug.pipeline import recipe as recipes
+from rpaug.pipeline.recipe_yaml import parse
+
+CANDIDATES = (
+    (
+        "what the robot handles: another color",
+        "{op: recolor, target: {role: manipulated}, color: {sample: colosseum}, probability: 0.5}",
+    ),
+    (
+        "where it is put, or what stays behind: another surface",
+        "{op: retexture, target: {role: receiver}, probability: 0.3}",
+    ),
+    ("another tabletop", "{op: table_texture, probability: 0.5}"),
+    ("other walls and floor", "{op: background_texture, probability: 0.5}"),
+    (
+        "two things more on the table, out of the robot's way",
+        "{op: distractors, count: 2, probability: 0.5}",
+    ),
+    (
+        "lamps from warm to cool, never near darkness",
+        "{op: light_color, range: [[0.36, 0.36, 0.33], [0.5, 0.5, 0.5]], probability: 0.5}",
+    ),
+    (
+        "cameras bumped by up to 5 cm and 3 degrees",
+        "{op: camera_pose, camera: static, shift: 0.05, turn: 0.05, probability: 0.5}",
+    ),
+)
+WIDTH = 118  # columns of a comment
+
+
+def text(episode: Episode, described: Mapping[str, Any]) -> str:
+    """The recipe as YAML with comments. `described` is what `inspect` says of the episode.
+
+    Raises RpaugError where nothing at all can be edited, with the reasons.
+    """
+    lines, usable, reasons = list[str](), 0, list[str]()
+    for words, entry in CANDIDATES:
+        reason = _lacking(episode, entry)
+        if reason is None:
+            usable += 1
+            lines += [f"  # {words}", f"  - {entry}"]
+        else:
+            reasons.append(reason)
+            lines += [*_comment(f"not here: {words}: {reason}", "  # "), f"  # - {entry}"]
+    if not usable:
+        raise RpaugError(f"{episode.key}: no edit can be made: {'; '.join(dict.fromkeys(reasons))}")
+    head = [line for one in _facts(episode, described) for line in _comment(one, "# ")]
+    made = "\n".join(
+        [
+            *head,
+            "version: 1",
+            "seed: 0      # the same seed gives the same bytes",
+            "copies: 4    # of each episode",
+            "edits:",
+            *lines,
+            "gates: {tries: 4}  # a copy that fails is drawn again: docs/gates.md",
+            "",
+        ]
+    )
+    recipes.build(parse(made.encode(), "recipe")[0])  # what is written is valid
+    return made
+
+
+def _facts(episode: Episode, described: Mapping[str, Any]) -> list[str]:
+    """What was found, in sentences."""
+    roles = [
+        f"{role}: {', '.join(map(str, one['handles']))}"
+        for role, one in described.get("roles", {}).items()
+        if one["handles"]
+    ]
+    return [
+        f"A first recipe for {episode.key}: “{episode.instruction}”, {episode.length} frames, cameras "
+        f"{', '.join(episode.views)}.",
+        f"Instances by role: {'; '.join(roles) or 'none were found'}. `rpaug inspect` shows what they are, "
+        '`{handle: N}` names one, `{text: "the red cup"}` too.',
+        "See it: rpaug preview DATASET --recipe THIS. Make it: rpaug augment DATASET --recipe THIS --out OUT.",
+    ]
+
+
+def _lacking(episode: Episode, entry: str) -> str | None:
+    """Why the episode has nothing for an edit; None if it has."""
+    tree, _ = parse(f"version: 1\nedits:\n  - {entry}\n".encode(), "recipe")
+    recipe = recipes.build(tree)
+    try:
+        scene, _ = prepare.prepare_scene(episode, recipe, 0)
+        prepare.ground(scene, recipe)
+    except RpaugError as error:
+        name = recipe.steps[0].options[0].name
+        told = str(error).removeprefix(f"{episode.key}: ").removeprefix(f"{name}: ")
+        return told.partition("; there is: ")[0]
+    return None
+
+
+def _comment(words: str, mark: str) -> list[str]:
+    """The words in lines of a comment."""
+    lines, line = list[str](), mark
+    for word in " ".join(words.split()).split(" "):
+        if len(line) + len(word) > WIDTH and line != mark:
+            lines.append(line.rstrip())
+            line = mark
+        line += f"{word} "
+    return [*lines, line.rstrip()]

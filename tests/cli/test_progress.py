@@ -1,0 +1,83 @@
+"""What is shown while a command works: frames of copies, stage and time left, in logs and from workers too."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from rpaug.cli import app
+from rpaug.cli import progress as shown
+from rpaug.core import progress
+
+RECIPE = "version: 1\ncopies: 2\nedits:\n  - {op: recolor, target: {handle: 300}, color: blue}\n"
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_log_is_told_frames_of_copies(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    monkeypatch.setattr(shown, "EVERY", 0.0)
+    (tmp_path / "recipe.yaml").write_text(RECIPE)
+    given = ["augment", str(template), "--recipe", str(tmp_path / "recipe.yaml")]
+    done = CliRunner().invoke(
+        app, [*given, "--out", str(tmp_path / "out"), "--workers", str(workers)]
+    )
+    assert done.exit_code == 0
+    lines = [line for line in done.stderr.splitlines() if line.startswith("augmenting: ")]
+    assert any("making frames, 1 of 16" in line for line in lines)  # two cameras, eight frames
+    assert any("finding what is in the scene" in line for line in lines)
+    assert any("left" in line for line in lines)
+    reached = [float(line.split()[1]) for line in lines if " of 4;" in line]
+    assert reached == sorted(reached)
+    assert any(not one.is_integer() for one in reached)
+    assert "augmenting: 4 of 4; " in lines[-1]
+
+
+def test_nothing_is_told_in_json(template: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shown, "EVERY", 0.0)
+    assert CliRunner().invoke(app, ["inspect", str(template), "--json"]).stderr == ""
+    assert (
+        "finding what is in the scene" in CliRunner().invoke(app, ["inspect", str(template)]).stderr
+    )
+
+
+def test_converting_and_verifying_name_the_episode(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shown, "EVERY", 0.0)
+    out = str(tmp_path / "out")
+    told = CliRunner().invoke(app, ["convert", str(template), "--to", "rdt", "--out", out]).stderr
+    assert "episode1: reading and writing" in told
+    assert (
+        "comparing" in CliRunner().invoke(app, ["verify", out, "--against", str(template)]).stderr
+    )
+
+
+def test_a_redrawn_copy_does_not_go_back_and_time_left_follows() -> None:
+    now = [0.0]
+    position = shown.Position("augmenting", lambda: now[0])
+    position.count(0, 4)
+    assert position.left == ""
+    told = {"key": "a", "stage": "making frames", "total": 10}
+    now[0] = 10.0
+    position.hear({**told, "done": 1})
+    now[0] = 30.0
+    position.hear({**told, "done": 5})
+    assert position.counted == "0.5 of 4"
+    assert position.left == "about 3 min left"  # 3.5 copies of 50 s each
+    position.hear({**told, "done": 1})  # drawn again
+    assert position.counted == "0.5 of 4"
+    position.hear({"key": "a", "stage": progress.COPY, "done": 1, "total": 2})
+    position.hear({**told, "done": 2})
+    assert position.counted == "1.2 of 4"
+    position.hear({"key": "a", "stage": progress.FINISHED, "done": 0, "total": 0})
+    position.count(2, 4)
+    assert position.counted == "2 of 4"
+
+
+def test_nobody_hears_what_is_told_afterwards() -> None:
+    heard: list[progress.Told] = []
+    with progress.heard(heard.append):
+        progress.told("a", "reading")
+    progress.told("a", "reading")
+    assert [one["stage"] for one in heard] == ["reading"]

@@ -1,0 +1,34 @@
+"""The page of an episode's instances: outlines in their colors, names, escaped words."""
+
+import numpy as np
+
+from rpaug.core import registry
+from rpaug.pages import instances
+from rpaug.pages.document import color_of, outlined
+from rpaug.pipeline import inspect
+
+
+def test_every_instance_is_outlined_in_its_color_and_named() -> None:
+    image, ids = np.full((20, 30, 3), 100, np.uint8), np.zeros((20, 30), np.int32)
+    ids[4:16, 4:26] = 7
+    made = outlined(image, ids, {7: ("cup", (230, 159, 0))}, scale=4)
+    assert made.shape == (80, 120, 3)
+    assert (made[16, 20:100] == (230, 159, 0)).all()  # the upper edge
+    assert (made[:14] == 100).all()
+    assert (made[24:56, 24:96] != 100).any()  # its name
+    bare = outlined(image, ids, {7: ("", (230, 159, 0))}, scale=4)
+    assert (bare[24:56, 24:96] == 100).all()
+
+
+def test_the_page_of_the_sample() -> None:
+    described, rows, seen = inspect.inspect(registry.read(registry.SAMPLE, None))
+    described["instruction"] = "open <b>it"
+    page = instances.page(seen, described, rows).decode()
+    assert "open &lt;b&gt;it" in page
+    assert page.count("<figure>") == len(seen.views)
+    assert "width=device-width" in page
+    assert "manipulated" in page
+    names = instances.labels(rows)
+    assert names[94][0] == "manipulated 94"
+    assert names[94][1] == color_of(0, "manipulated")
+    assert sum(bool(name) for name, _ in names.values()) < len(rows)  # of the arm one link is named

@@ -1,0 +1,136 @@
+"""The preview: one page with images, words and gates of copies made ahead; in a browser it shows them."""
+
+import json
+import re
+from pathlib import Path
+
+import browser
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rpaug.cli import app
+from rpaug.core import registry
+from rpaug.pages import preview
+from rpaug.pages.session import Session, sheet
+from rpaug.pipeline import recipe
+
+RECIPE = {
+    "version": 1,
+    "seed": 3,
+    "edits": [
+        {"op": "recolor", "target": {"role": "manipulated"}, "color": "blue"},
+        {"op": "distractors", "count": 1},
+    ],
+}
+needs_chromium = pytest.mark.skipif(browser.CHROMIUM is None, reason=browser.WHY)
+SETTLED = "const settled=()=>new Promise((done)=>setTimeout(done,600));await settled();"
+MEAN = """
+const mean=(name)=>{const c=document.querySelector(`canvas[data-camera=${name}]`),d=c.getContext('2d')
+.getImageData(0,0,c.width,c.height).data;let s=[0,0,0];for(let i=0;i<d.length;i+=4)for(let k=0;k<3;k++)s[k]+=d[i+k];
+return s.map((v)=>v/(d.length/4))};
+const press=async(words)=>{const all=[...document.querySelectorAll('#bar button')];
+all.find((b)=>b.textContent===words).click();await settled()};
+"""
+
+
+@pytest.fixture(scope="module")
+def page() -> bytes:
+    keys = preview.chosen(registry.SAMPLE, None, 1)
+    return preview.page(registry.SAMPLE, keys, recipe.build(RECIPE), draws=2, frames=3)
+
+
+def held(page: bytes) -> dict:
+    found = re.search(rb"<script type=application/json id=data>(.*?)</script>", page, re.DOTALL)
+    assert found
+    return json.loads(found[1])
+
+
+def test_the_page_holds_copies_as_a_run_makes_them(page: bytes) -> None:
+    (episode,) = held(page)["episodes"]
+    assert episode["frames"] == [0, 8, 16]
+    first, second = episode["draws"]
+    assert first["words"][0] == ["recolor", "manipulated: tan and gray → blue"]
+    assert (first["copy"], second["copy"], first["seed"]) == (1, 2, 3)
+    assert first["faults"] == []
+    assert first["added"][0]["name"].startswith("new: ")
+    assert {"after", "depth", "ids"} == set(first["images"]["front"])
+    assert episode["roles"]["manipulated"]["why"]
+    assert b"http" not in re.sub(rb"data:[^\"']*", b"", page)  # it needs no network
+
+
+def test_frames_lie_in_a_sheet_block_by_block() -> None:
+    view = registry.read(registry.SAMPLE, None).views["front"]
+    numbers = {one: n for n, one in enumerate(np.unique(view.ids(0)).tolist(), 1)}  # type: ignore[misc]
+    made = sheet(view, "ids", [0, 4, 8], numbers)
+    assert (made["columns"], made["tile"]) == (2, [128, 128])
+    assert made["url"].startswith("data:image/png;base64,")
+
+
+def test_a_scene_is_built_once_for_recipes_that_need_the_same() -> None:
+    session = Session(registry.SAMPLE)
+    first = session.prepared(recipe.build(RECIPE))
+    other = json.loads(json.dumps(RECIPE).replace("blue", "red"))
+    assert session.prepared(recipe.build(other)).scene is first.scene
+    drawn = session.drawn(recipe.build(other), 1, [8], judged=False)
+    assert drawn["words"][0][1].endswith("red")
+
+
+def test_the_command_writes_a_page_and_spares_what_is_not_one(tmp_path: Path) -> None:
+    (tmp_path / "r.yaml").write_text(json.dumps(RECIPE))
+    out = tmp_path / "p.html"
+    given = [
+        "preview",
+        "sample",
+        "--recipe",
+        str(tmp_path / "r.yaml"),
+        "--out",
+        str(out),
+        "--draws",
+        "1",
+        "--frames",
+        "2",
+    ]
+    assert CliRunner().invoke(app, given).exit_code == 0
+    assert CliRunner().invoke(app, given).exit_code == 0  # an earlier preview is replaced
+    out.write_text("mine")
+    done = CliRunner().invoke(app, given)
+    assert done.exit_code == 2
+    assert "earlier preview" in done.stderr
+    assert out.read_text() == "mine"
+
+
+@needs_chromium
+@pytest.mark.parametrize("width", [1400, 390])
+def test_a_browser_shows_it(page: bytes, tmp_path: Path, width: int) -> None:
+    script = f"""{SETTLED}{MEAN}
+    const out={{wide:document.documentElement.scrollWidth,cameras:document.querySelectorAll('canvas').length}};
+    for(const mode of ['before','after','difference','depth','instances','split']){{
+        await press(mode);out[mode]=mean('wrist')}}
+    document.dispatchEvent(new KeyboardEvent('keydown',{{key:'ArrowRight'}}));await settled();
+    out.frame=document.getElementById('frame-label').textContent;
+    out.first=document.getElementById('facts').textContent;await press('next draw');
+    out.next=document.getElementById('facts').textContent;
+    out.drawn=document.getElementById('drawn').textContent;out.inner=innerWidth;return out;"""
+    out = browser.run(page, script, tmp_path, width)
+    assert out["wide"] <= out["inner"]
+    assert out["cameras"] == 5
+    before, after, difference = (np.array(out[name]) for name in ("before", "after", "difference"))
+    assert np.abs(after - before).max() > 0.5
+    np.testing.assert_allclose(difference, 128 + after - before, atol=2)
+    assert max(out["depth"]) - min(out["depth"]) < 1  # gray
+    assert np.abs(np.array(out["instances"]) - after).max() > 0.5  # outlines
+    assert out["frame"] == "frame 8 of 16"
+    assert "copy 1" in out["first"]
+    assert "copy 2" in out["next"]
+    assert "blue" in out["drawn"]
+
+
+@needs_chromium
+@pytest.mark.skipif(not browser.AXE, reason=browser.WHY_NO_AXE)
+def test_axe_has_no_serious_findings(page: bytes, tmp_path: Path) -> None:
+    with_axe = page + b"<script>" + Path(browser.AXE).read_bytes() + b"</script>"
+    script = f"""{SETTLED}const found=await axe.run();
+    const bad=found.violations.filter((v)=>['serious','critical'].includes(v.impact));
+    return bad.map((v)=>v.id+': '+v.nodes[0].html)"""
+    assert browser.run(with_axe, script, tmp_path) == []

@@ -1,0 +1,43 @@
+"""What was drawn, in words: rounded, named, and whatever operator it was."""
+
+import numpy as np
+import pytest
+
+from rpaug.core import registry
+from rpaug.pages import told
+from rpaug.pipeline import prepare, recipe
+
+EDITS = [
+    ({"op": "recolor", "target": {"role": "manipulated"}, "color": "olive"}, "manipulated: tan and gray → olive"),
+    ({"op": "table_texture", "texture": "checker_red"}, "table: orange → checker red"),
+    ({"op": "light_color", "range": [[0.25] * 3] * 2, "recorded": [0.5] * 3}, "lamps 50 % dimmer, of the same tint"),
+    ({"op": "camera_pose", "camera": "front", "turn": 0, "shift": 0}, "front: moved 0.0 cm, turned 0.0 degrees"),
+    ({"op": "insert", "category": "mug", "color": "red"}, "added: mug red"),
+    ({"op": "remove", "target": {"handle": 221}}, "removed: instance 221"),
+    ({"op": "sensor_blur", "sigma": [1.23456, 1.23456]}, "sigma 1.23"),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scene():
+    edits = [edit for edit, _ in EDITS]
+    made = recipe.build({"version": 1, "edits": edits})
+    return prepare.prepare_scene(registry.read(registry.SAMPLE, None), made, 0)[0]
+
+
+@pytest.mark.parametrize(("edit", "words"), EDITS, ids=[edit["op"] for edit, _ in EDITS])
+def test_a_draw_in_words(scene, edit, words):
+    fields = {name: value for name, value in edit.items() if name != "op"}
+    option = recipe.option(edit["op"], fields)
+    drawn = option.operator.sample(scene, np.random.default_rng(0))
+    assert told.draw({"op": edit["op"], "fields": fields, "edit": drawn}) == words
+
+
+def test_what_was_skipped_is_left_out_and_what_was_missing_says_why():
+    given = [{"step": 0, "skipped": True}, {"step": 1, "op": "remove", "left_out": "no cup"}]
+    assert told.draws(given) == [("remove", "left out: no cup")]
+
+
+def test_unknown_operators_are_rounded():
+    drawn = {"op": "mine", "edit": {"a": 0.123456789, "b": [1.5, 2, 3, 4, 5], "c": {"d": "x"}}}
+    assert told.draw(drawn) == "a 0.123, b 1.5 2 3 and 2 more, c d x"

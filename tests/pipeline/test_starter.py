@@ -1,0 +1,51 @@
+"""A first recipe: valid, with comments, and only of what the episode has something for."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import rpaug
+from rpaug.cli import app
+from rpaug.core.errors import RpaugError
+from rpaug.pipeline import inspect, recipe, starter
+
+
+def test_the_sample_has_something_for_every_edit(tmp_path: Path) -> None:
+    path = tmp_path / "recipe.yaml"
+    done = CliRunner().invoke(app, ["init", "sample", "--out", str(path)])
+    assert done.exit_code == 0
+    assert "rpaug preview sample --recipe" in done.stdout
+    made = recipe.load(path)
+    assert len(made.steps) == len(starter.CANDIDATES)
+    assert "“open the drawer”" in path.read_text()
+    again = CliRunner().invoke(app, ["init", "sample", "--out", str(path), "--json"])
+    assert again.exit_code == 2  # nothing is overwritten
+    assert "already" in json.loads(again.stdout)["error"]
+
+
+def test_what_an_episode_lacks_stands_there_as_a_comment_with_why() -> None:
+    rgb = np.full((3, 24, 32, 3), 90, np.uint8)
+    rgb[:, 8:16, 8:16] = (200, 30, 30)
+    masks = np.ones((3, 24, 32), np.int32)
+    masks[:, 8:16, 8:16] = 2
+    episode = rpaug.Episode.from_arrays(rgb, masks=masks, instruction="push the block")
+    made = starter.text(episode, inspect.inspect(episode)[0])
+    names = [
+        one.name
+        for step in recipe.build(starter.parse(made.encode(), "r")[0]).steps
+        for one in step.options
+    ]
+    assert "light_color" in names
+    assert "camera_pose" not in names
+    assert "# not here: cameras bumped" in made
+    assert max(map(len, made.splitlines())) <= 120
+
+
+def test_where_nothing_can_be_edited_the_reasons_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    episode = rpaug.Episode.from_arrays(np.full((2, 24, 32, 3), 90, np.uint8))
+    monkeypatch.setattr(starter, "CANDIDATES", starter.CANDIDATES[:1])
+    with pytest.raises(RpaugError, match="no edit can be made: "):
+        starter.text(episode, {})
