@@ -23,7 +23,10 @@ def draw(one: Mapping[str, Any]) -> str:
     if one.get("left_out"):
         return f"left out: {one['left_out']}"
     fields, edit = one.get("fields") or {}, one.get("edit") or {}
-    told = WORDS.get(one["op"], _plain)(fields, edit)
+    try:
+        told = WORDS.get(one["op"], _plain)(fields, edit)
+    except (KeyError, IndexError, TypeError, ValueError):  # a report of another version
+        told = _plain(fields, edit)
     short = "; ".join(one.get("fell_short", ()))
     return f"{told} ({short})" if short else told
 

@@ -4,7 +4,6 @@ Nothing here downloads anything unasked. Providers know images and words, never 
 """
 
 __all__ = [
-    "catalog",
     "clip",
     "depth",
     "detect",
@@ -16,6 +15,7 @@ __all__ = [
     "inpaint",
     "language",
     "llm_settings",
+    "models",
     "models_settings",
     "poses",
     "segment",

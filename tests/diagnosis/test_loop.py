@@ -194,7 +194,7 @@ def test_a_killed_loop_ends_its_commands_and_what_they_began(
     )
     command = ["loop", str(SAMPLE), "--train", f"sh {tmp_path}/train.sh {{policy}} {{data}}"]
     command += ["--eval", commands[1], "--out", str(tmp_path / "out"), *COPY]
-    run = subprocess.Popen([sys.executable, "-m", "rpaug.cli", *command])
+    run = subprocess.Popen([sys.executable, "-m", "rpaug", *command])
     while not begun.exists():
         assert run.poll() is None
         time.sleep(0.02)
