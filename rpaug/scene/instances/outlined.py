@@ -17,7 +17,7 @@ from jaxtyping import Bool, Int32, UInt8
 from rpaug.core.types import CameraView, Episode
 from rpaug.providers.finder import AskedImage, Finder, overlap, plain
 
-RULE = "outlined 3"  # changes with what is made of the same masks, and is part of their name in the cache
+RULE = "outlined 6"  # changes with what is made of the same masks, and is part of their name in the cache
 FIRST_ID = 200_000  # instance ids from here on are of things that words were found by
 LINKED = 0.3  # intersection over union of one thing's masks in two frames that follow each other
 NEAR = 0.5  # of a mask's width, its middle moves at most between two of them if they do not overlap
@@ -35,7 +35,7 @@ RESTS = (
 )
 STAYS = 0.5  # share of a mask that looks the same in a frame before all others, or after: it was there as well
 CARRIED = 8  # frames that optical flow carries a mask through
-UNLIKE = 24.0  # grey levels: a pixel that differs by so much shows something else
+UNLIKE = 12.0  # grey levels that a pixel and its neighbours differ by on average: it shows something else
 FEWEST = 4  # pixels of a mask
 
 Mask = Bool[np.ndarray, "h w"]
@@ -181,21 +181,28 @@ def _fit(mask: Mask, before: Mask, *, far: bool = False) -> float:
     return max(least, 1.0 - float(np.hypot(*off)) / (NEAR * 2 * np.sqrt(max(size, old))))
 
 
-def _steady(track: _MaskTrack) -> None:
-    """Take out masks that go on neither the one before nor the one after, where most do: another thing for a moment."""
-    times = sorted(track.masks)
+def _steady(track: _MaskTrack, asked: Sequence[int]) -> None:
+    """Take out what is another thing for a moment, where most masks go on the one before: a mask that goes on neither
+    neighbour although these agree, or that stands beside frames that show nothing."""
+    times, order = sorted(track.masks), {t: k for k, t in enumerate(asked)}
     links = [_fit(track.masks[b], track.masks[a]) > 0 for a, b in pairwise(times)]
     if not links or np.mean(links) < MOSTLY:
         return
+    masks = dict(track.masks)
     for k, t in enumerate(times):
-        if not any(links[max(0, k - 1) : k + 1]):
+        beside = [one for one in (k - 1, k + 1) if 0 <= one < len(times)]
+        if any(links[min(k, one)] for one in beside):
+            continue
+        alone = any(abs(order[times[one]] - order[t]) > 1 for one in beside)
+        agree = len(beside) == 2 and _fit(masks[times[k + 1]], masks[times[k - 1]]) > 0
+        if alone or agree:
             del track.masks[t]
 
 
 def _lasting(tracks: Sequence[_MaskTrack], asked: Sequence[int]) -> list[_MaskTrack]:
     """The tracks that are things: seen often enough, and sure enough beside the surest."""
     for track in tracks:
-        _steady(track)
+        _steady(track, asked)
     often = [
         one
         for one in tracks
@@ -317,9 +324,8 @@ def _resting(view: CameraView, t: int, masks: Mapping[int, Mask], near: int, far
     image = view.rgb(t).astype(np.int16)
     out = np.zeros_like(masks[near])
     for other in (near, far):
-        off = np.abs(image - view.rgb(other)).max(-1)
-        covered = cv2.medianBlur((off >= UNLIKE).astype(np.uint8), 3)  # lone pixels are noise
-        out |= masks[other] & (covered == 0)
+        off = np.abs(image - view.rgb(other)).max(-1).astype(np.float32)
+        out |= masks[other] & (cv2.blur(off, (3, 3)) < UNLIKE)  # neighbours do not share noise
     return out
 
 
@@ -338,7 +344,15 @@ def _carried(view: CameraView, mask: Mask, near: int, t: int) -> Mask:
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_CONSTANT,
     )
-    return moved > 0.5
+    there = cv2.remap(
+        view.rgb(near),
+        columns + way[..., 0],
+        rows + way[..., 1],
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    off = np.abs(there.astype(np.int16) - view.rgb(t)).max(-1).astype(np.float32)
+    return (moved > 0.5) & (cv2.blur(off, (3, 3)) < 2 * UNLIKE)  # else something hides it
 
 
 def _told(
