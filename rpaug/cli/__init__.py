@@ -45,6 +45,11 @@ COMMANDS = {
         "Compare an augmented dataset with its source: counts, kinds, actions bit for bit, untouched images, cameras\n"
         "that agree, splits, numbering, and what its readers trip over. Exit code 1 if something is wrong.",
     ),
+    "audit": (
+        "audit",
+        "Compare every byte of an output with what was written, and show what was done to one episode. Exit code 1 if\n"
+        "something differs.",
+    ),
     "convert": (
         "convert",
         "Write a dataset in another layout: images, depth, instance ids, words, cameras, robot, and a dataset card.",

@@ -1,6 +1,7 @@
 """Recipe, plan, preparation, one copy, its gates and report, and whole runs of them."""
 
 __all__ = [
+    "audit",
     "augment",
     "contracts",
     "convert",
