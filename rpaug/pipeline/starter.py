@@ -39,6 +39,7 @@ CANDIDATES = (
     ),
 )
 TRIED, LOOKED_AT = 4, 5  # draws that gates judge, and frames of each
+FEW = 3  # edits
 WIDTH = 118  # columns of a comment
 
 
@@ -58,6 +59,8 @@ def text(episode: Episode, described: Mapping[str, Any]) -> str:
             lines += [*_comment(f"not here: {words}: {reason}", "  # "), f"  # - {entry}"]
     if not usable:
         raise RpaugError(f"{episode.key}: no edit can be made: {'; '.join(dict.fromkeys(reasons))}")
+    if usable <= FEW:  # else many copies would be the recording
+        lines = [line.replace("probability: 0.5", "probability: 0.9") for line in lines]
     head = [line for one in _facts(episode, described) for line in _comment(one, "# ")]
     made = "\n".join(
         [

@@ -39,6 +39,8 @@ def test_what_an_episode_lacks_stands_there_as_a_comment_with_why() -> None:
         for one in step.options
     ]
     assert "light_color" in names
+    assert len(names) <= starter.FEW
+    assert "probability: 0.9" in made  # or many copies would be the recording
     assert "camera_pose" not in names
     assert "# not here: cameras bumped" in made
     assert max(map(len, made.splitlines())) <= 120
