@@ -7,13 +7,21 @@ from pathlib import Path
 import pytest
 import rpaug_recipes
 import yaml
+from typer.testing import CliRunner
 
+from rpaug.cli import app
 from rpaug.core import registry
+from rpaug.core.version import __version__
 from rpaug.physics import materials
 from rpaug.pipeline import recipe
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "SECURITY.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -87,6 +95,31 @@ def test_the_examples_in_python_run(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (readme,) = (text for text in blocks(ROOT / "README.md", "python") if "rpaug.read" in text)
     monkeypatch.chdir(tmp_path / "augmented")  # what it writes is new there
     exec(readme, {})
+
+
+def test_the_lines_of_the_readme_run_as_they_stand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (block,) = (text for text in blocks(ROOT / "README.md", "sh") if "rpaug inspect" in text)
+    lines = [line.split("#")[0].split() for line in block.strip().splitlines()]
+    assert [line[1] for line in lines] == ["inspect", "init", "preview", "augment", "verify"]
+    for line in lines:
+        done = CliRunner().invoke(app, line[1:])
+        assert done.exit_code == 0, (line, done.output)
+    (training,) = (t for t in blocks(ROOT / "README.md", "python") if "AugmentedEpisodes" in t)
+    spaces: dict = {}
+    exec(training, spaces)
+    assert spaces["rgb"].shape[-1] == 3
+
+
+def test_the_strip_is_small_enough_and_the_files_of_a_project_are_there() -> None:
+    assert (ROOT / "docs/images/strip.webp").stat().st_size < 2_000_000
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert citation["version"] == __version__
+    assert citation["license"] == "Apache-2.0"
+    for name in ("CONTRIBUTING.md", "SECURITY.md", "LICENSE"):
+        assert (ROOT / name).stat().st_size > 500
 
 
 def test_the_two_commands_of_the_readme_exist() -> None:

@@ -76,8 +76,11 @@ def fit(
     if as_json:
         print_json(described)
     else:
+        from rpaug.pages import told
+
         for name, value in described.items():
-            say(f"{name}: {value}")
+            say(f"{name.replace('_', ' ')}: {told.short(value)}")
+        say(f"what the store holds: rpaug scenes ls {out}")
     return 0
 
 

@@ -105,22 +105,26 @@ def _size(fields: Fields, edit: Edit) -> str:
 
 
 def _plain(_: Fields, edit: Edit) -> str:
-    return ", ".join(f"{name} {_short(value)}" for name, value in edit.items()) or "done"
+    return ", ".join(f"{name} {short(value)}" for name, value in edit.items()) or "done"
 
 
 def _name(word: str) -> str:
     return word.replace("_", " ")
 
 
-def _short(value: Any) -> str:
+def short(value: Any) -> str:
     """Numbers with three digits; of long lists the first few."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None:
+        return "none"
     if isinstance(value, float):
         return f"{value:.3g}"
     if isinstance(value, Mapping):
-        return "; ".join(f"{name} {_short(one)}" for name, one in value.items())
+        return "; ".join(f"{name} {short(one)}" for name, one in value.items())
     if isinstance(value, Sequence) and not isinstance(value, str):
         more = f" and {len(value) - MOST} more" if len(value) > MOST else ""
-        return " ".join(map(_short, value[:MOST])) + more
+        return " ".join(map(short, value[:MOST])) + more
     return str(value)
 
 

@@ -1,12 +1,17 @@
 """A first recipe for a dataset: each edit that its first episode has something for, the others as comments with why."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from rpaug.core.errors import RpaugError
-from rpaug.core.types import Episode
-from rpaug.pipeline import prepare
+from rpaug.core.types import Episode, Scene
+from rpaug.pipeline import copies, prepare
 from rpaug.pipeline import recipe as recipes
+from rpaug.pipeline.plan import Plan
+from rpaug.pipeline.recipe import Recipe
 from rpaug.pipeline.recipe_yaml import parse
 
 CANDIDATES = (
@@ -29,10 +34,12 @@ CANDIDATES = (
         "{op: light_color, range: [[0.36, 0.36, 0.33], [0.5, 0.5, 0.5]], probability: 0.5}",
     ),
     (
-        "cameras bumped by up to 5 cm and 3 degrees",
-        "{op: camera_pose, camera: static, shift: 0.05, turn: 0.05, probability: 0.5}",
+        "cameras bumped by up to 3 cm and 1.7 degrees",
+        "{op: camera_pose, camera: static, shift: 0.03, turn: 0.03, probability: 0.5}",
     ),
 )
+TRIED, LOOKED_AT = 4, 5  # draws that gates judge, and frames of each
+FEW = 3  # edits
 WIDTH = 118  # columns of a comment
 
 
@@ -52,6 +59,8 @@ def text(episode: Episode, described: Mapping[str, Any]) -> str:
             lines += [*_comment(f"not here: {words}: {reason}", "  # "), f"  # - {entry}"]
     if not usable:
         raise RpaugError(f"{episode.key}: no edit can be made: {'; '.join(dict.fromkeys(reasons))}")
+    if usable <= FEW:  # else many copies would be the recording
+        lines = [line.replace("probability: 0.5", "probability: 0.9") for line in lines]
     head = [line for one in _facts(episode, described) for line in _comment(one, "# ")]
     made = "\n".join(
         [
@@ -86,17 +95,37 @@ def _facts(episode: Episode, described: Mapping[str, Any]) -> list[str]:
 
 
 def _lacking(episode: Episode, entry: str) -> str | None:
-    """Why the episode has nothing for an edit; None if it has."""
+    """Why the episode has nothing for an edit, or why gates would reject most of its draws; None if it has."""
     tree, _ = parse(f"version: 1\nedits:\n  - {entry}\n".encode(), "recipe")
-    recipe = recipes.build(tree)
+    recipe = recipes.build({**tree, "edits": [{**tree["edits"][0], "probability": 1}]})
     try:
-        scene, _ = prepare.prepare_scene(episode, recipe, 0)
+        scene, plan = prepare.prepare_scene(episode, recipe, 0)
         prepare.ground(scene, recipe)
     except RpaugError as error:
         name = recipe.steps[0].options[0].name
         told = str(error).removeprefix(f"{episode.key}: ").removeprefix(f"{name}: ")
         return told.partition("; there is: ")[0]
-    return None
+    if recipe.gates is None:
+        return None
+    found = [_faults(scene, plan, recipe, copy) for copy in range(1, TRIED + 1)]
+    failed = [one[0] for one in found if one]
+    if len(failed) <= TRIED // 2:
+        return None
+    return f"gates would reject {len(failed)} of {TRIED} draws: {failed[0]}"
+
+
+def _faults(scene: Scene, plan: Plan, recipe: Recipe, copy: int) -> list[str]:
+    """What the gates find in a few frames of a draw."""
+    assert recipe.gates is not None
+    edited, draws = copies.draw(scene, recipe, copy)
+    made = replace(copies.render(edited, draws, plan), gates=recipe.gates)
+    for name, view in made.episode.views.items():
+        if view.camera is not scene.episode.views[name].camera:
+            for t in (
+                np.linspace(0, made.episode.length - 1, LOOKED_AT).round().astype(int).tolist()
+            ):
+                view.rgb(t)
+    return recipe.gates.faults(made.figures)
 
 
 def _comment(words: str, mark: str) -> list[str]:

@@ -38,6 +38,11 @@ def test_what_was_skipped_is_left_out_and_what_was_missing_says_why():
     assert told.draws(given) == [("remove", "left out: no cup")]
 
 
+def test_values_for_people_are_rounded_and_short():
+    given = {"psnr": 31.23456, "found": True, "bodies": [1, 2, 3, 4], "none": None}
+    assert told.short(given) == "psnr 31.2; found yes; bodies 1 2 3 and 1 more; none none"
+
+
 def test_unknown_operators_are_rounded():
     drawn = {"op": "mine", "edit": {"a": 0.123456789, "b": [1.5, 2, 3, 4, 5], "c": {"d": "x"}}}
     assert told.draw(drawn) == "a 0.123, b 1.5 2 3 and 2 more, c d x"

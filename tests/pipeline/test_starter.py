@@ -39,6 +39,8 @@ def test_what_an_episode_lacks_stands_there_as_a_comment_with_why() -> None:
         for one in step.options
     ]
     assert "light_color" in names
+    assert len(names) <= starter.FEW
+    assert "probability: 0.9" in made  # or many copies would be the recording
     assert "camera_pose" not in names
     assert "# not here: cameras bumped" in made
     assert max(map(len, made.splitlines())) <= 120
@@ -49,3 +51,12 @@ def test_where_nothing_can_be_edited_the_reasons_are_told(monkeypatch: pytest.Mo
     monkeypatch.setattr(starter, "CANDIDATES", starter.CANDIDATES[:1])
     with pytest.raises(RpaugError, match="no edit can be made: "):
         starter.text(episode, {})
+
+
+def test_cameras_that_gates_would_refuse_are_a_comment(monkeypatch: pytest.MonkeyPatch) -> None:
+    far = ("far", "{op: camera_pose, camera: front, shift: 0.9, turn: 0.5}")
+    monkeypatch.setattr(starter, "CANDIDATES", (starter.CANDIDATES[0], far))
+    episode = rpaug.read("sample")
+    made = starter.text(episode, {})
+    assert "# not here: far: gates would reject" in made
+    assert len(recipe.build(starter.parse(made.encode(), "r")[0]).steps) == 1
