@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from rpaug.cli.console import AsJson, counted, print_json, progress_bar, say, warn
+from rpaug.cli.console import AsJson, counted, print_json, say, warn
+from rpaug.cli.progress import progress_bar
 
 
 def audit(
