@@ -1,5 +1,4 @@
 """Which things are meant: a noun phrase at the beginning of some words, and the recipe's targets that it stands for."""
-# ruff: noqa: E501  # patterns and word lists are easiest to read whole
 
 import contextlib
 import math
@@ -9,17 +8,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from rpaug.core import color_space
-from rpaug.core.errors import TargetError
-from rpaug.language.lexicon import CLASSES
+from rpaug.core.errors import RpaugError, TargetError
+from rpaug.language.lexicon import senses
 from rpaug.language.messages import Mention, NotUnderstood
 from rpaug.language.recording import Recording
-from rpaug.language.words import UNSAID, WORDS, bag, is_rank, texture
+from rpaug.language.values import NUMBERS, PARTS, texture
 from rpaug.scene.targets import relations, roles, shapes, targets
 from rpaug.scene.targets.nouns import FURNITURE, ROLES
 from rpaug.scene.targets.relations import ANYTHING, singular
 
 Target = str | dict[str, Any]
 
+COUNTED = frozenset({*NUMBERS, *PARTS})
+UNSAID = frozenset("a an some the random other another different new one of any".split())
 PRONOUNS = ("it", "that", "this", "them", "that one", "these", "those", "both of them", "this one")
 SEVERAL = re.compile(
     r"(?:all of the|all the|each of the|both of the|every one of the|all of|each of|all|every|each|both|the two|the three)\b ?(?:the )?"
@@ -71,13 +72,13 @@ PLACES = frozenset(
 )
 FLAT = 5  # cm: the room's flat sides are thinner
 # What no thing on a table is called: what rpaug itself is made of.
-NO_THING = bag(
+NO_THING = frozenset(
     """
     dataset file files folder folders recipe recipes episode episodes instruction instructions output outputs
     policy policies code program prompt system data key keys report disk action actions trajectory password user
     root shell seed copies copy version versions probability gates nothing nobody anything something everything
     thing things you him her me us i we they who what why how when where not never no none
-    """
+    """.split()
 )
 
 
@@ -142,20 +143,20 @@ def _known(word: str, nouns: Collection[str] = ()) -> bool:
         or word in FINGERS
         or bare in relations.PARTS | relations.GRIPS | FURNITURE
     )
-    return word not in WORDS and (
-        listed or ((word in nouns or bare in nouns) and word not in CLASSES)
+    return word not in COUNTED and (
+        listed or ((word in nouns or bare in nouns) and word not in senses())
     )
 
 
 def _noun(word: str, led: bool, nouns: Collection[str] = ()) -> bool:
     """May a word be a noun here? After an article even one that nothing is known to be called."""
-    if not re.fullmatch(r"[a-z][a-z_'-]*", word) or word in WORDS:
+    if not re.fullmatch(r"[a-z][a-z_'-]*", word) or word in COUNTED:
         return False
-    if _known(word, nouns) and (led or word not in CLASSES):
+    if _known(word, nouns) and (led or word not in senses()):
         return True
     return (
         led
-        and word not in CLASSES
+        and word not in senses()
         and word not in PRONOUNS
         and color_space.canonical(word) is None
         and not is_rank(word)
@@ -196,7 +197,7 @@ def _end(words: Sequence[str], at: int, led: bool, nouns: Collection[str]) -> in
             count, named, k = 1, _known(word, nouns), k + 1
         elif not count and describes and _leads(words, k + 1, led, nouns):
             k += 1
-        elif not count and _known(word, nouns) and (led or word not in CLASSES):
+        elif not count and _known(word, nouns) and (led or word not in senses()):
             count, named, k = 1, True, k + 1
         elif (
             count
@@ -259,6 +260,11 @@ def _leads(words: Sequence[str], k: int, led: bool, nouns: Collection[str]) -> b
         and (led or _known(words[k], nouns))
         and (led or not _pattern(words[k:]))
     )
+
+
+def is_rank(word: str) -> bool:
+    """Does a word describe a thing by its rank among others: "largest", "second", "left"?"""
+    return word in relations.RANKS or word in relations.ORDINALS
 
 
 class Namer:
@@ -447,6 +453,26 @@ class Namer:
                 "which things those are takes a look at the recording: leave out --no-ground"
             )
         return self.recording.inventory
+
+    def there(self, named: Named) -> bool:
+        """Is there such a thing in the recording?"""
+        try:
+            return bool(self.ids(self.target(named)))
+        except RpaugError:
+            return False
+
+    def among(self, named: Named, there: frozenset[int]) -> frozenset[int]:
+        """Which of some things are meant; "one" is any of them."""
+        words = named.words.removesuffix(" one")
+        tints = [one for word in words.split() if (one := color_space.canonical(word))]
+        if words == named.words:
+            return self.ids(every(self.target(named))) & there
+        rows = [row for row in self.rows if row["id"] in there and "shows" not in row]
+        return frozenset(row["id"] for row in rows if all(color_space.means(one, row["color"]) for one in tints))
+
+    def handled(self, target: Target) -> bool:
+        """Is it what the robot moves?"""
+        return self.recording is not None and self.ids(target) <= self.ids({"role": "manipulated"})
 
     def strangers(self) -> frozenset[int]:
         """All that plays no role: neither the task's things, nor the robot, the table and what is around it."""
