@@ -29,14 +29,15 @@ OURS: Mapping[str, str] = {
     "glow, bathe, cast, laid, wear, placed, on, onto, over, upon, choose, pick, draw, show, throw",
     "vary": "change, changes, changed, randomize, randomise, rand, random, randomly, vary, varied, jitter, diversify, "
     "perturb, perturbed, randomized, randomised, mix up, alter, modify, shake, bump, wobble, wiggle, jiggle, at random, "
-    "different, another, other, new, nudge, various, varying, somewhere else, elsewhere, slightly off, a bit off, "
+    "different, another, other, new, various, varying, somewhere else, elsewhere, slightly off, a bit off, "
     "another one, a different one",
     "swap": "swap, swapped, exchanged, interchange",
     "image": "image, images, all images, every image, each image, all the images, picture, pictures, photo, photos, frame, "
     "frames, video, videos, footage, rgb images, color images, view, views, whole picture",
     "all": "everything, it all, whole scene, the scene, scene, every thing, the whole scene, all things, the room, room, "
     "whole thing",
-    "rest": "the rest, rest, all the rest, everything else, all else, the others, others, the other things, all other things, "
+    "rest": "the other two, the other three, other two, the other one, else, otherwise, the rest of the time, rest of the time, "
+    "the other copies, other copies, the rest, rest, all the rest, everything else, all else, the others, others, the other things, all other things, "
     "all other objects",
     "to": "to, into, in, with, as, like, ->, :, =, onto, is, are, turns, made of, made out of, out of, as if made of",
     "on": "on the table, onto the table, on the desk, on the tabletop, somewhere on the table, to the scene, into the scene, "
@@ -62,7 +63,7 @@ OURS: Mapping[str, str] = {
     "and": "and, plus, and the, ',', both",
     "or": "or, vs",
     "any": "any, any color, arbitrary",
-    "not": "except, but, except for, apart from, other than, besides, but not, all but, excluding, without, not",
+    "not": "instead of, rather than, except, but, except for, apart from, other than, besides, but not, all but, excluding, without, not",
     "more": "increase, boost, strengthen, turn up, amplify, bump up",
     "less": "reduce, decrease, turn down, weaken, tone down",
     "twice": "twice, double, doubled, twice as",
@@ -74,18 +75,19 @@ OURS: Mapping[str, str] = {
     "as it is, as they are, as is, as it was, as recorded, fixed, constant, hands off, where it is, though, leaving, "
     "do not touch, don't touch, dont touch, must not be touched, must not be moved, must not be changed, should not change, "
     "without touching, without changing, without moving, not touching, do not change, don't change, do not move, don't move, "
+    "nothing else, only that, not the others, like original, like the original, be left, be left on the table, as original, "
     "never touch, don't edit, must not move, never, do not, don't, dont, may not",
     "because": "so, so that, because, since, otherwise, in order to, as on, like on, like in, like from, as usual, as in, "
-    "our, my, i think, this is, we need to see, like the one",
+    "the policy, policy, my policy, our policy, the model, the network, i think, this is, we need to see, like the one",
     "even": "50 / 50, 50 50, fifty fifty, fifty-fifty, half and half, equal chance, equal chances, equal probability, "
     "with equal probability, with equal chance, equal chances each, same probability, equal shares",
     "undo": "undo, undone, revert, reverted, cancel, take back, taken back, forget, forget about, roll back, scratch, no undo",
     "restart": "start over, start again, start afresh, start from scratch, forget everything, undo everything, clear the recipe",
     "harder": "harder, more difficult, more challenging, tougher, less visible, less obvious, harder to see, harder to find, "
     "harder to spot, harder to detect, harder to recognize, harder to make out, more diverse, more robust",
-    "clear_of": "far from, away from, well away from, out of the way of, clear of, nothing that",
+    "clear_of": "won't, will not, doesn't, does not, can't, cannot, out of the way, far from, away from, well away from, out of the way of, clear of, nothing that",
 }
-MARKS: Mapping[str, str] = {";": "stop", ",": "and"}
+MARKS: Mapping[str, str] = {";": "stop", ",": "and", "(": "and", ")": "and"}
 
 
 def spread(blocks: Mapping[str, str]) -> dict[str, str]:

@@ -45,6 +45,7 @@ def swapped(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     if not clause.has("swap") or not clause.has("thing") or clause.has("light"):
         return None
     clause.every("swap")
+    _again(clause)
     if clause.has("color", "texture", "vary", "lay"):
         _of_the_new(clause)
         return painted(clause, wish, namer)
@@ -67,6 +68,29 @@ def swapped(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
             {"op": "recolor", "target": {"handle": second}, "color": tints[first[0]]},
         )
     )
+
+
+def _again(clause: Clause) -> None:
+    """ "turn the red can into a blue one", "make it a green can": the noun said once more only brings its new look."""
+    at = [k for k, one in enumerate(clause.tokens) if one.kind == "thing"]
+    if len(at) != 2:
+        return
+    old, new = (clause.tokens[k] for k in at)
+    noun = new.value.words.split()[-1]
+    alike = singular(noun) in ("one", *map(singular, old.value.words.split()[-1:]))
+    led = any(one.kind == "to" or one.text in ("for", "with", "by") for one in clause.tokens[at[0] : at[1]])
+    pronoun = old.value.pronoun and new.value.fresh and at[1] == at[0] + 1
+    if not ((alike and led) or pronoun):
+        return
+    words = new.value.words.split()
+    size, fits = values.texture(words)
+    color = values.color(words, 0)
+    if max(size, color[0] if color else 0) != len(words) - 1:
+        return
+    look = Token("texture", new.text, fits) if size else Token("color", new.text, color[1] if color else [])
+    clause.tokens[at[1]] = look
+    if pronoun and not alike:
+        clause.tokens[at[0]] = Token("thing", noun, Named(noun))
 
 
 def _of_the_new(clause: Clause) -> None:
@@ -113,6 +137,7 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     unnamed = not clause.has("thing", "all", "rest", "strangers")
     if unnamed and not (clause.has("on") and clause.has("texture", "lay")):
         return None
+    _again(clause)
     apart, banned = _excepted(clause)
     notes = ["gloss stays as it was recorded"] if clause.every("gloss") else []
     tints, pictures, several = clause.every("color"), clause.every("texture"), bool(clause.every("or"))
@@ -127,15 +152,20 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     if len(tints) + len(pictures) > 1 and not several:
         raise NotUnderstood(f"{clause.text!r}: one look for each thing, please")
     if len(named) == 1 and not (tints or pictures or banned or laid or plain or styled or anyhow):
-        named, tints, pictures = _own_look(named[0], namer)
+        named, tints, pictures = _own_look(named[0], namer, bool(notes))
     if not (tints or pictures or anyhow or banned or laid or plain or styled):
         return None
     only: Entry = {}
-    if tints and len(named) == 1 and (part := _handle(named[0], namer)):
-        named, only = [part[0]], {"only": part[1]}
-        notes.append(f"the handle is taken as what is {part[1]} of the {part[0].words}")
+    part = _handle(named[0], namer) if tints and len(named) == 1 else None
+    if part:
+        only = {"only": part[1]}
+        notes.append(f"the handle is taken as what is {part[1]} of the {part[2]}")
+        places_of = [part[0]]
     places = places_of if places_of is not None else _places(namer, named, apart, each and not same)
     if same and len(places) > 1:
+        if not (tints or pictures or laid or styled):
+            tints = [Token("color", "", [namer.color(places[0])])]
+            notes.append(f"the color of the first that was named: {tints[0].value[0]}")
         places = [{"handle": sorted(frozenset[int]().union(*map(namer.ids, places)))}]
     looks = _looks(tints, pictures, laid, styled, banned)
     more = only | ({"scale": width[0].low} if width else {})
@@ -192,8 +222,11 @@ def _excepted(clause: Clause) -> tuple[list[Named], list[Any]]:
     return [], [tint for one in banned for tint in one.value]
 
 
-def _own_look(named: Named, namer: Namer) -> tuple[list[Named], list[Token], list[Token]]:
-    """A thing and the look that was said before its noun, where nothing of that look is there: "a brick wall"."""
+def _own_look(named: Named, namer: Namer, told: bool) -> tuple[list[Named], list[Token], list[Token]]:
+    """A thing and the look that was said before its noun, where nothing of that look is there: "a brick wall".
+
+    `told`: the look is meant in any case.
+    """
     spoken = named.words.split()
     size, fits = values.texture(spoken)
     color = values.color(spoken, 0)
@@ -201,7 +234,7 @@ def _own_look(named: Named, namer: Namer) -> tuple[list[Named], list[Token], lis
     noun = Named(" ".join(spoken[taken:]), named.several)
     if not 0 < taken < len(spoken) or not _there(noun, namer):
         return [named], [], []
-    if noun.words not in (*things.ROLES, *roles.NAMES) and _there(named, namer):
+    if not told and noun.words not in (*things.ROLES, *roles.NAMES) and _there(named, namer):
         return [named], [], []
     if size:
         return [noun], [], [Token("texture", "", fits)]
@@ -216,8 +249,8 @@ def _there(named: Named, namer: Namer) -> bool:
     return namer.there(named)
 
 
-def _handle(named: Named, namer: Namer) -> tuple[Named, str] | None:
-    """The tool whose handle is named, and the color of most of it, where the masks do not show the handle apart."""
+def _handle(named: Named, namer: Namer) -> tuple[Target, str, str] | None:
+    """The tool whose handle is named, the color of most of it and its name, where no mask shows the handle apart."""
     parts = named.words.split()
     if "of" in parts[1:-1] and parts[0] in GRIPS:
         parts = [*parts[parts.index("of") + 1 :], parts[0]]
@@ -228,8 +261,11 @@ def _handle(named: Named, namer: Namer) -> tuple[Named, str] | None:
     if not _there(tool, namer):
         return None
     ids = namer.ids(namer.target(tool))
-    shown = [row["shows"] for row in namer.rows if row["id"] in ids and "shows" in row]
-    return (tool, shown[0][0]) if len(shown) == 1 else None
+    shown = [row for row in namer.rows if row["id"] in ids and "shows" in row]
+    if len(shown) != 1:
+        return None
+    where = namer.target(tool) if len(ids) == 1 else {"handle": [shown[0]["id"]]}
+    return where, shown[0]["shows"][0], tool.words
 
 
 def _places(namer: Namer, named: list[Named], apart: list[Named], each: bool) -> list[Target]:

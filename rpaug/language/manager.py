@@ -17,7 +17,7 @@ from rpaug.language.things import Namer
 from rpaug.language.tokens import Token, said
 
 QUESTION = frozenset("is are does did why who when where which what how".split())
-BREAKS = frozenset({",", "and", "but", "while", "then", "and then", "so", "so that", "because", "since", "without", "and the"})
+BREAKS = frozenset({",", "(", ")", "and", "but", "while", "then", "and then", "so", "so that", "because", "since", "without", "and the"})
 ACTS = ("remove", "add", "move", "copy", "spread", "paint", "lay", "vary", "blur", "noise", "swap", "undo", "darker", "brighter")
 JOINS = ("and", "filler", "stop")
 AFTERTHOUGHT = frozenset(
@@ -82,8 +82,14 @@ def _answer(
     found: dict[str, Any] = {}
     for one in read:
         found |= one.value if one.kind == "setting" else {}
+    read = [Token("stop", one.text) if one.kind == "setting" else one for one in read]
     state = WishState(wish, Namer(recording, wish.mention), list(wish.edits), wish.mention, bool(found), list(notes))
-    _run([Token("stop", one.text) if one.kind == "setting" else one for one in read], state, words, nouns)
+    _run(read, state, nouns)
+    if state.kept and any(one.kind in ("all", "rest") for one in read):  # everything, but what is kept
+        namer = Namer(recording, wish.mention)
+        namer.kept = [one.value for one in state.kept if one.kind == "thing"]
+        state = WishState(wish, namer, list(wish.edits), wish.mention, bool(found), list(notes))
+        _run(read, state, nouns)
     rest.respected(state.kept, state.fresh, state.namer, state.notes)
     if not state.did or not (state.edits or wish.edits):
         raise NotUnderstood(f"{wish.stated!r}: that asks for no change, so there is nothing to do")
@@ -108,13 +114,17 @@ def undone(stated: str) -> bool:
     return False
 
 
-def _run(read: list[Token], state: WishState, words: list[str], nouns: frozenset[str]) -> None:
+def _run(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
     """Take the longest beginning that is one clause, then go on with the rest. Raises RpaugError."""
     for _ in range(MOST_CLAUSES):
         while read and read[0].kind in JOINS:
             read = read[1:]
         if not read:
             return
+        size, about = rest.headed(read)
+        read = read[size:]
+        if about is not None:
+            state.mention = Mention(kind="target", target=state.namer.target(about.value))
         reason: RpaugError | None = None
         for end in _ends(read):
             notes = len(state.namer.notes)
@@ -143,6 +153,7 @@ def _ends(read: list[Token]) -> Iterator[int]:
 
 def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
     """One clause. Raises RpaugError and then changes nothing."""
+    whole = read
     while read and (read[0].kind in JOINS or read[0].text in ("but", "or", "while", "now")):
         read = read[1:]
     while read and read[-1].kind in ("and", "stop"):
@@ -162,16 +173,31 @@ def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
         _take(again, None, state, read)
     elif state.fresh and (even := rest.evenly(read, state.fresh[-1])) is not None:
         state.fresh[-1] |= even
+    elif (both := rest.halves(read, state.edits, state.mention)) is not None:
+        state.edits, state.did = both, True
     elif harder := rest.harder(read, state.here(), state.namer):
         _take(harder, None, state, read)
+    elif (alone := rest.only(read)) is not None:
+        if any(one.get("op") == "remove" for one in state.fresh):
+            state.kept += alone
+        else:
+            _edit([Token("remove", "remove"), Token("all", "everything"), Token("not", "except"), *alone], state, nouns)
     elif (kept := rest.kept(read)) is not None:
         state.kept += kept
         state.namer.kept += [one.value for one in kept if one.kind == "thing"]
-    elif why := rest.reason(read, state.fresh, state.namer):
+    elif why := rest.reason(whole, state.fresh, state.namer):
         state.mention = why.mention or state.mention
         state.notes += why.notes
+    elif state.fresh and kinds <= {"filler", "all", "little", "thing", "and"} and "little" in kinds:
+        state.notes.append(f"{said(read)!r} is taken as said of amounts that were not named")
     else:
-        _edit(read, state, nouns)
+        try:
+            _edit(read, state, nouns)
+        except RpaugError:
+            if (why := rest.reason(whole, state.fresh, state.namer, sure=False)) is None:
+                raise
+            state.mention = why.mention or state.mention
+            state.notes += why.notes
 
 
 def _undo(read: list[Token], state: WishState) -> None:

@@ -16,7 +16,9 @@ NEGATED = ("do not", "don't", "dont", "never", "may not")
 DONE = ("remove", "paint", "move", "vary", "scale", "lay", "color", "copy", "rotate", "on", "bigger", "smaller", "add", "all")
 MODAL = frozenset("should must shall ought want need needs wish let make".split())
 STATES = frozenset("is are was has have gets get looks always often usually blend blends moves hold holds".split())
-SPEAKERS = frozenset({"i", "we", "this", "our", "my", "it", "that", "because", "there"})
+HAVING = frozenset({"has", "have", "blend", "blends", "always", "often", "usually"})
+"""Of these none is said of what is wished for, unless it is a duty: "should have"."""
+SPEAKERS = frozenset({"i", "we", "this", "our", "my", "it", "that", "there"})
 HARD: Entry = {"op": "light_color", "range": [[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]]}
 
 
@@ -103,6 +105,41 @@ def again(read: Sequence[Token], edits: Sequence[Entry], namer: Namer) -> Meant 
     return Meant(edits=(more,), mention=Mention(kind="target", target=where))
 
 
+def headed(read: Sequence[Token]) -> tuple[int, Token | None]:
+    """How many tokens are a heading, "make it harder:" or "white plate:" before "make it ...", and what that names."""
+    at = next((k for k, one in enumerate(read) if one.text == ":"), 0)
+    kinds = {one.kind for one in read[:at]}
+    named = [one for one in read[:at] if one.kind == "thing"]
+    if "harder" in kinds and kinds <= {"harder", "thing", "all", *WEAK}:
+        return at + 1, None
+    pronoun = any(one.kind == "thing" and one.value.pronoun for one in read[at:])
+    return (at + 1, named[0]) if len(named) == 1 and pronoun and kinds <= {"thing", "filler"} else (0, None)
+
+
+def only(read: Sequence[Token]) -> list[Token] | None:
+    """The things that alone are to be left; None where a clause says no such thing."""
+    words = said(read)
+    named = [one for one in read if one.kind == "thing" and one.value.words not in ("table", "scene")]
+    keeps = any(one.kind == "keep" for one in read)
+    alone = "only" in words.split() or "nothing but" in words or "nothing except" in words or "just" in words.split()
+    kinds = {one.kind for one in read} - {*WEAK, "thing", "keep", "on", "not", "left"}
+    return named if alone and keeps and named and not kinds - {"unknown"} else None
+
+
+def halves(read: Sequence[Token], edits: Sequence[Entry], mention: Mention | None) -> list[Entry] | None:
+    """The edits, where what was painted is of another color in half of the copies: "make it 50/50 with orange"."""
+    tints = [one for one in read if one.kind == "color"]
+    kinds = {one.kind for one in read} - {*WEAK, "thing", "color", "even"}
+    if len(tints) != 1 or kinds or not any(one.kind == "even" for one in read) or mention is None:
+        return None
+    out = list(edits)
+    for k, edit in enumerate(out):
+        if edit.get("op") == "recolor" and edit["target"] == mention.target:
+            out[k] = {"one_of": [edit, {**edit, "color": tints[0].value[0]}]}
+            return out
+    return None
+
+
 def evenly(read: Sequence[Token], edit: Entry) -> Entry | None:
     """What is added to a draw that each look gets its share of; None where a clause says no such thing."""
     share = next((one.value.low for one in read if one.kind == "share"), None)
@@ -132,14 +169,16 @@ def harder(read: Sequence[Token], wish: Wish, namer: Namer) -> Meant | None:
 
 def kept(read: Sequence[Token]) -> list[Token] | None:
     """What a clause says must stay as it is; None where it says no such thing. Raises NotUnderstood where that is unclear."""
-    said_so = [one for one in read if one.kind == "keep"]
-    if not said_so:
+    at = next((k for k, one in enumerate(read) if one.kind == "keep"), None)
+    if at is None:
         return None
+    if any(one.text in ("but", "while", ":") or one.kind == "color" for one in read[:at]):
+        raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
     named = [one for one in read if one.kind in KEPT]
-    negated = any(one.text in NEGATED for one in said_so)
-    allowed = {"keep", *KEPT, *WEAK, "color", "rest", "strangers", "vary", "any", "because", "from", "same", "not"}
-    allowed |= {*DONE} if negated else set()
-    if any(one.kind in ("rest", "chance", "share") for one in read):
+    negated = any(one.text in NEGATED for one in read)
+    allowed = {"keep", *KEPT, "filler", "to", "and", "further", "color", "rest", "strangers", "vary", "any", "same", "not", "number"}
+    allowed |= {*DONE, "do", "from"} if negated else set()
+    if any(one.kind in ("rest", "chance", "share") or one.text == "other" for one in read):
         allowed |= {"chance", "share", "to"}
         named = [one for one in named if not (one.kind == "thing" and one.value.pronoun)]
     if wrong := [one for one in read if one.kind not in allowed]:
@@ -147,20 +186,21 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
     return named
 
 
-def reason(read: Sequence[Token], fresh: Sequence[Entry], namer: Namer) -> Meant | None:
-    """Why somebody wants it, or how things are: it asks for nothing, and that is told. None for anything else."""
+def reason(read: Sequence[Token], fresh: Sequence[Entry], namer: Namer, sure: bool = True) -> Meant | None:
+    """Why somebody wants it, or how things are: it asks for nothing, and that is told. None for anything else.
+
+    `sure`: only what cannot be a wish; else also what was read as none.
+    """
     words = said(read)
     if any(one.text == "," for one in read):
         return None
     if any(edit.get("op") in ADDED for edit in fresh) and any(one.kind == "clear_of" for one in read):
         return Meant(edits=(), notes=(f"{words!r}: what is put in stands clear of other things and of all that moves",))
-    first = read[0]
-    spoken = words.split()
-    fact = _fact(read, namer)
-    states = set(spoken) & STATES and not set(spoken) & MODAL and (
-        first.kind in ("thing", "camera") or first.text in SPEAKERS
-    )
-    if not (first.kind == "because" or fact or (states and any(one.kind == "unknown" for one in read))):
+    first, spoken = next(one for one in read if one.kind not in ("filler", "and", "stop")), set(words.split())
+    stated = first.kind in ("thing", "camera") and not spoken & MODAL and {one.text for one in read} & (HAVING if sure else STATES)
+    told = words.split()[0] in SPEAKERS and (spoken & STATES or any(one.kind == "because" for one in read)) and not sure
+    because = first.kind == "because" or any(one.kind == "because" and "policy" in one.text for one in read)
+    if not (because or stated or told or _fact(read, namer)):
         return None
     mention = None
     if first.kind == "thing" and not first.value.fresh and not first.value.pronoun:

@@ -47,6 +47,7 @@ NEARLY = {
     "gray": ("silver",),
     "brown": ("orange", "tan"),
 }
+WHOLE = frozenset({"body", "base", "itself"})  # after a noun: what that names
 ARMS = ("arm", "robot arm", "robotic arm", "manipulator", "arm links")
 FINGERS = frozenset(
     {"finger", "fingers", "fingertip", "fingertips", "finger pad", "finger pads", "pads", "jaws"}
@@ -64,6 +65,8 @@ PATTERNED = frozenset(
         "textured",
         "checkered",
         "multicolored",
+        "stripy",
+        "stripey",
     }
 )
 FLOOR, WALL = ("floor", "ground"), ("wall", "walls")
@@ -119,6 +122,7 @@ def begins(words: Sequence[str], nouns: Collection[str] = ()) -> tuple[int, Name
     if end == at:
         return None
     kept = [w for k, w in enumerate(words[at:end], at) if w not in PLAIN or k + 1 == end]
+    kept = [w for k, w in enumerate(kept) if not (k and w in WHOLE and w not in nouns)]
     kept[0] = COMPARED.get(kept[0], kept[0])
     kept = ["other"] * (other and words[at] not in ANYTHING and words[at] != "ones") + kept
     return end, Named(
@@ -204,9 +208,9 @@ def _end(words: Sequence[str], at: int, led: bool, nouns: Collection[str]) -> in
             and count < 3
             and not describes
             and not _pattern(words[k:])
-            and (_known(word, nouns) or (not named and _noun(word, led)))
+            and (_known(word, nouns) or (not named and _noun(word, led)) or word in WHOLE)
         ):
-            count, named, k = count + 1, _known(word, nouns), k + 1
+            count, named, k = count + 1, named or _known(word, nouns), k + 1
         else:
             break
     return k if count else at
@@ -460,6 +464,13 @@ class Namer:
             return bool(self.ids(self.target(named)))
         except RpaugError:
             return False
+
+    def color(self, target: Target) -> str:
+        """The color that something was recorded in. Raises NotUnderstood for several."""
+        tints = {row["color"] for row in self.rows if row["id"] in self.ids(target)}
+        if len(tints) != 1:
+            raise NotUnderstood(f"{target} has several colors: {', '.join(sorted(tints))}")
+        return str(tints.pop())
 
     def among(self, named: Named, there: frozenset[int]) -> frozenset[int]:
         """Which of some things are meant; "one" is any of them."""

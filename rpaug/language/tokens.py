@@ -13,13 +13,14 @@ from rpaug.scene.targets import relations, shapes
 SPELLED = (
     (r"[’`]", "'"), (r"[“”\"]|(?<!\w)'|'(?!\w)", " "), (r"[–—]", "-"), (r"→|=>|-+>|\bbecomes\b", " -> "),
     (r"≥|>=|(?<!-)>", " at least "), (r"≤|<=", " at most "), (r"≈|~", " about "), (r"°", " degrees "), (r"\bw/", "with "),
-    (r"\+ ?/ ?-|\+-|plus[ /-]minus|plus or minus", "±"), (r"(?<=[a-z])'s\b(?<!it's)(?<!there's)(?<!that's)(?<!let's)", ""),
+    (r"\+ ?/ ?-|\+-|plus[ /-]minus|plus or minus", "±"), (r"(?<=[a-z])'s\b(?<!it's)(?<!there's)(?<!that's)(?<!let's)(?<!what's)", ""),
     (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"\bgrey", "gray"), (r"colour", "color"),
+    (r"\bboth (?=the [^,;]+ and )", ""), (r"\b(stuff|things|objects|items|all) (?:what|that|which) (?:is|are) (?=not needed)", r"\1 "),
     (r"\bu\b", "you"), (r"\bshd\b", "should"), (r"\b(?:diff|diffrent)\b", "different"), (r"\bsth\b", "something"),
     (r"(\d+)/(\d+)(?= ?(?:inch|cm|of|the|m\b))", lambda m: f"{int(m[1]) / int(m[2]):.4g}"), (r"[!?.]+(?= |$)|[!?\n]+", " ; "),
     (r" a?round(?= at random| by|$| ?[,;])", " "), (r"\bphoto[- ]?graph", "photo"), (r"\([^)\d]*\)", lambda m: f" , {m[0][1:-1]} , "),
 )  # fmt: skip
-WORD = re.compile(r"->|\d+(?:\.\d+)?|\.\d+|#[0-9a-f]{6}|[a-z][a-z0-9_']*(?:-[a-z][a-z0-9_']*)*|\S")
+WORD = re.compile(r"->|(?<!\d )(?<!% )(?<![\w%])-\d+(?:\.\d+)?|\d+(?:\.\d+)?|\.\d+|#[0-9a-f]{6}|[a-z][a-z0-9_']*(?:-[a-z][a-z0-9_']*)*|\S")
 CHANCE = frozenset("probability prob chance p likelihood".split())
 COPIES = frozenset("copies copy cases time times episodes episode runs demos recordings".split())
 LEAD = frozenset("with in for on at a an the about around roughly every each".split())
@@ -38,6 +39,7 @@ SETTING = {name: re.compile(rf"{text.replace('NUM', f'(?:{NUMBERED})')}(?= |$)")
 CAMERA = frozenset("camera cam cameras cams view viewpoint viewpoints".split())
 EVERY = frozenset("all every each both the of static fixed two three four five other".split())
 POSED = frozenset("pose position viewpoint placement location orientation extrinsics angle mount poses".split())
+VERBS = ("add", "remove", "paint", "lay", "move", "copy", "scale", "vary", "style", "keep", "stop", "swap")
 WEAK = ("filler", "do", "to", "and", "further")
 """Kinds of tokens that any edit may leave out: they join what is said, and ask for nothing."""
 
@@ -129,11 +131,7 @@ def split(stated: str) -> list[str]:
     text = stated.lower()
     for pattern, other in SPELLED:
         text = re.sub(pattern, other, text)
-    found = WORD.findall(text)
-    for k in range(len(found) - 1, 0, -1):  # "-1.5" is a number, "5-10" is a range
-        if found[k - 1] == "-" and found[k][0].isdigit() and not (k > 1 and re.match(r"[\d%]|[a-z]", found[k - 2])):
-            found[k - 1 : k + 1] = ["-" + found[k]]
-    return found
+    return WORD.findall(text)
 
 
 def tokens(words: Sequence[str], cameras: Sequence[str], nouns: Collection[str]) -> list[Token]:
@@ -141,7 +139,8 @@ def tokens(words: Sequence[str], cameras: Sequence[str], nouns: Collection[str])
     out: list[Token] = []
     at = 0
     while at < len(words):
-        adds = any(one.kind == "add" and one.text != "lay" for one in out)
+        verb = next((one for one in reversed(out) if one.kind in VERBS), None)
+        adds = verb is not None and verb.kind == "add" and verb.text != "lay"
         size, kind, value = _next(words, at, cameras, nouns, adds)
         out.append(Token(kind, " ".join(words[at : at + size]), value))
         at += size

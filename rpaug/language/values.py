@@ -82,7 +82,8 @@ MANNERS: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
     }.items()
     for word in words.split()
 }
-ANYHOW = frozenset("random randomly different various some any a an slightly other in the".split())
+NEUTRAL = ("white", "gray", "black")
+ANYHOW = frozenset("random randomly different various some any a an slightly other".split())
 HUED = frozenset("color colors tone tones shade shades hue hues tint tints".split())
 CHANNELS = {"hue": 0, "hues": 0, "sat": 1, "saturation": 1, "val": 2, "value": 2, "brightness": 2}
 KINDS = {
@@ -132,9 +133,10 @@ def number(words: Sequence[str], at: int) -> tuple[int, float, str]:
     """How many words a number takes, its value, and whether it is a number, a part of something or an article."""
     if at < len(words) and re.fullmatch(r"-?\d*\.?\d+", words[at]):
         return 1, float(words[at]), "number"
-    if part := longest(words, at, PARTS):
+    part, said = longest(words, at, PARTS), longest(words, at, NUMBERS)
+    if len(part) > len(said):
         return len(part.split()), PARTS[part], "part"
-    if said := longest(words, at, NUMBERS):
+    if said:
         return len(said.split()), NUMBERS[said], "article" if said in ("a", "an") else "number"
     return 0, 0.0, ""
 
@@ -197,6 +199,8 @@ def point(words: Sequence[str], at: int) -> tuple[int, list[float]] | None:
 def color(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
     """How many words a color takes, and the recipe's colors of which one is meant. Raises NotUnderstood."""
     found = _exact(words, at) or _channels(words, at)
+    if list(words[at : at + 4]) == ["in", "black", "and", "white"]:
+        return 4, list(NEUTRAL)
     if found:
         return found
     k = at
@@ -205,7 +209,7 @@ def color(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
     if words[k : k + 1] and (words[k] in MANNERS or words[k] == "neutral") and words[k + 1 : k + 2]:
         if words[k + 1] in HUED:
             drawn = [{"hsv": [[0, 360], *map(list, MANNERS[words[k]])]}] if words[k] in MANNERS else []
-            return k + 2 - at, drawn or ["white", "gray", "black"]
+            return k + 2 - at, drawn or list(NEUTRAL)
     if words[k : k + 1] and words[k] in HUED and words[k + 1 : k + 2] == ["of"]:
         of = _named(words, k + 2)
         return (k + 2 + of[0] - at, [_around(of[1])]) if of else None
@@ -325,7 +329,7 @@ def texture(words: Sequence[str]) -> tuple[int, list[Any]]:
         elif plain in _texture_words() and not tint:
             known.append(plain)
             taken = k + 1
-        elif plain in shipped.NAMES:
+        elif plain in shipped.NAMES and "_" in plain:
             known += plain.split("_")
             taken = k + 1
         else:
