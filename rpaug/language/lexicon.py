@@ -85,7 +85,7 @@ OURS: Mapping[str, str] = {
     "restart": "start over, start again, start afresh, start from scratch, forget everything, undo everything, clear the recipe",
     "harder": "harder, more difficult, more challenging, tougher, less visible, less obvious, harder to see, harder to find, "
     "harder to spot, harder to detect, harder to recognize, harder to make out, more diverse, more robust",
-    "clear_of": "won't, will not, doesn't, does not, can't, cannot, out of the way, far from, away from, well away from, out of the way of, clear of, nothing that",
+    "clear_of": "through, won't, will not, doesn't, does not, can't, cannot, out of the way, far from, away from, well away from, out of the way of, clear of, nothing that",
 }
 MARKS: Mapping[str, str] = {";": "stop", ",": "and", "(": "and", ")": "and"}
 

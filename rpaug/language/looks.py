@@ -215,6 +215,8 @@ def _excepted(clause: Clause) -> tuple[list[Named], list[Any]]:
     clause.every("not")
     if apart or not banned:
         return apart, []
+    if any(not isinstance(tint, str) for one in banned for tint in one.value):
+        raise NotUnderstood(f"{clause.text!r}: colors are left out by their names")
     for one in banned:
         clause.take(one)
     if clause.has("color"):  # "blue, not red"

@@ -13,7 +13,7 @@ from rpaug.language import reader, repair, rest, templates, tokens, values
 from rpaug.language.declared import own_role, targets
 from rpaug.language.messages import Answer, Entry, Meant, Mention, NotUnderstood, Trace, Wish
 from rpaug.language.recording import Recording
-from rpaug.language.things import Namer
+from rpaug.language.things import Named, Namer
 from rpaug.language.tokens import Token, said
 
 QUESTION = frozenset("is are does did why who when where which what how".split())
@@ -84,6 +84,8 @@ def _answer(
         found |= one.value if one.kind == "setting" else {}
     read = [Token("stop", one.text) if one.kind == "setting" else one for one in read]
     state = WishState(wish, Namer(recording, wish.mention), list(wish.edits), wish.mention, bool(found), list(notes))
+    apart = {word for one in read if one.kind == "thing" for word in one.value.words.split()}
+    state.namer.apart = bool(apart & {"arm"}) and bool(apart & {"gripper", "hand"})
     _run(read, state, nouns)
     if state.kept and any(one.kind in ("all", "rest") for one in read):  # everything, but what is kept
         namer = Namer(recording, wish.mention)
@@ -177,7 +179,7 @@ def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
         state.edits, state.did = both, True
     elif harder := rest.harder(read, state.here(), state.namer):
         _take(harder, None, state, read)
-    elif (alone := rest.only(read)) is not None:
+    elif (alone := rest.only(whole)) is not None:
         if any(one.get("op") == "remove" for one in state.fresh):
             state.kept += alone
         else:
@@ -210,6 +212,8 @@ def _edit(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
     shares = [one.value for one in read if one.kind == "chance"]
     if len(shares) > 1:
         raise NotUnderstood(f"{said(read)!r}: one share of the copies at a time")
+    if len(shares) == len([one for one in read if one.kind not in JOINS]):
+        raise NotUnderstood(f"{said(read)!r}: what is to be changed in these copies?")
     bare = _bare([one for one in read if one.kind not in ("chance", "even")])
     recorded, bare = _recorded(bare)
     share = shares[0] if shares else None
@@ -338,6 +342,8 @@ def _take(found: Meant, share: float | None, state: WishState, read: list[Token]
     named = [one for one in read if one.kind == "thing"]
     if all(one["op"] in SETTLED for edit in found.edits for one in edit.get("one_of", [edit])):
         state.about = named if named and len(named) == len(found.edits) else state.about
+        if len(named) == 1 and found.mention and isinstance(found.mention.target, str):
+            state.about = [Token("thing", found.mention.target, Named(found.mention.target))]
     else:
         state.about = []
     state.verb = [one for one in read[:3] if one.kind in ("remove", "add", "move", "copy", "vary")][:1] or state.verb

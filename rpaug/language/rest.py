@@ -1,5 +1,6 @@
 """What a clause says beside edits: undoing, the same once more, what must stay as it is, and why somebody wants it."""
 
+import re
 from collections.abc import Sequence
 
 from rpaug.core import color_space, registry
@@ -121,7 +122,7 @@ def only(read: Sequence[Token]) -> list[Token] | None:
     words = said(read)
     named = [one for one in read if one.kind == "thing" and one.value.words not in ("table", "scene")]
     keeps = any(one.kind == "keep" for one in read)
-    alone = "only" in words.split() or "nothing but" in words or "nothing except" in words or "just" in words.split()
+    alone = re.match(r"(?:(?:leave|keep) )?(?:only|just|nothing but|nothing except) ", words)
     kinds = {one.kind for one in read} - {*WEAK, "thing", "keep", "on", "not", "left"}
     return named if alone and keeps and named and not kinds - {"unknown"} else None
 
@@ -172,6 +173,8 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
     at = next((k for k, one in enumerate(read) if one.kind == "keep"), None)
     if at is None:
         return None
+    if any(one.kind == "because" for one in read):
+        return None
     if any(one.text in ("but", "while", ":") or one.kind == "color" for one in read[:at]):
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
     named = [one for one in read if one.kind in KEPT]
@@ -180,6 +183,7 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
     allowed |= {*DONE, "do", "from"} if negated else set()
     if any(one.kind in ("rest", "chance", "share") or one.text == "other" for one in read):
         allowed |= {"chance", "share", "to"}
+        named = [] if read[0].kind in ("rest", "chance", "share") else named
         named = [one for one in named if not (one.kind == "thing" and one.value.pronoun)]
     if wrong := [one for one in read if one.kind not in allowed]:
         raise NotUnderstood(f"{said(read)!r}: it is not clear what must stay as it is: {wrong[0].text!r}")
@@ -199,7 +203,8 @@ def reason(read: Sequence[Token], fresh: Sequence[Entry], namer: Namer, sure: bo
     first, spoken = next(one for one in read if one.kind not in ("filler", "and", "stop")), set(words.split())
     stated = first.kind in ("thing", "camera") and not spoken & MODAL and {one.text for one in read} & (HAVING if sure else STATES)
     told = words.split()[0] in SPEAKERS and (spoken & STATES or any(one.kind == "because" for one in read)) and not sure
-    because = first.kind == "because" or any(one.kind == "because" and "policy" in one.text for one in read)
+    until = [one.kind for one in read if one.kind not in ("filler", "keep", "and", "stop", "do")]
+    because = until[:1] == ["because"]
     if not (because or stated or told or _fact(read, namer)):
         return None
     mention = None

@@ -278,6 +278,7 @@ class Namer:
         self.recording, self.mention = recording, mention
         self.notes: list[str] = []
         self.kept: list[Named] = []  # what was said to stay as it is
+        self.apart = False  # arm and gripper are told apart
 
     def target(self, named: Named) -> Target:
         """A recipe's target. Raises NotUnderstood for what is no thing."""
@@ -296,8 +297,9 @@ class Namer:
         bare = re.sub(r" (?:object|thing|item)$", "", words)
         owners = ("robot", "gripper", "arm", "hand")
         hand = " ".join(w for w in bare.split() if not color_space.canonical(w) and w not in owners)
-        if self.recording is not None and (bare in ARMS or hand in FINGERS):
-            return self._arm(hand in FINGERS)
+        fingers = hand in FINGERS or (self.apart and bare in ("gripper", "hand"))
+        if self.recording is not None and (bare in ARMS or fingers):
+            return self._arm(fingers)
         if words.startswith("other "):
             return self._other(words.removeprefix("other "))
         if self.recording is not None and (told := PATTERNED & set(words.split())):
@@ -460,10 +462,13 @@ class Namer:
 
     def there(self, named: Named) -> bool:
         """Is there such a thing in the recording?"""
+        told = len(self.notes)
         try:
             return bool(self.ids(self.target(named)))
         except RpaugError:
             return False
+        finally:
+            del self.notes[told:]
 
     def color(self, target: Target) -> str:
         """The color that something was recorded in. Raises NotUnderstood for several."""

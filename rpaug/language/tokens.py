@@ -15,7 +15,7 @@ SPELLED = (
     (r"≥|>=|(?<!-)>", " at least "), (r"≤|<=", " at most "), (r"≈|~", " about "), (r"°", " degrees "), (r"\bw/", "with "),
     (r"\+ ?/ ?-|\+-|plus[ /-]minus|plus or minus", "±"), (r"(?<=[a-z])'s\b(?<!it's)(?<!there's)(?<!that's)(?<!let's)(?<!what's)", ""),
     (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"\bgrey", "gray"), (r"colour", "color"),
-    (r"\bboth (?=the [^,;]+ and )", ""), (r"\b(stuff|things|objects|items|all) (?:what|that|which) (?:is|are) (?=not needed)", r"\1 "),
+    (r"\bboth (?=the [^,;]+ and )", ""), (r"\b(?:all )?(?:the )?(stuff|things|objects|items) (?:what|that|which) (?:is|are) (?=not needed)", r"\1 "),
     (r"\bu\b", "you"), (r"\bshd\b", "should"), (r"\b(?:diff|diffrent)\b", "different"), (r"\bsth\b", "something"),
     (r"(\d+)/(\d+)(?= ?(?:inch|cm|of|the|m\b))", lambda m: f"{int(m[1]) / int(m[2]):.4g}"), (r"[!?.]+(?= |$)|[!?\n]+", " ; "),
     (r" a?round(?= at random| by|$| ?[,;])", " "), (r"\bphoto[- ]?graph", "photo"), (r"\([^)\d]*\)", lambda m: f" , {m[0][1:-1]} , "),
@@ -157,6 +157,10 @@ def _next(
         return shared[0], "chance", shared[1]
     if seen := camera(words, at, cameras):
         return seen[0], "camera", seen[1]
+    phrase = values.longest(words, at, senses())
+    kind = senses().get(phrase, "unknown")
+    if kind in ("even", "filler") and len(phrase.split()) > 2:
+        return len(phrase.split()), kind, None
     if there := values.point(words, at):
         return there[0], "point", there[1]
     if much := values.amount(words, at):
@@ -170,8 +174,6 @@ def _next(
     colored = values.color(words, at)
     if colored and not (named and named[0] > colored[0]):
         return colored[0], "color", colored[1]
-    phrase = values.longest(words, at, senses())
-    kind = senses().get(phrase, "unknown")
     if named and (len(phrase.split()) <= 1 or named[0] > len(phrase.split())):
         if phrase != named[1].words or kind == "filler":
             return named[0], "thing", named[1]

@@ -53,7 +53,8 @@ def _named(clause: Clause, wish: Wish, namer: Namer) -> Any:
     """The cameras that a clause is about; None where it is about none."""
     token, mention = clause.one("camera"), wish.mention
     known = mention is not None and mention.kind == "camera"
-    if token is None and known and any(one.kind == "thing" and one.value.pronoun for one in clause.tokens):
+    pronoun = any(one.kind == "thing" and one.value.pronoun for one in clause.tokens)
+    if token is None and known and (pronoun or clause.has("aim")):
         token = Token("camera", "it", [])
         clause.tokens = [one for one in clause.tokens if not (one.kind == "thing" and one.value.pronoun)]
     looking = clause.says("look", "view", "see", "film", "watch") and clause.has("from")

@@ -73,7 +73,7 @@ class Insert(Operator):
         "add": "add, insert, place, introduce, spawn, include, throw in, toss in, put in, "
         "drop in, bring in, mix in, put down, stand, stands, scatter some, sprinkle, "
         "throw some, there is, there should be, there must be, added, inserted, "
-        "introduced, throw in, set down, clutter, litter, clutter up, distract, lay",
+        "introduced, throw in, set down, litter, lay",
     }
     phrases: ClassVar[tuple[str, ...]] = ("add a {category:mug|bowl|book} [near {near}]",)
     examples: ClassVar[Examples] = (
