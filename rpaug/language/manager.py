@@ -25,6 +25,7 @@ AFTERTHOUGHT = frozenset(
      "kelvin", "stops", "pixels", "times", "size_of", "strangers", "width", *tokens.WEAK}
 )  # fmt: skip
 """Kinds of words that only go on with what the clause before asks for."""
+IT = Token("thing", "it", Named("it", pronoun=True))
 MOST_CLAUSES, MOST_EDITS, MOST_UNDONE = 30, 120, 8
 SETTLED = ("recolor", "retexture", "table_color", "table_texture", "background_texture", "object_size", "stylize")
 
@@ -156,7 +157,8 @@ def _ends(read: list[Token]) -> Iterator[int]:
 def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
     """One clause. Raises RpaugError and then changes nothing."""
     whole = read
-    while read and (read[0].kind in JOINS or read[0].text in ("but", "or", "while", "now")):
+    bare = {one.kind for one in read} <= {"not", "thing", "color", "texture", "or", "and", "filler", "to"}
+    while read and (read[0].kind in JOINS or read[0].text in ("or", "while", *([] if bare else ["but"]))):
         read = read[1:]
     while read and read[-1].kind in ("and", "stop"):
         read = read[:-1]
@@ -281,7 +283,9 @@ def _meant(read: list[Token], state: WishState, nouns: frozenset[str]) -> Meant:
         why = error
     kinds = {one.kind for one in read}
     before = [state.verb] if state.verb and not kinds & {"remove", "add", "move", "copy"} else []
-    before += [] if "thing" in kinds or not state.about else [state.about]
+    if "thing" not in kinds:
+        before += [state.about] if state.about else []
+        before += [[IT]] if state.did and state.mention and state.mention.kind == "target" else []
     for more in before:
         with contextlib.suppress(RpaugError):
             return reader.read([*more, *read], wish, state.namer)

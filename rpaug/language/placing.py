@@ -60,6 +60,8 @@ def remove(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """Things are gone: those that are named, what the task does not need, or all but what is named."""
     if not clause.has("remove", "clear"):
         return None
+    if clause.says("only"):
+        raise NotUnderstood(f"{clause.text!r}: only what is to be left? `leave only ...`")
     clearing = clause.every("clear") or (clause.has("on") and clause.has("all"))
     clause.every("on", "remove")
     if clause.has("not"):

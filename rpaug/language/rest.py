@@ -122,7 +122,7 @@ def only(read: Sequence[Token]) -> list[Token] | None:
     words = said(read)
     named = [one for one in read if one.kind == "thing" and one.value.words not in ("table", "scene")]
     keeps = any(one.kind == "keep" for one in read)
-    alone = re.match(r"(?:(?:leave|keep) )?(?:only|just|nothing but|nothing except) ", words)
+    alone = re.match(r"(?:[,;] )*(?:(?:and|but|leave|keep) )*(?:only|just|nothing but|nothing except) ", words)
     kinds = {one.kind for one in read} - {*WEAK, "thing", "keep", "on", "not", "left"}
     return named if alone and keeps and named and not kinds - {"unknown"} else None
 

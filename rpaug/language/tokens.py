@@ -151,16 +151,16 @@ def _next(
     words: Sequence[str], at: int, cameras: Sequence[str], nouns: Collection[str], adds: bool
 ) -> tuple[int, str, Any]:
     """How many words the next token takes, its kind and value."""
+    phrase = values.longest(words, at, senses())
+    kind = senses().get(phrase, "unknown")
+    if kind in ("even", "filler") and len(phrase.split()) > 2:
+        return len(phrase.split()), kind, None
     if found := _setting(words, at):
         return found[0], "setting", found[1]
     if shared := chance(words, at):
         return shared[0], "chance", shared[1]
     if seen := camera(words, at, cameras):
         return seen[0], "camera", seen[1]
-    phrase = values.longest(words, at, senses())
-    kind = senses().get(phrase, "unknown")
-    if kind in ("even", "filler") and len(phrase.split()) > 2:
-        return len(phrase.split()), kind, None
     if there := values.point(words, at):
         return there[0], "point", there[1]
     if much := values.amount(words, at):

@@ -83,6 +83,7 @@ MANNERS: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
     for word in words.split()
 }
 NEUTRAL = ("white", "gray", "black")
+LONGEST = 8  # words of a phrase
 ANYHOW = frozenset("random randomly different various some any a an slightly other".split())
 HUED = frozenset("color colors tone tones shade shades hue hues tint tints".split())
 CHANNELS = {"hue": 0, "hues": 0, "sat": 1, "saturation": 1, "val": 2, "value": 2, "brightness": 2}
@@ -122,9 +123,9 @@ def tidy(value: float) -> float:
 
 def longest(words: Sequence[str], at: int, table: Collection[str]) -> str:
     """The longest phrase of a table that begins at a word; "" for none."""
-    for size in range(5, 0, -1):
+    for size in range(min(LONGEST, len(words) - at), 0, -1):
         phrase = " ".join(words[at : at + size])
-        if phrase in table and len(words) >= at + size:
+        if phrase in table:
             return phrase
     return ""
 

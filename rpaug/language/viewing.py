@@ -3,7 +3,7 @@
 from typing import Any
 
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
-from rpaug.language.things import Named, Namer, begins
+from rpaug.language.things import Namer
 from rpaug.language.tokens import Clause, Token
 from rpaug.language.values import Amount, tidy
 
@@ -24,8 +24,8 @@ def camera_pose(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         raise NotUnderstood(f"{clause.text!r}: at most how far?")
     edit: Entry = {"op": "camera_pose", "camera": names}
     if clause.every("aim"):
-        clause.tokens = [one for one in clause.tokens if one.text not in MIDDLE and one.kind != "near"]
-        edit["toward"] = namer.middle([_centre(one) for one in clause.things()])
+        clause.tokens = [one for one in clause.tokens if not set(one.text.split()) <= MIDDLE]
+        edit["toward"] = namer.middle(clause.things())
     rolled = clause.one("roll", "unroll")
     tilts = bool(clause.every("tilt", "pan")) or clause.has("rotate") or clause.says("turn")
     axes, ways, notes = clause.every("axes"), clause.every(*WAYS), list[str]()
@@ -69,15 +69,6 @@ def _named(clause: Clause, wish: Wish, namer: Namer) -> Any:
         return mention.cameras
     namer.notes.append(f"{token.text!r} is taken as all cameras that stand still")
     return "static"
-
-
-def _centre(named: Named) -> Named:
-    """The things that "the midpoint between the two bins" lies between."""
-    words = named.words.split()
-    while words and words[0] in MIDDLE:
-        words.pop(0)
-    found = begins(["the", *words], words) if words else None
-    return found[1] if found else named
 
 
 def _jittered(
