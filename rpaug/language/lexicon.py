@@ -23,7 +23,7 @@ OURS: Mapping[str, str] = {
     "on average, all of, or so, me, us, you, that's, thats, coat, layer, than that, than before, than it is, uniform, "
     "uniformly, anywhere, of what's there now, about, only, either, quickly, gaussian, no pattern, roughly, "
     "by the same offset, by the same rigid offset, the same rigid offset, instead of that, around the table, matching, "
-    "that is, that are, whose longest side is, to have, look of, go crazy, incl, including, drawn, picked, theres, there",
+    "that is, that are, whose longest side is, to have, look of, go crazy, incl, including, drawn, picked, theres",
     "do": "make, set, turn, switch, give, use, have, has, get, let, render, take, do, convert, replace, exchange, become, "
     "becomes, put, bring, go, goes, look, looks, look like, looks like, appear, gets, come, comes, coming, shine, apply, "
     "glow, bathe, cast, laid, wear, placed, on, onto, over, upon, choose, pick, draw, show, throw",

@@ -221,6 +221,8 @@ def _excepted(clause: Clause) -> tuple[list[Named], list[Any]]:
         clause.take(one)
     if clause.has("color"):  # "blue, not red"
         return [], []
+    if not clause.has("any", "vary", "paint"):
+        raise NotUnderstood(f"{clause.text!r}: which color then? `any color but ...` draws one of the others")
     return [], [tint for one in banned for tint in one.value]
 
 

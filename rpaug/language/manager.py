@@ -17,8 +17,9 @@ from rpaug.language.things import Named, Namer
 from rpaug.language.tokens import Token, said
 
 QUESTION = frozenset("is are does did why who when where which what how".split())
-BREAKS = frozenset({",", "(", ")", "and", "but", "while", "then", "and then", "so", "so that", "because", "since", "without", "and the"})
+BREAKS = frozenset({"like", ",", "(", ")", "and", "but", "while", "then", "and then", "so", "so that", "because", "since", "without", "and the"})
 ACTS = ("remove", "add", "move", "copy", "spread", "paint", "lay", "vary", "blur", "noise", "swap", "undo", "darker", "brighter")
+SIMILE = {"to", "filler", "thing", "unknown", "and", "on"}
 JOINS = ("and", "filler", "stop")
 AFTERTHOUGHT = frozenset(
     {"color", "texture", "gloss", "little", "much", "or", "vary", "each", "same", "any", "share", "number", "length", "angle",
@@ -192,6 +193,8 @@ def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
     elif why := rest.reason(whole, state.fresh, state.namer):
         state.mention = why.mention or state.mention
         state.notes += why.notes
+    elif read[0].text == "like" and kinds <= SIMILE and {one.kind for one in state.last[0]} & {"color", "texture", "light", "warm", "darker"}:
+        state.notes.append(f"{said(read)!r} is taken as a reason, not as an edit")
     elif state.fresh and kinds <= {"filler", "all", "little", "thing", "and"} and "little" in kinds:
         state.notes.append(f"{said(read)!r} is taken as said of amounts that were not named")
     else:

@@ -102,7 +102,8 @@ def object_size(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """A thing is larger or smaller than it was recorded."""
     if not clause.has("thing") or clause.has("add"):
         return None
-    if clause.has("bigger", "smaller", "scale", "size_of") and clause.has("length"):
+    tall = clause.says("tall", "high", "wide", "long") and not clause.has("texture", "lay", "move", "up")
+    if (tall or clause.has("bigger", "smaller", "scale", "size_of")) and clause.has("length"):
         raise NotUnderstood("sizes are factors of the recorded one: say `20% larger`, or `half its size`")
     if not clause.has("bigger", "smaller", "scale", "size_of"):
         return None

@@ -20,6 +20,8 @@ SPELLED = (
     (r"(\d+)/(\d+)(?= ?(?:inch|cm|of|the|m\b))", lambda m: f"{int(m[1]) / int(m[2]):.4g}"), (r"[!?.]+(?= |$)|[!?\n]+", " ; "),
     (r" a?round(?= at random| by|$| ?[,;])", " "), (r"\bphoto[- ]?graph", "photo"), (r"\([^)\d]*\)", lambda m: f" , {m[0][1:-1]} , "),
 )  # fmt: skip
+ATTRIBUTE = "|".join(map(re.escape, sorted({*values.TINTS, *relations.RANKS}, key=len, reverse=True)))
+BOTH = re.compile(rf"\b(the|of) ({ATTRIBUTE}) and (?:the )?({ATTRIBUTE}) ([a-z]+s)\b")
 WORD = re.compile(r"->|(?<!\d )(?<!% )(?<![\w%])-\d+(?:\.\d+)?|\d+(?:\.\d+)?|\.\d+|#[0-9a-f]{6}|[a-z][a-z0-9_']*(?:-[a-z][a-z0-9_']*)*|\S")
 CHANCE = frozenset("probability prob chance p likelihood".split())
 COPIES = frozenset("copies copy cases time times episodes episode runs demos recordings".split())
@@ -131,6 +133,7 @@ def split(stated: str) -> list[str]:
     text = stated.lower()
     for pattern, other in SPELLED:
         text = re.sub(pattern, other, text)
+    text = BOTH.sub(lambda m: f"{m[1]} {m[2]} {(noun := relations.singular(m[4]))} and the {m[3]} {noun}", text)
     return WORD.findall(text)
 
 
@@ -212,7 +215,7 @@ def chance(words: Sequence[str], at: int) -> tuple[int, float] | None:
     if words[k : k + 2] == ["other", "half"]:
         end = _copies(words, k + 2)
         return (end or k + 2) - at, 0.5
-    ordinal = next((ORDINALS.get(one) or int(one) for one in words[k : k + 1] if one in ORDINALS or one.isdigit()), 0)
+    ordinal = next((ORDINALS.get(one) or int(one) for one in words[k : k + 1] if one in ORDINALS or one.isdecimal()), 0)
     if {"every", "each"} & set(led.split()) and ordinal:
         end = _copies(words, k + 1 + (words[k + 1 : k + 2] in (["rd"], ["th"], ["nd"])))
         if end:
