@@ -26,7 +26,12 @@ FILE = re.compile(r"[/\\:~]|\.\w{1,5}$")
 """What may name a file, an address or a network."""
 PLACES = ("textures", "weights", "vision", "harmoniser", "inpaint")
 """Fields that name a folder, a file or a network."""
-COUNTS = {"first": 1, "single": 1, "once": 1, "twice": 2}  # numbers in words, beside `values.NUMBERS`
+COUNTS = {
+    "first": 1,
+    "single": 1,
+    "once": 1,
+    "twice": 2,
+}  # numbers in words, beside `values.NUMBERS`
 
 
 class WishEdit(Message):

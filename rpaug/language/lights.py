@@ -14,8 +14,34 @@ EVENING = 0.8  # times as bright as recorded
 NEUTRAL = 6500  # kelvin, of sRGB's white
 LIFT = 0.64  # radians: how high a lamp stands at a side, where no angle was named
 LIGHT = Mention(kind="light")
-LEVELS = ("darker", "brighter", "warm", "cool", "kelvin", "share", "times", "twice", "halve", "number", "more", "less")
-TURNED = ("lit", "move", "rotate", "pan", "tilt", "angle", "left", "right", "ahead", "back", "point")
+LEVELS = (
+    "darker",
+    "brighter",
+    "warm",
+    "cool",
+    "kelvin",
+    "share",
+    "times",
+    "twice",
+    "halve",
+    "number",
+    "more",
+    "less",
+)
+TURNED = (
+    "lit",
+    "move",
+    "rotate",
+    "pan",
+    "tilt",
+    "angle",
+    "left",
+    "right",
+    "ahead",
+    "back",
+    "point",
+)
+VARIED = ("color", "intensity", "brightness", "temperature")
 SENSED: dict[str, tuple[str, tuple[str, ...], float]] = {
     "noise": ("read", ("share", "number"), 0.0),
     "blur": ("sigma", ("pixels", "number"), 0.3),
@@ -31,21 +57,37 @@ def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     ours = wish.mention is None or wish.mention.kind == "light"
     things = [one for one in clause.tokens if one.kind == "thing"]
     sided = lamp and clause.has("left", "right")
-    spoken = [one for one in things if (one.value.pronoun and ours) or (sided and one.value.words == "robot")]
+    spoken = [
+        one
+        for one in things
+        if (one.value.pronoun and ours) or (sided and one.value.words == "robot")
+    ]
     if lamp:
         _tinted(clause, things)
     everything = clause.every("all", "image") or spoken
-    if not (lamp or lit) and not (toned and (everything or not things) and not clause.has("texture", "color")):
+    if not (lamp or lit) and not (
+        toned and (everything or not things) and not clause.has("texture", "color")
+    ):
         return None
     clause.tokens = [one for one in clause.tokens if not any(one is other for other in spoken)]
+    colored = any(
+        word in one.text for one in clause.tokens if one.kind == "light" for word in VARIED
+    )
     clause.every("light", "much", "size_of", "on", "all", "swap")
-    edits, notes = list[Entry](), list[str]()
-    turned = clause.has(*TURNED) or (clause.has("up") and not clause.has("share", "more", "brighter"))
+    edits, notes, varied = (
+        list[Entry](),
+        list[str](),
+        [one for one in clause.tokens if one.kind in ("vary", "any")],
+    )
+    turned = clause.has(*TURNED) or (
+        clause.has("up") and not clause.has("share", "more", "brighter")
+    )
     moved = any(one.text in ("somewhere else", "elsewhere") for one in clause.tokens)
     if turned or moved:
         clause.every("lit", "move", "rotate", "pan", "tilt")
         edits.append(_direction(clause, namer, notes))
-    if not edits or clause.has(*LEVELS, "color"):
+        clause.tokens += varied if colored else []
+    if not edits or clause.has(*LEVELS, "color") or (colored and clause.has("vary", "any")):
         found = _level(clause, wish)
         if found.replaces:
             return found
@@ -66,7 +108,10 @@ def _level(clause: Clause, wish: Wish) -> Meant:
     """How strong the lamps are, and of what color."""
     mild = bool(clause.every("little"))
     darker, brighter = clause.every("darker"), clause.every("brighter")
-    less, more = bool(darker or clause.every("down", "less")), bool(brighter or clause.every("up", "more"))
+    less, more = (
+        bool(darker or clause.every("down", "less")),
+        bool(brighter or clause.every("up", "more")),
+    )
     warm, cool, kelvin = clause.every("warm"), clause.every("cool"), clause.amounts("kelvin")
     color = clause.one("color")
     if warm and cool:
@@ -77,7 +122,14 @@ def _level(clause: Clause, wish: Wish) -> Meant:
         )
     shares = clause.amounts("share", "times", "number")
     factor = 2.0 if clause.every("twice") else 0.5 if clause.every("halve") else None
-    before = next((k for k, one in enumerate(wish.edits) if one.get("op") == "light_color" and "range" in one), None)
+    before = next(
+        (
+            k
+            for k, one in enumerate(wish.edits)
+            if one.get("op") == "light_color" and "range" in one
+        ),
+        None,
+    )
     if before is not None and not (shares or kelvin or color) and _compared(clause):
         return _relative(wish.edits[before], before, less, more, bool(warm), bool(cool), mild)
     if not (shares or less or more or warm or cool or kelvin or color or factor):
@@ -93,7 +145,11 @@ def _level(clause: Clause, wish: Wish) -> Meant:
         if clause.has("color"):
             raise NotUnderstood(f"{clause.text!r}: one color of light, or `either ... or ...`")
     low, high = (factor, factor) if factor else _factors(clause, shares, less, more, mild)
-    if not shares and not more and any(word in one.text for one in warm for word in ("evening", "sunset", "afternoon")):
+    if (
+        not shares
+        and not more
+        and any(word in one.text for one in warm for word in ("evening", "sunset", "afternoon"))
+    ):
         low = high = EVENING
     return _lit([tidy(v * low) for v in ends[0]], [tidy(v * high) for v in ends[-1]])
 
@@ -110,21 +166,32 @@ def _unit(warm: list[Token], cool: list[Token]) -> tuple[float, ...]:
 
 def _lit(low: list[float], high: list[float]) -> Meant:
     if max(high) > 1 or max(low) <= 0:
-        raise NotUnderstood(f"lamps can be from 0 to 2 times as bright as recorded, not {2 * max(high):g}")
+        raise NotUnderstood(
+            f"lamps can be from 0 to 2 times as bright as recorded, not {2 * max(high):g}"
+        )
     return Meant(edits=({"op": "light_color", "range": [low, high]},), mention=LIGHT)
 
 
-def _relative(edit: Entry, number: int, less: bool, more: bool, warm: bool, cool: bool, mild: bool) -> Meant:
+def _relative(
+    edit: Entry, number: int, less: bool, more: bool, warm: bool, cool: bool, mild: bool
+) -> Meant:
     """Darker, brighter, warmer or cooler than the light that was asked for before."""
     step = 1.15 if mild else 1.35
     level = 1 / step if less else step if more else 1.0
     tone = (1.06, 1.0, 0.85) if warm else (0.9, 1.0, 1.06) if cool else (1.0, 1.0, 1.0)
-    drawn = [[tidy(min(1.0, v * level * t)) for v, t in zip(end, tone, strict=True)] for end in edit["range"]]
+    drawn = [
+        [tidy(min(1.0, v * level * t)) for v, t in zip(end, tone, strict=True)]
+        for end in edit["range"]
+    ]
     note = "compared with the light that was asked for before"
-    return Meant(edits=({**edit, "range": drawn},), mention=LIGHT, notes=(note,), replaces=(number,))
+    return Meant(
+        edits=({**edit, "range": drawn},), mention=LIGHT, notes=(note,), replaces=(number,)
+    )
 
 
-def _factors(clause: Clause, shares: list[Amount], less: bool, more: bool, mild: bool) -> tuple[float, float]:
+def _factors(
+    clause: Clause, shares: list[Amount], less: bool, more: bool, mild: bool
+) -> tuple[float, float]:
     """Between which factors the lamps' brightness lies."""
     if len(shares) > 1:
         raise NotUnderstood(f"{clause.text!r}: one amount of light, please")
@@ -178,7 +245,10 @@ def _direction(clause: Clause, namer: Namer, notes: list[str]) -> Entry:
         raise NotUnderstood(
             "the lamp's directions are the world's: say `from above`, or give the direction (x, y, z) to it"
         )
-    axis, sign = "left" if side.kind in ("left", "right") else "ahead", 1 if side.kind in ("left", "ahead") else -1
+    axis, sign = (
+        "left" if side.kind in ("left", "right") else "ahead",
+        1 if side.kind in ("left", "ahead") else -1,
+    )
     height = angles[0].low if angles else LIFT
     to = [tidy(sign * math.cos(height) * v) for v in namer.recording.axes[axis]]
     notes.append(f"{side.kind} is the robot's {side.kind}")
@@ -191,13 +261,19 @@ def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     exposed |= clause.has("darker", "brighter") and clause.has("image")
     kind = next((one for one in SENSED if clause.has(one)), "exposure" if exposed else None)
     surface = kind in ("blur", "noise") and clause.has("color", "texture", "lay")
-    if kind is None or surface or any(one.kind == "thing" and not one.value.pronoun for one in clause.tokens):
+    if (
+        kind is None
+        or surface
+        or any(one.kind == "thing" and not one.value.pronoun for one in clause.tokens)
+    ):
         return None
     edit: Entry = {"op": f"sensor_{kind}"}
     named = [one.value for one in clause.every("camera") if isinstance(one.value, list)]
     if cameras := sorted({name for some in named for name in some}):
         edit["cameras"] = cameras
-    if clause.every("each") and clause.says("separately", "individually", "independently", "each camera", "every camera"):
+    if clause.every("each") and clause.says(
+        "separately", "individually", "independently", "each camera", "every camera"
+    ):
         edit["each"] = True
     mild = bool(clause.every("little"))
     if kind == "exposure":
@@ -218,7 +294,9 @@ def _exposure(clause: Clause, edit: Entry, mild: bool) -> Meant:
     for name in ("gain", "gamma"):
         if one := clause.after(name, "share", "number"):
             low, high = one.value.ends
-            edit[name] = [tidy(1 + low), tidy(1 + high)] if one.value.how == "about" else [low, high]
+            edit[name] = (
+                [tidy(1 + low), tidy(1 + high)] if one.value.how == "about" else [low, high]
+            )
     stops = clause.amounts("stops")
     less = clause.every("darker", "down", "less") or clause.says("underexpose", "underexposed")
     more = clause.every("brighter", "up", "more") or clause.says("overexpose", "overexposed")
@@ -229,6 +307,10 @@ def _exposure(clause: Clause, edit: Entry, mild: bool) -> Meant:
     if less or more:
         ends = [-one if less and one > 0 else one for one in (amount.low, amount.high)]
     else:
-        ends = [-amount.high, amount.high] if amount.how in ("upto", "about") else [amount.low, amount.high]
+        ends = (
+            [-amount.high, amount.high]
+            if amount.how in ("upto", "about")
+            else [amount.low, amount.high]
+        )
     notes = () if stops else (f"{amount.high:g} stops, since no amount was named",)
     return Meant(edits=(edit | {"stops": [tidy(one) for one in sorted(ends)]},), notes=notes)

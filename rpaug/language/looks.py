@@ -13,7 +13,9 @@ from rpaug.scene.targets.relations import GRIPS, PARTS, singular
 
 TABLE, BACKGROUND = {"role": "table"}, {"role": "background"}
 ANY = {"sample": "colosseum"}
-SHAKEN = frozenset({"jitter", "shake", "bump", "wobble", "wiggle", "jiggle", "nudge", "a bit off", "slightly off"})
+SHAKEN = frozenset(
+    {"jitter", "shake", "bump", "wobble", "wiggle", "jiggle", "nudge", "a bit off", "slightly off"}
+)
 """Ways to vary where something is, not how it looks."""
 OWN = {str(TABLE): "table_texture", str(BACKGROUND): "background_texture"}
 
@@ -22,7 +24,12 @@ def replaced(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """A thing is gone, and a new one stands near where it was."""
     at = next((k for k, one in enumerate(clause.tokens) if one.text in ("by", "with", "for")), None)
     new = [one.value for one in clause.tokens[at or 0 :] if one.kind == "thing" and one.value.fresh]
-    if at is None or not new or not clause.says("replace", "exchange", "substitute") or clause.has("color", "texture"):
+    if (
+        at is None
+        or not new
+        or not clause.says("replace", "exchange", "substitute", "swap")
+        or clause.has("color", "texture")
+    ):
         return None
     if [one.words for one in new] == [new[0].words] and new[0].words.split()[-1] == "one":
         return None
@@ -59,7 +66,9 @@ def swapped(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         targets = [{"text": singular(targets[0]), "all": True}]
     groups = [group for one in targets for group in namer.groups(one)]
     if len(groups) != 2:
-        raise NotUnderstood(f"{clause.text!r}: {len(groups)} things; colors are swapped between two")
+        raise NotUnderstood(
+            f"{clause.text!r}: {len(groups)} things; colors are swapped between two"
+        )
     tints = {row["id"]: row["color"] for row in namer.rows}
     first, second = (sorted(group) for group in groups)
     return Meant(
@@ -78,7 +87,10 @@ def _again(clause: Clause) -> None:
     old, new = (clause.tokens[k] for k in at)
     noun = new.value.words.split()[-1]
     alike = singular(noun) in ("one", *map(singular, old.value.words.split()[-1:]))
-    led = any(one.kind == "to" or one.text in ("for", "with", "by") for one in clause.tokens[at[0] : at[1]])
+    led = any(
+        one.kind == "to" or one.text in ("for", "with", "by")
+        for one in clause.tokens[at[0] : at[1]]
+    )
     pronoun = old.value.pronoun and new.value.fresh and at[1] == at[0] + 1
     if not ((alike and led) or pronoun):
         return
@@ -87,7 +99,11 @@ def _again(clause: Clause) -> None:
     color = values.color(words, 0)
     if max(size, color[0] if color else 0) != len(words) - 1:
         return
-    look = Token("texture", new.text, fits) if size else Token("color", new.text, color[1] if color else [])
+    look = (
+        Token("texture", new.text, fits)
+        if size
+        else Token("color", new.text, color[1] if color else [])
+    )
     clause.tokens[at[1]] = look
     if pronoun and not alike:
         clause.tokens[at[0]] = Token("thing", noun, Named(noun))
@@ -113,14 +129,20 @@ def shade(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         raise NotUnderstood(f"{clause.text!r}: darker or lighter, one thing after the other")
     before = [edit["target"] for edit in wish.edits if edit.get("op") == "recolor"]
     mention = wish.mention
-    alone = named[0].pronoun and (mention is None or mention.kind in ("camera", "new")) and len(before) == 1
+    alone = (
+        named[0].pronoun
+        and (mention is None or mention.kind in ("camera", "new"))
+        and len(before) == 1
+    )
     where = before[0] if alone else namer.target(named[0])
     notes = (f"'it' is taken to mean what was painted: {where}",) if alone else ()
     about, factor = Mention(kind="target", target=where), 0.6 if dark else -0.4
     for k, edit in reversed(list(enumerate(wish.edits))):
         if edit.get("op") == "recolor" and edit["target"] == where:
             tint = {"rgb": values.shaded(edit["color"], factor)}
-            return Meant(edits=({**edit, "color": tint},), mention=about, notes=notes, replaces=(k,))
+            return Meant(
+                edits=({**edit, "color": tint},), mention=about, notes=notes, replaces=(k,)
+            )
     word = "darker" if dark else "lighter"
     if namer.recording is not None:
         ids = namer.ids(where)
@@ -128,8 +150,14 @@ def shade(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         if len(tints) == 1:
             tint = {"rgb": values.shaded(tints.pop(), factor)}
             note = f"{word} than the color that it was recorded in, as far as that has a name"
-            return Meant(edits=({"op": "recolor", "target": where, "color": tint},), mention=about, notes=(note,))
-    raise NotUnderstood(f"{word} than what? name a color: only one that was asked for before has a darker one")
+            return Meant(
+                edits=({"op": "recolor", "target": where, "color": tint},),
+                mention=about,
+                notes=(note,),
+            )
+    raise NotUnderstood(
+        f"{word} than what? name a color: only one that was asked for before has a darker one"
+    )
 
 
 def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
@@ -140,8 +168,16 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     _again(clause)
     apart, banned = _excepted(clause)
     notes = ["gloss stays as it was recorded"] if clause.every("gloss") else []
-    tints, pictures, several = clause.every("color"), clause.every("texture"), bool(clause.every("or"))
-    styled, laid, plain = bool(clause.every("style")), bool(clause.every("lay")), bool(clause.every("paint"))
+    tints, pictures, several = (
+        clause.every("color"),
+        clause.every("texture"),
+        bool(clause.every("or")),
+    )
+    styled, laid, plain = (
+        bool(clause.every("style")),
+        bool(clause.every("lay")),
+        bool(clause.every("paint")),
+    )
     at_table, anyhow = clause.every("on", "add") if unnamed else [], clause.every("vary", "any")
     if anyhow and {one.text for one in anyhow} <= SHAKEN and not (laid or plain or tints):
         return None
@@ -169,7 +205,10 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         places = [{"handle": sorted(frozenset[int]().union(*map(namer.ids, places)))}]
     looks = _looks(tints, pictures, laid, styled, banned)
     more = only | ({"scale": width[0].low} if width else {})
-    edits = [one_of([{**_look(where, look), **(only if "color" in look else more)} for look in looks]) for where in places]
+    edits = [
+        one_of([{**_look(where, look), **(only if "color" in look else more)} for look in looks])
+        for where in places
+    ]
     mention = Mention(kind="target", target=places[0]) if len(places) == 1 else None
     return Meant(edits=tuple(edits), mention=mention, notes=tuple(notes))
 
@@ -183,7 +222,11 @@ def _meant(
     clause: Clause, namer: Namer, apart: list[Named], at_table: list[Token]
 ) -> tuple[list[Named], list[Target] | None]:
     """The things that are named, or the places of all things, or of all but some, if that was said."""
-    strangers, rest, everything = clause.every("strangers"), clause.every("rest"), clause.every("all")
+    strangers, rest, everything = (
+        clause.every("strangers"),
+        clause.every("rest"),
+        clause.every("all"),
+    )
     if not (strangers or rest or everything):
         return clause.things() or ([Named("table")] if at_table else []), None
     clause.every("thing")
@@ -222,11 +265,15 @@ def _excepted(clause: Clause) -> tuple[list[Named], list[Any]]:
     if clause.has("color"):  # "blue, not red"
         return [], []
     if not clause.has("any", "vary", "paint"):
-        raise NotUnderstood(f"{clause.text!r}: which color then? `any color but ...` draws one of the others")
+        raise NotUnderstood(
+            f"{clause.text!r}: which color then? `any color but ...` draws one of the others"
+        )
     return [], [tint for one in banned for tint in one.value]
 
 
-def _own_look(named: Named, namer: Namer, told: bool) -> tuple[list[Named], list[Token], list[Token]]:
+def _own_look(
+    named: Named, namer: Namer, told: bool
+) -> tuple[list[Named], list[Token], list[Token]]:
     """A thing and the look that was said before its noun, where nothing of that look is there: "a brick wall".
 
     `told`: the look is meant in any case.
@@ -258,7 +305,12 @@ def _handle(named: Named, namer: Namer) -> tuple[Target, str, str] | None:
     parts = named.words.split()
     if "of" in parts[1:-1] and parts[0] in GRIPS:
         parts = [*parts[parts.index("of") + 1 :], parts[0]]
-    if parts[-1] not in GRIPS or parts[-2:-1] and parts[-2] in PARTS or namer.recording is None or _there(named, namer):
+    if (
+        parts[-1] not in GRIPS
+        or (parts[-2:-1] and parts[-2] in PARTS)
+        or namer.recording is None
+        or _there(named, namer)
+    ):
         return None
     told = [one for one in parts[:-1] if one != "the" and not color_space.canonical(one)]
     tool = Named(" ".join(told)) if told else Named("manipulated")
@@ -286,13 +338,17 @@ def _places(namer: Namer, named: list[Named], apart: list[Named], each: bool) ->
     return targets
 
 
-def _looks(tints: list[Token], pictures: list[Token], laid: bool, styled: bool, banned: list[Any]) -> list[Entry]:
+def _looks(
+    tints: list[Token], pictures: list[Token], laid: bool, styled: bool, banned: list[Any]
+) -> list[Entry]:
     """The looks of which one is given."""
     if banned:
         own = [
             name
             for name in color_space.RLBENCH
-            if not any(name == one or name in color_space.SHADES.get(str(one), ()) for one in banned)
+            if not any(
+                name == one or name in color_space.SHADES.get(str(one), ()) for one in banned
+            )
         ]
         return [{"color": name} for name in own]
     if styled:

@@ -16,9 +16,43 @@ from rpaug.language.recording import Recording
 from rpaug.language.things import Named, Namer
 from rpaug.language.tokens import Token, said
 
-QUESTION = frozenset("is are does did why who when where which what how".split())
-BREAKS = frozenset({"like", ",", "(", ")", "and", "but", "while", "then", "and then", "so", "so that", "because", "since", "without", "and the"})
-ACTS = ("remove", "add", "move", "copy", "spread", "paint", "lay", "vary", "blur", "noise", "swap", "undo", "darker", "brighter")
+QUESTION = frozenset(
+    ["is", "are", "does", "did", "why", "who", "when", "where", "which", "what", "how"]
+)
+BREAKS = frozenset(
+    {
+        "like",
+        ",",
+        "and",
+        "but",
+        "while",
+        "then",
+        "and then",
+        "so",
+        "so that",
+        "because",
+        "since",
+        "without",
+        "and the",
+    }
+)
+ACTS = (
+    "remove",
+    "add",
+    "move",
+    "copy",
+    "spread",
+    "paint",
+    "lay",
+    "vary",
+    "blur",
+    "noise",
+    "swap",
+    "undo",
+    "darker",
+    "brighter",
+)
+ORDERS = ("make", "turn", "set", "give", "put")
 SIMILE = {"to", "filler", "thing", "unknown", "and", "on"}
 JOINS = ("and", "filler", "stop")
 AFTERTHOUGHT = frozenset(
@@ -28,7 +62,15 @@ AFTERTHOUGHT = frozenset(
 """Kinds of words that only go on with what the clause before asks for."""
 IT = Token("thing", "it", Named("it", pronoun=True))
 MOST_CLAUSES, MOST_EDITS, MOST_UNDONE = 30, 120, 8
-SETTLED = ("recolor", "retexture", "table_color", "table_texture", "background_texture", "object_size", "stylize")
+SETTLED = (
+    "recolor",
+    "retexture",
+    "table_color",
+    "table_texture",
+    "background_texture",
+    "object_size",
+    "stylize",
+)
 
 
 @dataclass
@@ -45,8 +87,12 @@ class WishState:
     kept: list[Token] = field(default_factory=list)  # what must stay as it is
     trace: list[Trace] = field(default_factory=list)
     verb: list[Token] = field(default_factory=list)  # of the clause before
-    about: list[Token] = field(default_factory=list)  # the things that the clause before gave a look or a size
-    last: tuple[list[Token], list[Entry]] = field(default_factory=lambda: ([], []))  # that clause, and its edits
+    about: list[Token] = field(
+        default_factory=list
+    )  # the things that the clause before gave a look or a size
+    last: tuple[list[Token], list[Entry]] = field(
+        default_factory=lambda: ([], [])
+    )  # that clause, and its edits
 
     def here(self) -> Wish:
         """The wish as the next clause sees it."""
@@ -70,13 +116,22 @@ def answer(wish: Wish, recording: Recording | None = None) -> Answer:
 
 def _nouns(wish: Wish) -> frozenset[str]:
     """The words of the instructions, of the library, and of what was asked for before."""
-    stated = [*wish.setting.instructions, *(str(one) for edit in wish.edits for one in edit.values())]
+    stated = [
+        *wish.setting.instructions,
+        *(str(one) for edit in wish.edits for one in edit.values()),
+    ]
     stated += [f"{one.name} {one.category}" for one in library.assets()]
-    return frozenset(re.findall(r"[a-z]+", " ".join(stated).lower())) | {one.name for one in library.assets()}
+    return frozenset(re.findall(r"[a-z]+", " ".join(stated).lower())) | {
+        one.name for one in library.assets()
+    }
 
 
 def _answer(
-    wish: Wish, words: list[str], nouns: frozenset[str], notes: list[str], recording: Recording | None
+    wish: Wish,
+    words: list[str],
+    nouns: frozenset[str],
+    notes: list[str],
+    recording: Recording | None,
 ) -> Answer:
     read = tokens.tokens(words, wish.setting.cameras, nouns)
     if words and words[0] in QUESTION and read[0].kind != "thing":
@@ -85,11 +140,20 @@ def _answer(
     for one in read:
         found |= one.value if one.kind == "setting" else {}
     read = [Token("stop", one.text) if one.kind == "setting" else one for one in read]
-    state = WishState(wish, Namer(recording, wish.mention), list(wish.edits), wish.mention, bool(found), list(notes))
+    state = WishState(
+        wish,
+        Namer(recording, wish.mention),
+        list(wish.edits),
+        wish.mention,
+        bool(found),
+        list(notes),
+    )
     apart = {word for one in read if one.kind == "thing" for word in one.value.words.split()}
     state.namer.apart = bool(apart & {"arm"}) and bool(apart & {"gripper", "hand"})
     _run(read, state, nouns)
-    if state.kept and any(one.kind in ("all", "rest") for one in read):  # everything, but what is kept
+    if state.kept and any(
+        one.kind in ("all", "rest") for one in read
+    ):  # everything, but what is kept
         namer = Namer(recording, wish.mention)
         namer.kept = [one.value for one in state.kept if one.kind == "thing"]
         state = WishState(wish, namer, list(wish.edits), wish.mention, bool(found), list(notes))
@@ -97,7 +161,12 @@ def _answer(
     rest.respected(state.kept, state.fresh, state.namer, state.notes)
     if not state.did or not (state.edits or wish.edits):
         raise NotUnderstood(f"{wish.stated!r}: that asks for no change, so there is nothing to do")
-    whole = Trace(stage="manager", by="words", input=wish.stated, output={"read": " ".join(words), "settings": found})
+    whole = Trace(
+        stage="manager",
+        by="words",
+        input=wish.stated,
+        output={"read": " ".join(words), "settings": found},
+    )
     return Answer(
         edits=tuple(_drawn(state.edits)),
         settings=dict(wish.settings) | found,
@@ -151,15 +220,28 @@ def _ends(read: list[Token]) -> Iterator[int]:
     whole = next((k for k, one in enumerate(read) if one.kind == "stop"), len(read))
     yield whole
     for k in range(whole - 1, 0, -1):
-        if read[k].text in BREAKS or (read[k].kind == "keep" and read[k].text.startswith("without")):
+        if read[k].text in BREAKS or (
+            read[k].kind == "keep" and read[k].text.startswith("without")
+        ):
             yield k
 
 
 def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
     """One clause. Raises RpaugError and then changes nothing."""
     whole = read
-    bare = {one.kind for one in read} <= {"not", "thing", "color", "texture", "or", "and", "filler", "to"}
-    while read and (read[0].kind in JOINS or read[0].text in ("or", "while", *([] if bare else ["but"]))):
+    bare = {one.kind for one in read} <= {
+        "not",
+        "thing",
+        "color",
+        "texture",
+        "or",
+        "and",
+        "filler",
+        "to",
+    }
+    while read and (
+        read[0].kind in JOINS or read[0].text in ("or", "while", *([] if bare else ["but"]))
+    ):
         read = read[1:]
     while read and read[-1].kind in ("and", "stop"):
         read = read[:-1]
@@ -186,14 +268,31 @@ def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
         if any(one.get("op") == "remove" for one in state.fresh):
             state.kept += alone
         else:
-            _edit([Token("remove", "remove"), Token("all", "everything"), Token("not", "except"), *alone], state, nouns)
+            _edit(
+                [
+                    Token("remove", "remove"),
+                    Token("all", "everything"),
+                    Token("not", "except"),
+                    *alone,
+                ],
+                state,
+                nouns,
+            )
     elif (kept := rest.kept(read)) is not None:
         state.kept += kept
         state.namer.kept += [one.value for one in kept if one.kind == "thing"]
+    elif (
+        read[0].text == "so" and len(read) > 1 and (read[1].kind in ACTS or read[1].text in ORDERS)
+    ):
+        _edit(read[1:], state, nouns)
     elif why := rest.reason(whole, state.fresh, state.namer):
         state.mention = why.mention or state.mention
         state.notes += why.notes
-    elif read[0].text == "like" and kinds <= SIMILE and {one.kind for one in state.last[0]} & {"color", "texture", "light", "warm", "darker"}:
+    elif (
+        read[0].text == "like"
+        and kinds <= SIMILE
+        and {one.kind for one in state.last[0]} & {"color", "texture", "light", "warm", "darker"}
+    ):
         state.notes.append(f"{said(read)!r} is taken as a reason, not as an edit")
     elif state.fresh and kinds <= {"filler", "all", "little", "thing", "and"} and "little" in kinds:
         state.notes.append(f"{said(read)!r} is taken as said of amounts that were not named")
@@ -241,9 +340,9 @@ def _bare(read: list[Token]) -> list[Token]:
     """Without marks at both ends, and none after another."""
     out: list[Token] = []
     for one in read:
-        if not (one.kind in ("and", "stop") and (not out or out[-1].kind in ("and", "stop"))) and not (
-            not out and one.text in ("either", ":", "->")
-        ):
+        if not (
+            one.kind in ("and", "stop") and (not out or out[-1].kind in ("and", "stop"))
+        ) and not (not out and one.text in ("either", ":", "->")):
             out.append(one)
     while out and (out[-1].kind in ("and", "stop") or out[-1].text in ("in", "with", "at", ":")):
         out.pop()
@@ -253,7 +352,11 @@ def _bare(read: list[Token]) -> list[Token]:
 def _recorded(read: list[Token]) -> tuple[str | None, list[Token]]:
     """The color that something has now, "from red to white", and the clause without it."""
     for k in range(len(read) - 2):
-        if read[k].text == "from" and read[k + 1].kind == "color" and read[k + 2].text in ("to", "into"):
+        if (
+            read[k].text == "from"
+            and read[k + 1].kind == "color"
+            and read[k + 2].text in ("to", "into")
+        ):
             return read[k + 1].text, [*read[:k], *read[k + 2 :]]
     return None, read
 
@@ -271,7 +374,9 @@ def _of_that_color(found: Meant, tint: str, state: WishState) -> Meant:
         if all(word in row.get("shows", [row["color"]]) for row in rows):
             edit["only"] = word
         else:
-            state.notes.append(f"'from {tint}' is taken to describe what is painted: not all of it is {tint}")
+            state.notes.append(
+                f"'from {tint}' is taken to describe what is painted: not all of it is {tint}"
+            )
     return found
 
 
@@ -295,10 +400,17 @@ def _meant(read: list[Token], state: WishState, nouns: frozenset[str]) -> Meant:
     raise why
 
 
-def _trailing(read: list[Token], state: WishState, nouns: frozenset[str]) -> tuple[Meant, float] | None:
+def _trailing(
+    read: list[Token], state: WishState, nouns: frozenset[str]
+) -> tuple[Meant, float] | None:
     """What a clause means whose last words are a bare share, "the can red, 30%": that is the share of copies."""
     for k in (len(read) - 1, 0):
-        if not read or read[k].kind != "share" or read[k].value.how != "exact" or not 0 <= read[k].value.low <= 1:
+        if (
+            not read
+            or read[k].kind != "share"
+            or read[k].value.how != "exact"
+            or not 0 <= read[k].value.low <= 1
+        ):
             continue
         with contextlib.suppress(RpaugError):
             return _meant(_bare([*read[:k], *read[k + 1 :]]), state, nouns), read[k].value.low
@@ -312,7 +424,9 @@ def _gone_on(read: list[Token], state: WishState) -> Meant | None:
         return None
     with contextlib.suppress(RpaugError):
         found = reader.read([*before, *read], state.here(), state.namer)
-        if [_ops(one) for one in found.edits] == [_ops(one) for one in edits] and not found.replaces:
+        if [_ops(one) for one in found.edits] == [
+            _ops(one) for one in edits
+        ] and not found.replaces:
             state.edits = [one for one in state.edits if all(one is not old for old in edits)]
             state.fresh = [one for one in state.fresh if all(one is not old for old in edits)]
             return found
@@ -353,7 +467,9 @@ def _take(found: Meant, share: float | None, state: WishState, read: list[Token]
             state.about = [Token("thing", found.mention.target, Named(found.mention.target))]
     else:
         state.about = []
-    state.verb = [one for one in read[:3] if one.kind in ("remove", "add", "move", "copy", "vary")][:1] or state.verb
+    state.verb = [one for one in read[:3] if one.kind in ("remove", "add", "move", "copy", "vary")][
+        :1
+    ] or state.verb
     state.notes += found.notes
     kept = len(state.fresh)
     for k in found.replaces:
@@ -382,7 +498,9 @@ def _add(edit: Entry, state: WishState) -> None:
             state.fresh = [one for one in state.fresh if one is not before]
         elif edit.get("probability") is None or before.get("probability") is None:
             what = group[0] if group else ""
-            raise NotUnderstood(f"two edits of one wish give one thing a {what}: {rest.short(edit)}")
+            raise NotUnderstood(
+                f"two edits of one wish give one thing a {what}: {rest.short(edit)}"
+            )
         else:
             same = None
     if same is not None:
@@ -403,7 +521,11 @@ def _merged(edit: Entry, state: WishState) -> bool:
     exact = {"by", "turned", "toward"}
     if "toward" in edit and not exact & edit.keys() - {"toward"}:
         more = {"toward": edit["toward"]}
-    elif exact & {*edit, *(key for one in before for key in one)} or "turn" not in edit or edit.get("shift"):
+    elif (
+        exact & {*edit, *(key for one in before for key in one)}
+        or "turn" not in edit
+        or edit.get("shift")
+    ):
         return False
     else:
         more = {"turn": edit["turn"]}
@@ -415,7 +537,11 @@ def _merged(edit: Entry, state: WishState) -> bool:
 def _drawn(edits: list[Entry]) -> Iterator[Entry]:
     """Edits that give one thing one of several looks, each to a share of the copies, as one draw."""
     for edit in edits:
-        alike = [one for one in edits if "probability" in one and "op" in one and _key(one) and _key(one) == _key(edit)]
+        alike = [
+            one
+            for one in edits
+            if "probability" in one and "op" in one and _key(one) and _key(one) == _key(edit)
+        ]
         if len(alike) < 2 or "probability" not in edit:
             yield edit
         elif edit is alike[0]:
@@ -423,7 +549,10 @@ def _drawn(edits: list[Entry]) -> Iterator[Entry]:
             if whole > 1:
                 raise NotUnderstood(f"shares of {whole:g} in all: {rest.short(edit)}")
             options = [
-                {**{n: v for n, v in one.items() if n != "probability"}, "weight": one["probability"]}
+                {
+                    **{n: v for n, v in one.items() if n != "probability"},
+                    "weight": one["probability"],
+                }
                 for one in alike
             ]
             yield {"one_of": options, **({"probability": whole} if whole < 1 else {})}
@@ -431,8 +560,9 @@ def _drawn(edits: list[Entry]) -> Iterator[Entry]:
 
 def _key(edit: Entry) -> tuple[str, str] | None:
     """What an edit settles, and of what."""
-    if "op" not in edit:
-        return None
+    if "one_of" in edit:
+        keys = {_key(one) for one in edit["one_of"]}
+        return keys.pop() if len(keys) == 1 else None
     operator, role = registry.operator(edit["op"]), own_role(edit["op"])
     if not operator.settles or (operator.needs.targets and not role and not targets(edit)):
         return None  # without a target one is drawn

@@ -18,11 +18,20 @@ from rpaug.scene.targets.relations import ANYTHING, singular
 MOST = 30
 COUNTS = 5  # different numbers of new things that one wish may draw from
 # Ahead and to the left, as the robot sees it.
-SIDES = {"left": (0, 1), "right": (0, -1), "ahead": (1, 0), "back": (-1, 0), "off": (1, 0), "close": (-1, 0)}
+SIDES = {
+    "left": (0, 1),
+    "right": (0, -1),
+    "ahead": (1, 0),
+    "back": (-1, 0),
+    "off": (1, 0),
+    "close": (-1, 0),
+}
 NEW = Mention(kind="new")
 LOOKED = ("vary", "paint", "lay", "texture", "move", "scale", "bigger", "smaller", "remove", "copy")
 """What says that something there is changed, not that a new thing stands somewhere."""
-PUT = frozenset({"put", "placed", "use", "throw", "put down", "set", "bring", "place", "lay", "set down"})
+PUT = frozenset(
+    {"put", "placed", "use", "throw", "put down", "set", "bring", "place", "lay", "set down"}
+)
 TABLE = frozenset({"table", "desk", "tabletop", "counter", "scene"})
 
 
@@ -31,15 +40,23 @@ def physics(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     falls = clause.says("drop", "dropped", "fall", "falls", "falling")
     words = clause.text.split()
     material = next((one for one in materials.shipped() if one in words), None)
-    turned = clause.says("turn") and clause.says("into") and material and not clause.has("color", "lay")
-    if not (clause.has("physics") or turned or (falls and clause.has("length"))) or clause.has("camera"):
+    turned = (
+        clause.says("turn") and clause.says("into") and material and not clause.has("color", "lay")
+    )
+    if not (clause.has("physics") or turned or (falls and clause.has("length"))) or clause.has(
+        "camera"
+    ):
         return None
     if material is None:
-        raise NotUnderstood(f"{clause.text!r}: what is it made of? `like` one of {', '.join(materials.shipped())}")
+        raise NotUnderstood(
+            f"{clause.text!r}: what is it made of? `like` one of {', '.join(materials.shipped())}"
+        )
     height = clause.amounts("length")
     clause.every("physics", "down", "from", "not")
     said = ("if", "it", "were", "height", "drop", "dropped", "fall", "falls", "falling", "made")
-    clause.tokens = [one for one in clause.tokens if one.text not in said and material not in one.text.split()]
+    clause.tokens = [
+        one for one in clause.tokens if one.text not in said and material not in one.text.split()
+    ]
     named = clause.things()
     fields: Entry = {"height": [height[0].low, height[0].high]} if height else {}
     return each(namer, named, {"op": "physics"}, {"material": material, **fields})
@@ -84,16 +101,22 @@ def remove(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         if not (ids := namer.strangers()):
             raise NotUnderstood(f"{clause.text!r}: the task needs all that is there")
         gone: Entry = {"op": "remove", "target": {"handle": sorted(ids)}}
-        more = each(namer, clause.things(), {"op": "remove"}, {}).edits if clause.has("thing") else ()
+        more = (
+            each(namer, clause.things(), {"op": "remove"}, {}).edits if clause.has("thing") else ()
+        )
         return Meant(edits=(gone, *more))
     return each(namer, clause.things(), {"op": "remove"}, {}) if clause.has("thing") else None
 
 
 def _some(count: int, namer: Namer) -> Meant:
     """So many of the things that the task does not need are gone, others in each copy."""
-    chosen = list(itertools.combinations(namer.groups({"handle": sorted(namer.strangers())}), count))
+    chosen = list(
+        itertools.combinations(namer.groups({"handle": sorted(namer.strangers())}), count)
+    )
     if not 0 < len(chosen) <= MOST:
-        raise NotUnderstood(f"{count} of them: there are {len(chosen)} ways, and at most {MOST} can be drawn from")
+        raise NotUnderstood(
+            f"{count} of them: there are {len(chosen)} ways, and at most {MOST} can be drawn from"
+        )
     gone = [sorted(frozenset[int]().union(*group)) for group in chosen]
     return Meant(edits=(one_of([{"op": "remove", "target": {"handle": ids}} for ids in gone]),))
 
@@ -102,9 +125,13 @@ def object_size(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """A thing is larger or smaller than it was recorded."""
     if not clause.has("thing") or clause.has("add"):
         return None
-    tall = clause.says("tall", "high", "wide", "long") and not clause.has("texture", "lay", "move", "up")
+    tall = clause.says("tall", "high", "wide", "long") and not clause.has(
+        "texture", "lay", "move", "up"
+    )
     if (tall or clause.has("bigger", "smaller", "scale", "size_of")) and clause.has("length"):
-        raise NotUnderstood("sizes are factors of the recorded one: say `20% larger`, or `half its size`")
+        raise NotUnderstood(
+            "sizes are factors of the recorded one: say `20% larger`, or `half its size`"
+        )
     if not clause.has("bigger", "smaller", "scale", "size_of"):
         return None
     down, up = _grown(clause)
@@ -112,8 +139,14 @@ def object_size(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     shares = clause.amounts("share", "times", "number")
     if down and clause.has("twice"):
         raise NotUnderstood(f"{clause.text!r}: say `half its size`")
-    shares += [Amount(2, 2, "of")] if clause.every("twice") or clause.says("double the size of") else []
-    shares += [Amount(0.5, 0.5, "of")] if clause.every("halve") or clause.says("halve the size of") else []
+    shares += (
+        [Amount(2, 2, "of")] if clause.every("twice") or clause.says("double the size of") else []
+    )
+    shares += (
+        [Amount(0.5, 0.5, "of")]
+        if clause.every("halve") or clause.says("halve the size of")
+        else []
+    )
     varied, notes = clause.every("vary", "any"), tuple[str, ...]()
     if down and up and len(shares) == 1 and clause.every("or"):
         shares, down, up = [Amount(shares[0].high, shares[0].high, "about")], False, False
@@ -138,7 +171,11 @@ def _grown(clause: Clause) -> tuple[bool, bool]:
     """Is it to be smaller, is it to be larger?"""
     verbs = {one.text for one in clause.every("scale")}
     up = clause.every("bigger", "more", "up") or verbs & {"enlarge", "grow", "magnify", "upscale"}
-    down = clause.every("smaller", "less", "down") or verbs & {"shrink", "downsize", "halve the size of"}
+    down = clause.every("smaller", "less", "down") or verbs & {
+        "shrink",
+        "downsize",
+        "halve the size of",
+    }
     return bool(down), bool(up)
 
 
@@ -147,7 +184,9 @@ def _factors(clause: Clause, one: Amount, down: bool, up: bool) -> tuple[float, 
     if one.how in ("about", "upto") and one.high < 1:
         upto = one.how == "upto"
         return (1.0 if up and upto else 1 - one.high), (1.0 if down and upto else 1 + one.high)
-    absolute = one.how == "of" or (one.high >= 0.5 and down) or clause.says("to", "its size", "times")
+    absolute = (
+        one.how == "of" or (one.high >= 0.5 and down) or clause.says("to", "its size", "times")
+    )
     if absolute or not (down or up):
         return one.low, one.high
     return (1 - one.high, 1 - one.low) if down else (1 + one.low, 1 + one.high)
@@ -174,9 +213,11 @@ def distractors(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     if loose and clause.has("add") and not clause.has("color", "texture", "paint"):
         clause.every("strangers")
         clause.tokens = [one for one in clause.tokens if not any(one is other for other in loose)]
-    elif not clause.has("strangers") or clause.has("spread", "texture", "paint", "bigger", "smaller", "move"):
-        return None
-    elif clause.has("color") and not clause.has("add", "number"):
+    elif (
+        not clause.has("strangers")
+        or clause.has("spread", "texture", "paint", "bigger", "smaller", "move")
+        or (clause.has("color") and not clause.has("add", "number"))
+    ):
         return None
     numbers, sizes = clause.amounts("number"), clause.amounts("length")
     near = clause.every("near")
@@ -205,7 +246,9 @@ def distractors(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
             )
         edit["near"] = "target"
     edit |= {"size": [sizes[0].low, sizes[0].high]} if sizes else {}
-    return Meant(edits=(one_of([{**edit, "count": count} for count in counts] or [edit]),), mention=NEW)
+    return Meant(
+        edits=(one_of([{**edit, "count": count} for count in counts] or [edit]),), mention=NEW
+    )
 
 
 def insert(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
@@ -215,7 +258,11 @@ def insert(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     stands = clause.has("on", "near") and not clause.has(*LOOKED)
     putting = any(one.text in PUT for one in clause.tokens) or stands
     by_name = any("_" in one.words.split()[0] and one.words.split()[0] in _names() for one in named)
-    if not named or not (clause.has("add") or by_name or (putting and fresh)) or clause.has("physics", "scale"):
+    if (
+        not named
+        or not (clause.has("add") or by_name or (putting and fresh))
+        or clause.has("physics", "scale")
+    ):
         return None
     clause.every("add", "on")
     numbers, at, far = clause.amounts("number"), clause.one("point"), clause.amounts("length")
@@ -229,7 +276,9 @@ def insert(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     first, relation, anchor = parted(named[-1].words) if named else ("", "", "")
     if relation:
         if relation != "closest to" and anchor not in TABLE:
-            raise NotUnderstood("new things stand on the table: `near` something, `within` a length of it, or `at` (x, y)")
+            raise NotUnderstood(
+                "new things stand on the table: `near` something, `within` a length of it, or `at` (x, y)"
+            )
         named = [*named[:-1], Named(first, named[-1].several, named[-1].fresh)]
         beside = beside or ([_anchor(anchor)] if relation == "closest to" else [])
     place: Entry = {"near": namer.target(beside[0])} if beside else {}
@@ -244,7 +293,9 @@ def insert(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     return _inserted(named, color.value if color else [], place, count, bool(numbers), wish)
 
 
-def _inserted(named: list[Named], tints: list[Any], place: Entry, count: int, counted: bool, wish: Wish) -> Meant:
+def _inserted(
+    named: list[Named], tints: list[Any], place: Entry, count: int, counted: bool, wish: Wish
+) -> Meant:
     """An edit for each new thing, `count` times for the first."""
     edits, notes = list[Entry](), list[str]()
     for one in named:
@@ -318,7 +369,11 @@ def asset(text: str, tint: Any, generates: bool) -> tuple[Entry, list[str]]:
 def move(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """A thing stands elsewhere: by so much, at a place, near something, or anywhere within bounds."""
     put = any(one.text in PUT for one in (*clause.tokens, *clause.taken))
-    if not (clause.has("move") or put) or not clause.has("thing") or clause.has("lay", "texture", "color", "paint"):
+    if (
+        not (clause.has("move") or put)
+        or not clause.has("thing")
+        or clause.has("lay", "texture", "color", "paint")
+    ):
         return None
     shifts = bool(clause.every("move"))
     clause.every("add")
@@ -341,13 +396,18 @@ def move(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
             raise NotUnderstood(f"{clause.text!r}: how far? say a length, such as 5 cm")
         if any(one.kind not in SIDES for one in ways):
             raise NotUnderstood("things move ahead, back, left and right, as the robot sees it")
-        steps = [(f.low * SIDES[w.kind][0], f.low * SIDES[w.kind][1]) for f, w in zip(far, ways, strict=True)]
+        steps = [
+            (f.low * SIDES[w.kind][0], f.low * SIDES[w.kind][1])
+            for f, w in zip(far, ways, strict=True)
+        ]
         fields["by"] = [tidy(sum(step[k] for step in steps)) or 0 for k in (0, 1)]
     elif far:
         if far[0].how == "exact":
             raise NotUnderstood(f"{clause.text!r}: which way? or say `by up to`")
         fields["shift"] = far[0].high
-    elif not shifts and not any(one.text in ("somewhere else", "elsewhere") for one in clause.taken):
+    elif not shifts and not any(
+        one.text in ("somewhere else", "elsewhere") for one in clause.taken
+    ):
         return None
     return each(namer, named, {"op": "move"}, fields)
 

@@ -14,9 +14,45 @@ from rpaug.language.tokens import WEAK, Token, said
 ADDED = ("insert", "distractors", "duplicate")
 KEPT = ("thing", "camera", "light", "lit", "image")
 NEGATED = ("do not", "don't", "dont", "never", "may not")
-DONE = ("remove", "paint", "move", "vary", "scale", "lay", "color", "copy", "rotate", "on", "bigger", "smaller", "add", "all")
-MODAL = frozenset("should must shall ought want need needs wish let make".split())
-STATES = frozenset("is are was has have gets get looks always often usually blend blends moves hold holds".split())
+DONE = (
+    "remove",
+    "paint",
+    "move",
+    "vary",
+    "scale",
+    "lay",
+    "color",
+    "copy",
+    "rotate",
+    "on",
+    "bigger",
+    "smaller",
+    "add",
+    "all",
+)
+MODAL = frozenset(
+    ["should", "must", "shall", "ought", "want", "need", "needs", "wish", "let", "make"]
+)
+STATES = frozenset(
+    [
+        "is",
+        "are",
+        "was",
+        "has",
+        "have",
+        "gets",
+        "get",
+        "looks",
+        "always",
+        "often",
+        "usually",
+        "blend",
+        "blends",
+        "moves",
+        "hold",
+        "holds",
+    ]
+)
 HAVING = frozenset({"has", "have", "blend", "blends", "always", "often", "usually"})
 """Of these none is said of what is wished for, unless it is a duty: "should have"."""
 SPEAKERS = frozenset({"i", "we", "this", "our", "my", "it", "that", "there"})
@@ -70,13 +106,17 @@ def put_back(read: Sequence[Token], edits: Sequence[Entry], namer: Namer) -> lis
     """The edits, where things that were removed stay after all; None where a clause says no such thing."""
     removals = [edit for edit in edits if edit.get("op") == "remove"]
     backs = any(one.kind == "back" for one in read) or (
-        any(one.kind == "keep" for one in read) and any(one.text in ("though", "after all") for one in read)
+        any(one.kind == "keep" for one in read)
+        and any(one.text in ("though", "after all") for one in read)
     )
     named = [one.value for one in read if one.kind == "thing"]
     kinds = {one.kind for one in read} - {*WEAK, "thing", "keep", "back", "add"}
     if not removals or not backs or len(named) != 1 or kinds:
         return None
-    where, out = namer.target(named[0]) if " one" not in f" {named[0].words}" else None, list[Entry]()
+    where, out = (
+        namer.target(named[0]) if " one" not in f" {named[0].words}" else None,
+        list[Entry](),
+    )
     for edit in edits:
         if edit in removals and edit["target"] == where:
             continue
@@ -98,9 +138,15 @@ def again(read: Sequence[Token], edits: Sequence[Entry], namer: Namer) -> Meant 
     if len(named) != 1 or named[0].pronoun or kinds or not (also or same):
         return None
     last = edits[-1]
-    place = next((n for n in registry.operator(last["op"]).needs.targets if n in last), None) if "op" in last else None
+    place = (
+        next((n for n in registry.operator(last["op"]).needs.targets if n in last), None)
+        if "op" in last
+        else None
+    )
     if place is None:
-        raise NotUnderstood(f"the same for {named[0].words!r}: the edit before has no thing that it is about")
+        raise NotUnderstood(
+            f"the same for {named[0].words!r}: the edit before has no thing that it is about"
+        )
     where = namer.target(named[0])
     more = {name: value for name, value in last.items() if name != "only"} | {place: where}
     return Meant(edits=(more,), mention=Mention(kind="target", target=where))
@@ -114,20 +160,30 @@ def headed(read: Sequence[Token]) -> tuple[int, Token | None]:
     if "harder" in kinds and kinds <= {"harder", "thing", "all", *WEAK}:
         return at + 1, None
     pronoun = any(one.kind == "thing" and one.value.pronoun for one in read[at:])
-    return (at + 1, named[0]) if len(named) == 1 and pronoun and kinds <= {"thing", "filler"} else (0, None)
+    return (
+        (at + 1, named[0])
+        if len(named) == 1 and pronoun and kinds <= {"thing", "filler"}
+        else (0, None)
+    )
 
 
 def only(read: Sequence[Token]) -> list[Token] | None:
     """The things that alone are to be left; None where a clause says no such thing."""
     words = said(read)
-    named = [one for one in read if one.kind == "thing" and one.value.words not in ("table", "scene")]
+    named = [
+        one for one in read if one.kind == "thing" and one.value.words not in ("table", "scene")
+    ]
     keeps = any(one.kind == "keep" for one in read)
-    alone = re.match(r"(?:[,;] )*(?:(?:and|but|leave|keep) )*(?:only|just|nothing but|nothing except) ", words)
+    alone = re.match(
+        r"(?:[,;] )*(?:(?:and|but|leave|keep) )*(?:only|just|nothing but|nothing except) ", words
+    )
     kinds = {one.kind for one in read} - {*WEAK, "thing", "keep", "on", "not", "left"}
     return named if alone and keeps and named and not kinds - {"unknown"} else None
 
 
-def halves(read: Sequence[Token], edits: Sequence[Entry], mention: Mention | None) -> list[Entry] | None:
+def halves(
+    read: Sequence[Token], edits: Sequence[Entry], mention: Mention | None
+) -> list[Entry] | None:
     """The edits, where what was painted is of another color in half of the copies: "make it 50/50 with orange"."""
     tints = [one for one in read if one.kind == "color"]
     kinds = {one.kind for one in read} - {*WEAK, "thing", "color", "even"}
@@ -145,7 +201,12 @@ def evenly(read: Sequence[Token], edit: Entry) -> Entry | None:
     """What is added to a draw that each look gets its share of; None where a clause says no such thing."""
     share = next((one.value.low for one in read if one.kind == "share"), None)
     kinds = {one.kind for one in read} - {"filler", "and", "each", "to"}
-    if "one_of" not in edit or not kinds or not kinds <= {"even", "share"} or (kinds == {"share"} and len(read) < 2):
+    if (
+        "one_of" not in edit
+        or not kinds
+        or not kinds <= {"even", "share"}
+        or (kinds == {"share"} and len(read) < 2)
+    ):
         return None
     if share is None:
         return {}
@@ -159,10 +220,17 @@ def harder(read: Sequence[Token], wish: Wish, namer: Namer) -> Meant | None:
     """Dimmer light, where something is to be harder to see; None where a clause says no such thing."""
     kinds = {one.kind for one in read} - {*WEAK, "harder", "thing", "all", "little", "much"}
     words = said(read)
-    if not any(one.kind == "harder" for one in read) or (kinds and words not in ("the task", "task")):
+    if not any(one.kind == "harder" for one in read) or (
+        kinds and words not in ("the task", "task")
+    ):
         return None
     for one in read:
-        if one.kind == "thing" and not one.value.pronoun and one.value.words not in ("task", "policy") and namer.recording:
+        if (
+            one.kind == "thing"
+            and not one.value.pronoun
+            and one.value.words not in ("task", "policy")
+            and namer.recording
+        ):
             namer.ids(namer.target(one.value))
     note = f"{words!r} is taken as dimmer light, 0.4 to 0.8 times as bright; say what else: clutter, colors, cameras"
     return Meant(edits=(dict(HARD),), mention=Mention(kind="light"), notes=(note,))
@@ -179,18 +247,37 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
     named = [one for one in read if one.kind in KEPT]
     negated = any(one.text in NEGATED for one in read)
-    allowed = {"keep", *KEPT, "filler", "to", "and", "further", "color", "rest", "strangers", "vary", "any", "same", "not", "number"}
+    allowed = {
+        "keep",
+        *KEPT,
+        "filler",
+        "to",
+        "and",
+        "further",
+        "color",
+        "rest",
+        "strangers",
+        "vary",
+        "any",
+        "same",
+        "not",
+        "number",
+    }
     allowed |= {*DONE, "do", "from"} if negated else set()
     if any(one.kind in ("rest", "chance", "share") or one.text == "other" for one in read):
         allowed |= {"chance", "share", "to"}
         named = [] if read[0].kind in ("rest", "chance", "share") else named
         named = [one for one in named if not (one.kind == "thing" and one.value.pronoun)]
     if wrong := [one for one in read if one.kind not in allowed]:
-        raise NotUnderstood(f"{said(read)!r}: it is not clear what must stay as it is: {wrong[0].text!r}")
+        raise NotUnderstood(
+            f"{said(read)!r}: it is not clear what must stay as it is: {wrong[0].text!r}"
+        )
     return named
 
 
-def reason(read: Sequence[Token], fresh: Sequence[Entry], namer: Namer, sure: bool = True) -> Meant | None:
+def reason(
+    read: Sequence[Token], fresh: Sequence[Entry], namer: Namer, sure: bool = True
+) -> Meant | None:
     """Why somebody wants it, or how things are: it asks for nothing, and that is told. None for anything else.
 
     `sure`: only what cannot be a wish; else also what was read as none.
@@ -198,11 +285,29 @@ def reason(read: Sequence[Token], fresh: Sequence[Entry], namer: Namer, sure: bo
     words = said(read)
     if any(one.text == "," for one in read):
         return None
-    if any(edit.get("op") in ADDED for edit in fresh) and any(one.kind == "clear_of" for one in read):
-        return Meant(edits=(), notes=(f"{words!r}: what is put in stands clear of other things and of all that moves",))
-    first, spoken = next(one for one in read if one.kind not in ("filler", "and", "stop")), set(words.split())
-    stated = first.kind in ("thing", "camera") and not spoken & MODAL and {one.text for one in read} & (HAVING if sure else STATES)
-    told = words.split()[0] in SPEAKERS and (spoken & STATES or any(one.kind == "because" for one in read)) and not sure
+    if any(edit.get("op") in ADDED for edit in fresh) and any(
+        one.kind == "clear_of" for one in read
+    ):
+        return Meant(
+            edits=(),
+            notes=(
+                f"{words!r}: what is put in stands clear of other things and of all that moves",
+            ),
+        )
+    first, spoken = (
+        next(one for one in read if one.kind not in ("filler", "and", "stop")),
+        set(words.split()),
+    )
+    stated = (
+        first.kind in ("thing", "camera")
+        and not spoken & MODAL
+        and {one.text for one in read} & (HAVING if sure else STATES)
+    )
+    told = (
+        words.split()[0] in SPEAKERS
+        and (spoken & STATES or any(one.kind == "because" for one in read))
+        and not sure
+    )
     until = [one.kind for one in read if one.kind not in ("filler", "keep", "and", "stop", "do")]
     because = until[:1] == ["because"]
     if not (because or stated or told or _fact(read, namer)):
@@ -211,9 +316,15 @@ def reason(read: Sequence[Token], fresh: Sequence[Entry], namer: Namer, sure: bo
     if first.kind == "thing" and not first.value.fresh and not first.value.pronoun:
         mention = Mention(kind="target", target=namer.target(first.value))
     if first.kind == "camera" and first.value:
-        names = first.value[0] if isinstance(first.value, list) and len(first.value) == 1 else first.value
+        names = (
+            first.value[0]
+            if isinstance(first.value, list) and len(first.value) == 1
+            else first.value
+        )
         mention = Mention(kind="camera", cameras=names)
-    return Meant(edits=(), mention=mention, notes=(f"{words!r} is taken as a reason, not as an edit",))
+    return Meant(
+        edits=(), mention=mention, notes=(f"{words!r} is taken as a reason, not as an edit",)
+    )
 
 
 def _fact(read: Sequence[Token], namer: Namer) -> bool:
@@ -233,7 +344,9 @@ def _fact(read: Sequence[Token], namer: Namer) -> bool:
     return isinstance(tint, str) and any(color_space.means(tint, one) for one in seen)
 
 
-def respected(kept: Sequence[Token], fresh: Sequence[Entry], namer: Namer, notes: list[str]) -> None:
+def respected(
+    kept: Sequence[Token], fresh: Sequence[Entry], namer: Namer, notes: list[str]
+) -> None:
     """Take what must stay as it is out of the edits of this wish. Raises NotUnderstood where that is not possible."""
     for token in kept:
         for edit in fresh:
@@ -261,8 +374,15 @@ def _touched(token: Token, edit: Entry, namer: Namer) -> bool:
 def _spare(token: Token, option: Entry, namer: Namer) -> None:
     named = registry.operator(option["op"]).needs.targets
     place = next((name for name in named if option.get(name) is not None), None)
-    if namer.recording is None or token.kind != "thing" or place is None or isinstance(option[place], list):
-        raise NotUnderstood(f"{token.text!r} must not change, and the same wish asks for: {short(option)}")
+    if (
+        namer.recording is None
+        or token.kind != "thing"
+        or place is None
+        or isinstance(option[place], list)
+    ):
+        raise NotUnderstood(
+            f"{token.text!r} must not change, and the same wish asks for: {short(option)}"
+        )
     option[place] = namer.without(option[place], namer.ids(namer.target(token.value)))
 
 

@@ -20,7 +20,9 @@ from rpaug.scene.targets.relations import ANYTHING, singular
 Target = str | dict[str, Any]
 
 COUNTED = frozenset({*NUMBERS, *PARTS})
-UNSAID = frozenset("a an some the random other another different new one of any".split())
+UNSAID = frozenset(
+    ["a", "an", "some", "the", "random", "other", "another", "different", "new", "one", "of", "any"]
+)
 PRONOUNS = ("it", "that", "this", "them", "that one", "these", "those", "both of them", "this one")
 SEVERAL = re.compile(
     r"(?:all of the|all the|each of the|both of the|every one of the|all of|each of|all|every|each|both|the two|the three)\b ?(?:the )?"
@@ -76,12 +78,71 @@ PLACES = frozenset(
 FLAT = 5  # cm: the room's flat sides are thinner
 # What no thing on a table is called: what rpaug itself is made of.
 NO_THING = frozenset(
-    """
-    dataset file files folder folders recipe recipes episode episodes instruction instructions output outputs
-    policy policies code program prompt system data key keys report disk action actions trajectory password user
-    root shell seed copies copy version versions probability gates nothing nobody anything something everything
-    thing things you him her me us i we they who what why how when where not never no none
-    """.split()
+    [
+        "dataset",
+        "file",
+        "files",
+        "folder",
+        "folders",
+        "recipe",
+        "recipes",
+        "episode",
+        "episodes",
+        "instruction",
+        "instructions",
+        "output",
+        "outputs",
+        "policy",
+        "policies",
+        "code",
+        "program",
+        "prompt",
+        "system",
+        "data",
+        "key",
+        "keys",
+        "report",
+        "disk",
+        "action",
+        "actions",
+        "trajectory",
+        "password",
+        "user",
+        "root",
+        "shell",
+        "seed",
+        "copies",
+        "copy",
+        "version",
+        "versions",
+        "probability",
+        "gates",
+        "nothing",
+        "nobody",
+        "anything",
+        "something",
+        "everything",
+        "thing",
+        "things",
+        "you",
+        "him",
+        "her",
+        "me",
+        "us",
+        "i",
+        "we",
+        "they",
+        "who",
+        "what",
+        "why",
+        "how",
+        "when",
+        "where",
+        "not",
+        "never",
+        "no",
+        "none",
+    ]
 )
 
 
@@ -484,7 +545,9 @@ class Namer:
         if words == named.words:
             return self.ids(every(self.target(named))) & there
         rows = [row for row in self.rows if row["id"] in there and "shows" not in row]
-        return frozenset(row["id"] for row in rows if all(color_space.means(one, row["color"]) for one in tints))
+        return frozenset(
+            row["id"] for row in rows if all(color_space.means(one, row["color"]) for one in tints)
+        )
 
     def handled(self, target: Target) -> bool:
         """Is it what the robot moves?"""

@@ -15,20 +15,53 @@ SPELLED = (
     (r"≥|>=|(?<!-)>", " at least "), (r"≤|<=", " at most "), (r"≈|~", " about "), (r"°", " degrees "), (r"\bw/", "with "),
     (r"\+ ?/ ?-|\+-|plus[ /-]minus|plus or minus", "±"), (r"(?<=[a-z])'s\b(?<!it's)(?<!there's)(?<!that's)(?<!let's)(?<!what's)", ""),
     (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"\bgrey", "gray"), (r"colour", "color"),
-    (r"\bboth (?=the [^,;]+ and )", ""), (r"\b(?:all )?(?:the )?(stuff|things|objects|items) (?:what|that|which) (?:is|are) (?=not needed)", r"\1 "),
-    (r"\bu\b", "you"), (r"\bshd\b", "should"), (r"\b(?:diff|diffrent)\b", "different"), (r"\bsth\b", "something"),
+    (r"\bboth (?=the [^,;]+ and )", ""), (r"\b(?:all )?(?:the )?(stuff|things|objects|items|everything|anything) (?:what|that|which) (?:is|are) (?=not needed)", r"\1 "),
+    (r"\bu\b", "you"), (r"\ba few\b|\bseveral\b", "some"), (r"\bshd\b", "should"), (r"\b(?:diff|diffrent)\b", "different"), (r"\bsth\b", "something"),
     (r"(\d+)/(\d+)(?= ?(?:inch|cm|of|the|m\b))", lambda m: f"{int(m[1]) / int(m[2]):.4g}"), (r"[!?.]+(?= |$)|[!?\n]+", " ; "),
     (r" a?round(?= at random| by|$| ?[,;])", " "), (r"\bphoto[- ]?graph", "photo"), (r"\([^)\d]*\)", lambda m: f" , {m[0][1:-1]} , "),
 )  # fmt: skip
-ATTRIBUTE = "|".join(map(re.escape, sorted({*values.TINTS, *relations.RANKS}, key=len, reverse=True)))
+ATTRIBUTE = "|".join(
+    map(re.escape, sorted({*values.TINTS, *relations.RANKS}, key=len, reverse=True))
+)
 BOTH = re.compile(rf"\b(the|of) ({ATTRIBUTE}) and (?:the )?({ATTRIBUTE}) ([a-z]+s)\b")
-WORD = re.compile(r"->|(?<!\d )(?<!% )(?<![\w%])-\d+(?:\.\d+)?|\d+(?:\.\d+)?|\.\d+|#[0-9a-f]{6}|[a-z][a-z0-9_']*(?:-[a-z][a-z0-9_']*)*|\S")
-CHANCE = frozenset("probability prob chance p likelihood".split())
-COPIES = frozenset("copies copy cases time times episodes episode runs demos recordings".split())
-LEAD = frozenset("with in for on at a an the about around roughly every each".split())
+WORD = re.compile(
+    r"->|(?<!\d )(?<!% )(?<![\w%])-\d+(?:\.\d+)?|\d+(?:\.\d+)?|\.\d+|#[0-9a-f]{6}|[a-z][a-z0-9_']*(?:-[a-z][a-z0-9_']*)*|\S"
+)
+CHANCE = frozenset(["probability", "prob", "chance", "p", "likelihood"])
+COPIES = frozenset(
+    [
+        "copies",
+        "copy",
+        "cases",
+        "time",
+        "times",
+        "episodes",
+        "episode",
+        "runs",
+        "demos",
+        "recordings",
+    ]
+)
+LEAD = frozenset(
+    [
+        "with",
+        "in",
+        "for",
+        "on",
+        "at",
+        "a",
+        "an",
+        "the",
+        "about",
+        "around",
+        "roughly",
+        "every",
+        "each",
+    ]
+)
 ORDINALS = {"second": 2, "other": 2, "third": 3, "fourth": 4, "fifth": 5, "tenth": 10}
 OFTEN = {"sometimes": 0.5, "occasionally": 0.25}
-FILLING = frozenset("of the all them is to as = : -".split())
+FILLING = frozenset(["of", "the", "all", "them", "is", "to", "as", "=", ":", "-"])
 EACH = r"(?: each)?(?: (?:of|per|for) (?:each |every |an |the )?episode)?(?: please)?(?! of)"
 SETTINGS = {
     "copies": rf"(?:(?:make|write|give me|create|produce|generate|with|in|as|i need|i want|for|now) )*(?:a total of )?(?P<n>NUM) (?:augmented )?(?:copies|versions|variants|variations){EACH}(?: with\b)?",
@@ -37,11 +70,72 @@ SETTINGS = {
     "select": r"(?:(?:only|in|for|on|of|from|using|do|take) )+(?:only |just )?(?:the )?first (?:(?P<n>NUM) )?(?:episodes?|recordings?|demonstrations?|demos?)(?: only)?",
 }  # fmt: skip
 NUMBERED = "|".join([r"\d+(?: \. \d+)?", *sorted(values.NUMBERS, key=len, reverse=True)])
-SETTING = {name: re.compile(rf"{text.replace('NUM', f'(?:{NUMBERED})')}(?= |$)") for name, text in SETTINGS.items()}
-CAMERA = frozenset("camera cam cameras cams view viewpoint viewpoints".split())
-EVERY = frozenset("all every each both the of static fixed two three four five other".split())
-POSED = frozenset("pose position viewpoint placement location orientation extrinsics angle mount poses".split())
-VERBS = ("add", "remove", "paint", "lay", "move", "copy", "scale", "vary", "style", "keep", "stop", "swap")
+SETTING = {
+    name: re.compile(rf"{text.replace('NUM', f'(?:{NUMBERED})')}(?= |$)")
+    for name, text in SETTINGS.items()
+}
+CAMERA = frozenset(
+    [
+        "camera",
+        "cam",
+        "cameras",
+        "cams",
+        "view",
+        "viewpoint",
+        "viewpoints",
+        "views",
+        "image",
+        "images",
+        "picture",
+        "pictures",
+        "frames",
+    ]
+)
+EVERY = frozenset(
+    [
+        "all",
+        "every",
+        "each",
+        "both",
+        "the",
+        "of",
+        "static",
+        "fixed",
+        "two",
+        "three",
+        "four",
+        "five",
+        "other",
+    ]
+)
+POSED = frozenset(
+    [
+        "pose",
+        "position",
+        "viewpoint",
+        "placement",
+        "location",
+        "orientation",
+        "extrinsics",
+        "angle",
+        "mount",
+        "poses",
+    ]
+)
+VERBS = (
+    "add",
+    "remove",
+    "paint",
+    "lay",
+    "move",
+    "copy",
+    "scale",
+    "vary",
+    "style",
+    "keep",
+    "stop",
+    "swap",
+)
 WEAK = ("filler", "do", "to", "and", "further")
 """Kinds of tokens that any edit may leave out: they join what is said, and ask for nothing."""
 
@@ -120,7 +214,9 @@ class Clause:
         """See that nothing is left. Raises NotUnderstood with what is."""
         left = [token.text for token in self.tokens if token.kind not in WEAK]
         if left:
-            raise NotUnderstood(f"{self.text!r}: {', '.join(map(repr, left))} is not understood here")
+            raise NotUnderstood(
+                f"{self.text!r}: {', '.join(map(repr, left))} is not understood here"
+            )
 
 
 def said(tokens: Sequence[Token]) -> str:
@@ -133,7 +229,9 @@ def split(stated: str) -> list[str]:
     text = stated.lower()
     for pattern, other in SPELLED:
         text = re.sub(pattern, other, text)
-    text = BOTH.sub(lambda m: f"{m[1]} {m[2]} {(noun := relations.singular(m[4]))} and the {m[3]} {noun}", text)
+    text = BOTH.sub(
+        lambda m: f"{m[1]} {m[2]} {(noun := relations.singular(m[4]))} and the {m[3]} {noun}", text
+    )
     return WORD.findall(text)
 
 
@@ -172,7 +270,8 @@ def _next(
     named = things.begins(rest, nouns)
     skipped = next((k for k, one in enumerate(rest) if one not in things.UNSAID), 0)
     size, fits = (0, []) if adds and named else values.texture(rest[skipped:])
-    if size and not (named and _solid(named[1].words)):
+    definite = words[at] in ("the", "this", "that", "both")
+    if size and not (named and _solid(named[1].words, definite)):
         return skipped + size, "texture", fits
     colored = values.color(words, at)
     if colored and not (named and named[0] > colored[0]):
@@ -183,10 +282,10 @@ def _next(
     return (len(phrase.split()), kind, None) if phrase else (1, "unknown", None)
 
 
-def _solid(name: str) -> bool:
+def _solid(name: str, definite: bool) -> bool:
     """Is the head of a noun phrase a known thing rather than a texture: "the wooden box"?"""
     head = relations.singular(name.split()[-1])
-    known = head in shapes.WORDS and head not in ("brick", "marble", "tile")
+    known = head in shapes.WORDS and (definite or head not in ("brick", "marble", "tile"))
     return known or head in things.ROLES or head in relations.PARTS
 
 
@@ -199,7 +298,9 @@ def _setting(words: Sequence[str], at: int) -> tuple[int, dict[str, Any]] | None
             number = values.number(stated.split(), 0)[1] if stated else 1
             if number != int(number) or (number < 1 and name == "copies"):
                 raise NotUnderstood(f"{stated!r} is no number of copies")
-            value: Any = {"keep_originals": True, "select": {"limit": int(number)}}.get(name, int(number))
+            value: Any = {"keep_originals": True, "select": {"limit": int(number)}}.get(
+                name, int(number)
+            )
             return len(found.group().split()), {name: value}
     return None
 
@@ -215,7 +316,14 @@ def chance(words: Sequence[str], at: int) -> tuple[int, float] | None:
     if words[k : k + 2] == ["other", "half"]:
         end = _copies(words, k + 2)
         return (end or k + 2) - at, 0.5
-    ordinal = next((ORDINALS.get(one) or int(one) for one in words[k : k + 1] if one in ORDINALS or one.isdecimal()), 0)
+    ordinal = next(
+        (
+            ORDINALS.get(one) or int(one)
+            for one in words[k : k + 1]
+            if one in ORDINALS or one.isdecimal()
+        ),
+        0,
+    )
     if {"every", "each"} & set(led.split()) and ordinal:
         end = _copies(words, k + 1 + (words[k + 1 : k + 2] in (["rd"], ["th"], ["nd"])))
         if end:
@@ -225,7 +333,11 @@ def chance(words: Sequence[str], at: int) -> tuple[int, float] | None:
         while words[k : k + 1] and words[k] in FILLING:
             k += 1
         found = values.amount(words, k)
-        return (k + found[0] - at, _share(found[2].low)) if found and found[1] in ("share", "number") else None
+        return (
+            (k + found[0] - at, _share(found[2].low))
+            if found and found[1] in ("share", "number")
+            else None
+        )
     return _counted(words, at, k)
 
 
@@ -233,12 +345,23 @@ def _counted(words: Sequence[str], at: int, k: int) -> tuple[int, float] | None:
     """A share of copies that begins with its amount: "30 % of copies", "one in ten", "a 40 % chance"."""
     size, first, _ = values.number(words, k)
     k += size
-    between = next((n for n in (2, 1) if " ".join(words[k : k + n]) in ("in", "of", "out of", "of every", "in every")), 0)
+    between = next(
+        (
+            n
+            for n in (2, 1)
+            if " ".join(words[k : k + n]) in ("in", "of", "out of", "of every", "in every")
+        ),
+        0,
+    )
     more, second, kind = values.number(words, k + between) if size and between else (0, 0.0, "")
     if more and second > first and kind == "number" and (end := _copies(words, k + between + more)):
         return end - at, values.tidy(first / second)
     found = values.amount(words, k - size)
-    if found is None or found[1] not in ("share", "times") or found[2].how not in ("exact", "about"):
+    if (
+        found is None
+        or found[1] not in ("share", "times")
+        or found[2].how not in ("exact", "about")
+    ):
         return None
     if found[1] == "times" and words[k : k + 1] in (["x"], ["times"]):
         return None
@@ -284,7 +407,14 @@ def camera(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, 
     if not chosen and k < len(words) and (named := _name(words, k, cameras)):
         k, chosen = k + named[0], named[1]
         while words[k : k + 1] and words[k] in (",", "and", "the"):
-            more = next((n for n in (k + 1, k + 2) if (words[n - 1] != "the" or n > k + 1) and _name(words, n, cameras)), 0)
+            more = next(
+                (
+                    n
+                    for n in (k + 1, k + 2)
+                    if (words[n - 1] != "the" or n > k + 1) and _name(words, n, cameras)
+                ),
+                0,
+            )
             found = _name(words, more, cameras) if more else None
             if found is None:
                 break
@@ -299,8 +429,14 @@ def _unnamed(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int
     k = at + (words[at : at + 1] in (["the"], ["a"]))
     if words[k : k + 1] in (["camera"], ["cam"]):
         every = words[k + 1 : k + 2] in (["jitter"], ["shake"], ["perturbation"])
-        return _posed(words, k + 1) - at, "static" if every else list(cameras) if len(cameras) == 1 else []
-    if words[k + 1 : k + 2] in (["camera"], ["cam"]) and re.fullmatch("[a-z_-]+", words[k]) and words[k] not in senses():
+        return _posed(words, k + 1) - at, "static" if every else list(cameras) if len(
+            cameras
+        ) == 1 else []
+    if (
+        words[k + 1 : k + 2] in (["camera"], ["cam"])
+        and re.fullmatch("[a-z_-]+", words[k])
+        and words[k] not in senses()
+    ):
         raise NotUnderstood(f"no camera is called {words[k]!r}; there are: {', '.join(cameras)}")
     return None
 
@@ -330,9 +466,48 @@ def _posed(words: Sequence[str], k: int) -> int:
 
 def known(cameras: Sequence[str]) -> frozenset[str]:
     """All words that a wish is made of, beside the things of its scene."""
-    parts = [*senses(), *values.NUMBERS, *values.PARTS, *values.UNITS, *values.TINTS, *values.HOW, *values.KINDS, *values.HUED]
-    parts += [*values.LIKE, *values.shipped.NAMES, *values.SHADES, *values.MANNERS, *values.CHANNELS, *cameras, *CAMERA]
-    parts += [*CHANCE, *COPIES, *OFTEN, *shapes.WORDS, *relations.PARTS, *relations.GRIPS, *relations.RANKS, *relations.RELATIONS]
-    parts += [*things.ROLES, *things.roles.NAMES, *things.PRONOUNS, *things.PLAIN, *things.PATTERNED, *things.FURNITURE]
-    parts += [*things.ROBOTS, *things.FINGERS, things.HANDLED.pattern, *SETTINGS.values(), *relations.ORDINALS]
+    parts = [
+        *senses(),
+        *values.NUMBERS,
+        *values.PARTS,
+        *values.UNITS,
+        *values.TINTS,
+        *values.HOW,
+        *values.KINDS,
+        *values.HUED,
+    ]
+    parts += [
+        *values.LIKE,
+        *values.shipped.NAMES,
+        *values.SHADES,
+        *values.MANNERS,
+        *values.CHANNELS,
+        *cameras,
+        *CAMERA,
+    ]
+    parts += [
+        *CHANCE,
+        *COPIES,
+        *OFTEN,
+        *shapes.WORDS,
+        *relations.PARTS,
+        *relations.GRIPS,
+        *relations.RANKS,
+        *relations.RELATIONS,
+    ]
+    parts += [
+        *things.ROLES,
+        *things.roles.NAMES,
+        *things.PRONOUNS,
+        *things.PLAIN,
+        *things.PATTERNED,
+        *things.FURNITURE,
+    ]
+    parts += [
+        *things.ROBOTS,
+        *things.FINGERS,
+        things.HANDLED.pattern,
+        *SETTINGS.values(),
+        *relations.ORDINALS,
+    ]
     return frozenset(word for part in parts for word in re.findall(r"[a-z]+", part))

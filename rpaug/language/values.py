@@ -12,11 +12,29 @@ from rpaug.assets.textures import shipped
 from rpaug.core import color_space
 from rpaug.language.messages import NotUnderstood
 
-SMALL = (
-    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen sixteen seventeen "
-    "eighteen nineteen"
-).split()
-TENS = "twenty thirty forty fifty sixty seventy eighty ninety".split()
+SMALL = [
+    "zero",
+    "one",
+    "two",
+    "three",
+    "four",
+    "five",
+    "six",
+    "seven",
+    "eight",
+    "nine",
+    "ten",
+    "eleven",
+    "twelve",
+    "thirteen",
+    "fourteen",
+    "fifteen",
+    "sixteen",
+    "seventeen",
+    "eighteen",
+    "nineteen",
+]
+TENS = ["twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety"]
 NUMBERS: Mapping[str, float] = {
     **{word: n for n, word in enumerate(SMALL)},
     **{word: 10 * n for n, word in enumerate(TENS, 2)},
@@ -84,8 +102,12 @@ MANNERS: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
 }
 NEUTRAL = ("white", "gray", "black")
 LONGEST = 8  # words of a phrase
-ANYHOW = frozenset("random randomly different various some any a an slightly other".split())
-HUED = frozenset("color colors tone tones shade shades hue hues tint tints".split())
+ANYHOW = frozenset(
+    ["random", "randomly", "different", "various", "some", "any", "a", "an", "slightly", "other"]
+)
+HUED = frozenset(
+    ["color", "colors", "tone", "tones", "shade", "shades", "hue", "hues", "tint", "tints"]
+)
 CHANNELS = {"hue": 0, "hues": 0, "sat": 1, "saturation": 1, "val": 2, "value": 2, "brightness": 2}
 KINDS = {
     word: kind
@@ -151,7 +173,11 @@ def _unit(words: Sequence[str], at: int) -> int:
     """How many words a unit takes: none, one, or two with a hyphen before it."""
     if at < len(words) and words[at] in UNITS:
         return 1
-    return 2 if words[at : at + 1] == ["-"] and words[at + 1 : at + 2] and words[at + 1] in UNITS else 0
+    return (
+        2
+        if words[at : at + 1] == ["-"] and words[at + 1 : at + 2] and words[at + 1] in UNITS
+        else 0
+    )
 
 
 def amount(words: Sequence[str], at: int) -> tuple[int, str, Amount] | None:
@@ -209,7 +235,9 @@ def color(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
         k += 1
     if words[k : k + 1] and (words[k] in MANNERS or words[k] == "neutral") and words[k + 1 : k + 2]:
         if words[k + 1] in HUED:
-            drawn = [{"hsv": [[0, 360], *map(list, MANNERS[words[k]])]}] if words[k] in MANNERS else []
+            drawn = (
+                [{"hsv": [[0, 360], *map(list, MANNERS[words[k]])]}] if words[k] in MANNERS else []
+            )
             return k + 2 - at, drawn or list(NEUTRAL)
     if words[k : k + 1] and words[k] in HUED and words[k + 1 : k + 2] == ["of"]:
         of = _named(words, k + 2)
@@ -237,7 +265,9 @@ def _exact(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
     first = words[at]
     if re.fullmatch("#[0-9a-f]{6}", first):
         return 1, [{"rgb": [round(int(first[i : i + 2], 16) / 255, 3) for i in (1, 3, 5)]}]
-    found = re.match(r"rgb \(? ?([\d.]+) , ([\d.]+) , ([\d.]+)(?: \))?", " ".join(words[at : at + 8]))
+    found = re.match(
+        r"rgb \(? ?([\d.]+) , ([\d.]+) , ([\d.]+)(?: \))?", " ".join(words[at : at + 8])
+    )
     if found is None:
         return None
     values = [float(one) for one in found.groups()]
@@ -251,17 +281,32 @@ def _channels(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
     """Colors drawn in ranges of hue, saturation and value: "in hsv ( hue 0 - 360 , sat 0.3 - 0.9 )"."""
     k, ends = at, [[0, 360], [0.5, 1], [0.3, 1]]
     last = at
-    while k < len(words) and words[k] in (*CHANNELS, "hsv", "in", "(", ")", ",", "and", "uniformly"):
+    while k < len(words) and words[k] in (
+        *CHANNELS,
+        "hsv",
+        "in",
+        "(",
+        ")",
+        ",",
+        "and",
+        "uniformly",
+    ):
         found = None
         if words[k] in CHANNELS:
             found = amount(words, k + 1)
             if found is None or found[2].how not in ("range", "least"):
                 break
             low, high = found[2].low, found[2].high if found[2].how == "range" else 1
-            ends[CHANNELS[words[k]]] = [low, high] if found[1] == "number" else [math.degrees(low), math.degrees(high)]
+            ends[CHANNELS[words[k]]] = (
+                [low, high] if found[1] == "number" else [math.degrees(low), math.degrees(high)]
+            )
         k += 1 + (found[0] if found else 0)
         last = k if found or words[k - 1] == ")" else last
-    return (last - at, [{"hsv": ends}]) if last > at and any(w in CHANNELS for w in words[at:last]) else None
+    return (
+        (last - at, [{"hsv": ends}])
+        if last > at and any(w in CHANNELS for w in words[at:last])
+        else None
+    )
 
 
 def _named(words: Sequence[str], at: int) -> tuple[int, Any] | None:
@@ -322,7 +367,9 @@ def texture(words: Sequence[str]) -> tuple[int, list[Any]]:
     for k, word in enumerate(words):
         plain = LIKE.get(word, word)
         tint = color_space.canonical(plain)
-        if word in ("dark", "darker", "light", "lighter") or (tint and plain not in ("orange", "rose")):
+        if word in ("dark", "darker", "light", "lighter") or (
+            tint and plain not in ("orange", "rose")
+        ):
             tints.append(tint or word[:4])
         elif word in KINDS or (word == "noise" and words[k + 1 : k + 2] == ["texture"]):
             kinds.append(KINDS.get(word, word))

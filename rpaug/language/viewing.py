@@ -8,10 +8,17 @@ from rpaug.language.tokens import Clause, Token
 from rpaug.language.values import Amount, tidy
 
 # A camera's axes: x right, y down, z into the scene; a positive turn about x looks up, about y right, about z clockwise.
-WAYS = {"up": (0, -1, 0), "down": (0, 1, 0), "left": (-1, 0, 0), "right": (1, 0, 0), "ahead": (0, 0, 1), "back": (0, 0, -1)}
+WAYS = {
+    "up": (0, -1, 0),
+    "down": (0, 1, 0),
+    "left": (-1, 0, 0),
+    "right": (1, 0, 0),
+    "ahead": (0, 0, 1),
+    "back": (0, 0, -1),
+}
 TURNS = {"up": (1, 0, 0), "down": (-1, 0, 0), "left": (0, -1, 0), "right": (0, 1, 0)}
 STEP, WRIST_STEP, TURN = 0.1, 0.02, 0.1745  # metres and radians, where no amount was named
-MIDDLE = frozenset("midpoint middle center halfway between of the".split())
+MIDDLE = frozenset(["midpoint", "middle", "center", "halfway", "between", "of", "the"])
 
 
 def camera_pose(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
@@ -29,7 +36,9 @@ def camera_pose(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     rolled = clause.one("roll", "unroll")
     tilts = bool(clause.every("tilt", "pan")) or clause.has("rotate") or clause.says("turn")
     axes, ways, notes = clause.every("axes"), clause.every(*WAYS), list[str]()
-    if len(order) == len(ways) and angles:  # each amount goes with the way said with it; the angle's last
+    if (
+        len(order) == len(ways) and angles
+    ):  # each amount goes with the way said with it; the angle's last
         ways.append(ways.pop(order.index("angle")))
     clause.every("move", "rotate", "remove", "pose", "from", "each")
     if axes:
@@ -40,7 +49,9 @@ def camera_pose(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         if ways or lengths:
             raise NotUnderstood(f"{clause.text!r}: roll the camera, or move it")
         sign = -1 if rolled.kind == "unroll" else 1
-        edit |= {"by": [0, 0, 0]} | _motion("turned", [((0, 0, sign), angles[0] if angles else Amount(TURN, TURN))])
+        edit |= {"by": [0, 0, 0]} | _motion(
+            "turned", [((0, 0, sign), angles[0] if angles else Amount(TURN, TURN))]
+        )
     elif ways:
         edit |= _posed(clause, names, ways, lengths, angles, tilts, notes)
     elif "toward" not in edit:
@@ -56,7 +67,9 @@ def _named(clause: Clause, wish: Wish, namer: Namer) -> Any:
     pronoun = any(one.kind == "thing" and one.value.pronoun for one in clause.tokens)
     if token is None and known and (pronoun or clause.has("aim")):
         token = Token("camera", "it", [])
-        clause.tokens = [one for one in clause.tokens if not (one.kind == "thing" and one.value.pronoun)]
+        clause.tokens = [
+            one for one in clause.tokens if not (one.kind == "thing" and one.value.pronoun)
+        ]
     looking = clause.says("look", "view", "see", "film", "watch") and clause.has("from")
     if token is None and looking and clause.has(*WAYS):
         clause.every("all", "thing", "image")
@@ -64,7 +77,11 @@ def _named(clause: Clause, wish: Wish, namer: Namer) -> Any:
     if token is None:
         return None
     if token.value:
-        return token.value[0] if isinstance(token.value, list) and len(token.value) == 1 else token.value
+        return (
+            token.value[0]
+            if isinstance(token.value, list) and len(token.value) == 1
+            else token.value
+        )
     if mention is not None and known:
         return mention.cameras
     namer.notes.append(f"{token.text!r} is taken as all cameras that stand still")
@@ -120,12 +137,16 @@ def _posed(
             raise NotUnderstood(f"{clause.text!r}: a camera turns up, down, left or right")
         if not angles:
             notes.append("10 degrees, since no angle was named")
-        edit |= _motion("turned", [(TURNS[turns[0].kind], angles[0] if angles else Amount(TURN, TURN))])
+        edit |= _motion(
+            "turned", [(TURNS[turns[0].kind], angles[0] if angles else Amount(TURN, TURN))]
+        )
     return edit
 
 
 def _motion(name: str, parts: list[tuple[Any, Amount]]) -> Entry:
     """A camera's motion or turn: the sum of parts along axes, or the low and high of what is drawn."""
-    ends = [[sum(axis[k] * one.ends[end] for axis, one in parts) for k in range(3)] for end in (0, 1)]
+    ends = [
+        [sum(axis[k] * one.ends[end] for axis, one in parts) for k in range(3)] for end in (0, 1)
+    ]
     low, high = ([tidy(pick(pair)) or 0 for pair in zip(*ends, strict=True)] for pick in (min, max))
     return {name: low if low == high else [low, high]}

@@ -1,6 +1,6 @@
 """Move cameras a little, as if their mounts had been bumped."""
 
-from collections.abc import Mapping, Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
