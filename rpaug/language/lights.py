@@ -1,8 +1,9 @@
-"""What a clause says of lamps, their brightness, color and direction, and of what the sensor does to finished images."""
+"""What a clause says of lamps, their brightness, color and direction, and of what a sensor does to images."""
 
 import math
 
 from rpaug.core import color_space
+from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.things import Namer
 from rpaug.language.tokens import Clause, Token
@@ -14,33 +15,8 @@ EVENING = 0.8  # times as bright as recorded
 NEUTRAL = 6500  # kelvin, of sRGB's white
 LIFT = 0.64  # radians: how high a lamp stands at a side, where no angle was named
 LIGHT = Mention(kind="light")
-LEVELS = (
-    "darker",
-    "brighter",
-    "warm",
-    "cool",
-    "kelvin",
-    "share",
-    "times",
-    "twice",
-    "halve",
-    "number",
-    "more",
-    "less",
-)
-TURNED = (
-    "lit",
-    "move",
-    "rotate",
-    "pan",
-    "tilt",
-    "angle",
-    "left",
-    "right",
-    "ahead",
-    "back",
-    "point",
-)
+LEVELS = group("lights_levels")
+TURNED = group("lights_turned")
 VARIED = ("color", "intensity", "brightness", "temperature")
 SENSED: dict[str, tuple[str, tuple[str, ...], float]] = {
     "noise": ("read", ("share", "number"), 0.0),

@@ -4,6 +4,7 @@ from typing import Any
 
 from rpaug.core import color_space
 from rpaug.language import things, values
+from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.placing import anything, asset, one_of
 from rpaug.language.things import Named, Namer, Target, every
@@ -13,9 +14,7 @@ from rpaug.scene.targets.relations import GRIPS, PARTS, singular
 
 TABLE, BACKGROUND = {"role": "table"}, {"role": "background"}
 ANY = {"sample": "colosseum"}
-SHAKEN = frozenset(
-    {"jitter", "shake", "bump", "wobble", "wiggle", "jiggle", "nudge", "a bit off", "slightly off"}
-)
+SHAKEN = group("looks_shaken")
 """Ways to vary where something is, not how it looks."""
 OWN = {str(TABLE): "table_texture", str(BACKGROUND): "background_texture"}
 

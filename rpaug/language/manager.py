@@ -1,4 +1,4 @@
-"""A whole wish, offline: its tokens clause by clause, the longest beginning that is understood to the last word first."""
+"""A whole wish, offline: its tokens clause by clause, the longest beginning that is understood first."""
 
 import contextlib
 import re
@@ -11,6 +11,7 @@ from rpaug.core import color_space, registry
 from rpaug.core.errors import RpaugError
 from rpaug.language import reader, repair, rest, templates, tokens, values
 from rpaug.language.declared import own_role, targets
+from rpaug.language.lexicon import group
 from rpaug.language.messages import Answer, Entry, Meant, Mention, NotUnderstood, Trace, Wish
 from rpaug.language.recording import Recording
 from rpaug.language.things import Named, Namer
@@ -19,58 +20,16 @@ from rpaug.language.tokens import Token, said
 QUESTION = frozenset(
     ["is", "are", "does", "did", "why", "who", "when", "where", "which", "what", "how"]
 )
-BREAKS = frozenset(
-    {
-        "like",
-        ",",
-        "and",
-        "but",
-        "while",
-        "then",
-        "and then",
-        "so",
-        "so that",
-        "because",
-        "since",
-        "without",
-        "and the",
-    }
-)
-ACTS = (
-    "remove",
-    "add",
-    "move",
-    "copy",
-    "spread",
-    "paint",
-    "lay",
-    "vary",
-    "blur",
-    "noise",
-    "swap",
-    "undo",
-    "darker",
-    "brighter",
-)
+BREAKS = group("manager_breaks") | {","}
+ACTS = group("manager_acts")
 ORDERS = ("make", "turn", "set", "give", "put")
 SIMILE = {"to", "filler", "thing", "unknown", "and", "on"}
 JOINS = ("and", "filler", "stop")
-AFTERTHOUGHT = frozenset(
-    {"color", "texture", "gloss", "little", "much", "or", "vary", "each", "same", "any", "share", "number", "length", "angle",
-     "kelvin", "stops", "pixels", "times", "size_of", "strangers", "width", *tokens.WEAK}
-)  # fmt: skip
+AFTERTHOUGHT = group("manager_afterthought")
 """Kinds of words that only go on with what the clause before asks for."""
 IT = Token("thing", "it", Named("it", pronoun=True))
 MOST_CLAUSES, MOST_EDITS, MOST_UNDONE = 30, 120, 8
-SETTLED = (
-    "recolor",
-    "retexture",
-    "table_color",
-    "table_texture",
-    "background_texture",
-    "object_size",
-    "stylize",
-)
+SETTLED = group("manager_settled")
 
 
 @dataclass
@@ -216,7 +175,7 @@ def _run(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
 
 
 def _ends(read: list[Token]) -> Iterator[int]:
-    """Where the first clause may end: at the sentence's end, and before each word that joins clauses, the last first."""
+    """Where the first clause may end: with the sentence, or before a word that joins clauses, the last first."""
     whole = next((k for k, one in enumerate(read) if one.kind == "stop"), len(read))
     yield whole
     for k in range(whole - 1, 0, -1):
@@ -487,7 +446,7 @@ def _take(found: Meant, share: float | None, state: WishState, read: list[Token]
 
 
 def _add(edit: Entry, state: WishState) -> None:
-    """Add an edit, or put it in the place of an earlier one. Raises NotUnderstood for two of one wish that cannot both hold."""
+    """Add an edit, or let it take an earlier one's place. Raises NotUnderstood where both are of one wish."""
     group = _key(edit)
     same = next((k for k, other in enumerate(state.edits) if group and _key(other) == group), None)
     if same is not None and any(state.edits[same] is one for one in state.fresh):

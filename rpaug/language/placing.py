@@ -6,6 +6,7 @@ from typing import Any
 from rpaug.assets import library
 from rpaug.core import color_space
 from rpaug.core.errors import MissingExtra, TargetError
+from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.things import PRONOUNS, Named, Namer, every
 from rpaug.language.tokens import Clause
@@ -29,9 +30,7 @@ SIDES = {
 NEW = Mention(kind="new")
 LOOKED = ("vary", "paint", "lay", "texture", "move", "scale", "bigger", "smaller", "remove", "copy")
 """What says that something there is changed, not that a new thing stands somewhere."""
-PUT = frozenset(
-    {"put", "placed", "use", "throw", "put down", "set", "bring", "place", "lay", "set down"}
-)
+PUT = group("placing_put")
 TABLE = frozenset({"table", "desk", "tabletop", "counter", "scene"})
 
 
@@ -210,7 +209,8 @@ def spread(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
 def distractors(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """Things at random that the task does not need stand about."""
     loose = [one for one in clause.tokens if one.kind == "thing" and anything([one.value])]
-    if loose and clause.has("add") and not clause.has("color", "texture", "paint"):
+    puts = clause.has("add") or clause.says("throw", "put")
+    if loose and puts and not clause.has("color", "texture", "paint"):
         clause.every("strangers")
         clause.tokens = [one for one in clause.tokens if not any(one is other for other in loose)]
     elif (
@@ -242,7 +242,8 @@ def distractors(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         known = target == {"role": "manipulated"} or namer.handled(target)
         if not known:
             raise NotUnderstood(
-                f"{clause.text!r}: clutter stands near the target or the robot's path; `add a mug near ...` puts one thing"
+                f"{clause.text!r}: clutter stands near the target or the robot's path; "
+                "`add a mug near ...` puts one thing"
             )
         edit["near"] = "target"
     edit |= {"size": [sizes[0].low, sizes[0].high]} if sizes else {}

@@ -7,6 +7,7 @@ from rpaug.core import color_space, registry
 from rpaug.language import values
 from rpaug.language.calling import called
 from rpaug.language.declared import own_role, targets
+from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.things import Namer
 from rpaug.language.tokens import WEAK, Token, said
@@ -14,45 +15,9 @@ from rpaug.language.tokens import WEAK, Token, said
 ADDED = ("insert", "distractors", "duplicate")
 KEPT = ("thing", "camera", "light", "lit", "image")
 NEGATED = ("do not", "don't", "dont", "never", "may not")
-DONE = (
-    "remove",
-    "paint",
-    "move",
-    "vary",
-    "scale",
-    "lay",
-    "color",
-    "copy",
-    "rotate",
-    "on",
-    "bigger",
-    "smaller",
-    "add",
-    "all",
-)
-MODAL = frozenset(
-    ["should", "must", "shall", "ought", "want", "need", "needs", "wish", "let", "make"]
-)
-STATES = frozenset(
-    [
-        "is",
-        "are",
-        "was",
-        "has",
-        "have",
-        "gets",
-        "get",
-        "looks",
-        "always",
-        "often",
-        "usually",
-        "blend",
-        "blends",
-        "moves",
-        "hold",
-        "holds",
-    ]
-)
+DONE = group("rest_done")
+MODAL = group("rest_modal")
+STATES = group("rest_states")
 HAVING = frozenset({"has", "have", "blend", "blends", "always", "often", "usually"})
 """Of these none is said of what is wished for, unless it is a duty: "should have"."""
 SPEAKERS = frozenset({"i", "we", "this", "our", "my", "it", "that", "there"})
@@ -237,7 +202,7 @@ def harder(read: Sequence[Token], wish: Wish, namer: Namer) -> Meant | None:
 
 
 def kept(read: Sequence[Token]) -> list[Token] | None:
-    """What a clause says must stay as it is; None where it says no such thing. Raises NotUnderstood where that is unclear."""
+    """What must stay as it is; None where a clause says no such thing. Raises NotUnderstood where that is unclear."""
     at = next((k for k, one in enumerate(read) if one.kind == "keep"), None)
     if at is None:
         return None

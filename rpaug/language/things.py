@@ -1,4 +1,5 @@
 """Which things are meant: a noun phrase at the beginning of some words, and the recipe's targets that it stands for."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import contextlib
 import math
@@ -9,7 +10,7 @@ from typing import Any
 
 from rpaug.core import color_space
 from rpaug.core.errors import RpaugError, TargetError
-from rpaug.language.lexicon import senses
+from rpaug.language.lexicon import group, senses
 from rpaug.language.messages import Mention, NotUnderstood
 from rpaug.language.recording import Recording
 from rpaug.language.values import NUMBERS, PARTS, texture
@@ -20,9 +21,7 @@ from rpaug.scene.targets.relations import ANYTHING, singular
 Target = str | dict[str, Any]
 
 COUNTED = frozenset({*NUMBERS, *PARTS})
-UNSAID = frozenset(
-    ["a", "an", "some", "the", "random", "other", "another", "different", "new", "one", "of", "any"]
-)
+UNSAID = group("things_unsaid")
 PRONOUNS = ("it", "that", "this", "them", "that one", "these", "those", "both of them", "this one")
 SEVERAL = re.compile(
     r"(?:all of the|all the|each of the|both of the|every one of the|all of|each of|all|every|each|both|the two|the three)\b ?(?:the )?"
@@ -39,9 +38,7 @@ PHRASES = {
     "receiving object": "receiver",
     "receiving thing": "receiver",
 }
-PLAIN = frozenset(
-    {"flat", "plain", "thin", "whole", "entire", "existing", "original", "background"}
-)  # told by nothing that is measured
+PLAIN = group("things_plain")  # told by nothing that is measured
 NEARLY = {
     "white": ("silver", "gray"),
     "yellow": ("gold", "orange"),
@@ -51,99 +48,17 @@ NEARLY = {
 }
 WHOLE = frozenset({"body", "base", "itself"})  # after a noun: what that names
 ARMS = ("arm", "robot arm", "robotic arm", "manipulator", "arm links")
-FINGERS = frozenset(
-    {"finger", "fingers", "fingertip", "fingertips", "finger pad", "finger pads", "pads", "jaws"}
-)
+FINGERS = group("things_fingers")
 ROBOTS = frozenset({"sawyer", "panda", "franka", "kuka", "ur5", "ur10", "manipulator"})
 COMPARED = {"smaller": "smallest", "larger": "largest", "bigger": "largest", "taller": "tallest"}
-PATTERNED = frozenset(
-    {
-        "speckled",
-        "patterned",
-        "mottled",
-        "striped",
-        "dotted",
-        "spotted",
-        "textured",
-        "checkered",
-        "multicolored",
-        "stripy",
-        "stripey",
-    }
-)
+PATTERNED = group("things_patterned")
 FLOOR, WALL = ("floor", "ground"), ("wall", "walls")
 PLACES = frozenset(
     f"{by} the {side}" for by in ("at", "from") for side in ("top", "bottom", "left", "right")
 )
 FLAT = 5  # cm: the room's flat sides are thinner
 # What no thing on a table is called: what rpaug itself is made of.
-NO_THING = frozenset(
-    [
-        "dataset",
-        "file",
-        "files",
-        "folder",
-        "folders",
-        "recipe",
-        "recipes",
-        "episode",
-        "episodes",
-        "instruction",
-        "instructions",
-        "output",
-        "outputs",
-        "policy",
-        "policies",
-        "code",
-        "program",
-        "prompt",
-        "system",
-        "data",
-        "key",
-        "keys",
-        "report",
-        "disk",
-        "action",
-        "actions",
-        "trajectory",
-        "password",
-        "user",
-        "root",
-        "shell",
-        "seed",
-        "copies",
-        "copy",
-        "version",
-        "versions",
-        "probability",
-        "gates",
-        "nothing",
-        "nobody",
-        "anything",
-        "something",
-        "everything",
-        "thing",
-        "things",
-        "you",
-        "him",
-        "her",
-        "me",
-        "us",
-        "i",
-        "we",
-        "they",
-        "who",
-        "what",
-        "why",
-        "how",
-        "when",
-        "where",
-        "not",
-        "never",
-        "no",
-        "none",
-    ]
-)
+NO_THING = group("things_no_thing")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
-"""A wish as tokens: every word belongs to a value, a thing, a camera, or a phrase that asks for something; or is unknown."""
+"""A wish as tokens: each word is of a value, a thing, a camera, a phrase that asks for something, or unknown."""
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import re
 from collections.abc import Collection, Sequence
@@ -6,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rpaug.language import things, values
-from rpaug.language.lexicon import senses
+from rpaug.language.lexicon import group, senses
 from rpaug.language.messages import NotUnderstood
 from rpaug.scene.targets import relations, shapes
 
@@ -28,37 +29,8 @@ WORD = re.compile(
     r"->|(?<!\d )(?<!% )(?<![\w%])-\d+(?:\.\d+)?|\d+(?:\.\d+)?|\.\d+|#[0-9a-f]{6}|[a-z][a-z0-9_']*(?:-[a-z][a-z0-9_']*)*|\S"
 )
 CHANCE = frozenset(["probability", "prob", "chance", "p", "likelihood"])
-COPIES = frozenset(
-    [
-        "copies",
-        "copy",
-        "cases",
-        "time",
-        "times",
-        "episodes",
-        "episode",
-        "runs",
-        "demos",
-        "recordings",
-    ]
-)
-LEAD = frozenset(
-    [
-        "with",
-        "in",
-        "for",
-        "on",
-        "at",
-        "a",
-        "an",
-        "the",
-        "about",
-        "around",
-        "roughly",
-        "every",
-        "each",
-    ]
-)
+COPIES = group("tokens_copies")
+LEAD = group("tokens_lead")
 ORDINALS = {"second": 2, "other": 2, "third": 3, "fourth": 4, "fifth": 5, "tenth": 10}
 OFTEN = {"sometimes": 0.5, "occasionally": 0.25}
 FILLING = frozenset(["of", "the", "all", "them", "is", "to", "as", "=", ":", "-"])
@@ -74,68 +46,10 @@ SETTING = {
     name: re.compile(rf"{text.replace('NUM', f'(?:{NUMBERED})')}(?= |$)")
     for name, text in SETTINGS.items()
 }
-CAMERA = frozenset(
-    [
-        "camera",
-        "cam",
-        "cameras",
-        "cams",
-        "view",
-        "viewpoint",
-        "viewpoints",
-        "views",
-        "image",
-        "images",
-        "picture",
-        "pictures",
-        "frames",
-    ]
-)
-EVERY = frozenset(
-    [
-        "all",
-        "every",
-        "each",
-        "both",
-        "the",
-        "of",
-        "static",
-        "fixed",
-        "two",
-        "three",
-        "four",
-        "five",
-        "other",
-    ]
-)
-POSED = frozenset(
-    [
-        "pose",
-        "position",
-        "viewpoint",
-        "placement",
-        "location",
-        "orientation",
-        "extrinsics",
-        "angle",
-        "mount",
-        "poses",
-    ]
-)
-VERBS = (
-    "add",
-    "remove",
-    "paint",
-    "lay",
-    "move",
-    "copy",
-    "scale",
-    "vary",
-    "style",
-    "keep",
-    "stop",
-    "swap",
-)
+CAMERA = group("tokens_camera")
+EVERY = group("tokens_every")
+POSED = group("tokens_posed")
+VERBS = group("tokens_verbs")
 WEAK = ("filler", "do", "to", "and", "further")
 """Kinds of tokens that any edit may leave out: they join what is said, and ask for nothing."""
 
@@ -276,9 +190,9 @@ def _next(
     colored = values.color(words, at)
     if colored and not (named and named[0] > colored[0]):
         return colored[0], "color", colored[1]
-    if named and (len(phrase.split()) <= 1 or named[0] > len(phrase.split())):
-        if phrase != named[1].words or kind == "filler":
-            return named[0], "thing", named[1]
+    longer = named and (len(phrase.split()) <= 1 or named[0] > len(phrase.split()))
+    if named and longer and (phrase != named[1].words or kind == "filler"):
+        return named[0], "thing", named[1]
     return (len(phrase.split()), kind, None) if phrase else (1, "unknown", None)
 
 

@@ -1,4 +1,5 @@
 """Values among words: numbers with units, colors and textures, each read from one word on."""
+# ruff: noqa: E501  # tables are easiest to read whole
 
 import colorsys
 import math
@@ -10,6 +11,7 @@ from typing import Any
 
 from rpaug.assets.textures import shipped
 from rpaug.core import color_space
+from rpaug.language.lexicon import group
 from rpaug.language.messages import NotUnderstood
 
 SMALL = [
@@ -102,12 +104,8 @@ MANNERS: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
 }
 NEUTRAL = ("white", "gray", "black")
 LONGEST = 8  # words of a phrase
-ANYHOW = frozenset(
-    ["random", "randomly", "different", "various", "some", "any", "a", "an", "slightly", "other"]
-)
-HUED = frozenset(
-    ["color", "colors", "tone", "tones", "shade", "shades", "hue", "hues", "tint", "tints"]
-)
+ANYHOW = group("values_anyhow")
+HUED = group("values_hued")
 CHANNELS = {"hue": 0, "hues": 0, "sat": 1, "saturation": 1, "val": 2, "value": 2, "brightness": 2}
 KINDS = {
     word: kind
@@ -126,7 +124,7 @@ LIKE = {"brick": "bricks", "tile": "tiles", "tiled": "tiles", "striped": "stripe
 
 @dataclass(frozen=True)
 class Amount:
-    """A quantity in metres, radians, parts, stops, ...: `how` says whether it is exact, at most, at least or a range."""
+    """A quantity in metres, radians, parts, stops, ...: `how` is exact, upto, about, least or range."""
 
     low: float
     high: float
@@ -181,7 +179,7 @@ def _unit(words: Sequence[str], at: int) -> int:
 
 
 def amount(words: Sequence[str], at: int) -> tuple[int, str, Amount] | None:
-    """How many words an amount takes, its kind ("length", "share", "number", ...) and value; None where there is none."""
+    """How many words an amount takes, its kind ("length", "share", "number", ...) and value; None for none."""
     k, how, between = at, "", False
     while phrase := longest(words, k, HOW):
         between |= HOW[phrase] == "from"
@@ -233,12 +231,11 @@ def color(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
     k = at
     while k < len(words) and words[k] in ANYHOW:
         k += 1
-    if words[k : k + 1] and (words[k] in MANNERS or words[k] == "neutral") and words[k + 1 : k + 2]:
-        if words[k + 1] in HUED:
-            drawn = (
-                [{"hsv": [[0, 360], *map(list, MANNERS[words[k]])]}] if words[k] in MANNERS else []
-            )
-            return k + 2 - at, drawn or list(NEUTRAL)
+    manner = words[k] if words[k : k + 1] and words[k + 1 : k + 2] and words[k + 1] in HUED else ""
+    if manner in MANNERS:
+        return k + 2 - at, [{"hsv": [[0, 360], *map(list, MANNERS[manner])]}]
+    if manner == "neutral":
+        return k + 2 - at, list(NEUTRAL)
     if words[k : k + 1] and words[k] in HUED and words[k + 1 : k + 2] == ["of"]:
         of = _named(words, k + 2)
         return (k + 2 + of[0] - at, [_around(of[1])]) if of else None

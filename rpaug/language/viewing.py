@@ -1,4 +1,4 @@
-"""What a clause says of cameras: moved by a length along a direction, turned by an angle, jittered, or aimed at a thing."""
+"""What a clause says of cameras: moved along a direction, turned by an angle, jittered, or aimed at a thing."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from rpaug.language.things import Namer
 from rpaug.language.tokens import Clause, Token
 from rpaug.language.values import Amount, tidy
 
-# A camera's axes: x right, y down, z into the scene; a positive turn about x looks up, about y right, about z clockwise.
+# A camera's axes: x right, y down, z into the scene; a turn about x looks up, about y right, about z clockwise.
 WAYS = {
     "up": (0, -1, 0),
     "down": (0, 1, 0),
@@ -71,6 +71,7 @@ def _named(clause: Clause, wish: Wish, namer: Namer) -> Any:
             one for one in clause.tokens if not (one.kind == "thing" and one.value.pronoun)
         ]
     looking = clause.says("look", "view", "see", "film", "watch") and clause.has("from")
+    looking &= not clause.has("light", "lit", "warm", "cool", "darker", "brighter")
     if token is None and looking and clause.has(*WAYS):
         clause.every("all", "thing", "image")
         return "static"
