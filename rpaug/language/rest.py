@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 from rpaug.core import color_space, registry
 from rpaug.language import values
-from rpaug.language.calling import called
+from rpaug.language.calling import called, short
 from rpaug.language.declared import own_role, targets
 from rpaug.language.lexicon import group
-from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
+from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood
 from rpaug.language.things import Namer
 from rpaug.language.tokens import WEAK, Token, said
 
@@ -181,7 +181,7 @@ def evenly(read: Sequence[Token], edit: Entry) -> Entry | None:
     return {"probability": whole} if whole < 0.98 else {}
 
 
-def harder(read: Sequence[Token], wish: Wish, namer: Namer) -> Meant | None:
+def harder(read: Sequence[Token], namer: Namer) -> Meant | None:
     """Dimmer light, where something is to be harder to see; None where a clause says no such thing."""
     kinds = {one.kind for one in read} - {*WEAK, "harder", "thing", "all", "little", "much"}
     words = said(read)
@@ -349,15 +349,3 @@ def _spare(token: Token, option: Entry, namer: Namer) -> None:
             f"{token.text!r} must not change, and the same wish asks for: {short(option)}"
         )
     option[place] = namer.without(option[place], namer.ids(namer.target(token.value)))
-
-
-def unsaid(edit: Entry) -> bool:
-    """Does an edit give a look without saying which?"""
-    return edit.get("color") == {"sample": "colosseum"} or (
-        edit.get("op", "").endswith("texture") and "texture" not in edit
-    )
-
-
-def short(edit: Entry) -> str:
-    """An edit in one line."""
-    return ", ".join(f"{name} {value}" for name, value in edit.items())

@@ -50,6 +50,7 @@ CAMERA = group("tokens_camera")
 EVERY = group("tokens_every")
 POSED = group("tokens_posed")
 VERBS = group("tokens_verbs")
+JOINS = ("and", "filler", "stop")
 WEAK = ("filler", "do", "to", "and", "further")
 """Kinds of tokens that any edit may leave out: they join what is said, and ask for nothing."""
 
