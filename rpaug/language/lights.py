@@ -56,7 +56,7 @@ def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         [one for one in clause.tokens if one.kind in ("vary", "any")],
     )
     turned = clause.has(*TURNED) or (
-        clause.has("up") and not clause.has("share", "more", "brighter")
+        clause.has("up") and (clause.says("above") or not clause.has("share", "more", "brighter"))
     )
     moved = any(one.text in ("somewhere else", "elsewhere") for one in clause.tokens)
     if turned or moved:
@@ -279,6 +279,12 @@ def _exposure(clause: Clause, edit: Entry, mild: bool) -> Meant:
     if not stops and not (less or more):
         return Meant(edits=(edit,))
     usual = 0.5 if mild else 1
+    shares = clause.amounts("share") if less or more else []
+    if shares and not stops and shares[0].high < 1:
+        ends = sorted(
+            abs(math.log2(1 - v if less else 1 + v)) for v in (shares[0].low, shares[0].high)
+        )
+        stops = [Amount(ends[0], ends[1])]
     amount = stops[0] if stops else Amount(usual, usual)
     if less or more:
         ends = [-one if less and one > 0 else one for one in (amount.low, amount.high)]

@@ -146,7 +146,7 @@ def _state(
     """Where a wish begins."""
     namer = Namer(recording, wish.mention)
     named = {word for one in read if one.kind == "thing" for word in one.value.words.split()}
-    namer.apart = "arm" in named and bool(named & {"gripper", "hand"})
+    namer.apart = bool(named & {"arm", "robot"}) and bool(named & {"gripper", "hand"})
     return WishState(wish, namer, list(wish.edits), wish.mention, did, list(notes))
 
 

@@ -215,7 +215,7 @@ def distractors(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         clause.tokens = [one for one in clause.tokens if not any(one is other for other in loose)]
     elif (
         not clause.has("strangers")
-        or clause.has("spread", "texture", "paint", "bigger", "smaller", "move")
+        or clause.has("spread", "texture", "lay", "paint", "bigger", "smaller", "move")
         or (clause.has("color") and not clause.has("add", "number"))
     ):
         return None

@@ -153,16 +153,13 @@ def _trailing(
     read: list[Token], state: WishState, nouns: Collection[str]
 ) -> tuple[Meant, float] | None:
     """What a clause means whose last words are a bare share, "the can red, 30%": that is the share of copies."""
-    for k in (len(read) - 1, 0):
-        if (
-            not read
-            or read[k].kind != "share"
-            or read[k].value.how != "exact"
-            or not 0 <= read[k].value.low <= 1
-        ):
+    for k, mark in ((len(read) - 1, len(read) - 2), (0, 1)):
+        if len(read) < 3 or read[k].kind != "share" or read[mark].text not in (",", "(", ")"):
             continue
-        with contextlib.suppress(RpaugError):
-            return _meant(_bare([*read[:k], *read[k + 1 :]]), state, nouns), read[k].value.low
+        much = read[k].value
+        if much.how == "exact" and 0 <= much.low <= 1 and not read[k].text.startswith("by"):
+            with contextlib.suppress(RpaugError):
+                return _meant(_bare([*read[:k], *read[k + 1 :]]), state, nouns), much.low
     return None
 
 

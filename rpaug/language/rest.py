@@ -164,13 +164,13 @@ def halves(
 
 def evenly(read: Sequence[Token], edit: Entry) -> Entry | None:
     """What is added to a draw that each look gets its share of; None where a clause says no such thing."""
-    share = next((one.value.low for one in read if one.kind == "share"), None)
+    share = next((one.value.low for one in read if one.kind in ("share", "times")), None)
     kinds = {one.kind for one in read} - {"filler", "and", "each", "to"}
     if (
         "one_of" not in edit
         or not kinds
-        or not kinds <= {"even", "share"}
-        or (kinds == {"share"} and len(read) < 2)
+        or not kinds <= {"even", "share", "times"}
+        or not ({"even"} & kinds or len(read) > 1)
     ):
         return None
     if share is None:
@@ -206,7 +206,7 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
     at = next((k for k, one in enumerate(read) if one.kind == "keep"), None)
     if at is None:
         return None
-    if any(one.kind == "because" for one in read):
+    if any(one.kind in ("because", "clear_of") for one in read):
         return None
     if any(one.text in ("but", "while", ":") or one.kind == "color" for one in read[:at]):
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")

@@ -50,6 +50,7 @@ CAMERA = group("tokens_camera")
 EVERY = group("tokens_every")
 POSED = group("tokens_posed")
 VERBS = group("tokens_verbs")
+NEVER = ("never", "do not", "don't", "dont")
 JOINS = ("and", "filler", "stop")
 WEAK = ("filler", "do", "to", "and", "further")
 """Kinds of tokens that any edit may leave out: they join what is said, and ask for nothing."""
@@ -158,6 +159,8 @@ def tokens(words: Sequence[str], cameras: Sequence[str], nouns: Collection[str])
         verb = next((one for one in reversed(out) if one.kind in VERBS), None)
         adds = verb is not None and verb.kind == "add" and verb.text != "lay"
         size, kind, value = _next(words, at, cameras, nouns, adds)
+        if kind == "color" and out and out[-1].text in NEVER:  # "never red" leaves a color out
+            out[-1] = Token("not", out[-1].text)
         out.append(Token(kind, " ".join(words[at : at + size]), value))
         at += size
     return out
@@ -342,6 +345,12 @@ def camera(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, 
 def _unnamed(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, Any] | None:
     """A camera without a name. Raises NotUnderstood for a name that none has."""
     k = at + (words[at : at + 1] in (["the"], ["a"]))
+    if (
+        words[k : k + 1] in (["camera"], ["cam"])
+        and k + 1 < len(words)
+        and (named := _name(words, k + 1, cameras))
+    ):
+        return k + 1 + named[0] - at, named[1]
     if words[k : k + 1] in (["camera"], ["cam"]):
         every = words[k + 1 : k + 2] in (["jitter"], ["shake"], ["perturbation"])
         return _posed(words, k + 1) - at, "static" if every else list(cameras) if len(

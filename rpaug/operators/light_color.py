@@ -58,9 +58,9 @@ class LightColor(Operator):
         "lamp, lamps, illumination, light source, light sources, light bulb, sun, "
         "sunlight, key light, color temperature, light color, light colors, brightness, "
         "light intensity, intensity, light temperature, white balance, lamp light",
-        "darker": "low light, poor light, poorly lit, darker, dark, dim, dimmer, dimmed, darken, "
-        "darkened, less light, less bright, underexpose, underexposed, lower light, "
-        "reduce the light",
+        "darker": "night, at night, night time, low light, poor light, poorly lit, darker, dark, "
+        "dim, dimmer, dimmed, darken, darkened, less light, less bright, underexpose, "
+        "underexposed, lower light, reduce the light",
         "brighter": "brighter, bright, brighten, lighten, lighter, more light, strong, bright light, "
         "intense, overexpose, overexposed, stronger, well lit, less dark, "
         "a bit less dark",

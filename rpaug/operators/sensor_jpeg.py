@@ -42,8 +42,8 @@ class SensorJPEG(Sensing):
 
     makes: ClassVar = JPEG
     asked_as: ClassVar[Mapping[str, str]] = {
-        "jpeg": "jpeg, jpg, compress, compression, jpeg artifacts, jpeg artefacts, "
-        "jpeg compression, jpeg quality, quality, artifacts",
+        "jpeg": "low quality, bad quality, jpeg, jpg, compress, compression, jpeg artifacts, "
+        "jpeg artefacts, jpeg compression, jpeg quality, quality, artifacts",
     }
     phrases: ClassVar[tuple[str, ...]] = (
         "compress the images as jpeg [with quality {quality:count} to {quality:count}]",

@@ -45,8 +45,8 @@ class SensorNoise(Sensing):
 
     makes: ClassVar = Noise
     asked_as: ClassVar[Mapping[str, str]] = {
-        "noise": "white noise, camera noise, gaussian noise, noise, noisy, grain, grainy, "
-        "sensor noise, image noise, noisier",
+        "noise": "noise sigma, noise level, noise std, white noise, camera noise, gaussian noise, "
+        "noise, noisy, grain, grainy, sensor noise, image noise, noisier",
     }
     phrases: ClassVar[tuple[str, ...]] = ("add noise to the images",)
     examples: ClassVar[Examples] = (
