@@ -12,6 +12,7 @@ from rpaug.language.messages import Entry, Meant, NotUnderstood, Wish
 from rpaug.language.things import Named, Namer
 from rpaug.language.tokens import Clause, Token, said
 
+VERBS = group("manager_acts") | {"do", "warm", "cool"}
 IT = Token("thing", "it", Named("it", pronoun=True))
 AFTERTHOUGHT = group("reader_afterthought")
 """Kinds of words that only go on with what the clause before asks for."""
@@ -192,6 +193,8 @@ def _alternatives(read: list[Token], state: WishState) -> Meant | None:
     options: list[Entry] = []
     for part in parts:
         bare = _bare(part)
+        if any(one.kind == "and" for one in bare) and bare[0].kind not in VERBS:
+            return None  # "red or blue, and dim the light": what is joined goes on by itself
         found = _meant(bare, state, frozenset())
         if len(found.edits) != 1 or found.replaces:
             raise NotUnderstood(f"{said(part)!r} is no single edit, and `or` draws one of several")

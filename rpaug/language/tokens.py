@@ -192,7 +192,7 @@ def _next(
     if size and not (named and _solid(named[1].words, definite)):
         return skipped + size, "texture", fits
     colored = values.color(words, at)
-    if colored and not (named and named[0] > colored[0]):
+    if colored and not (named and named[0] > colored[0]) and colored[0] >= len(phrase.split()):
         return colored[0], "color", colored[1]
     longer = named and (len(phrase.split()) <= 1 or named[0] > len(phrase.split()))
     if named and longer and (phrase != named[1].words or kind == "filler"):
