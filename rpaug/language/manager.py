@@ -19,8 +19,9 @@ QUESTION = frozenset(
     ["is", "are", "does", "did", "why", "who", "when", "where", "which", "what", "how"]
 )
 BREAKS = group("manager_breaks") | {","}
-ACTS, PLAIN, SIMILE = group("manager_acts"), group("manager_plain"), group("manager_simile")
-ORDERS = ("make", "turn", "set", "give", "put")
+PLAIN, SIMILE = group("manager_plain"), group("manager_simile")
+ADJUNCT = frozenset({"chance", "filler", "to", "camera", "point", "and", "from", "even", "not"})
+ORDERS = group("manager_orders")
 LOOKED = {"color", "texture", "light", "warm", "darker"}
 MOST_CLAUSES, MOST_UNDONE = 30, 8
 
@@ -131,7 +132,7 @@ def _run(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
 
 def _ends(read: list[Token]) -> Iterator[int]:
     """Where the first clause may end: with the sentence, or before a word that joins clauses, the last first."""
-    whole = next((k for k, one in enumerate(read) if one.kind == "stop"), len(read))
+    whole = next((k for k in range(1, len(read)) if _over(read, k)), len(read))
     yield whole
     for k in range(whole - 1, 0, -1):
         if read[k].text in BREAKS or (
@@ -148,6 +149,25 @@ def _state(
     named = {word for one in read if one.kind == "thing" for word in one.value.words.split()}
     namer.apart = bool(named & {"arm", "robot"}) and bool(named & {"gripper", "hand"})
     return WishState(wish, namer, list(wish.edits), wish.mention, did, list(notes))
+
+
+def _over(read: list[Token], k: int) -> bool:
+    """Does another clause begin for certain: after a mark, or where "and" leads to an order or to its share of copies?
+
+    Raises NotUnderstood for a share that may be of what is before it, or of what comes after.
+    """
+    if read[k].kind == "stop" or read[k].text not in ("and", ",", "but"):
+        return read[k].kind == "stop"
+    if all(one.kind in ADJUNCT for one in read[:k]):
+        return False
+    after = [one for one in read[k + 1 :] if one.kind != "filler" and one.text != "and"]
+    if len(after) > 2 and after[0].kind == "chance" and after[1].text == ",":
+        if read[k].text == "," and after[2].text not in ("but", "and"):
+            raise NotUnderstood(
+                f"{after[0].text!r}: is it of what is before it, or of what comes after?"
+            )
+        return read[k].text != ","
+    return bool(after) and after[0].text.split()[0] in ORDERS and after[0].kind != "thing"
 
 
 def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
@@ -175,7 +195,7 @@ def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
         state.kept += kept
         state.namer.kept += [one.value for one in kept if one.kind == "thing"]
         return None
-    if read[0].text == "so" and (read[1].kind in ACTS or read[1].text in ORDERS):
+    if read[0].text == "so" and read[1].text.split()[0] in ORDERS:
         read = read[1:]
     elif why := rest.reason(whole, state.fresh, state.namer) or _aside(read, state):
         return _told(why, state)

@@ -235,8 +235,8 @@ def distractors(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         raise NotUnderstood(f"{clause.text!r}: how many? say a number, or `between 1 and 3`")
     else:
         counts = []
-    if color := clause.one("color"):
-        edit["color"] = color.value[0]
+    if tint := _tint(clause):
+        edit["color"] = tint
     if near:
         target = namer.target(named[0]) if named else {"role": "manipulated"}
         known = target == {"role": "manipulated"} or namer.handled(target)
@@ -268,7 +268,7 @@ def insert(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     clause.every("add", "on")
     numbers, at, far = clause.amounts("number"), clause.one("point"), clause.amounts("length")
     near = clause.every("near") or (clause.says("within") and far)
-    color = clause.one("color")
+    tint = _tint(clause)
     named = clause.things()
     beside = clause.things() or named[-1:] if near else []
     named = named[: len(named) - (beside == named[-1:])] if near else named
@@ -291,11 +291,11 @@ def insert(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     count = whole(numbers[0]) if numbers else 1
     if count * len(named) > MOST or (at and count * len(named) > 1):
         raise NotUnderstood(f"{clause.text!r}: at most {MOST} things at once, and one at a place")
-    return _inserted(named, color.value if color else [], place, count, bool(numbers), wish)
+    return _inserted(named, tint, place, count, bool(numbers), wish)
 
 
 def _inserted(
-    named: list[Named], tints: list[Any], place: Entry, count: int, counted: bool, wish: Wish
+    named: list[Named], tint: str | None, place: Entry, count: int, counted: bool, wish: Wish
 ) -> Meant:
     """An edit for each new thing, `count` times for the first."""
     edits, notes = list[Entry](), list[str]()
@@ -304,10 +304,20 @@ def _inserted(
             raise NotUnderstood(
                 f"{one.words!r}: is it there already, or a new one? say `a {one.words}`, or `move` it"
             )
-        fields, note = asset(one.words, tints[0] if tints else None, wish.setting.generates)
+        fields, note = asset(one.words, tint, wish.setting.generates)
         notes += note
         edits += [{"op": "insert", **fields, **place}] * (count if one is named[0] else 1)
     return Meant(edits=tuple(dict(one) for one in edits), mention=NEW, notes=tuple(notes))
+
+
+def _tint(clause: Clause) -> str | None:
+    """The color that new things are of. Raises NotUnderstood for one that the library cannot be searched by."""
+    color = clause.one("color")
+    if color is not None and not isinstance(color.value[0], str):
+        raise NotUnderstood(
+            f"{color.text!r}: new things are found by plain color words, such as red"
+        )
+    return color.value[0] if color is not None else None
 
 
 def _anchor(words: str) -> Named:

@@ -12,7 +12,7 @@ from rpaug.language.messages import Entry, Meant, NotUnderstood, Wish
 from rpaug.language.things import Named, Namer
 from rpaug.language.tokens import Clause, Token, said
 
-VERBS = group("manager_acts") | {"do", "warm", "cool"}
+VERBS = group("reader_acts") | {"do", "warm", "cool"}
 IT = Token("thing", "it", Named("it", pronoun=True))
 AFTERTHOUGHT = group("reader_afterthought")
 """Kinds of words that only go on with what the clause before asks for."""

@@ -17,6 +17,7 @@ WAYS = {
     "back": (0, 0, -1),
 }
 TURNS = {"up": (1, 0, 0), "down": (-1, 0, 0), "left": (0, -1, 0), "right": (0, 1, 0)}
+AWAY = ("away", "out", "it")
 STEP, WRIST_STEP, TURN = 0.1, 0.02, 0.1745  # metres and radians, where no amount was named
 MIDDLE = frozenset(["midpoint", "middle", "center", "halfway", "between", "of", "the"])
 
@@ -40,7 +41,8 @@ def camera_pose(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         len(order) == len(ways) and angles
     ):  # each amount goes with the way said with it; the angle's last
         ways.append(ways.pop(order.index("angle")))
-    clause.every("move", "rotate", "remove", "pose", "from", "each")
+    clause.every("move", "rotate", "pose", "from", "each")
+    clause.tokens = [one for one in clause.tokens if one.text not in AWAY]
     if axes:
         if len(lengths) != 1 or lengths[0].how != "exact":
             raise NotUnderstood(f"{clause.text!r}: how far along each axis?")
@@ -73,7 +75,7 @@ def _named(clause: Clause, wish: Wish, namer: Namer) -> Any:
     looking = clause.says("look", "view", "see", "film", "watch") and clause.has("from")
     looking &= not clause.has("light", "lit", "warm", "cool", "darker", "brighter")
     if token is None and looking and clause.has(*WAYS):
-        clause.every("all", "thing", "image")
+        clause.every("all", "image")
         return "static"
     if token is None:
         return None

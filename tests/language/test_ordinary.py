@@ -67,7 +67,7 @@ def edits(wish: str) -> list[dict[str, Any]]:
         ("strong light", [{"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}]),
         ("white can: make it 20% larger", [{"op": "object_size", "target": "white can", "range": [1.2, 1.2]}]),
         ("make it a blue can", [{"op": "recolor", "target": "can", "color": "blue"}]),
-        ("remove the can and the white tile", [{"op": "remove", "target": "can"}, {"op": "remove", "target": "white tile"}]),
+        ("remove the can and the tile", [{"op": "remove", "target": "can"}, {"op": "remove", "target": "tile"}]),
         ("all views darker by 50%", [{"op": "sensor_exposure", "stops": [-1, -1]}]),
         (
             "white balance gains +-8%, exposure +-0.3 EV, gamma 0.9 to 1.1",
@@ -81,7 +81,10 @@ def edits(wish: str) -> list[dict[str, Any]]:
             "dim the light, otherwise the policy learns the lamp. And the red can blue",
             [{"op": "light_color", "range": [[0.3] * 3, [0.3] * 3]}, BLUE],
         ),
-        ("strong light from above", [{"op": "light_direction", "to": [0, 0, 1]}, {"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}]),
+        (
+            "strong light from above",
+            [{"op": "light_direction", "to": [0, 0, 1]}, {"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}],
+        ),
     ],
 )  # fmt: skip
 def test_it_does_what_is_said(wish: str, wanted: list[dict[str, Any]]) -> None:
