@@ -88,7 +88,7 @@ def _level(clause: Clause, wish: Wish) -> Meant:
         bool(darker or clause.every("down", "less")),
         bool(brighter or clause.every("up", "more")),
     )
-    warm, cool, kelvin = clause.every("warm"), clause.every("cool"), clause.amounts("kelvin")
+    warm, cool, kelvin = clause.every("warm"), clause.every("cool"), clause.single("kelvin")
     color = clause.one("color")
     if warm and cool:
         raise NotUnderstood(f"{clause.text!r}: warm or cold? `either ... or ...` draws one")
@@ -206,7 +206,7 @@ def _kelvin(kelvin: float) -> list[float]:
 
 def _direction(clause: Clause, namer: Namer, notes: list[str]) -> Entry:
     """Where the lamp stands: straight above, at a side as the robot sees it, towards a point, or anywhere."""
-    angles, point = clause.amounts("angle"), clause.one("point")
+    angles, point = clause.single("angle"), clause.one("point")
     side, above = clause.one("left", "right", "ahead", "back"), clause.one("up")
     clause.every("vary", "any", "from", "to", "further", "little")
     if point or (above and not side):
@@ -244,7 +244,10 @@ def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     ):
         return None
     edit: Entry = {"op": f"sensor_{kind}"}
-    named = [one.value for one in clause.every("camera") if isinstance(one.value, list)]
+    cameras_told = clause.every("camera")
+    named = [one.value for one in cameras_told if isinstance(one.value, list)]
+    if 0 < len(named) < len(cameras_told):
+        raise NotUnderstood(f"{clause.text!r}: all cameras, or those that are named?")
     if cameras := sorted({name for some in named for name in some}):
         edit["cameras"] = cameras
     if clause.every("each") and clause.says(
@@ -256,7 +259,7 @@ def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         return _exposure(clause, edit, mild)
     clause.every("thing", "image", "all", "add", "lay", "much", "scale", "vary", kind)
     name, kinds, least = SENSED[kind]
-    if amounts := clause.amounts(*kinds):
+    if amounts := clause.single(*kinds):
         one = amounts[0]
         factor = 100 if kind == "jpeg" and one.high <= 1 else 1
         start = least if one.how == "upto" or (kind == "noise" and one.how == "exact") else one.low
@@ -273,13 +276,13 @@ def _exposure(clause: Clause, edit: Entry, mild: bool) -> Meant:
             edit[name] = (
                 [tidy(1 + low), tidy(1 + high)] if one.value.how == "about" else [low, high]
             )
-    stops = clause.amounts("stops")
+    stops = clause.single("stops")
     less = clause.every("darker", "down", "less") or clause.says("underexpose", "underexposed")
     more = clause.every("brighter", "up", "more") or clause.says("overexpose", "overexposed")
     if not stops and not (less or more):
         return Meant(edits=(edit,))
     usual = 0.5 if mild else 1
-    shares = clause.amounts("share") if less or more else []
+    shares = clause.single("share") if less or more else []
     if shares and not stops and shares[0].high < 1:
         ends = sorted(
             abs(math.log2(1 - v if less else 1 + v)) for v in (shares[0].low, shares[0].high)

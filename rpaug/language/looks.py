@@ -180,7 +180,7 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     at_table, anyhow = clause.every("on", "add") if unnamed else [], clause.every("vary", "any")
     if anyhow and {one.text for one in anyhow} <= SHAKEN and not (laid or plain or tints):
         return None
-    width = clause.amounts("length") if pictures else []
+    width = clause.single("length") if pictures else []
     clause.every("width")
     same, each = bool(clause.every("same")), bool(clause.every("each")) or _varied(anyhow)
     named, places_of = _meant(clause, namer, apart, at_table)

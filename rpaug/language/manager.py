@@ -167,6 +167,9 @@ def _over(read: list[Token], k: int) -> bool:
                 f"{after[0].text!r}: is it of what is before it, or of what comes after?"
             )
         return read[k].text != ","
+    mark = next((one.text for one in after if one.text in (":", ",", "and", "but", ";")), "")
+    if mark == ":" and read[k].text == ",":
+        return True
     return bool(after) and after[0].text.split()[0] in ORDERS and after[0].kind != "thing"
 
 

@@ -50,7 +50,7 @@ def physics(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         raise NotUnderstood(
             f"{clause.text!r}: what is it made of? `like` one of {', '.join(materials.shipped())}"
         )
-    height = clause.amounts("length")
+    height = clause.single("length")
     clause.every("physics", "down", "from", "not")
     said = ("if", "it", "were", "height", "drop", "dropped", "fall", "falls", "falling", "made")
     clause.tokens = [
@@ -66,7 +66,7 @@ def duplicate(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     if not clause.has("copy") or not clause.has("thing"):
         return None
     clause.every("copy", "add")
-    numbers, twice = clause.amounts("number", "times"), clause.every("twice")
+    numbers, twice = clause.single("number", "times"), clause.every("twice")
     count = 2 if twice else whole(numbers[0]) if numbers else 1
     fields = {"count": count} if count > 1 else {}
     return each(namer, clause.things(), {"op": "duplicate"}, fields, mention=NEW)
@@ -196,7 +196,7 @@ def spread(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     if not clause.has("spread"):
         return None
     clause.every("spread", "on", "vary")
-    far, whole_table = clause.amounts("length"), clause.every("all", "strangers", "rest")
+    far, whole_table = clause.single("length"), clause.every("all", "strangers", "rest")
     named = clause.things()
     if not whole_table and not named:
         return None
@@ -219,7 +219,7 @@ def distractors(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         or (clause.has("color") and not clause.has("add", "number"))
     ):
         return None
-    numbers, sizes = clause.amounts("number"), clause.amounts("length")
+    numbers, sizes = clause.single("number"), clause.single("length")
     near = clause.every("near")
     named = clause.things()
     if named and not near and not {one.words for one in named} <= TABLE:
@@ -266,7 +266,7 @@ def insert(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     ):
         return None
     clause.every("add", "on")
-    numbers, at, far = clause.amounts("number"), clause.one("point"), clause.amounts("length")
+    numbers, at, far = clause.single("number"), clause.one("point"), clause.single("length")
     near = clause.every("near") or (clause.says("within") and far)
     tint = _tint(clause)
     named = clause.things()
@@ -393,6 +393,8 @@ def move(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     far, at = clause.amounts("length"), clause.one("point")
     ways = [one for one in clause.every(*SIDES, "up", "down") if not put or one.text != "down"]
     beside = clause.things() if near else []
+    if len(beside) > 1 or (beside and ways):
+        raise NotUnderstood(f"{clause.text!r}: near one thing, or by a length along a direction")
     first, relation, anchor = parted(named[-1].words) if named else ("", "", "")
     if relation == "closest to" and not ways and not at:
         named, beside = [*named[:-1], Named(first)], [_anchor(anchor)]

@@ -210,6 +210,8 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
         return None
     if any(one.text in ("but", "while", ":") or one.kind == "color" for one in read[:at]):
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
+    if any(one.text in ("should", "must", "shall") for one in read[at + 1 :]):
+        raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
     named = [one for one in read if one.kind in KEPT]
     negated = any(one.text in NEGATED for one in read)
     allowed = {

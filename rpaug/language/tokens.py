@@ -109,6 +109,13 @@ class Clause:
         """All amounts of these kinds, taken."""
         return [one.value for one in self.every(*kinds)]
 
+    def single(self, *kinds: str) -> list[values.Amount]:
+        """The amount of these kinds, taken, if there is one. Raises NotUnderstood for several."""
+        found = self.amounts(*kinds)
+        if len(found) > 1:
+            raise NotUnderstood(f"{self.text!r}: one amount at a time, please")
+        return found
+
     def take(self, token: Token) -> None:
         """That token is accounted for."""
         self.tokens = [one for one in self.tokens if one is not token]
@@ -318,7 +325,7 @@ def camera(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, 
     ):
         return _posed(words, k + 1) - at, "static"
     chosen, k, last = list[str](), at, at
-    while words[k : k + 1] and (words[k] in ("the", "both", "all", ",", "and") and k - last < 3):
+    while words[k : k + 1] and (words[k] in ("the", "both", "all") and k - last < 3):
         k += 1
         if named := _name(words, k, cameras):
             k, chosen, last = k + named[0], [*chosen, *named[1]], k + named[0]
