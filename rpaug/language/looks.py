@@ -8,7 +8,7 @@ from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.placing import anything, asset, one_of
 from rpaug.language.things import Named, Namer, Target, every
-from rpaug.language.tokens import Clause, Token
+from rpaug.language.tokens import Clause, Token, said
 from rpaug.scene.targets import roles
 from rpaug.scene.targets.relations import GRIPS, PARTS, singular
 
@@ -108,6 +108,23 @@ def _again(clause: Clause) -> None:
         clause.tokens[at[0]] = Token("thing", noun, Named(noun))
 
 
+def _alike(clause: Clause, namer: Namer) -> None:
+    """ "the same color as the box": what the box was recorded in. Raises NotUnderstood for other likenesses."""
+    at = next((k for k, one in enumerate(clause.tokens) if one.kind == "same"), len(clause.tokens))
+    to = next(
+        (k for k in range(at, len(clause.tokens)) if clause.tokens[k].text in ("as", "like", "of")),
+        None,
+    )
+    if to is None or to + 1 == len(clause.tokens) or clause.tokens[to + 1].kind != "thing":
+        return
+    if [one.kind for one in clause.tokens[at + 1 : to]] not in (["paint"], ["paint", "to"]):
+        raise NotUnderstood(f"{clause.text!r}: only a color can be the same as another thing's")
+    other = clause.tokens[to + 1]
+    tint = namer.color(namer.target(other.value))
+    namer.notes.append(f"the color of {other.value.words!r} is {tint}")
+    clause.tokens[at : to + 2] = [Token("color", said(clause.tokens[at : to + 2]), [tint])]
+
+
 def _of_the_new(clause: Clause) -> None:
     """ "swap the floor planks for gray concrete": what stands before "for" only says what is there."""
     at = next((k for k, one in enumerate(clause.tokens) if one.text in ("for", "with", "by")), None)
@@ -165,6 +182,7 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     if unnamed and not (clause.has("on") and clause.has("texture", "lay")):
         return None
     _again(clause)
+    _alike(clause, namer)
     apart, banned = _excepted(clause)
     notes = ["gloss stays as it was recorded"] if clause.every("gloss") else []
     tints, pictures, several = (
@@ -196,7 +214,10 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         only = {"only": part[1]}
         notes.append(f"the handle is taken as what is {part[1]} of the {part[2]}")
         places_of = [part[0]]
+    each |= bool(anyhow) and any(one.text.startswith("each of") for one in clause.taken)
     places = places_of if places_of is not None else _places(namer, named, apart, each and not same)
+    if not places:
+        raise NotUnderstood(f"{clause.text!r}: which thing is meant?")
     if same and len(places) > 1:
         if not (tints or pictures or laid or styled):
             tints = [Token("color", "", [namer.color(places[0])])]

@@ -168,6 +168,8 @@ def tokens(words: Sequence[str], cameras: Sequence[str], nouns: Collection[str])
         size, kind, value = _next(words, at, cameras, nouns, adds)
         if kind == "color" and out and out[-1].text in NEVER:  # "never red" leaves a color out
             out[-1] = Token("not", out[-1].text)
+        if words[at : at + size] == ["all", "but"]:
+            out.append(Token("all", "all"))
         out.append(Token(kind, " ".join(words[at : at + size]), value))
         at += size
     return out
