@@ -198,7 +198,7 @@ def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
         state.kept += kept
         state.namer.kept += [one.value for one in kept if one.kind == "thing"]
         return None
-    if read[0].text == "so" and read[1].text.split()[0] in ORDERS:
+    if read[0].text == "so" and len(read) > 1 and read[1].text.split()[0] in ORDERS:
         read = read[1:]
     elif why := rest.reason(whole, state.fresh, state.namer) or _aside(read, state):
         return _told(why, state)
