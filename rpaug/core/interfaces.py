@@ -67,7 +67,8 @@ class Operator(metaclass=Validated):
     from Python as from a recipe.
 
     A subclass declares `effect`, what it `needs`, and for `rpaug ask` the `phrases` that ask for it (`core.phrases`),
-    and two `examples`: wishes, and the fields that each comes to, which a language model is shown.
+    and two `examples`: wishes, and the fields that each comes to, which a language model is shown. `asked_as` are words
+    by what they ask for, parted by commas, which rpaug's own operators bring to its grammar.
     `undone_as` are words by which a wish takes it back, beside its name. Two edits that `settle` the same ("size") of
     one thing cannot both hold: the later takes the earlier's place. Registering it under the entry-point group
     `rpaug.operators` makes its entry-point name an `op:` in recipes. `rpaug.OperatorContract` holds it to the promises
@@ -79,6 +80,7 @@ class Operator(metaclass=Validated):
     effect: ClassVar[Effect]
     needs: ClassVar[Needs] = Needs()
     phrases: ClassVar[tuple[str, ...]] = ()
+    asked_as: ClassVar[Mapping[str, str]] = {}
     examples: ClassVar[Examples] = ()
     undone_as: ClassVar[tuple[str, ...]] = ()
     settles: ClassVar[str] = ""

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from rpaug.assets import library
 from rpaug.core import registry
-from rpaug.language import words
+from rpaug.language import values
 from rpaug.language.making import lacking
 from rpaug.language.messages import Entry, Message, WishContext
 from rpaug.pipeline import recipe
@@ -26,7 +26,12 @@ FILE = re.compile(r"[/\\:~]|\.\w{1,5}$")
 """What may name a file, an address or a network."""
 PLACES = ("textures", "weights", "vision", "harmoniser", "inpaint")
 """Fields that name a folder, a file or a network."""
-COUNTS = {"first": 1, "single": 1, "once": 1, "twice": 2}  # numbers in words, beside `words.WORDS`
+COUNTS = {
+    "first": 1,
+    "single": 1,
+    "once": 1,
+    "twice": 2,
+}  # numbers in words, beside `values.NUMBERS`
 
 
 class WishEdit(Message):
@@ -171,7 +176,7 @@ def _settled(settings: WishSettings | None) -> None:
     if settings is None:
         return
     said = settings.said.lower()
-    numbers = {words.number(one) for one in re.findall(rf"(?<![\w.]){words.NUMBER}", said)}
+    numbers = {values.numeral(one) for one in re.findall(rf"(?<![\w.]){values.NUMBER}", said)}
     numbers |= {count for word, count in COUNTS.items() if word in said}
     numbers |= {one / 100 for one in numbers}  # percent
     gates = settings.gates.model_dump(exclude_unset=True) if settings.gates else {}

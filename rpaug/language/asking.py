@@ -1,7 +1,7 @@
 """One wish through all stages: understood, grounded in a recorded scene, checked as a recipe, and logged."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -46,11 +46,24 @@ class AskResult:
     def yaml(self) -> str:
         """The recipe as a file, with the wishes and the notes on top."""
         lines = [f"# asked: {_line(one.said)}" for one in self.history.rounds]
+        lines += [f"# read: {_line(one)}" for one in self.read]
         lines += [f"# note: {_line(note)}" for note in self.notes]
         return (
             "\n".join(lines)
             + "\n"
             + yaml.dump(self.recipe, Dumper=_Dumper, sort_keys=False, width=110)
+        )
+
+    @property
+    def read(self) -> tuple[str, ...]:
+        """What each part of the wish was understood as, where the grammar read it."""
+        parts = [
+            one
+            for one in self.trace
+            if one.by == "words" and one.stage in ("operation", "renderer")
+        ]
+        return tuple(
+            f"{one.input!r} as {'; '.join(map(_told, one.output['edits']))}" for one in parts
         )
 
     @property
@@ -124,6 +137,15 @@ def _built(answer: Answer) -> None:
         recipes.build(answer.recipe(), name="the wish")
     except BadRecipe as error:
         raise NotUnderstood(f"the wish comes to a recipe that is not valid: {error}") from None
+
+
+def _told(edit: Mapping[str, Any]) -> str:
+    """An edit in few words; the looks of which one is drawn by their number."""
+    if "one_of" in edit:
+        return f"one of {len(edit['one_of'])}: {_told(edit['one_of'][0])}, ..."
+    return " ".join(
+        [edit["op"], *(f"{name} {value}" for name, value in edit.items() if name != "op")]
+    )
 
 
 def _line(text: str) -> str:

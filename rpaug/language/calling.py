@@ -34,3 +34,8 @@ def about(edit: Entry) -> str:
     if isinstance(target, dict):
         return str(target.get("role") or target.get("text") or target.get("handle"))
     return str(target or declared.own_role(edit["op"]) or edit["op"])
+
+
+def short(edit: Entry) -> str:
+    """An edit in one line."""
+    return ", ".join(f"{name} {value}" for name, value in edit.items())

@@ -1,105 +1,40 @@
-"""What words do in a wish, beside quantities, colors, textures, cameras and things."""
-# ruff: noqa: E501  # patterns and word lists are easiest to read whole
+"""What words ask for, beside values and things: those of every operator's `asked_as`, and ours in lexicon.txt.
 
-from rpaug.language.words import words_of
+There "kind: phrase, phrase" says what phrases ask for; "@name: word, word" is a list of words that a module goes by.
+"""
 
-CLASSES = words_of({
-    # Said without asking for anything: politeness, emphasis, and what holds of every edit anyway.
-    "filler": """
-        please, plz, pls, kindly, ok, okay, hey, hi, hello, well, oh, actually, maybe, perhaps, simply, just, also, too, now,
-        as well, thanks, thank you, thx, for me, can you, could you, would you, will you, can we, could we, can i,
-        go ahead and, make sure to, i want you to, i want to, we want to, i want, we want, i need, we need, i'd like,
-        i'd like to, i'd love, i'd love to have, i'd love to, i'd prefer, we'd like, we'd love, i'm looking for, it would be nice to have, it would be great if, would like, i would like, i would like to, i would like that, we would like, i wish, let us, let's,
-        if possible, ideally, preferably, if you can, in addition, additionally, afterwards, after that, then, next, finally, first, now,
-        should be, shall be, must be, has to be, have to be, should, shall, must, ought to, to be, be, is to be, are to be,
-        per episode, per copy, in each copy, for each copy, in every copy, for every copy, each copy, every copy,
-        one draw per episode, one per copy, one per episode, within an episode, in all views, in all cameras, in every view, fixed over the episode,
-        over the whole episode, over the episode, constant over the episode, no flicker, from copy to copy, between copies,
-        consistently, keep the original shading, keep the shading, keeping the shading, and update the pcd, update the pcd,
-        depth and masks too, drawn independently, independently, plz thanks, whatever, instead, somehow, completely,
-        all, random per copy, random in each copy, totally, entirely, fully, really, very, quite, nicely, here, still, even, additional, extra, all at once,
-        at once, obviously, never both at once, in any direction, either way, in either direction, in all directions, up or down,
-        the, a, an, of, some, its, their, it's, own, by, at, for, on average, all of, or so, me, us, looking, that's, thats, coat, layer, than that, than before, than it is, uniform, uniformly, anywhere,
-        of what's there now, about, only, either, ought to, ought, quickly, gaussian, no pattern, roughly, by the same offset, by the same rigid offset, the same rigid offset, instead of that, around the table, matching, that is, that are, whose longest side is""",
-    "do": """
-        make, set, turn, switch, give, use, have, get, let, render, want, take, do, convert, replace, exchange, become, becomes,
-        put, bring, go, goes, look, looks, look like, looks like, appear, should get, gets, get a, come, comes, coming, shine, apply, glow, bathe, cast, laid, wear, placed, on, onto, over, upon, for, choose, pick, picked, draw, drawn, show, each, throw""",
-    "vary": """
-        change, changes, changed, randomize, randomise, rand, random, randomly, vary, varied, jitter, diversify, perturb, mix up, alter, modify, shake, bump, wobble, wiggle,
-        jiggle, at random, different, another, other, new, nudge, various, varying, somewhere else, elsewhere, slightly off, a bit off, another one, a different one""",
-    "paint": "paint, repaint, recolor, recolour, color, colors, colour, dye, tint, coat, spray, spray-paint, tinted, painted, dyed, recolored, shade, stain, hue, hues, paint job, colored",
-    "lay": "cover, wrap, texture, retexture, re-texture, textures, pattern, patterns, surface, material, materials, finish, drape, clad, skin, line, look of, covered",
-    "style": "stylize, stylise, style, restyle, in the style of",
-    "remove": """
-        remove, delete, erase, get rid of, take away, take out, take off, eliminate, hide, discard, clear away, clear out, clear off, strip,
-        throw out, throw away, toss out, cut out, ditch, dispose of, leave out, omit, gone, away, rm, removed, disappear, vanish, wipe out, lose, out, away with, drop out, out of the scene,
-        off the table, out of the way, from the table, from the scene, remove from the scene""",
-    "clear": "clear, clean, tidy, empty, clean up, tidy up, clear up",
-    "add": """
-        add, insert, place, introduce, spawn, include, throw in, toss in, put in, drop in, bring in, mix in, put down, stand, stands,
-        scatter some, sprinkle, throw some, there is, there should be, there must be, added, inserted, introduced, throw in, set down, clutter, litter, clutter up, distract, lay""",
-    "copy": "duplicate, clone, copy, replicate, double up, copies of, copy of, more of, more of the, another of",
-    "move": "move, shift, push, pull, slide, displace, relocate, nudge, drag, transfer, pulled, pushed, end up, ends up, reposition, translate, offset, moved, shifted",
-    "spread": "rearrange, shuffle, scatter, spread, reorder, mix up the places of, rearranged, swap around, permute",
-    "swap": "swap, swapped, exchanged, swap the, exchange the, interchange",
-    "scale": "scale, resize, rescale, size, sizes, enlarge, grow, shrink, magnify, downsize, upscale, scaled, double the size of, halve the size of",
-    "bigger": "bigger, larger, big, large, enlarged, grown, up in size",
-    "smaller": "smaller, small, tiny, down in size, shrunk",
-    "darker": "low light, poor light, poorly lit, darker, dark, dim, dimmer, dimmed, darken, darkened, less light, less bright, underexpose, underexposed, lower light, reduce the light",
-    "brighter": "brighter, bright, brighten, lighten, lighter, more light, strong, bright light, intense, overexpose, overexposed, stronger, well lit, less dark, a bit less dark",
-    "warm": "warm, warmer, evening, evening light, sunset, like evening, late afternoon, golden hour",
-    "cool": "cool, cooler, cold, colder, bluish, blueish",
-    "light": """
-        mood, atmosphere, ambience, tone, ambient light, light level, sunshine, daylight,
-        light, lights, lighting, the light, lit, illuminate, illuminated, lamp, lamps, illumination, light source, light sources, light bulb, sun, sunlight, key light, color temperature,
-        light color, light colors, brightness, light intensity, intensity, light temperature, white balance, lamp light""",
-    "lit": "direction, light direction, light dir, lamp direction, azimuth, lamp position, light position, lamp angle, light angle, elevation",
-    "image": """
-        image, images, all images, every image, each image, all the images, picture, pictures, photo, photos, frame, frames, video, videos, footage, rgb images, color images, view, views, whole picture, exposure""",
-    "all": "everything, it all, whole scene, the scene, scene, every thing, the whole scene, all things, the room, room, whole thing",
-    "rest": "the rest, all the rest, everything else, all else, the others, others, the other things, all other things, all other objects",
-    "strangers": """
-        distractors, distractor, clutter, distractor objects, other objects, random objects, random things, distracting objects,
-        small objects, objects not needed, stuff not needed, unneeded objects, unneeded things, irrelevant objects, more clutter, other stuff, side objects,
-        objects not needed for the task, things not needed for the task, stuff not needed for the task, what is not needed for the task, unrelated objects, random items, random stuff, random clutter""",
-    "to": "to, into, in, with, as, like, ->, :, =, onto, is, are, turns, made of, made out of, out of, as if made of",
-    "on": "on the table, onto the table, on the desk, on the tabletop, somewhere on the table, to the scene, into the scene, in the scene, on table, to the table, around the table, across the table, over the table, all over the table, in the workspace, lying on the table, somewhere, standing on the table",
-    "near": "next to, near, close to, beside, by the side of, nearby, alongside, around, in the vicinity of, right next to, adjacent to",
-    "from": "from, away from",
-    "up": "up, upwards, upward, higher, raise, lift, elevate, raised, above",
-    "down": "down, downwards, downward, lower, lowered, drop, further down",
-    "gloss": "matte, matt",
-    "left": "left, from the robot left, leftwards, to the left, towards the left, the left, left side, the left side, left hand side",
-    "right": "right, from the robot right, rightwards, to the right, towards the right, the right, right side, the right side, right hand side",
-    "ahead": "forward, forwards, closer, nearer, ahead, towards the scene, closer to the table, closer to the scene, towards the table",
-    "back": "back, backward, backwards, farther, further away, farther away, away from the table, further back, back off",
-    "off": "away from the robot, away from robot, from the robot",
-    "close": "towards the robot, toward the robot, closer to the robot, nearer to the robot",
-    "further": "further, more, a bit more",
-    "axes": "in x and y, along x and y, in x and in y",
-    "rotate": "rotate, rotation, spin, twist, swing",
-    "tilt": "tilt, pitch, pitched, pitching, tilted",
-    "pose": "pose, the pose, the pose of, poses, the poses of",
-    "pan": "pan, yaw, swivel, turned, panned",
-    "roll": "roll, rolled, clockwise",
-    "unroll": "counterclockwise, counter-clockwise, anticlockwise, anti-clockwise",
-    "little": "slightly, a bit, a little, a little bit, somewhat, a touch, mildly, mild, a tad",
-    "much": "a lot, much, strongly, far, considerably",
-    "and": "and, plus, &, and the",
-    "or": "or, vs",
-    "any": "any, any color, arbitrary",
-    "not": "except, but, except for, apart from, other than, besides, but not, all but, excluding, without",
-    "noise": "white noise, camera noise, gaussian noise, noise, noisy, grain, grainy, sensor noise, image noise, noisier",
-    "blur": "lens blur, gaussian blur, sigma, as if out of focus, blur, blurry, blurred, blurring, out of focus, defocus",
-    "jpeg": "jpeg, jpg, compress, compression, jpeg artifacts, jpeg artefacts, jpeg compression, jpeg quality, quality, artifacts",
-    "physics": "behave, behaves, act, acts, treat, simulate, physics, physically",
-    "more": "increase, boost, strengthen, turn up, amplify",
-    "less": "reduce, decrease, turn down, weaken, tone down",
-    "twice": "twice, double, doubled, twice as",
-    "width": "wide, across, large each, per tile, in size",
-    "halve": "halve, half as, half the",
-    "aim": "point, points, aim at, aims at, aim, re-aim, re-aim it at, aim it at, point at, points at, point it at, look at, looks at, looking at, pointed at, pointing at, aimed at, centered on, center it on, facing",
-    "same": "the same, same, identical",
-    "each": "each its own, separately, individually",
-    "size_of": "as large, as big, its size, the size, the original size, of its size, original size, as much, as bright, of the light, of the original, of its original size, their size",
-})  # fmt: skip
+import re
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+
+from rpaug.core import registry
+
+MARKS: Mapping[str, str] = {";": "stop", ",": "and", "(": "and", ")": "and"}
+
+
+@cache
+def senses() -> Mapping[str, str]:
+    """What each phrase asks for: operators' own, and over them ours."""
+    operators = [registry.operator(name).asked_as for name in registry.operator_names()]
+    ours = {kind: text for kind, text in _blocks().items() if kind[0] != "@"}
+    every = ((kind, text) for block in (*operators, ours) for kind, text in block.items())
+    return {**{phrase: kind for kind, text in every for phrase in _phrases(text)}, **MARKS}
+
+
+@cache
+def group(name: str) -> frozenset[str]:
+    """A list of words that a module goes by."""
+    return frozenset(_phrases(_blocks()[f"@{name}"]))
+
+
+@cache
+def _blocks() -> Mapping[str, str]:
+    text = (files("rpaug.language") / "lexicon.txt").read_text(encoding="utf-8")
+    parts = re.split(r"^(@?\w+):", text, flags=re.MULTILINE)[1:]
+    return dict(zip(parts[::2], parts[1::2], strict=True))
+
+
+def _phrases(text: str) -> Iterator[str]:
+    """The phrases of a text, parted by commas."""
+    return (" ".join(one.split()) for one in text.split(",") if one.strip())

@@ -1,7 +1,7 @@
 """Spelling: unknown words become the known word of this scene that is nearest, and that is told."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from rpaug.scene.targets.relations import singular
 
@@ -43,18 +43,12 @@ def nearest(word: str, known: Collection[str]) -> str | None:
     return near[0][1]
 
 
-def repaired(text: str, known: Collection[str]) -> tuple[str, list[str]]:
-    """The text with its misspelt words mended, and a note for each."""
-    notes: list[str] = []
-
-    def mend(found: re.Match[str]) -> str:
-        word = found.group()
-        if word in known or singular(word) in known:
-            return word
-        other = nearest(word, known)
-        if other is None:
-            return word
-        notes.append(f"{word!r} is read as {other!r}")
-        return other
-
-    return re.sub(r"(?<![a-z0-9_#-])[a-z]+(?![a-z0-9_'-])", mend, text), notes
+def repaired(words: Sequence[str], known: Collection[str]) -> tuple[list[str], list[str]]:
+    """The words, the misspelt among them mended, and a note for each of these."""
+    out, notes = list[str](), list[str]()
+    for word in words:
+        fine = not re.fullmatch("[a-z]+", word) or word in known or singular(word) in known
+        other = None if fine else nearest(word, known)
+        out.append(other or word)
+        notes += [f"{word!r} is read as {other!r}"] if other else []
+    return out, notes

@@ -11,9 +11,9 @@ from typing import Any
 from rpaug.core import phrases, registry
 from rpaug.core.interfaces import Operator
 from rpaug.core.phrases import Group, Part, Slot
-from rpaug.language import naming, reading, words
+from rpaug.language import things, tokens, values
 from rpaug.language.messages import Meant, Mention, NotUnderstood, Wish
-from rpaug.language.naming import Namer, Target
+from rpaug.language.things import Namer, Target
 
 Rule = Callable[..., Meant | None]
 KINDS = {
@@ -29,7 +29,7 @@ PLAIN_WORDS = frozenset(
     re.findall("[a-z]+", "the a of to by up in with and make change red block bowl cup degrees")
 )
 """Words of the examples that say nothing of what is asked for."""
-OF_KIND = {"count": words.NUMBER, "number": words.NUMBER}
+OF_KIND = {"count": values.NUMBER, "number": values.NUMBER}
 
 
 def fitting(stated: str, wish: Wish, namer: Namer, nouns: Collection[str]) -> Meant | None:
@@ -97,36 +97,30 @@ def rule(op: str, operator: type[Operator], text: str) -> Rule:
 
 def _things(spoken: str, namer: Namer, nouns: Collection[str]) -> list[Target] | None:
     """The targets that some words list; None if they are more than that."""
-    read = reading.clause(spoken, (), nouns)
-    named = read.things()
-    if (
-        not named
-        or any(one.fresh for one in named)
-        or any(one.kind != "and" and one.text != "the" for one in read.tokens)
-    ):
+    read = tokens.tokens(tokens.split(spoken), (), nouns)
+    named = [one.value for one in read if one.kind == "thing"]
+    if not named or any(one.fresh for one in named):
         return None
-    return [
-        namer.target(one) if not one.several else naming.every(namer.target(one)) for one in named
-    ]
+    if any(one.kind not in ("and", "thing") and one.text != "the" for one in read):
+        return None
+    return [things.every(namer.target(one)) if one.several else namer.target(one) for one in named]
 
 
 def _value(kind: str, spoken: str, wish: Wish) -> Any:
     """What the words of a slot come to; None if they are of another kind."""
     try:
-        read = reading.clause(spoken, wish.setting.cameras)
+        read = tokens.tokens(tokens.split(spoken), wish.setting.cameras, ())
     except NotUnderstood:
         if kind == "camera":
             raise
         return None
-    token = read.one("camera" if kind == "camera" else KINDS[kind])
-    if token is None or [one for one in read.tokens if one.kind not in reading.WEAK]:
+    wanted = "camera" if kind == "camera" else KINDS[kind]
+    token = next((one for one in read if one.kind == wanted), None)
+    if token is None or [one for one in read if one is not token and one.kind not in tokens.WEAK]:
         return None
     if kind == "camera":
-        return (
-            token.value[0]
-            if isinstance(token.value, list) and len(token.value) == 1
-            else token.value or None
-        )
+        alone = isinstance(token.value, list) and len(token.value) == 1
+        return token.value[0] if alone else token.value or None
     if kind == "color":
         return token.value[0] if len(token.value) == 1 else None
     return token.value.low if token.value.how == "exact" else None

@@ -1,6 +1,6 @@
 """Move cameras a little, as if their mounts had been bumped."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
@@ -41,6 +41,18 @@ class CameraPose(Operator):
     toward: Motion | None = None  # metres
 
     effect: ClassVar[Effect] = Effect.CAMERA | Effect.PIXELS
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "rotate": "rotate, rotation, spin, twist, swing",
+        "tilt": "tilt, pitch, pitched, pitching, tilted",
+        "pan": "pan, yaw, swivel, turned, panned",
+        "roll": "roll, rolled, clockwise",
+        "unroll": "counterclockwise, counter-clockwise, anticlockwise, anti-clockwise",
+        "aim": "point, points, aim at, aims at, aim, re-aim, re-aim it at, aim it at, point at, "
+        "points at, point it at, look at, looks at, looking at, pointed at, pointing at, "
+        "aimed at, centered on, center it on, facing",
+        "pose": "pose, the pose, the pose of, poses, the poses of",
+        "axes": "in x and y, along x and y, in x and in y",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("jitter {camera} [by up to {shift:length}]",)
     examples: ClassVar[Examples] = (
         ("jitter all fixed cameras by up to 3 cm", {"camera": "static", "shift": 0.03}),

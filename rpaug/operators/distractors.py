@@ -95,6 +95,16 @@ class Distractors(Operator):
     harmoniser: Harmoniser = "scene"
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "strangers": "everything not needed, everything not needed for the task, stuff not needed, "
+        "clutter up, distract, distractors, distractor, clutter, distractor objects, "
+        "other objects, random objects, random things, distracting objects, small objects, "
+        "objects not needed, unneeded objects, unneeded things, irrelevant objects, "
+        "more clutter, other stuff, side objects, objects not needed for the task, "
+        "things not needed for the task, stuff not needed for the task, "
+        "what is not needed for the task, unrelated objects, random items, random stuff, "
+        "random clutter",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("add {count} distractors",)
     examples: ClassVar[Examples] = (
         ("three random objects near where the gripper goes", {"count": 3, "near": "path"}),

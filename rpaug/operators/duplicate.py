@@ -1,5 +1,6 @@
 """Put more of a thing on the table."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
@@ -31,6 +32,10 @@ class Duplicate(Operator):
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("target",))
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "copy": "duplicate, clone, copy, replicate, double up, copies of, copy of, more of, "
+        "more of the, another of",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("duplicate {target} [{count} times]",)
     examples: ClassVar[Examples] = (
         ("another two of the blue block", {"target": "blue block", "count": 2}),

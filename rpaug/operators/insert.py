@@ -1,5 +1,6 @@
 """Put a thing that was never recorded onto the table."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
@@ -68,6 +69,12 @@ class Insert(Operator):
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(anchors=("near",))
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "add": "add, insert, place, introduce, spawn, include, throw in, toss in, put in, "
+        "drop in, bring in, mix in, put down, stand, stands, scatter some, sprinkle, "
+        "throw some, there is, there should be, there must be, added, inserted, "
+        "introduced, throw in, set down, litter, lay",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("add a {category:mug|bowl|book} [near {near}]",)
     examples: ClassVar[Examples] = (
         ("a mug next to the drawer", {"category": "mug", "near": "drawer"}),

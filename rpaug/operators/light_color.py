@@ -1,5 +1,6 @@
 """Turn the scene's lamps to another color, as COLOSSEUM's `light_color` does."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
@@ -48,6 +49,22 @@ class LightColor(Operator):
     ambient: Unit = 0.0
 
     effect: ClassVar[Effect] = Effect.RGB
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "light": "mood, atmosphere, ambience, tone, ambient light, light level, sunshine, "
+        "daylight, light, lights, lighting, the light, lit, illuminate, illuminated, "
+        "lamp, lamps, illumination, light source, light sources, light bulb, sun, "
+        "sunlight, key light, color temperature, light color, light colors, brightness, "
+        "light intensity, intensity, light temperature, white balance, lamp light",
+        "darker": "night, at night, night time, low light, poor light, poorly lit, darker, dark, "
+        "dim, dimmer, dimmed, darken, darkened, less light, less bright, underexpose, "
+        "underexposed, lower light, reduce the light",
+        "brighter": "brighter, bright, brighten, lighten, lighter, more light, strong, bright light, "
+        "intense, overexpose, overexposed, stronger, well lit, less dark, "
+        "a bit less dark",
+        "warm": "warm, warmer, evening, evening light, sunset, like evening, late afternoon, "
+        "golden hour",
+        "cool": "cool, cooler, cold, colder, bluish, blueish",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("change the color of the lights",)
     examples: ClassVar[Examples] = (
         ("dim the lights by half", {"range": [[0.25, 0.25, 0.25], [0.25, 0.25, 0.25]]}),

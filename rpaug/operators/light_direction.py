@@ -1,5 +1,6 @@
 """Move the lamp: faces that turn towards where it now stands are lit, others are left to the ambient light."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, ClassVar, Literal
@@ -74,6 +75,10 @@ class LightDirection(Operator):
 
     effect: ClassVar[Effect] = Effect.RGB
     needs: ClassVar[Needs] = Needs(depth=True)
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "lit": "direction, light direction, light dir, lamp direction, azimuth, lamp position, "
+        "light position, lamp angle, light angle, elevation",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("move the lamp", "turn the lamp by up to {turn:angle}")
     examples: ClassVar[Examples] = (
         ("let the lamp shine from somewhere else", {"turn": 0.8}),

@@ -1,5 +1,6 @@
 """Put a thing that the robot leaves alone somewhere else on the table."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -37,6 +38,10 @@ class Move(Operator):
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("target",), anchors=("near",))
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "move": "move, shift, push, pull, slide, displace, relocate, nudge, drag, transfer, "
+        "pulled, pushed, end up, ends up, reposition, translate, offset, moved, shifted",
+    }
     phrases: ClassVar[tuple[str, ...]] = (
         "move {target} by up to {shift:length}",
         "move {target} next to {near}",

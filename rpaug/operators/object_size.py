@@ -74,6 +74,15 @@ class ObjectSize(Operator):
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("target",))
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "scale": "scale, resize, rescale, size, sizes, enlarge, grow, shrink, magnify, downsize, "
+        "upscale, scaled, double the size of, halve the size of",
+        "bigger": "bigger, larger, big, large, enlarged, grown, up in size",
+        "smaller": "smaller, small, tiny, down in size, shrunk",
+        "size_of": "as large, as big, its size, the size, the original size, of its size, "
+        "original size, as much, as bright, of the light, of the original, "
+        "of its original size, their size",
+    }
     phrases: ClassVar[tuple[str, ...]] = (
         "resize {target} [to between {range:number} and {range:number} times its size]",
     )

@@ -1,5 +1,6 @@
 """Leave a thing to physics: it falls, bends, pours or topples as its material would."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -91,6 +92,9 @@ class Physics(Operator):
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("target",))
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "physics": "behave, behaves, act, acts, treat, simulate, physics, physically",
+    }
     phrases: ClassVar[tuple[str, ...]] = (
         "(make|let|have) {target} (behave|act|fall|move|bend) (like|as) {material:rubber|jelly|sand|foam|cloth}",
         "(simulate|treat) {target} (as|like) {material:rubber|jelly|sand|foam|cloth}",

@@ -1,6 +1,6 @@
 """Give a thing another color and leave its shading, texture, highlights and outline as they were."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
@@ -99,6 +99,12 @@ class Recolor(Operator):
 
     effect: ClassVar[Effect] = Effect.RGB
     needs: ClassVar[Needs] = Needs(targets=("target",))
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "paint": "paint, repaint, recolor, recolour, color, colors, colour, dye, tint, coat, "
+        "spray, spray-paint, tinted, painted, dyed, recolored, shade, stain, hue, hues, "
+        "paint job, colored",
+        "gloss": "matte, matt",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("paint {target} {color}", "recolor {target} in {color}")
     examples: ClassVar[Examples] = (
         ("paint the cup navy", {"target": "cup", "color": "navy"}),

@@ -1,5 +1,6 @@
 """Take a thing out of the scene and show what lies behind it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
@@ -39,6 +40,15 @@ class Remove(Operator):
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("target",))
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "remove": "remove, delete, erase, get rid of, take away, take out, take off, eliminate, "
+        "hide, discard, clear away, clear out, clear off, strip, throw out, throw away, "
+        "toss out, cut out, ditch, dispose of, leave out, omit, gone, away, rm, removed, "
+        "disappear, vanish, wipe out, lose, out, away with, drop out, out of the scene, "
+        "off the table, out of the way, from the table, from the scene, "
+        "remove from the scene",
+        "clear": "clear, clean, tidy, empty, clean up, tidy up, clear up",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("remove {target}",)
     examples: ClassVar[Examples] = (
         ("get rid of the white pad", {"target": "white pad"}),

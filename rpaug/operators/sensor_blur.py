@@ -1,5 +1,6 @@
 """A lens out of focus."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -61,6 +62,10 @@ class SensorBlur(Sensing):
     motion: Interval[Annotated[float, Field(ge=0, le=50)]] = (0.0, 0.0)
 
     makes: ClassVar = Blur
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "blur": "lens blur, gaussian blur, sigma, as if out of focus, blur, blurry, blurred, "
+        "blurring, out of focus, defocus",
+    }
     phrases: ClassVar[tuple[str, ...]] = (
         "blur the images [by between {sigma:number} and {sigma:number} pixels]",
     )

@@ -1,5 +1,6 @@
 """A camera that exposes longer or shorter."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, ClassVar
@@ -52,6 +53,11 @@ class SensorExposure(Sensing):
     gamma: Interval[Annotated[float, Field(ge=0.1, le=10)]] = (1.0, 1.0)
 
     makes: ClassVar = Exposure
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "exposure": "exposure, exposures, overexpose, overexposed, underexpose, underexposed",
+        "gain": "white balance gain, white balance gains, gains, gain",
+        "gamma": "gamma",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("vary the exposure",)
     examples: ClassVar[Examples] = (
         ("one stop brighter", {"stops": [1, 1]}),

@@ -1,5 +1,6 @@
 """What a camera's JPEG compression leaves of an image."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -40,6 +41,10 @@ class SensorJPEG(Sensing):
     quality: Interval[Annotated[int, Field(ge=1, le=100)]] = (30, 90)
 
     makes: ClassVar = JPEG
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "jpeg": "low quality, bad quality, jpeg, jpg, compress, compression, jpeg artifacts, "
+        "jpeg artefacts, jpeg compression, jpeg quality, quality, artifacts",
+    }
     phrases: ClassVar[tuple[str, ...]] = (
         "compress the images as jpeg [with quality {quality:count} to {quality:count}]",
     )

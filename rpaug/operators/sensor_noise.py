@@ -1,5 +1,6 @@
 """Noise of the camera's sensor: some in the dark, and more in bright light."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -43,6 +44,10 @@ class SensorNoise(Sensing):
     shot: Interval[Amount] = (0.0, 0.001)
 
     makes: ClassVar = Noise
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "noise": "noise sigma, noise level, noise std, white noise, camera noise, gaussian noise, "
+        "noise, noisy, grain, grainy, sensor noise, image noise, noisier",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("add noise to the images",)
     examples: ClassVar[Examples] = (
         ("grainy images", {"read": [0.01, 0.03]}),

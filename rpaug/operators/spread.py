@@ -1,5 +1,6 @@
 """Rearrange what lies around: everything that the robot leaves alone gets another place."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -30,6 +31,10 @@ class Spread(Operator):
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("targets",))
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "spread": "rearrange, shuffle, scatter, spread, reorder, mix up the places of, rearranged, "
+        "swap around, permute",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("rearrange everything", "shuffle {targets}")
     examples: ClassVar[Examples] = (
         ("shuffle whatever lies around", {}),

@@ -1,5 +1,6 @@
 """Give a thing the look of a picture: its patterns and palette, matched by VGG16's features (3D-NNFM)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -61,6 +62,9 @@ class Stylize(Operator):
 
     effect: ClassVar[Effect] = Effect.RGB
     needs: ClassVar[Needs] = Needs(targets=("target",), gaussians=True)
+    asked_as: ClassVar[Mapping[str, str]] = {
+        "style": "stylize, stylise, style, restyle, in the style of",
+    }
     phrases: ClassVar[tuple[str, ...]] = ("stylize {target} [like {style:rust|denim}]",)
     examples: ClassVar[Examples] = (
         ("the cup in the style of rust", {"target": "cup", "style": "rust"}),

@@ -110,3 +110,12 @@ def test_notes_and_wishes_cannot_break_out_of_their_comment():
     assert yaml.safe_load(asked.yaml)["edits"] == [
         {"op": "recolor", "target": "cup", "color": "blue"}
     ]
+
+
+def test_it_says_how_each_part_was_read():
+    asked = asking.ask("paint the cup red or blue, dim the light", WishContext())
+    assert asked.read == (
+        "'paint the cup red or blue' as one of 2: recolor target cup color red, ...",
+        "'dim the light' as light_color range [[0.3, 0.3, 0.3], [0.3, 0.3, 0.3]]",
+    )
+    assert f"# read: {asked.read[0]}\n" in asked.yaml

@@ -65,6 +65,26 @@ def edits(wish: str) -> list[dict[str, Any]]:
             [{"op": "camera_pose", "camera": "front", "by": [0, -0.05, 0], "turned": [0, -0.1745, 0]}],
         ),
         ("strong light", [{"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}]),
+        ("white can: make it 20% larger", [{"op": "object_size", "target": "white can", "range": [1.2, 1.2]}]),
+        ("make it a blue can", [{"op": "recolor", "target": "can", "color": "blue"}]),
+        ("remove the can and the tile", [{"op": "remove", "target": "can"}, {"op": "remove", "target": "tile"}]),
+        ("all views darker by 50%", [{"op": "sensor_exposure", "stops": [-1, -1]}]),
+        (
+            "white balance gains +-8%, exposure +-0.3 EV, gamma 0.9 to 1.1",
+            [{"op": "sensor_exposure", "gain": [0.92, 1.08], "gamma": [0.9, 1.1], "stops": [-0.3, 0.3]}],
+        ),
+        (
+            "the red can has the same red as the box. Make the red can blue",
+            [BLUE],
+        ),
+        (
+            "dim the light, otherwise the policy learns the lamp. And the red can blue",
+            [{"op": "light_color", "range": [[0.3] * 3, [0.3] * 3]}, BLUE],
+        ),
+        (
+            "strong light from above",
+            [{"op": "light_direction", "to": [0, 0, 1]}, {"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}],
+        ),
     ],
 )  # fmt: skip
 def test_it_does_what_is_said(wish: str, wanted: list[dict[str, Any]]) -> None:
@@ -72,7 +92,12 @@ def test_it_does_what_is_said(wish: str, wanted: list[dict[str, Any]]) -> None:
 
 
 @pytest.mark.parametrize(
-    "wish", ["the can any color but not red", "the can in different colors, but not red"]
+    "wish",
+    [
+        "the can any color but not red",
+        "the can in different colors, but not red",
+        "the can any color but never red",
+    ],
 )
 def test_a_banned_color_is_not_drawn(wish: str) -> None:
     (edit,) = edits(wish)
@@ -92,8 +117,23 @@ def test_harder_to_see_is_taken_as_dimmer_light_and_told() -> None:
         "add a mug away from the can",
         "put the can upside down",
         "bright table, dark wall",
+        "the can should not be red",
+        "put a banana near the can",
+        "cold 6500 K light",
+        "make the can red and the bin fuzzy",
+        "the can 20% red",
     ],
 )
 def test_what_is_not_understood_is_refused(wish: str) -> None:
     with pytest.raises(NotUnderstood):
         edits(wish)
+
+
+def test_what_was_painted_is_another_color_in_half_of_the_copies() -> None:
+    (edit,) = said_after("make it 50/50 with orange", ["paint the can blue"], SETTING).edits
+    assert [one["color"] for one in edit["one_of"]] == ["blue", "orange"]
+
+
+def test_the_same_for_another_thing() -> None:
+    first, second = said_after("same for the bin", ["paint the can blue"], SETTING).edits
+    assert (first["target"], second["target"], second["color"]) == ("can", "bin", "blue")

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug.language import manager, reading
+from rpaug.language import tokens
 from rpaug.language.messages import NotUnderstood, WishContext
 from rpaug.language.rounds import said_after
 
@@ -68,7 +68,7 @@ def test_what_means_nothing_is_refused_in_other_words_too(stated: str) -> None:
 )
 def test_a_range_is_said_in_one_way(low: int, high: int, unit: str) -> None:
     plain = f"between {low} {unit} and {high} {unit}"
-    whole = reading.clause(plain, ()).tokens
+    whole = tokens.tokens(tokens.split(plain), (), ())
     assert len(whole) == 1
     for stated in (
         f"{low} to {high} {unit}",
@@ -78,5 +78,5 @@ def test_a_range_is_said_in_one_way(low: int, high: int, unit: str) -> None:
         f"between {low} and {high} {unit}",
         f"{low} {unit} to {high} {unit}",
     ):
-        (said,) = reading.clause(manager.normal(stated), ()).tokens
+        (said,) = tokens.tokens(tokens.split(stated), (), ())
         assert (said.kind, said.value) == (whole[0].kind, whole[0].value)

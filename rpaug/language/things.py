@@ -1,5 +1,5 @@
 """Which things are meant: a noun phrase at the beginning of some words, and the recipe's targets that it stands for."""
-# ruff: noqa: E501  # patterns and word lists are easiest to read whole
+# ruff: noqa: E501  # patterns are easiest to read whole
 
 import contextlib
 import math
@@ -9,17 +9,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from rpaug.core import color_space
-from rpaug.core.errors import TargetError
-from rpaug.language.lexicon import CLASSES
+from rpaug.core.errors import RpaugError, TargetError
+from rpaug.language.lexicon import group, senses
 from rpaug.language.messages import Mention, NotUnderstood
 from rpaug.language.recording import Recording
-from rpaug.language.words import UNSAID, WORDS, bag, is_rank, texture
+from rpaug.language.values import NUMBERS, PARTS, texture
 from rpaug.scene.targets import relations, roles, shapes, targets
 from rpaug.scene.targets.nouns import FURNITURE, ROLES
 from rpaug.scene.targets.relations import ANYTHING, singular
 
 Target = str | dict[str, Any]
 
+COUNTED = frozenset({*NUMBERS, *PARTS})
+UNSAID = group("things_unsaid")
 PRONOUNS = ("it", "that", "this", "them", "that one", "these", "those", "both of them", "this one")
 SEVERAL = re.compile(
     r"(?:all of the|all the|each of the|both of the|every one of the|all of|each of|all|every|each|both|the two|the three)\b ?(?:the )?"
@@ -36,9 +38,7 @@ PHRASES = {
     "receiving object": "receiver",
     "receiving thing": "receiver",
 }
-PLAIN = frozenset(
-    {"flat", "plain", "thin", "whole", "entire", "existing", "original", "background"}
-)  # told by nothing that is measured
+PLAIN = group("things_plain")  # told by nothing that is measured
 NEARLY = {
     "white": ("silver", "gray"),
     "yellow": ("gold", "orange"),
@@ -46,39 +46,19 @@ NEARLY = {
     "gray": ("silver",),
     "brown": ("orange", "tan"),
 }
+WHOLE = frozenset({"body", "base", "itself"})  # after a noun: what that names
 ARMS = ("arm", "robot arm", "robotic arm", "manipulator", "arm links")
-FINGERS = frozenset(
-    {"finger", "fingers", "fingertip", "fingertips", "finger pad", "finger pads", "pads", "jaws"}
-)
+FINGERS = group("things_fingers")
 ROBOTS = frozenset({"sawyer", "panda", "franka", "kuka", "ur5", "ur10", "manipulator"})
 COMPARED = {"smaller": "smallest", "larger": "largest", "bigger": "largest", "taller": "tallest"}
-PATTERNED = frozenset(
-    {
-        "speckled",
-        "patterned",
-        "mottled",
-        "striped",
-        "dotted",
-        "spotted",
-        "textured",
-        "checkered",
-        "multicolored",
-    }
-)
+PATTERNED = group("things_patterned")
 FLOOR, WALL = ("floor", "ground"), ("wall", "walls")
 PLACES = frozenset(
     f"{by} the {side}" for by in ("at", "from") for side in ("top", "bottom", "left", "right")
 )
 FLAT = 5  # cm: the room's flat sides are thinner
 # What no thing on a table is called: what rpaug itself is made of.
-NO_THING = bag(
-    """
-    dataset file files folder folders recipe recipes episode episodes instruction instructions output outputs
-    policy policies code program prompt system data key keys report disk action actions trajectory password user
-    root shell seed copies copy version versions probability gates nothing nobody anything something everything
-    thing things you him her me us i we they who what why how when where not never no none
-    """
-)
+NO_THING = group("things_no_thing")
 
 
 @dataclass(frozen=True)
@@ -118,6 +98,7 @@ def begins(words: Sequence[str], nouns: Collection[str] = ()) -> tuple[int, Name
     if end == at:
         return None
     kept = [w for k, w in enumerate(words[at:end], at) if w not in PLAIN or k + 1 == end]
+    kept = [w for k, w in enumerate(kept) if not (k and w in WHOLE and w not in nouns)]
     kept[0] = COMPARED.get(kept[0], kept[0])
     kept = ["other"] * (other and words[at] not in ANYTHING and words[at] != "ones") + kept
     return end, Named(
@@ -142,20 +123,20 @@ def _known(word: str, nouns: Collection[str] = ()) -> bool:
         or word in FINGERS
         or bare in relations.PARTS | relations.GRIPS | FURNITURE
     )
-    return word not in WORDS and (
-        listed or ((word in nouns or bare in nouns) and word not in CLASSES)
+    return word not in COUNTED and (
+        listed or ((word in nouns or bare in nouns) and word not in senses())
     )
 
 
 def _noun(word: str, led: bool, nouns: Collection[str] = ()) -> bool:
     """May a word be a noun here? After an article even one that nothing is known to be called."""
-    if not re.fullmatch(r"[a-z][a-z_'-]*", word) or word in WORDS:
+    if not re.fullmatch(r"[a-z][a-z_'-]*", word) or word in COUNTED:
         return False
-    if _known(word, nouns) and (led or word not in CLASSES):
+    if _known(word, nouns) and (led or word not in senses()):
         return True
     return (
         led
-        and word not in CLASSES
+        and word not in senses()
         and word not in PRONOUNS
         and color_space.canonical(word) is None
         and not is_rank(word)
@@ -196,16 +177,16 @@ def _end(words: Sequence[str], at: int, led: bool, nouns: Collection[str]) -> in
             count, named, k = 1, _known(word, nouns), k + 1
         elif not count and describes and _leads(words, k + 1, led, nouns):
             k += 1
-        elif not count and _known(word, nouns) and (led or word not in CLASSES):
+        elif not count and _known(word, nouns) and (led or word not in senses()):
             count, named, k = 1, True, k + 1
         elif (
             count
             and count < 3
             and not describes
             and not _pattern(words[k:])
-            and (_known(word, nouns) or (not named and _noun(word, led)))
+            and (_known(word, nouns) or (not named and _noun(word, led)) or word in WHOLE)
         ):
-            count, named, k = count + 1, _known(word, nouns), k + 1
+            count, named, k = count + 1, named or _known(word, nouns), k + 1
         else:
             break
     return k if count else at
@@ -261,6 +242,11 @@ def _leads(words: Sequence[str], k: int, led: bool, nouns: Collection[str]) -> b
     )
 
 
+def is_rank(word: str) -> bool:
+    """Does a word describe a thing by its rank among others: "largest", "second", "left"?"""
+    return word in relations.RANKS or word in relations.ORDINALS
+
+
 class Namer:
     """Turns named things into targets; with a recording it tells apart what no words of a recipe can."""
 
@@ -268,6 +254,7 @@ class Namer:
         self.recording, self.mention = recording, mention
         self.notes: list[str] = []
         self.kept: list[Named] = []  # what was said to stay as it is
+        self.apart = False  # arm and gripper are told apart
 
     def target(self, named: Named) -> Target:
         """A recipe's target. Raises NotUnderstood for what is no thing."""
@@ -286,8 +273,9 @@ class Namer:
         bare = re.sub(r" (?:object|thing|item)$", "", words)
         owners = ("robot", "gripper", "arm", "hand")
         hand = " ".join(w for w in bare.split() if not color_space.canonical(w) and w not in owners)
-        if self.recording is not None and (bare in ARMS or hand in FINGERS):
-            return self._arm(hand in FINGERS)
+        fingers = hand in FINGERS or (self.apart and bare in ("gripper", "hand"))
+        if self.recording is not None and (bare in ARMS or fingers):
+            return self._arm(fingers)
         if words.startswith("other "):
             return self._other(words.removeprefix("other "))
         if self.recording is not None and (told := PATTERNED & set(words.split())):
@@ -447,6 +435,38 @@ class Namer:
                 "which things those are takes a look at the recording: leave out --no-ground"
             )
         return self.recording.inventory
+
+    def there(self, named: Named) -> bool:
+        """Is there such a thing in the recording?"""
+        told = len(self.notes)
+        try:
+            return bool(self.ids(self.target(named)))
+        except RpaugError:
+            return False
+        finally:
+            del self.notes[told:]
+
+    def color(self, target: Target) -> str:
+        """The color that something was recorded in. Raises NotUnderstood for several."""
+        tints = {row["color"] for row in self.rows if row["id"] in self.ids(target)}
+        if len(tints) != 1:
+            raise NotUnderstood(f"{target} has several colors: {', '.join(sorted(tints))}")
+        return str(tints.pop())
+
+    def among(self, named: Named, there: frozenset[int]) -> frozenset[int]:
+        """Which of some things are meant; "one" is any of them."""
+        words = named.words.removesuffix(" one")
+        tints = [one for word in words.split() if (one := color_space.canonical(word))]
+        if words == named.words:
+            return self.ids(every(self.target(named))) & there
+        rows = [row for row in self.rows if row["id"] in there and "shows" not in row]
+        return frozenset(
+            row["id"] for row in rows if all(color_space.means(one, row["color"]) for one in tints)
+        )
+
+    def handled(self, target: Target) -> bool:
+        """Is it what the robot moves?"""
+        return self.recording is not None and self.ids(target) <= self.ids({"role": "manipulated"})
 
     def strangers(self) -> frozenset[int]:
         """All that plays no role: neither the task's things, nor the robot, the table and what is around it."""

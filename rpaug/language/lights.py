@@ -1,0 +1,301 @@
+"""What a clause says of lamps, their brightness, color and direction, and of what a sensor does to images."""
+
+import math
+
+from rpaug.core import color_space
+from rpaug.language.lexicon import group
+from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
+from rpaug.language.things import Namer
+from rpaug.language.tokens import Clause, Token
+from rpaug.language.values import Amount, rgb, tidy
+
+RECORDED = 0.5  # the lamps' recorded brightness in `light_color`'s unit
+WARM, COOL = (0.5, 0.42, 0.32), (0.38, 0.44, 0.5)
+EVENING = 0.8  # times as bright as recorded
+NEUTRAL = 6500  # kelvin, of sRGB's white
+LIFT = 0.64  # radians: how high a lamp stands at a side, where no angle was named
+LIGHT = Mention(kind="light")
+LEVELS = group("lights_levels")
+TURNED = group("lights_turned")
+VARIED = ("color", "intensity", "brightness", "temperature")
+SENSED: dict[str, tuple[str, tuple[str, ...], float]] = {
+    "noise": ("read", ("share", "number"), 0.0),
+    "blur": ("sigma", ("pixels", "number"), 0.3),
+    "jpeg": ("quality", ("number", "share"), 30),
+}
+"""What of a sensor's fault an amount says, in which units, and from where on "up to" goes."""
+
+
+def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
+    """The lamps' direction, their strength and color, or both."""
+    lamp, lit = clause.has("light"), clause.has("lit")
+    toned = clause.has("darker", "brighter", "warm", "cool", "kelvin")
+    ours = wish.mention is None or wish.mention.kind == "light"
+    things = [one for one in clause.tokens if one.kind == "thing"]
+    sided = lamp and clause.has("left", "right")
+    spoken = [
+        one
+        for one in things
+        if (one.value.pronoun and ours) or (sided and one.value.words == "robot")
+    ]
+    if lamp:
+        _tinted(clause, things)
+    everything = clause.every("all", "image") or spoken
+    if not (lamp or lit) and not (
+        toned and (everything or not things) and not clause.has("texture", "color")
+    ):
+        return None
+    clause.tokens = [one for one in clause.tokens if not any(one is other for other in spoken)]
+    colored = any(
+        word in one.text for one in clause.tokens if one.kind == "light" for word in VARIED
+    )
+    clause.every("light", "much", "size_of", "on", "all", "swap")
+    edits, notes, varied = (
+        list[Entry](),
+        list[str](),
+        [one for one in clause.tokens if one.kind in ("vary", "any")],
+    )
+    turned = clause.has(*TURNED) or (
+        clause.has("up") and (clause.says("above") or not clause.has("share", "more", "brighter"))
+    )
+    moved = any(one.text in ("somewhere else", "elsewhere") for one in clause.tokens)
+    if turned or moved:
+        clause.every("lit", "move", "rotate", "pan", "tilt")
+        edits.append(_direction(clause, namer, notes))
+        clause.tokens += varied if colored else []
+    if not edits or clause.has(*LEVELS, "color") or (colored and clause.has("vary", "any")):
+        found = _level(clause, wish)
+        if found.replaces:
+            return found
+        edits += found.edits
+    clause.every("vary", "any", "from")
+    return Meant(edits=tuple(edits), mention=LIGHT, notes=tuple(notes))
+
+
+def _tinted(clause: Clause, things: list[Token]) -> None:
+    """ "swap the lamps for cyan ones": the color of what is called by nothing else is the light's."""
+    for one in things:
+        tint = one.value.words.removesuffix("s").removesuffix(" one")
+        if tint != one.value.words and color_space.canonical(tint):
+            clause.tokens[clause.tokens.index(one)] = Token("color", one.text, [tint])
+
+
+def _level(clause: Clause, wish: Wish) -> Meant:
+    """How strong the lamps are, and of what color."""
+    mild = bool(clause.every("little"))
+    darker, brighter = clause.every("darker"), clause.every("brighter")
+    less, more = (
+        bool(darker or clause.every("down", "less")),
+        bool(brighter or clause.every("up", "more")),
+    )
+    warm, cool, kelvin = clause.every("warm"), clause.every("cool"), clause.single("kelvin")
+    color = clause.one("color")
+    if warm and cool:
+        raise NotUnderstood(f"{clause.text!r}: warm or cold? `either ... or ...` draws one")
+    if kelvin and ((cool and kelvin[0].low <= NEUTRAL) or (warm and kelvin[0].high >= NEUTRAL)):
+        raise NotUnderstood(
+            f"{clause.text!r}: {NEUTRAL} K is the recorded light's white here; warm light has less, cold light more"
+        )
+    shares = clause.amounts("share", "times", "number")
+    factor = 2.0 if clause.every("twice") else 0.5 if clause.every("halve") else None
+    before = next(
+        (
+            k
+            for k, one in enumerate(wish.edits)
+            if one.get("op") == "light_color" and "range" in one
+        ),
+        None,
+    )
+    if before is not None and not (shares or kelvin or color) and _compared(clause):
+        return _relative(wish.edits[before], before, less, more, bool(warm), bool(cool), mild)
+    if not (shares or less or more or warm or cool or kelvin or color or factor):
+        if clause.every("vary", "any", "paint"):
+            return Meant(edits=({"op": "light_color"},), mention=LIGHT)
+        raise NotUnderstood(f"{clause.text!r}: what about the light?")
+    clause.every("paint")
+    ends = [[RECORDED * one for one in _unit(warm, cool)]]
+    if kelvin:
+        ends = [_kelvin(one) for one in (kelvin[0].low, kelvin[0].high)]
+    elif color:
+        ends = [[RECORDED * (0.5 + 0.5 * v) for v in rgb(one)] for one in color.value]
+        if clause.has("color"):
+            raise NotUnderstood(f"{clause.text!r}: one color of light, or `either ... or ...`")
+    low, high = (factor, factor) if factor else _factors(clause, shares, less, more, mild)
+    if (
+        not shares
+        and not more
+        and any(word in one.text for one in warm for word in ("evening", "sunset", "afternoon"))
+    ):
+        low = high = EVENING
+    return _lit([tidy(v * low) for v in ends[0]], [tidy(v * high) for v in ends[-1]])
+
+
+def _compared(clause: Clause) -> bool:
+    """Is it said against what was asked for before: "darker", "a bit less dark"?"""
+    return any(word.endswith("er") or word in ("less", "more") for word in clause.text.split())
+
+
+def _unit(warm: list[Token], cool: list[Token]) -> tuple[float, ...]:
+    tone = WARM if warm else COOL if cool else (RECORDED,) * 3
+    return tuple(one / RECORDED for one in tone)
+
+
+def _lit(low: list[float], high: list[float]) -> Meant:
+    if max(high) > 1 or max(low) <= 0:
+        raise NotUnderstood(
+            f"lamps can be from 0 to 2 times as bright as recorded, not {2 * max(high):g}"
+        )
+    return Meant(edits=({"op": "light_color", "range": [low, high]},), mention=LIGHT)
+
+
+def _relative(
+    edit: Entry, number: int, less: bool, more: bool, warm: bool, cool: bool, mild: bool
+) -> Meant:
+    """Darker, brighter, warmer or cooler than the light that was asked for before."""
+    step = 1.15 if mild else 1.35
+    level = 1 / step if less else step if more else 1.0
+    tone = (1.06, 1.0, 0.85) if warm else (0.9, 1.0, 1.06) if cool else (1.0, 1.0, 1.0)
+    drawn = [
+        [tidy(min(1.0, v * level * t)) for v, t in zip(end, tone, strict=True)]
+        for end in edit["range"]
+    ]
+    note = "compared with the light that was asked for before"
+    return Meant(
+        edits=({**edit, "range": drawn},), mention=LIGHT, notes=(note,), replaces=(number,)
+    )
+
+
+def _factors(
+    clause: Clause, shares: list[Amount], less: bool, more: bool, mild: bool
+) -> tuple[float, float]:
+    """Between which factors the lamps' brightness lies."""
+    if len(shares) > 1:
+        raise NotUnderstood(f"{clause.text!r}: one amount of light, please")
+    if not shares:
+        factor = (0.75 if mild else 0.6) if less else (1.25 if mild else 1.6) if more else 1.0
+        return factor, factor
+    low, high, how = shares[0].low, shares[0].high, shares[0].how
+    if how == "about" or (how == "upto" and not (less or more)):
+        return 1 - high, 1 + high
+    if how == "upto":
+        return (1 - high, 1) if less else (1, 1 + high)
+    absolute = clause.says("to", "as", "like", "of the") or (how == "range" and high > 1)
+    if (less or more) and not absolute and high < 1:
+        return (1 - high, 1 - low) if less else (1 + low, 1 + high)
+    return low, high
+
+
+def _kelvin(kelvin: float) -> list[float]:
+    """The lamps' color at a color temperature: Krystek 1985 gives the chromaticity, linear sRGB of the same brightness.
+
+    Raises NotUnderstood outside 1000 to 15000 K, where the formula holds.
+    """
+    if not 1000 <= kelvin <= 15000:
+        raise NotUnderstood(f"{kelvin:g} K: color temperatures are within 1000..15000")
+    u = (0.860117757 + 1.54118254e-4 * kelvin + 1.28641212e-7 * kelvin**2) / (
+        1 + 8.42420235e-4 * kelvin + 7.08145163e-7 * kelvin**2
+    )
+    v = (0.317398726 + 4.22806245e-5 * kelvin + 4.20481691e-8 * kelvin**2) / (
+        1 - 2.89741816e-5 * kelvin + 1.61456053e-7 * kelvin**2
+    )
+    x, y = 3 * u / (2 * u - 8 * v + 4), 2 * v / (2 * u - 8 * v + 4)
+    linear = color_space.FROM_XYZ @ [x / y, 1.0, (1 - x - y) / y]
+    white = color_space.np.array([max(float(one), 0.0) for one in linear / linear.max()])
+    return [tidy(RECORDED * float(one)) for one in color_space.from_linear(white)]
+
+
+def _direction(clause: Clause, namer: Namer, notes: list[str]) -> Entry:
+    """Where the lamp stands: straight above, at a side as the robot sees it, towards a point, or anywhere."""
+    angles, point = clause.single("angle"), clause.one("point")
+    side, above = clause.one("left", "right", "ahead", "back"), clause.one("up")
+    clause.every("vary", "any", "from", "to", "further", "little")
+    if point or (above and not side):
+        return {"op": "light_direction", "to": point.value if point else [0, 0, 1]}
+    if side is None:
+        if angles and angles[0].how == "exact":
+            raise NotUnderstood(
+                "a lamp turns by at most an angle, about any axis: say `up to`, or give the direction (x, y, z) to it"
+            )
+        return {"op": "light_direction", **({"turn": angles[0].high} if angles else {})}
+    if namer.recording is None or (angles and angles[0].how == "range"):
+        raise NotUnderstood(
+            "the lamp's directions are the world's: say `from above`, or give the direction (x, y, z) to it"
+        )
+    axis, sign = (
+        "left" if side.kind in ("left", "right") else "ahead",
+        1 if side.kind in ("left", "ahead") else -1,
+    )
+    height = angles[0].low if angles else LIFT
+    to = [tidy(sign * math.cos(height) * v) for v in namer.recording.axes[axis]]
+    notes.append(f"{side.kind} is the robot's {side.kind}")
+    return {"op": "light_direction", "to": [*to[:2], tidy(math.sin(height))]}
+
+
+def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
+    """Noise, blur, compression and exposure of the images: of all cameras, or of those that are named."""
+    exposed = clause.has("stops", "exposure", "gamma") or "expos" in clause.text
+    exposed |= clause.has("darker", "brighter") and clause.has("image")
+    kind = next((one for one in SENSED if clause.has(one)), "exposure" if exposed else None)
+    surface = kind in ("blur", "noise") and clause.has("color", "texture", "lay")
+    if (
+        kind is None
+        or surface
+        or any(one.kind == "thing" and not one.value.pronoun for one in clause.tokens)
+    ):
+        return None
+    edit: Entry = {"op": f"sensor_{kind}"}
+    cameras_told = clause.every("camera")
+    named = [one.value for one in cameras_told if isinstance(one.value, list)]
+    if 0 < len(named) < len(cameras_told):
+        raise NotUnderstood(f"{clause.text!r}: all cameras, or those that are named?")
+    if cameras := sorted({name for some in named for name in some}):
+        edit["cameras"] = cameras
+    if clause.every("each") and clause.says(
+        "separately", "individually", "independently", "each camera", "every camera"
+    ):
+        edit["each"] = True
+    mild = bool(clause.every("little"))
+    if kind == "exposure":
+        return _exposure(clause, edit, mild)
+    clause.every("thing", "image", "all", "add", "lay", "much", "scale", "vary", kind)
+    name, kinds, least = SENSED[kind]
+    if amounts := clause.single(*kinds):
+        one = amounts[0]
+        factor = 100 if kind == "jpeg" and one.high <= 1 else 1
+        start = least if one.how == "upto" or (kind == "noise" and one.how == "exact") else one.low
+        edit[name] = [tidy(start * factor), tidy(one.high * factor)]
+    return Meant(edits=(edit,))
+
+
+def _exposure(clause: Clause, edit: Entry, mild: bool) -> Meant:
+    """Stops up or down, and with them factors of each channel and a gamma."""
+    clause.every("thing", "image", "all", "add", "much", "vary", "exposure")
+    for name in ("gain", "gamma"):
+        if one := clause.after(name, "share", "number"):
+            low, high = one.value.ends
+            edit[name] = (
+                [tidy(1 + low), tidy(1 + high)] if one.value.how == "about" else [low, high]
+            )
+    stops = clause.single("stops")
+    less = clause.every("darker", "down", "less") or clause.says("underexpose", "underexposed")
+    more = clause.every("brighter", "up", "more") or clause.says("overexpose", "overexposed")
+    if not stops and not (less or more):
+        return Meant(edits=(edit,))
+    usual = 0.5 if mild else 1
+    shares = clause.single("share") if less or more else []
+    if shares and not stops and shares[0].high < 1:
+        ends = sorted(
+            abs(math.log2(1 - v if less else 1 + v)) for v in (shares[0].low, shares[0].high)
+        )
+        stops = [Amount(ends[0], ends[1])]
+    amount = stops[0] if stops else Amount(usual, usual)
+    if less or more:
+        ends = [-one if less and one > 0 else one for one in (amount.low, amount.high)]
+    else:
+        ends = (
+            [-amount.high, amount.high]
+            if amount.how in ("upto", "about")
+            else [amount.low, amount.high]
+        )
+    notes = () if stops else (f"{amount.high:g} stops, since no amount was named",)
+    return Meant(edits=(edit | {"stops": [tidy(one) for one in sorted(ends)]},), notes=notes)
