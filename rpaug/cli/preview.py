@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.console import AsJson, Dataset, EpisodeKey, print_json, say
+from rpaug.cli.console import AsJson, Dataset, EpisodeKey, UsedModels, print_json, say
 from rpaug.cli.progress import progress_bar
 
 
@@ -32,6 +32,7 @@ def preview(
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Override a value: edits.0.color=red.")
     ] = None,
+    models: UsedModels = None,
     open_: Annotated[bool, typer.Option("--open/--no-open", help="Open it in the browser.")] = True,
     as_json: AsJson = False,
 ) -> int:
@@ -43,7 +44,7 @@ def preview(
     from rpaug.pages import preview as pages
     from rpaug.pipeline import inputs
 
-    loaded = inputs.recipe(recipe, set_ or [])
+    loaded = inputs.recipe(recipe, set_ or [], models or ())
     if serve:
         from rpaug.pages.serve import server
 

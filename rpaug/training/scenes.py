@@ -114,7 +114,8 @@ class Scenes:
         bare = build(episode, with_bodies=False)
         masked = all(view.ids and view.depth for view in episode.views.values())
         plain = masked and plan.bodies and not plan.parts and not plan.gaussians
-        given = self.recipe.accuracy or self.recipe.arms  # what a prepared scene does not hold
+        # What a prepared scene does not hold.
+        given = self.recipe.accuracy or self.recipe.arms or self.recipe.models.finds
         if self.folder is None or not plain or given:
             return *prepare.prepare_scene(episode, self.recipe, self.tier, self.folder), None
         roles = self.recipe.source.get("roles")
