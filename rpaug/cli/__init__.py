@@ -50,6 +50,10 @@ COMMANDS = {
         "Compare every byte of an output with what was written, and show what was done to one episode. Exit code 1 if\n"
         "something differs.",
     ),
+    "stats": (
+        "stats",
+        "Say how often each factor was drawn and between which values, and what images and robot states come to.",
+    ),
     "convert": (
         "convert",
         "Write a dataset in another layout: images, depth, instance ids, words, cameras, robot, and a dataset card.",

@@ -23,5 +23,6 @@ __all__ = [
     "run",
     "speed_error",
     "starter",
+    "statistics",
     "verify",
 ]
