@@ -17,6 +17,7 @@ from rpaug.core.types import Episode
 from rpaug.pipeline import journal, report
 
 FRAMES = 8  # of each camera of an episode
+SHORT = 4  # numbers of a list
 WORDS = 8  # of a value that is no number, the most frequent
 Progress = Callable[[int, int], None]
 
@@ -109,14 +110,15 @@ def _count(
 
 
 def _leaves(tree: Any, key: str) -> Iterator[tuple[str, Any]]:
-    """The values of a drawn edit by their keys; a list of numbers has one key for each of them, another list one."""
+    """The values of a drawn edit by their keys, a key for each number of a short list. What was measured for an edit
+    (its surfaces, matrices) stands in longer ones and is left out."""
     if isinstance(tree, Mapping):
         for name, part in tree.items():
             yield from _leaves(part, f"{key}.{name}" if key else str(name))
     elif isinstance(tree, Sequence) and not isinstance(tree, str):
-        plain = all(isinstance(one, int | float) for one in tree) and len(tree) <= 4
-        for number, part in enumerate(tree):
-            yield from _leaves(part, f"{key}[{number}]" if plain else f"{key}[]")
+        if len(tree) <= SHORT and all(isinstance(one, int | float) for one in tree):
+            for number, part in enumerate(tree):
+                yield f"{key}[{number}]", part
     elif tree is not None:
         yield key, tree
 

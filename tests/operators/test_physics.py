@@ -159,7 +159,7 @@ def test_invalid_actions_are_kept_out_unless_asked_for(tmp_path: Path) -> None:
         ("inner_friction", 80, "allowed are 0 to 60"),
         ("material", "cheese", "there are: rubber"),
         ("height", [0.1, 2.0], "not within 0..0.5"),
-        ("velocity", [0, 0, 99], "less than or equal to 10"),
+        ("velocity", [0, 0, 99], "at most 10"),
     ],
 )
 def test_values_out_of_range_are_refused_with_the_range(field, value, stated) -> None:

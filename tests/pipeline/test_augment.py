@@ -235,7 +235,8 @@ def test_a_killed_run_is_resumed_to_the_same_bytes(template: Path, tmp_path: Pat
     resumed = subprocess.run(
         [*command, "--resume", "--json"], capture_output=True, text=True, check=True
     )
-    assert json.loads(resumed.stdout)["resumed"] == len(done)
+    # One that was written and not yet noted in the journal is made again.
+    assert len(done) - 1 <= json.loads(resumed.stdout)["resumed"] <= len(done)
     assert not list(out.rglob("*.part"))
     fresh = tmp_path / "fresh"
     augment(many, recipe.load(tmp_path / "r.yaml"), fresh)

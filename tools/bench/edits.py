@@ -12,7 +12,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from rpaug.cli.console import AsJson, guarded, print_json, progress_bar, warn
+from rpaug.cli.console import AsJson, guarded, print_json, warn
+from rpaug.cli.progress import progress_bar
 from rpaug.core.files import atomic_folder
 from rpaug.pipeline import pareto
 from tools.bench.harness import edits as measured

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from rpaug.cli.bench import OutFolder, Threads, show, write
-from rpaug.cli.console import AsJson, EpisodeKey, guarded, progress_bar
+from rpaug.cli.console import AsJson, EpisodeKey, guarded
+from rpaug.cli.progress import progress_bar
 from tools.bench.harness import fits
 from tools.bench.harness.sources import MaybeDataset, Origin, TwinSeed, TwinTask
 

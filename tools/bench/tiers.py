@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from rpaug.cli.bench import COLUMNS, Every, Methods, OutFolder, Steps, Threads, show, write
-from rpaug.cli.console import AsJson, guarded, progress_bar
+from rpaug.cli.console import AsJson, guarded
+from rpaug.cli.progress import progress_bar
 from rpaug.pipeline import speed_error
 from tools.bench.harness import tiers as measured
 
