@@ -9,6 +9,8 @@ import typer
 from rpaug.cli.console import AsJson, counted, print_json, say
 from rpaug.cli.progress import progress_bar
 
+SHOWN = 12  # columns of a robot's state
+
 
 def stats(
     out: Annotated[Path, typer.Argument(help="The --out of a run.")],
@@ -47,7 +49,8 @@ def stats(
         for kind in ("images", "depth", "robot"):
             for name, (means, spreads) in getattr(data, kind).items():
                 each = [f"{m:.3g} ({s:.3g})" for m, s in zip(means, spreads, strict=True)]
-                say(f"  {kind} {name}: {', '.join(each)}")
+                more = f" and {len(each) - SHOWN} more" if len(each) > SHOWN else ""
+                say(f"  {kind} {name}: {', '.join(each[:SHOWN])}{more}")
 
     if found.recorded is not None:
         shown("recorded", found.recorded)

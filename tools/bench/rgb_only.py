@@ -19,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +32,13 @@ from rpaug.core import color_space, registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.metrics import psnr
 from rpaug.core.types import Episode, Scene
+from rpaug.pipeline import copies, inputs, prepare
 from rpaug.pipeline.contracts import shown
 from rpaug.providers.models_settings import Models
 from rpaug.scene.build import build, find, sources
 from rpaug.scene.instances import outlines
 from rpaug.scene.instances.by_models import AskedModels
+from rpaug.scene.recorded import surfels
 from rpaug.scene.targets import targets
 from tools.bench import scripted
 
@@ -278,16 +281,44 @@ def rows(
             yield Row(name, seed, task, iou, inside, unedited, outside, spent)
 
 
+def cost(size: int, frames: int, further: int = 3) -> tuple[float, float]:
+    """Processor seconds of the first copy of one camera's episode, and the median of further ones, by the shipped
+    recipe `robust`: reading and writing files is not among them."""
+    take = twin.perform("pick_block", 1, frames=frames, size=size)
+    episode = bare(take.episode)
+    name = next(iter(episode.views))
+    episode = replace(episode, views={name: episode.views[name]})
+    asked_for = inputs.recipe("robust", models=["off"])
+    start, spent = time.process_time(), []
+    scene, plan = prepare.prepare_scene(episode, asked_for, 0)
+    prepare.ground(scene, asked_for)
+    prepared = copies.PreparedEpisode(
+        scene, plan, asked_for, cache(partial(surfels.recorded, scene))
+    )
+    for number in range(further + 1):
+        made = copies.draw_copy(prepared, number + 1)
+        for t in range(frames):
+            made.episode.views[name].rgb(t)
+        spent.append(time.process_time() - start)
+        start = time.process_time()
+    return spent[0], float(np.median(spent[1:]))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--frames", type=int, default=17)
     parser.add_argument("--factor", choices=FACTORS, action="append", help="only these edits")
+    parser.add_argument("--cost", action="store_true", help="only what a copy costs")
     parser.add_argument("--models", choices=scripted.QUALITIES)
     parser.add_argument("--uncut", action="store_true")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
+    if given.cost:
+        first, further = cost(given.size, given.frames)
+        sys.stdout.write(f"first copy {first:.1f}, each further one {further:.1f} processor s\n")
+        return
     if given.uncut:
         outlines.cut = lambda image, ids, only=None: ids
     with tempfile.TemporaryDirectory() as folder:
