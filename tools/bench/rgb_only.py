@@ -1,6 +1,6 @@
 """What color images alone are enough for: the twin's recordings with depth, masks and calibration hidden.
 
-    python tools/bench/rgb_only.py [--seeds 4] [--size 128] [--frames 17] [--factor F] [--models Q] [--uncut] [--json]
+    python -m tools.bench.rgb_only [--seeds 4] [--size 128] [--frames 17] [--factor F] [--models Q] [--cost] [--json]
 
 Of each seed's recording only the fixed cameras' colors are kept. Edits made from those are held against the truly
 changed recording: dB inside the truly changed pixels and outside them, beside the unedited images'. `IoU` is that of
