@@ -17,7 +17,7 @@ from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB
 from rpaug.scene.lighting import albedo, shading
-from rpaug.scene.targets import targets
+from rpaug.scene.targets import agreement, targets
 
 Triple = tuple[float, float, float]
 COARSE = 32  # texels a side at which a texture's colors are counted
@@ -200,6 +200,9 @@ class Texturing(Operator):
         self, scene: Scene, instance_id: int, seen: shading.ShadedPixels
     ) -> dict[str, Any]:
         described = albedo.describe(scene.episode, instance_id, self.albedo)
+        if agreement.of_one_tint(scene, instance_id):
+            # It has one tint, and the proxy knows neither basin nor rim: what its brightness varies by is light.
+            return described | {"smooth": None}
         smooth = shading.fit(seen, tuple(described["albedo"]), known=self.albedo is not None)
         return described | {"smooth": smooth.describe() if smooth else None}
 

@@ -22,6 +22,13 @@ def photographed(scene: Scene) -> bool:
     return any(view.proxy is not None for view in scene.episode.views.values())
 
 
+def of_one_tint(scene: Scene, instance_id: int) -> bool:
+    """Is an instance of a photographed scene told by its color alone, so that it has one tint? The surroundings have
+    many, and so may what models outlined."""
+    others = scene.roles.get("background", frozenset()).union(*scene.names.values())
+    return photographed(scene) and instance_id not in others
+
+
 def apart(scene: Scene) -> frozenset[int]:
     """Instances that are robot, table or background, or may be."""
     held = [scene.roles.get(role, frozenset()) for role in APART]
