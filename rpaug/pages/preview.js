@@ -38,6 +38,7 @@ async function paint(canvas, name) {
   if (!episode.before) return;
   const made = shot && shot.images[name], old = episode.before[name];
   const index = episode.single ? 0 : state.frame, turn = ++canvas.turn;
+  canvas.setAttribute("aria-busy", "true");
   const context = canvas.getContext("2d");
   const before = await pixels(old.before, index, size);
   const after = made ? await pixels(made.after, index, size) : before;
@@ -55,6 +56,7 @@ async function paint(canvas, name) {
   else put(after);
   if (state.mode === "split") split(context, canvas, before, size, scale);
   if (state.mode === "instances" && other) outline(context, other.data, size, scale);
+  canvas.setAttribute("aria-busy", "false");
 }
 function difference(before, after, size) {
   const canvas = new OffscreenCanvas(size.width, size.height), context = canvas.getContext("2d");

@@ -30,7 +30,7 @@ def run(page: bytes, script: str, folder: Path, width: int = 1400, height: int =
     path.write_bytes(page + end.encode())
     assert CHROMIUM is not None
     command = [
-        CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000",
+        CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=400000",
         f"--user-data-dir={folder / 'profile'}", f"--window-size={width},{height}", "--dump-dom", path.as_uri(),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)

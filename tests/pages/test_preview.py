@@ -24,7 +24,10 @@ RECIPE = {
     ],
 }
 needs_chromium = pytest.mark.skipif(browser.CHROMIUM is None, reason=browser.WHY)
-SETTLED = "const settled=()=>new Promise((done)=>setTimeout(done,600));await settled();"
+SETTLED = """
+const settled=async()=>{do await new Promise((done)=>setTimeout(done,20));
+while(document.querySelector('canvas[aria-busy=true]'))};await settled();
+"""
 MEAN = """
 const mean=(name)=>{const c=document.querySelector(`canvas[data-camera=${name}]`),d=c.getContext('2d')
 .getImageData(0,0,c.width,c.height).data;let s=[0,0,0];for(let i=0;i<d.length;i+=4)for(let k=0;k<3;k++)s[k]+=d[i+k];
