@@ -114,13 +114,18 @@ def augment(
         code = max(code, contact_sheet(run, described))
     elif summary.failures or summary.aborted:
         described["error"] = summary.aborted or next(iter(summary.failures.values()))
+    tell(run, summary, described, as_json)
+    return code
+
+
+def tell(run: Any, summary: Any, described: dict[str, Any], as_json: bool) -> None:
+    """Say what a run came to."""
     if as_json:
         print_json(described)
-    else:
-        for words in summary.shortfalls:
-            warn("fell short", words)
-        print_summary(described, summary.lacked, run.adapter.after)
-    return code
+        return
+    for words in summary.shortfalls:
+        warn("fell short", words)
+    _print_summary(described, summary.lacked, run.adapter.after)
 
 
 def _ratio(given: str | None) -> tuple[int, int] | None:
@@ -212,7 +217,7 @@ def _alike(reasons: dict[str, str]) -> list[tuple[list[str], str]]:
     return list(found.values())
 
 
-def print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> None:
+def _print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> None:
     """What a run came to, for people."""
     for keys, reason in _alike(described["failures"]):
         more = f" (and {counted(len(keys) - 1, 'other episode')} alike)" if keys[1:] else ""

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.augment import contact_sheet, print_summary
-from rpaug.cli.console import AsJson, Licence, print_json, warn
+from rpaug.cli.augment import contact_sheet, tell
+from rpaug.cli.console import AsJson, Licence
 
 
 def merge(
@@ -28,10 +28,5 @@ def merge(
     code = summary.exit_code
     if summary.copies:
         code = max(code, contact_sheet(run, described))
-    if as_json:
-        print_json(described)
-    else:
-        for words in summary.shortfalls:
-            warn("fell short", words)
-        print_summary(described, summary.lacked, run.adapter.after)
+    tell(run, summary, described, as_json)
     return code

@@ -206,4 +206,4 @@ def finder(models: Models) -> Finder:
 
 def told(name: str) -> str:
     """A model by what is in its folder, wherever that lies: what was found with it before is known by this."""
-    return f"{fingerprint.contents(hub.folder(name))}"
+    return fingerprint.contents(hub.folder(name))

@@ -118,7 +118,6 @@ def _save(path: Path, found: Outlined) -> None:
     facts = {
         "names": {words: sorted(ids) for words, ids in found.names.items()},
         "notes": found.notes,
-        "sure": {str(one): score for one, score in found.sure.items()},
     }
     packed = io.BytesIO()
     stacks: dict[str, Any] = {f"ids/{name}": ids for name, ids in found.ids.items()}
@@ -136,5 +135,4 @@ def _load(path: Path) -> Outlined | None:
     except (OSError, ValueError, KeyError, EOFError):
         return None
     names = {words: frozenset(some) for words, some in facts["names"].items()}
-    sure = {int(one): score for one, score in facts["sure"].items()}
-    return Outlined(ids, names, tuple(facts["notes"]), sure)
+    return Outlined(ids, names, tuple(facts["notes"]))

@@ -44,12 +44,11 @@ Mask = Bool[np.ndarray, "h w"]
 @dataclass(frozen=True)
 class Outlined:
     """`ids[camera][t]` are the instance ids of what was found, 0 elsewhere; `names` the ids of each phrase, none for
-    one that was looked for in vain; `notes` say in sentences how much was seen of each, and `sure` how surely."""
+    one that was looked for in vain; `notes` say in sentences how much was seen of each."""
 
     ids: Mapping[str, UInt8[np.ndarray, "t h w"]]
     names: Mapping[str, frozenset[int]]
     notes: tuple[str, ...] = ()
-    sure: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def instance_ids(self) -> frozenset[int]:
@@ -362,7 +361,7 @@ def _told(
     cameras: Sequence[str],
 ) -> Outlined:
     names: dict[str, frozenset[int]] = {}
-    notes, sure = list[str](), dict[int, float]()
+    notes = list[str]()
     for words in wanted:
         found = [
             (k, thing)
@@ -374,7 +373,6 @@ def _told(
             notes.append(f"{words!r}: the models found none")
         for k, thing in found:
             score = min(one.score for one in thing.values())
-            sure[FIRST_ID + k] = score
             frames = ", ".join(
                 f"{int((ids[name] == k + 1).any((1, 2)).sum())} frames of {name}"
                 for name in cameras
@@ -383,4 +381,4 @@ def _told(
             notes.append(
                 f"{words!r}: instance {FIRST_ID + k} by models, {frames}, sure {score:.2f}"
             )
-    return Outlined(ids, names, tuple(notes), sure)
+    return Outlined(ids, names, tuple(notes))
