@@ -2,13 +2,13 @@
 
 import os
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
 from rpaug_adapters.rlbench.pickles import Demo, Observation, dump, load
+from rpaug_adapters.shared.held import HeldImages
 
 from rpaug import BadInput, Camera, CameraView, Episode, Robot, files, geometry
 
@@ -16,7 +16,6 @@ KINDS = ("rgb", "depth", "mask")
 DEPTH_STEPS = 2**24 - 1
 MOST_TEXTS = 1000  # wordings of one instruction; RLBench has some ten
 MOST_NUMBERS = 4096  # of one field of an observation that is no array
-KEPT_FRAMES = 4  # of each camera and kind of image
 LOW_DIM = "low_dim_obs.pkl"
 DESCRIPTIONS = "variation_descriptions.pkl"
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])  # CoppeliaSim's camera axes <-> OpenCV's; its own inverse
@@ -41,7 +40,8 @@ def read_episode(folder: Path, key: str) -> Episode:
     for path in sorted(folder.glob("*.pkl")):
         if path.name != LOW_DIM:
             load(path)  # passed on as it is, so that what is in it would run in other readers
-    views = {name: _view(folder, name, observations) for name in _cameras(folder)}
+    held = HeldImages()
+    views = {name: _view(folder, name, observations, held) for name in _cameras(folder)}
     descriptions = _descriptions(folder)
     return Episode(
         key=key,
@@ -217,7 +217,7 @@ def _robot(path: Path, observations: list[Observation]) -> Robot:
     )
 
 
-def _view(folder: Path, name: str, observations: list[Observation]) -> CameraView:
+def _view(folder: Path, name: str, observations: list[Observation], held: HeldImages) -> CameraView:
     path, length = folder / LOW_DIM, len(observations)
     K = _misc(path, observations, f"{name}_camera_intrinsics", (3, 3))
     for t, i in ((t, i) for t in range(length) for i in range(2) if K[t, i, i] == 0):
@@ -253,16 +253,13 @@ def _view(folder: Path, name: str, observations: list[Observation]) -> CameraVie
     has = {kind: (folder / f"{name}_{kind}").is_dir() for kind in KINDS}
     return CameraView(
         camera=Camera(intrinsics, extrinsics @ FLIP, *size),
-        # Kept for a moment: a writer compares an edited frame with the recorded one.
-        rgb=lru_cache(KEPT_FRAMES)(lambda t: files.decode_png(folder / f"{name}_rgb" / f"{t}.png")),
-        depth=lru_cache(KEPT_FRAMES)(
+        rgb=held.of(lambda t: files.decode_png(folder / f"{name}_rgb" / f"{t}.png")),
+        depth=held.of(
             lambda t: _metres(read_code(folder / f"{name}_depth" / f"{t}.png"), near[t], far[t])
         )
         if has["depth"]
         else None,
-        ids=lru_cache(KEPT_FRAMES)(
-            lambda t: read_code(folder / f"{name}_mask" / f"{t}.png", low_first=True)
-        )
+        ids=held.of(lambda t: read_code(folder / f"{name}_mask" / f"{t}.png", low_first=True))
         if has["mask"]
         else None,
         most_id=2 ** (8 * mask_channels) - 1,

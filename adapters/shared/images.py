@@ -8,9 +8,11 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
+from rpaug_adapters.shared.held import HeldImages
 
 from rpaug import BadInput, CameraView, files
 
+CAMERA_BYTES = 24 << 20  # of decoded images that are held
 JPEG = b"\xff\xd8"
 Place = Callable[[int], str]
 Frame = Callable[[int], np.ndarray]
@@ -31,7 +33,9 @@ def lazy_colors(
 ) -> Callable[[int], UInt8[np.ndarray, "h w 3"]]:
     """A camera's images as they are asked for, grey ones with three equal channels."""
 
-    return lambda t: three_channels(files.decode_image(place(t), blobs[t]))
+    return HeldImages(CAMERA_BYTES).of(
+        lambda t: three_channels(files.decode_image(place(t), blobs[t]))
+    )
 
 
 def three_channels(image: UInt8[np.ndarray, "h w ..."]) -> UInt8[np.ndarray, "h w 3"]:

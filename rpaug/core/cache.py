@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rpaug.core.errors import RpaugError
-from rpaug.core.files import PART
 
+PART = ".part"  # ending of hidden files and folders that grow, or go
 FOLDER = "RPAUG_CACHE"  # environment variable: the root
 LIMIT = "RPAUG_CACHE_GB"  # environment variable: gigabytes (1e9 bytes) that it may hold
 GIGABYTES = 20.0

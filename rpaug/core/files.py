@@ -12,10 +12,8 @@ import shutil
 import stat
 import struct
 import tempfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -23,7 +21,12 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from rpaug.core import png
+from rpaug.core.cache import PART
 from rpaug.core.errors import BadInput
+from rpaug.core.png import MAX_SIDE, Png
+from rpaug.core.png import check as check_png
+from rpaug.core.png import encode as encode_png
 
 __all__ = [
     "MAX_SIDE",
@@ -44,19 +47,8 @@ __all__ = [
     "write_atomic",
 ]
 
-PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-PART = ".part"  # ending of the hidden folders in which output grows
 REJECTED = "rejected"  # folder beside the episodes: copies that failed their gates
-CHANNELS = {
-    0: (1, 1),
-    2: (3, 3),
-    3: (3, 1),
-    4: (1, 2),
-    6: (3, 4),
-}  # by color type: decoded, stored
 SEGMENT = struct.Struct(">BBH")  # of a JPEG: 0xFF, its kind, its length
-MAX_SIDE = 16384  # pixels: a larger header is taken for damage, before anything is allocated
-MAX_PIXELS = 2**26  # of an image: twice what 8K video has; an episode keeps some as 64-bit numbers
 
 
 def read_bytes(path: Path) -> bytes:
@@ -74,112 +66,9 @@ def read_bytes(path: Path) -> bytes:
         ) from None
 
 
-@dataclass(frozen=True)
-class Png:
-    """A PNG's header: size in pixels, bits a channel, channels as they decode (palettes have 3)."""
-
-    width: int
-    height: int
-    bits: int
-    channels: int
-    stored: int  # samples a pixel in the file: a palette's index is one
-    interlaced: bool
-
-
-def check_png(path: Path | str, data: bytes) -> Png:
-    """The header of a PNG whose chunks are all there and whole (PNG spec, section 5).
-
-    OpenCV decodes a cut-off file into a half-grey picture without a word, so lengths and CRCs are checked here.
-    Raises BadInput.
-    """
-    if data[:8] != PNG_SIGNATURE:
-        raise BadInput(path, "signature", found=repr(data[:8]), expected="a PNG file")
-    header = None
-    for kind, at, length in _chunks(path, data):
-        if header is None:
-            if kind != b"IHDR" or length != 13:
-                raise BadInput(path, "first chunk", found=repr(kind), expected="IHDR")
-            header = _header(path, data, at)
-    assert header is not None
-    return header
-
-
-def _chunks(path: Path | str, data: bytes) -> Iterator[tuple[bytes, int, int]]:
-    """Kind, place and length of each chunk's data, up to IEND. Raises BadInput for a damaged one."""
-    at, kind = 8, b""
-    while kind != b"IEND":
-        if at + 12 > len(data):
-            raise BadInput(
-                path,
-                "length",
-                found=f"{len(data)} bytes, cut off",
-                expected="a whole PNG, up to its IEND chunk",
-            )
-        (length,) = struct.unpack_from(">I", data, at)
-        kind = data[at + 4 : at + 8]
-        end = at + 12 + length
-        if end > len(data):
-            raise BadInput(
-                path,
-                f"chunk {kind!r}",
-                found=f"{len(data)} bytes, cut off",
-                expected=f"{end} bytes or more",
-            )
-        (crc,) = struct.unpack_from(">I", data, end - 4)
-        if zlib.crc32(data[at + 4 : end - 4]) != crc:
-            raise BadInput(
-                path, f"chunk {kind!r}", found="a wrong checksum", expected="an undamaged PNG"
-            )
-        yield kind, at + 8, length
-        at = end
-
-
-def _check_size(path: Path | str, width: int, height: int) -> None:
-    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= MAX_PIXELS):
-        expected = f"1 to {MAX_SIDE} pixels a side, at most {MAX_PIXELS} in all"
-        raise BadInput(path, "size", found=f"{width}x{height}", expected=expected)
-
-
-def _header(path: Path | str, data: bytes, at: int) -> Png:
-    width, height, bits, color, _, _, interlaced = struct.unpack_from(">IIBBBBB", data, at)
-    _check_size(path, width, height)
-    if color not in CHANNELS:
-        raise BadInput(path, "color type", found=str(color), expected="one that PNG knows")
-    decoded, stored = CHANNELS[color]
-    return Png(width, height, bits, decoded, stored, bool(interlaced))
-
-
 def decode_png(path: Path) -> UInt8[np.ndarray, "h w ..."]:
     """The checked image as stored: (h, w, 3) RGB or (h, w) grey, uint8; transparency is dropped. Raises BadInput."""
-    return _png_pixels(path, read_bytes(path))
-
-
-def _png_pixels(where: Path | str, data: bytes) -> UInt8[np.ndarray, "h w ..."]:
-    header = check_png(where, data)
-    if header.bits > 8:
-        raise BadInput(where, "bit depth", found=f"{header.bits} bits", expected="8 bits a channel")
-    _check_pixels(where, data, header)
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise BadInput(where, "image data", found="undecodable data", expected="a PNG image")
-    if image.ndim == 2:
-        return image
-    return np.ascontiguousarray(image[..., 2::-1] if image.shape[2] >= 3 else image[..., 0])
-
-
-def _check_pixels(path: Path | str, data: bytes, header: Png) -> None:
-    """That the compressed pixels are as many as the header says, before a decoder complains in its own words."""
-    if header.interlaced or header.bits != 8:
-        return  # rows are packed otherwise; the decoder judges
-    wanted = header.height * (1 + header.width * header.stored)
-    packed = b"".join(data[at : at + n] for kind, at, n in _chunks(path, data) if kind == b"IDAT")
-    try:
-        found = len(zlib.decompressobj().decompress(packed, wanted + 1))
-    except zlib.error:
-        found = -1
-    if found != wanted:
-        count = "damaged pixels" if found < 0 else f"{found} bytes of pixels"
-        raise BadInput(path, "image data", found=count, expected=f"{wanted} bytes")
+    return png.decode(path, read_bytes(path))
 
 
 def check_jpeg(path: Path | str, data: bytes) -> tuple[int, int]:
@@ -198,7 +87,7 @@ def check_jpeg(path: Path | str, data: bytes) -> tuple[int, int]:
             continue
         if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
             height, width = struct.unpack_from(">HH", data, at + 5)
-            _check_size(path, width, height)
+            png.check_size(path, width, height)
             return width, height
         at += 2 + length
     raise BadInput(path, "frame header", found="none", expected="a JPEG with a size")
@@ -211,7 +100,7 @@ def decode_image(where: Path | str, data: bytes | None = None) -> UInt8[np.ndarr
     """
     data = read_bytes(Path(where)) if data is None else data
     if data[:2] != b"\xff\xd8":
-        return _png_pixels(where, data)
+        return png.decode(where, data)
     check_jpeg(where, data)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
@@ -223,7 +112,7 @@ def check_image(where: Path | str, data: bytes) -> tuple[int, int]:
     """Width and height of a whole PNG or JPEG. Raises BadInput."""
     if data[:2] == b"\xff\xd8":
         return check_jpeg(where, data)
-    if data[: len(PNG_SIGNATURE)] != PNG_SIGNATURE:
+    if data[: len(png.SIGNATURE)] != png.SIGNATURE:
         raise BadInput(where, "signature", found=repr(data[:8]), expected="a PNG or a JPEG")
     header = check_png(where, data)
     return header.width, header.height
@@ -237,21 +126,6 @@ def encode_jpeg(image: UInt8[np.ndarray, "h w 3"]) -> bytes:
         cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
     ]  # fmt: skip
     done, data = cv2.imencode(".jpg", np.ascontiguousarray(image[..., ::-1]), options)
-    if not done:
-        raise ValueError(f"cannot encode an image of shape {image.shape}, {image.dtype}")
-    return data.tobytes()
-
-
-def encode_png(image: UInt8[np.ndarray, "h w ..."], level: int = 3) -> bytes:
-    """PNG bytes of an RGB or single-channel uint8 image; the same pixels give the same bytes.
-
-    `level` of compression: 0 (none, for what is read again at once) to 9.
-    """
-    if image.ndim == 3:
-        image = image[..., ::-1]
-    done, data = cv2.imencode(
-        ".png", np.ascontiguousarray(image), [cv2.IMWRITE_PNG_COMPRESSION, level]
-    )
     if not done:
         raise ValueError(f"cannot encode an image of shape {image.shape}, {image.dtype}")
     return data.tobytes()

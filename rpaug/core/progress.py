@@ -4,6 +4,7 @@ Work tells a log and need not know who shows it. Workers send what they are told
 """
 
 import logging
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -16,6 +17,7 @@ COPY = "copy written"
 FINISHED = "finished"
 """The stage after which nothing more comes of an episode."""
 
+EVERY = 0.2  # seconds
 LOG = logging.getLogger("rpaug.progress")
 LOG.propagate = False  # thousands of lines: for those alone who listen here
 
@@ -41,6 +43,20 @@ def heard(listen: Callable[[Told], None]) -> Iterator[None]:
     finally:
         LOG.removeHandler(handler)
         LOG.setLevel(level)
+
+
+def seldom(listen: Callable[[Told], None]) -> Callable[[Told], None]:
+    """Listens as `listen` does, but to a stage that goes on only a few times a second: frames are many."""
+    last: tuple[Any, float] = None, 0.0
+
+    def hear(told: Told) -> None:
+        nonlocal last
+        about, now = (told["key"], told["stage"]), time.monotonic()
+        if about != last[0] or told["done"] == told["total"] or now - last[1] >= EVERY:
+            last = about, now
+            listen(told)
+
+    return hear
 
 
 class _Listener(logging.Handler):

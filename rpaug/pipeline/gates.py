@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from rpaug.compose import views
 from rpaug.core import color_space
-from rpaug.core.pixels import grown
+from rpaug.core.pixels import differing, grown
 from rpaug.core.types import CameraView, Episode, Scene
 from rpaug.scene.lighting import albedo
 from rpaug.scene.tracking import agreement
@@ -146,7 +146,7 @@ def beyond(
     reach = np.zeros(before.shape[:2], bool) if ids is None else np.isin(ids, list(instance_ids))
     if scene.antialiased:
         reach = grown(reach, 1)
-    return int(((before != after).any(-1) & ~reach).sum())
+    return int(np.count_nonzero(differing(before, after) & ~reach))
 
 
 def _moments(length: int) -> list[int]:

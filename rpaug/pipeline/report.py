@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Int32, UInt8
 
+from rpaug.core.pixels import differing
 from rpaug.core.version import __version__
 
 NAME = "rpaug.json"
@@ -53,7 +54,7 @@ class Tally:
     ) -> None:
         """Count the pixels of one frame whose color changed, once however often it is rendered, and add up the
         thread seconds."""
-        differs = int((before != after).any(-1).sum())
+        differs = int(np.count_nonzero(differing(before, after)))
         with self.lock:
             self.seconds += seconds
             self.changed[camera, t] = differs

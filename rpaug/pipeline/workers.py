@@ -202,7 +202,7 @@ def _serve(connection: Connection) -> None:
         os._exit(1)
 
     threading.Thread(target=end, daemon=True).start()
-    with progress.heard(connection.send):
+    with progress.heard(progress.seldom(connection.send)):
         while True:
             connection.send(attempt(connection.recv()))
 

@@ -35,3 +35,10 @@ def test_filled_keeps_what_is_known_in_any_shape_and_type():
     np.testing.assert_array_equal(out[known], colors[known])
     np.testing.assert_array_equal(out[0, 0], colors[1, 1])
     np.testing.assert_array_equal(pixels.filled(colors[..., 0], known, 3)[3, 5], colors[2, 4, 0])
+
+
+def test_differing_and_brightest_are_numpy_s_own():
+    rng = np.random.default_rng(0)
+    one, other = rng.integers(0, 3, (2, 9, 11, 3), np.uint8)
+    assert np.array_equal(pixels.differing(one, other), (one != other).any(-1))
+    assert np.array_equal(pixels.brightest(one), one.max(-1))

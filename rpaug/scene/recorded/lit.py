@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
-from rpaug.core import memo, sampling
+from rpaug.core import memo, pixels, sampling
 from rpaug.core.types import Episode
 
 FRAMES = 48
@@ -71,7 +71,7 @@ def share(
 
 
 def _brightest(rgb: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w"]:
-    return rgb.max(2).astype(np.float32) / np.float32(255)
+    return pixels.brightest(rgb).astype(np.float32) / np.float32(255)
 
 
 def _inside(ids: Int32[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

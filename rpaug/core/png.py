@@ -1,0 +1,209 @@
+"""PNG files: checked whole, inflated once, their rows unfiltered here; written with what costs least for its bytes.
+
+Kinds, chunks and filters are those of the PNG specification (W3C, third edition), sections 5, 9 and 11.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from rpaug.core.errors import BadInput
+from rpaug.core.jit import kernel
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+CHANNELS = {
+    0: (1, 1),
+    2: (3, 3),
+    3: (3, 1),
+    4: (1, 2),
+    6: (3, 4),
+}  # by color type: decoded, stored
+MAX_SIDE = 16384  # pixels: a larger header is taken for damage, before anything is allocated
+MAX_PIXELS = 2**26  # of an image: twice what 8K video has; an episode keeps some as 64-bit numbers
+WRITTEN = [
+    cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE,
+    cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_PAETH,
+]  # fmt: skip
+"""How images are packed: half the time of zlib's level 3 at no more bytes (docs/why/png.md)."""
+
+
+@dataclass(frozen=True)
+class Png:
+    """A PNG's header: size in pixels, bits a channel, channels as they decode (palettes have 3)."""
+
+    width: int
+    height: int
+    bits: int
+    channels: int
+    stored: int  # samples a pixel in the file: a palette's index is one
+    interlaced: bool
+
+    @property
+    def plain(self) -> bool:
+        """Whether rows are bytes of samples, one after the other."""
+        return self.bits == 8 and not self.interlaced
+
+
+def check(path: Path | str, data: bytes) -> Png:
+    """The header of a PNG whose chunks are all there and whole (section 5).
+
+    OpenCV decodes a cut-off file into a half-grey picture without a word, so lengths and CRCs are checked here.
+    Raises BadInput.
+    """
+    if data[:8] != SIGNATURE:
+        raise BadInput(path, "signature", found=repr(data[:8]), expected="a PNG file")
+    header = None
+    for kind, at, length in _chunks(path, data):
+        if header is None:
+            if kind != b"IHDR" or length != 13:
+                raise BadInput(path, "first chunk", found=repr(kind), expected="IHDR")
+            header = _header(path, data, at)
+    assert header is not None
+    return header
+
+
+def _chunks(path: Path | str, data: bytes) -> Iterator[tuple[bytes, int, int]]:
+    """Kind, place and length of each chunk's data, up to IEND. Raises BadInput for a damaged one."""
+    at, kind = 8, b""
+    while kind != b"IEND":
+        if at + 12 > len(data):
+            raise BadInput(
+                path,
+                "length",
+                found=f"{len(data)} bytes, cut off",
+                expected="a whole PNG, up to its IEND chunk",
+            )
+        (length,) = struct.unpack_from(">I", data, at)
+        kind = data[at + 4 : at + 8]
+        end = at + 12 + length
+        if end > len(data):
+            raise BadInput(
+                path,
+                f"chunk {kind!r}",
+                found=f"{len(data)} bytes, cut off",
+                expected=f"{end} bytes or more",
+            )
+        (crc,) = struct.unpack_from(">I", data, end - 4)
+        if zlib.crc32(data[at + 4 : end - 4]) != crc:
+            raise BadInput(
+                path, f"chunk {kind!r}", found="a wrong checksum", expected="an undamaged PNG"
+            )
+        yield kind, at + 8, length
+        at = end
+
+
+def check_size(path: Path | str, width: int, height: int) -> None:
+    """That an image is of a size that is taken for one, before anything is allocated for it. Raises BadInput."""
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and width * height <= MAX_PIXELS):
+        expected = f"1 to {MAX_SIDE} pixels a side, at most {MAX_PIXELS} in all"
+        raise BadInput(path, "size", found=f"{width}x{height}", expected=expected)
+
+
+def _header(path: Path | str, data: bytes, at: int) -> Png:
+    width, height, bits, color, _, _, interlaced = struct.unpack_from(">IIBBBBB", data, at)
+    check_size(path, width, height)
+    if color not in CHANNELS:
+        raise BadInput(path, "color type", found=str(color), expected="one that PNG knows")
+    decoded, stored = CHANNELS[color]
+    return Png(width, height, bits, decoded, stored, bool(interlaced))
+
+
+def decode(where: Path | str, data: bytes) -> UInt8[np.ndarray, "h w ..."]:
+    """The checked image as stored: (h, w, 3) RGB or (h, w) grey, uint8; transparency is dropped. Raises BadInput."""
+    header = check(where, data)
+    if header.bits > 8:
+        raise BadInput(where, "bit depth", found=f"{header.bits} bits", expected="8 bits a channel")
+    rows = _inflated(where, data, header) if header.plain else b""
+    image = (
+        _unfiltered(where, rows, header) if header.plain and header.channels <= header.stored else
+        _by_opencv(where, data)
+    )  # fmt: skip
+    if header.channels == 1:
+        return image if image.ndim == 2 else np.ascontiguousarray(image[..., 0])
+    return image if image.shape[2] == 3 else np.ascontiguousarray(image[..., :3])
+
+
+def _inflated(path: Path | str, data: bytes, header: Png) -> bytes:
+    """The filtered rows, as many as the header says. Raises BadInput."""
+    wanted = header.height * (1 + header.width * header.stored)
+    packed = b"".join(data[at : at + n] for kind, at, n in _chunks(path, data) if kind == b"IDAT")
+    try:
+        rows = zlib.decompressobj().decompress(packed, wanted + 1)
+    except zlib.error:
+        raise BadInput(
+            path, "image data", found="damaged pixels", expected=f"{wanted} bytes"
+        ) from None
+    if len(rows) != wanted:
+        found = f"{len(rows)} bytes of pixels"
+        raise BadInput(path, "image data", found=found, expected=f"{wanted} bytes")
+    return rows
+
+
+def _unfiltered(path: Path | str, rows: bytes, header: Png) -> UInt8[np.ndarray, "h w ..."]:
+    width = header.width * header.stored
+    image = np.empty((header.height, width), np.uint8)
+    if not _unfilter(np.frombuffer(rows, np.uint8), header.stored, image):
+        raise BadInput(
+            path, "image data", found="undecodable data", expected="rows of filters 0 to 4"
+        )
+    shape = (header.height, header.width, header.stored)
+    return image if header.stored == 1 else image.reshape(shape)
+
+
+@kernel
+def _unfilter(rows: UInt8[np.ndarray, "n"], step: int, image: UInt8[np.ndarray, "h w"]) -> bool:
+    """Fill the `image`, whose rows are bytes, from `rows`, each of a filter's number and as many bytes.
+
+    `step` is the bytes of a pixel: a filter foretells a byte from those of the pixels before, above and both. False
+    if a row has a number that is no filter's.
+    """
+    height, width = image.shape
+    for y in range(height):
+        at = y * (width + 1)
+        kind = rows[at]
+        if kind > 4:
+            return False
+        for x in range(width):
+            left = np.int64(image[y, x - step]) if x >= step else np.int64(0)
+            up = np.int64(image[y - 1, x]) if y else np.int64(0)
+            guess = np.int64(0)
+            if kind == 1:
+                guess = left
+            elif kind == 2:
+                guess = up
+            elif kind == 3:
+                guess = (left + up) >> 1
+            elif kind == 4:
+                corner = np.int64(image[y - 1, x - step]) if y and x >= step else np.int64(0)
+                a, b, c = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
+                guess = left if a <= b and a <= c else up if b <= c else corner
+            image[y, x] = np.uint8((rows[at + 1 + x] + guess) & 255)
+    return True
+
+
+def _by_opencv(where: Path | str, data: bytes) -> UInt8[np.ndarray, "h w ..."]:
+    """Palettes, interlaced images and rows of single bits."""
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise BadInput(where, "image data", found="undecodable data", expected="a PNG image")
+    return image if image.ndim == 2 else np.ascontiguousarray(image[..., 2::-1])
+
+
+def encode(image: UInt8[np.ndarray, "h w ..."], level: int = 1) -> bytes:
+    """PNG bytes of an RGB or single-channel uint8 image; the same pixels give the same bytes.
+
+    A `level` of 0 packs nothing, for what is read again at once.
+    """
+    if image.ndim == 3:
+        image = image[..., ::-1]
+    options = [cv2.IMWRITE_PNG_COMPRESSION, level, *(WRITTEN if level else ())]
+    done, data = cv2.imencode(".png", np.ascontiguousarray(image), options)
+    if not done:
+        raise ValueError(f"cannot encode an image of shape {image.shape}, {image.dtype}")
+    return data.tobytes()
