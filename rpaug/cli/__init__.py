@@ -32,6 +32,10 @@ COMMANDS = {
         "preview",
         "Show recorded and edited images side by side in the browser, before any copy is written.",
     ),
+    "view": (
+        "view",
+        "Show an episode, a copy of it, or a store's fitted scene in space: what cameras see, where they stand.",
+    ),
     "init": (
         "init",
         "Write a first recipe for a dataset, with comments: what one of its episodes has something for.",

@@ -50,10 +50,15 @@ class Session:
         """What `inspect` says of it."""
         return inspect.inspect(self.episode, roles=settled.read(self.root))
 
+    @property
+    def names(self) -> dict[int, tuple[str, tuple[int, int, int]]]:
+        """Name and color of each instance."""
+        return labels(self.found[1])
+
     def describe(self) -> dict[str, Any]:
         """What a page says of the episode itself."""
         described, rows, seen = self.found
-        names = labels(rows)
+        names = self.names
         return {
             "key": self.episode.key,
             "instruction": self.episode.instruction,
@@ -81,6 +86,10 @@ class Session:
         scene, made, kept = self._scenes[name]
         return PreparedEpisode(scene, made if recipe.accuracy else wanted, recipe, kept)
 
+    def made(self, recipe: Recipe, copy: int, judged: bool) -> Made:
+        """Copy number `copy`, judged over all frames as a run does, or not. Raises RpaugError."""
+        return draw_copy(self.prepared(recipe), copy, _rendered if judged else (lambda _: ()))
+
     def before(self, frames: Sequence[int]) -> Images:
         """The recorded images."""
         views = self.found[2].views
@@ -93,8 +102,7 @@ class Session:
 
         `judged` measures the gates over all frames, as a run does, and draws again where they fail. Raises RpaugError.
         """
-        prepared = self.prepared(recipe)
-        made = draw_copy(prepared, copy, _rendered if judged else (lambda _: ()))
+        made = self.made(recipe, copy, judged)
         numbers = self._numbers(made, frames)
         views = made.recorded.views
         return {
@@ -116,7 +124,7 @@ class Session:
             if view.ids is not None:
                 for t in frames:
                     seen |= set(np.unique(view.ids(t)).tolist())
-        added = sorted(_new(made) & seen)
+        added = sorted(added_ids(made) & seen)
         return {one: number for number, one in enumerate((*known, *added), 1) if number < 256}
 
     def _added(self, made: Made, numbers: Mapping[int, int]) -> list[dict[str, Any]]:
@@ -128,11 +136,11 @@ class Session:
         return [
             {"id": one, "name": names.get(one, f"new {one}"), "color": color_of(number, "")}
             for one, number in numbers.items()
-            if one in _new(made)
+            if one in added_ids(made)
         ]
 
 
-def _new(made: Made) -> set[int]:
+def added_ids(made: Made) -> set[int]:
     """Ids of what edits brought in."""
     return {
         one
