@@ -92,7 +92,9 @@ def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Sum
         elif outcome.error and outcome.job.copies:  # who borrows from it says so too
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
-    held = journal.read(run.target) if todo else held
+    if todo:
+        del todo, done, held  # large in a large run; the journal says now all that is needed
+        held = journal.read(run.target)
     if held.made or run.shard:
         finish(run, held, summary)
     elif made_folders:

@@ -21,6 +21,7 @@ from runs import GROUP, augment, contents
 from rpaug.core import files, owner
 from rpaug.core.errors import BadInput
 from rpaug.core.files import decode_png, encode_png
+from rpaug.pages import contact
 from rpaug.pipeline import journal, recipe, report, workers, write
 from rpaug.pipeline.augment import Run, execute
 from rpaug.pipeline.job import Job
@@ -378,13 +379,15 @@ def test_a_name_is_nothing_but_text_in_card_and_pages(template: Path, tmp_path: 
     evil = tmp_path / "ds<script>alert(1)<\x1b[31m|`q`"
     shutil.copytree(template, evil)
     write_to = f"{GROUP}/episode0/variation_descriptions.pkl"
-    (evil / write_to).write_bytes(dump(["push <script>alert(2)</script>"]))
+    (evil / write_to).write_bytes(dump(["push <script>alert(2)</script>\x1b[31m"]))
     augment(evil, made(copies=1, edits=[{"op": "light_color"}]), tmp_path / "out")
     text = (tmp_path / "out/README.md").read_text()
     assert "\x1b" not in text
     assert "<script>" not in text.split("---")[2]
-    for page in (tmp_path / "out").glob("*.html"):
-        assert "<script>alert" not in page.read_text()
+    page = contact.write(RLBench(), evil, tmp_path / "out").read_text()
+    assert r"push &lt;script&gt;alert(2)&lt;/script&gt;\x1b[31m" in page
+    assert "\x1b" not in page
+    assert "<script>alert" not in page
 
 
 def test_one_run_at_a_time_writes_to_a_folder(template: Path, tmp_path: Path) -> None:
