@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 TORCH ?= torch==2.13.0
 BIN := $(VENV)/bin
 
-.PHONY: demo test check unit wheel test-gpu readers test-readers test-tfds test-lerobot test-llm clean
+.PHONY: demo test check unit wheel test-gpu readers test-readers test-tfds test-lerobot test-llm test-ray clean
 .DEFAULT_GOAL := test
 
 $(VENV)/.installed: pyproject.toml
@@ -53,6 +53,10 @@ test-tfds: $(VENV)/.installed
 
 test-lerobot: $(VENV)/.installed
 	$(BIN)/python -m pytest tests/readers/test_lerobot_reader.py tests/readers/test_lerobot_v21_readers.py
+
+test-ray: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[cluster]"
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/pipeline/test_cluster.py
 
 clean:
 	rm -rf $(VENV) build dist demo-output *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -128,7 +128,7 @@ def _described(
     given: dict[str, Any] = (
         fresh.described(episode) if recorded is None else recorded.info.given | tables.EMPTY
     )
-    given = tables.in_version(given, version) if version else given
+    given = tables.in_version(given, version or given["codebase_version"])
     if not (folder / INFO).is_file():
         rate, features = float(given["fps"]), given["features"]
         return Info(folder, given, rate, features, {})

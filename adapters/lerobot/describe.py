@@ -35,11 +35,11 @@ def episodes(
 
 
 def low_dimensional(about: Info, work: Path) -> None:
-    """The statistics that GR00T's loader wants."""
+    """The statistics that GR00T's loader wants, of the tables that are in their place."""
     found = {}
     for key, feature in about.features.items():
         if "float" in feature["dtype"] and len(feature["shape"]) == 1:
-            found[key] = stats.low_dimensional(_column(work, key))
+            found[key] = stats.low_dimensional(_column(about.folder, key))
     files.write_atomic(work / STATS, json.dumps(found, indent=4).encode())
 
 

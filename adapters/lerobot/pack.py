@@ -1,29 +1,22 @@
 """Gathering a LeRobot dataset's episodes into its shared files: tables, videos, words, statistics, description.
 
-One episode is in memory at a time. Everything is written beside the old files and renamed at the end, the description
-last; until then the episodes' own folders stay. Killed at any point, the next `pack` comes to the same bytes.
+One episode is in memory at a time. A table takes its place as soon as it is whole, all else at the end, the description
+last; what is gathered until then can be brought back (`staged`). Killed at any point, the next `pack` comes to the same
+bytes.
 """
 
 import json
 import os
 import shutil
-from collections.abc import Collection, Hashable, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from rpaug_adapters.lerobot import describe, stats, tables, words
-from rpaug_adapters.lerobot.read import (
-    decode_images,
-    encoded,
-    is_depth,
-    lent,
-    own_video,
-    read_episode,
-    read_row,
-)
+from rpaug_adapters.lerobot import describe, pack_tables, staged, tables, words
+from rpaug_adapters.lerobot.pack_tables import Files
+from rpaug_adapters.lerobot.read import is_depth, lent, own_video, read_episode
 from rpaug_adapters.lerobot.tables import (
     DATA_PATH,
     EMPTY,
@@ -39,15 +32,13 @@ from rpaug_adapters.lerobot.tables import (
     Info,
     filled,
 )
-from rpaug_adapters.lerobot.write import link, taken_out, with_column, write_episode
-from rpaug_adapters.shared import video
-from rpaug_adapters.shared.folders import drop_staged, staged, ungathered
+from rpaug_adapters.lerobot.write import link, taken_out, write_episode
+from rpaug_adapters.shared import folders, video
 
 from rpaug import BadInput, files
 
-MIB = 2**20
-HUGGING_FACE = b"huggingface"  # key of a table's metadata
-SHARED = ("meta/episodes", "data", "videos")
+MOVED = ("meta/episodes", "videos")  # to their places when all is gathered
+SHARED = (*MOVED, "data")
 OWN = (
     STAGED,
     STATISTICS,
@@ -57,32 +48,29 @@ OWN = (
 )  # of an episode's folder: what the shared files hold
 
 
-Words = dict[str, dict[str, int]]  # numbers of tasks, and of subtasks, by their words
-
-
 def pack(folder: Path, like: Path) -> None:
     """Gather what is in episodes' own folders, with what was gathered before, and describe it all. Words keep the
     numbers that they have here, or in the dataset `like` that the episodes are of."""
     about = tables.info(folder)
-    if ungathered(folder, STAGED, {split: len(span) for split, span in about.splits.items()}):
-        about = _pack(about, like)
-    drop_staged(folder, about.splits, OWN)
+    if folders.ungathered(
+        folder, STAGED, {split: len(span) for split, span in about.splits.items()}
+    ):
+        about = _pack(folder, like)
+    folders.drop_staged(folder, about.splits, OWN)
 
 
-def _pack(about: Info, like: Path) -> Info:
+def _pack(folder: Path, like: Path) -> Info:
     """Gather what is staged, some of which the shared files lack."""
-    folder = about.folder
-    _scatter(about)
+    _scatter(folder, None)
     work = folder / f".gathered{files.PART}"
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir()
     try:
-        given = _gather(about, work, like)
+        given = _gather(tables.info(folder), work, like)
         for path in work.rglob("*"):
             if path.is_file():
                 files.flush(path)
-        for name in SHARED:
-            shutil.rmtree(folder / name, ignore_errors=True)
+        for name in MOVED:
             if (work / name).is_dir():
                 (folder / name).parent.mkdir(exist_ok=True)
                 os.replace(work / name, folder / name)
@@ -98,20 +86,52 @@ def _pack(about: Info, like: Path) -> Info:
 def scatter(folder: Path, spoilt: Collection[Path]) -> None:
     """Every episode into a folder of its own, and none in shared files: what lies in `spoilt` ones is left out, and
     what cannot be read. Words keep their numbers."""
+    _scatter(folder, spoilt)
+
+
+def _scatter(folder: Path, spoilt: Collection[Path] | None) -> None:
+    """As `scatter`, file by file, each of which is removed then. Without `spoilt` nothing is left out: raises BadInput
+    for what cannot be read."""
     about = tables.info(folder)
-    for split, number in _gathered(about):
-        with suppress(BadInput):
-            _take_out(about, split, number, spoilt)
-    emptied = json.dumps(about.given | EMPTY, indent=4, ensure_ascii=False).encode()
-    files.write_atomic(folder / INFO, emptied, durable=True)
+    lost = () if spoilt is None else (BadInput,)
+    for path, episodes in _by_file(about, lost).items():
+        for split, number in episodes:
+            own = folder / split / str(number)
+            try:
+                if (own / STAGED).exists():
+                    staged.write(staged.read(own), own)
+                else:
+                    _take_out(about, split, number, spoilt or ())
+            except lost:
+                (own / STAGED).unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
+    emptied = about.given | EMPTY | {"splits": dict.fromkeys(about.splits, "0:0")}
+    data = json.dumps(emptied, indent=4, ensure_ascii=False).encode()
+    files.write_atomic(folder / INFO, data, durable=True)
     for name in SHARED:
         shutil.rmtree(folder / name, ignore_errors=True)
 
 
-def _scatter(about: Info) -> None:
-    """Back to a folder an episode: a finished output is to grow."""
+def _by_file(about: Info, lost: tuple[type[BadInput], ...]) -> dict[Path, list[tuple[str, int]]]:
+    """The files of frames, each with the episodes that lie there and, whole, nowhere else. Those of which none can be
+    found are left out where such an error is `lost`; else raises BadInput."""
+    found: dict[Path, list[tuple[str, int]]] = {}
+    if not (about.folder / "data").is_dir():
+        return found
+    for split, own in _own(about.folder):
+        with suppress(*lost):
+            if path := staged.lender(own):
+                found.setdefault(path, []).append((split, int(own.name)))
     for split, number in _gathered(about):
-        _take_out(about, split, number, ())
+        with suppress(*lost):
+            found.setdefault(_data_file(about, split, number), []).append((split, number))
+    return found
+
+
+def _data_file(about: Info, split: str, number: int) -> Path:
+    """The file with an episode's rows. Raises BadInput."""
+    at = about.splits[split][number]
+    return about.path(at, {} if about.old else tables.episode(about.folder, at), "data")
 
 
 def _gathered(about: Info) -> Iterator[tuple[str, int]]:
@@ -132,30 +152,12 @@ def _take_out(about: Info, split: str, number: int, spoilt: Collection[Path]) ->
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
     write_episode(episode, episode.source, about, work)
+    for path in work.iterdir():
+        files.flush(path)
     target.mkdir(exist_ok=True)
     for path in sorted(work.iterdir(), key=lambda path: path.name == STAGED):
         os.replace(path, target / path.name)  # the table last: it makes the episode
     shutil.rmtree(work)  # a file that is there already, by another name, is not moved
-
-
-class _Files:
-    """The file that each episode goes into: one grows for each kind, a new one where it would get larger than told."""
-
-    def __init__(self, most: Any, chunk: int) -> None:
-        usable = isinstance(most, (int, float)) and most > 0
-        self.most = float(most) * MIB if usable else 100 * MIB
-        self.chunk = chunk
-        self.begun = 0
-        self.growing: dict[Hashable, tuple[int, float]] = {}  # number and size, by kind
-
-    def place(self, size: float, kind: Hashable = None) -> dict[str, int]:
-        """Where that many bytes more of a kind go."""
-        number, held = self.growing.get(kind, (-1, 0.0))
-        if number < 0 or held + size > self.most:
-            number, held = self.begun, 0.0
-            self.begun += 1
-        self.growing[kind] = number, held + size
-        return {"chunk_index": number // self.chunk, "file_index": number % self.chunk}
 
 
 def _gather(about: Info, work: Path, like: Path) -> dict[str, Any]:
@@ -166,13 +168,7 @@ def _gather(about: Info, work: Path, like: Path) -> dict[str, Any]:
         "subtask": _known(about.folder, like, SUBTASKS),
     }
     rows: list[dict[str, Any]] = []
-    counts = _tables(about, work, own, spoken, rows)
-    for number, (_, path) in enumerate(own):
-        if keys := encoded(path):  # what was recorded is not decoded again
-            file = work / _data_path(about, number, rows[number])
-            held = tables.table(file, ["episode_index", *keys], number)
-            for key in keys:
-                decode_images(f"{file}: episode {number}", held, key)
+    counts = pack_tables.gather(about, work, own, spoken, rows)
     for key in about.of_kind("video"):
         (_own_videos if about.old else _videos)(about, work, own, key, rows)
     counted = [
@@ -226,101 +222,10 @@ def _paths(about: Info, episodes: int) -> dict[str, Any]:
 
 def _own(folder: Path) -> Iterator[tuple[str, Path]]:
     """Split and folder of each episode, splits as they were told first."""
-    known, found = list(tables.info(folder).splits), staged(folder, STAGED)
+    known, found = list(tables.info(folder).splits), folders.staged(folder, STAGED)
     for split in sorted(found, key=lambda name: known.index(name) if name in known else len(known)):
         for number in found[split]:
             yield split, folder / split / str(number)
-
-
-def _tables(
-    about: Info,
-    work: Path,
-    own: list[tuple[str, Path]],
-    spoken: Words,
-    rows: list[dict[str, Any]],
-) -> list[dict[str, dict[str, Any]]]:
-    """Write the tables of frames, a row group an episode; fills `spoken` and `rows`.
-
-    Returns, by episode, the statistics of the columns that count in the whole dataset.
-    """
-    pa, pq = tables.arrow()
-    shared = _Files(about.given.get("data_files_size_in_mb"), about.chunk)
-    writer, at = None, 0
-    statistics = []
-    for number, (_, path) in enumerate(own):
-        held = tables.table(path / STAGED)
-        texts, length = held["task"].to_pylist(), held.num_rows
-        row = read_row(path)
-        row["tasks"] = list(dict.fromkeys([*words.tasks(row), *texts]))
-        _numbers(row["tasks"], spoken["task"])
-        counted = {
-            "episode_index": [number] * length,
-            "index": list(range(at, at + length)),
-            **_spoken(about, held, spoken),
-        }
-        held = held.drop_columns(["task"])
-        for name, values in counted.items():
-            kind = about.features.get(name, {}).get("dtype", "int64")
-            held = with_column(held, name, pa.array(values, pa.type_for_alias(kind)))
-        place = shared.place((path / STAGED).stat().st_size)
-        row |= {f"data/{name}": value for name, value in place.items()}
-        target = work / _data_path(about, number, row)
-        if not target.exists():
-            if writer is not None:
-                writer.close()
-            target.parent.mkdir(parents=True, exist_ok=True)
-            writer = pq.ParquetWriter(target, _schema(about, held), compression="snappy")
-        assert writer is not None
-        writer.write_table(held.cast(writer.schema))
-        rows.append(
-            {
-                **row,
-                "episode_index": number,
-                "length": length,
-                "dataset_from_index": at,
-                "dataset_to_index": at + length,
-            }
-        )
-        kept = {name: one for name, one in counted.items() if name in about.features}
-        found = stats.plain({name: stats.of_numbers(np.asarray(one)) for name, one in kept.items()})
-        statistics.append(stats.old(found) if about.old else found)
-        at += length
-    if writer is not None:
-        writer.close()
-    return statistics
-
-
-def _schema(about: Info, held: Any) -> Any:
-    """The types of the columns. v2.1's loader tells images by what Hugging Face's library writes beside them."""
-    schema = held.schema
-    images = {key: {"_type": "Image"} for key in about.of_kind("image")}
-    given = schema.metadata or {}
-    if not about.old or not images or HUGGING_FACE in given:
-        return schema
-    stated = json.dumps({"info": {"features": images}}).encode()
-    return schema.with_metadata({**given, HUGGING_FACE: stated})
-
-
-def _data_path(about: Info, number: int, row: dict[str, Any]) -> str:
-    """Where in the dataset an episode's rows go."""
-    if about.old:
-        return about.path(number, {}, "data").relative_to(about.folder).as_posix()
-    return filled(DATA_PATH, {name: row[f"data/{name}"] for name in ("chunk_index", "file_index")})
-
-
-def _spoken(about: Info, held: Any, spoken: Words) -> dict[str, list[int]]:
-    """The columns that number words."""
-    found = {"task_index": _numbers(held["task"].to_pylist(), spoken["task"])}
-    for name in words.columns(about, held):
-        if about.features[name]["dtype"].startswith("int"):
-            kind = "subtask" if name == words.SUBTASK else "task"
-            found[name] = _numbers(held[name].to_pylist(), spoken[kind])
-    return found
-
-
-def _numbers(texts: list[str], known: dict[str, int]) -> list[int]:
-    """The numbers of words; new ones get new numbers."""
-    return [known.setdefault(text, len(known)) for text in texts]
 
 
 def _videos(
@@ -332,7 +237,7 @@ def _videos(
     share a file: a file has one set of parameters, and what was encoded by others cannot be decoded with them. Every
     new file is then decoded whole. Raises BadInput.
     """
-    shared = _Files(about.given.get("video_files_size_in_mb"), about.chunk)
+    shared = Files(about.given.get("video_files_size_in_mb"), about.chunk)
     starts, parts = _parts(about, work, own, key, rows)
     numbers: dict[Path, list[int]] = {}
     for number, part in parts.items():

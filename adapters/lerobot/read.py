@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 from jaxtyping import Float64
-from rpaug_adapters.lerobot import codes, tables, tiff, words
+from rpaug_adapters.lerobot import codes, staged, tables, tiff, words
 from rpaug_adapters.lerobot.codes import Scale
 from rpaug_adapters.lerobot.tables import COUNTED, INFO, LINKED, ROW, STAGED, Info
 from rpaug_adapters.shared import cameras, episodes, video
@@ -141,7 +141,7 @@ def _seconds(path: Path, where: str, start: Any) -> float:
 
 def _staged(about: Info, own: Path) -> Gathered:
     """Rows, words, row and videos of an episode that is not gathered yet."""
-    rows = tables.table(own / STAGED)
+    rows = staged.read(own)
     length = _length(str(own / STAGED), rows, rows.num_rows)
     tasks = tuple(str(text) for text in rows["task"].to_pylist())
     spans = {}

@@ -40,6 +40,7 @@ VERSIONS = ("v3.0", OLD)  # written
 OLD_TOTALS = ("total_videos", "total_chunks")
 OLD_DATA_PATH = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
 OLD_VIDEO_PATH = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
+OLD_PLACES = {"data_path": OLD_DATA_PATH, "video_path": OLD_VIDEO_PATH}
 OLD_TASKS = "meta/tasks.jsonl"
 OLD_EPISODES = "meta/episodes.jsonl"
 OLD_STATISTICS = "meta/episodes_stats.jsonl"
@@ -106,13 +107,16 @@ class Info:
 
 
 def in_version(given: Mapping[str, Any], version: str) -> dict[str, Any]:
-    """A description in another version, in which files have other places. Sizes of files stay, for a way back."""
+    """A description in another version, in which files have other places. Sizes of files stay, for a way back. In the
+    same version files have the places of that version, whatever the recorder called them."""
     if given["codebase_version"].startswith(version[: len(VERSION)]):
-        return dict(given)
+        return dict(given) | {
+            name: place for name, place in OLD_PLACES.items() if version == OLD and given.get(name)
+        }
     kept = {name: value for name, value in given.items() if name not in OLD_TOTALS}
     kept["codebase_version"] = version
     if version == OLD:
-        return kept | {"data_path": OLD_DATA_PATH, "video_path": OLD_VIDEO_PATH}
+        return kept | OLD_PLACES
     sizes = {"data_files_size_in_mb": 100, "video_files_size_in_mb": 200}
     return sizes | kept | {"data_path": DATA_PATH, "video_path": VIDEO_PATH}
 

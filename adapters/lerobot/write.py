@@ -8,9 +8,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from rpaug_adapters.lerobot import codes, fresh, stats, tables, tiff, words
+from rpaug_adapters.lerobot import codes, fresh, staged, stats, tables, tiff, words
 from rpaug_adapters.lerobot.read import LeRobotSource, blobs, is_depth
-from rpaug_adapters.lerobot.tables import COUNTED, LINKED, ROW, STAGED, STATISTICS, Info
+from rpaug_adapters.lerobot.tables import COUNTED, LINKED, ROW, STATISTICS, Info
 from rpaug_adapters.shared import cameras, splice, video
 from rpaug_adapters.shared.images import reencoded
 from rpaug_adapters.shared.texts import read_json
@@ -48,8 +48,7 @@ def write_episode(
         extra = cameras.moved(episode, recorded.views, recorded.beside, recorded.own)
         shown, filmed, said = _videos(episode, recorded, about, work)
         kept = _kept(recorded, about, changed | filmed)
-    pq = tables.arrow()[1]
-    pq.write_table(rows, work / STAGED, compression="snappy")
+    staged.write(rows, work)
     counted = stats.plain(_statistics(episode, about, rows, shown, kept))
     statistics = kept | (stats.old(counted) if about.old else counted)
     (work / STATISTICS).write_text(json.dumps(statistics))

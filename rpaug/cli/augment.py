@@ -2,6 +2,8 @@
 
 import json
 from dataclasses import replace
+from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +27,13 @@ from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
 
 
+class Engine(StrEnum):
+    """What does the jobs of a run."""
+
+    LOCAL = "local"
+    RAY = "ray"
+
+
 # Long: the options of a command are its signature.
 def augment(
     dataset: Dataset,
@@ -34,8 +43,18 @@ def augment(
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; must not exist unless --resume.")],
     workers: Annotated[
-        int, typer.Option(min=1, help="Processes. Any number gives the same output.")
-    ] = 1,
+        int | None,
+        typer.Option(
+            min=1,
+            help="Episodes at once; unset: 1, or the cluster's CPUs. Any number gives the same output.",
+        ),
+    ] = None,
+    engine: Annotated[
+        Engine, typer.Option(help="Where: on this machine, or on a Ray cluster (extra `cluster`).")
+    ] = Engine.LOCAL,
+    address: Annotated[
+        str, typer.Option(help="Of the Ray cluster: `auto`, HOST:PORT, or `local` to start one.")
+    ] = "auto",
     tier: Annotated[
         int,
         typer.Option(
@@ -90,7 +109,8 @@ def augment(
 
     Example: [bold]rpaug augment data/train/open_drawer --recipe recipe.yaml --out augmented --workers 2[/]
     """
-    from rpaug.pipeline import inputs
+    from rpaug.pipeline import cluster, inputs
+    from rpaug.pipeline import workers as local
     from rpaug.pipeline.augment import Run, execute
     from rpaug.pipeline.run import MINUTES, Budget
 
@@ -107,7 +127,14 @@ def augment(
         return _dry_run(run, resume, as_json)
     budget = Budget(most_memory and most_memory * 1e9, most_minutes or MINUTES)
     with progress_bar("augmenting", as_json) as progress:
-        summary = execute(run, workers=workers, budget=budget, resume=resume, progress=progress)
+        summary = execute(
+            run,
+            workers=workers or (1 if engine is Engine.LOCAL else 0),
+            budget=budget,
+            engine=local.run if engine is Engine.LOCAL else partial(cluster.run, address=address),
+            resume=resume,
+            progress=progress,
+        )
     code = summary.exit_code
     described = {**vars(summary), "out": str(out)}
     if summary.copies and shard is None:

@@ -164,9 +164,12 @@ def atomic_folder(target: Path) -> Iterator[Path]:
         raise
 
 
-def natural(key: str) -> list[tuple[int, str]]:
-    """For sorting: numbers in a key count as numbers."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", key)]
+def natural(key: str) -> str:
+    """For sorting: numbers in a key count as numbers. One string a key, since a run sorts hundred thousands of them."""
+    return "\0".join(
+        part if not part.isdecimal() else f"{len(str(int(part))):04d}{int(part)}"
+        for part in re.split(r"(\d+)", key)
+    )
 
 
 def flush(path: Path) -> None:

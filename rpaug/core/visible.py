@@ -13,12 +13,9 @@ MARKS = re.compile(r"([\\`*_\[\]|#~])")
 
 def visible(text: str) -> str:
     """The text with what cannot be seen spelled out, as `\\x1b`; line breaks and tabs stay."""
-    return "".join(
-        char.encode("unicode_escape").decode()
-        if unicodedata.category(char) in INVISIBLE and char not in "\n\t"
-        else char
-        for char in text
-    )
+    unseen = (char for char in {*text} - {*"\n\t"} if unicodedata.category(char) in INVISIBLE)
+    spelled = {ord(char): char.encode("unicode_escape").decode() for char in unseen}
+    return text.translate(spelled) if spelled else text
 
 
 def markdown(text: str) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 from jaxtyping import UInt8
 
+from rpaug.core.visible import visible
 from rpaug.diagnosis import pictures
 from rpaug.diagnosis.evaluation import Evaluation, Rollout
 from rpaug.diagnosis.messages import Cause, Diagnosis
@@ -30,7 +31,7 @@ pre{background:#f5f7f9;padding:.7rem;white-space:pre-wrap}.by{color:#5a6673}
 
 
 def page(diagnosis: Diagnosis, evaluation: Evaluation, reference: Reference | None = None) -> bytes:
-    """The page. Everything that came out of a file is escaped."""
+    """The page. Everything that came out of a file is escaped; what cannot be seen is spelled out."""
     given = html.escape
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>"
@@ -58,7 +59,7 @@ def page(diagnosis: Diagnosis, evaluation: Evaluation, reference: Reference | No
             f"{given(who)}: {given(str(cost))}" for who, cost in diagnosis.usage.items()
         )
         parts.append(f"<h2>Cost</h2><p>{used}</p>")
-    return ("\n".join(parts) + "</html>\n").encode()
+    return visible("\n".join(parts) + "</html>\n").encode()
 
 
 def recipe_file(diagnosis: Diagnosis) -> str:

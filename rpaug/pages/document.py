@@ -11,6 +11,7 @@ from jaxtyping import Bool, Int32, UInt8
 
 from rpaug.core.files import encode_png
 from rpaug.core.pixels import grown
+from rpaug.core.visible import visible
 
 FOLDER = Path(__file__).parent
 QUALITY = 92  # of JPEG; equal blocks are encoded equally, so what did not change looks so
@@ -32,9 +33,10 @@ OTHERS = (
 
 
 def document(title: str, body: str, script: str = "") -> bytes:
-    """The page. `body` is HTML; whoever makes it escapes what came out of files."""
+    """The page. `body` is HTML; whoever makes it escapes the marks of what came out of files. What cannot be seen is
+    spelled out here."""
     style = (FOLDER / "style.css").read_text()
-    return (
+    return visible(
         "<!doctype html><html lang=en><meta charset=utf-8>"
         "<meta name=viewport content='width=device-width,initial-scale=1'>"
         f"<title>{html.escape(title)}</title><style>{style}</style><main>{body}</main>{script}</html>\n"

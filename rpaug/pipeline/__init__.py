@@ -3,6 +3,7 @@
 __all__ = [
     "audit",
     "augment",
+    "cluster",
     "contracts",
     "convert",
     "copies",
@@ -25,4 +26,5 @@ __all__ = [
     "starter",
     "statistics",
     "verify",
+    "workers",
 ]

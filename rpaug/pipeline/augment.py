@@ -3,7 +3,6 @@
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 from rpaug.core import splits
 from rpaug.core.errors import BadInput
@@ -19,6 +18,8 @@ __all__ = ["Run", "Summary", "check", "execute", "finish", "jobs"]
 
 Progress = Callable[[int, int], None]
 Runner = Callable[[Sequence[Job]], Iterator[local.Outcome]]
+Engine = Callable[[Sequence[Job], int, Budget | None], Iterator[local.Outcome]]
+"""Does jobs, so many at once, each within the budget. Whichever does them, the same bytes come out."""
 NO_LOCKS = "this file system knows no locks: another run that writes here is not kept out"
 OF_DATASET = "another dataset, or this one with files that were changed, added or removed since"
 
@@ -55,19 +56,19 @@ def execute(
     *,
     workers: int = 1,
     budget: Budget | None = None,
+    engine: Engine = local.run,
     resume: bool = False,
     progress: Progress = lambda done, total: None,
 ) -> Summary:
-    """Augment a dataset; `budget` is that of each job. Raises BadInput for what is wrong before the first episode.
+    """Augment a dataset; `budget` is that of each job, `engine` does them: on this machine, or on a cluster's. Raises
+    BadInput for what is wrong before the first episode.
 
     A bad episode among good ones is skipped and named in the summary. Every finished episode appears by one rename,
     so a killed run leaves only whole ones and can be resumed. If nothing could be made, nothing is left behind. While
     it runs the target is its own: another run is refused.
     """
     with owned(run.target) as held:
-        summary = _executed(
-            run, partial(local.run, workers=workers, budget=budget), resume, progress
-        )
+        summary = _executed(run, lambda jobs: engine(jobs, workers, budget), resume, progress)
     if not held:
         summary.warnings[str(run.target)] = [NO_LOCKS]
     return summary
@@ -91,7 +92,9 @@ def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Sum
         elif outcome.error and outcome.job.copies:  # who borrows from it says so too
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
-    held = journal.read(run.target) if todo else held
+    if todo:
+        del todo, done, held  # large in a large run; the journal says now all that is needed
+        held = journal.read(run.target)
     if held.made or run.shard:
         finish(run, held, summary)
     elif made_folders:

@@ -8,6 +8,7 @@ one write. A line that a power cut spoilt or took counts as none, and what it wa
 import json
 import os
 import socket
+import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
@@ -58,7 +59,7 @@ class Journal:
         if "begun" in line:
             self.marker = dict(line["begun"])
         elif "made" in line:
-            seal, given = Seal(**line["seal"]), (line["source"], int(line["copy"]))
+            seal, given = Seal(**line["seal"]), (sys.intern(line["source"]), int(line["copy"]))
             self.made[within, line["made"]] = Noted(*given, seal, line["report"], at)
         elif "gone" in line:
             self.made.pop((within, line["gone"]), None)

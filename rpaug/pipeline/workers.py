@@ -5,7 +5,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_context, parent_process
@@ -55,12 +55,16 @@ class Lost:
     late: bool = False
 
 
+Pool = Callable[[list[Job], list[Lost], bool], Iterator[Outcome]]
+"""Does jobs, each within its budget, and adds those whose worker was lost to a list. The last argument is true for a
+job that is tried once more, alone."""
+
+
 def run(jobs: Sequence[Job], workers: int, budget: Budget | None = None) -> Iterator[Outcome]:
     """Outcomes as they come; after a fatal one no job is started. Output does not depend on `workers`.
 
-    A job whose worker died, or took more memory than its budget, is tried once more, alone, with the memory of all
-    workers unless the budget states some; one that fails again, or took too long, is left out. With one worker and no
-    budget jobs run in this process, without bounds. Workers end with this process, however that ends.
+    With one worker and no budget jobs run in this process, without bounds; else in fresh ones, which end with this
+    process, however that ends.
     """
     if workers <= 1 and budget is None:
         for job in jobs:
@@ -68,25 +72,40 @@ def run(jobs: Sequence[Job], workers: int, budget: Budget | None = None) -> Iter
             if outcome.fatal:
                 return
         return
-    given, fatal, lost = budget or Budget(), False, list[Lost]()
-    with _one_thread_each() if workers > 1 else nullcontext():
-        for outcome in _pooled(list(jobs), workers, _among(given, workers), lost):
-            fatal |= outcome.fatal
-            yield outcome
-        for one in lost:
+    given = budget or Budget()
+
+    def pool(todo: list[Job], lost: list[Lost], alone: bool) -> Iterator[Outcome]:
+        most = 1 if alone else workers
+        return pooled(todo, lost, among(given, most), most)
+
+    with one_thread_each() if workers > 1 else nullcontext():
+        yield from with_second_tries(jobs, pool)
+
+
+def with_second_tries(jobs: Sequence[Job], pool: Pool) -> Iterator[Outcome]:
+    """Outcomes of jobs that a pool does.
+
+    A job whose worker died, or took more memory than its budget, is tried once more, alone, with the memory of all
+    workers unless the budget states some; one that fails again, or took too long, is left out.
+    """
+    fatal, lost = False, list[Lost]()
+    for outcome in pool(list(jobs), lost, False):
+        fatal |= outcome.fatal
+        yield outcome
+    for one in lost:
+        sweep(one.job.target)
+        again = [one] if one.late else list[Lost]()
+        rest = one.job if one.late else left(one.job)
+        if not (fatal or one.late) and (rest.copies or not one.job.copies):
+            for outcome in pool([rest], again, True):
+                fatal |= outcome.fatal
+                yield outcome
             sweep(one.job.target)
-            again = [one] if one.late else list[Lost]()
-            rest = one.job if one.late else left(one.job)
-            if not (fatal or one.late) and (rest.copies or not one.job.copies):
-                for outcome in _pooled([rest], 1, _among(given, 1), again):
-                    fatal |= outcome.fatal
-                    yield outcome
-                sweep(one.job.target)
-            for left_out in again:
-                yield Outcome(one.job, 0, f"{one.job.key}: {left_out.why}")
+        for left_out in again:
+            yield Outcome(one.job, 0, f"{one.job.key}: {left_out.why}")
 
 
-def _among(budget: Budget, workers: int) -> Budget:
+def among(budget: Budget, workers: int) -> Budget:
     """With the memory in numbers. Where none is stated, who works alone gets what all would have."""
     return replace(budget, memory=budget.memory or SHARE * _machine_memory() / workers)
 
@@ -100,7 +119,7 @@ def _machine_memory() -> float:
         return found
 
 
-class _Worker:
+class WorkerProcess:
     """A fresh process that does jobs, one at a time."""
 
     def __init__(self) -> None:
@@ -165,13 +184,21 @@ def _resident(pid: int | None) -> float:
     return float(pages * os.sysconf("SC_PAGE_SIZE"))
 
 
-def _pooled(todo: list[Job], workers: int, budget: Budget, lost: list[Lost]) -> Iterator[Outcome]:
-    """Outcomes of fresh processes; `lost` gets jobs whose worker died or was ended, and another takes its place."""
-    pool: list[_Worker] = []
+def pooled(
+    todo: list[Job],
+    lost: list[Lost],
+    budget: Budget,
+    workers: int,
+    kept: list[WorkerProcess] | None = None,
+) -> Iterator[Outcome]:
+    """Outcomes of fresh processes; `lost` gets jobs whose worker died or was ended, and another takes its place.
+
+    Processes of `kept` are used first and left there idle; without it all are ended."""
+    pool: list[WorkerProcess] = [] if kept is None else kept
     try:
         while todo or any(one.job for one in pool):
             while todo and len(pool) < workers:
-                pool.append(_Worker())
+                pool.append(WorkerProcess())
             for one in pool:
                 if one.job is None and todo:
                     one.begin(todo.pop(0))
@@ -188,7 +215,8 @@ def _pooled(todo: list[Job], workers: int, budget: Budget, lost: list[Lost]) -> 
                         todo.clear()
                     yield told
     finally:
-        for one in pool:
+        for one in [one for one in pool if kept is None or one.job]:
+            pool.remove(one)
             one.end()
 
 
@@ -236,7 +264,7 @@ def attempt(job: Job) -> Outcome:
 
 
 @contextmanager
-def _one_thread_each() -> Iterator[None]:
+def one_thread_each() -> Iterator[None]:
     """Libraries read these variables when a child imports them."""
     before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))

@@ -1,6 +1,7 @@
 """Files that are whole or absent."""
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from rpaug import BadInput
 from rpaug.core.files import (
     atomic_folder,
+    natural,
     read_bytes,
     write_atomic,
 )
@@ -72,3 +74,12 @@ def test_a_file_is_never_half_new(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     with pytest.raises(OSError, match="No space"):
         write_atomic(path, b"newer")
     assert [(one.name, one.read_bytes()) for one in tmp_path.iterdir()] == [("a.json", b"new")]
+
+
+@given(st.lists(st.text("ab/._-9081\u0663", max_size=8), max_size=12))
+def test_numbers_in_keys_count_as_numbers(keys: list[str]) -> None:
+    def parts(key: str) -> list[tuple[int, str]]:
+        found = re.split(r"(\d+)", key)
+        return [(int(part), "") if part.isdecimal() else (-1, part) for part in found]
+
+    assert sorted(keys, key=natural) == sorted(keys, key=parts)

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,11 @@ from runs import GROUP, augment, contents
 from rpaug.core import files, owner
 from rpaug.core.errors import BadInput
 from rpaug.core.files import decode_png, encode_png
-from rpaug.pipeline import journal, recipe, report, write
+from rpaug.pages import contact
+from rpaug.pipeline import journal, recipe, report, workers, write
 from rpaug.pipeline.augment import Run, execute
+from rpaug.pipeline.job import Job
+from rpaug.pipeline.run import Budget
 
 RECIPE = {
     "version": 1,
@@ -285,14 +289,14 @@ def test_workers_end_with_a_killed_run_and_nothing_more_is_written(
     run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while run.poll() is None and not (out / GROUP / "episode1").exists():
         time.sleep(0.01)
-    workers = workers_of(run.pid)
+    at_work = workers_of(run.pid)
     run.send_signal(sent)
     run.wait()
-    assert len(workers) == 2
+    assert len(at_work) == 2
     ends = time.monotonic() + 5
-    while time.monotonic() < ends and any(map(alive, workers)):
+    while time.monotonic() < ends and any(map(alive, at_work)):
         time.sleep(0.05)
-    assert not any(map(alive, workers))
+    assert not any(map(alive, at_work))
     there = RLBench().episodes(out)
     assert len(there) < 12
     augment(many, recipe.load(tmp_path / "r.yaml"), out, resume=True)
@@ -319,6 +323,28 @@ def test_a_killed_worker_costs_nothing_that_can_be_done_again(
     augment(many, recipe.load(tmp_path / "r.yaml"), fresh)
     names = ("rpaug.contact.html",)
     assert {k: v for k, v in contents(out).items() if k not in names} == contents(fresh)
+
+
+def test_numbers_do_not_depend_on_when_an_episode_was_lost(
+    template: Path, dataset: Path, tmp_path: Path
+) -> None:
+    """One that took its workers with it, after all others, and one that cannot be read."""
+
+    def losing(jobs: Sequence[Job], _: int, __: Budget | None) -> Iterator[workers.Outcome]:
+        for job in reversed(jobs):
+            if not job.key.endswith("episode0"):
+                yield workers.attempt(job)
+        yield workers.Outcome(jobs[0], 0, f"{jobs[0].key}: {workers.DIED}")
+
+    found = augment(template, made(), tmp_path / "lost", engine=losing)
+    assert list(found.failures) == [f"{GROUP}/episode0"]
+    image = dataset / GROUP / "episode0/front_rgb/2.png"
+    image.write_bytes(b"")
+    augment(dataset, made(), tmp_path / "unread")
+    card = "README.md"  # names the dataset
+    lost, unread = (contents(tmp_path / name) for name in ("lost", "unread"))
+    assert {**lost, card: b""} == {**unread, card: b""}
+    assert f"{GROUP}/episode1/{report.NAME}" in lost
 
 
 def test_what_cannot_be_read_back_is_taken_back(
@@ -353,13 +379,15 @@ def test_a_name_is_nothing_but_text_in_card_and_pages(template: Path, tmp_path: 
     evil = tmp_path / "ds<script>alert(1)<\x1b[31m|`q`"
     shutil.copytree(template, evil)
     write_to = f"{GROUP}/episode0/variation_descriptions.pkl"
-    (evil / write_to).write_bytes(dump(["push <script>alert(2)</script>"]))
+    (evil / write_to).write_bytes(dump(["push <script>alert(2)</script>\x1b[31m"]))
     augment(evil, made(copies=1, edits=[{"op": "light_color"}]), tmp_path / "out")
     text = (tmp_path / "out/README.md").read_text()
     assert "\x1b" not in text
     assert "<script>" not in text.split("---")[2]
-    for page in (tmp_path / "out").glob("*.html"):
-        assert "<script>alert" not in page.read_text()
+    page = contact.write(RLBench(), evil, tmp_path / "out").read_text()
+    assert r"push &lt;script&gt;alert(2)&lt;/script&gt;\x1b[31m" in page
+    assert "\x1b" not in page
+    assert "<script>alert" not in page
 
 
 def test_one_run_at_a_time_writes_to_a_folder(template: Path, tmp_path: Path) -> None:

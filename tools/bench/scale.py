@@ -1,6 +1,6 @@
 """What a run costs beside its episodes: scheduling, journal, summary, memory, and a finished one gone on with.
 
-    python tools/bench/scale.py [--episodes 100000] [--json FILE]
+    python tools/bench/scale.py [--episodes 100000] [--copies 1] [--json FILE]
 
 Makes that many folders with the layout of RLBench, each an empty observation file, and runs the pipeline over them with
 workers that are played in its process: a copy is a folder with a report and nothing else, noted in the journal. The
@@ -73,14 +73,14 @@ class Played:
             yield Outcome(job, len(job.copies))
 
 
-def gone_through(root: Path, out: Path, resume: bool) -> dict[str, Any]:
+def gone_through(root: Path, out: Path, resume: bool, copies: int) -> dict[str, Any]:
     """Run over all episodes."""
     from rpaug.pipeline import augment, recipe
     from rpaug.pipeline.run import Run
 
     played, start = Played(), time.perf_counter()
     summary = augment._executed(
-        Run(root, recipe.build(RECIPE), out), played, resume, lambda *_: None
+        Run(root, recipe.build(RECIPE | {"copies": copies}), out), played, resume, lambda *_: None
     )
     seconds = time.perf_counter() - start - played.seconds
     return {
@@ -96,19 +96,21 @@ def gone_through(root: Path, out: Path, resume: bool) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--episodes", type=int, default=100_000)
+    parser.add_argument("--copies", type=int, default=1)
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--once", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--once", nargs=4, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.once:
-        root, out, resume = given.once
-        print(json.dumps(gone_through(Path(root), Path(out), resume == "resume")))
+        root, out, resume, copies = given.once
+        print(json.dumps(gone_through(Path(root), Path(out), resume == "resume", int(copies))))
         return
     figures = {}
     with tempfile.TemporaryDirectory() as folder:
         root, out = Path(folder, "in"), Path(folder, "out")
         dataset(root, given.episodes)
         for name in ("fresh", "resume"):
-            command = [sys.executable, __file__, "--once", str(root), str(out), name]
+            told = [str(root), str(out), name, str(given.copies)]
+            command = [sys.executable, __file__, "--once", *told]
             env = os.environ | {"OMP_NUM_THREADS": "1"}
             ran = subprocess.run(command, env=env, check=True, capture_output=True, text=True)
             figures[name] = json.loads(ran.stdout)

@@ -4,6 +4,7 @@ import json
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -137,10 +138,23 @@ def test_nothing_is_dropped_before_all_is_decoded(
     """
     root, out = mixed
     monkeypatch.setattr(video, "stream_format", lambda path: ())
-    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    before = held(out)
     with pytest.raises(BadInput, match=r"video|frame"):
         LeRobot().finish(root, out)
-    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    assert held(out) == before
+    monkeypatch.undo()
+    LeRobot().finish(root, out)
+    assert len(LeRobot().episodes(out)) == 4
+
+
+def held(root: Path) -> dict[str, tuple[Any, list[bytes]]]:
+    """The rows and the images of each episode."""
+    found = {}
+    for key in LeRobot().episodes(root):
+        read = LeRobot().read(root, key)
+        shown = [view.rgb(t).tobytes() for view in read.views.values() for t in range(read.length)]
+        found[key] = read.source.rows.to_pydict(), shown
+    return found
 
 
 @pytest.mark.parametrize("recorder", RECORDERS)
@@ -217,6 +231,80 @@ def test_gathered_videos_lie_there_once(tmp_path: Path, monkeypatch: pytest.Monk
     adapter.finish(root, root)
     assert len(held) == 2  # a camera each
     assert max(held) < 1.6 * staged  # one camera's file beside its parts, never both cameras'
+
+
+def in_tables(root: Path, monkeypatch: pytest.MonkeyPatch, count: int, each: int) -> Path:
+    """A dataset being made whose images lie in the tables, so many episodes, some in a shared file."""
+    lerobot_samples.dataset(root / "like", train=(3,), val=())
+    read = LeRobot().read(root / "like", "toy/train/0")
+    for number in range(count):
+        LeRobot().write(read, root / "out", f"toy/train/{number}", dict)
+    size = (root / "out/toy/train/0" / tables.STAGED).stat().st_size
+    info = root / "out/toy" / tables.INFO
+    given = json.loads(info.read_text()) | {"data_files_size_in_mb": (each + 0.5) * size / 2**20}
+    info.write_text(json.dumps(given))
+    return root / "out"
+
+
+def test_tables_lie_there_once_but_for_one_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = in_tables(tmp_path, monkeypatch, count=12, each=2)
+    size = (out / "toy/train/0" / tables.STAGED).stat().st_size
+    most, replace_ = [0], os.replace
+
+    def replaced(one: Path, other: Path) -> None:
+        replace_(one, other)
+        most.append(sum(path.stat().st_size for path in (out / "toy").rglob("*.parquet")))
+
+    monkeypatch.setattr(os, "replace", replaced)
+    LeRobot().finish(tmp_path / "like", out)
+    assert len(list((out / "toy/data").rglob("*.parquet"))) == 6
+    assert max(most) < 1.4 * 12 * size  # a file of two, and what stays in twelve own tables
+    LeRobot().write(LeRobot().read(out, "toy/train/3"), out, "toy/train/12", dict)
+    most.clear()
+    LeRobot().finish(tmp_path / "like", out)
+    assert max(most) < 1.4 * 13 * size
+
+
+@pytest.mark.parametrize("grown", [False, True])
+def test_killed_anywhere_while_tables_are_gathered(
+    grown: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = in_tables(tmp_path, monkeypatch, count=5, each=2)
+    if grown:
+        LeRobot().finish(tmp_path / "like", out)
+        LeRobot().write(LeRobot().read(out, "toy/train/3"), out, "toy/train/5", dict)
+    every = 1 if "RPAUG_EVERY_POINT" in os.environ else 11
+    found = crashing.points("lerobot", tmp_path / "like", out, tmp_path / "work", every)
+    assert len(found) > 5
+    assert [one for one in found if one["again"] or one["differ"]] == []
+
+
+def test_killed_while_own_tables_are_dropped_it_can_grow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some episodes lie in the shared files alone then, and others lack what their own tables left out."""
+    out = in_tables(tmp_path, monkeypatch, count=5, each=5)
+    wanted, unlink, left = held(out), Path.unlink, [2]
+
+    def dying(path: Path, missing_ok: bool = False) -> None:
+        if path.name == tables.STAGED:
+            left[0] -= 1
+        if left[0] < 0:
+            raise KeyboardInterrupt
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", dying)
+    with pytest.raises(KeyboardInterrupt):
+        LeRobot().finish(tmp_path / "like", out)
+    monkeypatch.undo()
+    assert len(list(out.rglob(tables.STAGED))) == 3
+    LeRobot().write(LeRobot().read(out, "toy/train/4"), out, "toy/train/5", dict)
+    LeRobot().finish(tmp_path / "like", out)
+    grown = held(out)
+    assert {key: grown[key][1] for key in wanted} == {key: one[1] for key, one in wanted.items()}
+    assert grown["toy/train/5"][1] == wanted["toy/train/4"][1]
 
 
 def test_statistics_stand_in_the_order_of_the_features(tmp_path: Path) -> None:

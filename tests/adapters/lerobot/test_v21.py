@@ -261,3 +261,22 @@ def test_spoilt_lines_are_named(
     (root / "toy/meta" / name).write_text(text)
     with pytest.raises(BadInput, match=words):
         LeRobot().read(root, "toy/train/1")
+
+
+def test_files_that_lie_elsewhere_come_to_the_usual_places(recorded: Path, tmp_path: Path) -> None:
+    """A recorder may call them as it likes; what is gathered lies where loaders of the version look by default."""
+    root, out = tmp_path / "in", tmp_path / "out"
+    shutil.copytree(recorded, root)
+    (root / "toy/data").rename(root / "toy/frames")
+    (root / "toy/videos").rename(root / "toy/films")
+    info = root / "toy/meta/info.json"
+    given = json.loads(info.read_text())
+    given["data_path"] = given["data_path"].replace("data/", "frames/")
+    given["video_path"] = given["video_path"].replace("videos/", "films/")
+    put(info, given)
+    for place, odd in ((recorded, False), (root, True)):
+        for number in range(2):
+            read = LeRobot().read(place, f"toy/train/{number}")
+            LeRobot().write(read, out / str(odd), f"toy/train/{number}", dict)
+        LeRobot().finish(place, out / str(odd))
+    assert everything(out / "False", "toy") == everything(out / "True", "toy")
