@@ -18,6 +18,7 @@ SPELLED = (
     (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"\bgrey", "gray"), (r"colour", "color"),
     (r"\bboth (?=the [^,;]+ and )", ""), (r"\b(?:all )?(?:the )?(stuff|things|objects|items|everything|anything) (?:what|that|which) (?:is|are) (?=not needed)", r"\1 "),
     (r"\bu\b", "you"), (r"\ba few\b|\bseveral\b", "some"), (r"\bshd\b", "should"), (r"\b(?:diff|diffrent)\b", "different"), (r"\bsth\b", "something"),
+    (r"(?<![\d.])([1-9])/([2-9]|10)(?![\d/.])(?! ?(?:inch|cm|m\b|stop))", lambda m: f"{100 * int(m[1]) / int(m[2]):.4g} % "),
     (r"(\d+)/(\d+)(?= ?(?:inch|cm|of|the|m\b))", lambda m: f"{int(m[1]) / int(m[2]):.4g}"), (r"[!?.]+(?= |$)|[!?\n]+", " ; "),
     (r" a?round(?= at random| by|$| ?[,;])", " "), (r"\bphoto[- ]?graph", "photo"), (r"\([^)\d]*\)", lambda m: f" , {m[0][1:-1]} , "),
 )  # fmt: skip
@@ -165,7 +166,8 @@ def tokens(words: Sequence[str], cameras: Sequence[str], nouns: Collection[str])
     while at < len(words):
         verb = next((one for one in reversed(out) if one.kind in VERBS), None)
         adds = verb is not None and verb.kind == "add" and verb.text != "lay"
-        size, kind, value = _next(words, at, cameras, nouns, adds)
+        bare = _bare_camera(words, at, cameras, out[-1].kind if out else "stop")
+        size, kind, value = bare or _next(words, at, cameras, nouns, adds)
         if kind == "color" and out and out[-1].text in NEVER:  # "never red" leaves a color out
             out[-1] = Token("not", out[-1].text)
         if words[at : at + size] == ["all", "but"]:
@@ -295,7 +297,8 @@ def _counted(words: Sequence[str], at: int, k: int) -> tuple[int, float] | None:
     k += found[0] - size
     if words[k : k + 1] and words[k] in CHANCE:
         return k + 1 - at, _share(found[2].low)
-    end = _copies(words, k)
+    ends = "in" in words[at:k] and words[k : k + 1] in ([], [","], [";"], ["and"])
+    end = _copies(words, k) or ends * k
     return (end - at, _share(found[2].low)) if end else None
 
 
@@ -349,6 +352,21 @@ def camera(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, 
     if chosen and words[k : k + 1] and words[k] in CAMERA:
         return _posed(words, k + 1) - at, list(dict.fromkeys(chosen))
     return _unnamed(words, at, cameras)
+
+
+def _bare_camera(
+    words: Sequence[str], at: int, cameras: Sequence[str], before: str
+) -> tuple[int, str, list[str]] | None:
+    """A camera's name alone: "except wrist", and before a colon "overhead: ..."."""
+    k = at + (words[at] == "the")
+    named = _name(words, k, cameras) if k < len(words) else None
+    if named is None or len(named[1]) > 1:
+        return None
+    end = k + named[0]
+    follows = words[end : end + 1]
+    alone = before in ("not", "keep") and follows in ([], [","], [";"], [")"], ["and"], ["alone"])
+    headed = before in ("stop", "and") and follows == [":"]
+    return (end - at, "camera", named[1]) if alone or headed else None
 
 
 def _unnamed(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, Any] | None:

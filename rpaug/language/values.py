@@ -191,8 +191,10 @@ def amount(words: Sequence[str], at: int) -> tuple[int, str, Amount] | None:
     k, high, unit = k + size, low, ""
     if step := _unit(words, k):
         unit, k = words[k + step - 1], k + step
-    if words[k : k + 1] and words[k] in ("-", "to", "and"):
+    either = words[k : k + 1] == ["or"] and not unit
+    if words[k : k + 1] and (words[k] in ("-", "to", "and") or either):
         more, other, _ = number(words, k + 1)
+        more = more if not either or other == low + 1 else 0  # "2 or 3"
         step = _unit(words, k + 1 + more) if more else 0
         second = words[k + more + step] if step else unit
         mixed = unit and second and UNITS[unit][0] != UNITS[second][0]
@@ -236,7 +238,13 @@ def color(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
         return k + 2 - at, [{"hsv": [[0, 360], *map(list, MANNERS[manner])]}]
     if manner == "neutral":
         return k + 2 - at, list(NEUTRAL)
-    if words[k : k + 1] and words[k] in HUED and words[k + 1 : k + 2] == ["of"]:
+    if words[k : k + 1] in (["pastel"], ["pastels"]) and not _named(words, k + 1):
+        return k + 1 - at, [{"hsv": [[0, 360], *map(list, MANNERS["pastel"])]}]
+    if (
+        words[k : k + 1]
+        and words[k] in HUED - {"color", "colors"}
+        and words[k + 1 : k + 2] == ["of"]
+    ):
         of = _named(words, k + 2)
         return (k + 2 + of[0] - at, [_around(of[1])]) if of else None
     named = _named(words, k)
