@@ -232,22 +232,7 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
     named = [one for one in read if one.kind in KEPT]
     negated = any(one.text in NEGATED for one in read)
-    allowed = {
-        "keep",
-        *KEPT,
-        "filler",
-        "to",
-        "and",
-        "further",
-        "color",
-        "rest",
-        "strangers",
-        "vary",
-        "any",
-        "same",
-        "not",
-        "number",
-    }
+    allowed = {*KEPT, *group("rest_beside")}
     allowed |= {*DONE, "do", "from"} if negated else set()
     if any(one.kind in ("rest", "chance", "share") or one.text == "other" for one in read):
         allowed |= {"chance", "share", "to"}

@@ -15,7 +15,7 @@ SPELLED = (
     (r"[’`]", "'"), (r"[“”\"]|(?<!\w)'|'(?!\w)", " "), (r"[–—]", "-"), (r"→|=>|-+>|\bbecomes\b", " -> "),
     (r"≥|>=|(?<!-)>", " at least "), (r"≤|<=", " at most "), (r"≈|~", " about "), (r"°", " degrees "), (r"\bw/", "with "),
     (r"\+ ?/ ?-|\+-|plus[ /-]minus|plus or minus", "±"), (r"(?<=[a-z])'s\b(?<!it's)(?<!there's)(?<!that's)(?<!let's)(?<!what's)", ""),
-    (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"\bgrey", "gray"), (r"colour", "color"),
+    (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"(?<=[a-z%]) ?/ ?(?=\d)", " and "), (r"\bgrey", "gray"), (r"colour", "color"),
     (r"\bboth (?=the [^,;]+ and )", ""), (r"\b(?:all )?(?:the )?(stuff|things|objects|items|everything|anything) (?:what|that|which) (?:is|are) (?=not needed)", r"\1 "),
     (r"\bu\b", "you"), (r"\ba few\b|\bseveral\b", "some"), (r"\bshd\b", "should"), (r"\b(?:diff|diffrent)\b", "different"), (r"\bsth\b", "something"),
     (r"(?<![\d.])([1-9])/([2-9]|10)(?![\d/.])(?! ?(?:inch|cm|m\b|stop))", lambda m: f"{100 * int(m[1]) / int(m[2]):.4g} % "),
@@ -170,6 +170,10 @@ def tokens(words: Sequence[str], cameras: Sequence[str], nouns: Collection[str])
         size, kind, value = bare or _next(words, at, cameras, nouns, adds)
         if kind == "color" and out and out[-1].text in NEVER:  # "never red" leaves a color out
             out[-1] = Token("not", out[-1].text)
+        if (
+            kind == "chance" and out and out[-1].kind == "each"
+        ):  # "each in a third" of what was listed
+            kind, value = "share", values.Amount(value, value)
         if words[at : at + size] == ["all", "but"]:
             out.append(Token("all", "all"))
         out.append(Token(kind, " ".join(words[at : at + size]), value))
@@ -297,7 +301,12 @@ def _counted(words: Sequence[str], at: int, k: int) -> tuple[int, float] | None:
     k += found[0] - size
     if words[k : k + 1] and words[k] in CHANCE:
         return k + 1 - at, _share(found[2].low)
-    ends = "in" in words[at:k] and words[k : k + 1] in ([], [","], [";"], ["and"])
+    led = set(words[at:k])
+    ends = (
+        "in" in led
+        and not led & {"each", "every"}
+        and words[k : k + 1] in ([], [","], [";"], ["and"])
+    )
     end = _copies(words, k) or ends * k
     return (end - at, _share(found[2].low)) if end else None
 
@@ -417,48 +426,49 @@ def _posed(words: Sequence[str], k: int) -> int:
 
 def known(cameras: Sequence[str]) -> frozenset[str]:
     """All words that a wish is made of, beside the things of its scene."""
-    parts = [
-        *senses(),
-        *values.NUMBERS,
-        *values.PARTS,
-        *values.UNITS,
-        *values.TINTS,
-        *values.HOW,
-        *values.KINDS,
-        *values.HUED,
-    ]
-    parts += [
-        *values.LIKE,
-        *values.shipped.NAMES,
-        *values.SHADES,
-        *values.MANNERS,
-        *values.CHANNELS,
-        *cameras,
-        *CAMERA,
-    ]
-    parts += [
-        *CHANCE,
-        *COPIES,
-        *OFTEN,
-        *shapes.WORDS,
-        *relations.PARTS,
-        *relations.GRIPS,
-        *relations.RANKS,
-        *relations.RELATIONS,
-    ]
-    parts += [
-        *things.ROLES,
-        *things.roles.NAMES,
-        *things.PRONOUNS,
-        *things.PLAIN,
-        *things.PATTERNED,
-        *things.FURNITURE,
-    ]
-    parts += [
-        *things.ROBOTS,
-        *things.FINGERS,
-        things.HANDLED.pattern,
-        *SETTINGS.values(),
-        *relations.ORDINALS,
-    ]
-    return frozenset(word for part in parts for word in re.findall(r"[a-z]+", part))
+    looks = (
+        values.TINTS,
+        values.KINDS,
+        values.LIKE,
+        values.shipped.NAMES,
+        values.SHADES,
+        values.MANNERS,
+        values.HUED,
+    )
+    amounts = (
+        values.NUMBERS,
+        values.PARTS,
+        values.UNITS,
+        values.HOW,
+        values.CHANNELS,
+        CHANCE,
+        COPIES,
+        OFTEN,
+    )
+    named = (
+        shapes.WORDS,
+        relations.PARTS,
+        relations.GRIPS,
+        relations.RANKS,
+        relations.RELATIONS,
+        relations.ORDINALS,
+    )
+    roles = (
+        things.ROLES,
+        things.roles.NAMES,
+        things.PRONOUNS,
+        things.PLAIN,
+        things.PATTERNED,
+        things.FURNITURE,
+    )
+    others = (
+        things.ROBOTS,
+        things.FINGERS,
+        [things.HANDLED.pattern],
+        SETTINGS.values(),
+        cameras,
+        CAMERA,
+        senses(),
+    )
+    every = (part for table in (*looks, *amounts, *named, *roles, *others) for part in table)
+    return frozenset(word for part in every for word in re.findall(r"[a-z]+", part))

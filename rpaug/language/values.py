@@ -15,27 +15,9 @@ from rpaug.language.lexicon import group
 from rpaug.language.messages import NotUnderstood
 
 SMALL = [
-    "zero",
-    "one",
-    "two",
-    "three",
-    "four",
-    "five",
-    "six",
-    "seven",
-    "eight",
-    "nine",
-    "ten",
-    "eleven",
-    "twelve",
-    "thirteen",
-    "fourteen",
-    "fifteen",
-    "sixteen",
-    "seventeen",
-    "eighteen",
-    "nineteen",
-]
+    "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve", "thirteen",
+    "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen",
+]  # fmt: skip
 TENS = ["twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety"]
 NUMBERS: Mapping[str, float] = {
     **{word: n for n, word in enumerate(SMALL)},
@@ -107,6 +89,7 @@ LONGEST = 8  # words of a phrase
 ANYHOW = group("values_anyhow")
 HUED = group("values_hued")
 CHANNELS = {"hue": 0, "hues": 0, "sat": 1, "saturation": 1, "val": 2, "value": 2, "brightness": 2}
+BETWEEN = {*CHANNELS, "hsv", "in", "(", ")", ",", "and", "uniformly"}
 KINDS = {
     word: kind
     for kind, words in {
@@ -286,16 +269,7 @@ def _channels(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
     """Colors drawn in ranges of hue, saturation and value: "in hsv ( hue 0 - 360 , sat 0.3 - 0.9 )"."""
     k, ends = at, [[0, 360], [0.5, 1], [0.3, 1]]
     last = at
-    while k < len(words) and words[k] in (
-        *CHANNELS,
-        "hsv",
-        "in",
-        "(",
-        ")",
-        ",",
-        "and",
-        "uniformly",
-    ):
+    while k < len(words) and words[k] in BETWEEN:
         found = None
         if words[k] in CHANNELS:
             found = amount(words, k + 1)

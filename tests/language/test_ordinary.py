@@ -102,6 +102,11 @@ def edits(wish: str) -> list[dict[str, Any]]:
         ("light brighter or darker by 30%", [{"op": "light_color", "range": [[0.35] * 3, [0.65] * 3]}]),
         ("the light a bit weaker, like 20-30 % less", [{"op": "light_color", "range": [[0.35] * 3, [0.4] * 3]}]),
         ("light from other sides", [{"op": "light_direction"}]),
+        (
+            "can green/blue/red, each in a third",
+            [{"one_of": [{**BLUE, "target": "can", "color": c} for c in ("green", "blue", "red")]}],
+        ),
+        ("jitter camera positions by 3cm/5deg", [{"op": "camera_pose", "camera": "static", "shift": 0.03, "turn": 0.0873}]),
         ("dim the light in 20%", [{"op": "light_color", "range": [[0.3] * 3, [0.3] * 3], "probability": 0.2}]),
         ("sim2real pack: the can blue", [{**BLUE, "target": "can"}]),
     ],
