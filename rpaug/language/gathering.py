@@ -86,7 +86,7 @@ def _add(edit: Entry, state: WishState) -> None:
         before = state.edits[same]
         if before == edit:  # said twice
             return
-        if _unsaid(before):
+        if _unsaid(before) and not _unsaid(edit):
             state.fresh = [one for one in state.fresh if one is not before]
         elif edit.get("probability") is None or before.get("probability") is None:
             what = group[0] if group else ""
@@ -170,6 +170,5 @@ def _shaken(before: Entry, edit: Entry) -> bool:
 
 def _unsaid(edit: Entry) -> bool:
     """Does an edit give a look without saying which?"""
-    return edit.get("color") == {"sample": "colosseum"} or (
-        edit.get("op", "").endswith("texture") and "texture" not in edit
-    )
+    bare = "texture" not in edit and edit.get("op", "").endswith("texture")
+    return bare or edit.get("color") == {"sample": "colosseum"} or edit == {"op": "table_color"}

@@ -186,7 +186,7 @@ def _factors(
         return 1 - high, 1 + high
     if how == "upto":
         return (1 - high, 1) if less else (1, 1 + high)
-    absolute = clause.says("to", "as", "like", "of the") or (how == "range" and high >= 1)
+    absolute = clause.absolute() or (how == "range" and high >= 1)
     if (less or more) and not absolute and high < 1:
         return (1 - high, 1 - low) if less else (1 + low, 1 + high)
     return low, high
@@ -250,6 +250,14 @@ def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         or any(one.kind == "thing" and not one.value.pronoun for one in clause.tokens)
     ):
         return None
+    kinds = [one.kind for one in clause.tokens]
+    if (
+        "vary" in kinds
+        and "and" in kinds[kinds.index("vary") :]
+        and kinds[-1] != "vary"
+        and kind in SENSED
+    ):
+        raise NotUnderstood(f"{clause.text!r}: one thing after the other, please")
     edit: Entry = {"op": f"sensor_{kind}"}
     apart = excepted(clause)
     cameras_told = clause.every("camera")

@@ -181,6 +181,7 @@ def shade(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
 
 def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """A color, a texture or a style, or one of several, for what is named."""
+    _other(clause)
     unnamed = not clause.has("thing", "all", "rest", "strangers")
     if unnamed and not (clause.has("on") and clause.has("texture", "lay")):
         return None
@@ -195,6 +196,8 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     at_table, anyhow = clause.every("on", "add") if unnamed else [], clause.every("vary", "any")
     if anyhow and {one.text for one in anyhow} <= SHAKEN and not (laid or plain or tints):
         return None
+    if plain and laid and anyhow:
+        raise NotUnderstood(f"{clause.text!r}: one thing after the other, please")
     width = clause.single("length") if pictures else []
     clause.every("width")
     if not pictures and _counted(clause, notes):
@@ -234,6 +237,18 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         notes.append("everything is taken as all colors and the light, cameras as they are")
     mention = Mention(kind="target", target=places[0]) if len(places) == 1 else None
     return Meant(edits=tuple(edits), mention=mention, notes=tuple(notes))
+
+
+def _other(clause: Clause) -> None:
+    """ "another table" has another look. Raises NotUnderstood for "another cup in green", which may be a new one."""
+    for one in [
+        one for one in clause.tokens if one.kind == "thing" and one.text.startswith("another ")
+    ]:
+        if one.value.words not in (*things.ROLES, *roles.NAMES, *things.FLOOR, *things.WALL):
+            raise NotUnderstood(
+                f"{one.text!r}: a new one (`add {one.text}`), or another look (`the {one.value.words}`)?"
+            )
+        clause.tokens.append(Token("vary", "another"))
 
 
 def _listed(clause: Clause) -> bool:
@@ -430,8 +445,14 @@ def _looks(
     if styled:
         return [{"style": one} for one in pictures[0].value] if pictures else [{"style": None}]
     if pictures or tints:
-        found = [{"texture": one} for token in pictures for one in token.value]
-        return found + [{"color": one} for token in tints for one in token.value]
+        kinds = (("texture", pictures), ("color", tints))
+        sizes = {len(one.value) for one in (*pictures, *tints)}
+        return [
+            {kind: look} | ({"weight": values.tidy(1 / len(token.value))} if len(sizes) > 1 else {})
+            for kind, every in kinds
+            for token in every
+            for look in token.value
+        ]
     return [{"texture": None}] if laid else [{"color": ANY}]
 
 

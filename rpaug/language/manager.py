@@ -167,7 +167,7 @@ def _over(read: list[Token], k: int) -> bool:
     after = [one for one in read[k + 1 :] if one.kind != "filler" and one.text != "and"]
     if after[:1] and after[0].text == "with" and after[1:2] and after[1].kind == "camera":
         after = after[1:]  # "..., with the wrist camera, look ..."
-    if len(after) > 2 and after[0].kind in ("chance", "camera") and after[1].text == ",":
+    if len(after) > 2 and after[0].kind in ("chance", "camera", "point") and after[1].text == ",":
         if read[k].text == "," and after[2].text not in ("but", "and"):
             raise NotUnderstood(
                 f"{after[0].text!r}: is it of what is before it, or of what comes after?"

@@ -193,7 +193,7 @@ def evenly(read: Sequence[Token], edit: Entry) -> Entry | None:
         return None
     if share is None:
         return {}
-    whole = values.tidy(share * len(edit["one_of"]))
+    whole = values.tidy(share * sum(one.get("weight", 1) for one in edit["one_of"]))
     if whole > 1.02:
         raise NotUnderstood(f"{share:g} each: {len(edit['one_of'])} looks are more than all copies")
     return {"probability": whole} if whole < 0.98 else {}
@@ -222,6 +222,8 @@ def harder(read: Sequence[Token], namer: Namer) -> Meant | None:
 def kept(read: Sequence[Token]) -> list[Token] | None:
     """What must stay as it is; None where a clause says no such thing. Raises NotUnderstood where that is unclear."""
     at = next((k for k, one in enumerate(read) if one.kind == "keep"), None)
+    if {one.kind for one in read} <= {"not", "and", "filler", *KEPT} and read[0].kind == "not":
+        return [one for one in read if one.kind in KEPT]  # "..., but not the cameras"
     if at is None:
         return None
     if any(one.kind in ("because", "clear_of") for one in read):

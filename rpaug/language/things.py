@@ -113,7 +113,14 @@ def begins(words: Sequence[str], nouns: Collection[str] = ()) -> tuple[int, Name
 
 def _nominal(words: Sequence[str]) -> bool:
     """Do the words go on with the noun that an article leads to?"""
-    return bool(words) and _noun(words[0], False)
+    return bool(words) and (
+        _noun(words[0], False) or (_described(words[0]) and _leads(words, 0, True, ()))
+    )
+
+
+def _described(word: str) -> bool:
+    """Is it a word that describes a thing?"""
+    return color_space.canonical(word) is not None or is_rank(word) or word in PATTERNED
 
 
 def _known(word: str, nouns: Collection[str] = ()) -> bool:

@@ -83,6 +83,16 @@ class Clause:
         """Do some words stand in it, taken or not?"""
         return any(f" {one} " in f" {self.text} " for one in words)
 
+    def absolute(self) -> bool:
+        """Is an amount what is reached, "to 40 %", "60 % of now", rather than by how much it changes?"""
+        led = any(
+            one.kind == "to" and one.text in ("to", "as", "like")
+            for one in (*self.tokens, *self.taken)
+        )
+        return led or self.says(
+            "of the", "of now", "of what it is", "of its", "of before", "of that"
+        )
+
     def one(self, *kinds: str) -> Token | None:
         """The first token of these kinds, taken."""
         token = next((one for one in self.tokens if one.kind in kinds), None)

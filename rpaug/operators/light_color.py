@@ -61,7 +61,7 @@ class LightColor(Operator):
         "brighter": "brighter, bright, brighten, lighten, lighter, more light, strong, bright light, "
         "intense, overexpose, overexposed, stronger, well lit, less dark, "
         "a bit less dark",
-        "warm": "warm, warmer, evening, evening light, sunset, like evening, late afternoon, "
+        "warm": "warm, warmer, evening, evening light, sunset, like evening, like in the evening, late afternoon, "
         "golden hour",
         "cool": "cool, cooler, cold, colder, bluish, blueish",
     }

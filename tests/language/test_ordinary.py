@@ -106,7 +106,16 @@ def edits(wish: str) -> list[dict[str, Any]]:
             "can green/blue/red, each in a third",
             [{"one_of": [{**BLUE, "target": "can", "color": c} for c in ("green", "blue", "red")]}],
         ),
-        ("jitter camera positions by 3cm/5deg", [{"op": "camera_pose", "camera": "static", "shift": 0.03, "turn": 0.0873}]),
+        (
+            "jitter camera positions by 3cm/5deg",
+            [{"op": "camera_pose", "camera": "static", "shift": 0.03, "turn": 0.0873}],
+        ),
+        ("make it brighter by 20 to 40 %", [{"op": "light_color", "range": [[0.6] * 3, [0.7] * 3]}]),
+        ("dimmer, about 60% of now", [{"op": "light_color", "range": [[0.3] * 3, [0.3] * 3]}]),
+        ("make the can bigger by 10 to 20 %", [{"op": "object_size", "target": "can", "range": [1.1, 1.2]}]),
+        ("each copy another table", [{"op": "table_color"}]),
+        ("vary the table and the lights but not the cameras", [{"op": "table_color"}, {"op": "light_color"}]),
+        ("paint that red can blue", [BLUE]),
         ("dim the light in 20%", [{"op": "light_color", "range": [[0.3] * 3, [0.3] * 3], "probability": 0.2}]),
         ("sim2real pack: the can blue", [{**BLUE, "target": "can"}]),
     ],
@@ -147,6 +156,7 @@ def test_harder_to_see_is_taken_as_dimmer_light_and_told() -> None:
         "make the can red and the bin fuzzy",
         "the can 20% red",
         "the can red and blue",
+        "another can in green",
         "table checkered, red/white or blue/white",
         "light from other sides so that the shadows fall elsewhere",
     ],
@@ -197,3 +207,10 @@ def test_what_is_left_alone_after_all_is_not_edited() -> None:
     earlier = ["paint the can blue and jitter all cameras"]
     (edit,) = said_after("ok but leave the cameras alone", earlier, SETTING).edits
     assert edit["op"] == "recolor"
+
+
+def test_each_look_that_is_named_gets_the_same_share() -> None:
+    (edit,) = edits("table white or marble, half each")
+    shares = {one.get("texture", one.get("color")): one["weight"] for one in edit["one_of"]}
+    assert shares.pop("white") == 1
+    assert sum(shares.values()) == pytest.approx(1, abs=1e-3)
