@@ -250,11 +250,11 @@ def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         or any(one.kind == "thing" and not one.value.pronoun for one in clause.tokens)
     ):
         return None
-    kinds = [one.kind for one in clause.tokens]
+    order = [one.kind for one in clause.tokens]
     if (
-        "vary" in kinds
-        and "and" in kinds[kinds.index("vary") :]
-        and kinds[-1] != "vary"
+        "vary" in order
+        and "and" in order[order.index("vary") :]
+        and order[-1] != "vary"
         and kind in SENSED
     ):
         raise NotUnderstood(f"{clause.text!r}: one thing after the other, please")

@@ -180,9 +180,7 @@ def tokens(words: Sequence[str], cameras: Sequence[str], nouns: Collection[str])
         size, kind, value = bare or _next(words, at, cameras, nouns, adds)
         if kind == "color" and out and out[-1].text in NEVER:  # "never red" leaves a color out
             out[-1] = Token("not", out[-1].text)
-        if (
-            kind == "chance" and out and out[-1].kind == "each"
-        ):  # "each in a third" of what was listed
+        if kind == "chance" and out and out[-1].kind == "each":  # of what was listed
             kind, value = "share", values.Amount(value, value)
         if words[at : at + size] == ["all", "but"]:
             out.append(Token("all", "all"))
@@ -375,7 +373,7 @@ def camera(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, 
 
 def _bare_camera(
     words: Sequence[str], at: int, cameras: Sequence[str], before: str
-) -> tuple[int, str, list[str]] | None:
+) -> tuple[int, str, Any] | None:
     """A camera's name alone: "except wrist", and before a colon "overhead: ..."."""
     k = at + (words[at] == "the")
     named = _name(words, k, cameras) if k < len(words) else None
