@@ -75,13 +75,18 @@ def take(found: Meant, share: float | None, state: WishState, read: list[Token])
 
 def _add(edit: Entry, state: WishState) -> None:
     """Add an edit, or let it take an earlier one's place. Raises NotUnderstood where both are of one wish."""
-    group = _key(edit)
-    same = next((k for k, other in enumerate(state.edits) if group and _key(other) == group), None)
+    group = settled(edit)
+    same = next(
+        (k for k, other in enumerate(state.edits) if group and settled(other) == group), None
+    )
+    if edit.get("op") == "camera_pose" and state.fresh and _shaken(state.fresh[-1], edit):
+        state.edits.pop()  # "camera shake! up to 1 cm": the heading of what follows
+        state.fresh.pop()
     if same is not None and any(state.edits[same] is one for one in state.fresh):
         before = state.edits[same]
         if before == edit:  # said twice
             return
-        if _unsaid(before):
+        if _unsaid(before) and not _unsaid(edit):
             state.fresh = [one for one in state.fresh if one is not before]
         elif edit.get("probability") is None or before.get("probability") is None:
             what = group[0] if group else ""
@@ -125,7 +130,10 @@ def drawn(edits: list[Entry]) -> Iterator[Entry]:
         alike = [
             one
             for one in edits
-            if "probability" in one and "op" in one and _key(one) and _key(one) == _key(edit)
+            if "probability" in one
+            and "op" in one
+            and settled(one)
+            and settled(one) == settled(edit)
         ]
         if len(alike) < 2 or "probability" not in edit:
             yield edit
@@ -143,10 +151,10 @@ def drawn(edits: list[Entry]) -> Iterator[Entry]:
             yield {"one_of": options, **({"probability": whole} if whole < 1 else {})}
 
 
-def _key(edit: Entry) -> tuple[str, str] | None:
+def settled(edit: Entry) -> tuple[str, str] | None:
     """What an edit settles, and of what."""
     if "one_of" in edit:
-        keys = {_key(one) for one in edit["one_of"]}
+        keys = {settled(one) for one in edit["one_of"]}
         return keys.pop() if len(keys) == 1 else None
     operator, role = registry.operator(edit["op"]), own_role(edit["op"])
     if not operator.settles or (operator.needs.targets and not role and not targets(edit)):
@@ -154,8 +162,13 @@ def _key(edit: Entry) -> tuple[str, str] | None:
     return operator.settles, repr(targets(edit) or [{"role": role}])
 
 
+def _shaken(before: Entry, edit: Entry) -> bool:
+    """Does an edit say of many cameras how far they are moved, where the one before only said that all are?"""
+    bare = before == {"op": "camera_pose", "camera": "static"}
+    return bare and not isinstance(edit["camera"], str) and {"shift", "turn"} & edit.keys() != set()
+
+
 def _unsaid(edit: Entry) -> bool:
     """Does an edit give a look without saying which?"""
-    return edit.get("color") == {"sample": "colosseum"} or (
-        edit.get("op", "").endswith("texture") and "texture" not in edit
-    )
+    bare = "texture" not in edit and edit.get("op", "").endswith("texture")
+    return bare or edit.get("color") == {"sample": "colosseum"} or edit == {"op": "table_color"}

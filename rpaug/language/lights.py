@@ -8,6 +8,7 @@ from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.things import Namer
 from rpaug.language.tokens import Clause, Token
 from rpaug.language.values import Amount, rgb, tidy
+from rpaug.language.viewing import excepted
 
 RECORDED = 0.5  # the lamps' recorded brightness in `light_color`'s unit
 WARM, COOL = (0.5, 0.42, 0.32), (0.38, 0.44, 0.5)
@@ -17,6 +18,8 @@ LIFT = 0.64  # radians: how high a lamp stands at a side, where no angle was nam
 LIGHT = Mention(kind="light")
 LEVELS = group("lights_levels")
 TURNED = group("lights_turned")
+PLACES = ("else", "elsewhere", "sides", "directions")
+"""How words end by which a lamp stands somewhere else."""
 VARIED = ("color", "intensity", "brightness", "temperature")
 SENSED: dict[str, tuple[str, tuple[str, ...], float]] = {
     "noise": ("read", ("share", "number"), 0.0),
@@ -49,7 +52,7 @@ def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     colored = any(
         word in one.text for one in clause.tokens if one.kind == "light" for word in VARIED
     )
-    clause.every("light", "much", "size_of", "on", "all", "swap")
+    clause.every("light", "much", "size_of", "on", "all", "swap", "add")
     edits, notes, varied = (
         list[Entry](),
         list[str](),
@@ -58,7 +61,7 @@ def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     turned = clause.has(*TURNED) or (
         clause.has("up") and (clause.says("above") or not clause.has("share", "more", "brighter"))
     )
-    moved = any(one.text in ("somewhere else", "elsewhere") for one in clause.tokens)
+    moved = any(one.kind == "vary" and one.text.endswith(PLACES) for one in clause.tokens)
     if turned or moved:
         clause.every("lit", "move", "rotate", "pan", "tilt")
         edits.append(_direction(clause, namer, notes))
@@ -82,11 +85,11 @@ def _tinted(clause: Clause, things: list[Token]) -> None:
 
 def _level(clause: Clause, wish: Wish) -> Meant:
     """How strong the lamps are, and of what color."""
-    mild = bool(clause.every("little"))
+    mild, compared = bool(clause.every("little")), clause.has("less", "more")
     darker, brighter = clause.every("darker"), clause.every("brighter")
     less, more = (
-        bool(darker or clause.every("down", "less")),
-        bool(brighter or clause.every("up", "more")),
+        bool([*darker, *clause.every("down", "less")]),
+        bool([*brighter, *clause.every("up", "more")]),
     )
     warm, cool, kelvin = clause.every("warm"), clause.every("cool"), clause.single("kelvin")
     color = clause.one("color")
@@ -120,7 +123,11 @@ def _level(clause: Clause, wish: Wish) -> Meant:
         ends = [[RECORDED * (0.5 + 0.5 * v) for v in rgb(one)] for one in color.value]
         if clause.has("color"):
             raise NotUnderstood(f"{clause.text!r}: one color of light, or `either ... or ...`")
+    if less and more and clause.every("or") and len(shares) == 1:  # "brighter or darker by 30%"
+        shares, less, more = [Amount(shares[0].high, shares[0].high, "about")], False, False
     low, high = (factor, factor) if factor else _factors(clause, shares, less, more, mild)
+    if shares and compared and shares[0].high < 1:
+        low, high = sorted(1 + (-one if less else one) for one in (shares[0].low, shares[0].high))
     if (
         not shares
         and not more
@@ -179,7 +186,7 @@ def _factors(
         return 1 - high, 1 + high
     if how == "upto":
         return (1 - high, 1) if less else (1, 1 + high)
-    absolute = clause.says("to", "as", "like", "of the") or (how == "range" and high > 1)
+    absolute = clause.absolute() or (how == "range" and high >= 1)
     if (less or more) and not absolute and high < 1:
         return (1 - high, 1 - low) if less else (1 + low, 1 + high)
     return low, high
@@ -243,11 +250,22 @@ def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         or any(one.kind == "thing" and not one.value.pronoun for one in clause.tokens)
     ):
         return None
+    order = [one.kind for one in clause.tokens]
+    if (
+        "vary" in order
+        and "and" in order[order.index("vary") :]
+        and order[-1] != "vary"
+        and kind in SENSED
+    ):
+        raise NotUnderstood(f"{clause.text!r}: one thing after the other, please")
     edit: Entry = {"op": f"sensor_{kind}"}
+    apart = excepted(clause)
     cameras_told = clause.every("camera")
     named = [one.value for one in cameras_told if isinstance(one.value, list)]
     if 0 < len(named) < len(cameras_told):
         raise NotUnderstood(f"{clause.text!r}: all cameras, or those that are named?")
+    if apart and not named:
+        named = [[one for one in wish.setting.cameras if one not in apart]]
     if cameras := sorted({name for some in named for name in some}):
         edit["cameras"] = cameras
     if clause.every("each") and clause.says(

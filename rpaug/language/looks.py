@@ -1,7 +1,9 @@
 """What a clause says of how things look: a color, a texture or a style, one of several, or another one's."""
 
+import colorsys
 from typing import Any
 
+from rpaug.assets.textures import shipped
 from rpaug.core import color_space
 from rpaug.language import things, values
 from rpaug.language.lexicon import group
@@ -16,6 +18,7 @@ TABLE, BACKGROUND = {"role": "table"}, {"role": "background"}
 ANY = {"sample": "colosseum"}
 SHAKEN = group("looks_shaken")
 """Ways to vary where something is, not how it looks."""
+CLOSE = 1 / 6 + 1e-6  # of a turn: how near the hue of what is no other color may be
 OWN = {str(TABLE): "table_texture", str(BACKGROUND): "background_texture"}
 
 
@@ -178,6 +181,7 @@ def shade(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
 
 def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """A color, a texture or a style, or one of several, for what is named."""
+    _other(clause)
     unnamed = not clause.has("thing", "all", "rest", "strangers")
     if unnamed and not (clause.has("on") and clause.has("texture", "lay")):
         return None
@@ -185,25 +189,24 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     _alike(clause, namer)
     apart, banned = _excepted(clause)
     notes = ["gloss stays as it was recorded"] if clause.every("gloss") else []
-    tints, pictures, several = (
-        clause.every("color"),
-        clause.every("texture"),
-        bool(clause.every("or")),
-    )
-    styled, laid, plain = (
-        bool(clause.every("style")),
-        bool(clause.every("lay")),
-        bool(clause.every("paint")),
-    )
+    several = _listed(clause) or clause.has("or")
+    tints, pictures = clause.every("color"), clause.every("texture")
+    clause.every("or")
+    styled, laid, plain = (bool(clause.every(one)) for one in ("style", "lay", "paint"))
     at_table, anyhow = clause.every("on", "add") if unnamed else [], clause.every("vary", "any")
     if anyhow and {one.text for one in anyhow} <= SHAKEN and not (laid or plain or tints):
         return None
+    if plain and laid and anyhow:
+        raise NotUnderstood(f"{clause.text!r}: one thing after the other, please")
     width = clause.single("length") if pictures else []
     clause.every("width")
+    if not pictures and _counted(clause, notes):
+        anyhow = anyhow or [Token("any", "any")]
     same, each = bool(clause.every("same")), bool(clause.every("each")) or _varied(anyhow)
+    whole = clause.has("all") and not (tints or pictures or banned or laid or plain or styled)
     named, places_of = _meant(clause, namer, apart, at_table)
-    if len(tints) + len(pictures) > 1 and not several:
-        raise NotUnderstood(f"{clause.text!r}: one look for each thing, please")
+    pictures = _described(pictures, anyhow, laid)
+    _told_apart(clause, tints, pictures, several)
     if len(named) == 1 and not (tints or pictures or banned or laid or plain or styled or anyhow):
         named, tints, pictures = _own_look(named[0], namer, bool(notes))
     if not (tints or pictures or anyhow or banned or laid or plain or styled):
@@ -218,10 +221,10 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     places = places_of if places_of is not None else _places(namer, named, apart, each and not same)
     if not places:
         raise NotUnderstood(f"{clause.text!r}: which thing is meant?")
+    if same and len(places) > 1 and not (tints or pictures or laid or styled):
+        tints = [Token("color", "", [namer.color(places[0])])]
+        notes.append(f"the color of the first that was named: {tints[0].value[0]}")
     if same and len(places) > 1:
-        if not (tints or pictures or laid or styled):
-            tints = [Token("color", "", [namer.color(places[0])])]
-            notes.append(f"the color of the first that was named: {tints[0].value[0]}")
         places = [{"handle": sorted(frozenset[int]().union(*map(namer.ids, places)))}]
     looks = _looks(tints, pictures, laid, styled, banned)
     more = only | ({"scale": width[0].low} if width else {})
@@ -229,8 +232,63 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         one_of([{**_look(where, look), **(only if "color" in look else more)} for look in looks])
         for where in places
     ]
+    if whole:
+        edits.append({"op": "light_color"})
+        notes.append("everything is taken as all colors and the light, cameras as they are")
     mention = Mention(kind="target", target=places[0]) if len(places) == 1 else None
     return Meant(edits=tuple(edits), mention=mention, notes=tuple(notes))
+
+
+def _other(clause: Clause) -> None:
+    """ "another table" has another look. Raises NotUnderstood for "another cup in green", which may be a new one."""
+    for one in [
+        one for one in clause.tokens if one.kind == "thing" and one.text.startswith("another ")
+    ]:
+        if one.value.words not in (*things.ROLES, *roles.NAMES, *things.FLOOR, *things.WALL):
+            raise NotUnderstood(
+                f"{one.text!r}: a new one (`add {one.text}`), or another look (`the {one.value.words}`)?"
+            )
+        clause.tokens.append(Token("vary", "another"))
+
+
+def _listed(clause: Clause) -> bool:
+    """Are looks named side by side, of which each copy gets one: "in 3 colors: red, green, blue"?"""
+    at = [k for k, one in enumerate(clause.tokens) if one.kind in ("color", "texture")]
+    joined = {clause.tokens[k].text for k in range(at[0], at[-1]) if k not in at} if at else set()
+    if len(at) < 2 or not joined <= {",", "and", "or"} or (len(at) == 2 and "," not in joined):
+        return False
+    counted = next((one for one in clause.tokens if one.kind == "number"), None)
+    if counted and counted.value.low == len(at):
+        clause.take(counted)
+    return True
+
+
+def _described(pictures: list[Token], anyhow: list[Token], laid: bool) -> list[Token]:
+    """The textures that are asked for: "the wooden table" that is to vary is wooden already."""
+    if not anyhow or laid:
+        return pictures
+    return [one for one in pictures if not one.text.startswith("the ")]
+
+
+def _counted(clause: Clause, notes: list[str]) -> bool:
+    """Is it said of how many colors one is drawn, "in 10 colors"? Then a note tells that each copy draws anew."""
+    if not (clause.has("number") and clause.says("colors", "textures", "materials")):
+        return False
+    (count,) = clause.single("number")
+    notes.append(f"drawn anew for each copy, not from {count.low:g} set ones")
+    return True
+
+
+def _told_apart(clause: Clause, tints: list[Token], pictures: list[Token], several: bool) -> None:
+    """Raises NotUnderstood for two looks of one thing, and for colors of a pattern, "checkered, red/white"."""
+    if len(tints) + len(pictures) > 1 and not several:
+        raise NotUnderstood(f"{clause.text!r}: one look for each thing, please")
+    told = [one.text for one in (*tints, *pictures)]
+    drawn = any(isinstance(look, dict) for one in pictures for look in one.value)
+    if len(set(told)) < len(told) or (drawn and tints and len(told) > 2):
+        raise NotUnderstood(
+            f"{clause.text!r}: a texture by its name, or colors, one after the other"
+        )
 
 
 def _varied(anyhow: list[Token]) -> bool:
@@ -274,6 +332,12 @@ def _excepted(clause: Clause) -> tuple[list[Named], list[Any]]:
         return [], []
     at = next(k for k, one in enumerate(clause.tokens) if one.kind == "not")
     banned = [one for one in clause.tokens[at:] if one.kind == "color"]
+    for one in (pictures := [one for one in clause.tokens[at:] if one.kind == "texture"]):
+        clause.take(one)
+    if pictures:
+        clause.every("not")
+    if pictures and not clause.has("texture"):  # "another one, not wood"; else "marble, not wood"
+        return [], [name for one in pictures for name in _named_textures(one)]
     apart = clause.things("not")
     clause.every("not")
     if apart or not banned:
@@ -289,6 +353,15 @@ def _excepted(clause: Clause) -> tuple[list[Named], list[Any]]:
             f"{clause.text!r}: which color then? `any color but ...` draws one of the others"
         )
     return [], [tint for one in banned for tint in one.value]
+
+
+def _named_textures(token: Token) -> list[str]:
+    """The names of the textures that a token means, those of a kind each."""
+    return [
+        name
+        for one in token.value
+        for name in (shipped.KINDS[one["sample"]] if isinstance(one, dict) else [one])
+    ]
 
 
 def _own_look(
@@ -362,21 +435,35 @@ def _looks(
     tints: list[Token], pictures: list[Token], laid: bool, styled: bool, banned: list[Any]
 ) -> list[Entry]:
     """The looks of which one is given."""
+    if set(banned) & set(shipped.NAMES):
+        return [{"texture": name} for name in shipped.NAMES if name not in banned]
     if banned:
         own = [
-            name
-            for name in color_space.RLBENCH
-            if not any(
-                name == one or name in color_space.SHADES.get(str(one), ()) for one in banned
-            )
+            name for name in color_space.RLBENCH if not any(_near(str(one), name) for one in banned)
         ]
         return [{"color": name} for name in own]
     if styled:
         return [{"style": one} for one in pictures[0].value] if pictures else [{"style": None}]
     if pictures or tints:
-        found = [{"texture": one} for token in pictures for one in token.value]
-        return found + [{"color": one} for token in tints for one in token.value]
+        kinds = (("texture", pictures), ("color", tints))
+        sizes = {len(one.value) for one in (*pictures, *tints)}
+        return [
+            {kind: look} | ({"weight": values.tidy(1 / len(token.value))} if len(sizes) > 1 else {})
+            for kind, every in kinds
+            for token in every
+            for look in token.value
+        ]
     return [{"texture": None}] if laid else [{"color": ANY}]
+
+
+def _near(banned: str, name: str) -> bool:
+    """Could a color be taken for one that must not be: of its name, or a third of the way round the hues or less?"""
+    (first, *one), (second, *other) = (
+        colorsys.rgb_to_hsv(*color_space.rgb(each)) for each in (banned, name)
+    )
+    apart = abs(first - second)
+    hued = one[0] > 0 and other[0] > 0
+    return color_space.akin(banned, name) or (hued and min(apart, 1 - apart) <= CLOSE)
 
 
 def _look(where: Target, look: Entry) -> Entry:

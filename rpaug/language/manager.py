@@ -22,7 +22,7 @@ BREAKS = group("manager_breaks") | {","}
 PLAIN, SIMILE = group("manager_plain"), group("manager_simile")
 ADJUNCT = frozenset({"chance", "filler", "to", "camera", "point", "and", "from", "even", "not"})
 ORDERS = group("manager_orders")
-LOOKED = {"color", "texture", "light", "warm", "darker"}
+LOOKED = {"color", "texture", "light", "warm", "darker", "brighter"}
 MOST_CLAUSES, MOST_UNDONE = 30, 8
 
 
@@ -74,6 +74,8 @@ def _answer(
         state.namer.kept = kept  # everything, but what is kept
         _run(read, state, nouns)
     rest.respected(state.kept, state.fresh, state.namer, state.notes)
+    if state.kept and not state.fresh:
+        state.edits, state.did = rest.spared(state.kept, state.edits, state.namer, state.notes)
     if not state.did or not (state.edits or wish.edits):
         raise NotUnderstood(f"{wish.stated!r}: that asks for no change, so there is nothing to do")
     whole = Trace(
@@ -110,6 +112,8 @@ def _run(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
         if not read:
             return
         size, about = rest.headed(read)
+        if any(one.kind == "unknown" for one in read[:size]):
+            state.notes.append(f"{said(read[:size])!r} is taken as a title")
         read = read[size:]
         if about is not None:
             state.mention = Mention(kind="target", target=state.namer.target(about.value))
@@ -161,7 +165,9 @@ def _over(read: list[Token], k: int) -> bool:
     if all(one.kind in ADJUNCT for one in read[:k]):
         return False
     after = [one for one in read[k + 1 :] if one.kind != "filler" and one.text != "and"]
-    if len(after) > 2 and after[0].kind == "chance" and after[1].text == ",":
+    if after[:1] and after[0].text == "with" and after[1:2] and after[1].kind == "camera":
+        after = after[1:]  # "..., with the wrist camera, look ..."
+    if len(after) > 2 and after[0].kind in ("chance", "camera", "point") and after[1].text == ",":
         if read[k].text == "," and after[2].text not in ("but", "and"):
             raise NotUnderstood(
                 f"{after[0].text!r}: is it of what is before it, or of what comes after?"
@@ -200,7 +206,11 @@ def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
         return None
     if read[0].text == "so" and len(read) > 1 and read[1].text.split()[0] in ORDERS:
         read = read[1:]
-    elif why := rest.reason(whole, state.fresh, state.namer) or _aside(read, state):
+    elif (
+        why := rest.follows(read)
+        or rest.reason(whole, state.fresh, state.namer)
+        or _aside(read, state)
+    ):
         return _told(why, state)
     try:
         found, share, bare = reader.read(read, state, nouns)
@@ -228,7 +238,8 @@ def _earlier(read: list[Token], state: WishState) -> bool:
     if edits is not None:
         state.edits, state.did = edits, True
         return True
-    again = rest.again(read, state.edits, state.namer) if state.edits and not state.fresh else None
+    fresh = bool(state.fresh)
+    again = rest.again(read, state.edits, state.namer, fresh) if state.edits else None
     found = again or rest.harder(read, state.namer)
     if found:
         gathering.take(found, None, state, read)

@@ -184,7 +184,10 @@ def _factors(clause: Clause, one: Amount, down: bool, up: bool) -> tuple[float, 
         upto = one.how == "upto"
         return (1.0 if up and upto else 1 - one.high), (1.0 if down and upto else 1 + one.high)
     absolute = (
-        one.how == "of" or (one.high >= 0.5 and down) or clause.says("to", "its size", "times")
+        one.how == "of"
+        or (one.high >= 0.5 and down)
+        or clause.absolute()
+        or clause.says("its size", "times")
     )
     if absolute or not (down or up):
         return one.low, one.high

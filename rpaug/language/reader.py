@@ -5,15 +5,15 @@ from collections.abc import Collection
 
 from rpaug.core import color_space
 from rpaug.core.errors import RpaugError
-from rpaug.language import lights, looks, placing, templates, tokens, viewing
+from rpaug.language import gathering, lights, looks, placing, templates, tokens, viewing, weighed
 from rpaug.language.gathering import WishState
 from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, NotUnderstood, Wish
-from rpaug.language.things import Named, Namer
+from rpaug.language.things import Namer
 from rpaug.language.tokens import Clause, Token, said
 
 VERBS = group("reader_acts") | {"do", "warm", "cool"}
-IT = Token("thing", "it", Named("it", pronoun=True))
+IT = weighed.IT
 AFTERTHOUGHT = group("reader_afterthought")
 """Kinds of words that only go on with what the clause before asks for."""
 WAYS = (
@@ -63,6 +63,8 @@ def read(
 
     Raises RpaugError with what of it is not understood, and the nearest that would be.
     """
+    if (lots := weighed.lots(read, lambda part: _portion(part, state, nouns))) is not None:
+        return lots, None, read
     shares = [one.value for one in read if one.kind == "chance"]
     if len(shares) > 1:
         raise NotUnderstood(f"{said(read)!r}: one share of the copies at a time")
@@ -81,9 +83,22 @@ def read(
             found = other
         else:
             raise error
+    if shares and state.fresh and any("other half" in one.text for one in read):
+        before = gathering.settled(state.fresh[-1])
+        if any(gathering.settled(edit) != before for edit in found.edits):
+            raise NotUnderstood(
+                f"{said(read)!r}: halves that exclude each other are of one edit each"
+            )
     if recorded:
         found = _of_that_color(found, recorded, state)
     return found, share, bare
+
+
+def _portion(part: list[Token], state: WishState, nouns: Collection[str]) -> Meant:
+    """What a part of a clause means; "it" in the next part is what this one is about."""
+    found = _meant(_bare(part), state, nouns)
+    state.mention = found.mention or state.mention
+    return found
 
 
 def _bare(read: list[Token]) -> list[Token]:
@@ -171,17 +186,16 @@ def _gone_on(read: list[Token], state: WishState) -> Meant | None:
         return None
     with contextlib.suppress(RpaugError):
         found = _read([*before, *read], state.here(), state.namer)
-        if [_ops(one) for one in found.edits] == [
-            _ops(one) for one in edits
-        ] and not found.replaces:
+        if list(map(_about, found.edits)) == list(map(_about, edits)) and not found.replaces:
             state.edits = [one for one in state.edits if all(one is not old for old in edits)]
             state.fresh = [one for one in state.fresh if all(one is not old for old in edits)]
             return found
     return None
 
 
-def _ops(edit: Entry) -> set[str]:
-    return {one["op"] for one in edit.get("one_of", [edit])}
+def _about(edit: Entry) -> object:
+    """What an edit settles and of what, or else its operators."""
+    return gathering.settled(edit) or {one["op"] for one in edit.get("one_of", [edit])}
 
 
 def _alternatives(read: list[Token], state: WishState) -> Meant | None:

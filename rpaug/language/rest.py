@@ -20,6 +20,9 @@ MODAL = group("rest_modal")
 STATES = group("rest_states")
 HAVING = frozenset({"has", "have", "blend", "blends", "always", "often", "usually"})
 """Of these none is said of what is wished for, unless it is a duty: "should have"."""
+RECORDED = group("rest_recorded")
+TEXTS, AGREES = group("rest_texts"), group("rest_agrees")
+VALUES = ("color", "texture", "share", "length", "angle", "number", "remove")
 SPEAKERS = frozenset({"i", "we", "this", "our", "my", "it", "that", "there"})
 HARD: Entry = {"op": "light_color", "range": [[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]]}
 
@@ -94,13 +97,13 @@ def put_back(read: Sequence[Token], edits: Sequence[Entry], namer: Namer) -> lis
     return out
 
 
-def again(read: Sequence[Token], edits: Sequence[Entry], namer: Namer) -> Meant | None:
+def again(read: Sequence[Token], edits: Sequence[Entry], namer: Namer, fresh: bool) -> Meant | None:
     """The last edit once more, for another thing: "the same for the cabinet", "the cabinet too"."""
     named = [one.value for one in read if one.kind == "thing"]
     also = any(one.text in ("too", "also", "as well", "likewise") for one in read)
     same = any(one.kind == "same" or one.text == "do" for one in read)
     kinds = {one.kind for one in read} - {*WEAK, "thing", "same"}
-    if len(named) != 1 or named[0].pronoun or kinds or not (also or same):
+    if len(named) != 1 or named[0].pronoun or kinds or not (also or (same and not fresh)):
         return None
     last = edits[-1]
     place = (
@@ -117,12 +120,27 @@ def again(read: Sequence[Token], edits: Sequence[Entry], namer: Namer) -> Meant 
     return Meant(edits=(more,), mention=Mention(kind="target", target=where))
 
 
+def follows(read: Sequence[Token]) -> Meant | None:
+    """That the instruction is to tell the new colors: it does in any case. None where a clause says no such thing."""
+    words = set(said(read).split())
+    other = any(one.kind in VALUES for one in read) or any(
+        one.kind == "thing" and not TEXTS & set(one.value.words.split()) for one in read
+    )
+    if other or not words & TEXTS or not words & AGREES:
+        return None
+    return Meant(
+        edits=(), notes=(f"{said(read)!r}: the instruction follows the edits in every copy",)
+    )
+
+
 def headed(read: Sequence[Token]) -> tuple[int, Token | None]:
     """How many tokens are a heading, "make it harder:" or "white plate:" before "make it ...", and what that names."""
     at = next((k for k, one in enumerate(read) if one.text == ":"), 0)
     kinds = {one.kind for one in read[:at]}
     named = [one for one in read[:at] if one.kind == "thing"]
     if "harder" in kinds and kinds <= {"harder", "thing", "all", *WEAK}:
+        return at + 1, None
+    if at < 4 and kinds and kinds <= {"unknown", "filler"}:
         return at + 1, None
     pronoun = any(one.kind == "thing" and one.value.pronoun for one in read[at:])
     return (
@@ -175,7 +193,7 @@ def evenly(read: Sequence[Token], edit: Entry) -> Entry | None:
         return None
     if share is None:
         return {}
-    whole = values.tidy(share * len(edit["one_of"]))
+    whole = values.tidy(share * sum(one.get("weight", 1) for one in edit["one_of"]))
     if whole > 1.02:
         raise NotUnderstood(f"{share:g} each: {len(edit['one_of'])} looks are more than all copies")
     return {"probability": whole} if whole < 0.98 else {}
@@ -204,6 +222,8 @@ def harder(read: Sequence[Token], namer: Namer) -> Meant | None:
 def kept(read: Sequence[Token]) -> list[Token] | None:
     """What must stay as it is; None where a clause says no such thing. Raises NotUnderstood where that is unclear."""
     at = next((k for k, one in enumerate(read) if one.kind == "keep"), None)
+    if {one.kind for one in read} <= {"not", "and", "filler", *KEPT} and read[0].kind == "not":
+        return [one for one in read if one.kind in KEPT]  # "..., but not the cameras"
     if at is None:
         return None
     if any(one.kind in ("because", "clear_of") for one in read):
@@ -214,28 +234,13 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
     named = [one for one in read if one.kind in KEPT]
     negated = any(one.text in NEGATED for one in read)
-    allowed = {
-        "keep",
-        *KEPT,
-        "filler",
-        "to",
-        "and",
-        "further",
-        "color",
-        "rest",
-        "strangers",
-        "vary",
-        "any",
-        "same",
-        "not",
-        "number",
-    }
+    allowed = {*KEPT, *group("rest_beside")}
     allowed |= {*DONE, "do", "from"} if negated else set()
     if any(one.kind in ("rest", "chance", "share") or one.text == "other" for one in read):
         allowed |= {"chance", "share", "to"}
         named = [] if read[0].kind in ("rest", "chance", "share") else named
         named = [one for one in named if not (one.kind == "thing" and one.value.pronoun)]
-    if wrong := [one for one in read if one.kind not in allowed]:
+    if wrong := [one for one in read if one.kind not in allowed and one.text not in RECORDED]:
         raise NotUnderstood(
             f"{said(read)!r}: it is not clear what must stay as it is: {wrong[0].text!r}"
         )
@@ -250,6 +255,10 @@ def reason(
     `sure`: only what cannot be a wish; else also what was read as none.
     """
     words = said(read)
+    if "shadow" in words:
+        raise NotUnderstood(
+            f"{words!r}: cast shadows stay as they were recorded: no edit moves or softens them"
+        )
     if any(one.text == "," for one in read):
         return None
     if any(edit.get("op") in ADDED for edit in fresh) and any(
@@ -265,10 +274,11 @@ def reason(
         next(one for one in read if one.kind not in ("filler", "and", "stop")),
         set(words.split()),
     )
+    simile = next((k for k, one in enumerate(read) if one.text == "like"), len(read))
     stated = (
         first.kind in ("thing", "camera")
         and not spoken & MODAL
-        and {one.text for one in read} & (HAVING if sure else STATES)
+        and {one.text for one in read[:simile]} & (HAVING if sure else STATES)
     )
     told = (
         words.split()[0] in SPEAKERS
@@ -321,6 +331,21 @@ def respected(
                 if _touched(token, option, namer):
                     _spare(token, option, namer)
                     notes.append(f"{token.text!r} is left out of {short(edit)}")
+
+
+def spared(
+    kept: Sequence[Token], edits: Sequence[Entry], namer: Namer, notes: list[str]
+) -> tuple[list[Entry], bool]:
+    """The earlier edits but those of what must stay as it is after all, and whether there were any."""
+    left = [
+        edit
+        for edit in edits
+        if not any(
+            _touched(one, option, namer) for one in kept for option in edit.get("one_of", [edit])
+        )
+    ]
+    notes += [f"left out again: {short(edit)}" for edit in edits if edit not in left]
+    return left, len(left) < len(edits)
 
 
 def _touched(token: Token, edit: Entry, namer: Namer) -> bool:

@@ -56,6 +56,11 @@ FLOOR, WALL = ("floor", "ground"), ("wall", "walls")
 PLACES = frozenset(
     f"{by} the {side}" for by in ("at", "from") for side in ("top", "bottom", "left", "right")
 )
+SIDE = re.compile(
+    rf"(?:(?P<tint>{'|'.join(color_space.NAMES)}|grey) )?(?:tiled? )?(?P<side>floor|ground|walls?)(?: tiles?)?"
+)
+PALE = ("white", "silver", "gray", "black")
+"""What walls of any color are measured as in poor light."""
 FLAT = 5  # cm: the room's flat sides are thinner
 # What no thing on a table is called: what rpaug itself is made of.
 NO_THING = group("things_no_thing")
@@ -108,7 +113,14 @@ def begins(words: Sequence[str], nouns: Collection[str] = ()) -> tuple[int, Name
 
 def _nominal(words: Sequence[str]) -> bool:
     """Do the words go on with the noun that an article leads to?"""
-    return bool(words) and _noun(words[0], False)
+    return bool(words) and (
+        _noun(words[0], False) or (_described(words[0]) and _leads(words, 0, True, ()))
+    )
+
+
+def _described(word: str) -> bool:
+    """Is it a word that describes a thing?"""
+    return color_space.canonical(word) is not None or is_rank(word) or word in PATTERNED
 
 
 def _known(word: str, nouns: Collection[str] = ()) -> bool:
@@ -284,8 +296,8 @@ class Namer:
             return {"role": "robot"}
         if role := PHRASES.get(words) or (bare if bare in roles.NAMES else None):
             return {"role": role}
-        if bare in (*FLOOR, *WALL):
-            return self._side(bare)
+        if side := SIDE.fullmatch(bare):
+            return self._side(side["side"], side["tint"])
         if bare in ROLES:
             return {"role": ROLES[bare]}
         self._check(words)
@@ -388,13 +400,15 @@ class Namer:
             raise TargetError(f"{words!r} with a pattern: {len(fits)} things are of several colors")
         return {"handle": sorted(fits[0])}
 
-    def _side(self, word: str) -> Target:
+    def _side(self, word: str, tint: str | None = None) -> Target:
         """The floor alone, or the walls alone; all of the background where no recording tells them apart."""
-        if self.recording is None:
+        if self.recording is None and tint is None:
             self.notes.append(
                 f"{word!r} is taken as all that stands around the table: no recording was looked at"
             )
             return {"role": "background"}
+        if self.recording is None:
+            return f"{tint} {word}"
         rows = [
             row
             for row in self.recording.inventory
@@ -405,6 +419,12 @@ class Namer:
         found = flat if word in FLOOR else upright
         if not found:
             raise TargetError(f"{word!r}: no such part of the background is seen")
+        if tint:
+            seen = {row["id"]: row["color"] for row in rows}
+            other = [one for one in found if not color_space.means(tint, seen[one])]
+            found = [one for one in found if one not in other or seen[one] in PALE] or found
+            if set(other) & set(found):
+                self.notes.append(f"{tint} {word}: not all that is taken for it is measured so")
         return {"handle": sorted(found)}
 
     def ids(self, target: Target) -> frozenset[int]:

@@ -15,9 +15,10 @@ SPELLED = (
     (r"[’`]", "'"), (r"[“”\"]|(?<!\w)'|'(?!\w)", " "), (r"[–—]", "-"), (r"→|=>|-+>|\bbecomes\b", " -> "),
     (r"≥|>=|(?<!-)>", " at least "), (r"≤|<=", " at most "), (r"≈|~", " about "), (r"°", " degrees "), (r"\bw/", "with "),
     (r"\+ ?/ ?-|\+-|plus[ /-]minus|plus or minus", "±"), (r"(?<=[a-z])'s\b(?<!it's)(?<!there's)(?<!that's)(?<!let's)(?<!what's)", ""),
-    (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"\bgrey", "gray"), (r"colour", "color"),
+    (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"(?<=[a-z%]) ?/ ?(?=\d)", " and "), (r"\bgrey", "gray"), (r"colour", "color"),
     (r"\bboth (?=the [^,;]+ and )", ""), (r"\b(?:all )?(?:the )?(stuff|things|objects|items|everything|anything) (?:what|that|which) (?:is|are) (?=not needed)", r"\1 "),
     (r"\bu\b", "you"), (r"\ba few\b|\bseveral\b", "some"), (r"\bshd\b", "should"), (r"\b(?:diff|diffrent)\b", "different"), (r"\bsth\b", "something"),
+    (r"(?<![\d.])([1-9])/([2-9]|10)(?![\d/.])(?! ?(?:inch|cm|m\b|stop))", lambda m: f"{100 * int(m[1]) / int(m[2]):.4g} % "),
     (r"(\d+)/(\d+)(?= ?(?:inch|cm|of|the|m\b))", lambda m: f"{int(m[1]) / int(m[2]):.4g}"), (r"[!?.]+(?= |$)|[!?\n]+", " ; "),
     (r" a?round(?= at random| by|$| ?[,;])", " "), (r"\bphoto[- ]?graph", "photo"), (r"\([^)\d]*\)", lambda m: f" , {m[0][1:-1]} , "),
 )  # fmt: skip
@@ -81,6 +82,16 @@ class Clause:
     def says(self, *words: str) -> bool:
         """Do some words stand in it, taken or not?"""
         return any(f" {one} " in f" {self.text} " for one in words)
+
+    def absolute(self) -> bool:
+        """Is an amount what is reached, "to 40 %", "60 % of now", rather than by how much it changes?"""
+        led = any(
+            one.kind == "to" and one.text in ("to", "as", "like")
+            for one in (*self.tokens, *self.taken)
+        )
+        return led or self.says(
+            "of the", "of now", "of what it is", "of its", "of before", "of that"
+        )
 
     def one(self, *kinds: str) -> Token | None:
         """The first token of these kinds, taken."""
@@ -165,9 +176,12 @@ def tokens(words: Sequence[str], cameras: Sequence[str], nouns: Collection[str])
     while at < len(words):
         verb = next((one for one in reversed(out) if one.kind in VERBS), None)
         adds = verb is not None and verb.kind == "add" and verb.text != "lay"
-        size, kind, value = _next(words, at, cameras, nouns, adds)
+        bare = _bare_camera(words, at, cameras, out[-1].kind if out else "stop")
+        size, kind, value = bare or _next(words, at, cameras, nouns, adds)
         if kind == "color" and out and out[-1].text in NEVER:  # "never red" leaves a color out
             out[-1] = Token("not", out[-1].text)
+        if kind == "chance" and out and out[-1].kind == "each":  # of what was listed
+            kind, value = "share", values.Amount(value, value)
         if words[at : at + size] == ["all", "but"]:
             out.append(Token("all", "all"))
         out.append(Token(kind, " ".join(words[at : at + size]), value))
@@ -295,7 +309,13 @@ def _counted(words: Sequence[str], at: int, k: int) -> tuple[int, float] | None:
     k += found[0] - size
     if words[k : k + 1] and words[k] in CHANCE:
         return k + 1 - at, _share(found[2].low)
-    end = _copies(words, k)
+    led = set(words[at:k])
+    ends = (
+        "in" in led
+        and not led & {"each", "every"}
+        and words[k : k + 1] in ([], [","], [";"], ["and"])
+    )
+    end = _copies(words, k) or ends * k
     return (end - at, _share(found[2].low)) if end else None
 
 
@@ -351,6 +371,21 @@ def camera(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, 
     return _unnamed(words, at, cameras)
 
 
+def _bare_camera(
+    words: Sequence[str], at: int, cameras: Sequence[str], before: str
+) -> tuple[int, str, Any] | None:
+    """A camera's name alone: "except wrist", and before a colon "overhead: ..."."""
+    k = at + (words[at] == "the")
+    named = _name(words, k, cameras) if k < len(words) else None
+    if named is None or len(named[1]) > 1:
+        return None
+    end = k + named[0]
+    follows = words[end : end + 1]
+    alone = before in ("not", "keep") and follows in ([], [","], [";"], [")"], ["and"], ["alone"])
+    headed = before in ("stop", "and") and follows == [":"]
+    return (end - at, "camera", named[1]) if alone or headed else None
+
+
 def _unnamed(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, Any] | None:
     """A camera without a name. Raises NotUnderstood for a name that none has."""
     k = at + (words[at : at + 1] in (["the"], ["a"]))
@@ -399,48 +434,49 @@ def _posed(words: Sequence[str], k: int) -> int:
 
 def known(cameras: Sequence[str]) -> frozenset[str]:
     """All words that a wish is made of, beside the things of its scene."""
-    parts = [
-        *senses(),
-        *values.NUMBERS,
-        *values.PARTS,
-        *values.UNITS,
-        *values.TINTS,
-        *values.HOW,
-        *values.KINDS,
-        *values.HUED,
-    ]
-    parts += [
-        *values.LIKE,
-        *values.shipped.NAMES,
-        *values.SHADES,
-        *values.MANNERS,
-        *values.CHANNELS,
-        *cameras,
-        *CAMERA,
-    ]
-    parts += [
-        *CHANCE,
-        *COPIES,
-        *OFTEN,
-        *shapes.WORDS,
-        *relations.PARTS,
-        *relations.GRIPS,
-        *relations.RANKS,
-        *relations.RELATIONS,
-    ]
-    parts += [
-        *things.ROLES,
-        *things.roles.NAMES,
-        *things.PRONOUNS,
-        *things.PLAIN,
-        *things.PATTERNED,
-        *things.FURNITURE,
-    ]
-    parts += [
-        *things.ROBOTS,
-        *things.FINGERS,
-        things.HANDLED.pattern,
-        *SETTINGS.values(),
-        *relations.ORDINALS,
-    ]
-    return frozenset(word for part in parts for word in re.findall(r"[a-z]+", part))
+    looks = (
+        values.TINTS,
+        values.KINDS,
+        values.LIKE,
+        values.shipped.NAMES,
+        values.SHADES,
+        values.MANNERS,
+        values.HUED,
+    )
+    amounts = (
+        values.NUMBERS,
+        values.PARTS,
+        values.UNITS,
+        values.HOW,
+        values.CHANNELS,
+        CHANCE,
+        COPIES,
+        OFTEN,
+    )
+    named = (
+        shapes.WORDS,
+        relations.PARTS,
+        relations.GRIPS,
+        relations.RANKS,
+        relations.RELATIONS,
+        relations.ORDINALS,
+    )
+    roles = (
+        things.ROLES,
+        things.roles.NAMES,
+        things.PRONOUNS,
+        things.PLAIN,
+        things.PATTERNED,
+        things.FURNITURE,
+    )
+    others = (
+        things.ROBOTS,
+        things.FINGERS,
+        [things.HANDLED.pattern],
+        SETTINGS.values(),
+        cameras,
+        CAMERA,
+        senses(),
+    )
+    every = (part for table in (*looks, *amounts, *named, *roles, *others) for part in table)
+    return frozenset(word for part in every for word in re.findall(r"[a-z]+", part))

@@ -15,27 +15,9 @@ from rpaug.language.lexicon import group
 from rpaug.language.messages import NotUnderstood
 
 SMALL = [
-    "zero",
-    "one",
-    "two",
-    "three",
-    "four",
-    "five",
-    "six",
-    "seven",
-    "eight",
-    "nine",
-    "ten",
-    "eleven",
-    "twelve",
-    "thirteen",
-    "fourteen",
-    "fifteen",
-    "sixteen",
-    "seventeen",
-    "eighteen",
-    "nineteen",
-]
+    "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve", "thirteen",
+    "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen",
+]  # fmt: skip
 TENS = ["twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety"]
 NUMBERS: Mapping[str, float] = {
     **{word: n for n, word in enumerate(SMALL)},
@@ -107,6 +89,7 @@ LONGEST = 8  # words of a phrase
 ANYHOW = group("values_anyhow")
 HUED = group("values_hued")
 CHANNELS = {"hue": 0, "hues": 0, "sat": 1, "saturation": 1, "val": 2, "value": 2, "brightness": 2}
+BETWEEN = {*CHANNELS, "hsv", "in", "(", ")", ",", "and", "uniformly"}
 KINDS = {
     word: kind
     for kind, words in {
@@ -191,8 +174,10 @@ def amount(words: Sequence[str], at: int) -> tuple[int, str, Amount] | None:
     k, high, unit = k + size, low, ""
     if step := _unit(words, k):
         unit, k = words[k + step - 1], k + step
-    if words[k : k + 1] and words[k] in ("-", "to", "and"):
+    either = words[k : k + 1] == ["or"] and not unit
+    if words[k : k + 1] and (words[k] in ("-", "to", "and") or either):
         more, other, _ = number(words, k + 1)
+        more = more if not either or other == low + 1 else 0  # "2 or 3"
         step = _unit(words, k + 1 + more) if more else 0
         second = words[k + more + step] if step else unit
         mixed = unit and second and UNITS[unit][0] != UNITS[second][0]
@@ -236,7 +221,13 @@ def color(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
         return k + 2 - at, [{"hsv": [[0, 360], *map(list, MANNERS[manner])]}]
     if manner == "neutral":
         return k + 2 - at, list(NEUTRAL)
-    if words[k : k + 1] and words[k] in HUED and words[k + 1 : k + 2] == ["of"]:
+    if words[k : k + 1] in (["pastel"], ["pastels"]) and not _named(words, k + 1):
+        return k + 1 - at, [{"hsv": [[0, 360], *map(list, MANNERS["pastel"])]}]
+    if (
+        words[k : k + 1]
+        and words[k] in HUED - {"color", "colors"}
+        and words[k + 1 : k + 2] == ["of"]
+    ):
         of = _named(words, k + 2)
         return (k + 2 + of[0] - at, [_around(of[1])]) if of else None
     named = _named(words, k)
@@ -278,16 +269,7 @@ def _channels(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
     """Colors drawn in ranges of hue, saturation and value: "in hsv ( hue 0 - 360 , sat 0.3 - 0.9 )"."""
     k, ends = at, [[0, 360], [0.5, 1], [0.3, 1]]
     last = at
-    while k < len(words) and words[k] in (
-        *CHANNELS,
-        "hsv",
-        "in",
-        "(",
-        ")",
-        ",",
-        "and",
-        "uniformly",
-    ):
+    while k < len(words) and words[k] in BETWEEN:
         found = None
         if words[k] in CHANNELS:
             found = amount(words, k + 1)

@@ -19,6 +19,8 @@ WAYS = {
 TURNS = {"up": (1, 0, 0), "down": (-1, 0, 0), "left": (0, -1, 0), "right": (0, 1, 0)}
 AWAY = ("away", "out", "it")
 STEP, WRIST_STEP, TURN = 0.1, 0.02, 0.1745  # metres and radians, where no amount was named
+CARRIED = ("wrist", "hand", "gripper")
+"""Parts of the names of cameras that move with the robot."""
 MIDDLE = frozenset(["midpoint", "middle", "center", "halfway", "between", "of", "the"])
 
 
@@ -64,6 +66,7 @@ def camera_pose(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
 
 def _named(clause: Clause, wish: Wish, namer: Namer) -> Any:
     """The cameras that a clause is about; None where it is about none."""
+    apart = excepted(clause)
     token, mention = clause.one("camera"), wish.mention
     known = mention is not None and mention.kind == "camera"
     pronoun = any(one.kind == "thing" and one.value.pronoun for one in clause.tokens)
@@ -79,6 +82,10 @@ def _named(clause: Clause, wish: Wish, namer: Namer) -> Any:
         return "static"
     if token is None:
         return None
+    if apart:
+        stand = [one for one in wish.setting.cameras if not any(part in one for part in CARRIED)]
+        named = [one for one in token.value if token.value != "static"] or stand
+        return [one for one in named if one not in apart]
     if token.value:
         return (
             token.value[0]
@@ -89,6 +96,17 @@ def _named(clause: Clause, wish: Wish, namer: Namer) -> Any:
         return mention.cameras
     namer.notes.append(f"{token.text!r} is taken as all cameras that stand still")
     return "static"
+
+
+def excepted(clause: Clause) -> list[str]:
+    """The cameras that a clause names as those that are not meant."""
+    at = next((k for k, one in enumerate(clause.tokens) if one.kind == "not"), len(clause.tokens))
+    apart = [
+        one for one in clause.tokens[at:] if one.kind == "camera" and isinstance(one.value, list)
+    ]
+    for one in [*clause.tokens[at : at + 1], *apart] if apart else []:
+        clause.take(one)
+    return [name for one in apart for name in one.value]
 
 
 def _jittered(
@@ -129,7 +147,7 @@ def _posed(
         raise NotUnderstood(f"{clause.text!r}: which way, and how far?")
     if len([one for one in (*lengths, *angles) if one.how != "exact"]) > 1:
         raise NotUnderstood(f"{clause.text!r}: one range at a time along a direction")
-    carried = any(part in str(names).lower() for part in ("wrist", "hand", "gripper"))
+    carried = any(part in str(names).lower() for part in CARRIED)
     usual = (WRIST_STEP if carried else STEP) * little
     if moves and not lengths:
         notes.append(f"{100 * usual:g} cm, since no length was named")

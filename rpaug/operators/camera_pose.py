@@ -45,7 +45,8 @@ class CameraPose(Operator):
         "rotate": "rotate, rotation, spin, twist, swing",
         "tilt": "tilt, pitch, pitched, pitching, tilted",
         "pan": "pan, yaw, swivel, turned, panned",
-        "roll": "roll, rolled, clockwise",
+        "roll": "roll, rolled, clockwise, rotate about its axis, about its axis, around its axis, "
+        "about its own axis, around its own axis, about the optical axis",
         "unroll": "counterclockwise, counter-clockwise, anticlockwise, anti-clockwise",
         "aim": "point, points, aim at, aims at, aim, re-aim, re-aim it at, aim it at, point at, "
         "points at, point it at, look at, looks at, looking at, pointed at, pointing at, "

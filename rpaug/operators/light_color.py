@@ -54,14 +54,14 @@ class LightColor(Operator):
         "daylight, light, lights, lighting, the light, lit, illuminate, illuminated, "
         "lamp, lamps, illumination, light source, light sources, light bulb, sun, "
         "sunlight, key light, color temperature, light color, light colors, brightness, "
-        "light intensity, intensity, light temperature, white balance, lamp light",
+        "light intensity, intensity, strength, light strength, light temperature, white balance, lamp light",
         "darker": "night, at night, night time, low light, poor light, poorly lit, darker, dark, "
-        "dim, dimmer, dimmed, darken, darkened, less light, less bright, underexpose, "
+        "dim, dimming, dimmer, weaker, dimmed, darken, darkened, less light, less bright, underexpose, "
         "underexposed, lower light, reduce the light",
         "brighter": "brighter, bright, brighten, lighten, lighter, more light, strong, bright light, "
         "intense, overexpose, overexposed, stronger, well lit, less dark, "
         "a bit less dark",
-        "warm": "warm, warmer, evening, evening light, sunset, like evening, late afternoon, "
+        "warm": "warm, warmer, evening, evening light, sunset, like evening, like in the evening, late afternoon, "
         "golden hour",
         "cool": "cool, cooler, cold, colder, bluish, blueish",
     }

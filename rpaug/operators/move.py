@@ -39,7 +39,7 @@ class Move(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("target",), anchors=("near",))
     asked_as: ClassVar[Mapping[str, str]] = {
-        "move": "move, shift, push, pull, slide, displace, relocate, nudge, drag, transfer, "
+        "move": "move, moving, shift, push, pull, slide, displace, relocate, nudge, drag, transfer, "
         "pulled, pushed, end up, ends up, reposition, translate, offset, moved, shifted",
     }
     phrases: ClassVar[tuple[str, ...]] = (

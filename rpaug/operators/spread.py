@@ -32,7 +32,8 @@ class Spread(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     needs: ClassVar[Needs] = Needs(targets=("targets",))
     asked_as: ClassVar[Mapping[str, str]] = {
-        "spread": "rearrange, shuffle, scatter, spread, reorder, mix up the places of, rearranged, "
+        "spread": "rearrange, shuffle where, shuffle, mix up where, scatter, spread, reorder, "
+        "mix up the places of, rearranged, "
         "swap around, permute",
     }
     phrases: ClassVar[tuple[str, ...]] = ("rearrange everything", "shuffle {targets}")

@@ -85,6 +85,39 @@ def edits(wish: str) -> list[dict[str, Any]]:
             "strong light from above",
             [{"op": "light_direction", "to": [0, 0, 1]}, {"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}],
         ),
+        (
+            "the can red, green, blue",
+            [{"one_of": [{**BLUE, "target": "can", "color": c} for c in ("red", "green", "blue")]}],
+        ),
+        (
+            "can in 2 colors: red, green",
+            [{"one_of": [{**BLUE, "target": "can", "color": c} for c in ("red", "green")]}],
+        ),
+        ("paint the can blue. the bin too", [{**BLUE, "target": "can"}, {**BLUE, "target": "bin"}]),
+        (
+            "camera shake! all cameras up to 1 cm, except wrist",
+            [{"op": "camera_pose", "camera": ["front"], "shift": 0.01}],
+        ),
+        ("front: up to 1 cm jitter", [{"op": "camera_pose", "camera": "front", "shift": 0.01}]),
+        ("light brighter or darker by 30%", [{"op": "light_color", "range": [[0.35] * 3, [0.65] * 3]}]),
+        ("the light a bit weaker, like 20-30 % less", [{"op": "light_color", "range": [[0.35] * 3, [0.4] * 3]}]),
+        ("light from other sides", [{"op": "light_direction"}]),
+        (
+            "can green/blue/red, each in a third",
+            [{"one_of": [{**BLUE, "target": "can", "color": c} for c in ("green", "blue", "red")]}],
+        ),
+        (
+            "jitter camera positions by 3cm/5deg",
+            [{"op": "camera_pose", "camera": "static", "shift": 0.03, "turn": 0.0873}],
+        ),
+        ("make it brighter by 20 to 40 %", [{"op": "light_color", "range": [[0.6] * 3, [0.7] * 3]}]),
+        ("dimmer, about 60% of now", [{"op": "light_color", "range": [[0.3] * 3, [0.3] * 3]}]),
+        ("make the can bigger by 10 to 20 %", [{"op": "object_size", "target": "can", "range": [1.1, 1.2]}]),
+        ("each copy another table", [{"op": "table_color"}]),
+        ("vary the table and the lights but not the cameras", [{"op": "table_color"}, {"op": "light_color"}]),
+        ("paint that red can blue", [BLUE]),
+        ("dim the light in 20%", [{"op": "light_color", "range": [[0.3] * 3, [0.3] * 3], "probability": 0.2}]),
+        ("sim2real pack: the can blue", [{**BLUE, "target": "can"}]),
     ],
 )  # fmt: skip
 def test_it_does_what_is_said(wish: str, wanted: list[dict[str, Any]]) -> None:
@@ -122,6 +155,10 @@ def test_harder_to_see_is_taken_as_dimmer_light_and_told() -> None:
         "cold 6500 K light",
         "make the can red and the bin fuzzy",
         "the can 20% red",
+        "the can red and blue",
+        "another can in green",
+        "table checkered, red/white or blue/white",
+        "light from other sides so that the shadows fall elsewhere",
     ],
 )
 def test_what_is_not_understood_is_refused(wish: str) -> None:
@@ -137,3 +174,43 @@ def test_what_was_painted_is_another_color_in_half_of_the_copies() -> None:
 def test_the_same_for_another_thing() -> None:
     first, second = said_after("same for the bin", ["paint the can blue"], SETTING).edits
     assert (first["target"], second["target"], second["color"]) == ("can", "bin", "blue")
+
+
+@pytest.mark.parametrize(
+    "wish", ["other table, not wood", "the table another texture but not wood"]
+)
+def test_a_banned_texture_is_not_drawn(wish: str) -> None:
+    (edit,) = edits(wish)
+    names = {one["texture"] for one in edit["one_of"]}
+    assert {"marble_white", "slate"} <= names
+    assert not names & {"oak", "pine", "walnut"}
+
+
+def test_no_other_color_is_near_the_banned_one() -> None:
+    (edit,) = edits("turn the red can into something that is not blue")
+    assert not {one["color"] for one in edit["one_of"]} & {"blue", "navy", "azure", "cyan", "teal"}
+
+
+def test_what_varies_keeps_no_texture_of_its_description() -> None:
+    first, second = edits("vary the wooden table and the red can")
+    assert first == {"op": "table_color"}
+    assert second["color"] == {"sample": "colosseum"}
+
+
+def test_that_the_instruction_follows_is_told() -> None:
+    answer = said_after("paint the can blue and fix the text to match", (), SETTING)
+    assert [one["op"] for one in answer.edits] == ["recolor"]
+    assert "the instruction follows" in answer.notes[0]
+
+
+def test_what_is_left_alone_after_all_is_not_edited() -> None:
+    earlier = ["paint the can blue and jitter all cameras"]
+    (edit,) = said_after("ok but leave the cameras alone", earlier, SETTING).edits
+    assert edit["op"] == "recolor"
+
+
+def test_each_look_that_is_named_gets_the_same_share() -> None:
+    (edit,) = edits("table white or marble, half each")
+    shares = {one.get("texture", one.get("color")): one["weight"] for one in edit["one_of"]}
+    assert shares.pop("white") == 1
+    assert sum(shares.values()) == pytest.approx(1, abs=1e-3)
