@@ -44,6 +44,10 @@ COMMANDS = {
         "fit",
         "Fit Gaussians to an episode's static background and bodies, store them, and say how well they show it.",
     ),
+    "calibrate": (
+        "calibrate",
+        "Say where fixed cameras stand, by the robot's own outline: no board. Exit code 1 if one cannot be told.",
+    ),
     "verify": (
         "verify",
         "Compare an augmented dataset with its source: counts, kinds, actions bit for bit, untouched images, cameras\n"

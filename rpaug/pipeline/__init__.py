@@ -3,6 +3,7 @@
 __all__ = [
     "audit",
     "augment",
+    "calibrate",
     "cluster",
     "contracts",
     "convert",

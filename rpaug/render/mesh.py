@@ -91,6 +91,22 @@ def nearest(
     return NearestView(np.where(number >= 0, depth, 0.0), number, normals)
 
 
+def depths(
+    meshes: Sequence[tuple[Mesh, Float64[np.ndarray, "4 4"]]],
+    K: Float64[np.ndarray, "3 3"],
+    cam_to_world: Float64[np.ndarray, "4 4"],
+    size: tuple[int, int],
+) -> Float64[np.ndarray, "h w"]:
+    """Metres to the nearest of some meshes in each pixel of `size` (width, height), 0 where there is none."""
+    near = np.zeros(size[::-1])
+    face, weights = np.full(near.shape, -1, np.int32), np.zeros((*near.shape, 3))
+    to_camera = geometry.inverse(cam_to_world)
+    for each, to_world in meshes:
+        local = geometry.transform(to_camera @ to_world, each.points)
+        _rasterise(local, each.faces, K, near, face, weights)
+    return np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
+
+
 @kernel
 def _rasterise(points, faces, K, near, face, weights):
     """Per pixel the largest 1/z of all triangles, whose it is, and the hit's weights of its corners."""
