@@ -61,7 +61,15 @@ class CalibratedEpisode:
         return facts
 
     def yaml(self, support: float = 0.0) -> bytes:
-        """A `cameras.yaml`, whose world has the support, so many metres up here, at z = 0."""
+        """A `cameras.yaml`, whose world has the support, so many metres up here, at z = 0.
+
+        Raises SourceLacks where the support is elsewhere and gripper poses were recorded: they would stay behind.
+        """
+        if support and self.episode.robot.gripper_to_world is not None:
+            raise SourceLacks(
+                f"{self.episode.key}: --support {support:g} would shift the cameras and leave the recorded gripper "
+                "poses where they are; expected gripper poses in a world whose support is at z = 0"
+            )
         lines, cameras = [], {}
         for name, one in self.cameras.items():
             lines.append(f"# {sentence(name, self._described(name))}")

@@ -84,6 +84,16 @@ def test_the_file_is_one_that_adapters_read(found: calibrate.CalibratedEpisode) 
     assert lifted == pytest.approx(0.2)
 
 
+def test_a_support_elsewhere_is_refused_where_gripper_poses_would_stay_behind(
+    found: calibrate.CalibratedEpisode,
+) -> None:
+    robot = replace(found.episode.robot, gripper_to_world=np.tile(np.eye(4), (LENGTH, 1, 1)))
+    held = replace(found, episode=replace(found.episode, robot=robot))
+    with pytest.raises(SourceLacks, match="leave the recorded gripper poses where they are"):
+        held.yaml(support=0.2)
+    assert held.yaml().startswith(b"# front: within ")
+
+
 def test_without_masks_and_models_it_says_what_would_do(episode: Episode, folder: Path) -> None:
     with pytest.raises(SourceLacks, match=r"nothing outlines the robot.*--models text=NAME"):
         calibrate.of_episode(episode, waving_arm.arm_file(folder), Models())
