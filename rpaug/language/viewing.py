@@ -152,6 +152,8 @@ def _posed(
     if moves and not lengths:
         notes.append(f"{100 * usual:g} cm, since no length was named")
         lengths = [Amount(usual, usual)] * len(moves)
+    if any(way.kind in ("up", "down") for way in moves):
+        notes.append("up is where the upper edge of the camera's image is, not up in the room")
     edit = _motion("by", [(WAYS[way.kind], far) for way, far in zip(moves, lengths, strict=True)])
     if turns:
         if turns[0].kind not in TURNS:

@@ -104,6 +104,10 @@ def test_what_is_taken_for_granted_is_told() -> None:
     assert matte.notes == ("gloss stays as it was recorded",)
     answer = said_after("look from further left", (), WishContext(cameras=("front",)))
     assert answer.notes == ("10 cm, since no length was named",)
+    raised = said_after("move the front camera up by 5 cm", (), WishContext(cameras=("front",)))
+    assert raised.notes == (
+        "up is where the upper edge of the camera's image is, not up in the room",
+    )
     after = said_after("paint the cup blue", ["paint the cup red"], WishContext())
     assert any("takes the place of" in note for note in after.notes)
 
