@@ -14,9 +14,10 @@ from rpaug.pages.space import Space
 HOST = "127.0.0.1"
 MOST_POINTS = 150_000
 LOOKED = 4_000  # points that tell where the middle is
-BACK = 1.6  # times as far from it as the cameras are
+BACK = 2.2  # times as far from it as the cameras are
 POINT = 0.004  # metres
 FRUSTUM = 0.08  # metres that a camera's pyramid is deep
+LINE = 0.003  # metres
 WIDEST = 320  # pixels of a camera's image
 IMAGE, INSTANCE = "image", "instance"
 
@@ -128,6 +129,7 @@ def _camera(scene: Any, name: str, view: CameraView, t: int) -> None:
         fov=float(2 * np.arctan(camera.height / (2 * camera.K[1, 1]))),
         aspect=camera.width / camera.height,
         scale=FRUSTUM,
+        thickness=LINE,
         image=image[::stride, ::stride],
         wxyz=wxyz,
         position=position,
