@@ -17,7 +17,8 @@ from rpaug.core.types import CameraView, Episode, Scene, Sensor
 from rpaug.render import holes
 from rpaug.render.composite import composite
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene.recorded import lit, pooled, surface, surfels
+from rpaug.scene.lighting import intrinsic
+from rpaug.scene.recorded import pooled, surface, surfels
 
 if TYPE_CHECKING:
     from rpaug.gaussians import fill_gaussians
@@ -129,7 +130,7 @@ def _composited(scene: Scene, name: str, pool: Pooled, watch: Watch) -> CameraVi
     def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
         start = time.thread_time()
         ids = view.ids(t) if view.ids else None
-        light = partial(lit.share, scene.episode, name, scene.moving, t)
+        light = partial(intrinsic.share, scene, name, t)
         surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light)
         before = view.rgb(t)
         radiance = view.radiance(t) if view.radiance else None
@@ -196,7 +197,7 @@ def _finished(
 
     def light() -> Float32[np.ndarray, "h w"] | None:
         view = scene.episode.views[name]
-        known = lit.share(scene.episode, name, scene.moving, t) if pool and view.ids else None
+        known = intrinsic.share(scene, name, t) if pool and view.ids else None
         return None if known is None or not view.ids else np.where(ids == view.ids(t), known, 1)
 
     surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light)

@@ -16,7 +16,7 @@ from rpaug.core.errors import BadInput, TargetError, there_are
 from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB
-from rpaug.scene.lighting import albedo, shading
+from rpaug.scene.lighting import albedo, intrinsic, shading
 from rpaug.scene.targets import agreement, targets
 
 Triple = tuple[float, float, float]
@@ -144,7 +144,7 @@ class Texturing(Operator):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = sorted(targets.find(scene, self.target))
-        seen = shading.sample(scene.episode, scene.bodies, tuple(instance_ids))
+        seen = shading.sample(intrinsic.unshadowed(scene), scene.bodies, tuple(instance_ids))
         if not seen:
             raise TargetError(f"{self.target}: no camera shows it at a known depth")
         described = shading.paintable(seen, lambda one: self._surface(scene, one, seen[one]))
@@ -199,11 +199,15 @@ class Texturing(Operator):
     def _surface(
         self, scene: Scene, instance_id: int, seen: shading.ShadedPixels
     ) -> dict[str, Any]:
-        described = albedo.describe(scene.episode, instance_id, self.albedo)
+        described = albedo.describe(intrinsic.unshadowed(scene), instance_id, self.albedo)
+        if self.albedo is None:
+            described["albedo"] = shading.fully_lit(scene, described)
         if agreement.of_one_tint(scene, instance_id):
             # It has one tint, and the proxy knows neither basin nor rim: what its brightness varies by is light.
             return described | {"smooth": None}
-        smooth = shading.fit(seen, tuple(described["albedo"]), known=self.albedo is not None)
+        best = intrinsic.best_light(scene, instance_id)
+        known = self.albedo is not None
+        smooth = shading.fit(seen, tuple(described["albedo"]), known, best)
         return described | {"smooth": smooth.describe() if smooth else None}
 
     def _texture(self, edit: Edit) -> Texture:

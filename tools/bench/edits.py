@@ -25,6 +25,7 @@ def edits(
     factor: Annotated[list[str] | None, typer.Option(help="Only these factors.")] = None,
     task: Annotated[list[str] | None, typer.Option(help="Only these tasks, in turn.")] = None,
     seeds: Annotated[int, typer.Option(min=1)] = 10,
+    first_seed: Annotated[int, typer.Option(min=0, help="The first of the seeds.")] = 0,
     frames: Annotated[int, typer.Option(min=2)] = 17,
     size: Annotated[int, typer.Option(min=8, help="Pixels a side.")] = 128,
     antialias: Annotated[bool, typer.Option(help="Anti-alias the colour images.")] = False,
@@ -47,7 +48,13 @@ def edits(
     Example: [bold]python -m tools.bench.edits --factor object_color --seeds 10 --out edits[/]
     """
     switches = {"antialias": antialias, "specular": specular, "shadows": shadows}
-    shape = {"seeds": seeds, "frames": frames, "size": size, "gaussians": gaussians}
+    shape = {
+        "seeds": seeds,
+        "first_seed": first_seed,
+        "frames": frames,
+        "size": size,
+        "gaussians": gaussians,
+    }
     files = {"vgg": vgg, "lpips": lpips, "clip": clip}
     eyes = perceptual.Eyes(**{name: str(path) for name, path in files.items() if path})
     judged = perceptual.opened(eyes).names

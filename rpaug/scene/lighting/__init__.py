@@ -1,3 +1,14 @@
 """The light an episode was recorded in: albedo, shading, lamps and shadows."""
 
-__all__ = ["albedo", "ambience", "gamut", "irradiance", "light", "shading", "shadows"]
+__all__ = [
+    "albedo",
+    "ambience",
+    "casting",
+    "gamut",
+    "intrinsic",
+    "irradiance",
+    "light",
+    "rig",
+    "shading",
+    "shadows",
+]

@@ -18,7 +18,7 @@ from rpaug.core import memo, sampling
 from rpaug.core.errors import SourceLacks, Unsupported
 from rpaug.core.jit import kernel
 from rpaug.core.types import Body, Episode, Scene
-from rpaug.scene.lighting import albedo
+from rpaug.scene.lighting import albedo, intrinsic
 from rpaug.scene.recorded import surface
 
 RGB = tuple[float, float, float]
@@ -124,8 +124,18 @@ def describe(scene: Scene, instance_ids: Iterable[int], known: RGB | None = None
     An albedo's brightness is that of the best-lit pixels; where depth tells light from pattern, that of the best-lit
     part of the fit, since the brightest pixels of a patterned thing are its palest spots. Raises Unsupported.
     """
-    found = _described(scene.episode, scene.bodies, tuple(instance_ids), known)
-    return found | {"surfaces": [dict(one) for one in found["surfaces"]]}
+    episode = intrinsic.unshadowed(scene)
+    found = _described(episode, scene.bodies, tuple(instance_ids), known)
+    surfaces = [dict(one) for one in found["surfaces"]]
+    if known is None:
+        surfaces = [one | {"albedo": fully_lit(scene, one)} for one in surfaces]
+    return found | {"surfaces": surfaces}
+
+
+def fully_lit(scene: Scene, surface: Mapping[str, Any]) -> list[float]:
+    """The albedo of a surface whose best-lit part lamps are known to light less than level ground."""
+    best = intrinsic.best_light(scene, surface["handle"])
+    return [min(value / best, 1.0) for value in surface["albedo"]]
 
 
 def paintable(
@@ -163,12 +173,15 @@ def _described(
 
 
 def fit(
-    samples: ShadedPixels, color: tuple[float, float, float], known: bool = True
+    samples: ShadedPixels,
+    color: tuple[float, float, float],
+    known: bool = True,
+    best_light: float = 1.0,
 ) -> Smooth | None:
     """The smooth shading of a patterned thing, or None if its brightness varies no more than its shading does.
 
     `color` is the thing's albedo. Unless it is `known`, its brightness is a guess, and the best-lit part is taken to
-    be fully lit.
+    have the `best_light`.
     """
     old = np.array(color)
     high = samples.color.max(1)
@@ -188,7 +201,7 @@ def fit(
         weights = np.pad(weights, (0, basis.shape[1] - BY_NORMAL))
     if spread < PATTERN:
         return None
-    level = 1.0 if known else max(float(np.quantile(basis @ weights, LIT)), 0.05)
+    level = 1.0 if known else max(float(np.quantile(basis @ weights, LIT)), 0.05) / best_light
     return Smooth(tuple(middle.tolist()), extent, tuple((weights / level).tolist()), spread, level)
 
 

@@ -40,7 +40,7 @@ def places(episode: Episode, name: str, moving: frozenset[int]) -> LitPlaces | N
     times = sampling.frames(episode.length, FRAMES)
     ids = np.stack([view.ids(t) for t in times])
     bright = np.stack([_brightest(view.rgb(t)) for t in times])
-    known = np.stack([_inside(one) for one in ids]) & ~np.isin(ids, sorted(moving))
+    known = np.stack([inside(one) for one in ids]) & ~np.isin(ids, sorted(moving))
     first = np.take_along_axis(ids, known.argmax(0)[None], 0)[0]
     known &= ids == first
     count = known.sum(0)
@@ -61,7 +61,7 @@ def share(
     ratio = np.ones(ids.shape, np.float32)
     full = lit.brightness[known] - NOISE
     ratio[known] = np.minimum(_brightest(view.rgb(t))[known] / full, 1)
-    pure = known & _inside(ids)
+    pure = known & inside(ids)
     size = (2 * BESIDE + 1, 2 * BESIDE + 1)
     weight = cv2.boxFilter(pure.astype(np.float32), -1, size, borderType=cv2.BORDER_CONSTANT)
     beside = cv2.boxFilter(np.where(pure, ratio, 0), -1, size, borderType=cv2.BORDER_CONSTANT)
@@ -74,7 +74,7 @@ def _brightest(rgb: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w"]:
     return pixels.brightest(rgb).astype(np.float32) / np.float32(255)
 
 
-def _inside(ids: Int32[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+def inside(ids: Int32[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     """Pixels among others of their own instance alone: an outline's pixel is a mixture."""
     even = ids.astype(np.float32)
     return (cv2.dilate(even, BLOCK) == even) & (cv2.erode(even, BLOCK) == even)

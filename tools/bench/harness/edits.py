@@ -39,6 +39,7 @@ class EditSetting:
     factors: tuple[str, ...] = tuple(CASES)
     tasks: tuple[str, ...] = tuple(twin.TASKS)
     seeds: int = 10
+    first_seed: int = 0
     frames: int = 17
     size: int = 128
     antialias: bool = False
@@ -112,7 +113,7 @@ def run(
     warm: set[str] = set()
     for seed in range(setting.seeds):
         for number, factor in enumerate(factors):
-            rows += _one(setting, factor, seed, warm, keep)
+            rows += _one(setting, factor, setting.first_seed + seed, warm, keep)
             progress(seed * len(factors) + number + 1, len(factors) * setting.seeds)
     return sorted(rows, key=lambda row: factors.index(row.factor))
 

@@ -1,0 +1,214 @@
+"""What the light from far away reaches: all surfaces as it sees them (shadow maps; Williams 1978).
+
+Surfaces are the pixels of a few frames, carried along with their bodies. Walls and floor cast nothing: lamps hang
+inside the room. A pixel is a small disc across its normal, so that a surface does not shade itself.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int64
+
+from rpaug.core import geometry, sampling
+from rpaug.core.jit import kernel
+from rpaug.core.memo import once
+from rpaug.core.types import CameraView, Scene
+from rpaug.scene.recorded import pooled, surface
+
+FRAMES = 6
+WIDE = 160  # pixels: larger images are thinned to about this
+CELL = 0.006  # metres, of a map
+GRAIN = 0.004  # metres: one disc is kept in each cube of this side
+LIFT = 0.006  # metres above its surface that a place is looked up at
+CLOSE = 0.010  # metres: what lies no further before a place is its own surface
+GRAZING = 0.2  # cosine: discs turned further from the light are drawn as if turned so far
+LARGEST = 4096  # cells a side
+
+
+@dataclass(frozen=True)
+class Discs:
+    """Small flat pieces of surface, and how wide they are; metres."""
+
+    points: Float32[np.ndarray, "n 3"]
+    normals: Float32[np.ndarray, "n 3"]
+    width: Float32[np.ndarray, "n"]
+
+
+@dataclass(frozen=True, eq=False)
+class Casters:
+    """All that may stand in a lamp's way: discs by the track that carries them into the world."""
+
+    parts: tuple[tuple[Float64[np.ndarray, "t 4 4"], Discs], ...]
+
+    def at(self, t: int) -> Discs:
+        """Where they are at t."""
+        moved = [
+            Discs(
+                geometry.transform(pose[t], one.points).astype(np.float32),
+                one.normals @ pose[t, :3, :3].T.astype(np.float32),
+                one.width,
+            )
+            for pose, one in self.parts
+        ]
+        return joined(moved)
+
+
+@once
+def casters(scene: Scene) -> Casters:
+    """Those of the recorded scene, a `memo.bare` one."""
+    tracks = {one: body.to_world for body in scene.tracked for one in body.instance_ids}
+    still = np.broadcast_to(np.eye(4), (scene.episode.length, 4, 4))
+    walls = np.array(sorted(scene.roles.get("background", ())), np.int32)
+    found: dict[int, tuple[np.ndarray, list[Discs]]] = {}
+    for t in sampling.frames(scene.episode.length, FRAMES):
+        for view in known(scene):
+            ids, discs = discs_of(view, t, every(view))
+            for one in np.unique(ids).tolist():
+                if one == 0 or one in walls:
+                    continue
+                track = tracks.get(one, still)
+                mine = ids == one
+                back = geometry.inverse(track[t])
+                own = Discs(
+                    geometry.transform(back, discs.points[mine]).astype(np.float32),
+                    discs.normals[mine] @ back[:3, :3].T.astype(np.float32),
+                    discs.width[mine],
+                )
+                found.setdefault(id(track), (track, []))[1].append(own)
+    return Casters(tuple((track, thinned(joined(parts), GRAIN)) for track, parts in found.values()))
+
+
+def known(scene: Scene) -> Iterator[CameraView]:
+    """Views that tell where what they show lies, and what it is."""
+    return (v for v in scene.episode.views.values() if v.depth is not None and v.ids is not None)
+
+
+def every(view: CameraView) -> Int64[np.ndarray, "n"]:
+    """Pixels of a view, thinned where there are many: flat indices."""
+    step = max(1, round(view.camera.width / WIDE))
+    all_of_them = np.arange(view.camera.height * view.camera.width)
+    return all_of_them.reshape(view.camera.height, -1)[::step, ::step].reshape(-1)
+
+
+def discs_of(view: CameraView, t: int, rows: Int64[np.ndarray, "n"]) -> tuple[np.ndarray, Discs]:
+    """Instance ids and surfaces of some pixels; 0 where no depth is known."""
+    assert view.depth is not None
+    assert view.ids is not None
+    depth = np.nan_to_num(view.depth(t), posinf=0.0, neginf=0.0)
+    ids = view.ids(t)
+    pool = pooled.nothing(*depth.shape)
+    pose = view.camera.cam_to_world[t]
+    points, normals, width = surface.lift(depth, ids, view.camera.K, pose, rows, pool)
+    step = max(1, round(view.camera.width / WIDE))
+    shown = np.where(depth.reshape(-1)[rows] > 0, ids.reshape(-1)[rows], 0)
+    return shown, Discs(points, normals, step * width)
+
+
+def joined(parts: list[Discs]) -> Discs:
+    if not parts:
+        return Discs(*(np.zeros(shape, np.float32) for shape in ((0, 3), (0, 3), 0)))
+    return Discs(
+        np.concatenate([one.points for one in parts]),
+        np.concatenate([one.normals for one in parts]),
+        np.concatenate([one.width for one in parts]),
+    )
+
+
+def thinned(discs: Discs, side: float) -> Discs:
+    """One disc of those in each cube, the narrowest: the camera that saw it best."""
+    cubes = np.floor(discs.points / side).astype(np.int64) + (1 << 20)
+    keys = (cubes[:, 0] << 42) | (cubes[:, 1] << 21) | cubes[:, 2]
+    order = np.lexsort((discs.width, keys))
+    first = order[np.append(True, np.diff(keys[order]) != 0)] if len(order) else order
+    width = np.maximum(discs.width[first], np.float32(side))
+    return Discs(discs.points[first], discs.normals[first], width)
+
+
+@dataclass(frozen=True, eq=False)
+class LightMap:
+    """How far towards a lamp the nearest surface lies, seen along its direction, by cell."""
+
+    frame: Float32[np.ndarray, "3 3"]
+    origin: Float32[np.ndarray, "2"]
+    cell: float
+    height: Float32[np.ndarray, "r c"]
+
+    def reached(self, places: Discs) -> Float32[np.ndarray, "n"]:
+        """How much of each place the lamp reaches, 0..1: in between at a shadow's edge."""
+        lifted = places.points + np.float32(LIFT) * places.normals
+        at = (lifted @ self.frame.T).astype(np.float32)
+        return _looked_up(at, self.origin, self.cell, self.height, CLOSE)
+
+
+def light_map(discs: Discs, direction: Float64[np.ndarray, "3"], cell: float = CELL) -> LightMap:
+    """What a lamp in that direction sees of the discs."""
+    frame = _frame(direction)
+    at = (discs.points @ frame.T).astype(np.float32)
+    turned = (discs.normals @ frame.T).astype(np.float32)
+    if not len(at):
+        return LightMap(frame, np.zeros(2, np.float32), cell, np.zeros((1, 1), np.float32))
+    across, along = at.T[:2]  # by column: NumPy is slow over a long first axis
+    low = np.array([across.min(), along.min()], np.float32) - np.float32(4 * cell)
+    high = np.array([across.max(), along.max()], np.float32)
+    columns, rows = np.clip(np.ceil((high - low) / cell).astype(int) + 5, 1, LARGEST)
+    height = np.full((rows, columns), -np.inf, np.float32)
+    _draw(at, turned, discs.width, low, cell, height)
+    return LightMap(frame, low, cell, height)
+
+
+def _frame(direction: Float64[np.ndarray, "3"]) -> Float32[np.ndarray, "3 3"]:
+    towards = np.asarray(direction, float) / np.linalg.norm(direction)
+    across = np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(towards, across), towards]).astype(np.float32)
+
+
+@kernel
+def _draw(
+    at: Float32[np.ndarray, "n 3"],
+    normals: Float32[np.ndarray, "n 3"],
+    width: Float32[np.ndarray, "n"],
+    origin: Float32[np.ndarray, "2"],
+    cell: float,
+    height: Float32[np.ndarray, "r c"],
+) -> None:
+    rows, columns = height.shape
+    for n in range(len(at)):
+        x, y = (at[n, 0] - origin[0]) / cell, (at[n, 1] - origin[1]) / cell
+        a, b, c = normals[n]
+        steep = max(abs(c), GRAZING)
+        flip = 1.0 if c >= 0 else -1.0
+        reach = 0.5 * width[n] / cell
+        across = max(reach, 0.5)
+        for j in range(max(0, int(np.ceil(y - across))), min(rows, int(y + across) + 1)):
+            for i in range(max(0, int(np.ceil(x - across))), min(columns, int(x + across) + 1)):
+                rise = -flip * (a * (i - x) + b * (j - y)) * cell / steep
+                rise = min(max(rise, -width[n]), width[n])
+                height[j, i] = max(height[j, i], at[n, 2] + rise)
+
+
+@kernel
+def _looked_up(
+    at: Float32[np.ndarray, "n 3"],
+    origin: Float32[np.ndarray, "2"],
+    cell: float,
+    height: Float32[np.ndarray, "r c"],
+    close: float,
+) -> Float32[np.ndarray, "n"]:
+    rows, columns = height.shape
+    out = np.ones(len(at), np.float32)
+    for n in range(len(at)):
+        x, y = (at[n, 0] - origin[0]) / cell, (at[n, 1] - origin[1]) / cell
+        i, j = int(np.floor(x)), int(np.floor(y))
+        if i < 0 or j < 0 or i + 1 >= columns or j + 1 >= rows:
+            continue
+        p, q = x - i, y - j
+        lit = 0.0
+        for k in range(2):
+            for m in range(2):
+                weight = (q if k else 1 - q) * (p if m else 1 - p)
+                if height[j + k, i + m] <= at[n, 2] + close:
+                    lit += weight
+        out[n] = lit
+    return out

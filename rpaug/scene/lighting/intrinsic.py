@@ -1,0 +1,235 @@
+"""An episode split into what its surfaces are and the cast shadows on them.
+
+Each lamp reaches a place or does not, so that a pixel has one of few lights. Which one, known surfaces say (`casting`),
+to within a pixel or two; the pixel itself says the rest: of the lights that are possible there, the one under which its
+thing has the albedo that it has elsewhere. A camera that stands still sees a resting place at many times, whose albedo
+is then the median over them, and what is left at each time is light (Weiss 2001), exact to the pixel.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, Int32, UInt8
+
+from rpaug.core import memo, sampling
+from rpaug.core.types import CameraView, Episode, Scene
+from rpaug.scene.lighting import casting, rig
+from rpaug.scene.lighting.rig import Rig
+from rpaug.scene.recorded import lit
+
+TIMES = 6  # at which the albedo of what rests is looked for
+DARK = 2.0 / 255  # brightness below which nothing tells
+ALIKE = 0.03  # log brightness by which one albedo is known at best
+STRANGE = 3.0  # spreads: a light that misses an albedo by more is as bad as any
+TRUST = 3.0  # squared spreads that it costs a lamp to be another than the surfaces say
+UNSEEN = 0.3  # the same for walls and floor: much of what casts shadows there is in no image
+NEAR = 5  # pixels wide: neighbours that have the same light more often than not
+ROUNDS = 3  # of albedo and spread
+WELL_LIT = 0.98  # quantile of the light on a thing
+SOLID = 60  # pixels of a thing, from which its albedo is known
+
+
+def share(scene: Scene, name: str, t: int) -> Float32[np.ndarray, "h w"] | None:
+    """Of the light that each pixel would have without cast shadows, what it has: 1 where nothing tells.
+
+    Where no lamps are known, shadows that wander over what rests are told by the same pixel at other times (`lit`).
+    """
+    bare = rig.recorded(scene)
+    lamps = rig.find(scene)
+    if lamps is None:
+        return lit.share(scene.episode, name, scene.moving, t)
+    view = scene.episode.views[name]
+    if view.depth is None or view.ids is None:
+        return None
+    found = _by_light(bare, name, t, lamps)
+    if name not in _resting(bare):
+        return found
+    ids, lasting = _resting(bare)[name]
+    level = _level(view.rgb(t))
+    known = (view.ids(t) == ids) & (lasting > np.log(DARK))
+    lights = np.clip(np.exp(level - lasting), lamps.ambient / 2, 1)
+    return np.where(known, lights, found).astype(np.float32)
+
+
+def unshadowed(scene: Scene) -> Episode:
+    """The recorded episode as it would be if nothing cast a shadow; itself where no lamps are known."""
+    return scene.episode if rig.find(scene) is None else _unshadowed(rig.recorded(scene))
+
+
+@memo.once
+def _unshadowed(scene: Scene) -> Episode:
+    def rgb(name: str, view: CameraView, t: int) -> UInt8[np.ndarray, "h w 3"]:
+        found = share(scene, name, t)
+        recorded = view.rgb(t)
+        if found is None:
+            return recorded
+        return np.minimum(np.rint(recorded / found[..., None]), 255).astype(np.uint8)
+
+    views = {
+        name: replace(view, rgb=partial(rgb, name, view), radiance=None)
+        for name, view in scene.episode.views.items()
+    }
+    return replace(scene.episode, views=views)
+
+
+def best_light(scene: Scene, instance_id: int) -> float:
+    """The light on a thing's best-lit part, 1 that on level ground, and at most: less where it has none that faces the
+    lamps. 1 where no lamps are known."""
+    if rig.find(scene) is None:
+        return 1.0
+    found = _albedos(rig.recorded(scene)).get(instance_id)
+    return 1.0 if found is None else found.best_light
+
+
+@dataclass(frozen=True)
+class _Surfaces:
+    """A thing's log brightness without cast shadows, by how much its pattern spreads it, and the light on its best-lit
+    part."""
+
+    level: float
+    spread: float
+    best_light: float
+
+
+@memo.once
+def _albedos(scene: Scene) -> Mapping[int, _Surfaces]:
+    """Of each thing the albedo that leaves least unexplained when each pixel has the light that suits it best."""
+    lamps = rig.find(scene)
+    assert lamps is not None
+    found: dict[int, list[tuple[np.ndarray, ...]]] = {}
+    for t in sampling.frames(scene.episode.length, rig.FRAMES):
+        for name, view in scene.episode.views.items():
+            if view.depth is None or view.ids is None:
+                continue
+            seen = _candidates(scene, name, t, lamps)
+            level = _level(view.rgb(t)).reshape(-1)
+            inside = lit.inside(view.ids(t)).reshape(-1) & (level > np.log(DARK))
+            for one in np.unique(view.ids(t)).tolist():
+                rows = np.flatnonzero(inside & (view.ids(t).reshape(-1) == one))
+                rows = rows[:: max(1, len(rows) // SOLID)]
+                if len(rows):
+                    own = level[rows, None] - seen.light[rows]
+                    found.setdefault(one, []).append((own, seen.doubt[rows], seen.full[rows]))
+    joined = {
+        one: [np.concatenate(some) for some in zip(*parts, strict=True)]
+        for one, parts in found.items()
+    }
+    return {
+        one: _Surfaces(*_likeliest(own, doubt), min(float(np.quantile(full, WELL_LIT)), 1.0))
+        for one, (own, doubt, full) in joined.items()
+        if len(own) >= SOLID
+    }
+
+
+def _likeliest(
+    albedo: Float32[np.ndarray, "n s"], doubt: Float32[np.ndarray, "n s"]
+) -> tuple[float, float]:
+    """The log albedo and its spread, of pixels that would have these under each light: both from each other."""
+    own = np.take_along_axis(albedo, doubt.argmin(1)[:, None], 1)[:, 0]
+    best = float(np.median(own))
+    spread = max(1.4826 * float(np.median(np.abs(own - best))), ALIKE)
+    for _ in range(ROUNDS):
+        tried = np.linspace(best - 0.2, best + 1.2, 57)
+        costs = [(_misfit(albedo - one, spread) + doubt).min(1).mean() for one in tried]
+        best = float(tried[int(np.argmin(costs))])
+        chosen = (_misfit(albedo - best, spread) + doubt).argmin(1)
+        own = np.take_along_axis(albedo, chosen[:, None], 1)[:, 0]
+        spread = max(1.4826 * float(np.median(np.abs(own - best))), ALIKE)
+    return best, spread
+
+
+def _misfit(
+    off: Float32[np.ndarray, "*n"], spread: float | Float32[np.ndarray, "n 1"]
+) -> Float32[np.ndarray, "*n"]:
+    return np.minimum((off / spread) ** 2, STRANGE**2)
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """By pixel and by which lamps reach it: log of the share of light, and how much known surfaces speak against
+    it. `full` is the light where all lamps reach."""
+
+    light: Float32[np.ndarray, "n s"]
+    doubt: Float32[np.ndarray, "n s"]
+    full: Float32[np.ndarray, "n"]
+
+
+def _candidates(scene: Scene, name: str, t: int, lamps: Rig) -> _Candidates:
+    view = scene.episode.views[name]
+    rows = np.arange(view.camera.height * view.camera.width)
+    _, places = casting.discs_of(view, t, rows)
+    discs = casting.casters(scene).at(t)
+    reached = [casting.light_map(discs, np.array(one)).reached(places) for one in lamps.directions]
+    full = lamps.light(places.normals, [1.0] * len(reached))
+    light, doubt = [], []
+    for state in product((1.0, 0.0), repeat=len(reached)):
+        light.append(np.log(lamps.light(places.normals, state) / full))
+        doubt.append(sum(np.abs(one - share) for one, share in zip(state, reached, strict=True)))
+    walls = np.isin(view.ids(t), sorted(scene.roles.get("background", ()))).reshape(-1, 1)  # type: ignore[misc]
+    return _Candidates(
+        np.stack(light, 1), np.where(walls, UNSEEN, TRUST) * np.stack(doubt, 1), full
+    )
+
+
+def _by_light(scene: Scene, name: str, t: int, lamps: Rig) -> Float32[np.ndarray, "h w"]:
+    """The share by the lights that are possible, each pixel with its neighbours."""
+    view = scene.episode.views[name]
+    ids, level = view.ids(t), _level(view.rgb(t))  # type: ignore[misc]
+    seen = _candidates(scene, name, t, lamps)
+    albedos = _albedos(scene)
+    known, spread = np.full(ids.shape, np.nan, np.float32), np.ones(ids.shape, np.float32)
+    for one in np.unique(ids).tolist():
+        if one in albedos:
+            known[ids == one], spread[ids == one] = albedos[one].level, albedos[one].spread
+    off = (level - known).reshape(-1, 1) - seen.light
+    fits = np.where(np.isnan(off), 0, _misfit(off, spread.reshape(-1, 1)))
+    cost = (fits + seen.doubt).reshape(*ids.shape, -1).astype(np.float32)
+    chosen = _with_neighbours(cost, ids).argmin(-1)
+    light = np.take_along_axis(seen.light.reshape(cost.shape), chosen[..., None], -1)[..., 0]
+    return np.where(ids > 0, np.exp(light), 1).astype(np.float32)
+
+
+def _with_neighbours(
+    cost: Float32[np.ndarray, "h w s"], ids: Int32[np.ndarray, "h w"]
+) -> Float32[np.ndarray, "h w s"]:
+    """Costs with the mean of those around a pixel, where these are of the same thing."""
+    pure = lit.inside(ids)
+    size = (NEAR, NEAR)
+    weight = cv2.boxFilter(pure.astype(np.float32), -1, size)
+    around = np.stack(
+        [cv2.boxFilter(np.where(pure, one, 0), -1, size) for one in np.moveaxis(cost, -1, 0)], -1
+    )
+    mean = around / np.maximum(weight, 1e-6)[..., None]
+    return np.where(weight[..., None] > 0, cost + mean, cost)
+
+
+@memo.once
+def _resting(scene: Scene) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
+    """By camera that stands still: which resting thing each pixel shows, -1 for none, and its log brightness without
+    shadows."""
+    lamps = rig.find(scene)
+    assert lamps is not None
+    times = sampling.frames(scene.episode.length, TIMES)
+    found = {}
+    for name, view in scene.episode.views.items():
+        if view.depth is None or view.ids is None or not view.camera.fixed:
+            continue
+        ids = np.stack([view.ids(t) for t in times])
+        still = ~np.isin(ids, sorted(scene.moving)) & (ids > 0)
+        first = np.take_along_axis(ids, still.argmax(0)[None], 0)[0]
+        light = np.stack([_by_light(scene, name, t, lamps) for t in times])
+        own = np.stack([_level(view.rgb(t)) for t in times]) - np.log(light)
+        own = np.where(still & (ids == first), own, np.nan)
+        seen = ~np.isnan(own).all(0)
+        lasting = np.full(first.shape, -np.inf, np.float32)
+        lasting[seen] = np.nanmedian(own[:, seen], 0)
+        found[name] = np.where(seen, first, -1), lasting
+    return found
+
+
+def _level(rgb: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h w"]:
+    return np.log(np.maximum(rgb.mean(-1) / 255, DARK / 2)).astype(np.float32)

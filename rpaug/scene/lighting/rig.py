@@ -1,0 +1,292 @@
+"""The lamps that a recording was lit by, told by the shadows that they cast (Sato, Sato and Ikeuchi 2003).
+
+Pixel = albedo x (ambient + sum of strength x reached x max(0, normal . direction)). Known surfaces say which places
+each direction reaches, at each time. A thing's albedo is one number here, what its pattern varies by is noise: the
+lamps are those whose light explains most of what things' brightness varies by, one after another.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int64
+
+from rpaug.core import memo, sampling
+from rpaug.core.types import Camera, CameraView, Scene
+from rpaug.scene.lighting import casting
+from rpaug.scene.recorded import lit
+
+DARKER = 0.85  # of its brightness at another time: what rests is in shadow
+OFTEN = 0.004  # of what rests, at least, that a cast shadow passes over
+TESTED = 4  # frames in which shadows that come and go are looked for
+EXPLAINED = 0.5  # of what grows darker, that the lamps' shadows make up for, at least: more likely theirs than not
+
+FRAMES = 4
+PIXELS = 130  # of one image
+DARK, BRIGHT = 0.03, 0.98  # of the brightest channel: outside, nothing is measured
+SEEN = 30  # pixels of a thing, from which it counts
+DIRECTIONS = 160  # tried, over the upper half space
+LOWEST = 0.17  # sine of a lamp's height above the horizon, at least
+COARSE = 0.016  # metres, cells in which lamps are sought
+MOST_LAMPS = 3
+WEAK = 0.08  # of the ambient light and all lamps: what a lamp gives at least
+GAIN = 0.02  # of the misfit: what a lamp takes away at least
+STEPS: tuple[float, ...] = tuple(
+    np.deg2rad([6.0, 3.0, 1.5, 0.75]).tolist()
+)  # by which a direction is bettered
+SPREAD = 0.08  # log brightness: misfits beyond are robbed of weight
+PASSES = 4
+
+NO_CAMERAS: Mapping[str, Camera] = MappingProxyType({})  # one object, so that scenes compare
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Ambient light and lamps far away, such that level ground which all of them reach has light 1."""
+
+    ambient: float
+    directions: tuple[tuple[float, float, float], ...]
+    strengths: tuple[float, ...]
+
+    def light(
+        self,
+        normals: Float32[np.ndarray, "n 3"],
+        reached: Sequence[Float32[np.ndarray, "n"] | float],
+    ) -> Float32[np.ndarray, "n"]:
+        """Light on surfaces of these normals, where each lamp reaches so much of them."""
+        out = np.full(len(normals), self.ambient, np.float32)
+        for direction, strength, share in zip(
+            self.directions, self.strengths, reached, strict=True
+        ):
+            towards = np.maximum(normals @ np.array(direction, np.float32), 0)
+            out += np.float32(strength) * share * towards
+        return out
+
+
+def find(scene: Scene) -> Rig | None:
+    """The lamps of an episode that has moving shadows; None without any, or where no depth tells what casts them."""
+    return _find(recorded(scene)) if scene.bodies else None
+
+
+def recorded(scene: Scene) -> Scene:
+    """The scene as it was recorded, whatever was edited since: lamps and shadows are sought there."""
+    return replace(
+        memo.bare(scene),
+        bodies=scene.tracked,
+        recorded_bodies=None,
+        cameras=NO_CAMERAS,
+        simulated=(),
+    )
+
+
+@memo.once
+def _find(scene: Scene) -> Rig | None:
+    fell = _darkened(scene)
+    if sum(len(one.rows) for one in fell) <= OFTEN * sum(one.seen for one in fell):
+        return None
+    found = _Fitter(scene, _sample(scene)).fitted()
+    return None if found is None or _explained(scene, fell, found) < EXPLAINED else found
+
+
+@dataclass(frozen=True, eq=False)
+class _Darkened:
+    """Of the `seen` pixels that rest in one camera, those that grow darker for a time, by how much, between when."""
+
+    view: CameraView
+    seen: int
+    rows: Int64[np.ndarray, "n"]
+    fall: Float32[np.ndarray, "n"]  # of log brightness
+    times: Int64[np.ndarray, "t"]
+    brightest: Int64[np.ndarray, "n"]  # which of the times
+    darkest: Int64[np.ndarray, "n"]
+
+
+def _darkened(scene: Scene) -> list[_Darkened]:
+    """Whether shadows pass over what rests: the cheap test, on a few frames of the cameras that stand still.
+
+    Never in photographs, whose colors are no light times albedo, and which have no recorded masks.
+    """
+    if any(view.inferred for view in scene.episode.views.values()):
+        return []
+    times = sampling.frames(scene.episode.length, TESTED)
+    found = []
+    for view in casting.known(scene):
+        if not view.camera.fixed:
+            continue
+        ids = np.stack([view.ids(t) for t in times])  # type: ignore[misc]
+        bright = np.stack([view.rgb(t).max(-1) for t in times]).astype(np.float32) / 255
+        rests = (ids == ids[0]).all(0) & ~np.isin(ids[0], sorted(scene.moving))
+        rests &= np.all([lit.inside(one) for one in ids], axis=0)
+        high, low = bright.max(0), bright.min(0)
+        told = rests & (high > DARK)
+        dark = told & (low < DARKER * high)
+        fall = np.log(high / np.maximum(low, DARK), where=dark, out=np.zeros_like(high))[dark]
+        when = bright.argmax(0)[dark], bright.argmin(0)[dark]
+        rows = np.flatnonzero(dark)
+        found.append(_Darkened(view, int(told.sum()), rows, fall, np.array(times), *when))
+    return found
+
+
+def _explained(scene: Scene, fell: Sequence[_Darkened], lamps: Rig) -> float:
+    """Of all that grew darker, the share that known surfaces in the way of these lamps make up for, 0..1."""
+    told = total = 0.0
+    for one in fell:
+        light = np.log([_light(scene, one, t, lamps) for t in one.times.tolist()])
+        each = np.arange(len(one.rows))
+        fall = light[one.brightest, each] - light[one.darkest, each]
+        told += float(np.clip(fall, 0, one.fall).sum())
+        total += float(one.fall.sum())
+    return told / total
+
+
+def _light(scene: Scene, one: _Darkened, t: int, lamps: Rig) -> Float32[np.ndarray, "n"]:
+    _, places = casting.discs_of(one.view, t, one.rows)
+    discs = casting.casters(scene).at(t)
+    maps = [casting.light_map(discs, np.array(direction)) for direction in lamps.directions]
+    return lamps.light(places.normals, [each.reached(places) for each in maps])
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Pixels of several cameras and times: log brightness, the thing each shows, and where it lies."""
+
+    level: Float64[np.ndarray, "n"]
+    owner: Int64[np.ndarray, "n"]
+    time: Int64[np.ndarray, "n"]
+    places: casting.Discs
+
+
+def _sample(scene: Scene) -> _Samples:
+    found = []
+    for t in sampling.frames(scene.episode.length, FRAMES):
+        for view in casting.known(scene):
+            rows = np.flatnonzero(lit.inside(view.ids(t)))  # type: ignore[misc]
+            rows = rows[:: max(1, len(rows) // PIXELS)]
+            ids, places = casting.discs_of(view, t, rows)
+            color = view.rgb(t).reshape(-1, 3)[rows] / 255.0
+            high = color.max(1)
+            good = (ids > 0) & (high > DARK) & (high < BRIGHT)
+            own = casting.Discs(places.points[good], places.normals[good], places.width[good])
+            found.append((np.log(color[good].mean(1)), ids[good], np.full(good.sum(), t), own))
+    level, ids, time = (np.concatenate([one[k] for one in found]) for k in range(3))
+    places = casting.joined([one[3] for one in found])
+    _, owner, count = np.unique(ids, return_inverse=True, return_counts=True)
+    often = count[owner] >= SEEN
+    _, owner = np.unique(owner[often], return_inverse=True)
+    kept = casting.Discs(places.points[often], places.normals[often], places.width[often])
+    return _Samples(level[often], owner, time[often], kept)
+
+
+class _Fitter:
+    def __init__(self, scene: Scene, samples: _Samples) -> None:
+        self._samples = samples
+        self._casters = casting.casters(scene)
+        self._by_time = []
+        for t in np.unique(samples.time):
+            rows, fine = np.flatnonzero(samples.time == t), self._casters.at(int(t))
+            coarse = casting.thinned(fine, COARSE)
+            self._by_time.append((rows, {casting.CELL: fine, COARSE: coarse}))
+
+    def fitted(self) -> Rig | None:
+        axes = _upper_half()
+        terms = [self._term(axis, COARSE) for axis in axes]
+        chosen: list[np.ndarray] = []
+        start = misfit = self._weigh([])[1]
+        for _ in range(MOST_LAMPS):
+            kept = [self._term(one, COARSE) for one in chosen]
+            scores = [self._weigh([*kept, term], PASSES // 2)[1] for term in terms]
+            tried = self._bettered([*chosen, axes[int(np.argmin(scores))]], STEPS[:2], COARSE)
+            weights, less = self._weigh([self._term(one, COARSE) for one in tried])
+            if misfit - less < GAIN * start or min(weights) < WEAK * (1 + sum(weights)):
+                break
+            chosen, misfit = tried, less
+        if not chosen:
+            return None
+        chosen = self._bettered(chosen, STEPS[1:], casting.CELL)
+        weights, _ = self._weigh([self._term(one, casting.CELL) for one in chosen])
+        while min(weights) < WEAK * (1 + sum(weights)):
+            del chosen[int(np.argmin(weights))]
+            if not chosen:
+                return None
+            weights, _ = self._weigh([self._term(one, casting.CELL) for one in chosen])
+        up = 1 + sum(weight * one[2] for weight, one in zip(weights, chosen, strict=True))
+        return Rig(
+            round(1 / float(up), 5),
+            tuple(
+                (round(float(x), 5), round(float(y), 5), round(float(z), 5)) for x, y, z in chosen
+            ),
+            tuple(round(float(weight / up), 5) for weight in weights),
+        )
+
+    def _bettered(
+        self, directions: list[np.ndarray], steps: Sequence[float], cell: float
+    ) -> list[np.ndarray]:
+        """Each direction in turn moved to where the misfit is least, in ever smaller steps."""
+        terms = [self._term(one, cell) for one in directions]
+        least = self._weigh(terms)[1]
+        for step in steps:
+            for number in range(len(directions)):
+                for turned in _around(directions[number], step):
+                    tried = list(terms)
+                    tried[number] = self._term(turned, cell)
+                    misfit = self._weigh(tried)[1]
+                    if misfit < least:
+                        least, terms, directions[number] = misfit, tried, turned
+        return directions
+
+    def _term(self, direction: np.ndarray, cell: float) -> Float32[np.ndarray, "n"]:
+        """What a lamp in that direction gives each sample, were its strength 1."""
+        places = self._samples.places
+        out = np.maximum(places.normals @ direction.astype(np.float32), 0)
+        for rows, discs in self._by_time:
+            own = casting.Discs(places.points[rows], places.normals[rows], places.width[rows])
+            out[rows] *= casting.light_map(discs[cell], direction, cell).reached(own)
+        return out
+
+    def _weigh(self, terms: list[np.ndarray], passes: int = PASSES) -> tuple[list[float], float]:
+        """Strengths over the ambient light, and the misfit: robust Gauss-Newton in log brightness, things' albedos
+        free."""
+        samples = self._samples
+        count = samples.owner.max() + 1
+        basis = np.stack(terms, 1).astype(float) if terms else np.zeros((len(samples.level), 0))
+        weights = np.full(len(terms), 0.7)
+        trust = np.ones(len(samples.level))
+
+        def centred(value):
+            total = np.bincount(samples.owner, trust, count)
+            return value - (np.bincount(samples.owner, trust * value, count) / total)[samples.owner]
+
+        for _ in range(passes):
+            light = 1 + basis @ weights
+            off = centred(samples.level - np.log(light))
+            trust = 1 / (1 + (off / SPREAD) ** 2)
+            off = centred(samples.level - np.log(light))
+            if not terms:
+                continue
+            slope = np.stack([centred(one) for one in (basis / light[:, None]).T], 1)
+            normal = slope.T @ (trust[:, None] * slope) + 1e-6 * np.eye(len(terms))
+            weights = np.clip(weights + np.linalg.solve(normal, slope.T @ (trust * off)), 0.0, 20.0)
+        off = centred(samples.level - np.log(1 + basis @ weights))
+        return weights.tolist(), float(np.log1p((off / SPREAD) ** 2).mean())
+
+
+def _around(direction: np.ndarray, step: float) -> list[np.ndarray]:
+    """Directions a step away, to eight sides, above the horizon."""
+    across = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
+    across /= np.linalg.norm(across)
+    beside = np.cross(direction, across)
+    turns = np.pi / 4 * np.arange(8)
+    found = [
+        direction + np.tan(step) * (np.cos(turn) * across + np.sin(turn) * beside) for turn in turns
+    ]
+    return [one / np.linalg.norm(one) for one in found if one[2] > 0.1]
+
+
+def _upper_half() -> Float64[np.ndarray, "n 3"]:
+    """Directions spread evenly over the upper half space, none too low (a Fibonacci lattice)."""
+    number = np.arange(DIRECTIONS) + 0.5
+    z = LOWEST + (1 - LOWEST) * number / DIRECTIONS
+    turn = np.pi * (1 + 5**0.5) * number
+    flat = np.sqrt(1 - z * z)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], -1)

@@ -1,0 +1,42 @@
+"""What a lamp reaches of a floor under a small plate."""
+
+import numpy as np
+
+from rpaug.scene.lighting import casting
+
+
+def plate(height, side, step=0.005):
+    across = np.arange(-side / 2, side / 2, step)
+    x, y = (one.ravel() for one in np.meshgrid(across, across))
+    points = np.stack([x, y, np.full(len(x), height)], -1).astype(np.float32)
+    normals = np.tile(np.array([0, 0, 1], np.float32), (len(x), 1))
+    return casting.Discs(points, normals, np.full(len(x), step, np.float32))
+
+
+def test_a_plate_casts_its_outline_along_the_light():
+    floor, lid = plate(0.0, 0.6), plate(0.1, 0.1)
+    towards = np.array([1.0, 0.0, 1.0]) / np.sqrt(2)
+    lit = casting.light_map(casting.joined([floor, lid]), towards).reached(floor)
+    moved = floor.points[:, 0] + 0.1  # the shadow lies as far from the lamp as the plate is high
+    inside = (np.abs(moved) < 0.04) & (np.abs(floor.points[:, 1]) < 0.04)
+    edge = 0.05 + casting.LIFT + 1.5 * casting.CELL  # places are looked up a little above, in cells
+    outside = (np.abs(moved) > edge) | (np.abs(floor.points[:, 1]) > edge)
+    assert (lit[inside] == 0).all()
+    assert (lit[outside] == 1).all()
+
+
+def test_a_surface_does_not_shade_itself_in_grazing_light():
+    floor = plate(0.0, 0.6)
+    towards = np.array([np.cos(0.3), 0.0, np.sin(0.3)])
+    assert (casting.light_map(floor, towards).reached(floor) == 1).all()
+
+
+def test_of_near_discs_the_narrowest_is_kept():
+    fine, coarse = plate(0.0, 0.02), plate(0.0, 0.02, 0.01)
+    kept = casting.thinned(casting.joined([coarse, fine]), 0.005)
+    assert (kept.width == np.float32(0.005)).all()
+
+
+def test_nothing_casts_no_shadow():
+    none, floor = casting.joined([]), plate(0.0, 0.1)
+    assert (casting.light_map(none, np.array([0.0, 0, 1])).reached(floor) == 1).all()

@@ -1,0 +1,60 @@
+"""Lamps are taken only where known surfaces cast the shadows that are seen; their fit on the twin is in
+`test_intrinsic`."""
+
+import numpy as np
+import pytest
+from analytic import TABLE, scene, seen_by
+
+from rpaug.core.types import Scene
+from rpaug.scene.lighting import intrinsic, rig
+from rpaug.scene.recorded import lit
+
+LENGTH = 12
+T = 7
+
+
+@pytest.fixture
+def wandering() -> Scene:
+    """A band of shadow wanders over the table that nothing in the scene casts."""
+
+    def paint(name, t, rgb, depth, ids):  # type: ignore[no-untyped-def]
+        width = ids.shape[1] // LENGTH
+        light = np.ones(ids.shape)
+        light[:, t * width : (t + 1) * width] = 0.8
+        stripes = np.where(np.arange(ids.shape[0])[:, None] // 3 % 2, 0.5, 0.9)
+        gray = (200 * stripes * light).round()[..., None].repeat(3, 2)
+        return np.where((ids == TABLE)[..., None], gray, rgb).astype(np.uint8), depth, ids
+
+    return seen_by(scene({"front": (1.6, 0.3, 1.0)}, length=LENGTH), paint)
+
+
+def test_lamps_whose_shadows_are_not_those_seen_are_refused(wandering: Scene) -> None:
+    assert rig.find(wandering) is None
+    assert intrinsic.unshadowed(wandering) is wandering.episode
+    told = intrinsic.share(wandering, "front", T)
+    before = lit.share(wandering.episode, "front", wandering.moving, T)
+    assert told is not None
+    assert before is not None
+    assert told.min() < 0.85
+    assert told.tobytes() == before.tobytes()
+
+
+def test_no_lamp_is_without_strength(wandering: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Were they not refused, the invented lamps would be few: the last refinement leaves one of them dark."""
+    monkeypatch.setattr(rig, "EXPLAINED", 0.0)
+    found = rig.find(wandering)
+    assert found is not None
+    assert min(found.strengths) >= rig.WEAK * (found.ambient + sum(found.strengths))
+
+
+def test_a_real_recording_without_cast_shadows_is_left_alone(real: Scene) -> None:
+    assert rig.find(real) is None
+    assert intrinsic.unshadowed(real) is real.episode
+    for name in real.episode.views:
+        told, before = (
+            intrinsic.share(real, name, 0),
+            lit.share(real.episode, name, real.moving, 0),
+        )
+        assert (told is None) == (before is None)
+        if told is not None and before is not None:
+            assert told.tobytes() == before.tobytes()
