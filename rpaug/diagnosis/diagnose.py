@@ -1,5 +1,6 @@
 """From an evaluation to its causes, and from causes to a recipe."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,9 @@ from rpaug.diagnosis.evaluation import Evaluation
 from rpaug.diagnosis.messages import KEPT, Cause, Diagnosis
 from rpaug.diagnosis.reference import Reference, learn
 from rpaug.diagnosis.rules import RuleAnalyst
+
+FEW = 10  # rollouts: one that fails by chance is a tenth of them
+ALL_FAILED = 0.9  # only causes that are all but certain are left over 0.8
 
 
 def diagnose(
@@ -40,8 +44,9 @@ def diagnose(
     moments = {one.name: keyframes.select(one) for one in failures}
     if reference is None and dataset is not None:
         reference = learn(dataset)
-    judged = analyst(evaluation, reference, moments)
-    other = second(evaluation, reference, moments) if second is not None else None
+    share, scarce = _told_by(evaluation)
+    judged = _lowered(analyst(evaluation, reference, moments), share)
+    other = _lowered(second(evaluation, reference, moments), share) if second is not None else None
     causes, notes = _kept(judged, other)
     mended = [remedies.mended(cause, reference, seed) for cause in causes]
     recipe = remedies.recipe(mended, seed=seed, copies=copies)
@@ -49,7 +54,7 @@ def diagnose(
         verdict="causes found" if mended else "no cause found",
         causes=tuple(mended),
         measured=judged.measured,
-        notes=(*evaluation.notes, *judged.notes, *notes),
+        notes=(*evaluation.notes, *scarce, *judged.notes, *notes),
         recipe=recipe,
         key_frames=moments,
         usage={
@@ -60,6 +65,27 @@ def diagnose(
         trace=judged.trace + (other.trace if other else ()),
         **facts,
     )
+
+
+def _told_by(evaluation: Evaluation) -> tuple[float, tuple[str, ...]]:
+    """What confidences are multiplied by where rollouts tell little, and why: they are few, or all of them failed."""
+    share, notes = 1.0, []
+    if (count := len(evaluation.rollouts)) < FEW:
+        share *= count / FEW
+        notes.append(f"{count} rollouts, fewer than {FEW}: confidences are multiplied by {share:g}")
+    if len(evaluation.failures) == count:
+        share *= ALL_FAILED
+        notes.append(
+            f"every rollout failed, so none shows what succeeds: confidences are multiplied by {ALL_FAILED:g}"
+        )
+    return share, tuple(notes)
+
+
+def _lowered(judged: Judged, share: float) -> Judged:
+    causes = [
+        one.model_copy(update={"confidence": one.confidence * share}) for one in judged.causes
+    ]
+    return replace(judged, causes=tuple(causes))
 
 
 def _kept(first: Judged, second: Judged | None) -> tuple[list[Cause], tuple[str, ...]]:

@@ -33,7 +33,7 @@ def evaluation(failures: int = 2, instruction: str = "push it") -> Evaluation:
         }  # type: ignore[misc]
 
     rollouts = [
-        Rollout(f"r{n}", n >= failures, instruction, {"front": shots(20 * n)}) for n in range(4)
+        Rollout(f"r{n}", n >= failures, instruction, {"front": shots(20 * n)}) for n in range(12)
     ]
     return Evaluation(tuple(rollouts))
 
@@ -61,9 +61,9 @@ def test_three_prompts_make_a_recipe() -> None:
         "The table is pink.",
         "2 of 2 failures",
     )
-    assert cause.rate == pytest.approx(0.5)  # both failures of four rollouts
+    assert cause.rate == pytest.approx(2 / 12)  # both failures of twelve rollouts
     assert found.recipe is not None
-    assert found.recipe["edits"] == [{"op": "table_texture", "probability": 0.5}]
+    assert found.recipe["edits"] == [{"op": "table_texture", "probability": 0.167}]
     assert len(seen) == 3 * 2 + 2
     body = seen[0][1]
     assert body["temperature"] > 0
