@@ -56,16 +56,23 @@ def check(path: Path | str, data: bytes) -> Png:
     OpenCV decodes a cut-off file into a half-grey picture without a word, so lengths and CRCs are checked here.
     Raises BadInput.
     """
+    return _whole(path, data)[0]
+
+
+def _whole(path: Path | str, data: bytes) -> tuple[Png, bytes]:
+    """The header and the packed pixels, each chunk looked at once. Raises BadInput."""
     if data[:8] != SIGNATURE:
         raise BadInput(path, "signature", found=repr(data[:8]), expected="a PNG file")
-    header = None
+    header, packed = None, []
     for kind, at, length in _chunks(path, data):
         if header is None:
             if kind != b"IHDR" or length != 13:
                 raise BadInput(path, "first chunk", found=repr(kind), expected="IHDR")
             header = _header(path, data, at)
+        elif kind == b"IDAT":
+            packed.append(data[at : at + length])
     assert header is not None
-    return header
+    return header, b"".join(packed)
 
 
 def _chunks(path: Path | str, data: bytes) -> Iterator[tuple[bytes, int, int]]:
@@ -116,10 +123,10 @@ def _header(path: Path | str, data: bytes, at: int) -> Png:
 
 def decode(where: Path | str, data: bytes) -> UInt8[np.ndarray, "h w ..."]:
     """The checked image as stored: (h, w, 3) RGB or (h, w) grey, uint8; transparency is dropped. Raises BadInput."""
-    header = check(where, data)
+    header, packed = _whole(where, data)
     if header.bits > 8:
         raise BadInput(where, "bit depth", found=f"{header.bits} bits", expected="8 bits a channel")
-    rows = _inflated(where, data, header) if header.plain else b""
+    rows = _inflated(where, packed, header) if header.plain else b""
     image = (
         _unfiltered(where, rows, header) if header.plain and header.channels <= header.stored else
         _by_opencv(where, data)
@@ -129,10 +136,9 @@ def decode(where: Path | str, data: bytes) -> UInt8[np.ndarray, "h w ..."]:
     return image if image.shape[2] == 3 else np.ascontiguousarray(image[..., :3])
 
 
-def _inflated(path: Path | str, data: bytes, header: Png) -> bytes:
+def _inflated(path: Path | str, packed: bytes, header: Png) -> bytes:
     """The filtered rows, as many as the header says. Raises BadInput."""
     wanted = header.height * (1 + header.width * header.stored)
-    packed = b"".join(data[at : at + n] for kind, at, n in _chunks(path, data) if kind == b"IDAT")
     try:
         rows = zlib.decompressobj().decompress(packed, wanted + 1)
     except zlib.error:

@@ -14,7 +14,6 @@ from rpaug.pipeline.recipe import Recipe
 
 RGB = tuple[int, int, int]
 UNNAMED: RGB = (90, 90, 90)
-DIRECT = 0.28209479  # the spherical harmonic of degree 0 (Kerbl et al. 2023)
 
 
 @dataclass(frozen=True)
@@ -104,6 +103,8 @@ class Space:
         """The fitted Gaussians, None where none are known. Colors are those of no direction in particular."""
         if self.gaussians is None:
             return None
+        from rpaug.gaussians import harmonics  # only here: an episode without Gaussians needs none
+
         found = self.gaussians(t)
         turned = geometry.pose_of(np.zeros((len(found), 3)), found.quats[:, [1, 2, 3, 0]])[
             :, :3, :3
@@ -112,7 +113,7 @@ class Space:
         return PlacedSplats(
             found.means,
             (spread @ np.swapaxes(spread, 1, 2)).astype(np.float32),
-            np.clip(0.5 + DIRECT * found.sh[:, 0], 0, 1),
+            np.clip(0.5 + harmonics.C0 * found.sh[:, 0], 0, 1),
             found.opacities,
         )
 
