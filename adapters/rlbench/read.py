@@ -1,16 +1,19 @@
 """Reading an RLBench episode: pickles, cameras and images, each checked before it is believed."""
 
 import os
+import pickle
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
-from rpaug_adapters.rlbench.pickles import Demo, Observation, dump, load
+from rpaug_adapters.rlbench.pickles import Demo, Observation, load
 from rpaug_adapters.shared.held import HeldImages
 
-from rpaug import BadInput, Camera, CameraView, Episode, Robot, files, geometry
+from rpaug import BadInput, Camera, CameraView, Episode, Robot, files, geometry, kernel
 
 KINDS = ("rgb", "depth", "mask")
 DEPTH_STEPS = 2**24 - 1
@@ -22,14 +25,17 @@ FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])  # CoppeliaSim's camera axes <-> OpenCV's
 EXTRAS = ("joint_forces", "gripper_joint_positions", "gripper_touch_forces", "task_low_dim_state")
 COLLISIONS = "ignore_collisions"  # one number, of the fork of RLBench that PerAct and RVT read with
 
+Codes = Callable[[int], Int32[np.ndarray, "h w"]]
+
 
 @dataclass(frozen=True)
 class RLBenchSource:
-    """Where an episode came from and what its low-dimensional pickle held."""
+    """Where an episode came from and what its low-dimensional pickle held; `codes` are depth as its files hold it."""
 
     folder: Path
     demo: Demo
     views: dict[str, CameraView]
+    codes: dict[str, Codes]
     descriptions: tuple[str, ...]
 
 
@@ -41,7 +47,8 @@ def read_episode(folder: Path, key: str) -> Episode:
         if path.name != LOW_DIM:
             load(path)  # passed on as it is, so that what is in it would run in other readers
     held = HeldImages()
-    views = {name: _view(folder, name, observations, held) for name in _cameras(folder)}
+    codes = {name: held.of(partial(_code, folder, name)) for name in _cameras(folder)}
+    views = {name: _view(folder, name, observations, held, code) for name, code in codes.items()}
     descriptions = _descriptions(folder)
     return Episode(
         key=key,
@@ -49,7 +56,7 @@ def read_episode(folder: Path, key: str) -> Episode:
         robot=_robot(folder / LOW_DIM, observations),
         descriptions=descriptions,
         length=len(observations),
-        source=RLBenchSource(folder, demo, views, descriptions),
+        source=RLBenchSource(folder, demo, views, codes, descriptions),
     )
 
 
@@ -59,11 +66,11 @@ def untouched(source: RLBenchSource) -> dict[str, bytes]:
     demo = vars(source.demo)
     observations = [vars(one) for one in demo["_observations"]]
     poses = {f"{name}_camera_extrinsics" for name in source.views}
-    found = {name: dump(value) for name, value in demo.items() if name != "_observations"}
+    found = {name: pickle.dumps(value) for name, value in demo.items() if name != "_observations"}
     for part in ("", "misc"):
         rows = [one["misc"] if part else one for one in observations]
         for name in {name for row in rows for name in row} - poses - {"misc"}:
-            found[f"{part} {name}".strip()] = dump([row.get(name) for row in rows])
+            found[f"{part} {name}".strip()] = pickle.dumps([row.get(name) for row in rows])
     for path in source.folder.iterdir():
         ours = path.name in (LOW_DIM, DESCRIPTIONS) or path.name.startswith("rpaug")
         if path.is_file() and not ours:
@@ -116,6 +123,28 @@ def _descriptions(folder: Path) -> tuple[str, ...]:
     return ()
 
 
+def _numbers(
+    path: Path, values: Sequence[Any], field: str, shape: tuple[int, ...]
+) -> list[Float64[np.ndarray, "..."]]:
+    """A field at all frames: at once where all are plain numbers of one shape. Raises BadInput."""
+    kinds = {
+        (type(value), getattr(value, "dtype", None), getattr(value, "shape", ()))
+        for value in values
+    }
+    (kind, dtype, found), *others = kinds
+    plain = kind is float or (kind is np.ndarray and dtype == np.float64)
+    if plain and not others and _fits(found, shape):
+        rows = np.array(values, np.float64)
+        if np.isfinite(rows).all():
+            return list(rows)
+    return [_number(path, t, field, value, shape) for t, value in enumerate(values)]
+
+
+def _fits(found: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+    """Whether a shape is the wanted one, in which -1 stands for any length."""
+    return len(found) == len(shape) and all(b in (-1, a) for a, b in zip(found, shape, strict=True))
+
+
 def _number(
     path: Path, t: int, field: str, value: Any, shape: tuple[int, ...]
 ) -> Float64[np.ndarray, "..."]:
@@ -133,9 +162,7 @@ def _number(
             found=type(value).__name__,
             expected=f"numbers of shape {shape}",
         ) from None
-    if len(array.shape) != len(shape) or any(
-        b not in (-1, a) for a, b in zip(array.shape, shape, strict=True)
-    ):
+    if not _fits(array.shape, shape):
         raise BadInput(
             path,
             f"observation {t}, {field}",
@@ -165,9 +192,7 @@ def _plain(value: Any) -> Any:
 def _track(
     path: Path, observations: list[Observation], field: str, shape: tuple[int, ...]
 ) -> Float64[np.ndarray, "t ..."]:
-    rows = [
-        _number(path, t, field, getattr(o, field, None), shape) for t, o in enumerate(observations)
-    ]
+    rows = _numbers(path, [getattr(o, field, None) for o in observations], field, shape)
     if any(row.shape != rows[0].shape for row in rows):
         raise BadInput(
             path,
@@ -181,12 +206,8 @@ def _track(
 def _misc(
     path: Path, observations: list[Observation], field: str, shape: tuple[int, ...]
 ) -> Float64[np.ndarray, "t ..."]:
-    return np.stack(
-        [
-            _number(path, t, f"misc[{field!r}]", o.misc.get(field), shape)
-            for t, o in enumerate(observations)
-        ]
-    )
+    values = [o.misc.get(field) for o in observations]
+    return np.stack(_numbers(path, values, f"misc[{field!r}]", shape))
 
 
 def _robot(path: Path, observations: list[Observation]) -> Robot:
@@ -217,7 +238,9 @@ def _robot(path: Path, observations: list[Observation]) -> Robot:
     )
 
 
-def _view(folder: Path, name: str, observations: list[Observation], held: HeldImages) -> CameraView:
+def _view(
+    folder: Path, name: str, observations: list[Observation], held: HeldImages, code: Codes
+) -> CameraView:
     path, length = folder / LOW_DIM, len(observations)
     K = _misc(path, observations, f"{name}_camera_intrinsics", (3, 3))
     for t, i in ((t, i) for t in range(length) for i in range(2) if K[t, i, i] == 0):
@@ -253,13 +276,9 @@ def _view(folder: Path, name: str, observations: list[Observation], held: HeldIm
     has = {kind: (folder / f"{name}_{kind}").is_dir() for kind in KINDS}
     return CameraView(
         camera=Camera(intrinsics, extrinsics @ FLIP, *size),
-        rgb=held.of(lambda t: files.decode_png(folder / f"{name}_rgb" / f"{t}.png")),
-        depth=held.of(
-            lambda t: _metres(read_code(folder / f"{name}_depth" / f"{t}.png"), near[t], far[t])
-        )
-        if has["depth"]
-        else None,
-        ids=held.of(lambda t: read_code(folder / f"{name}_mask" / f"{t}.png", low_first=True))
+        rgb=held.of(lambda t: files.decode_png(f"{folder}/{name}_rgb/{t}.png")),
+        depth=(lambda t: _metres(code(t), near[t], far[t])) if has["depth"] else None,
+        ids=held.of(lambda t: read_code(f"{folder}/{name}_mask/{t}.png", low_first=True))
         if has["mask"]
         else None,
         most_id=2 ** (8 * mask_channels) - 1,
@@ -276,7 +295,9 @@ def _check_images(folder: Path, name: str, length: int) -> tuple[tuple[int, int]
             continue
         count = sum(entry.name.endswith(".png") for entry in os.scandir(images))
         for t in range(length):
-            path = images / f"{t}.png"
+            path = (
+                f"{images}/{t}.png"  # a Path for each of thousands would cost as much as its check
+            )
             header = files.check_png(path, files.read_bytes(path))
             if header.bits != 8 or (kind != "mask" and header.channels != 3):
                 wanted = "8 bits, 1 or 3 channels" if kind == "mask" else "8 bits, 3 channels"
@@ -296,7 +317,11 @@ def _check_images(folder: Path, name: str, length: int) -> tuple[tuple[int, int]
     return size, mask_channels
 
 
-def read_code(path: Path, low_first: bool = False) -> Int32[np.ndarray, "h w"]:
+def _code(folder: Path, name: str, t: int) -> Int32[np.ndarray, "h w"]:
+    return read_code(f"{folder}/{name}_depth/{t}.png")
+
+
+def read_code(path: Path | str, low_first: bool = False) -> Int32[np.ndarray, "h w"]:
     """The integer that an image's channels hold; a single-channel image is that integer."""
     image = files.decode_png(path).astype(np.int32)
     if image.ndim == 2:
@@ -305,5 +330,10 @@ def read_code(path: Path, low_first: bool = False) -> Int32[np.ndarray, "h w"]:
     return image[..., first] + (image[..., middle] << 8) + (image[..., last] << 16)
 
 
+@kernel
 def _metres(code: Int32[np.ndarray, "h w"], near: float, far: float) -> Float32[np.ndarray, "h w"]:
-    return (near + code / DEPTH_STEPS * (far - near)).astype(np.float32)
+    out = np.empty(code.shape, np.float32)
+    for y in range(code.shape[0]):
+        for x in range(code.shape[1]):
+            out[y, x] = near + code[y, x] / DEPTH_STEPS * (far - near)
+    return out

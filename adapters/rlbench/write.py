@@ -4,13 +4,13 @@ import copy
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Set
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32
+from jaxtyping import Float32, Float64, Int32, UInt8
 from rpaug_adapters.rlbench.pickles import Demo, Observation, dump, load
 from rpaug_adapters.rlbench.read import (
     COLLISIONS,
@@ -20,8 +20,8 @@ from rpaug_adapters.rlbench.read import (
     FLIP,
     KINDS,
     LOW_DIM,
+    Codes,
     RLBenchSource,
-    read_code,
 )
 from rpaug_adapters.shared.folders import see_no_link_out, see_no_pickle, write_files
 
@@ -69,10 +69,8 @@ def _copy_unknown(recorded: RLBenchSource, episode: Episode, work: Path) -> None
     """
     ours = {f"{name}_{kind}" for name in episode.views for kind in KINDS}
     home = recorded.folder.resolve()
-    for path in _entries(recorded.folder):
+    for path in _entries(recorded.folder, ours):
         place = path.relative_to(recorded.folder)
-        if place.parts[0] in ours or place.parts[0].startswith("rpaug"):
-            continue
         see_no_link_out(path, home)
         if path.is_dir():
             (work / place).mkdir()
@@ -84,9 +82,11 @@ def _copy_unknown(recorded: RLBenchSource, episode: Episode, work: Path) -> None
         shutil.copyfile(path, work / place)
 
 
-def _entries(folder: Path) -> Iterator[Path]:
-    """All within a folder, each folder before what is in it; linked ones are not looked into."""
+def _entries(folder: Path, ours: Set[str] = frozenset()) -> Iterator[Path]:
+    """All within a folder but what is `ours`, each folder before what is in it; linked ones are not looked into."""
     for entry in sorted(os.scandir(folder), key=lambda one: one.name):
+        if ours and (entry.name in ours or entry.name.startswith("rpaug")):
+            continue
         yield Path(entry.path)
         if entry.is_dir(follow_symlinks=False):
             yield from _entries(Path(entry.path))
@@ -209,16 +209,10 @@ def _write_frame(
     planes: tuple[float, float],
 ) -> None:
     for kind, new, old in kinds:
-        file = Path(f"{name}_{kind}") / f"{t}.png"
-        _write_image(
-            kind,
-            t,
-            new,
-            old,
-            recorded.folder / file if recorded and old else None,
-            work / file,
-            planes,
-        )
+        file = f"{name}_{kind}/{t}.png"
+        before = f"{recorded.folder}/{file}" if recorded and old else None
+        code = recorded.codes[name] if recorded and old and kind == "depth" else None
+        _write_image(kind, t, new, old, before, f"{work}/{file}", planes, code)
 
 
 def _planes(episode: Episode, recorded: RLBenchSource | None, name: str) -> Planes:
@@ -241,9 +235,10 @@ def _write_image(
     t: int,
     new_image: Image,
     old_image: Image | None,
-    recorded: Path | None,
-    target: Path,
+    recorded: str | None,
+    target: str,
     planes: tuple[float, float],
+    codes: Codes | None,
 ) -> None:
     """One PNG: a copy of the recorded file where nothing changed, so that its bytes stay."""
     if recorded and new_image is old_image:
@@ -257,20 +252,18 @@ def _write_image(
             return
     if kind == "depth":
         code = _steps(image, *planes)
-        if recorded and old_image:
-            # float32 holds a code only to within one step
-            code = np.where(image == before, read_code(recorded), code)
-        image = np.stack([code >> 16, code >> 8 & 255, code & 255], -1).astype(np.uint8)
+        if codes is not None:  # float32 holds a code only to within one step
+            code = np.where(image == before, codes(t), code)
+        image = _bytes_of(code)
     elif kind == "mask":
         plain = recorded and files.check_png(recorded, files.read_bytes(recorded)).channels == 1
         most = 255 if plain else MOST_ID
         if image.max() > most:
-            raise Unsupported(
-                f"{target.parent.name}: found id {image.max()}; masks here hold up to {most}"
-            )
+            folder = os.path.basename(os.path.dirname(target))
+            raise Unsupported(f"{folder}: found id {image.max()}; masks here hold up to {most}")
         if not plain:
-            image = np.stack([image & 255, image >> 8 & 255, image >> 16 & 255], -1)
-    target.write_bytes(files.encode_png(image.astype(np.uint8)))
+            image = _bytes_of(image)[..., ::-1]
+    Path(target).write_bytes(files.encode_png(image.astype(np.uint8, copy=False)))
 
 
 def _steps(depth: Float32[np.ndarray, "h w"], near: float, far: float) -> Int32[np.ndarray, "h w"]:
@@ -278,3 +271,8 @@ def _steps(depth: Float32[np.ndarray, "h w"], near: float, far: float) -> Int32[
     something = np.isfinite(depth) & (depth > 0)
     share = (np.where(something, depth, far).astype(np.float64) - near) / (far - near)
     return np.rint(np.clip(share, 0.0, 1.0) * DEPTH_STEPS).astype(np.int32)
+
+
+def _bytes_of(code: Int32[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
+    """The three bytes of an integer below 2^24, the highest first."""
+    return np.ascontiguousarray(code, ">i4").view(np.uint8).reshape(*code.shape, 4)[..., 1:]

@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float32, Int32, UInt8
+from jaxtyping import Float32, Float64, Int32, UInt8
 
 from rpaug.core import color_space, geometry
 from rpaug.core.types import Ambience, Body, Camera, Mesh, Scene
@@ -110,10 +110,20 @@ def lit(
 def _piece(body: Body, camera: Camera, t: int) -> Window | None:
     """The part of the image that can show the body, None if none can."""
     assert body.mesh is not None
-    world = geometry.transform(body.to_world[t], body.mesh.points)
-    pixel, z = geometry.project(world, camera, t)
-    size = np.array([camera.width, camera.height])
-    first, last = np.zeros(2, int), size
+    at = body.to_world[t], camera.cam_to_world[t], camera.K
+    found = _extent(body.mesh, *(one.tobytes() for one in at), (camera.width, camera.height))
+    return None if found is None else Window(*found, camera.K, camera.cam_to_world[t])
+
+
+@lru_cache(KEPT)
+def _extent(
+    thing: Mesh, pose: bytes, cam_to_world: bytes, K: bytes, size: tuple[int, int]
+) -> tuple[slice, slice] | None:
+    """Rows and columns of an image that can show a thing."""
+    world = geometry.transform(_matrix(pose, 4), thing.points)
+    camera = Camera(_matrix(K, 3), _matrix(cam_to_world, 4)[None], *size)
+    pixel, z = geometry.project(world, camera, 0)
+    first, last = np.zeros(2, int), np.array(size)
     if (z > NEAR).all():
         first = np.clip(np.floor(pixel.min(0)).astype(int) - 1, 0, size)
         last = np.clip(np.ceil(pixel.max(0)).astype(int) + 2, 0, size)
@@ -122,7 +132,7 @@ def _piece(body: Body, camera: Camera, t: int) -> Window | None:
     if (first >= last).any():
         return None
     columns, rows = (slice(int(low), int(high)) for low, high in zip(first, last, strict=True))
-    return Window(rows, columns, camera.K, camera.cam_to_world[t])
+    return rows, columns
 
 
 def _drawn(body: Body, piece: Window, t: int, samples: int) -> mesh.MeshView:
@@ -143,10 +153,11 @@ def _kept(
     thing: Mesh, pose: bytes, K: bytes, camera: bytes, size: tuple[int, int]
 ) -> mesh.MeshView:
     """What was drawn before looks the same wherever thing and camera stand as they did."""
-    to_world, lens, cam_to_world = (
-        np.frombuffer(given).reshape(side, side) for given, side in ((pose, 4), (K, 3), (camera, 4))
-    )
-    return mesh.draw(thing, to_world, lens, cam_to_world, size)
+    return mesh.draw(thing, _matrix(pose, 4), _matrix(K, 3), _matrix(camera, 4), size)
+
+
+def _matrix(given: bytes, side: int) -> Float64[np.ndarray, "side side"]:
+    return np.frombuffer(given).reshape(side, side)
 
 
 def _blended(

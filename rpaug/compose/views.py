@@ -195,11 +195,7 @@ def _finished(
     camera = scene.cameras[name]
     rgb, depth, ids = inserted.draw(scene, camera, t, before)
 
-    def light() -> Float32[np.ndarray, "h w"] | None:
-        view = scene.episode.views[name]
-        known = intrinsic.share(scene, name, t) if pool and view.ids else None
-        return None if known is None or not view.ids else np.where(ids == view.ids(t), known, 1)
-
+    light = partial(_light, scene, name, t, ids) if pool else None
     surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light)
     recorded, radiance = scene.episode.views[name], None
     if pool and recorded.radiance:
@@ -207,6 +203,15 @@ def _finished(
         radiance = np.where(same, recorded.radiance(t), np.float32(0))
     image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces, radiance)
     return Frame(image, depth, ids, hole & (ids == before[2]))
+
+
+def _light(
+    scene: Scene, name: str, t: int, ids: Int32[np.ndarray, "h w"]
+) -> Float32[np.ndarray, "h w"] | None:
+    """The recorded share of light, where what is shown was recorded there."""
+    view = scene.episode.views[name]
+    known = intrinsic.share(scene, name, t) if view.ids else None
+    return None if known is None or not view.ids else np.where(ids == view.ids(t), known, 1)
 
 
 def _blended(

@@ -51,13 +51,15 @@ REJECTED = "rejected"  # folder beside the episodes: copies that failed their ga
 SEGMENT = struct.Struct(">BBH")  # of a JPEG: 0xFF, its kind, its length
 
 
-def read_bytes(path: Path) -> bytes:
+def read_bytes(path: Path | str) -> bytes:
     """The whole file. Raises BadInput if it cannot be read, or is none (a pipe would never end)."""
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            found = "a folder" if path.is_dir() else "a pipe, a socket or a device"
+        mode = os.stat(path).st_mode
+        if not stat.S_ISREG(mode):
+            found = "a folder" if stat.S_ISDIR(mode) else "a pipe, a socket or a device"
             raise BadInput(path, "file", found=found, expected="a regular file")
-        return path.read_bytes()
+        with open(path, "rb", buffering=0) as stream:
+            return stream.readall()
     except FileNotFoundError:
         raise BadInput(path, "file", found="nothing", expected="a file") from None
     except OSError as error:
@@ -66,7 +68,7 @@ def read_bytes(path: Path) -> bytes:
         ) from None
 
 
-def decode_png(path: Path) -> UInt8[np.ndarray, "h w ..."]:
+def decode_png(path: Path | str) -> UInt8[np.ndarray, "h w ..."]:
     """The checked image as stored: (h, w, 3) RGB or (h, w) grey, uint8; transparency is dropped. Raises BadInput."""
     return png.decode(path, read_bytes(path))
 

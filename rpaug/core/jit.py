@@ -33,6 +33,13 @@ def _package_stamp(folder: Path) -> str:
     return sources.hexdigest()
 
 
+@functools.cache
+def _see_writable(path: str) -> None:
+    """Raises OSError for a folder that cannot be written: looked at once, since many kernels have the same one."""
+    Path(path).mkdir(parents=True, exist_ok=True)
+    tempfile.TemporaryFile(dir=path).close()
+
+
 class _UserFolder(caching._CacheLocator):
     def __init__(self, function: Callable[..., Any], file: str) -> None:
         self._package = Path(file).resolve().parent
@@ -48,9 +55,7 @@ class _UserFolder(caching._CacheLocator):
         return locator
 
     def ensure_cache_path(self) -> None:
-        path = Path(self.get_cache_path())
-        path.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=path).close()
+        _see_writable(self.get_cache_path())
 
     def get_cache_path(self) -> str:
         place = hashlib.sha256(str(self._package).encode()).hexdigest()[:12]

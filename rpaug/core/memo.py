@@ -31,12 +31,14 @@ def once(find: Callable[..., Found]) -> Callable[..., Found]:
 
 
 def _same(one: object, other: object) -> bool:
+    if one is other:
+        return True
     if isinstance(one, tuple) and isinstance(other, tuple):
         return len(one) == len(other) and all(map(_same, one, other))
     for kind in (Scene, Episode):
         if isinstance(one, kind) and isinstance(other, kind):
             return all(_same(getattr(one, f.name), getattr(other, f.name)) for f in fields(kind))
-    return one is other or (isinstance(one, frozenset) and one == other)
+    return isinstance(one, frozenset) and one == other
 
 
 def bare(scene: Scene) -> Scene:

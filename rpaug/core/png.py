@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.core.errors import BadInput
-from rpaug.core.jit import kernel
+from rpaug.core.jit import inlined, kernel
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 CHANNELS = {
@@ -170,27 +170,39 @@ def _unfilter(rows: UInt8[np.ndarray, "n"], step: int, image: UInt8[np.ndarray, 
     if a row has a number that is no filter's.
     """
     height, width = image.shape
+    nothing = np.zeros(width, np.uint8)
     for y in range(height):
-        at = y * (width + 1)
-        kind = rows[at]
-        if kind > 4:
+        kind, packed = rows[y * (width + 1)], rows[y * (width + 1) + 1 : (y + 1) * (width + 1)]
+        row, above = image[y], image[y - 1] if y else nothing
+        if kind == 0:
+            row[:] = packed
+        elif kind == 1:
+            row[:step] = packed[:step]
+            for x in range(step, width):
+                row[x] = packed[x] + row[x - step]
+        elif kind == 2:
+            for x in range(width):
+                row[x] = packed[x] + above[x]
+        elif kind == 3:
+            for x in range(width):
+                left = np.int64(row[x - step]) if x >= step else np.int64(0)
+                row[x] = packed[x] + np.uint8((left + above[x]) >> 1)
+        elif kind == 4:
+            for x in range(min(step, width)):
+                row[x] = packed[x] + above[x]
+            for x in range(step, width):
+                row[x] = packed[x] + _paeth(row[x - step], above[x], above[x - step])
+        else:
             return False
-        for x in range(width):
-            left = np.int64(image[y, x - step]) if x >= step else np.int64(0)
-            up = np.int64(image[y - 1, x]) if y else np.int64(0)
-            guess = np.int64(0)
-            if kind == 1:
-                guess = left
-            elif kind == 2:
-                guess = up
-            elif kind == 3:
-                guess = (left + up) >> 1
-            elif kind == 4:
-                corner = np.int64(image[y - 1, x - step]) if y and x >= step else np.int64(0)
-                a, b, c = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
-                guess = left if a <= b and a <= c else up if b <= c else corner
-            image[y, x] = np.uint8((rows[at + 1 + x] + guess) & 255)
     return True
+
+
+@inlined
+def _paeth(left: int, up: int, corner: int) -> int:
+    """The one of three bytes that is nearest to left + up - corner (section 9.4)."""
+    over, under = np.int32(up) - np.int32(corner), np.int32(left) - np.int32(corner)
+    a, b, c = abs(over), abs(under), abs(over + under)
+    return left if a <= b and a <= c else up if b <= c else corner
 
 
 def _by_opencv(where: Path | str, data: bytes) -> UInt8[np.ndarray, "h w ..."]:

@@ -205,10 +205,18 @@ def _workspace(scene: Scene) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarr
 def _at_work(scene: Scene, name: str, t: int) -> Bool[np.ndarray, "h w"]:
     """Pixels that show the workspace, the box around the gripper's path and what it acts on; all of them where depth or
     path are not known."""
-    view, workspace = scene.episode.views[name], _workspace(scene)
+    box = _workspace(scene)
+    return _within_box(scene.episode, name, t, box and tuple(tuple(side) for side in box))
+
+
+@memo.of_episode
+def _within_box(
+    episode: Episode, name: str, t: int, box: tuple[tuple[float, ...], ...] | None
+) -> Bool[np.ndarray, "h w"]:
+    view = episode.views[name]
     depth = surface.depth_of(view, t)
-    if depth is None or workspace is None or not view.camera.placed:
+    if depth is None or box is None or not view.camera.placed:
         return np.ones((view.camera.height, view.camera.width), bool)
-    low, high = workspace
+    low, high = map(np.array, box)
     points = geometry.world_points(depth.astype(np.float64), view.camera, t)
     return (depth > 0) & (points > low - REACH).all(-1) & (points < high + REACH).all(-1)

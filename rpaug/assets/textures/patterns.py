@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float64, Int64
+
+from rpaug.core.jit import kernel
 
 SIDE = 512  # texels drawn, then averaged down: edges come out smooth
 
@@ -76,21 +78,33 @@ def cells(
 ) -> Picture:
     """Cobbles or terrazzo: about `count` cells around random points, `width` texels of gap between (Worley 1996)."""
     spots = rng.random((count, 2)) * SIDE
-    nearest = np.full((2, SIDE, SIDE), np.inf)
-    owner = np.zeros((SIDE, SIDE), int)
     y, x = np.arange(SIDE)[:, None] + 6 * noise(rng, 40), np.arange(SIDE)[None] + 6 * noise(rng, 40)
-    for index, (row, column) in enumerate(spots):
-        dy, dx = np.abs(y - row) % SIDE, np.abs(x - column) % SIDE
-        away = np.hypot(np.minimum(dy, SIDE - dy), np.minimum(dx, SIDE - dx))
-        closer = away < nearest[0]
-        owner[closer] = index
-        nearest[1] = np.where(closer, nearest[0], np.minimum(nearest[1], away))
-        nearest[0] = np.minimum(nearest[0], away)
+    owner, gaps = _nearest(y, x, spots)
     color = np.asarray(stones)[rng.integers(0, len(stones), count)]
     shade = 1 + 0.08 * rng.standard_normal(count)
     body = (color * shade[:, None])[owner] * (1 + 0.06 * octaves(rng, 20))[..., None]
-    inside = np.clip((nearest[1] - nearest[0] - width) / 4, 0, 1)[..., None]
+    inside = np.clip((gaps - width) / 4, 0, 1)[..., None]
     return np.asarray(gap) * (1 - inside) + body * inside
+
+
+@kernel
+def _nearest(
+    y: Float64[np.ndarray, "h w"], x: Float64[np.ndarray, "h w"], spots: Float64[np.ndarray, "n 2"]
+) -> tuple[Int64[np.ndarray, "h w"], Float64[np.ndarray, "h w"]]:
+    """Which spot is nearest to each place of a picture that repeats, and how much farther the next one is."""
+    owner, gaps = np.zeros(y.shape, np.int64), np.zeros(y.shape)
+    for r in range(y.shape[0]):
+        for c in range(y.shape[1]):
+            first, second = np.inf, np.inf
+            for n in range(len(spots)):
+                dy, dx = abs(y[r, c] - spots[n, 0]) % SIDE, abs(x[r, c] - spots[n, 1]) % SIDE
+                away = np.hypot(min(dy, SIDE - dy), min(dx, SIDE - dx))
+                if away < first:
+                    owner[r, c], first, second = n, away, first
+                elif away < second:
+                    second = away
+            gaps[r, c] = second - first
+    return owner, gaps
 
 
 def grain(

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int, Int32
+from jaxtyping import Bool, Float32, Float64, Int, Int32
 
-from rpaug.core import geometry
+from rpaug.core import geometry, memo
 from rpaug.core.errors import SourceLacks
 from rpaug.core.jit import kernel
 from rpaug.core.types import Body, Camera, CameraView, Gaussians
@@ -78,9 +78,11 @@ class PixelSurface:
     def _in_bodies(self) -> tuple[np.ndarray, np.ndarray]:
         points, facing, _ = self._in_world
         points, normals, ids = points.copy(), facing.copy(), self.ids
-        for instance_id, pose in _moved(self.bodies, self.t):
-            held = ids == instance_id
-            if held.any():
+        moved = _moved(self.bodies, self.t)
+        shown = _shown(ids, np.array([instance_id for instance_id, _ in moved], ids.dtype))
+        for (instance_id, pose), seen in zip(moved, shown, strict=True):
+            if seen:
+                held = ids == instance_id
                 back = geometry.inverse(pose)
                 points[held] = geometry.transform(back, points[held])
                 normals[held] = normals[held] @ back[:3, :3].T
@@ -97,14 +99,15 @@ def of_view(
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
     """The surfaces that pixels of one recorded image show, by their flat index; its depth is decoded once at most."""
 
-    @cache
-    def depth() -> Float32[np.ndarray, "h w"]:
-        known = depth_of(view, t)
-        if known is None:
-            raise SourceLacks("this edit needs recorded depth, and this source has none")
-        return known
-
+    depth = cache(partial(_known_depth, view, t))
     return of_image(depth, ids, view.camera, t, bodies, pool, light)
+
+
+def _known_depth(view: CameraView, t: int) -> Float32[np.ndarray, "h w"]:
+    known = depth_of(view, t)
+    if known is None:
+        raise SourceLacks("this edit needs recorded depth, and this source has none")
+    return known
 
 
 def depth_of(view: CameraView, t: int) -> Float32[np.ndarray, "h w"] | None:
@@ -187,13 +190,30 @@ def of_gaussians(
 
 def _moved(bodies: Sequence[Body], t: int) -> list[tuple[int, Float64[np.ndarray, "4 4"]]]:
     """Handles, and poses of their bodies, of what is not where its body's own frame is."""
-    still = np.eye(4)
     return [
         (instance_id, body.to_world[t])
-        for body in bodies
-        if (body.to_world[t] != still).any()
+        for body, away in zip(bodies, _away(tuple(bodies)), strict=True)
+        if away[t]
         for instance_id in body.instance_ids
     ]
+
+
+@memo.once
+def _away(bodies: tuple[Body, ...]) -> tuple[Bool[np.ndarray, "t"], ...]:
+    """When each body is not where its own frame is."""
+    return tuple((body.to_world != np.eye(4)).any((1, 2)) for body in bodies)
+
+
+@kernel
+def _shown(ids: Int32[np.ndarray, "n"], among: Int32[np.ndarray, "k"]) -> Bool[np.ndarray, "k"]:
+    """Which of the instance ids some pixel shows."""
+    out, last = np.zeros(len(among), np.bool_), -1
+    for n in range(len(ids)):
+        if ids[n] != last:
+            last = ids[n]
+            for k in range(len(among)):
+                out[k] |= among[k] == last
+    return out
 
 
 def lift(

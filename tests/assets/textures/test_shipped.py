@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rpaug import RpaugError
-from rpaug.assets.textures import shipped
+from rpaug.assets.textures import patterns, shipped
 
 
 def test_there_are_many_of_several_kinds() -> None:
@@ -58,3 +58,15 @@ def test_a_color_word_is_plain_paint() -> None:
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(RpaugError, match=r"oak.*checker_black"):
         shipped.image("plywood")
+
+
+def test_cells_belong_to_the_nearest_of_their_spots() -> None:
+    rng = np.random.default_rng(3)
+    spots = rng.random((7, 2)) * patterns.SIDE
+    y, x = (rng.random((12, 9)) * patterns.SIDE for _ in range(2))
+    off = np.abs(np.stack([y, x], -1)[..., None, :] - spots) % patterns.SIDE
+    away = np.hypot(*np.moveaxis(np.minimum(off, patterns.SIDE - off), -1, 0))
+    first, second = np.moveaxis(np.sort(away, -1)[..., :2], -1, 0)
+    owner, gaps = patterns._nearest(y, x, spots)
+    assert np.array_equal(owner, away.argmin(-1))
+    assert np.array_equal(gaps, second - first)
