@@ -70,10 +70,6 @@ COMMANDS = {
         "convert",
         "Write a simulator's dataset with depth, instance ids, cameras and roles, as the simulator sees its states.",
     ),
-    "bench": (
-        "bench",
-        "Speed against error of every tier on one episode: each camera in turn is left out, and shown from the others.",
-    ),
     "doctor": (
         "doctor",
         "Check what this machine can do: packages, operators, OpenGL, GPU, kernel cache.",
@@ -125,6 +121,21 @@ GROUPS = {
             "export": (
                 "scenes",
                 "Write a scene as a .ply in 3DGS layout, which SuperSplat and other viewers open.",
+            ),
+        },
+    ),
+    "bench": (
+        "Speed and error on your own dataset.",
+        {
+            "tiers": (
+                "bench",
+                "Speed against error of every tier on one episode: each camera in turn is left out, and shown from the "
+                "others.",
+            ),
+            "speed": (
+                "bench",
+                "Where a copy's time goes on one episode: what is done once, what its files cost, and what each edit "
+                "adds.",
             ),
         },
     ),

@@ -1,4 +1,4 @@
-"""`rpaug bench`: speed against error of every tier, on your own dataset."""
+"""`rpaug bench`: speed against error of every tier, and where a copy's time goes, on your own dataset."""
 
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -25,6 +25,7 @@ from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
 
 WIDTH = 180  # columns of a printed table
+BAR = 30  # characters of the longest
 COLUMNS = {
     "views_of": "views", "method": "method", "all_db": "dB", "covisible_db": "co-visible",
     "ssim": "SSIM", "depth_median_mm": "depth mm", "depth_far_percent": "> 20 mm %",
@@ -38,7 +39,7 @@ Steps = Annotated[int | None, typer.Option(min=1, help="Of each fit of Gaussians
 Threads = Annotated[int, typer.Option(min=1)]
 
 
-def bench(
+def tiers(
     dataset: Dataset,
     out: OutFolder,
     episode: EpisodeKey = None,
@@ -56,7 +57,7 @@ def bench(
 
     Needs two cameras with depth and masks. Each camera that is left out takes a fit of its own: minutes.
 
-    Example: [bold]rpaug bench data/train/open_drawer --out speed[/]
+    Example: [bold]rpaug bench tiers data/train/open_drawer --out tiers[/]
     """
     from rpaug.pipeline import left_out, pareto, speed_error
 
@@ -97,6 +98,51 @@ def bench(
     if not as_json:
         for views_of, unbeaten in best.items():
             say(f"{views_of}: nothing is both faster and nearer than {', '.join(unbeaten)}")
+    return 0
+
+
+def speed(
+    dataset: Dataset,
+    recipe: Annotated[str, typer.Option(help="Recipe file, or the name of one that ships.")],
+    episode: EpisodeKey = None,
+    copies: Annotated[int, typer.Option(min=1, help="Of the whole recipe, that are timed.")] = 3,
+    tier: Annotated[int, typer.Option(min=0, max=4, help="Least tier, as of augment.")] = 0,
+    as_json: AsJson = False,
+) -> int:
+    """Where a copy's time goes on one episode: what is done once, what its files cost, and what each edit adds.
+
+    Copies are written to a temporary folder. Seconds are those of processors, all threads together.
+
+    Example: [bold]rpaug bench speed data/train/open_drawer --recipe robust[/]
+    """
+    from rpaug.pipeline import inputs, spent
+    from rpaug.pipeline.run import Run
+
+    run = Run(dataset, inputs.recipe(recipe), Path(), tier)
+    key = read_episode(dataset, episode).key
+    parts = []
+    with progress_bar("measuring", as_json) as progress:
+        options = sum(len(step.options) for step in run.recipe.steps)
+        for part in spent.measure(run, key, copies):
+            parts.append(part)
+            progress(len(parts), options + spent.FIXED)
+    if as_json:
+        print_json({"episode": key, "parts": [vars(part) for part in parts]})
+        return 0
+    longest = max(part.seconds for part in parts)
+    table = Table("", "processor s", "", box=box.SIMPLE_HEAD)
+    for part in parts:
+        shown = "*" * round(BAR * max(part.seconds, 0) / longest)
+        when = " (once)" if part.once else ""
+        table.add_row(
+            plain(part.part) + when, "-" if part.left_out else f"{part.seconds:.2f}", shown
+        )
+    Console().print(table)
+    for part in parts:
+        if part.left_out:
+            warn("not timed", f"{part.part}: {part.left_out}")
+    once, copy = spent.sums(parts)
+    say(f"an episode of {key}'s kind: {once:.1f} s once and {copy:.2f} s a copy")
     return 0
 
 

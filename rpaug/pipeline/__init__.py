@@ -24,6 +24,7 @@ __all__ = [
     "role_facts",
     "run",
     "speed_error",
+    "spent",
     "starter",
     "statistics",
     "verify",

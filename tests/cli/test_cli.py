@@ -40,7 +40,8 @@ def test_every_command_shows_an_example() -> None:
         ["inspect"],
         ["fit"],
         ["twin", "record"],
-        ["bench"],
+        ["bench", "tiers"],
+        ["bench", "speed"],
         ["validate-recipe"],
         ["doctor"],
     ):

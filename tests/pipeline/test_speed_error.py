@@ -74,7 +74,7 @@ def test_names_nobody_knows_are_refused(episode) -> None:
 
 
 def test_the_command_leaves_cameras_of_a_dataset_out(tmp_path) -> None:
-    asked = ["bench", str(SAMPLE), "--leave-out", "front", "--every", "20", "--json"]
+    asked = ["bench", "tiers", str(SAMPLE), "--leave-out", "front", "--every", "20", "--json"]
     methods = ["--method", "surfels", "--method", "Gaussians", "--steps", "3"]
     done = CliRunner().invoke(app, [*asked, *methods, "--out", str(tmp_path / "o")])
     assert done.exit_code == 0, done.output
@@ -87,7 +87,7 @@ def test_the_command_leaves_cameras_of_a_dataset_out(tmp_path) -> None:
     assert written["rows"] == printed["rows"]
     assert {path.name for path in (tmp_path / "o").iterdir()} >= {"bench.csv", "bench.json"}
     wrong = CliRunner().invoke(
-        app, ["bench", str(SAMPLE), "--leave-out", "rear", "--out", str(tmp_path / "p")]
+        app, ["bench", "tiers", str(SAMPLE), "--leave-out", "rear", "--out", str(tmp_path / "p")]
     )
     assert wrong.exit_code == 2
     assert "the cameras are" in wrong.output

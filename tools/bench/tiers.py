@@ -1,4 +1,4 @@
-"""Every tier on the twin's truly moved cameras; `rpaug bench DATASET` leaves cameras of a dataset out instead.
+"""Every tier on the twin's truly moved cameras; `rpaug bench tiers DATASET` leaves cameras of a dataset out instead.
 
 python -m tools.bench.tiers --twin open_drawer --out tiers
 """
