@@ -69,7 +69,9 @@ def sums(parts: Sequence[SpentTime]) -> tuple[float, float]:
 def _alone(run: Run, key: str, episode: Episode, option: Option, files: float) -> SpentTime:
     recipe = replace(run.recipe, steps=(Step((option,)),), gates=None)
     try:
-        made = _copies(run, key, _prepared(run, episode, recipe), [1, 1])[-1]
+        prepared = _prepared(run, episode, recipe)
+        ground(prepared.scene, recipe)
+        made = _copies(run, key, prepared, [1, 1])[-1]
     except RpaugError as error:
         return SpentTime(option.name, 0.0, once=False, left_out=str(error))
     return SpentTime(option.name, made - files, once=False)
