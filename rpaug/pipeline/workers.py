@@ -3,16 +3,15 @@
 import errno
 import os
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from rpaug.core import progress
+from rpaug.core import child, progress
 from rpaug.core.errors import Missing, RpaugError
 from rpaug.pipeline.job import Job, augment, left
 from rpaug.pipeline.output_folder import sweep
@@ -126,7 +125,9 @@ class WorkerProcess:
         # spawn: a forked child would inherit the parent's thread pools in whatever state they are
         context = get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs,))
+        self.process = context.Process(
+            target=child.run, args=(_serve.__module__, _serve.__name__, theirs)
+        )
         # Ctrl-C reaches a terminal's whole group: it is for the run, which ends its workers. They inherit the mask.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
@@ -231,15 +232,7 @@ def _keep_busy(pool: list[WorkerProcess], todo: Iterator[Job], workers: int) -> 
 
 
 def _serve(connection: Connection) -> None:
-    """Jobs as they come, in a worker that ends as soon as the process that began it does, be it killed."""
-    parent = parent_process()
-    assert parent is not None
-
-    def end() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=end, daemon=True).start()
+    """Jobs as they come."""
     with progress.heard(progress.seldom(connection.send)):
         while True:
             connection.send(attempt(connection.recv()))
