@@ -1,5 +1,6 @@
 """The dataset card of an output: `README.md` with a header for machines (`synthetic: true`) and words for people."""
 
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -130,8 +131,9 @@ def licence_of(source: Path, homes: Iterable[str]) -> str:
             if found:
                 return found[1].strip().strip("\"'")[:LONGEST]
         stated = []
-        for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if LICENCE.fullmatch(path.name) and path.is_file():
+        named = filter(LICENCE.fullmatch, os.listdir(folder) if folder.is_dir() else ())
+        for path in sorted(folder / name for name in named):
+            if path.is_file():
                 lines = (line.strip() for line in _start(path).splitlines())
                 first = next(filter(None, lines), None)
                 stated += [f"{first[:LONGEST]} ({path.name} of the source)"] if first else []
