@@ -55,7 +55,7 @@ test-lerobot: $(VENV)/.installed
 	$(BIN)/python -m pytest tests/readers/test_lerobot_reader.py tests/readers/test_lerobot_v21_readers.py
 
 test-ray: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[cluster]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[cluster]" "ray[default]"
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/pipeline/test_cluster.py
 
 clean:

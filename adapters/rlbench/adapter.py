@@ -13,7 +13,7 @@
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
@@ -44,22 +44,7 @@ class RLBench(Adapter):
     )
 
     def episodes(self, root: Path) -> Sequence[str]:
-        keys, seen, top = [], set(), os.fspath(root)
-        for folder, subfolders, names in os.walk(top, followlinks=True, onerror=_unreadable):
-            status = os.stat(folder)
-            true = status.st_dev, status.st_ino
-            if true in seen:  # a link that leads back
-                subfolders.clear()
-                continue
-            seen.add(true)
-            within = os.path.relpath(folder, top) if folder != top else ""
-            if LOW_DIM in names or (within and EPISODE.search(os.path.basename(folder))):
-                keys.append(Path(within).as_posix())
-                subfolders.clear()
-            if not within and files.REJECTED in subfolders:
-                subfolders.remove(files.REJECTED)
-            subfolders[:] = [name for name in subfolders if not name.startswith(".")]
-        return sorted(keys, key=files.natural)
+        return sorted(_keys(root), key=files.natural)
 
     def read(self, root: Path, key: str) -> Episode:
         return read_episode(root / key, key)
@@ -104,16 +89,38 @@ class RLBench(Adapter):
 
     def finish(self, source: Path, target: Path) -> None:
         """Descriptions that upstream RLBench keeps beside the `episodes` folder."""
-        for key in self.episodes(target):
-            beside = _beside(key)
+        for beside in {_beside(key) for key in _keys(target)}:
             if beside and (source / beside).is_file() and not (target / beside).exists():
                 files.write_atomic(target / beside, files.read_bytes(source / beside))
 
 
-def _unreadable(error: OSError) -> None:
-    raise BadInput(
-        str(error.filename), "folder", found=error.strerror, expected="a readable folder"
-    )
+def _keys(root: Path) -> Iterator[str]:
+    """Keys as they lie on the disk. Of a million little is held: where each lies, so that none is found twice."""
+    seen: dict[int, set[int]] = {}  # by device, inodes: a link may lead back
+    yield from _keys_below(os.fspath(root), "", seen)
+
+
+def _keys_below(top: str, within: str, seen: dict[int, set[int]]) -> Iterator[str]:
+    folder = os.path.join(top, within)
+    try:
+        status = os.stat(folder)
+        known = seen.setdefault(status.st_dev, set())
+        if status.st_ino in known:
+            return
+        known.add(status.st_ino)
+        named = within and EPISODE.search(os.path.basename(within))
+        if named or os.path.isfile(os.path.join(folder, LOW_DIM)):
+            yield Path(within).as_posix()
+            return
+        with os.scandir(folder) as entries:
+            for one in entries:
+                apart = one.name.startswith(".") or (not within and one.name == files.REJECTED)
+                if not apart and one.is_dir():
+                    yield from _keys_below(top, os.path.join(within, one.name), seen)
+    except OSError as error:
+        raise BadInput(
+            str(error.filename), "folder", found=error.strerror, expected="a readable folder"
+        ) from None
 
 
 def _beside(key: str) -> str | None:

@@ -2,6 +2,7 @@
 
 __all__ = [
     "cache",
+    "child",
     "color_space",
     "errors",
     "files",

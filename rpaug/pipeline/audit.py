@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,9 @@ from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED
 from rpaug.core.fingerprint import of_file, sealed
 from rpaug.pipeline import journal, report
-from rpaug.pipeline.journal import Journal, Noted
+from rpaug.pipeline.journal import Journal
+from rpaug.pipeline.made import Noted, Place
+from rpaug.pipeline.output_folder import FOLDERS
 
 
 @dataclass
@@ -35,25 +38,37 @@ def audit(
     Raises BadInput where there is no journal, or no such episode.
     """
     held, found = journal.read(target), Audit()
-    entries = {f"{within}/{key}" if within else key: (within, key) for within, key in held.made}
     if episode is not None:
-        if episode not in entries:
-            known = ", ".join([*entries][:5])
-            raise BadInput(target, "episode", found=episode, expected=f"one of: {known}, ...")
-        entries = {episode: entries[episode]}
-        found.report = report.of(target / episode)
-    for number, (name, place) in enumerate(entries.items()):
-        progress(number, len(entries))
-        found.episodes += 1
-        if fault := _fault(target, held, place[0], place[1], held.made[place]):
-            found.faults[name] = fault
-    progress(len(entries), len(entries))
-    if episode is None:
-        _shared(target, held, found)
-    else:
-        ((_, line),) = journal.facts(target, [(episode, held.made[entries[episode]])])
-        found.node = line.get("node")
+        _one(target, held, found, episode)
+        return found
+    total = len(held.made)
+    for folder in FOLDERS:
+        for key, one in held.made.of(folder):
+            progress(found.episodes, total)
+            _compare(target, held, found, (folder, key), one)
+    progress(found.episodes, total)
+    _shared(target, held, found)
     return found
+
+
+def _one(target: Path, held: Journal, found: Audit, episode: str) -> None:
+    """Compare one episode, and say what was done to it. Raises BadInput where there is none of that name."""
+    apart = episode.startswith(f"{REJECTED}/")
+    place = (REJECTED, episode.removeprefix(f"{REJECTED}/")) if apart else ("", episode)
+    if place not in held.made:
+        known = ", ".join(key for key, _ in islice(held.made.of(""), 5))
+        raise BadInput(target, "episode", found=episode, expected=f"one of: {known}, ...")
+    one = held.made[place]
+    _compare(target, held, found, place, one)
+    found.report = report.of(target / episode)
+    ((_, line),) = journal.facts(target, [(episode, one)])
+    found.node = line.get("node")
+
+
+def _compare(target: Path, held: Journal, found: Audit, place: Place, one: Noted) -> None:
+    found.episodes += 1
+    if fault := _fault(target, held, place[0], place[1], one):
+        found.faults["/".join(filter(None, place))] = fault
 
 
 def _fault(target: Path, held: Journal, within: str, key: str, one: Noted) -> str | None:

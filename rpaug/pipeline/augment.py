@@ -1,10 +1,9 @@
 """A whole dataset through the pipeline: which copies to make, where they go, and what came of them."""
 
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
-from rpaug.core import splits
 from rpaug.core.errors import BadInput
 from rpaug.core.files import apart, write_atomic
 from rpaug.core.owner import owned
@@ -12,13 +11,14 @@ from rpaug.pipeline import journal, output_folder, prepare, report, totals
 from rpaug.pipeline import workers as local
 from rpaug.pipeline.job import Job
 from rpaug.pipeline.journal import Journal
-from rpaug.pipeline.run import Budget, Run, Summary, group_of
+from rpaug.pipeline.missing_copies import MissingCopies, job_of
+from rpaug.pipeline.run import Budget, Run, Summary
 
-__all__ = ["Run", "Summary", "check", "execute", "finish", "jobs"]
+__all__ = ["Run", "Summary", "check", "execute", "finish"]
 
 Progress = Callable[[int, int], None]
-Runner = Callable[[Sequence[Job]], Iterator[local.Outcome]]
-Engine = Callable[[Sequence[Job], int, Budget | None], Iterator[local.Outcome]]
+Runner = Callable[[Iterable[Job]], Iterator[local.Outcome]]
+Engine = Callable[[Iterable[Job], int, Budget | None], Iterator[local.Outcome]]
 """Does jobs, so many at once, each within the budget. Whichever does them, the same bytes come out."""
 NO_LOCKS = "this file system knows no locks: another run that writes here is not kept out"
 OF_DATASET = "another dataset, or this one with files that were changed, added or removed since"
@@ -80,10 +80,9 @@ def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Sum
     journal.begin(run.target, run.marker, run.source.resolve())
     output_folder.sweep(run.target)
     held = output_folder.mend(run)
-    done = [(key, one.source, one.copy) for (_, key), one in held.made.items()]
-    todo = jobs(run, done)
-    summary = Summary(resumed=len(done))
-    total, finished = sum(len(job.copies) for job in todo), 0
+    todo = MissingCopies(run, held.made)
+    summary = Summary(resumed=len(held.made))
+    total, finished = todo.copies, 0
     progress(0, total)
     for outcome in _outcomes(_staged(run, todo), runner):
         finished += outcome.copies
@@ -93,7 +92,6 @@ def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Sum
             summary.failures[outcome.job.key] = outcome.error
         progress(finished, total)
     if todo:
-        del todo, done, held  # large in a large run; the journal says now all that is needed
         held = journal.read(run.target)
     if held.made or run.shard:
         finish(run, held, summary)
@@ -110,7 +108,7 @@ def finish(run: Run, held: Journal, summary: Summary) -> None:
             output_folder.close_gaps(run, held, within)
             output_folder.gather(run, held, within)
     kept, rejected = (
-        journal.facts(run.target, held.of(within)) for within in output_folder.FOLDERS
+        journal.facts(run.target, held.made.of(within)) for within in output_folder.FOLDERS
     )
     totals.add_up(summary, run, kept, rejected)
     if not run.shard:
@@ -119,19 +117,19 @@ def finish(run: Run, held: Journal, summary: Summary) -> None:
     write_atomic(run.target / report.SUMMARY, report.encode(described), durable=True)
 
 
-def _staged(run: Run, todo: Sequence[Job]) -> list[list[Job]]:
+def _staged(run: Run, todo: Iterable[Job]) -> list[Iterable[Job]]:
     """The jobs in turns: what lends Gaussians to others is fitted before them, and once."""
     if not run.share:
-        return [list(todo)]
+        return [todo]
     donated = prepare.donors(run.adapter, run.source, [job.key for job in todo])
     donors = dict.fromkeys(donated.values())
     own = {job.key: job for job in todo}
-    first = [own.get(key) or _job(run, key, ()) for key in donors]
+    first = [own.get(key) or job_of(run, key, ()) for key in donors]
     rest = [replace(job, donor=donated.get(job.key)) for job in todo if job.key not in donors]
     return [first, rest]
 
 
-def _outcomes(stages: Sequence[Sequence[Job]], runner: Runner) -> Iterator[local.Outcome]:
+def _outcomes(stages: Iterable[Iterable[Job]], runner: Runner) -> Iterator[local.Outcome]:
     for stage in stages:
         fatal = False
         for outcome in runner(stage):
@@ -139,47 +137,3 @@ def _outcomes(stages: Sequence[Sequence[Job]], runner: Runner) -> Iterator[local
             fatal |= outcome.fatal
         if fatal:
             return
-
-
-def jobs(run: Run, done: Sequence[tuple[str, str, int]]) -> list[Job]:
-    """One job per source episode of the run's part: its missing copies and the keys they get, numbered from 0 in each
-    group of the whole.
-
-    `done` are keys already given, to rejected copies too, with the source key and the copy of each.
-    """
-    taken = {key for key, _, _ in done}
-    finished = {(source, copy) for _, source, copy in done}
-    free: dict[str, int] = {}
-    copies: dict[str, list[tuple[int, str]]] = {key: [] for key in run.keys}
-    for copy in run.copies:
-        for key in run.keys:
-            if (key, copy) in finished or (key, copy) in run.spared:
-                continue
-            group = group_of(run.adapter, key)
-            while run.adapter.key_at(key, free.setdefault(group, 0)) in taken:
-                free[group] += 1
-            made = run.adapter.key_at(key, free[group])
-            if splits.of(made) != splits.of(key):  # an adapter's mistake, and the worst of all
-                found, expected = f"{made}, of another split", "a copy in its source's split"
-                raise BadInput(run.source / key, "split", found=found, expected=expected)
-            copies[key].append((copy, made))
-            free[group] += 1
-    return [
-        _job(run, key, made)
-        for number, (key, made) in enumerate(copies.items())
-        if made and run.makes(number)
-    ]
-
-
-def _job(run: Run, key: str, copies: Sequence[tuple[int, str]]) -> Job:
-    return Job(
-        run.adapter.name,
-        run.source,
-        key,
-        run.target,
-        tuple(copies),
-        run.recipe.source,
-        run.tier,
-        run.scenes,
-        keep_invalid=run.keep_invalid,
-    )

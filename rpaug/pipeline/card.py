@@ -1,5 +1,6 @@
 """The dataset card of an output: `README.md` with a header for machines (`synthetic: true`) and words for people."""
 
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -22,7 +23,7 @@ Lines = tuple[str, ...]
 def text(
     source: Path,
     layout: str,
-    reports: Mapping[str, Mapping[str, Any]],
+    episodes: Iterable[tuple[str, str, bool]],
     *,
     recipe: Mapping[str, Any] | None = None,
     converted: str | None = None,
@@ -31,22 +32,24 @@ def text(
     licence: str | None = None,
     ratio: str | None = None,
 ) -> str:
-    """The card of a dataset made from `source`, by the reports of its episodes. The same run gives the same card.
+    """The card of a dataset made from `source`. The same run gives the same card.
 
-    It was made by a `recipe`, or `converted` from another layout, which is then named; `lost` is what that did not
-    keep, each with the number of its episodes.
+    `episodes` are its keys, each with the key that it was made from and whether it is synthetic. It was made by a
+    `recipe`, or `converted` from another layout, which is then named; `lost` is what that did not keep, each with the
+    number of its episodes.
     """
-    made = Counter(
-        (splits.of(key) or "all", bool(one["synthetic"])) for key, one in reports.items()
-    )
+    made, homes = Counter[tuple[str, bool]](), set[str]()
+    for key, origin, is_synthetic in episodes:
+        made[splits.of(key) or "all", is_synthetic] += 1
+        homes.add(origin.rpartition("/")[0])
     synthetic = sum(count for (_, is_made), count in made.items() if is_made)
-    licence = licence or licence_of(source, (one["source"] for one in reports.values()))
+    licence = licence or licence_of(source, homes)
     header = {
         "synthetic": synthetic > 0,
         "license": licence,
         "source_datasets": [called(source)],
         "generator": f"rpaug {__version__}",
-        "episodes": {"recorded": len(reports) - synthetic, "synthetic": synthetic},
+        "episodes": {"recorded": made.total() - synthetic, "synthetic": synthetic},
         **({"ratio": ratio} if ratio else {}),
     }
     rows = [
@@ -115,9 +118,9 @@ def _converted(layout: str, before: str, lost: Mapping[str, int]) -> tuple[str, 
     )
 
 
-def licence_of(source: Path, keys: Iterable[str]) -> str:
-    """What the source says of its licence: in its own card's header, or the first line of each licence file."""
-    homes = {key.rpartition("/")[0] for key in keys}
+def licence_of(source: Path, homes: Iterable[str]) -> str:
+    """What the source says of its licence, in the folders of its episodes or above: in its own card's header, or the
+    first line of each licence file."""
     above = {parent for home in homes for parent in (Path(home), *Path(home).parents)}
     for folder in (source, *(source / one for one in sorted(above))):
         card = folder / NAME
@@ -128,8 +131,9 @@ def licence_of(source: Path, keys: Iterable[str]) -> str:
             if found:
                 return found[1].strip().strip("\"'")[:LONGEST]
         stated = []
-        for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if LICENCE.fullmatch(path.name) and path.is_file():
+        named = filter(LICENCE.fullmatch, os.listdir(folder) if folder.is_dir() else ())
+        for path in sorted(folder / name for name in named):
+            if path.is_file():
                 lines = (line.strip() for line in _start(path).splitlines())
                 first = next(filter(None, lines), None)
                 stated += [f"{first[:LONGEST]} ({path.name} of the source)"] if first else []

@@ -9,7 +9,7 @@ import logging
 import os
 import socket
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -37,7 +37,7 @@ _process: list[WorkerProcess] = []  # that does the jobs of this Ray worker, one
 
 
 def run(
-    jobs: Sequence[Job], workers: int, budget: Budget | None = None, address: str = "auto"
+    jobs: Iterable[Job], workers: int, budget: Budget | None = None, address: str = "auto"
 ) -> Iterator[Outcome]:
     """Outcomes as they come, as `workers.run` has them; at most `workers` jobs at once on the cluster at `address`, as
     many as it has CPUs for 0. Raises MissingExtra, RpaugError.
@@ -45,7 +45,7 @@ def run(
     ray = _joined(address)
     given = budget or Budget()
 
-    def pool(todo: list[Job], lost: list[Lost], alone: bool) -> Iterator[Outcome]:
+    def pool(todo: Iterable[Job], lost: list[Lost], alone: bool) -> Iterator[Outcome]:
         return _spread(ray, todo, lost, given, 1 if alone else workers, alone)
 
     with redirect_stdout(sys.stderr):  # Ray says what befalls its nodes
@@ -74,36 +74,38 @@ def _joined(address: str) -> Any:
 
 
 def _spread(
-    ray: Any, todo: list[Job], lost: list[Lost], budget: Budget, workers: int, alone: bool
+    ray: Any, jobs: Iterable[Job], lost: list[Lost], budget: Budget, workers: int, alone: bool
 ) -> Iterator[Outcome]:
     """No more tasks are with the cluster than it does at once: little is lost with a node, and memory does not grow
     with the number of jobs."""
     task = ray.remote(num_cpus=1, max_retries=0)(done)
+    todo, again = iter(jobs), list[Job]()
     under_way: dict[Any, Job] = {}
     tries: dict[str, int] = {}
-    while todo or under_way:
+    while True:
         most = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
-        while todo and len(under_way) < most:
-            job = todo.pop(0)
+        while len(under_way) < most and (job := again.pop() if again else next(todo, None)):
             ref = task.options(name=job.key).remote(job, budget, alone, Path.cwd(), __version__)
             under_way[ref] = job
+        if not under_way:
+            break
         for ref in ray.wait([*under_way], timeout=LOOK)[0]:
-            job = under_way.pop(ref)
-            for told in _told(ray, ref, job):
+            one = under_way.pop(ref)
+            for told in _told(ray, ref, one):
                 if isinstance(told, Outcome):
                     if told.fatal:
-                        todo.clear()
+                        todo, again = iter(()), []
                     yield told
                 elif told.why != LOST:
                     lost.append(told)
-                elif tries.setdefault(job.key, 1) < TRIES:
-                    tries[job.key] += 1
-                    rest = left(job)
-                    todo[:0] = [rest] if rest.copies or not job.copies else []
+                elif tries.setdefault(one.key, 1) < TRIES:
+                    tries[one.key] += 1
+                    rest = left(one)
+                    again += [rest] if rest.copies or not one.copies else []
                 else:
                     lost.append(told)
-        if tries and not (todo or under_way):
-            sweep(job.target)
+    if tries:
+        sweep(one.target)
 
 
 def _told(ray: Any, ref: Any, job: Job) -> list[Outcome | Lost]:

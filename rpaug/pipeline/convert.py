@@ -112,7 +112,7 @@ def convert(
     apart(target, source)
     keys, done = list(reader.episodes(source)), Conversion()
     free: dict[str, int] = {}
-    reports: dict[str, dict[str, Any]] = {}
+    written: list[tuple[str, str, bool]] = []
     for number, key in enumerate(keys):
         progress(number, len(keys))
         told(key, "reading and writing")
@@ -133,7 +133,7 @@ def convert(
         write_atomic(target / made / report.NAME, report.encode(given | {"lost": lost}))
         for words in lost:
             done.lost[words] = done.lost.get(words, 0) + 1
-        reports[made] = given
+        written.append((made, given["source"], given["synthetic"]))
         free[group] = free.get(group, 0) + 1
         done.episodes += 1
         for words in (*writer.traps(episode), *([] if episode.instruction else [SILENT])):
@@ -142,7 +142,7 @@ def convert(
     if done.episodes:
         writer.finish(source, target)
         text = card.text(
-            source, writer.name, reports, converted=reader.name, lost=done.lost, licence=licence
+            source, writer.name, written, converted=reader.name, lost=done.lost, licence=licence
         )
         write_atomic(target / card.NAME, text.encode())
     else:

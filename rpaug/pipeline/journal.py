@@ -8,37 +8,22 @@ one write. A line that a power cut spoilt or took counts as none, and what it wa
 import json
 import os
 import socket
-import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from rpaug.core.errors import BadInput
-from rpaug.core.files import natural
 from rpaug.core.fingerprint import Seal, of_file, sealed
 from rpaug.pipeline import report
+from rpaug.pipeline.made import MadeEpisodes, Noted, Place
 
 NAME = "rpaug.journal.jsonl"
 SYNC = 1.0  # seconds: what is noted within it after the last is made again if power fails
+WRITTEN = 1000  # lines in one write
 _last = [-SYNC]  # when this process waited last
-Place = tuple[str, str]  # a folder of the output ("", or that of rejected copies), and a key there
-
-
-@dataclass(slots=True)
-class Noted:
-    """An episode that was made: from what, the seal of its folder, the bytes of its report, where its line begins.
-
-    It is `loose` until it was gathered: its files may be brought into shared ones.
-    """
-
-    source: str
-    copy: int
-    seal: Seal
-    report: int
-    at: int
-    loose: bool = True
 
 
 @dataclass
@@ -47,60 +32,48 @@ class Journal:
     and the folders whose episodes are being gathered or are apart again."""
 
     marker: dict[str, Any] | None = None
-    made: dict[Place, Noted] = field(default_factory=dict)
+    made: MadeEpisodes = field(default_factory=MadeEpisodes)
     shared: dict[str, dict[str, tuple[int, str]]] = field(default_factory=dict)
     open: set[str] = field(default_factory=set)
-    _order: dict[str, list[str]] = field(default_factory=dict)  # keys of a folder, sorted once
 
     def add(self, line: Mapping[str, Any], at: int) -> None:
         """Take in a line that begins at a byte of the file. Raises KeyError, TypeError, ValueError for another's."""
         within = line.get("in", "")
-        self._order.pop(within, None)
         if "begun" in line:
             self.marker = dict(line["begun"])
         elif "made" in line:
-            seal, given = Seal(**line["seal"]), (sys.intern(line["source"]), int(line["copy"]))
-            self.made[within, line["made"]] = Noted(*given, seal, line["report"], at)
+            seal, source, copy = Seal(**line["seal"]), str(line["source"]), int(line["copy"])
+            self.made[within, line["made"]] = Noted(source, copy, seal, int(line["report"]), at)
         elif "gone" in line:
-            self.made.pop((within, line["gone"]), None)
+            self.made.discard((within, line["gone"]))
         elif "renamed" in line:
-            entry = self.made[within, line["to"]] = self.made.pop((within, line["renamed"]))
-            entry.seal = Seal(**line["seal"])
+            entry = self.made.pop((within, line["renamed"]))
+            self.made[within, line["to"]] = replace(entry, seal=Seal(**line["seal"]))
         elif "sealed" in line:
-            self.made[within, line["sealed"]].seal = Seal(**line["seal"])
+            place = within, line["sealed"]
+            self.made[place] = replace(self.made[place], seal=Seal(**line["seal"]))
         elif "shared" in line:
             held = int(line["bytes"]), str(line["contents"])
             self.shared.setdefault(within, {})[line["shared"]] = held
         elif "apart" in line or "gathering" in line:
             self.open.add(within)
             if "apart" in line:
-                self._loosen(within, True)
+                self.made.loosen(within, True)
             else:
                 self.shared.pop(within, None)
         elif "gathered" in line:
             self.open.discard(within)
-            self._loosen(within, False)
-
-    def of(self, within: str) -> Iterator[tuple[str, Noted]]:
-        """Keys and entries of a folder of the output, in natural order."""
-        if within not in self._order:
-            held = (key for folder, key in self.made if folder == within)
-            self._order[within] = sorted(held, key=natural)
-        return ((key, self.made[within, key]) for key in self._order[within])
-
-    def _loosen(self, within: str, loose: bool) -> None:
-        for (folder, _), entry in self.made.items():
-            if folder == within:
-                entry.loose = loose
+            self.made.loosen(within, False)
 
 
 def append(target: Path, lines: Iterable[Mapping[str, Any]], durable: bool = True) -> None:
-    """Add lines, in one write, and see them onto the disk if they are `durable`."""
-    data = b"".join(json.dumps(line, ensure_ascii=False).encode() + b"\n" for line in lines)
+    """Add lines, a few in one write, and see them onto the disk if they are `durable`."""
+    encoded = (json.dumps(line, ensure_ascii=False).encode() + b"\n" for line in lines)
     descriptor = os.open(target / NAME, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
     try:
-        while data:
-            data = data[os.write(descriptor, data) :]
+        while data := b"".join(islice(encoded, WRITTEN)):
+            while data:
+                data = data[os.write(descriptor, data) :]
         if durable:
             os.fsync(descriptor)
     finally:
@@ -136,10 +109,10 @@ def made(
         "node": socket.gethostname(),
         "facts": dict(facts),
     }
-    append(target, [line], durable=_due())
+    append(target, [line], durable=due())
 
 
-def _due() -> bool:
+def due() -> bool:
     """Whether the disk was last waited for more than `SYNC` ago by this process."""
     now = time.monotonic()
     if now - _last[0] < SYNC:

@@ -13,7 +13,8 @@ from rpaug.core.files import PART, apart, flush, write_atomic
 from rpaug.core.fingerprint import of_file, same_files, sealed
 from rpaug.core.owner import owned
 from rpaug.pipeline import augment, journal, output_folder, report
-from rpaug.pipeline.journal import Journal, Place
+from rpaug.pipeline.journal import Journal
+from rpaug.pipeline.made import Place
 from rpaug.pipeline.recipe import build as build_recipe
 from rpaug.pipeline.run import Run, Summary
 
@@ -108,7 +109,7 @@ def _see_all(run: Run, parts: Sequence[RunPart]) -> None:
     made = [part.held for part in parts]
     if (run.target / journal.NAME).is_file():
         made.append(journal.read(run.target))
-    there = {(one.source, one.copy) for held in made for one in held.made.values()}
+    there = {one for held in made for one in held.made.copies()}
     failed = {key for part in parts for key in part.failures}
     numbers = sorted(str(part.held.marker["shard"][0]) for part in parts if part.held.marker)
     for key in run.keys:
@@ -122,25 +123,24 @@ def _see_all(run: Run, parts: Sequence[RunPart]) -> None:
 def _bring(part: RunPart, target: Path) -> None:
     """Move a part's episodes, and copy what belongs to none. Raises BadInput where parts differ in that."""
     there = journal.read(target).made
-    notes = dict(_notes(part))
     for within in output_folder.FOLDERS:
         for name in output_folder.shared(part.root / within, part.held, within):
             _bring_shared(part.root / within / name, target / within / name)
-    for (within, key), one in part.held.made.items():
+    for (within, key), line in _notes(part):
         if (within, key) in there:
             continue
         home, goal = part.root / within / key, target / within / key
         if home.is_dir():
             _move(home, goal)
-        if not same_files(one.seal, sealed(goal, read=False)):
+        if not same_files(part.held.made[within, key].seal, sealed(goal, read=False)):
             found, expected = "not the files that its journal names", "a part as it was written"
             raise BadInput(home, "episode", found=found, expected=expected)
-        journal.append(target, [notes[within, key]])
+        journal.append(target, [line], durable=journal.due())
 
 
 def _notes(part: RunPart) -> Iterator[tuple[Place, dict[str, Any]]]:
     for within in output_folder.FOLDERS:
-        for key, line in journal.facts(part.root, part.held.of(within)):
+        for key, line in journal.facts(part.root, part.held.made.of(within)):
             yield (within, key), line
 
 

@@ -2,8 +2,10 @@
 
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,8 @@ from rpaug.core.files import PART, REJECTED, write_atomic
 from rpaug.core.fingerprint import same_files, sealed
 from rpaug.pipeline import card, journal, report
 from rpaug.pipeline.copies import ORIGINAL
-from rpaug.pipeline.journal import Journal, Noted
+from rpaug.pipeline.journal import Journal
+from rpaug.pipeline.made import Noted
 from rpaug.pipeline.run import Run, group_of
 
 FOLDERS = ("", REJECTED)  # of an output, that hold episodes
@@ -28,15 +31,18 @@ def missing(target: Path) -> list[Path]:
     return found
 
 
-def sweep(target: Path) -> None:
+def sweep(folder: Path) -> None:
     """Remove what a killed run had half written."""
-    for folder, subfolders, files in os.walk(target):
-        for name in [name for name in subfolders if name.startswith(".") and name.endswith(PART)]:
-            shutil.rmtree(Path(folder) / name, ignore_errors=True)
-            subfolders.remove(name)
-        for name in files:
-            if name.startswith(".") and name.endswith(PART):
-                (Path(folder) / name).unlink(missing_ok=True)
+    with suppress(FileNotFoundError), os.scandir(folder) as entries:
+        for one in entries:
+            is_folder = one.is_dir(follow_symlinks=False)
+            if one.name.startswith(".") and one.name.endswith(PART):
+                if is_folder:
+                    shutil.rmtree(one.path, ignore_errors=True)
+                else:
+                    Path(one.path).unlink(missing_ok=True)
+            elif is_folder:
+                sweep(Path(one.path))
 
 
 def mend(run: Run) -> Journal:
@@ -51,22 +57,20 @@ def mend(run: Run) -> Journal:
         if root.is_dir() and (lost := run.adapter.missing(root)):
             expected = "the file as it was written; without it nothing here can be read"
             raise BadInput(lost, "file", found="nothing", expected=expected)
-        there = keys(run, within)
         spoilt = [
             name for name in held.shared.get(within, ()) if not _as_noted(root, held, within, name)
         ]
-        damaged = _damaged(run, held, within, there)
+        damaged, unnoted = _compared(run, held, within)
         if spoilt or damaged:
             journal.append(run.target, [{"apart": True, "in": within}])
             if run.adapter.gathers:
                 run.adapter.scatter(root, {root / name for name in spoilt})
-                there = keys(run, within)
             else:
                 for name in spoilt:  # brought along anew at the end
                     (root / name).unlink(missing_ok=True)
             held = journal.read(run.target)
-            damaged = _damaged(run, held, within, there)
-        _drop(run, held, within, there, damaged)
+            damaged, unnoted = _compared(run, held, within)
+        _drop(run, held, within, damaged, unnoted)
     return held
 
 
@@ -76,14 +80,15 @@ def _as_noted(root: Path, held: Journal, within: str, name: str) -> bool:
     return (root / name).is_file() and (root / name).stat().st_size == size
 
 
-def _damaged(run: Run, held: Journal, within: str, there: list[str]) -> list[str]:
-    """Keys of episodes that are not whole, by those that the adapter finds."""
-    known = set(there)
-    return [
-        key
-        for key, one in held.of(within)
-        if key not in known or not _whole(run, within in held.open, run.target / within / key, one)
-    ]
+def _compared(run: Run, held: Journal, within: str) -> tuple[list[str], list[str]]:
+    """Keys of episodes that are not whole, and of those that the adapter finds and the journal does not name."""
+    there, damaged = set(keys(run, within)), []
+    for key, one in held.made.of(within):
+        open_ = within in held.open
+        if key not in there or not _whole(run, open_, run.target / within / key, one):
+            damaged.append(key)
+        there.discard(key)
+    return damaged, sorted(there)
 
 
 def _whole(run: Run, open_: bool, folder: Path, one: Noted) -> bool:
@@ -95,13 +100,12 @@ def _whole(run: Run, open_: bool, folder: Path, one: Noted) -> bool:
     return described.is_file() and described.stat().st_size == one.report
 
 
-def _drop(run: Run, held: Journal, within: str, there: list[str], damaged: list[str]) -> None:
+def _drop(run: Run, held: Journal, within: str, damaged: list[str], unnoted: list[str]) -> None:
     """Remove episodes that are not whole, and those that are not noted. Raises BadInput for what is no run's."""
     root, gone = run.target / within, []
     for key in damaged:
         shutil.rmtree(root / key, ignore_errors=True)
         gone.append({"gone": key, "in": within})
-    unnoted = [key for key in there if (within, key) not in held.made]
     if gone:
         journal.append(run.target, gone)
         for one in gone:
@@ -124,21 +128,19 @@ def keys(run: Run, within: str = "") -> list[str]:
 def close_gaps(run: Run, held: Journal, within: str) -> None:
     """Renumber so that each group counts from 0 without holes: readers walk the numbers until one is missing."""
     counts: dict[str, int] = {}
-    for key, _ in [*held.of(within)]:
+    moved, root = [], run.target / within
+    for key, _ in held.made.of(within):
         group = group_of(run.adapter, key)
         wanted = run.adapter.key_at(key, counts.get(group, 0))
         counts[group] = counts.get(group, 0) + 1
         if wanted != key:
-            root = run.target / within
-            run.adapter.rename(root, key, wanted)
-            line = {
-                "renamed": key,
-                "to": wanted,
-                "in": within,
-                "seal": asdict(sealed(root / wanted)),
-            }
-            journal.append(run.target, [line])
-            held.add(line, 0)
+            moved.append((key, wanted))
+    for key, wanted in moved:
+        run.adapter.rename(root, key, wanted)
+        seal = asdict(sealed(root / wanted))
+        line = {"renamed": key, "to": wanted, "in": within, "seal": seal}
+        journal.append(run.target, [line])
+        held.add(line, 0)
 
 
 def gather(run: Run, held: Journal, within: str) -> None:
@@ -146,51 +148,51 @@ def gather(run: Run, held: Journal, within: str) -> None:
     root = run.target / within
     journal.append(run.target, [{"gathering": True, "in": within}])
     run.adapter.finish(run.source, root)
-    lines = []
-    for key, one in held.of(within):
-        brought = one.loose and run.adapter.gathers
-        if brought and not same_files(one.seal, sealed(root / key, read=False)):
-            lines.append({"sealed": key, "in": within, "seal": asdict(sealed(root / key))})
-    lines += [journal.shared(root, within, name) for name in shared(root, held, within)]
-    journal.append(run.target, [*lines, {"gathered": True, "in": within}])
+    brought = _sealed_anew(root, held, within) if run.adapter.gathers else ()
+    lines = (journal.shared(root, within, name) for name in shared(root, held, within))
+    journal.append(run.target, chain(brought, lines, [{"gathered": True, "in": within}]))
 
 
-def shared(root: Path, held: Journal, within: str) -> Iterator[str]:
-    """Files of a folder that belong to no single episode."""
-    episodes = {key for folder, key in held.made if folder == within}
-    for folder, subfolders, names in os.walk(root):
-        at = os.path.relpath(folder, root)
-        at = "" if at == "." else f"{at}/".replace(os.sep, "/")
-        apart = {REJECTED} if not at and not within else ()
-        subfolders[:] = sorted(
-            name for name in subfolders if f"{at}{name}" not in episodes and name not in apart
-        )
-        for name in sorted(names):
-            if at or within or name not in OWN:
-                yield f"{at}{name}"
+def _sealed_anew(root: Path, held: Journal, within: str) -> Iterator[dict[str, Any]]:
+    """Lines about episodes whose files were brought into shared ones."""
+    for key, one in held.made.of(within):
+        if one.loose and not same_files(one.seal, sealed(root / key, read=False)):
+            yield {"sealed": key, "in": within, "seal": asdict(sealed(root / key))}
+
+
+def shared(root: Path, held: Journal, within: str, at: str = "") -> Iterator[str]:
+    """Files of a folder that belong to no single episode, by their names in it; `at` names one in it, with a slash."""
+    if not root.is_dir():
+        return
+    files, folders = [], []
+    with os.scandir(root / at) as entries:
+        for one in entries:
+            name = f"{at}{one.name}"
+            if not one.is_dir():
+                files += [name] if at or within or name not in OWN else []
+            elif (within, name) not in held.made and (at or within or name != REJECTED):
+                folders += [] if one.is_symlink() else [name]
+    yield from sorted(files)
+    for name in sorted(folders):
+        yield from shared(root, held, within, f"{name}/")
 
 
 def stale(held: Journal, within: str) -> bool:
     """Whether a folder holds episodes that were not gathered, or is open."""
-    entries = [one for _, one in held.of(within)]
-    return bool(entries) and (within in held.open or any(one.loose for one in entries))
+    if within in held.open:
+        return held.made.count(within) > 0
+    return held.made.any_loose(within)
 
 
 def write_card(run: Run, held: Journal) -> None:
     """The dataset card; it counts the episodes that are there."""
-    kept = {key: _origin(one) for key, one in held.of("")}
     given = card.text(
         run.source,
         run.adapter.name,
-        kept,
+        ((key, one.source, one.copy != ORIGINAL) for key, one in held.made.of("")),
         recipe=run.recipe.source,
-        rejected=sum(within == REJECTED for within, _ in held.made),
+        rejected=held.made.count(REJECTED),
         licence=run.licence,
         ratio=run.ratio and f"{run.ratio[0]}:{run.ratio[1]}",
     )
     write_atomic(run.target / card.NAME, given.encode())
-
-
-def _origin(one: Noted) -> Mapping[str, Any]:
-    """What the card needs of a report."""
-    return {"source": one.source, "synthetic": one.copy != ORIGINAL}

@@ -61,11 +61,11 @@ def statistics(
 
     Raises BadInput where an output has no journal.
     """
-    made = [(key, one) for (within, key), one in journal.read(target).made.items() if not within]
-    if not made:
+    made = journal.read(target).made
+    if not made.count(""):
         raise BadInput(target, "output", found="no episode", expected="what rpaug augment wrote")
     factors, values, copies = dict[str, FactorDrawn](), dict[str, dict[str, list[Any]]](), 0
-    for key, _ in made:
+    for key, _ in made.of(""):
         told = report.of(target / key) or {}
         copies += bool(told.get("synthetic"))
         for draw in told.get("draws", ()):

@@ -3,16 +3,15 @@
 import errno
 import os
 import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from rpaug.core import progress
+from rpaug.core import child, progress
 from rpaug.core.errors import Missing, RpaugError
 from rpaug.pipeline.job import Job, augment, left
 from rpaug.pipeline.output_folder import sweep
@@ -55,12 +54,12 @@ class Lost:
     late: bool = False
 
 
-Pool = Callable[[list[Job], list[Lost], bool], Iterator[Outcome]]
+Pool = Callable[[Iterable[Job], list[Lost], bool], Iterator[Outcome]]
 """Does jobs, each within its budget, and adds those whose worker was lost to a list. The last argument is true for a
 job that is tried once more, alone."""
 
 
-def run(jobs: Sequence[Job], workers: int, budget: Budget | None = None) -> Iterator[Outcome]:
+def run(jobs: Iterable[Job], workers: int, budget: Budget | None = None) -> Iterator[Outcome]:
     """Outcomes as they come; after a fatal one no job is started. Output does not depend on `workers`.
 
     With one worker and no budget jobs run in this process, without bounds; else in fresh ones, which end with this
@@ -74,7 +73,7 @@ def run(jobs: Sequence[Job], workers: int, budget: Budget | None = None) -> Iter
         return
     given = budget or Budget()
 
-    def pool(todo: list[Job], lost: list[Lost], alone: bool) -> Iterator[Outcome]:
+    def pool(todo: Iterable[Job], lost: list[Lost], alone: bool) -> Iterator[Outcome]:
         most = 1 if alone else workers
         return pooled(todo, lost, among(given, most), most)
 
@@ -82,14 +81,14 @@ def run(jobs: Sequence[Job], workers: int, budget: Budget | None = None) -> Iter
         yield from with_second_tries(jobs, pool)
 
 
-def with_second_tries(jobs: Sequence[Job], pool: Pool) -> Iterator[Outcome]:
+def with_second_tries(jobs: Iterable[Job], pool: Pool) -> Iterator[Outcome]:
     """Outcomes of jobs that a pool does.
 
     A job whose worker died, or took more memory than its budget, is tried once more, alone, with the memory of all
     workers unless the budget states some; one that fails again, or took too long, is left out.
     """
     fatal, lost = False, list[Lost]()
-    for outcome in pool(list(jobs), lost, False):
+    for outcome in pool(jobs, lost, False):
         fatal |= outcome.fatal
         yield outcome
     for one in lost:
@@ -126,7 +125,9 @@ class WorkerProcess:
         # spawn: a forked child would inherit the parent's thread pools in whatever state they are
         context = get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs,))
+        self.process = context.Process(
+            target=child.run, args=(_serve.__module__, _serve.__name__, theirs)
+        )
         # Ctrl-C reaches a terminal's whole group: it is for the run, which ends its workers. They inherit the mask.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
@@ -185,24 +186,24 @@ def _resident(pid: int | None) -> float:
 
 
 def pooled(
-    todo: list[Job],
+    jobs: Iterable[Job],
     lost: list[Lost],
     budget: Budget,
     workers: int,
     kept: list[WorkerProcess] | None = None,
 ) -> Iterator[Outcome]:
-    """Outcomes of fresh processes; `lost` gets jobs whose worker died or was ended, and another takes its place.
+    """Outcomes of fresh processes; `lost` gets jobs whose worker died or was ended, and another takes its place. A job
+    is asked for when somebody can do it.
 
     Processes of `kept` are used first and left there idle; without it all are ended."""
     pool: list[WorkerProcess] = [] if kept is None else kept
+    todo = iter(jobs)
     try:
-        while todo or any(one.job for one in pool):
-            while todo and len(pool) < workers:
-                pool.append(WorkerProcess())
-            for one in pool:
-                if one.job is None and todo:
-                    one.begin(todo.pop(0))
+        while True:
+            _keep_busy(pool, todo, workers)
             busy = [one for one in pool if one.job]
+            if not busy:
+                return
             wait([one.connection for one in busy], LOOK)
             for one in busy:
                 told = one.told(budget)
@@ -212,7 +213,7 @@ def pooled(
                     one.end()
                 elif told is not None:
                     if told.fatal:
-                        todo.clear()
+                        todo = iter(())
                     yield told
     finally:
         for one in [one for one in pool if kept is None or one.job]:
@@ -220,16 +221,18 @@ def pooled(
             one.end()
 
 
+def _keep_busy(pool: list[WorkerProcess], todo: Iterator[Job], workers: int) -> None:
+    """Give jobs to who is idle, and to new processes while there are fewer than `workers`."""
+    idle = [one for one in pool if one.job is None]
+    while (idle or len(pool) < workers) and (job := next(todo, None)):
+        if not idle:
+            idle.append(WorkerProcess())
+            pool += idle
+        idle.pop(0).begin(job)
+
+
 def _serve(connection: Connection) -> None:
-    """Jobs as they come, in a worker that ends as soon as the process that began it does, be it killed."""
-    parent = parent_process()
-    assert parent is not None
-
-    def end() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=end, daemon=True).start()
+    """Jobs as they come."""
     with progress.heard(progress.seldom(connection.send)):
         while True:
             connection.send(attempt(connection.recv()))

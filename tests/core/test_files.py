@@ -36,6 +36,31 @@ def test_a_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
         pass
 
 
+def test_a_folder_is_on_the_disk_before_it_appears(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target, done = tmp_path / "out/episode0", []
+    sync, replace = os.fsync, os.replace
+
+    def synced(descriptor: int) -> None:
+        done.append(os.readlink(f"/proc/self/fd/{descriptor}"))
+        sync(descriptor)
+
+    def renamed(home: Path, goal: Path) -> None:
+        done.append(f"{home} -> {goal}")
+        replace(home, goal)
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(os, "replace", renamed)
+    with atomic_folder(target) as work:
+        (work / "front").mkdir()
+        (work / "front/0.png").write_bytes(b"0")
+        (work / "report").write_bytes(b"1")
+    written = {f"{work}/front/0.png", f"{work}/report", f"{work}/front", f"{work}"}
+    assert set(done[:4]) == written
+    assert done[3:] == [f"{work}", f"{work} -> {target}", f"{target.parent}"]
+
+
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
     write_atomic(tmp_path / "x", b"1")
     write_atomic(tmp_path / "x", b"2")

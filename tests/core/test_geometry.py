@@ -19,6 +19,11 @@ def test_inverse_undoes_a_motion(turn: np.ndarray, shift: np.ndarray) -> None:
     assert np.allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=1e-12)
 
 
+@given(TURN, TURN)
+def test_the_origin_goes_where_it_is_shifted(turn: np.ndarray, shift: np.ndarray) -> None:
+    assert np.array_equal(geometry.transform(geometry.rigid(turn, shift), np.zeros(3)), shift)
+
+
 @given(st.floats(0, 1e-6), TURN)
 def test_tiny_rotations_are_exact(angle: float, axis: np.ndarray) -> None:
     length = np.linalg.norm(axis)

@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -20,6 +21,7 @@ pytest.importorskip("ray", reason="the extra `cluster` is not installed")
 from ray.cluster_utils import Cluster
 from runs import GROUP, augment, contents
 from test_augment import RECIPE, alive, long_run, made
+from test_merge import MADE, WANTED, rlbench
 
 from rpaug.core.errors import RpaugError
 from rpaug.pipeline import cluster, recipe
@@ -59,12 +61,14 @@ def begun(run: subprocess.Popen[str], out: Path) -> None:
     assert run.poll() is None
 
 
+@pytest.mark.parametrize("kind", ["rlbench", *MADE])
 def test_two_nodes_make_the_bytes_of_one_process(
-    nodes: Cluster, template: Path, tmp_path: Path
+    kind: str, nodes: Cluster, template: Path, tmp_path: Path
 ) -> None:
-    engine = partial(cluster.run, address=nodes.address)
-    augment(template, made(), tmp_path / "ray", workers=0, engine=engine)
-    augment(template, made(), tmp_path / "one")
+    engine, source = partial(cluster.run, address=nodes.address), tmp_path / "in"
+    rlbench(source, template) if kind == "rlbench" else MADE[kind](source)
+    augment(source, WANTED, tmp_path / "ray", workers=0, engine=engine)
+    augment(source, WANTED, tmp_path / "one")
     assert contents(tmp_path / "ray") == contents(tmp_path / "one")
 
 
@@ -162,6 +166,16 @@ def test_without_ray_the_extra_is_named() -> None:
     assert "pip install 'rpaug[cluster]'" in done.stderr
 
 
+def as_written(word: str, template: Path, folder: Path) -> None:
+    """The script of the documents that holds a word as `job.sh` in a folder, and the dataset and recipe it names."""
+    page = Path(__file__).parents[2] / "docs/scale.md"
+    scripts = re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL)
+    (script,) = (one for one in scripts if word in one)
+    (folder / "job.sh").write_text(script)
+    shutil.copytree(template, folder / "data/train/open_drawer")
+    (folder / "recipe.yaml").write_text(json.dumps(RECIPE))
+
+
 SRUN = """#!/bin/bash
 while [[ $1 == -* ]]; do shift 2; done
 exec "$@"
@@ -170,11 +184,7 @@ exec "$@"
 
 def test_the_slurm_job_of_the_documents_runs_as_written(template: Path, tmp_path: Path) -> None:
     """Both nodes on this machine, which `ray start` has for several."""
-    page = Path(__file__).parents[2] / "docs/scale.md"
-    (_, script) = re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL)
-    (tmp_path / "job.sh").write_text(script)
-    shutil.copytree(template, tmp_path / "data/train/open_drawer")
-    (tmp_path / "recipe.yaml").write_text(json.dumps(RECIPE))
+    as_written("srun", template, tmp_path)
     for name, text in {"srun": SRUN, "scontrol": "#!/bin/bash\necho 127.0.0.1\n"}.items():
         (tmp_path / name).write_text(text)
         (tmp_path / name).chmod(0o755)
@@ -190,3 +200,27 @@ def test_the_slurm_job_of_the_documents_runs_as_written(template: Path, tmp_path
         os.killpg(run.pid, signal.SIGKILL)  # as Slurm ends what a job began
     augment(tmp_path / "data/train/open_drawer", recipe.build(RECIPE), tmp_path / "one")
     assert shown(tmp_path / "augmented") == contents(tmp_path / "one")
+
+
+def test_the_job_of_the_documents_runs_as_submitted(template: Path, tmp_path: Path) -> None:
+    """To a cluster of one node with Ray's dashboard, which takes jobs."""
+    pytest.importorskip("aiohttp_cors", reason="ray without its dashboard: no `ray[default]`")
+    as_written("ray job submit", template, tmp_path)
+    port = free_port()
+    head = Cluster(
+        initialize_head=True,
+        head_node_args={**FEW, "include_dashboard": True, "dashboard_port": port},
+    )
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    env = os.environ | {"PATH": path, "RAY_API_SERVER_ADDRESS": f"http://127.0.0.1:{port}"}
+    try:
+        subprocess.run(["bash", "job.sh"], cwd=tmp_path, env=env, check=True)
+    finally:
+        head.shutdown()
+    augment(tmp_path / "data/train/open_drawer", recipe.build(RECIPE), tmp_path / "one")
+    assert shown(tmp_path / "augmented") == contents(tmp_path / "one")
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        return int(listening.getsockname()[1])

@@ -83,7 +83,7 @@ def test_a_part_that_is_stopped_goes_on_under_the_same_numbers(
 ) -> None:
     rlbench(tmp_path / "in", template)
     outs = parts(tmp_path / "in", tmp_path, 2)
-    lost = next(iter(journal.read(outs[0]).of("")))[0]
+    lost = next(iter(journal.read(outs[0]).made.of("")))[0]
     before = contents(outs[0])
     shutil.rmtree(outs[0] / lost)
     execute(Run(tmp_path / "in", WANTED, outs[0], shard=(1, 2)), resume=True)
@@ -100,12 +100,12 @@ def test_a_merge_that_was_stopped_goes_on(
     outs, append = parts(tmp_path / "in", tmp_path, 2), journal.append
     noted = []
 
-    def stopping(target: Path, lines: list[dict]) -> None:
+    def stopping(target: Path, lines: list[dict], durable: bool = True) -> None:
         if "made" in lines[0]:
             noted.append(target)
         if len(noted) == 5:
             raise KeyboardInterrupt
-        append(target, lines)
+        append(target, lines, durable)
 
     monkeypatch.setattr(journal, "append", stopping)
     with pytest.raises(KeyboardInterrupt):

@@ -13,8 +13,10 @@ from rpaug.cli import app
 from rpaug.core import splits
 from rpaug.core.registry import adapter
 from rpaug.pipeline import card, recipe
-from rpaug.pipeline.augment import Run, execute, jobs
+from rpaug.pipeline.augment import Run, execute
 from rpaug.pipeline.convert import convert
+from rpaug.pipeline.made import MadeEpisodes
+from rpaug.pipeline.missing_copies import MissingCopies
 from rpaug.pipeline.verify import verify
 
 TOLD = {"version": 1, "seed": 5, "edits": [{"op": "light_color"}]}
@@ -41,7 +43,7 @@ def test_a_ratio_is_met_in_each_group(
     split_dataset: Path, tmp_path: Path, ratio: tuple[int, int], synthetic: int
 ) -> None:
     run = Run(split_dataset, recipe.build(TOLD), tmp_path / "out", ratio=ratio)
-    made = [pair for job in jobs(run, []) for pair in job.copies]
+    made = [pair for job in MissingCopies(run, MadeEpisodes()) for pair in job.copies]
     for split in ("train", "val"):
         copies = [copy for copy, key in made if key.startswith(split)]
         assert copies.count(0) == 2  # the originals
@@ -117,7 +119,7 @@ def test_a_licence_is_taken_where_it_is_stated(tmp_path: Path) -> None:
     (tmp_path / "LICENSE.code").unlink()
     (tmp_path / "a/b").mkdir(parents=True)
     (tmp_path / "a/README.md").write_text("---\ntags: [x]\nlicense: cc-by-4.0\n---\n# A\n")
-    assert card.licence_of(tmp_path, ["a/b/0"]) == "cc-by-4.0"
+    assert card.licence_of(tmp_path, ["a/b"]) == "cc-by-4.0"
 
 
 def test_the_command_takes_a_ratio(template: Path, tmp_path: Path) -> None:

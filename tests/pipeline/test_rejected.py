@@ -11,6 +11,9 @@ from rpaug.core import registry
 from rpaug.core.files import REJECTED
 from rpaug.pipeline import copies, job, journal, recipe, report, write
 from rpaug.pipeline.convert import convert
+from rpaug.pipeline.made import MadeEpisodes
+from rpaug.pipeline.missing_copies import MissingCopies
+from rpaug.pipeline.run import Run
 from rpaug.scene.build import build
 
 MOVING = {"op": "camera_pose", "camera": "front", "shift": 0.15, "turn": 0.05}
@@ -95,10 +98,8 @@ def test_a_stopped_run_is_resumed_to_the_same_bytes(
     wanted = gated(holes=LIMIT)
     job_order = []
 
-    from rpaug.pipeline.augment import Run, jobs
-
     journal.begin(out, Run(template, wanted, out).marker, template)
-    planned = jobs(Run(template, wanted, out), ())
+    planned = [*MissingCopies(Run(template, wanted, out), MadeEpisodes())]
     for one in planned[:1]:
         job_order += list(job.augment(one))
     augment(template, wanted, out, resume=True)

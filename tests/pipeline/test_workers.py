@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -92,3 +93,32 @@ def test_one_of_several_workers_has_one_thread(
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
     assert played("e0", "threads")["threads"] == "1 1 1 1"
     assert os.environ["OMP_NUM_THREADS"] == "8"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+def test_a_worker_that_still_loads_ends_with_the_run(tmp_path: Path) -> None:
+    """Its module takes a minute to load; what began it is killed meanwhile."""
+    loads = (
+        "import time, pathlib; pathlib.Path(r'{}').touch(); time.sleep(60)\ndef serve(given): pass"
+    )
+    (tmp_path / "slow.py").write_text(loads.format(tmp_path / "loading"))
+    line = (
+        "from multiprocessing import get_context; from rpaug.core import child\n"
+        "if __name__ == '__main__':\n"
+        "    one = get_context('spawn').Process(target=child.run, args=('slow', 'serve', 0))\n"
+        "    one.start(); print(one.pid, flush=True); one.join()"
+    )
+    (tmp_path / "begins.py").write_text(line)
+    begins = subprocess.Popen(
+        [sys.executable, str(tmp_path / "begins.py")], stdout=subprocess.PIPE, text=True
+    )
+    assert begins.stdout
+    began = Path("/proc") / begins.stdout.readline().strip() / "stat"
+    while not (tmp_path / "loading").exists():
+        assert begins.poll() is None
+    begins.kill()
+    begins.wait()
+    ends = time.monotonic() + 5
+    while began.exists() and time.monotonic() < ends:
+        time.sleep(0.05)
+    assert not began.exists() or began.read_text().rsplit(")", 1)[1].split()[0] == "Z"

@@ -1,0 +1,27 @@
+"""Decoded images that are kept while copies are drawn from them."""
+
+from dataclasses import replace
+
+import numpy as np
+from rolling import demonstration
+
+from rpaug.core.image_cache import shelved
+
+
+def test_what_was_asked_for_last_is_kept() -> None:
+    recorded, decoded = demonstration(6), []
+    name, view = next(iter(recorded.views.items()))
+
+    def rgb(t: int) -> np.ndarray:
+        decoded.append(t)
+        return view.rgb(t)
+
+    episode = replace(recorded, views={name: replace(view, rgb=rgb)})
+    kept = shelved(episode, 2 * view.rgb(0).nbytes).views[name]
+    for t in (0, 1, 0, 2):  # the last throws out frame 1, which was not asked for again
+        assert np.array_equal(kept.rgb(t), view.rgb(t))
+    kept.rgb(0)
+    kept.rgb(2)
+    assert decoded == [0, 1, 2]
+    kept.rgb(1)
+    assert decoded == [0, 1, 2, 1]
