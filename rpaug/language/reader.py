@@ -79,7 +79,11 @@ def read(
         trailing = None if share is not None else _trailing(bare, state, nouns)
         if trailing is not None:
             found, share = trailing
-        elif (other := _gone_on(bare, state) or _alternatives(bare, state)) is not None:
+        elif (
+            other := _gone_on(bare, state)
+            or _instead(bare, state, nouns)
+            or _alternatives(bare, state)
+        ) is not None:
             found = other
         else:
             raise error
@@ -176,6 +180,18 @@ def _trailing(
         if much.how == "exact" and 0 <= much.low <= 1 and not read[k].text.startswith("by"):
             with contextlib.suppress(RpaugError):
                 return _meant(_bare([*read[:k], *read[k + 1 :]]), state, nouns), much.low
+    return None
+
+
+def _instead(read: list[Token], state: WishState, nouns: Collection[str]) -> Meant | None:
+    """What a clause asks for whose end says how it is now: "a wooden table instead of the white one"."""
+    at = next((k for k, one in enumerate(read) if one.text in ("instead of", "rather than")), 0)
+    if not at:
+        return None
+    with contextlib.suppress(RpaugError):
+        found = _meant(_bare(read[:at]), state, nouns)
+        note = f"{said(read[at:])!r} is taken to say how it is now"
+        return found.model_copy(update={"notes": (*found.notes, note)})
     return None
 
 
