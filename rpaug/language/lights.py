@@ -6,7 +6,7 @@ from rpaug.core import color_space
 from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.things import Namer
-from rpaug.language.tokens import Clause, Token
+from rpaug.language.tokens import WEAK, Clause, Token
 from rpaug.language.values import Amount, rgb, tidy
 from rpaug.language.viewing import excepted
 
@@ -58,6 +58,8 @@ def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         for one in things
         if (one.value.pronoun and ours) or (sided and one.value.words == "robot")
     ]
+    if _of_paint(clause, wish):
+        return None
     if lamp:
         _tinted(clause, things)
     everything = clause.every("all", "image") or spoken
@@ -95,6 +97,15 @@ def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         edits += found.edits
     clause.every("vary", "any", "from")
     return Meant(edits=tuple(edits), mention=LIGHT, notes=tuple(notes))
+
+
+def _of_paint(clause: Clause, wish: Wish) -> bool:
+    """Is a bare "darker" said of the thing that was painted last?"""
+    bare = {one.kind for one in clause.tokens} <= {"darker", "brighter", "little", "much", *WEAK}
+    mention = wish.mention
+    if not bare or mention is None or mention.kind != "target":
+        return False
+    return any(one.get("op") == "recolor" and one["target"] == mention.target for one in wish.edits)
 
 
 def _tinted(clause: Clause, things: list[Token]) -> None:

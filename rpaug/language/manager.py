@@ -18,6 +18,7 @@ from rpaug.language.tokens import JOINS, Token, said
 QUESTION = frozenset(
     ["is", "are", "does", "did", "why", "who", "when", "where", "which", "what", "how"]
 )
+NO = ("no", "nope", "nah")
 BREAKS = group("manager_breaks") | {","}
 PLAIN, SIMILE = group("manager_plain"), group("manager_simile")
 ADJUNCT = frozenset({"chance", "filler", "to", "camera", "point", "and", "from", "even", "not"})
@@ -65,6 +66,8 @@ def _answer(
     for one in read:
         found |= one.value if one.kind == "setting" else {}
     read = [Token("stop", one.text) if one.kind == "setting" else one for one in read]
+    while wish.edits and read and read[0].kind == "unknown" and read[0].text in NO:
+        read = read[1:]
     state = _state(wish, read, recording, bool(found), notes)
     _run(read, state, nouns)
     if state.kept and any(one.kind in ("all", "rest") for one in read):

@@ -14,6 +14,8 @@ from rpaug.language.tokens import Clause, Token, said
 
 VERBS = group("reader_acts") | {"do", "warm", "cool"}
 IT = weighed.IT
+LOOKS = {"color", "texture", "darker", "brighter"}
+"""Kinds of words that alone are said of what was named in an earlier wish: "no, green"."""
 AFTERTHOUGHT = group("reader_afterthought")
 """Kinds of words that only go on with what the clause before asks for."""
 WAYS = (
@@ -162,7 +164,9 @@ def _meant(read: list[Token], state: WishState, nouns: Collection[str]) -> Meant
     before = [state.verb] if state.verb and not kinds & {"remove", "add", "move", "copy"} else []
     if "thing" not in kinds:
         before += [state.about] if state.about else []
-        before += [[IT]] if state.did and state.mention and state.mention.kind == "target" else []
+        known = state.mention is not None and state.mention.kind == "target"
+        said_of_it = state.did or bool(state.edits and kinds & LOOKS)
+        before += [[IT]] if known and said_of_it else []
     for more in before:
         with contextlib.suppress(RpaugError):
             return _read([*more, *read], wish, state.namer)

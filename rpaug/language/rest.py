@@ -107,7 +107,14 @@ def again(read: Sequence[Token], edits: Sequence[Entry], namer: Namer, fresh: bo
     also = any(one.text in ("too", "also", "as well", "likewise") for one in read)
     same = any(one.kind == "same" or one.text == "do" for one in read)
     kinds = {one.kind for one in read} - {*WEAK, "thing", "same"}
-    if len(named) != 1 or named[0].pronoun or kinds or not (also or (same and not fresh)):
+    if not (also or (same and not fresh)):
+        return None
+    seen = [one.value for one in read if one.kind == "camera" and isinstance(one.value, list)]
+    if kinds == {"camera"} and len(seen) == 1 and not named and "camera" in edits[-1]:
+        names = seen[0][0] if len(seen[0]) == 1 else seen[0]
+        mention = Mention(kind="camera", cameras=names)
+        return Meant(edits=({**edits[-1], "camera": names},), mention=mention)
+    if len(named) != 1 or named[0].pronoun or kinds:
         return None
     where = namer.target(named[0])
     options = [_about(where, one, named[0]) for one in edits[-1].get("one_of", [edits[-1]])]
@@ -258,7 +265,8 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
         return None
     if any(one.text in ("but", "while", ":") or one.kind == "color" for one in read[:at]):
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
-    if any(one.text in ("should", "must", "shall") for one in read[at + 1 :]):
+    counted = {"number", "strangers"} <= {one.kind for one in read[at + 1 :]}  # "..., 4 distractors"
+    if counted or any(one.text in ("should", "must", "shall") for one in read[at + 1 :]):
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
     named = [one for one in read if one.kind in KEPT]
     negated = any(one.text in NEGATED for one in read)

@@ -74,6 +74,13 @@ OAK = {"sample": "wood"}
             [{"op": "table_texture", "texture": OAK}],
         ),
         ("the cup blue, like our old one", [recolored("cup", "blue")]),
+        (
+            "I want the cup white without changing the lights, I'd like four green distractors",
+            [
+                recolored("cup", "white"),
+                {"op": "distractors", "count": 4, "color": "green"},
+            ],
+        ),
         ("plain white table", [{"op": "table_texture", "texture": "white"}]),
         (
             "the cup in whites and reds",
@@ -201,3 +208,36 @@ def test_a_word_of_its_own_is_not_mended(word: str, meant: str) -> None:
 @pytest.mark.parametrize(("word", "meant"), [("yelloe", "yellow"), ("purpel", "purple")])
 def test_a_slip_is_mended(word: str, meant: str) -> None:
     assert repair.nearest(word, {meant}) == meant
+
+
+BLUE = recolored("cabinet", "blue")
+DARKER = recolored("cabinet", {"rgb": [0.0, 0.0, 0.6]})
+UP = {"op": "camera_pose", "camera": "front", "by": [0, -0.05, 0]}
+
+
+@pytest.mark.parametrize(
+    ("before", "wish", "wanted"),
+    [
+        ("paint the cabinet blue", "darker", [DARKER]),
+        ("paint the cabinet blue", "a bit darker please", [DARKER]),
+        (
+            "paint the cabinet blue in 30% of the copies",
+            "darker",
+            [{**DARKER, "probability": 0.3}],
+        ),
+        ("paint the cabinet blue", "darker light", [BLUE, {"op": "light_color"}]),
+        ("paint the cabinet blue", "no, green", [recolored("cabinet", "green")]),
+        ("paint the cabinet blue", "rather green", [recolored("cabinet", "green")]),
+        (
+            "raise the front camera 5 cm",
+            "the same for the wrist camera",
+            [UP, {**UP, "camera": "wrist"}],
+        ),
+        ("add a mug", "remove the mug again", []),
+    ],
+)
+def test_what_was_said_before_is_gone_on_with(
+    before: str, wish: str, wanted: list[dict[str, Any]]
+) -> None:
+    found = said_after(wish, (before,), SETTING).edits
+    assert [{k: v for k, v in one.items() if k != "range"} for one in found] == wanted
