@@ -23,12 +23,15 @@ from rpaug.scene.targets.nouns import HANDLING
 
 __all__ = ["Followed", "Untrue", "followed", "phrases", "wording"]
 
-# Articles and joining words that English lacks. Where one stands the rules cannot read.
+# Articles, joining words and colors that English lacks. Where one stands the rules cannot read.
 FOREIGN = frozenset(
     {
         "le", "la", "les", "une", "du", "des", "et", "dans", "sur", "el", "los", "las", "una", "y", "del", "al", "en",
         "der", "das", "dem", "den", "ein", "eine", "einen", "und", "auf", "il", "lo", "gli", "e", "nel", "o", "os",
-        "um", "uma", "het", "een", "de", "op",
+        "um", "uma", "het", "een", "de", "op", "rouge", "bleu", "vert", "jaune", "noir", "blanc", "rojo", "azul",
+        "verde", "amarillo", "negro", "blanco", "rot", "rote", "roten", "rotes", "blau", "blaue", "blauen", "gelb",
+        "gelbe", "schwarz", "rosso", "giallo", "nero", "bianco", "vermelho", "amarelo", "preto", "branco", "rood",
+        "rode", "blauw", "groen", "geel", "zwart",
     }
 )  # fmt: skip
 ENGLISH = HANDLING | {"the", "it", "up", "then", "with", "of", "and"}

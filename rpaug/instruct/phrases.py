@@ -49,8 +49,13 @@ NOWHERE = frozenset(
         "off", "other", "others", "away", "together", "upright", "clockwise", "anticlockwise", "same", "last",
     }
 )  # fmt: skip
-# Words before a color word that are part of it: "dark red".
-TONES = frozenset({"dark", "light", "bright", "pale", "deep", "vivid", "pastel", "neon"})
+# Words before a color word that are part of it: "dark red", "off-white".
+TONES = frozenset(
+    {
+        "dark", "light", "bright", "pale", "deep", "vivid", "pastel", "neon", "off", "blood", "wine", "brick", "sky",
+        "forest", "royal", "baby", "lemon", "snow", "jet",
+    }
+)  # fmt: skip
 PARTICLES = frozenset({"up", "down", "out"})
 LARGE, SMALL = "large", "small"
 # Words for sizes: which way they mean, and the word for the other way, if there is one that compares as they do.

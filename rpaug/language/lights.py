@@ -6,7 +6,7 @@ from rpaug.core import color_space
 from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.things import Namer
-from rpaug.language.tokens import Clause, Token
+from rpaug.language.tokens import WEAK, Clause, Token
 from rpaug.language.values import Amount, rgb, tidy
 from rpaug.language.viewing import excepted
 
@@ -29,6 +29,23 @@ SENSED: dict[str, tuple[str, tuple[str, ...], float]] = {
 """What of a sensor's fault an amount says, in which units, and from where on "up to" goes."""
 
 
+AFTER = {
+    *SENSED,
+    "little",
+    "much",
+    "and",
+    "filler",
+    "to",
+    "pixels",
+    "number",
+    "share",
+    "stops",
+    "darker",
+    "brighter",
+}
+"""Kinds of tokens of a sensor's fault that goes on with the cameras of the one before."""
+
+
 def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """The lamps' direction, their strength and color, or both."""
     lamp, lit = clause.has("light"), clause.has("lit")
@@ -41,6 +58,8 @@ def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         for one in things
         if (one.value.pronoun and ours) or (sided and one.value.words == "robot")
     ]
+    if _of_paint(clause, wish):
+        return None
     if lamp:
         _tinted(clause, things)
     everything = clause.every("all", "image") or spoken
@@ -48,7 +67,12 @@ def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         toned and (everything or not things) and not clause.has("texture", "color")
     ):
         return None
-    clause.tokens = [one for one in clause.tokens if not any(one is other for other in spoken)]
+    clause.tokens = [
+        one
+        for one, after in zip(clause.tokens, [*clause.tokens[1:], None], strict=True)
+        if not any(one is other for other in spoken)
+        and not (one.text == "one" and after and after.kind == "light")
+    ]
     colored = any(
         word in one.text for one in clause.tokens if one.kind == "light" for word in VARIED
     )
@@ -73,6 +97,15 @@ def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         edits += found.edits
     clause.every("vary", "any", "from")
     return Meant(edits=tuple(edits), mention=LIGHT, notes=tuple(notes))
+
+
+def _of_paint(clause: Clause, wish: Wish) -> bool:
+    """Is a bare "darker" said of the thing that was painted last?"""
+    bare = {one.kind for one in clause.tokens} <= {"darker", "brighter", "little", "much", *WEAK}
+    mention = wish.mention
+    if not bare or mention is None or mention.kind != "target":
+        return False
+    return any(one.get("op") == "recolor" and one["target"] == mention.target for one in wish.edits)
 
 
 def _tinted(clause: Clause, things: list[Token]) -> None:
@@ -179,7 +212,9 @@ def _factors(
     if len(shares) > 1:
         raise NotUnderstood(f"{clause.text!r}: one amount of light, please")
     if not shares:
-        factor = (0.75 if mild else 0.6) if less else (1.25 if mild else 1.6) if more else 1.0
+        strong = clause.says("very", "extremely", "really")
+        down, up = (0.75, 1.25) if mild else (0.35, 1.9) if strong else (0.6, 1.6)
+        factor = down if less else up if more else 1.0
         return factor, factor
     low, high, how = shares[0].low, shares[0].high, shares[0].how
     if how == "about" or (how == "upto" and not (less or more)):
@@ -266,23 +301,44 @@ def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         raise NotUnderstood(f"{clause.text!r}: all cameras, or those that are named?")
     if apart and not named:
         named = [[one for one in wish.setting.cameras if one not in apart]]
-    if cameras := sorted({name for some in named for name in some}):
+    cameras = sorted({name for some in named for name in some})
+    if cameras and cameras != sorted(wish.setting.cameras):
         edit["cameras"] = cameras
     if clause.every("each") and clause.says(
-        "separately", "individually", "independently", "each camera", "every camera"
+        "separately", "individually", "independently", "each camera", "every camera", "per camera"
     ):
         edit["each"] = True
+    told = _same_cameras(clause, wish, edit)
     mild = bool(clause.every("little"))
     if kind == "exposure":
-        return _exposure(clause, edit, mild)
+        found = _exposure(clause, edit, mild)
+        return found.model_copy(update={"notes": (*found.notes, *told)})
     clause.every("thing", "image", "all", "add", "lay", "much", "scale", "vary", kind)
     name, kinds, least = SENSED[kind]
+    notes = list[str]()
+    if kind == "blur" and clause.says("motion"):
+        name, least, edit["sigma"] = "motion", 0.0, [0, 0]
+        edit["motion"] = [1, 3] if mild else [2, 6]
+        notes.append(
+            "a smear of {} to {} pixels, since no length was named".format(*edit["motion"])
+        )
     if amounts := clause.single(*kinds):
         one = amounts[0]
-        factor = 100 if kind == "jpeg" and one.high <= 1 else 1
+        factor: float = 100 if kind == "jpeg" and one.high <= 1 else 1
+        factor = 1 / 255 if kind == "noise" and one.high >= 1 else factor
         start = least if one.how == "upto" or (kind == "noise" and one.how == "exact") else one.low
-        edit[name] = [tidy(start * factor), tidy(one.high * factor)]
-    return Meant(edits=(edit,))
+        edit[name], notes = [tidy(start * factor), tidy(one.high * factor)], []
+    return Meant(edits=(edit,), notes=(*notes, *told))
+
+
+def _same_cameras(clause: Clause, wish: Wish, edit: Entry) -> list[str]:
+    """Go on with the cameras of the edit before, "the wrist camera darker, and noisy", and a note that says so."""
+    last = wish.edits[-1] if wish.edits else {}
+    bare = {one.kind for one in clause.tokens} <= AFTER and str(last.get("op")).startswith("sensor")
+    if not bare or "cameras" in edit or "cameras" not in last:
+        return []
+    edit["cameras"] = last["cameras"]
+    return [f"{clause.text!r} is taken as said of {', '.join(last['cameras'])}"]
 
 
 def _exposure(clause: Clause, edit: Entry, mild: bool) -> Meant:

@@ -18,6 +18,10 @@ TABLE, BACKGROUND = {"role": "table"}, {"role": "background"}
 ANY = {"sample": "colosseum"}
 SHAKEN = group("looks_shaken")
 """Ways to vary where something is, not how it looks."""
+OTHER = frozenset(["other", "another", "different"])
+"""Said of a look, that it is not the one that a thing is named by."""
+LIST = ("color", "texture", "thing", "and", "or", "filler", "paint", "any")
+FLAT = frozenset(["plain", "uniform"])
 CLOSE = 1 / 6 + 1e-6  # of a turn: how near the hue of what is no other color may be
 OWN = {str(TABLE): "table_texture", str(BACKGROUND): "background_texture"}
 
@@ -62,7 +66,7 @@ def swapped(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         raise NotUnderstood(
             f"{clause.text!r}: only `swap the colors of ...` two things; for another look name it: `make ... walnut`"
         )
-    named = clause.things()
+    named = [*clause.things(), *clause.things()]
     targets = [namer.target(one) for one in named]
     if len(targets) == 1 and isinstance(targets[0], str):
         targets = [{"text": singular(targets[0]), "all": True}]
@@ -194,6 +198,7 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     clause.every("or")
     styled, laid, plain = (bool(clause.every(one)) for one in ("style", "lay", "paint"))
     at_table, anyhow = clause.every("on", "add") if unnamed else [], clause.every("vary", "any")
+    tints = _not_its_own(clause, tints, anyhow)
     if anyhow and {one.text for one in anyhow} <= SHAKEN and not (laid or plain or tints):
         return None
     if plain and laid and anyhow:
@@ -211,12 +216,7 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         named, tints, pictures = _own_look(named[0], namer, bool(notes))
     if not (tints or pictures or anyhow or banned or laid or plain or styled):
         return None
-    only: Entry = {}
-    part = _handle(named[0], namer) if tints and len(named) == 1 else None
-    if part:
-        only = {"only": part[1]}
-        notes.append(f"the handle is taken as what is {part[1]} of the {part[2]}")
-        places_of = [part[0]]
+    only, places_of = _on_handle(named, tints, places_of, namer, notes)
     each |= bool(anyhow) and any(one.text.startswith("each of") for one in clause.taken)
     places = places_of if places_of is not None else _places(namer, named, apart, each and not same)
     if not places:
@@ -227,6 +227,8 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     if same and len(places) > 1:
         places = [{"handle": sorted(frozenset[int]().union(*map(namer.ids, places)))}]
     looks = _looks(tints, pictures, laid, styled, banned)
+    if tints and not only and _flat(tints, clause):
+        looks = [{"texture": _word(one["color"])} if "color" in one else one for one in looks]
     more = only | ({"scale": width[0].low} if width else {})
     edits = [
         one_of([{**_look(where, look), **(only if "color" in look else more)} for look in looks])
@@ -237,6 +239,54 @@ def painted(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         notes.append("everything is taken as all colors and the light, cameras as they are")
     mention = Mention(kind="target", target=places[0]) if len(places) == 1 else None
     return Meant(edits=tuple(edits), mention=mention, notes=tuple(notes))
+
+
+def _not_its_own(clause: Clause, tints: list[Token], anyhow: list[Token]) -> list[Token]:
+    """The colors that are drawn without that which the thing is named by, where another is wished for."""
+    words = {word for one in tints for word in one.text.split()} | {one.text for one in anyhow}
+    spoken = [
+        word for one in clause.tokens if one.kind == "thing" for word in one.value.words.split()
+    ]
+    own = [tint for word in spoken if (tint := color_space.canonical(word))]
+    if not own or not words & OTHER:
+        return tints
+    return [
+        Token("color", one.text, [left for tint in one.value for left in values.apart(tint, own)])
+        for one in tints
+    ]
+
+
+def _on_handle(
+    named: list[Named],
+    tints: list[Token],
+    places: list[Target] | None,
+    namer: Namer,
+    notes: list[str],
+) -> tuple[Entry, list[Target] | None]:
+    """Where a tool's handle gets a color: what of the tool is of the handle's color, and the tool."""
+    part = _handle(named[0], namer) if tints and len(named) == 1 else None
+    if part is None:
+        return {}, places
+    notes.append(f"the handle is taken as what is {part[1]} of the {part[2]}")
+    return {"only": part[1]}, [part[0]]
+
+
+def _word(tint: Any) -> str:
+    """The nearest color word. Raises NotUnderstood for colors that are drawn."""
+    return (
+        tint
+        if isinstance(tint, str)
+        else color_space.nearest(color_space.np.array(values.rgb(tint)))
+    )
+
+
+def _flat(tints: list[Token], clause: Clause) -> bool:
+    """Is a color to hide what is drawn on a thing: "plain white", "plain walls in white", "no pattern"?"""
+    told = [one.text for one in tints]
+    told += [
+        one.text for one in clause.taken if one.kind == "thing" and not one.text.startswith("the ")
+    ]
+    return any(FLAT & set(one.split()) for one in told) or clause.says("no pattern")
 
 
 def _other(clause: Clause) -> None:
@@ -255,7 +305,12 @@ def _listed(clause: Clause) -> bool:
     """Are looks named side by side, of which each copy gets one: "in 3 colors: red, green, blue"?"""
     at = [k for k, one in enumerate(clause.tokens) if one.kind in ("color", "texture")]
     joined = {clause.tokens[k].text for k in range(at[0], at[-1]) if k not in at} if at else set()
-    if len(at) < 2 or not joined <= {",", "and", "or"} or (len(at) == 2 and "," not in joined):
+    plural = all(  # "whites and reds"
+        clause.tokens[k].kind == "color" and clause.tokens[k].text.split()[-1] not in values.TINTS
+        for k in at
+    )
+    one_pair = len(at) == 2 and "," not in joined and not plural
+    if len(at) < 2 or not joined <= {",", "and", "or"} or one_pair:
         return False
     counted = next((one for one in clause.tokens if one.kind == "number"), None)
     if counted and counted.value.low == len(at):
@@ -293,7 +348,7 @@ def _told_apart(clause: Clause, tints: list[Token], pictures: list[Token], sever
 
 def _varied(anyhow: list[Token]) -> bool:
     """Is each of several things to look different?"""
-    return any(one.text in ("different", "various") for one in anyhow)
+    return any(one.text in ("different", "various", "another") for one in anyhow)
 
 
 def _meant(
@@ -330,12 +385,19 @@ def _excepted(clause: Clause) -> tuple[list[Named], list[Any]]:
     """The things, or else the colors, that a clause names as those that are not meant."""
     if not clause.has("not"):
         return [], []
-    at = next(k for k, one in enumerate(clause.tokens) if one.kind == "not")
-    banned = [one for one in clause.tokens[at:] if one.kind == "color"]
-    for one in (pictures := [one for one in clause.tokens[at:] if one.kind == "texture"]):
+    left_out = _behind_not(clause)
+    banned = [one for one in left_out if one.kind == "color"]
+    for one in (pictures := [one for one in left_out if one.kind == "texture"]):
         clause.take(one)
     if pictures:
         clause.every("not")
+    tiled = [
+        one.text for one in clause.tokens if one.kind == "thing" and one.text.endswith("tiles")
+    ]
+    if pictures and tiled:
+        raise NotUnderstood(
+            f"{clause.text!r}: which tiles? say it so: `make the floor tiles_white`"
+        )
     if pictures and not clause.has("texture"):  # "another one, not wood"; else "marble, not wood"
         return [], [name for one in pictures for name in _named_textures(one)]
     apart = clause.things("not")
@@ -346,13 +408,31 @@ def _excepted(clause: Clause) -> tuple[list[Named], list[Any]]:
         raise NotUnderstood(f"{clause.text!r}: colors are left out by their names")
     for one in banned:
         clause.take(one)
-    if clause.has("color"):  # "blue, not red"
+    if clause.has("color"):  # "blue, not red", "pastel, but no pink"
+        _narrowed(clause, [tint for one in banned for tint in one.value])
         return [], []
     if not clause.has("any", "vary", "paint"):
         raise NotUnderstood(
             f"{clause.text!r}: which color then? `any color but ...` draws one of the others"
         )
     return [], [tint for one in banned for tint in one.value]
+
+
+def _behind_not(clause: Clause) -> list[Token]:
+    """The looks that stand behind a "not", as far as its list goes: "not red or pink, pick ...", "not red but blue"."""
+    out, behind = list[Token](), False
+    for one in clause.tokens:
+        behind = one.kind == "not" or (behind and one.kind in LIST and one.text != "but")
+        out += [one] if behind and one.kind in ("color", "texture") else []
+    return out
+
+
+def _narrowed(clause: Clause, banned: list[Any]) -> None:
+    """Take colors out of those that are drawn by hue, saturation and value."""
+    for k, one in enumerate(clause.tokens):
+        if one.kind == "color":
+            left = [part for tint in one.value for part in values.apart(tint, banned)]
+            clause.tokens[k] = Token("color", one.text, left)
 
 
 def _named_textures(token: Token) -> list[str]:

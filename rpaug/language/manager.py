@@ -18,11 +18,11 @@ from rpaug.language.tokens import JOINS, Token, said
 QUESTION = frozenset(
     ["is", "are", "does", "did", "why", "who", "when", "where", "which", "what", "how"]
 )
+NO = ("no", "nope", "nah")
 BREAKS = group("manager_breaks") | {","}
 PLAIN, SIMILE = group("manager_plain"), group("manager_simile")
 ADJUNCT = frozenset({"chance", "filler", "to", "camera", "point", "and", "from", "even", "not"})
 ORDERS = group("manager_orders")
-LOOKED = {"color", "texture", "light", "warm", "darker", "brighter"}
 MOST_CLAUSES, MOST_UNDONE = 30, 8
 
 
@@ -66,6 +66,8 @@ def _answer(
     for one in read:
         found |= one.value if one.kind == "setting" else {}
     read = [Token("stop", one.text) if one.kind == "setting" else one for one in read]
+    while wish.edits and read and read[0].kind == "unknown" and read[0].text in NO:
+        read = read[1:]
     state = _state(wish, read, recording, bool(found), notes)
     _run(read, state, nouns)
     if state.kept and any(one.kind in ("all", "rest") for one in read):
@@ -73,7 +75,7 @@ def _answer(
         state = _state(wish, read, recording, bool(found), notes)
         state.namer.kept = kept  # everything, but what is kept
         _run(read, state, nouns)
-    rest.respected(state.kept, state.fresh, state.namer, state.notes)
+    rest.respected(state.kept, state.fresh, state.namer, wish.setting.cameras, state.notes)
     if state.kept and not state.fresh:
         state.edits, state.did = rest.spared(state.kept, state.edits, state.namer, state.notes)
     if not state.did or not (state.edits or wish.edits):
@@ -114,7 +116,7 @@ def _run(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
         size, about = rest.headed(read)
         if any(one.kind == "unknown" for one in read[:size]):
             state.notes.append(f"{said(read[:size])!r} is taken as a title")
-        read = read[size:]
+        read = rest.distributed(read[size:])
         if about is not None:
             state.mention = Mention(kind="target", target=state.namer.target(about.value))
         reason: RpaugError | None = None
@@ -250,9 +252,9 @@ def _earlier(read: list[Token], state: WishState) -> bool:
 
 
 def _aside(read: list[Token], state: WishState) -> Meant | None:
-    """A simile after a look, or "all of it mild" after several edits: it asks for nothing, and that is told."""
-    kinds = {one.kind for one in read}
-    if read[0].text == "like" and kinds <= SIMILE and {one.kind for one in state.last} & LOOKED:
+    """A simile after an edit, or "all of it mild" after several edits: it asks for nothing, and that is told."""
+    kinds = {one.kind for one in read if one.text != "one"}
+    if read[0].text == "like" and kinds <= SIMILE and state.last:
         return Meant(edits=(), notes=(f"{said(read)!r} is taken as a reason, not as an edit",))
     if state.fresh and "little" in kinds and kinds <= {"filler", "all", "little", "thing", "and"}:
         return Meant(

@@ -1,6 +1,8 @@
 """What a clause says of things that come, go, move, are copied or change in size, and of what they are made of."""
 
 import itertools
+from collections.abc import Sequence
+from copy import deepcopy
 from typing import Any
 
 from rpaug.assets import library
@@ -9,7 +11,7 @@ from rpaug.core.errors import MissingExtra, TargetError
 from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.things import PRONOUNS, Named, Namer, every
-from rpaug.language.tokens import Clause
+from rpaug.language.tokens import Clause, Token
 from rpaug.language.values import Amount, tidy
 from rpaug.physics import materials
 from rpaug.providers.words import synonym
@@ -94,7 +96,10 @@ def remove(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
             )
         some = bool(clause.every("vary")) or " of the " in f" {clause.text} "
         clause.every("strangers", "rest", "all")
-        numbers = clause.amounts("number")
+        numbers, part = clause.amounts("number"), clause.amounts("times", "share")
+        if part:
+            there = len(namer.groups({"handle": sorted(namer.strangers())}))
+            return _some(round(part[0].low * there), namer)
         if numbers and some:
             return _some(whole(numbers[0]), namer)
         if not (ids := namer.strangers()):
@@ -259,7 +264,8 @@ def insert(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """New things from the library, near something or at a place."""
     named = [one.value for one in clause.tokens if one.kind == "thing"]
     fresh = any(one.fresh for one in named) or clause.has("number")
-    stands = clause.has("on", "near") and not clause.has(*LOOKED)
+    lying = all(one.fresh for one in named) and any(parted(one.words)[2] in TABLE for one in named)
+    stands = (clause.has("on", "near") or lying) and not clause.has(*LOOKED)
     putting = any(one.text in PUT for one in clause.tokens) or stands
     by_name = any("_" in one.words.split()[0] and one.words.split()[0] in _names() for one in named)
     if (
@@ -269,9 +275,10 @@ def insert(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     ):
         return None
     clause.every("add", "on")
+    ones = _one_each(clause)
     numbers, at, far = clause.single("number"), clause.one("point"), clause.single("length")
     near = clause.every("near") or (clause.says("within") and far)
-    tint = _tint(clause)
+    tints, banned = _tints(clause)
     named = clause.things()
     beside = clause.things() or named[-1:] if near else []
     named = named[: len(named) - (beside == named[-1:])] if near else named
@@ -294,23 +301,93 @@ def insert(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     count = whole(numbers[0]) if numbers else 1
     if count * len(named) > MOST or (at and count * len(named) > 1):
         raise NotUnderstood(f"{clause.text!r}: at most {MOST} things at once, and one at a place")
-    return _inserted(named, tint, place, count, bool(numbers), wish)
+    if ones and (count != len(ones) or len(named) > 1 or tints):
+        raise NotUnderstood(f"{clause.text!r}: how many of each color?")
+    colors, told = (tints, list[str]()) if banned is None else _free(named[0].words, banned)
+    found = _inserted(named, ones or colors, bool(ones), place, count, bool(numbers), wish)
+    return found.model_copy(update={"notes": (*found.notes, *told)})
+
+
+def _one_each(clause: Clause) -> list[str]:
+    """The colors of new things that are told one by one: "two mugs, one blue and one green"."""
+    tokens, out = clause.tokens, list[str]()
+    for number, color in itertools.pairwise(tokens):
+        if number.text == "one" and color.kind == "color" and isinstance(color.value[0], str):
+            clause.take(number)
+            clause.take(color)
+            out.append(color.value[0])
+    return out
+
+
+def _tints(clause: Clause) -> tuple[list[str], list[str] | None]:
+    """The colors of which a new thing has one, or those that it must not have; None where nothing is said of these.
+
+    Raises NotUnderstood for one that the library is not searched by.
+    """
+    at = next((k for k, one in enumerate(clause.tokens) if one.kind == "not"), len(clause.tokens))
+    banned = [tint for one in clause.tokens[at:] if one.kind == "color" for tint in one.value]
+    for one in [one for one in clause.tokens[at:] if one.kind in ("color", "or", "not")]:
+        clause.take(one)
+    told = clause.every("color")
+    told += _led_by_color(clause) if told else []
+    tints = [tint for one in told for tint in one.value]
+    if any(not isinstance(tint, str) for tint in (*tints, *banned)):
+        raise NotUnderstood(
+            f"{clause.text!r}: new things are found by plain color words, such as red"
+        )
+    free = not told and (banned or clause.has("paint", "any")) and clause.every("vary", "any")
+    if tints or free:
+        clause.every("paint", "or")
+    return tints, banned if free else None
+
+
+def _led_by_color(clause: Clause) -> list[Token]:
+    """The color that stands behind an "or" before the noun, "a red or blue mug", taken out of that."""
+    for k, one in enumerate(clause.tokens[1:], 1):
+        first, *rest = one.value.words.split() if one.kind == "thing" else [""]
+        if clause.tokens[k - 1].kind == "or" and rest and color_space.canonical(first):
+            clause.tokens[k - 1 : k + 1] = [
+                Token("thing", one.text, Named(" ".join(rest), fresh=True))
+            ]
+            return [Token("color", first, [first])]
+    return []
+
+
+def _free(words: str, banned: list[str]) -> tuple[list[str | None], list[str]]:
+    """The colors in which the library has a kind of thing, but some, and a note. Raises NotUnderstood for none."""
+    kind = "block" if words == "cube" else singular(words)
+    there = {one.color for one in library.assets() if one.category == kind}
+    left = sorted(c for c in there if not any(color_space.akin(c, other) for other in banned))
+    if there and not left:
+        raise NotUnderstood(f"the library has a {words!r} in {', '.join(sorted(there))} alone")
+    note = [f"{words!r} in the colors that the library has: {', '.join(left)}"] if left else []
+    return ([None] if len(left) == len(there) else [*left]), note
 
 
 def _inserted(
-    named: list[Named], tint: str | None, place: Entry, count: int, counted: bool, wish: Wish
+    named: list[Named],
+    tints: Sequence[str | None],
+    apart: bool,
+    place: Entry,
+    count: int,
+    counted: bool,
+    wish: Wish,
 ) -> Meant:
-    """An edit for each new thing, `count` times for the first."""
+    """An edit for each new thing, `count` times for the first, in one of some colors, or in each if they are apart."""
     edits, notes = list[Entry](), list[str]()
     for one in named:
         if not (one.fresh or counted or one.words in _names()) and one.words == singular(one.words):
             raise NotUnderstood(
                 f"{one.words!r}: is it there already, or a new one? say `a {one.words}`, or `move` it"
             )
-        fields, note = asset(one.words, tint, wish.setting.generates)
-        notes += note
-        edits += [{"op": "insert", **fields, **place}] * (count if one is named[0] else 1)
-    return Meant(edits=tuple(dict(one) for one in edits), mention=NEW, notes=tuple(notes))
+        options = list[Entry]()
+        for tint in tints or [None]:
+            fields, note = asset(one.words, tint, wish.setting.generates)
+            options.append({"op": "insert", **fields, **place})
+            notes += note
+        whole = [one_of(options)] * (count if one is named[0] else 1)
+        edits += options if apart else whole
+    return Meant(edits=tuple(map(deepcopy, edits)), mention=NEW, notes=tuple(dict.fromkeys(notes)))
 
 
 def _tint(clause: Clause) -> str | None:

@@ -14,6 +14,8 @@ from rpaug.language.tokens import Clause, Token, said
 
 VERBS = group("reader_acts") | {"do", "warm", "cool"}
 IT = weighed.IT
+LOOKS = {"color", "texture", "darker", "brighter"}
+"""Kinds of words that alone are said of what was named in an earlier wish: "no, green"."""
 AFTERTHOUGHT = group("reader_afterthought")
 """Kinds of words that only go on with what the clause before asks for."""
 WAYS = (
@@ -79,7 +81,11 @@ def read(
         trailing = None if share is not None else _trailing(bare, state, nouns)
         if trailing is not None:
             found, share = trailing
-        elif (other := _gone_on(bare, state) or _alternatives(bare, state)) is not None:
+        elif (
+            other := _gone_on(bare, state)
+            or _instead(bare, state, nouns)
+            or _alternatives(bare, state)
+        ) is not None:
             found = other
         else:
             raise error
@@ -158,7 +164,9 @@ def _meant(read: list[Token], state: WishState, nouns: Collection[str]) -> Meant
     before = [state.verb] if state.verb and not kinds & {"remove", "add", "move", "copy"} else []
     if "thing" not in kinds:
         before += [state.about] if state.about else []
-        before += [[IT]] if state.did and state.mention and state.mention.kind == "target" else []
+        known = state.mention is not None and state.mention.kind == "target"
+        said_of_it = state.did or bool(state.edits and kinds & LOOKS)
+        before += [[IT]] if known and said_of_it else []
     for more in before:
         with contextlib.suppress(RpaugError):
             return _read([*more, *read], wish, state.namer)
@@ -176,6 +184,18 @@ def _trailing(
         if much.how == "exact" and 0 <= much.low <= 1 and not read[k].text.startswith("by"):
             with contextlib.suppress(RpaugError):
                 return _meant(_bare([*read[:k], *read[k + 1 :]]), state, nouns), much.low
+    return None
+
+
+def _instead(read: list[Token], state: WishState, nouns: Collection[str]) -> Meant | None:
+    """What a clause asks for whose end says how it is now: "a wooden table instead of the white one"."""
+    at = next((k for k, one in enumerate(read) if one.text in ("instead of", "rather than")), 0)
+    if not at:
+        return None
+    with contextlib.suppress(RpaugError):
+        found = _meant(_bare(read[:at]), state, nouns)
+        note = f"{said(read[at:])!r} is taken to say how it is now"
+        return found.model_copy(update={"notes": (*found.notes, note)})
     return None
 
 

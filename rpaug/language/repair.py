@@ -7,6 +7,8 @@ from rpaug.scene.targets.relations import singular
 
 SHORTEST = 4  # letters of a word that can be mended; of five to seven one may be wrong, of more two
 
+KEYS = ("qwertyuiop", "asdfghjkl", "zxcvbnm", "qaz", "wsx", "edc", "rfv", "tgb", "yhn", "ujm")
+
 
 def distance(first: str, second: str) -> int:
     """How many letters are put in, left out, changed, or exchanged with their neighbor (Damerau 1964, restricted)."""
@@ -21,6 +23,20 @@ def distance(first: str, second: str) -> int:
     return rows[-1][-1]
 
 
+def slipped(word: str, other: str) -> bool:
+    """May somebody mean one word and type another of its length: a key beside, another vowel, the wrong letter doubled?
+
+    Else a word of one other letter is a word of its own: "plant" is no misspelt "plank".
+    """
+    at = [k for k in range(len(word)) if word[k] != other[k]]
+    if len(at) != 1:
+        return True
+    typed, meant = word[at[0]], other[at[0]]
+    beside = any(typed + meant in row or meant + typed in row for row in KEYS)
+    doubled = typed in (word[at[0] - 1 : at[0]], word[at[0] + 1 : at[0] + 2])
+    return beside or doubled or {typed, meant} <= set("aeiouy")
+
+
 def nearest(word: str, known: Collection[str]) -> str | None:
     """The one known word of the same first letter that a word misspells; None for none, or several as near."""
     most = 1 if len(word) < 8 else 2
@@ -32,7 +48,9 @@ def nearest(word: str, known: Collection[str]) -> str | None:
     near = sorted(
         pair
         for pair in near
-        if pair[0] <= most and (len(word) > SHORTEST or sorted(word) == sorted(pair[1]))
+        if pair[0] <= most
+        and (len(word) != len(pair[1]) or slipped(word, pair[1]))
+        and (len(word) > SHORTEST or sorted(word) == sorted(pair[1]))
     )
     if (
         len(word) < SHORTEST

@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any, cast
 
 from rpaug.core import color_space, registry
 from rpaug.language import values
@@ -9,8 +11,8 @@ from rpaug.language.calling import called, short
 from rpaug.language.declared import own_role, targets
 from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood
-from rpaug.language.things import Namer
-from rpaug.language.tokens import WEAK, Token, said
+from rpaug.language.things import FLOOR, WALL, Named, Namer, Target
+from rpaug.language.tokens import CARRIED, WEAK, Token, said
 
 ADDED = ("insert", "distractors", "duplicate")
 KEPT = ("thing", "camera", "light", "lit", "image")
@@ -24,6 +26,8 @@ RECORDED = group("rest_recorded")
 TEXTS, AGREES = group("rest_texts"), group("rest_agrees")
 VALUES = ("color", "texture", "share", "length", "angle", "number", "remove")
 SPEAKERS = frozenset({"i", "we", "this", "our", "my", "it", "that", "there"})
+LISTED = ("vary", "remove")
+STOP = Token("stop", ";")
 HARD: Entry = {"op": "light_color", "range": [[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]]}
 
 
@@ -103,21 +107,29 @@ def again(read: Sequence[Token], edits: Sequence[Entry], namer: Namer, fresh: bo
     also = any(one.text in ("too", "also", "as well", "likewise") for one in read)
     same = any(one.kind == "same" or one.text == "do" for one in read)
     kinds = {one.kind for one in read} - {*WEAK, "thing", "same"}
-    if len(named) != 1 or named[0].pronoun or kinds or not (also or (same and not fresh)):
+    if not (also or (same and not fresh)):
         return None
-    last = edits[-1]
-    place = (
-        next((n for n in registry.operator(last["op"]).needs.targets if n in last), None)
-        if "op" in last
-        else None
-    )
+    seen = [one.value for one in read if one.kind == "camera" and isinstance(one.value, list)]
+    if kinds == {"camera"} and len(seen) == 1 and not named and "camera" in edits[-1]:
+        names = seen[0][0] if len(seen[0]) == 1 else seen[0]
+        mention = Mention(kind="camera", cameras=names)
+        return Meant(edits=({**edits[-1], "camera": names},), mention=mention)
+    if len(named) != 1 or named[0].pronoun or kinds:
+        return None
+    where = namer.target(named[0])
+    options = [_about(where, one, named[0]) for one in edits[-1].get("one_of", [edits[-1]])]
+    more = {**edits[-1], "one_of": options} if "one_of" in edits[-1] else options[0]
+    return Meant(edits=(more,), mention=Mention(kind="target", target=where))
+
+
+def _about(where: Target, edit: Entry, named: Named) -> Entry:
+    """An edit, of another thing. Raises NotUnderstood for one of nothing."""
+    place = next((n for n in registry.operator(edit["op"]).needs.targets if n in edit), None)
     if place is None:
         raise NotUnderstood(
-            f"the same for {named[0].words!r}: the edit before has no thing that it is about"
+            f"the same for {named.words!r}: the edit before has no thing that it is about"
         )
-    where = namer.target(named[0])
-    more = {name: value for name, value in last.items() if name != "only"} | {place: where}
-    return Meant(edits=(more,), mention=Mention(kind="target", target=where))
+    return {name: value for name, value in edit.items() if name != "only"} | {place: where}
 
 
 def follows(read: Sequence[Token]) -> Meant | None:
@@ -142,12 +154,35 @@ def headed(read: Sequence[Token]) -> tuple[int, Token | None]:
         return at + 1, None
     if at < 4 and kinds and kinds <= {"unknown", "filler"}:
         return at + 1, None
+    parts = [one.value.words for one in read[at + 1 :] if one.kind == "thing"]
+    if [one.value.words for one in named] == ["background"] and {*parts} & {*FLOOR, *WALL}:
+        return at + 1, None
     pronoun = any(one.kind == "thing" and one.value.pronoun for one in read[at:])
     return (
         (at + 1, named[0])
         if len(named) == 1 and pronoun and kinds <= {"thing", "filler"}
         else (0, None)
     )
+
+
+def distributed(read: list[Token]) -> list[Token]:
+    """A list behind a verb, "mix: table, wall, small camera moves", as a clause of that verb for each thing in it."""
+    at = next((k for k, one in enumerate(read) if one.text == ":"), 0)
+    verb = [one for one in read[:at] if one.kind in LISTED]
+    end = next((k for k in range(at, len(read)) if read[k].kind == "stop"), len(read))
+    items: list[list[Token]] = [[]]
+    for one in read[at + 1 : end]:
+        items = [*items, []] if one.kind == "and" else [*items[:-1], [*items[-1], one]]
+    items = [one for one in items if {t.kind for t in one} - {"filler"}]
+    own = any(one.kind in {*LISTED, "color", "texture", "to"} for item in items for one in item)
+    if (
+        not verb
+        or own
+        or len(items) < 2
+        or {one.kind for one in read[:at]} - {*LISTED, "filler", "all"}
+    ):
+        return read
+    return [*(one for item in items for one in (*verb[:1], *item, STOP)), *read[end:]]
 
 
 def only(read: Sequence[Token]) -> list[Token] | None:
@@ -230,7 +265,8 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
         return None
     if any(one.text in ("but", "while", ":") or one.kind == "color" for one in read[:at]):
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
-    if any(one.text in ("should", "must", "shall") for one in read[at + 1 :]):
+    counted = {"number", "strangers"} <= {one.kind for one in read[at + 1 :]}  # "..., 4 distractors"
+    if counted or any(one.text in ("should", "must", "shall") for one in read[at + 1 :]):
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
     named = [one for one in read if one.kind in KEPT]
     negated = any(one.text in NEGATED for one in read)
@@ -259,11 +295,11 @@ def reason(
         raise NotUnderstood(
             f"{words!r}: cast shadows stay as they were recorded: no edit moves or softens them"
         )
-    if any(one.text == "," for one in read):
+    denied = any(one.kind == "not" for one in read) and any(one.kind == "color" for one in read)
+    if denied or any(one.text == "," for one in read):
         return None
-    if any(edit.get("op") in ADDED for edit in fresh) and any(
-        one.kind == "clear_of" for one in read
-    ):
+    added = any(option["op"] in ADDED for edit in fresh for option in edit.get("one_of", [edit]))
+    if added and any(one.kind == "clear_of" for one in read):
         return Meant(
             edits=(),
             notes=(
@@ -322,15 +358,48 @@ def _fact(read: Sequence[Token], namer: Namer) -> bool:
 
 
 def respected(
-    kept: Sequence[Token], fresh: Sequence[Entry], namer: Namer, notes: list[str]
+    kept: Sequence[Token],
+    fresh: Sequence[Entry],
+    namer: Namer,
+    cameras: Sequence[str],
+    notes: list[str],
 ) -> None:
     """Take what must stay as it is out of the edits of this wish. Raises NotUnderstood where that is not possible."""
     for token in kept:
         for edit in fresh:
             for option in edit.get("one_of", [edit]):
-                if _touched(token, option, namer):
+                if _unseen(token, option, cameras):
+                    notes.append(f"{token.text!r} is left out of {short(edit)}")
+                elif _touched(token, option, namer):
                     _spare(token, option, namer)
                     notes.append(f"{token.text!r} is left out of {short(edit)}")
+
+
+def _unseen(token: Token, option: Entry, cameras: Sequence[str]) -> bool:
+    """Take named cameras out of an edit that names some, or means all; False where it is not of these alone.
+
+    Raises NotUnderstood if none is left.
+    """
+    place = next((name for name in ("camera", "cameras") if _has(option["op"], name)), None)
+    if place is None or token.kind != "camera" or not isinstance(token.value, list):
+        return False
+    given = option.get(place)
+    seen = [given] if isinstance(given, str) else given
+    if seen == ["static"]:
+        seen = [one for one in cameras if not any(part in one for part in CARRIED)]
+    left = [one for one in (cameras if seen is None else seen) if one not in token.value]
+    if not left:
+        raise NotUnderstood(
+            f"{token.text!r} must not change, and the same wish asks for: {short(option)}"
+        )
+    if len(left) == len(cameras if seen is None else seen):
+        return False
+    option[place] = left[0] if len(left) == 1 and place == "camera" else left
+    return True
+
+
+def _has(op: str, name: str) -> bool:
+    return name in {one.name for one in fields(cast(Any, registry.operator(op)))}
 
 
 def spared(

@@ -151,6 +151,7 @@ def _noun(word: str, led: bool, nouns: Collection[str] = ()) -> bool:
         and word not in senses()
         and word not in PRONOUNS
         and color_space.canonical(word) is None
+        and color_space.canonical(singular(word)) is None
         and not is_rank(word)
     )
 
@@ -217,7 +218,9 @@ def _beyond(words: Sequence[str], k: int, size: int, nouns: Collection[str]) -> 
     while bare < len(words) and words[bare] in UNSAID:
         bare += 1
     value = bare < len(words) and (
-        _pattern(words[bare:]) or color_space.canonical(words[bare]) is not None
+        _pattern(words[bare:])
+        or color_space.canonical(words[bare]) is not None
+        or color_space.canonical(singular(words[bare])) is not None
     )
     if ahead is None or (value and not _leads(words, bare + 1, False, nouns)):
         return k
@@ -296,7 +299,9 @@ class Namer:
             return {"role": "robot"}
         if role := PHRASES.get(words) or (bare if bare in roles.NAMES else None):
             return {"role": role}
-        if side := SIDE.fullmatch(bare):
+        if side := SIDE.fullmatch(
+            re.sub(" behind (?:the )?(?:robot|arm|table|scene|everything)$", "", bare)
+        ):
             return self._side(side["side"], side["tint"])
         if bare in ROLES:
             return {"role": ROLES[bare]}
@@ -380,17 +385,16 @@ class Namer:
 
     def _other(self, words: str) -> Target:
         """The one of two that was not named before, or what an instruction calls the other one. Raises NotUnderstood."""
-        said = self.recording.scene.episode.descriptions if self.recording else ()
-        if any(f"other {words}" in text.lower() for text in said):
-            return words
         mention = self.mention.target if self.mention and self.mention.kind == "target" else None
-        if mention is None or self.recording is None:
-            raise NotUnderstood(f"'other {words}': other than which one?")
-        groups = self.groups({"text": words, "all": True})
-        left = [group for group in groups if not group & self.ids(mention)]
-        if len(left) != 1 or len(groups) != 2:
-            raise NotUnderstood(f"'other {words}': {len(left)} are others than {mention}")
-        return {"handle": sorted(left[0])}
+        if mention is not None and self.recording is not None:
+            groups = self.groups({"text": words, "all": True})
+            left = [group for group in groups if not group & self.ids(mention)]
+            if len(left) == 1 and len(groups) == 2:
+                return {"handle": sorted(left[0])}
+        said = self.recording.scene.episode.descriptions if self.recording else ()
+        if mention is None and any(f"other {words}" in text.lower() for text in said):
+            return words
+        raise NotUnderstood(f"'other {words}': other than which one?")
 
     def _patterned(self, words: str) -> Target:
         """The one of these things that shows several colors. Raises TargetError for none or several."""

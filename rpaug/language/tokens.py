@@ -15,13 +15,16 @@ SPELLED = (
     (r"[’`]", "'"), (r"[“”\"]|(?<!\w)'|'(?!\w)", " "), (r"[–—]", "-"), (r"→|=>|-+>|\bbecomes\b", " -> "),
     (r"≥|>=|(?<!-)>", " at least "), (r"≤|<=", " at most "), (r"≈|~", " about "), (r"°", " degrees "), (r"\bw/", "with "),
     (r"\+ ?/ ?-|\+-|plus[ /-]minus|plus or minus", "±"), (r"(?<=[a-z])'s\b(?<!it's)(?<!there's)(?<!that's)(?<!let's)(?<!what's)", ""),
-    (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"(?<=[a-z%]) ?/ ?(?=\d)", " and "), (r"\bgrey", "gray"), (r"colour", "color"),
+    (r"\+(?=\d)", ""), (r"\+|&", " and "), (r"(?<=[a-z]) ?/ ?(?=[a-z])", " or "), (r"(?<=[a-z%]) ?/ ?(?=\d)", " and "), (r"(?<=[a-z,]) - (?=[a-z])", " , "), (r"(?<=[a-z])-ish\b", "ish"), (r"\btable ?cloth\b", "table"), (r"\bgrey", "gray"), (r"\bnon[- ](?=[a-z])", "not "), (r"colour", "color"),
     (r"\bboth (?=the [^,;]+ and )", ""), (r"\b(?:all )?(?:the )?(stuff|things|objects|items|everything|anything) (?:what|that|which) (?:is|are) (?=not needed)", r"\1 "),
     (r"\bu\b", "you"), (r"\ba few\b|\bseveral\b", "some"), (r"\bshd\b", "should"), (r"\b(?:diff|diffrent)\b", "different"), (r"\bsth\b", "something"),
     (r"(?<![\d.])([1-9])/([2-9]|10)(?![\d/.])(?! ?(?:inch|cm|m\b|stop))", lambda m: f"{100 * int(m[1]) / int(m[2]):.4g} % "),
     (r"(\d+)/(\d+)(?= ?(?:inch|cm|of|the|m\b))", lambda m: f"{int(m[1]) / int(m[2]):.4g}"), (r"[!?.]+(?= |$)|[!?\n]+", " ; "),
     (r" a?round(?= at random| by|$| ?[,;])", " "), (r"\bphoto[- ]?graph", "photo"), (r"\([^)\d]*\)", lambda m: f" , {m[0][1:-1]} , "),
 )  # fmt: skip
+PLAIN = "|".join(sorted(things.PLAIN))
+PLAINLY = re.compile(rf"\b({PLAIN}) ?,(?= ?(?:{PLAIN})\b)")
+"""A mark between two words that tell nothing: "plain, boring walls"."""
 ATTRIBUTE = "|".join(
     map(re.escape, sorted({*values.TINTS, *relations.RANKS}, key=len, reverse=True))
 )
@@ -49,9 +52,12 @@ SETTING = {
 }
 CAMERA = group("tokens_camera")
 EVERY = group("tokens_every")
+CARRIED = ("wrist", "hand", "gripper")
+"""Parts of the names of cameras that move with the robot."""
+STANDING = frozenset(["fixed", "static", "other"])
 POSED = group("tokens_posed")
 VERBS = group("tokens_verbs")
-NEVER = ("never", "do not", "don't", "dont")
+NEVER = ("never", "do not", "don't", "dont", "no")
 JOINS = ("and", "filler", "stop")
 WEAK = ("filler", "do", "to", "and", "further")
 """Kinds of tokens that any edit may leave out: they join what is said, and ask for nothing."""
@@ -140,6 +146,8 @@ class Clause:
             if token.kind == "thing":
                 found.append(token.value)
                 self.take(token)
+            elif after and found and token.kind == "or":  # "all but the cup or the stove"
+                self.take(token)
             elif found and token.kind != "and" and token.text != "the":
                 break
         return found
@@ -163,6 +171,7 @@ def split(stated: str) -> list[str]:
     text = stated.lower()
     for pattern, other in SPELLED:
         text = re.sub(pattern, other, text)
+    text = PLAINLY.sub(r"\1", text)
     text = BOTH.sub(
         lambda m: f"{m[1]} {m[2]} {(noun := relations.singular(m[4]))} and the {m[3]} {noun}", text
     )
@@ -180,6 +189,8 @@ def tokens(words: Sequence[str], cameras: Sequence[str], nouns: Collection[str])
         size, kind, value = bare or _next(words, at, cameras, nouns, adds)
         if kind == "color" and out and out[-1].text in NEVER:  # "never red" leaves a color out
             out[-1] = Token("not", out[-1].text)
+        if kind == "strangers" and out and out[-1].text == "no":
+            out[-1] = Token("remove", "no")
         if kind == "chance" and out and out[-1].kind == "each":  # of what was listed
             kind, value = "share", values.Amount(value, value)
         if words[at : at + size] == ["all", "but"]:
@@ -345,7 +356,7 @@ def camera(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, 
     if words[k : k + 1] in (["cameras"], ["cams"], ["viewpoints"]) or (
         words[k : k + 1] in (["camera"], ["cam"]) and {"all", "every", "each"} & set(words[at:k])
     ):
-        return _posed(words, k + 1) - at, "static"
+        return _posed(words, k + 1) - at, _every(words[at:k], cameras)
     chosen, k, last = list[str](), at, at
     while words[k : k + 1] and (words[k] in ("the", "both", "all") and k - last < 3):
         k += 1
@@ -369,6 +380,13 @@ def camera(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, 
     if chosen and words[k : k + 1] and words[k] in CAMERA:
         return _posed(words, k + 1) - at, list(dict.fromkeys(chosen))
     return _unnamed(words, at, cameras)
+
+
+def _every(led: Sequence[str], cameras: Sequence[str]) -> Any:
+    """All cameras by their names where one of them is carried and all are meant, else "static" for those that stand."""
+    whole = {"all", "every", "each", "five", "four", "three", "two"} & set(led)
+    carried = any(part in name.lower() for name in cameras for part in CARRIED)
+    return list(cameras) if whole and carried and not STANDING & set(led) else "static"
 
 
 def _bare_camera(

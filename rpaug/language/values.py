@@ -13,6 +13,7 @@ from rpaug.assets.textures import shipped
 from rpaug.core import color_space
 from rpaug.language.lexicon import group
 from rpaug.language.messages import NotUnderstood
+from rpaug.scene.targets.relations import singular
 
 SMALL = [
     "zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve", "thirteen",
@@ -70,7 +71,7 @@ TINTS: Mapping[str, Any] = {
         "baby blue": (0.6, 0.8, 0.95), "off-white": (0.96, 0.94, 0.88), "off white": (0.96, 0.94, 0.88),
         "cream": (0.96, 0.94, 0.82), "anthracite": (0.22, 0.24, 0.26), "charcoal": (0.21, 0.22, 0.24),
         "mint": (0.6, 0.95, 0.75), "salmon": (0.98, 0.5, 0.45), "coral": (1.0, 0.5, 0.31), "peach": (1.0, 0.8, 0.64),
-        "mustard": (0.85, 0.68, 0.2), "plum": (0.45, 0.2, 0.42), "bronze": (0.8, 0.5, 0.2), "chocolate": (0.35, 0.2, 0.1),
+        "mustard": (0.85, 0.68, 0.2), "plum": (0.45, 0.2, 0.42), "bronze": (0.8, 0.5, 0.2), "cardboard": (0.76, 0.6, 0.42), "chocolate": (0.35, 0.2, 0.1),
     }.items()},
     **{name: name for name in color_space.NAMES}, **color_space.ALIASES,
 }  # fmt: skip
@@ -86,7 +87,13 @@ MANNERS: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
 }
 NEUTRAL = ("white", "gray", "black")
 LONGEST = 8  # words of a phrase
+BANNED, STEP, NARROW = 30, 5, 20
+"""Degrees of hue: about a color that is not wanted, in which hues are looked at, and least of what is drawn from."""
+DIM = 0.3  # value of what is no black, saturation of what is no gray
 ANYHOW = group("values_anyhow")
+VARIOUS = frozenset(["random", "different", "various", "slightly"])
+PAINTED = group("values_painted")
+"""After a color: what is of that color, and has no look beside it."""
 HUED = group("values_hued")
 CHANNELS = {"hue": 0, "hues": 0, "sat": 1, "saturation": 1, "val": 2, "value": 2, "brightness": 2}
 BETWEEN = {*CHANNELS, "hsv", "in", "(", ")", ",", "and", "uniformly"}
@@ -230,12 +237,13 @@ def color(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
     ):
         of = _named(words, k + 2)
         return (k + 2 + of[0] - at, [_around(of[1])]) if of else None
-    named = _named(words, k)
+    several = singular(words[k]) if words[k : k + 1] and words[k] not in TINTS else ""
+    named = (1, TINTS[several]) if several in TINTS else _named(words, k)
     if named is None:
         return None
     size, tint = named
     k += size
-    varied = bool({"random", "different", "various", "slightly"} & set(words[at : k - size]))
+    varied = bool(VARIOUS & set(words[at : k - size]))
     if words[k : k + 1] and words[k] in ("tones", "shades", "hues", "tints"):
         k, varied = k + 1, True
     elif tail := re.match(
@@ -243,7 +251,7 @@ def color(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
         " ".join(words[k : k + 6]),
     ):
         k, varied = k + len(tail.group().split()), True
-    elif words[k : k + 1] and words[k] in ("color", "paint") and words[k + 1 : k + 2] != ["of"]:
+    elif words[k : k + 1] and words[k] in PAINTED and words[k + 1 : k + 2] != ["of"]:
         k += 1
     return k - at, [_around(tint) if varied else tint]
 
@@ -314,6 +322,51 @@ def _around(tint: Any) -> Any:
         for one, wide in ((saturation, 0.25 * (saturation > 0)), (value, 0.2))
     ]
     return {"hsv": [[tidy(one) for one in ends] for ends in (near, *around)]}
+
+
+def apart(tint: Any, banned: Sequence[Any]) -> list[Any]:
+    """The colors of a draw without those that are like some others: what is left of its hues, each part a draw.
+
+    A named color is left as it is.
+    """
+    if not isinstance(tint, dict) or "hsv" not in tint:
+        return [tint]
+    (low, high), saturation, value = tint["hsv"]
+    hued = [one for one in banned if colorsys.rgb_to_hsv(*rgb(one))[1]]
+    for one in banned:
+        if one not in hued:
+            saturation, value = _strong(saturation, value, max(rgb(one)))
+    whole = range(int(low), int(high if high > low else high + 360) + 1, STEP)
+    left = [one for one in whole if not any(_near(one, saturation, value, b) for b in hued)]
+    starts = [one for one in left if one - STEP not in left]
+    ends = [one for one in left if one + STEP not in left]
+    pairs = list(zip(starts, ends, strict=True))
+    if len(pairs) > 1 and pairs[0][0] + 360 == pairs[-1][1]:
+        pairs = [*pairs[1:-1], (pairs[-1][0], pairs[0][1])]
+    return [
+        {"hsv": [[a % 360, b % 360 or 360], saturation, value]}
+        for a, b in pairs
+        if (b - a) % 360 >= NARROW or (a == 0 and b == 360)
+    ]
+
+
+def _near(degree: int, saturation: Any, value: Any, banned: Any) -> bool:
+    """Is a hue near that of another color, or called by its name, pale or strong?"""
+    other = 360 * colorsys.rgb_to_hsv(*rgb(banned))[0]
+    if min((degree - other) % 360, (other - degree) % 360) <= BANNED:
+        return True
+    name = color_space.nearest(color_space.np.array(rgb(banned)))
+    shown = (colorsys.hsv_to_rgb(degree % 360 / 360, s, v) for s in saturation for v in value)
+    return any(
+        color_space.akin(name, color_space.nearest(color_space.np.array(one))) for one in shown
+    )
+
+
+def _strong(saturation: Any, value: Any, level: float) -> tuple[Any, Any]:
+    """Bounds without what goes by black, or by white or gray."""
+    if level < DIM:
+        return saturation, [max(value[0], DIM), max(value[1], DIM)]
+    return [max(saturation[0], DIM), max(saturation[1], DIM)], value
 
 
 def rgb(tint: Any) -> list[float]:

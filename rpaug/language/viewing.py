@@ -4,7 +4,7 @@ from typing import Any
 
 from rpaug.language.messages import Entry, Meant, Mention, NotUnderstood, Wish
 from rpaug.language.things import Namer
-from rpaug.language.tokens import Clause, Token
+from rpaug.language.tokens import CARRIED, Clause, Token
 from rpaug.language.values import Amount, tidy
 
 # A camera's axes: x right, y down, z into the scene; a turn about x looks up, about y right, about z clockwise.
@@ -19,8 +19,6 @@ WAYS = {
 TURNS = {"up": (1, 0, 0), "down": (-1, 0, 0), "left": (0, -1, 0), "right": (0, 1, 0)}
 AWAY = ("away", "out", "it")
 STEP, WRIST_STEP, TURN = 0.1, 0.02, 0.1745  # metres and radians, where no amount was named
-CARRIED = ("wrist", "hand", "gripper")
-"""Parts of the names of cameras that move with the robot."""
 MIDDLE = frozenset(["midpoint", "middle", "center", "halfway", "between", "of", "the"])
 
 
@@ -52,10 +50,13 @@ def camera_pose(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     elif rolled:
         if ways or lengths:
             raise NotUnderstood(f"{clause.text!r}: roll the camera, or move it")
-        sign = -1 if rolled.kind == "unroll" else 1
-        edit |= {"by": [0, 0, 0]} | _motion(
-            "turned", [((0, 0, sign), angles[0] if angles else Amount(TURN, TURN))]
+        sign, angle = (
+            -1 if rolled.kind == "unroll" else 1,
+            angles[0] if angles else Amount(TURN, TURN),
         )
+        if clause.every("vary", "any") and angle.how == "exact":
+            angle = Amount(angle.high, angle.high, "about")
+        edit |= {"by": [0, 0, 0]} | _motion("turned", [((0, 0, sign), angle)])
     elif ways:
         edit |= _posed(clause, names, ways, lengths, angles, tilts, notes)
     elif "toward" not in edit:
@@ -67,6 +68,10 @@ def camera_pose(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
 def _named(clause: Clause, wish: Wish, namer: Namer) -> Any:
     """The cameras that a clause is about; None where it is about none."""
     apart = excepted(clause)
+    told = [one for one in clause.tokens if one.kind == "camera"]
+    for one in told if any(one.value for one in told) and len(told) > 1 else []:
+        if "pose" in one.text and one.value in ([], "static"):  # "camera poses of the front camera"
+            clause.take(one)
     token, mention = clause.one("camera"), wish.mention
     known = mention is not None and mention.kind == "camera"
     pronoun = any(one.kind == "thing" and one.value.pronoun for one in clause.tokens)

@@ -17,7 +17,7 @@ FULL = 1.02
 
 def lots(read: Sequence[Token], meant: Callable[[list[Token]], Meant]) -> Meant | None:
     """One of several edits by their shares; None for a clause that says no such thing. Raises RpaugError."""
-    parts = _parts(read)
+    parts = _parts(_named_once(read))
     if len(parts) < 2 or not all(_share(one) or _rest(one) for one in parts) or _compared(read):
         return None
     first, whole, options = None, 0.0, list[Entry]()
@@ -68,7 +68,7 @@ def _compared(read: Sequence[Token]) -> bool:
     return not told and (
         any(one.kind in AMOUNTS for one in read)
         or any(one.text.endswith("er") and one.kind != "thing" for one in read)
-        or len([one for one in read if one.kind == "share"]) < 2
+        or len([one for one in read if one.kind in ("share", "times")]) < 2
     )
 
 
@@ -83,13 +83,33 @@ def _parts(read: Sequence[Token]) -> list[list[Token]]:
     return [part for part in parts if part]
 
 
+def _named_once(read: Sequence[Token]) -> list[Token]:
+    """Without a texture before the first share that every part says again, "marble table, half black, half white"."""
+    at = next((k for k, one in enumerate(read) if _share([one])), 0)
+    if not at or (read[at - 1].kind != "and" and read[at - 1].text != ":"):
+        return list(read)
+    head = [one for one in read[:at] if one.kind == "texture"]
+    if len(head) != 1:
+        return list(read)
+    out = [one for one in read[:at] if one.kind != "texture"]
+    for one in read[at:]:
+        size, fits = (
+            (0, []) if one.kind != "color" else values.texture(f"{one.text} {head[0].text}".split())
+        )
+        out.append(Token("texture", one.text, fits) if size else one)
+    return out
+
+
 def _share(part: Sequence[Token]) -> Token | None:
     """The share of the copies that a part is for."""
     fits = [one for one in part if one.kind == "chance"]
     fits += [
         one
         for one in part
-        if one.kind == "share" and one.value.how == "exact" and one.text[0] != "b"
+        if one.kind in ("share", "times")
+        and one.value.how == "exact"
+        and one.value.high <= 1
+        and one.text[0] != "b"
     ]
     return fits[0] if len(fits) == 1 else None
 

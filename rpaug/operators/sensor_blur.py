@@ -63,8 +63,8 @@ class SensorBlur(Sensing):
 
     makes: ClassVar = Blur
     asked_as: ClassVar[Mapping[str, str]] = {
-        "blur": "lens blur, gaussian blur, sigma, as if out of focus, blur, blurry, blurred, "
-        "blurring, out of focus, defocus",
+        "blur": "lens blur, gaussian blur, as if out of focus, blur, blurry, blurrier, blurred, blurring, "
+        "out of focus, defocus, motion blur, simulate motion blur, motion smear",
     }
     phrases: ClassVar[tuple[str, ...]] = (
         "blur the images [by between {sigma:number} and {sigma:number} pixels]",

@@ -16,7 +16,11 @@ from rpaug.providers.language import Endpoint, LanguageError
 URL, MODEL, KEY = "RPAUG_LLM_URL", "RPAUG_LLM_MODEL", "RPAUG_LLM_KEY"
 OFF = "off"  # instead of a URL: no model, whatever environment and file say
 NAMES = ("url", "model", "key")
-KEYLIKE = re.compile(r"\b(?:(?:sk|rk|pk|xai|nvapi)-|(?:gsk|hf)_|AIza)[A-Za-z0-9_-]{20,}")
+KEYLIKE = re.compile(
+    r"\b(?:(?:sk|rk|pk|xai|nvapi|pplx)-|(?:gsk|hf|r8|fw|gh[pousr]|github_pat)_|AIza|AKIA|eyJ)[\w-]{16,}"
+    r"|(?i:\b(?:key|token|secret|password|bearer)\b)\W{0,3}(?=\S*\d)[\w.-]{20,}"
+)
+"""What keys of common servers begin with, and long words with digits after a word for a key."""
 
 
 def path() -> Path:

@@ -101,6 +101,9 @@ class TestFollowed:
             ("block_small", "pink", "grab the light blue block", "grab the pink block"),
             ("block_plain", "green", "push the scarlet block", "push the green block"),
             ("cylinder", "purple", "move the emerald cylinder", "move the purple cylinder"),
+            ("block_plain", "green", "push the ruby block", "push the green block"),
+            ("block_plain", "green", "push the blood-red block", "push the green block"),
+            ("pad", "blue", "put it on the off-white pad", "put it on the blue pad"),
             ("block_plain", "cyan", "push the block that is red", "push the block that is cyan"),
         ],
     )  # fmt: skip
@@ -119,6 +122,7 @@ class TestFollowed:
             "pose le bloc rouge sur le plateau",
             "recoge el objeto rojo",
             "lege den roten Würfel auf die Matte",
+            "bloc rouge",
             "把红色方块放到垫子上",
         ],
     )

@@ -80,8 +80,17 @@ def test_a_key_that_no_header_takes_is_refused() -> None:
 
 def test_words_that_hold_a_key_are_refused(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     llm_settings.refuse_keys("paint the sketch_of_a_rather_long_name red")
+    llm_settings.refuse_keys(
+        "key light from the left, 3200 K; the token_of_a_rather_long_name blue"
+    )
     monkeypatch.setenv("RPAUG_LLM_KEY", "short")
-    for words in (f"red {KEY}", "make it short", "use sk-proj-0123456789abcdefghij"):
+    likely = (
+        "sk-proj-0123456789abcdefghij",
+        "ghp_0123456789abcdefghij",
+        "eyJhbGciOiJIUzI1NiJ9.e30.x",
+    )
+    likely += ("Bearer 0123456789abcdef0123456789", "api key: 0123456789abcdef0123456789")
+    for words in (f"red {KEY}", "make it short", *(f"use {one} to paint" for one in likely)):
         with pytest.raises(LanguageError, match="hold a key") as caught:
             llm_settings.refuse_keys(words)
         assert words not in str(caught.value)
