@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float64
 from pydantic import TypeAdapter
@@ -65,6 +66,8 @@ class Row:
     outside: float  # share of the pixels that no true change reaches and the edit changes
     iou: float  # of what was put in
     depth: float  # metres that it is off, median
+    grain: float  # its noise over time by the truth's, as taken; nan where nothing was put in
+    fine: float  # the same of what differs from pixel to pixel
     error: float  # of the scene's depth, share, median
     told: float  # how far that was said to be off
     seconds: float
@@ -206,7 +209,7 @@ def row(
     folder: Path,
 ) -> Row:
     """One edit, held against the truth."""
-    refused, start, figures = "", time.process_time(), (NOTHING,) * 5
+    refused, start, figures = "", time.process_time(), (NOTHING,) * 7
     try:
         fields, edit = asked(case, factor, scene, recorded, true, folder)
         copy = made(scene, case.operator, fields, edit)
@@ -259,14 +262,15 @@ def depth_error(scene: Scene, recorded: twin.Take) -> tuple[float, float]:
 
 def scored(
     scene: Scene, copy: Any, recorded: twin.Take, true: twin.Take, factor: str
-) -> tuple[float, float, float, float, float]:
-    """dB inside, the recording's own, the share of pixels changed outside; IoU and depth of what was put in."""
+) -> tuple[float, ...]:
+    """dB inside, the recording's own, the share of pixels changed outside; IoU, depth and grain of what was put in."""
     seed = recorded.truth.seed
     faults = photographing.drawn(seed)
     goal = photographing.photographed(true.episode, faults, seed, noisy=False)
     was = photographing.photographed(recorded.episode, faults, seed, noisy=False)
     squares, before, outside, count = [], [], 0, 0
     masks, off = [0, 0], []
+    shown: dict[tuple[str, int], Bool[np.ndarray, "h w"]] = {}
     for name, view in scene.episode.views.items():
         if factor == "camera_pose" and name not in true.truth.bumps:
             continue
@@ -282,11 +286,36 @@ def scored(
             outside += int(((now != image).any(-1) & ~inside).sum())
             count += int((~inside).sum())
             if factor == "distractor":
-                put_in(scene, copy.scene, true, name, t, masks, off)
+                shown[name, t] = put_in(scene, copy.scene, true, name, t, masks, off)
     db, unedited = (psnr(float(np.concatenate(part).mean())) for part in (squares, before))
     iou = masks[0] / max(masks[1], 1) if factor == "distractor" else NOTHING
     depth = float(np.median(np.concatenate(off))) if off else NOTHING
-    return db, unedited, outside / max(count, 1), iou, depth
+    ratios = grain(copy, true, faults, seed, shown) if shown else (NOTHING, NOTHING)
+    return db, unedited, outside / max(count, 1), iou, depth, *ratios
+
+
+def grain(
+    copy: Any,
+    true: twin.Take,
+    faults: photographing.CameraFaults,
+    seed: int,
+    shown: Mapping[tuple[str, int], Bool[np.ndarray, "h w"]],
+) -> tuple[float, float]:
+    """How noisy what was put in is over time, by the truth as taken; and the same from pixel to pixel."""
+    taken = photographing.photographed(true.episode, faults, seed)
+    sums = np.zeros((2, 2))
+    for (name, t), mask in shown.items():
+        if (name, t + 1) not in shown:
+            continue
+        inside = cv2.erode((mask & shown[name, t + 1]).astype(np.uint8), np.ones((3, 3))) > 0
+        for k, episode in enumerate((copy.episode, taken)):
+            one, other = (episode.views[name].rgb(when).astype(np.float32) for when in (t, t + 1))
+            sums[0, k] += ((one - other)[inside] ** 2).sum()
+            sums[1, k] += (cv2.Laplacian(one - other, cv2.CV_32F)[inside] ** 2).sum()
+    whole, fine = (
+        np.sqrt(sums[:, 0] / np.maximum(sums[:, 1], 1e-9)) if sums.all() else (NOTHING,) * 2
+    )
+    return float(whole), float(fine)
 
 
 def reached(
@@ -309,11 +338,13 @@ def put_in(
     t: int,
     masks: list[int],
     off: list[np.ndarray],
-) -> None:
-    """Adds the overlap of what was put in with what truly stands there, and how far off its depth is."""
+) -> Bool[np.ndarray, "h w"]:
+    """Adds the overlap of what was put in with what truly stands there, and how far off its depth is; returns it."""
     view, goal = scene.episode.views[name], true.episode.views[name]
-    if view.depth is None or view.ids is None or goal.depth is None or goal.ids is None:
-        return
+    assert view.depth is not None
+    assert view.ids is not None
+    assert goal.depth is not None
+    assert goal.ids is not None
     base = view.rgb(t), view.depth(t), view.ids(t)
     _, depth, ids = inserted.draw(after, after.cameras[name], t, base)
     new = [h for body in inserted.bodies(after) for h in body.instance_ids]
@@ -321,6 +352,7 @@ def put_in(
     masks[0] += int((mine & truly).sum())
     masks[1] += int((mine | truly).sum())
     off.append(np.abs(depth - goal.depth(t))[mine & truly])
+    return mine & truly
 
 
 def main() -> None:
@@ -349,7 +381,18 @@ def main() -> None:
 
 def report(found: list[Row]) -> None:
     """A line an edit and quality: how many were made, and the means of what was measured of those."""
-    names = ("db", "unedited", "outside", "iou", "depth", "error", "told", "seconds")
+    names = (
+        "db",
+        "unedited",
+        "outside",
+        "iou",
+        "depth",
+        "grain",
+        "fine",
+        "error",
+        "told",
+        "seconds",
+    )
     sys.stdout.write(f"{'edit':28}{'made':>10}" + "".join(f"{name:>10}" for name in names) + "\n")
     for factor, quality in dict.fromkeys((row.factor, row.quality) for row in found):
         mine = [row for row in found if (row.factor, row.quality) == (factor, quality)]

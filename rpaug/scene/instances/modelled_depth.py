@@ -57,7 +57,7 @@ class ModelledDepth:
 
 
 @dataclass(frozen=True)
-class Still:
+class StillCamera:
     """A camera that stands still: its images, its backdrop, and the ids of what rests in it; `support` among them."""
 
     view: CameraView
@@ -68,7 +68,7 @@ class Still:
     ids: Callable[[int], Ids]
 
 
-def of(still: Still, model: "DepthModel", camera: Camera) -> ModelledDepth:
+def of(still: StillCamera, model: "DepthModel", camera: Camera) -> ModelledDepth:
     """The depth of a still camera; where `camera` is placed its support is the world's plane z = 0."""
     inverse = _over_time(still, model)
     on = np.isin(still.resting, list(still.support))
@@ -90,7 +90,7 @@ def of(still: Still, model: "DepthModel", camera: Camera) -> ModelledDepth:
     return ModelledDepth(resting, at, spread)
 
 
-def _over_time(still: Still, model: "DepthModel") -> Map:
+def _over_time(still: StillCamera, model: "DepthModel") -> Map:
     """1 / depth of the resting scene: the median of the backdrop's and of frames that were brought onto it."""
     first = 1 / np.maximum(model(still.backdrop.image).astype(float), 1e-6)
     seen = [first]

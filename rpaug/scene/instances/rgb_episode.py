@@ -15,7 +15,7 @@ from rpaug.core.errors import Unsupported
 from rpaug.core.types import Belief, Body, Camera, CameraView, Episode, ProxyGeometry
 from rpaug.scene.instances import ground_plane, modelled_depth, rgb_things
 from rpaug.scene.instances.found import FoundInstances, as_beliefs
-from rpaug.scene.instances.modelled_depth import Still
+from rpaug.scene.instances.modelled_depth import StillCamera
 from rpaug.scene.instances.outlined import Outlined
 from rpaug.scene.instances.rgb_things import CameraInstanceMap
 
@@ -147,7 +147,9 @@ def _modelled(
     part, recorded = seen.cameras[name], episode.views[name].camera
     assert view.ids is not None
     assert view.proxy is not None
-    still = Still(view, episode.length, part.backdrop, part.resting, sorted(seen.support), view.ids)
+    still = StillCamera(
+        view, episode.length, part.backdrop, part.resting, sorted(seen.support), view.ids
+    )
     made = modelled_depth.of(still, model, recorded)
     support, scale = np.isin(part.resting, still.support), np.float32(1)
     away = float(np.median(made.resting[support] if support.any() else made.resting))

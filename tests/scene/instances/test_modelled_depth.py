@@ -43,7 +43,7 @@ class Bent:
         return 1 / (3 / made + 0.2) if self.relative else made
 
 
-def shot(flat: bool = True) -> tuple[modelled_depth.Still, np.ndarray, np.ndarray]:
+def shot(flat: bool = True) -> tuple[modelled_depth.StillCamera, np.ndarray, np.ndarray]:
     """A table with a thing on it; its true depth; and a smooth bend of 8 %."""
     camera = placed()
     rays = ground_plane.rays_of(camera)
@@ -63,7 +63,7 @@ def shot(flat: bool = True) -> tuple[modelled_depth.Still, np.ndarray, np.ndarra
     view = CameraView(camera, images.__getitem__)
     drop = backdrop.find(view, LENGTH)
     support = [TABLE] if flat else []
-    made = modelled_depth.Still(view, LENGTH, drop, resting, support, lambda t: resting)
+    made = modelled_depth.StillCamera(view, LENGTH, drop, resting, support, lambda t: resting)
     return made, truth, bend
 
 
