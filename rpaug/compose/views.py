@@ -89,8 +89,8 @@ def edited(
     views = {}
     for name in scene.episode.views:
         stands = scene.cameras[name] is scene.episode.views[name].camera
-        known = Stands(*(partial(one, scene.episode, name) for one in (pooled.of_camera, grain.of)))
-        stood = known if stands else None
+        images = partial(pooled.of_camera, scene.episode, name)
+        stood = Stands(images, partial(grain.of, scene.episode, name)) if stands else None
         proxy = scene.episode.views[name].proxy
         blank = proxy is not None and proxy.blank
         if representations[name] == 0 and inserted.bodies(scene) and not blank:
@@ -140,7 +140,7 @@ def _composited(scene: Scene, name: str, stood: Stands | None, watch: Watch) -> 
         start = time.thread_time()
         ids = view.ids(t) if view.ids else None
         light = partial(intrinsic.share, scene, name, t)
-        surfaces = surface.of_view(view, t, scene.bodies, ids, stood and stood.pool, light)
+        surfaces = surface.of_view(view, t, scene.bodies, ids, stood.pool if stood else None, light)
         before = view.rgb(t)
         radiance = view.radiance(t) if view.radiance else None
         image = composite(before, ids, scene.appearance, scene.antialiased, surfaces, radiance)
@@ -215,7 +215,7 @@ def _finished(
         return None if known is None or not view.ids else np.where(ids == view.ids(t), known, 1)
 
     surfaces = surface.of_image(
-        lambda: depth, ids, camera, t, scene.bodies, stood and stood.pool, light
+        lambda: depth, ids, camera, t, scene.bodies, stood.pool if stood else None, light
     )
     recorded, radiance = scene.episode.views[name], None
     if stood and recorded.radiance:

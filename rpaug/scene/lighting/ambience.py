@@ -57,8 +57,8 @@ def estimate(episode: Episode) -> Ambience:
         weight = fair / np.maximum(off, max(float(np.median(off)), 1e-3))
         found = found / max(float((irradiance.basis(UP) @ found)[0]), irradiance.LEAST)
     lightness = _lightness(episode)
-    level = 1.0 if lightness is None else _exposure(episode)
-    found = found * max(_whitest(high / np.maximum(terms @ found, irradiance.LEAST), owner), level)
+    least = 1.0 if lightness is None else _exposure(episode)
+    found = found * max(_whitest(high / np.maximum(terms @ found, irradiance.LEAST), owner), least)
     return Ambience(tuple(round(float(term), 5) for term in found), _tint(episode), lightness)
 
 
