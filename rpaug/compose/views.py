@@ -17,7 +17,7 @@ from rpaug.core.types import CameraView, Episode, Scene, Sensor
 from rpaug.render import holes
 from rpaug.render.composite import composite
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene.lighting import intrinsic
+from rpaug.scene.lighting import grain, intrinsic
 from rpaug.scene.recorded import pooled, surface, surfels
 
 if TYPE_CHECKING:
@@ -54,7 +54,15 @@ class RenderedFrame:
 
 
 Watch = Callable[[RenderedFrame], None]
-Pooled = Callable[[], pooled.Pool] | None
+
+
+@dataclass(frozen=True)
+class Stands:
+    """What is known of a camera that stands as it was recorded, each worked out when it is asked for: its images over
+    time, and how its pictures are made."""
+
+    pool: Callable[[], pooled.Pool]
+    grain: Callable[[], grain.Grain | None]
 
 
 def edited(
@@ -81,17 +89,18 @@ def edited(
     views = {}
     for name in scene.episode.views:
         stands = scene.cameras[name] is scene.episode.views[name].camera
-        pool = partial(pooled.of_camera, scene.episode, name) if stands else None
+        images = partial(pooled.of_camera, scene.episode, name)
+        stood = Stands(images, partial(grain.of, scene.episode, name)) if stands else None
         proxy = scene.episode.views[name].proxy
         blank = proxy is not None and proxy.blank
         if representations[name] == 0 and inserted.bodies(scene) and not blank:
-            views[name] = _rendered(scene, name, partial(_recorded, scene, name, pool), watch)
+            views[name] = _rendered(scene, name, partial(_recorded, scene, name, stood), watch)
         elif representations[name] == 0 or blank:
-            views[name] = _composited(scene, name, pool, watch)
+            views[name] = _composited(scene, name, stood, watch)
         elif shared is not None and representations[name] == 1:
-            render = partial(_surfels, near, shared, name, pool)
+            render = partial(_surfels, near, shared, name, stood)
             if blended and blended.get(name):
-                render = partial(_blended, near, shared, name, pool, blended[name])
+                render = partial(_blended, near, shared, name, stood, blended[name])
             views[name] = _rendered(near, name, render, watch)
         else:
             render = partial(_gaussians, scene if whole is None else whole, name)
@@ -122,7 +131,7 @@ def sense(
     return image
 
 
-def _composited(scene: Scene, name: str, pool: Pooled, watch: Watch) -> CameraView:
+def _composited(scene: Scene, name: str, stood: Stands | None, watch: Watch) -> CameraView:
     view = scene.episode.views[name]
     if not scene.appearance and not scene.sensor:
         return view
@@ -131,7 +140,7 @@ def _composited(scene: Scene, name: str, pool: Pooled, watch: Watch) -> CameraVi
         start = time.thread_time()
         ids = view.ids(t) if view.ids else None
         light = partial(intrinsic.share, scene, name, t)
-        surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light)
+        surfaces = surface.of_view(view, t, scene.bodies, ids, stood.pool if stood else None, light)
         before = view.rgb(t)
         radiance = view.radiance(t) if view.radiance else None
         image = composite(before, ids, scene.appearance, scene.antialiased, surfaces, radiance)
@@ -165,7 +174,7 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
     )
 
 
-def _recorded(scene: Scene, name: str, pool: Pooled, t: int) -> Frame:
+def _recorded(scene: Scene, name: str, stood: Stands | None, t: int) -> Frame:
     """What was recorded, with what was inserted."""
     view = scene.episode.views[name]
     depth = surface.depth_of(view, t)
@@ -175,18 +184,20 @@ def _recorded(scene: Scene, name: str, pool: Pooled, t: int) -> Frame:
         )
     rgb = view.rgb(t)
     ids = view.ids(t) if view.ids else np.zeros(depth.shape, np.int32)
-    return _finished(scene, name, pool, t, (rgb, depth, ids), np.zeros(depth.shape, bool))
+    return _finished(scene, name, stood, t, (rgb, depth, ids), np.zeros(depth.shape, bool))
 
 
-def _surfels(scene: Scene, shared: surfels.Surfels, name: str, pool: Pooled, t: int) -> Frame:
+def _surfels(
+    scene: Scene, shared: surfels.Surfels, name: str, stood: Stands | None, t: int
+) -> Frame:
     drawn = surfels.view(shared, scene, name, t)
-    return _finished(scene, name, pool, t, (drawn.image, drawn.depth, drawn.ids), drawn.hole)
+    return _finished(scene, name, stood, t, (drawn.image, drawn.depth, drawn.ids), drawn.hole)
 
 
 def _finished(
     scene: Scene,
     name: str,
-    pool: Pooled,
+    stood: Stands | None,
     t: int,
     before: inserted.Image,
     hole: Bool[np.ndarray, "h w"],
@@ -194,11 +205,15 @@ def _finished(
     """The image with what was inserted, and every appearance edit on all of it."""
     camera = scene.cameras[name]
     rgb, depth, ids = inserted.draw(scene, camera, t, before)
+    made = stood.grain() if stood else None
+    if made is not None:
+        rgb = made.onto(scene.episode.views[name].rgb(t), before[0], rgb, hole)
 
-    light = partial(_light, scene, name, t, ids) if pool else None
+    light = partial(_light, scene, name, t, ids) if stood else None
+    pool = stood.pool if stood else None
     surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light)
     recorded, radiance = scene.episode.views[name], None
-    if pool and recorded.radiance:
+    if stood and recorded.radiance:
         same = (rgb == recorded.rgb(t)).all(-1, keepdims=True)
         radiance = np.where(same, recorded.radiance(t), np.float32(0))
     image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces, radiance)
@@ -218,12 +233,12 @@ def _blended(
     scene: Scene,
     shared: surfels.Surfels,
     name: str,
-    pool: Pooled,
+    stood: Stands | None,
     instance_ids: frozenset[int],
     t: int,
 ) -> Frame:
     """Surfels, but where both carriers show one of the instance ids everything is the Gaussians'."""
-    base, over = _surfels(scene, shared, name, pool, t), _gaussians(scene, name, t)
+    base, over = _surfels(scene, shared, name, stood, t), _gaussians(scene, name, t)
     ours = np.isin(base.ids, list(instance_ids)) & (over.ids == base.ids) & ~over.hole
     return Frame(
         np.where(ours[..., None], over.rgb, base.rgb),

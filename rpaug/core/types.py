@@ -65,8 +65,8 @@ class ProxyGeometry:
 
     `camera` is the recorded one, for whom the view's own may stand in. `depth` is that of a stage, metres, the same at
     all times, None where there can be none; `blank` tells of images that show nothing. `assumed` says in sentences
-    what was assumed. `modelled`: the view's depth is a model's guess. `untold` says why what was moved is no target,
-    where that is so. Nothing is measured by it and nothing of it is written.
+    what was assumed. `modelled`: the view's depth is a model's guess, which may be off by `spread` metres. `unknown`
+    says why what was moved is no target, where that is so. Nothing is measured by it and nothing of it is written.
     """
 
     camera: Camera
@@ -75,6 +75,7 @@ class ProxyGeometry:
     blank: bool = False
     modelled: bool = False
     unknown: str = ""
+    spread: float = 0.0
 
 
 @dataclass(frozen=True)

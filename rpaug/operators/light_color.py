@@ -41,7 +41,8 @@ class LightColor(Operator):
     `recorded` is the color the episode was lit with, in the same unit: COLOSSEUM's lamps have (0.5, 0.5, 0.5), and
     `estimate` keeps that brightness and reads the chromaticity off grey surfaces. `ambient` is the share of the
     recorded light that does not come from the lamps and stays. One draw for all cameras and frames. A renderer's sky
-    stays as it was.
+    stays as it was. Photographs were exposed for the light that there was: what is drawn from a range is brighter than
+    that as often as darker, up to where white would be cut off.
     """
 
     range: tuple[RGB, RGB] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
@@ -93,6 +94,10 @@ class LightColor(Operator):
             if self.recorded == "estimate"
             else np.array(self.recorded)
         )
+        exposed = any(view.proxy is not None for view in scene.episode.views.values())
+        if exposed and self.range[0] != self.range[1]:
+            color = color * light.LAMP / np.mean(self.range)
+            color = color * min(1.0, light.headroom(scene.episode) / np.max(color / recorded))
         gain = self.ambient + (1 - self.ambient) * color / recorded
         return {
             "color": color.tolist(),

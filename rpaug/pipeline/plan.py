@@ -13,6 +13,7 @@ from rpaug.core.interfaces import Operator
 from rpaug.core.types import Effect, Episode, Scene
 from rpaug.pipeline.recipe import Accuracy
 from rpaug.pipeline.residuals import Residual
+from rpaug.scene.placement.free_space import MARGIN
 from rpaug.scene.targets.targets import Target
 
 TIERS = {0: "recorded pixels", 1: "surfels", 3: "Gaussians", 4: "Gaussians in space and time"}
@@ -189,9 +190,22 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
 
 
 def check(operator: Operator, scene: Scene) -> None:
-    """See that the recording has what an operator declares. Raises SourceLacks."""
+    """See that the recording has what an operator declares, sure enough. Raises SourceLacks."""
     if operator.needs.depth and all(view.depth is None for view in scene.episode.views.values()):
         raise SourceLacks("it needs recorded depth, and this source has none")
+    if not (operator.needs.depth or operator.effect & GEOMETRY):
+        return
+    for name, view in scene.episode.views.items():
+        if view.proxy is not None and view.proxy.modelled and view.proxy.spread > MARGIN:
+            how = (
+                "nothing tells how far off the model's depth is"
+                if view.proxy.spread == float("inf")
+                else f"the model's depth may be off by {1000 * view.proxy.spread:.0f} mm"
+            )
+            raise SourceLacks(
+                f"{name}: {how}, and things are kept {1000 * MARGIN:.0f} mm apart: this edit needs depth that "
+                "tells them apart, recorded or by a better model"
+            )
 
 
 def flat(scene: Scene) -> list[str]:

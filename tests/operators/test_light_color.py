@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from analytic import scene, seen_by
 from pydantic import TypeAdapter, ValidationError
+from rgb_only_tables import episode
 
 from rpaug import Scene
 from rpaug.operators.light_color import LightColor
 from rpaug.pipeline.contracts import OperatorContract, shown
+from rpaug.scene.build import build
 
 
 def small() -> Scene:
@@ -87,3 +89,16 @@ def test_draws_stay_in_range_and_cover_it() -> None:
 def test_senseless_fields_are_refused(fields: dict) -> None:
     with pytest.raises(ValidationError):
         TypeAdapter(LightColor).validate_python(fields)
+
+
+def test_photographs_get_brighter_as_often_as_darker_and_keep_their_whites() -> None:
+    photographed = build(episode(), with_bodies=True)
+    operator = LightColor(range=((0.36, 0.36, 0.33), (0.5, 0.5, 0.5)))
+    drawn = [operator.sample(photographed, np.random.default_rng(seed)) for seed in range(40)]
+    bright = np.array([np.mean(edit["gain"]) for edit in drawn])
+    assert 0.3 < (bright > 1).mean() < 0.7
+    brightest = max(drawn, key=lambda edit: max(edit["gain"]))
+    after = shown(operator.apply(photographed, brightest)).views["image_0"].rgb(0)
+    assert (after == 255).any(-1).mean() < 0.01
+    exact = LightColor(range=((0.25, 0.25, 0.25), (0.25, 0.25, 0.25)), recorded=(0.5, 0.5, 0.5))
+    assert exact.sample(photographed, np.random.default_rng(0))["gain"] == [0.5, 0.5, 0.5]

@@ -1,3 +1,12 @@
 """Instances that no mask names: found by motion, or by color in recordings of color images alone."""
 
-__all__ = ["by_models", "by_motion", "found", "ground_plane", "grouping", "outlines", "rgb_episode"]
+__all__ = [
+    "backdrop",
+    "by_models",
+    "by_motion",
+    "found",
+    "ground_plane",
+    "grouping",
+    "outlines",
+    "rgb_episode",
+]

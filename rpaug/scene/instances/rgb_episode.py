@@ -9,12 +9,13 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float32, Int32
+from jaxtyping import Int32
 
 from rpaug.core.errors import Unsupported
 from rpaug.core.types import Belief, Body, Camera, CameraView, Episode, ProxyGeometry
-from rpaug.scene.instances import ground_plane, rgb_things
+from rpaug.scene.instances import ground_plane, modelled_depth, rgb_things
 from rpaug.scene.instances.found import FoundInstances, as_beliefs
+from rpaug.scene.instances.modelled_depth import StillCamera
 from rpaug.scene.instances.outlined import Outlined
 from rpaug.scene.instances.rgb_things import CameraInstanceMap
 
@@ -142,35 +143,38 @@ def _deep(
 def _modelled(
     episode: Episode, seen: CameraInstanceMap, name: str, view: CameraView, model: "DepthModel"
 ) -> CameraView:
-    """The backdrop's depth where nothing changed, and each frame's own elsewhere, scaled to agree around it."""
-    part = seen.cameras[name]
-    recorded = episode.views[name].camera
-    support = np.isin(part.resting, list(seen.support))
-    behind = model(part.backdrop.image)
-    if model.relative:
-        inside = behind[support] if support.any() else behind
-        behind = behind * np.float32(ground_plane.DISTANCE / np.median(inside))
-    made = ground_plane.on(recorded, support, behind.astype(np.float32))
-
-    @lru_cache(KEPT)
-    def depth(t: int) -> Float32[np.ndarray, "h w"]:
-        image = view.rgb(t)
-        changed = part.backdrop.changed(image)
-        if not changed.any():
-            return made.depth
-        now = model(image)
-        factor = np.median(made.depth[~changed] / np.maximum(now[~changed], 1e-6))
-        return np.where(changed, now * factor, made.depth).astype(np.float32)
-
+    """The view with depth of a model, on the support's plane if the model knows no metres."""
+    part, recorded = seen.cameras[name], episode.views[name].camera
+    assert view.ids is not None
     assert view.proxy is not None
-    focal = [s for s in view.proxy.assumed if "level support" not in s]
-    given = (
-        *focal,
-        "depth guessed by a model"
-        + (f", its scale by a support {ground_plane.DISTANCE:g} m away" if model.relative else ""),
+    still = StillCamera(
+        view, episode.length, part.backdrop, part.resting, sorted(seen.support), view.ids
     )
-    proxy = ProxyGeometry(recorded, made.depth, given, modelled=True)
-    return replace(view, camera=made.camera, depth=depth, proxy=proxy)
+    made = modelled_depth.of(still, model, recorded)
+    support, scale = np.isin(part.resting, still.support), np.float32(1)
+    away = float(np.median(made.resting[support] if support.any() else made.resting))
+    if model.relative and not recorded.placed:
+        scale = np.float32(ground_plane.DISTANCE / away)
+    spread = made.spread * away * float(scale)
+    placed = ground_plane.on(recorded, support, made.resting * scale)
+    focal = [s for s in view.proxy.assumed if "level support" not in s]
+    given = (*focal, _scale(recorded, model.relative), _sure(spread))
+    proxy = ProxyGeometry(recorded, placed.depth, given, modelled=True, spread=spread)
+    return replace(view, camera=placed.camera, depth=lambda t: made.at(t) * scale, proxy=proxy)
+
+
+def _scale(camera: Camera, relative: bool) -> str:
+    if camera.placed:
+        return "depth guessed by a model, its scale by the support at z = 0"
+    if relative:
+        return f"depth guessed by a model, its scale by a support {ground_plane.DISTANCE:g} m away"
+    return "depth guessed by a model, its scale by the model alone"
+
+
+def _sure(spread: float) -> str:
+    if spread == np.inf:
+        return "no support tells how far that depth may be off"
+    return f"that depth may be off by {1000 * spread:.0f} mm: so far are parts of the support that the rest of it tells"
 
 
 def _assumed(camera: Camera, length: int) -> tuple[str, ...]:

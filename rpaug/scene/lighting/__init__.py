@@ -5,6 +5,7 @@ __all__ = [
     "ambience",
     "casting",
     "gamut",
+    "grain",
     "intrinsic",
     "irradiance",
     "light",

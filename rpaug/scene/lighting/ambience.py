@@ -56,10 +56,10 @@ def estimate(episode: Episode) -> Ambience:
         off = np.abs(scaled @ found - level)
         weight = fair / np.maximum(off, max(float(np.median(off)), 1e-3))
         found = found / max(float((irradiance.basis(UP) @ found)[0]), irradiance.LEAST)
-    found = found * max(_whitest(high / np.maximum(terms @ found, irradiance.LEAST), owner), 1.0)
-    return Ambience(
-        tuple(round(float(term), 5) for term in found), _tint(episode), _lightness(episode)
-    )
+    lightness = _lightness(episode)
+    least = 1.0 if lightness is None else _exposure(episode)
+    found = found * max(_whitest(high / np.maximum(terms @ found, irradiance.LEAST), owner), least)
+    return Ambience(tuple(round(float(term), 5) for term in found), _tint(episode), lightness)
 
 
 def _whitest(albedo: Float64[np.ndarray, "n"], owner: Int[np.ndarray, "n"]) -> float:
@@ -77,14 +77,19 @@ def _whitest(albedo: Float64[np.ndarray, "n"], owner: Int[np.ndarray, "n"]) -> f
 
 def _unseen(episode: Episode) -> Ambience:
     """Where no depth tells faces: light that falls from all sides alike, as bright as the recording's whites."""
+    level = _exposure(episode)
+    terms = tuple(round(level * float(term), 5) for term in irradiance.even())
+    return Ambience(terms, _tint(episode), _lightness(episode))
+
+
+def _exposure(episode: Episode) -> float:
+    """How bright photographs show what is white: cameras are exposed for the whole of a picture."""
     whites = [
         np.quantile(rgb.reshape(-1, 3)[::STEP].min(1), ENDS[1]) / 255.0
         for name, _, rgb, _ in sampling.images(episode, FRAMES)
         if (proxy := episode.views[name].proxy) and not proxy.blank
     ]
-    level = min(max(float(np.median(whites)) / WHITE, 0.3), 1.0) if whites else 1.0
-    terms = tuple(round(level * float(term), 5) for term in irradiance.even())
-    return Ambience(terms, _tint(episode), _lightness(episode))
+    return min(max(float(np.median(whites)) / WHITE, 0.3), 1.0) if whites else 1.0
 
 
 def _tint(episode: Episode) -> tuple[float, float, float]:

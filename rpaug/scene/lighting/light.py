@@ -13,6 +13,7 @@ from rpaug.scene.recorded import surface
 LAMP = 0.5  # COLOSSEUM's scenes: each lamp's diffuse color is (0.5, 0.5, 0.5) before it is varied
 GREY = 0.12  # saturation up to which a surface may be taken for grey under colored light
 LEAST_SHARE = 0.02
+BRIGHTEST = 0.995  # quantile of an image's brightest channel: more is highlights
 
 DIRECTIONS = 300
 AMBIENTS = (0.1, 0.2, 0.3, 0.45, 0.6, 0.75)
@@ -39,6 +40,14 @@ def estimate(episode: Episode, count: int = 3) -> Float64[np.ndarray, "3"]:
         return np.full(3, LAMP)
     middle = np.median(grey_pixels, 0)
     return LAMP * middle / middle.mean()
+
+
+@memo.once
+def headroom(episode: Episode, count: int = 3) -> float:
+    """The factor by which light may grow until the brightest that an episode shows is white."""
+    images = (rgb for _, _, rgb, _ in sampling.images(episode, count))
+    white = max(float(np.quantile(rgb.max(-1), BRIGHTEST)) for rgb in images)
+    return max(255.0 / max(white, 1.0), 1.0)
 
 
 @memo.of_episode

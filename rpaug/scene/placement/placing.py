@@ -22,6 +22,9 @@ STILLS = 4  # frames looked at for what stands
 ROUNDS = 16  # the same where all cameras move, and each frame shows another part
 TWICE = 2  # of those show a part of the support, at least
 LEVEL = 0.01  # metres: what is nearer to the plane than this is the support
+FLYING = (
+    3.0  # times the median distance from a thing's middle: no part of a rod or a box lies so far
+)
 CLOSED = 3  # cells: gaps between pixels of the support that count as seen
 
 
@@ -99,7 +102,17 @@ def points_by_instance_id(
                 use = (ids == instance_id) & usable
                 moved = poses[instance_id][0] @ geometry.inverse(poses[instance_id][t])
                 found[instance_id].append(geometry.transform(moved, _lifted(view, t, depth, use)))
-    return {h: np.concatenate(some) if some else np.zeros((0, 3)) for h, some in found.items()}
+    clouds = {h: np.concatenate(some) if some else np.zeros((0, 3)) for h, some in found.items()}
+    guessed = any(v.proxy is not None and v.proxy.modelled for v in scene.episode.views.values())
+    return {h: _together(points) for h, points in clouds.items()} if guessed else clouds
+
+
+def _together(points: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+    """Points without those that a guessed depth, or the outline of something else, put far from the others."""
+    if not len(points):
+        return points
+    away = np.linalg.norm(points - np.median(points, 0), axis=1)
+    return points[away <= FLYING * np.median(away)]
 
 
 def roving(scene: Scene) -> bool:
