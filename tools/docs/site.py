@@ -136,7 +136,10 @@ def _from_root(text: str) -> str:
     """A page of the root, which lies beside those of docs/ on the site."""
     for here, there in ROOT_PAGES.items():
         text = text.replace(f"]({here})", f"]({there})")
-    return text.replace("](docs/why/)", "](why/index.md)").replace("](docs/", "](")
+    text = text.replace("](docs/notebooks/)", "](python.md)").replace(
+        "](docs/why/)", "](why/index.md)"
+    )
+    return text.replace("](docs/", "](")
 
 
 def _led(text: str) -> str:
